@@ -1,6 +1,6 @@
 // needs: plan, bounce_types
-// Adds the light of lamps that bounces, which no slide changes, to the ambient maps. Twin of
-// `add_lamps` in `bounce/mod.rs`.
+// Adds interreflected lamp light, which does not depend on the projected pattern, to the ambient
+// maps. Twin of `add_lamps` in `bounce/mod.rs`.
 
 @group(0) @binding(2) var<storage, read_write> light: array<vec2f>;
 @group(0) @binding(7) var<storage, read_write> flickering: array<f32>;
@@ -9,13 +9,13 @@
 @group(0) @binding(101) var<storage, read> bounce_shares: array<vec4f>;
 @group(0) @binding(102) var<storage, read> bounce_lamps: array<vec2f>;
 
-// Light of lamps at a pixel and by how much it swings, in electrons per second.
+// Lamp light at a pixel and the amplitude of its flicker, in electrons per second.
 fn lamps_at(pixel: u32) -> vec2f {
     let first = bounce_first[pixel];
     let below = first + bounce_params.columns;
     let by = bounce_shares[pixel];
     var sum = vec2f(0.0);
-    // A point with no share may be none.
+    // A point with zero weight may not exist.
     if by.x > 0.0 {
         sum += by.x * bounce_lamps[first];
     }
@@ -47,7 +47,8 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
 @group(0) @binding(45) var<storage, read_write> mixed_heads: array<vec4u>;
 @group(0) @binding(47) var<storage, read> mixed_count: array<u32>;
 
-// The same for mixed pixels, each once: the groups of its samples add up.
+// The same for mixed pixels. Only the first head of each pixel is changed, because the sample
+// groups of a pixel are summed.
 @compute @workgroup_size(64)
 fn mixed(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear(id, groups);

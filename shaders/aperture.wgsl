@@ -1,15 +1,15 @@
 // needs: mixed_types, sampling
-// The camera's pupil as a disc rather than a point: depth of field. Twin of `aperture.rs`.
+// Depth of field: models the camera's pupil as a disc instead of a point. Twin of `aperture.rs`.
 
-// Discs of a smaller radius in pixels blur nothing.
+// Blur discs with a smaller radius, in pixels, are ignored.
 const SHARP_PX: f32 = 1e-3;
-// Larger discs count as this large: what touches the pupil has no end of a disc.
+// Upper limit of the blur radius: the disc of a point that touches the pupil would be infinite.
 const LARGEST_PX: f32 = 1e6;
 
-// The pupil is a disc: rays start all over it.
+// The pupil is a disc: rays start at points spread over it.
 override through_pupil: bool = false;
 
-// Radius in pixels of the disc that a point at a depth in millimetres is imaged to.
+// Radius in pixels of the blur disc of a point at a depth in millimetres.
 fn disc_px(depth: f32) -> f32 {
     if depth <= 0.0 {
         return 0.0;
@@ -17,26 +17,27 @@ fn disc_px(depth: f32) -> f32 {
     return min(sampling.spread * abs(1.0 / depth - sampling.focus), LARGEST_PX);
 }
 
-// The point of the pupil of a pixel's kth sample.
+// The point of the pupil at which a pixel's kth sample starts.
 fn pupil_point(pixel: vec2u, k: u32) -> vec3f {
     let across = MIXED_LANES / sampling.rows;
     let tiles = (sampling.size.x + across - 1u) / across;
     let tile = pixel.y / sampling.rows * tiles + pixel.x / across;
-    // So that tiles do not share points.
+    // Each tile rotates the points, so that neighbouring tiles do not share them.
     let turn = bitcast<vec2f>(sampling.tables[sampling.turns + tile]);
     let at = bitcast<vec2f>(sampling.tables[k]);
     return vec3f(at.x * turn.x - at.y * turn.y, at.x * turn.y + at.y * turn.x, 0.0);
 }
 
-// Takes the direction, with z = 1, of the ray through the pupil's middle to that through another
-// point of it.
+// Converts the direction, with z = 1, of the ray through the pupil's centre into that of the ray
+// through another point of the pupil.
 fn through(point: vec3f, direction: vec3f) -> vec3f {
     return direction - point * sampling.focus;
 }
 
-// The widths of two boxes whose convolution stands for that of a footprint, two boxes itself, and a
-// disc of a radius in pixels. The CPU's closed form in shares of a^2 + b^2, with differences of
-// nearly equal numbers worked out beforehand, and r for the radius:
+// Widths of two boxes whose convolution approximates a footprint (itself the convolution of two
+// boxes) convolved with a disc of a radius in pixels. It is the CPU's closed form, with widths in
+// units of sqrt(a^2 + b^2) and differences of nearly equal numbers expanded by hand; r is the
+// radius:
 // (w1^2 - w2^2)^2 = (a^2 - b^2)^2 + 6 r^2 (r^2 - 1) and w1^2 w2^2 = a^2 b^2 + 3 r^2 + 3/4 r^4.
 // Twin of `widened`.
 fn widened(slope: vec2f, radius_px: f32) -> vec2f {

@@ -1,14 +1,14 @@
 // The normal distribution and its antiderivatives. Twin of `bell.rs`, whose table it reads.
 //
-// G with G'' = Phi grows as a square, and what footprints take of it are second differences. In f32
-// they would cancel, so G is taken as that of a sharp border, max(z, 0)^2 / 2, which the caller has
-// in closed form, and the rest, which is below 1/2. By symmetry the table's left half, where all is
-// small, is enough.
+// G, with G'' = Phi, grows quadratically, and footprints need its second differences, which would
+// cancel in f32. G is therefore split into that of a sharp edge, max(z, 0)^2 / 2, which the caller
+// evaluates in closed form, and a remainder below 1/2. By symmetry the left half of the table,
+// where all values are small, is enough.
 
-// Two for each piece: the coefficients of a quintic on [0, 1].
+// Two vectors for each piece: the coefficients of a quintic on [0, 1].
 @group(0) @binding(58) var<storage, read> bell: array<vec4f>;
 
-// Where the table starts, and its intervals a unit.
+// The table starts at -BELL_END and has BELL_FINE intervals per unit.
 const BELL_END: f32 = 6.0;
 const BELL_FINE: f32 = 16.0;
 
@@ -18,7 +18,7 @@ struct Piece {
     t: f32,
 }
 
-// The piece at z = -|z|, of those between -END and 0.
+// The piece that contains -|z|, clamped to [-BELL_END, 0].
 fn bell_piece(z: f32) -> Piece {
     let place = (BELL_END - abs(z)) * BELL_FINE;
     let i = clamp(floor(place), 0.0, BELL_END * BELL_FINE - 1.0);
@@ -26,7 +26,7 @@ fn bell_piece(z: f32) -> Piece {
     return Piece(bell[at], bell[at + 1u].xy, place - i);
 }
 
-// G(z) less max(z, 0)^2 / 2.
+// G(z) - max(z, 0)^2 / 2.
 fn bell_value(z: f32) -> f32 {
     var value = 0.0;
     if abs(z) < BELL_END {
@@ -37,7 +37,7 @@ fn bell_value(z: f32) -> f32 {
     return select(value, 0.5 - value, z > 0.0);
 }
 
-// G'(z) less max(z, 0).
+// G'(z) - max(z, 0).
 fn bell_first(z: f32) -> f32 {
     if abs(z) >= BELL_END {
         return 0.0;

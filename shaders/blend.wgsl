@@ -1,22 +1,24 @@
 // needs: bell
-// A footprint's trapezoid under a Gaussian blur. Twin of `blend.rs` and of the parts of `blend.rs`.
+// A footprint's trapezoid under a Gaussian blur. Twin of `blend.rs`.
 
-// A Gaussian this many times as wide as a box, convolved with it, is a Gaussian of their variances'
-// sum, to 2e-5 of its light left of a border. It is where differences over the box would cancel.
+// A Gaussian at least this many times as wide as a box, convolved with that box, is replaced by a
+// Gaussian with the sum of their variances; the fraction of light left of an edge is then accurate
+// to 2e-5. For such wide Gaussians, differences over the box would cancel.
 const SMOOTH: f32 = 2.0;
 
 // The convolution of two boxes and a Gaussian, along one axis of the slide.
 struct Blend {
-    // Deviation of the Gaussian, boxes that it has swallowed and all.
+    // Standard deviation of the Gaussian, including the boxes merged into it.
     sigma: f32,
-    // Widths of the boxes; 0 where the Gaussian has swallowed them.
+    // Widths of the boxes; 0 for a box that has been merged into the Gaussian.
     wide: f32,
     narrow: f32,
-    // Distance from which all light lies on one side.
+    // Distance from which all the light lies on one side.
     end: f32,
 }
 
-// Of boxes, a deviation above 0, and how many of them matter.
+// Blend of two boxes and a Gaussian with standard deviation `sigma` > 0, cut off `reach` standard
+// deviations beyond the boxes.
 fn blend_new(a: f32, b: f32, sigma: f32, reach: f32) -> Blend {
     var blend = Blend(sigma, max(a, b), min(a, b), 0.5 * (a + b) + reach * sigma);
     var swallowed = 0.0;
@@ -32,7 +34,7 @@ fn blend_new(a: f32, b: f32, sigma: f32, reach: f32) -> Blend {
     return blend;
 }
 
-// The part that lies left of a border at distance e from the middle.
+// Fraction of the light that lies left of an edge at distance e from the centre.
 fn blend_left_of(blend: Blend, e: f32) -> f32 {
     if abs(e) > blend.end {
         return select(0.0, 1.0, e > 0.0);

@@ -1,10 +1,11 @@
 // needs: plan, sensor_parameters
-// Blooming, twin of sensor/bloom.rs: half of what is beyond the full well goes each way along the
-// column and fills each pixel up. One thread a column, first down, then up: each step waits for the
-// one before it, and neighbours in a row read neighbouring words.
+// Blooming, twin of sensor/bloom.rs: charge beyond the full well spills half upwards and half
+// downwards along the column and fills each pixel up. One thread per column, first down, then up:
+// each step depends on the one before it, and neighbouring threads read neighbouring words.
 
 @group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
-// What each pixel has over the full well: the way down has cut it when the way up needs it.
+// Charge of each pixel beyond the full well: the way down has clipped the pixel by the time the way
+// up needs it.
 @group(0) @binding(78) var<storage, read_write> bloom_excess: array<f32>;
 
 @compute @workgroup_size(64)
@@ -38,8 +39,8 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     }
 }
 
-// A pixel takes what it has room for of the charge that its neighbour carries over; returns the
-// rest with its own excess.
+// A pixel takes as much of the charge carried over from its neighbour as fits; returns the rest
+// plus its own excess.
 fn fill(pixel: u32, electrons_here: f32, excess: f32, carried: f32) -> f32 {
     let held = min(electrons_here, sensor_parameters.full_well_e);
     let taken = min(carried, sensor_parameters.full_well_e - held);

@@ -1,43 +1,43 @@
 // needs: plan, laid
 //
-// Twin of geometry/board/ink.rs and parallelogram.rs: how much ink there is on a piece of a
-// calibration board. Places are relative to the piece's middle, and to a dot in units of its radius,
-// so that few digits cancel.
+// Twin of geometry/board/ink.rs and parallelogram.rs: the fraction of ink on a piece of a
+// calibration board. Positions are relative to the piece's centre, and relative to a dot in units
+// of its radius, to avoid cancellation.
 
-// What is printed on an object, as its lay.
+// Kinds of print on an object, as values of its `lay`.
 const LAY_DOTS: u32 = 5u;
 const LAY_CHESS: u32 = 6u;
-// Most dots or squares that are looked at one by one.
+// Maximum number of dots or squares evaluated one by one.
 const MOST_CELLS: i32 = 64;
-// Pieces that reach farther, in millimetres, have no ink to speak of.
+// Pieces that reach farther than this, in millimetres, count as free of ink.
 const WIDEST_PIECE: f32 = 1e7;
-// Angle below which an arc's segment is taken from its series.
+// Angle below which an arc's segment is computed from its series.
 const SMALL_ARC: f32 = 1.0;
 
 struct Board {
     is_dots: bool,
-    // Of points.
+    // Columns and rows of dots or corners.
     grid: vec2f,
     pitch: f32,
-    // Radii.
+    // Radii of a dot and of a marker.
     dot: f32,
     marker: f32,
-    // Of ink on the grid.
+    // Mean fraction of ink on the grid.
     mean: f32,
 }
 
-// A parallelogram that has an area.
+// A parallelogram with a non-zero area.
 struct Piece {
     at: vec2f,
-    // Relative to the middle, counter-clockwise where y runs up.
+    // Relative to the centre, counter-clockwise if y points up.
     corners: array<vec2f, 4>,
     area: f32,
-    // Half sides of the upright rectangle about it.
+    // Half sides of the axis-aligned bounding rectangle.
     half: vec2f,
 }
 
-// The share of ink, 0 to 1, in the parallelogram about `at` with two sides, in millimetres of the
-// board's plane.
+// Fraction of ink, 0 to 1, in the parallelogram centred at `at` with two sides, in millimetres of
+// the board's plane.
 fn board_ink(board: Board, at: vec2f, across: vec2f, down: vec2f) -> f32 {
     let half = 0.5 * (abs(across) + abs(down));
     if !(max(half.x, half.y) <= WIDEST_PIECE && max(abs(at.x), abs(at.y)) <= WIDEST_PIECE) {
@@ -80,7 +80,7 @@ fn cell_count(board: Board) -> vec2f {
     return board.grid + select(1.0, 0.0, board.is_dots);
 }
 
-// Columns and rows of the first cell beyond a place, and of the last before one.
+// Column and row of the first cell beyond a position, and of the last one before it.
 fn cells_from(board: Board, place: vec2f) -> vec2i {
     let cells = cell_count(board);
     return vec2i(clamp(floor(place / board.pitch + 0.5 * cells), vec2f(0.0), cells));
@@ -129,7 +129,7 @@ fn dot_center(board: Board, cell: vec2i) -> vec2f {
     return (vec2f(cell) - 0.5 * (board.grid - 1.0)) * board.pitch;
 }
 
-// Markers are where geometry/board/points.rs has them.
+// The markers' positions are those of geometry/board/points.rs.
 fn dot_radius(board: Board, cell: vec2i) -> f32 {
     let place = cell - vec2i(board.grid) / 2;
     let is_marker = all(place == vec2i(0, 0)) || all(place == vec2i(2, 0))
@@ -137,17 +137,17 @@ fn dot_radius(board: Board, cell: vec2i) -> f32 {
     return select(board.dot, board.marker, is_marker);
 }
 
-// The outline of what a piece has in common with the unit circle, side by side.
+// Outline of the intersection of a piece with the unit circle, built side by side.
 struct Outline {
-    // Twice the area of the polygon, and that of the segments.
+    // Twice the area of the polygon, and that of the circle segments.
     polygon: f32,
     segments: f32,
-    // Angle since the outline last left the circle, or since the start.
+    // Angle covered since the outline last left the circle, or since the start.
     angle: f32,
-    // The angle before it first came in, and where that was.
+    // The angle covered before the outline first entered the circle, and the point of entry.
     before: f32,
     first: vec2f,
-    // Where it last left.
+    // Point at which the outline last left the circle.
     left: vec2f,
     has_first: bool,
     has_left: bool,
@@ -177,7 +177,8 @@ fn piece_in_disc(piece: Piece, center: vec2f, radius: f32) -> f32 {
     return clamp(outline_area(&outline, middle) / (piece.area / (radius * radius)), 0.0, 1.0);
 }
 
-// Goes along a side from p to q, relative to `middle`; whether its ends are in the circle.
+// Processes the side from p to q, relative to `middle`; the flags tell whether its ends are inside
+// the circle.
 fn outline_side(
     outline: ptr<function, Outline>,
     middle: vec2f,
@@ -190,7 +191,7 @@ fn outline_side(
         (*outline).polygon += perp_dot(p, q);
         return;
     }
-    // From the place of the line that is next to the circle's middle, both ways.
+    // Measured from the point of the line closest to the circle's centre, in both directions.
     let step = q - p;
     let length2 = dot(step, step);
     let start = middle + p;
@@ -223,17 +224,18 @@ fn outline_side(
     }
 }
 
-// The sine is that of two places on the circle: the built-in one may be off by far more.
+// The sine is computed from the two points on the circle: the built-in function may be far less
+// accurate.
 fn outline_close(outline: ptr<function, Outline>, middle: vec2f, at: vec2f, angle: f32) {
     let left = (*outline).left;
     (*outline).polygon += perp_dot(left, at);
     (*outline).segments += arc_segment(angle, perp_dot(middle + left, middle + at));
 }
 
-// In units of the radius, squared.
+// Area in units of the squared radius.
 fn outline_area(outline: ptr<function, Outline>, middle: vec2f) -> f32 {
     if !(*outline).has_left {
-        // No side meets the circle: all of it lies within, or nothing.
+        // No side meets the circle: it lies entirely inside or entirely outside the piece.
         return select(0.0, 3.14159265, (*outline).angle > 3.14159265);
     }
     if (*outline).has_first {
@@ -277,13 +279,13 @@ fn piece_in_rectangle(piece: Piece, low: vec2f, high: vec2f) -> f32 {
     return clamp(polygon_area(&polygon) / piece.area, 0.0, 1.0);
 }
 
-// A convex polygon that is cut down.
+// A convex polygon that is clipped.
 struct Polygon {
     corners: array<vec2f, 8>,
     count: u32,
 }
 
-// Keeps what lies no farther than an offset along a direction.
+// Keeps the part that lies no farther than `offset` along a direction.
 fn polygon_cut(polygon: ptr<function, Polygon>, along: vec2f, offset: f32) {
     var kept: array<vec2f, 8>;
     var count = 0u;

@@ -1,16 +1,16 @@
 // needs: bounce_types
-// What bounces, as the exposure pass reads it. Twin of `bounce/mod.rs`.
+// Interreflections as the exposure pass reads them. Twin of `bounce/mod.rs`.
 
 @group(0) @binding(95) var<storage, read> bounce_params: BounceParams;
 @group(0) @binding(97) var<storage, read> bounce_points: array<BouncePoint>;
 @group(0) @binding(98) var<storage, read> bounce_x: array<vec4f>;
 @group(0) @binding(99) var<storage, read> bounce_y: array<vec4f>;
-// Of each pixel the first of the four points that it is interpolated from, and electrons per second
-// for 1 W/m^2 at each of them.
+// For each pixel, the first of the four points that it is interpolated from, and the electrons per
+// second for 1 W/m^2 at each of them.
 @group(0) @binding(100) var<storage, read> bounce_first: array<u32>;
 @group(0) @binding(101) var<storage, read> bounce_shares: array<vec4f>;
 
-// The four points that a pixel is interpolated from. Those with no share may be no points.
+// The four points that a pixel is interpolated from. Points with zero weight may not exist.
 fn bounce_corners(pixel: u32) -> vec4u {
     let first = bounce_first[pixel];
     let below = first + bounce_params.columns;

@@ -1,32 +1,33 @@
-// What bounces, ready for frames: points at which light is gathered, the rays of each, and what
-// each pixel takes from there. Twin of `Bounce` in `bounce/mod.rs`.
+// Interreflections, ready for frames: the points at which light is gathered, the rays of each, and
+// the weights with which each pixel uses the points. Twin of `Bounce` in `bounce/mod.rs`.
 //
-// Each ray is four numbers an axis of the slide, in `bounce_x` and `bounce_y`: the coordinate where it
-// ends, its derivatives by the two sides of the ray's part of the hemisphere, and the irradiance in
-// W/m^2 that it brings under full white. An axis that no slide varies along has none.
+// Each ray has four numbers per axis of the slide, in `bounce_x` and `bounce_y`: the coordinate
+// where it ends, its derivatives along the two sides of the ray's patch of the hemisphere, and the
+// irradiance in W/m^2 that it contributes under full white. Nothing is stored for an axis along
+// which no slide varies.
 
 struct BounceParams {
     // The camera's pixels.
     width: u32,
     height: u32,
-    // Places of the grid, and from one to the next in pixels.
+    // Columns and rows of the grid, and its spacing in pixels.
     columns: u32,
     rows: u32,
     step: u32,
-    // Rays of a point.
+    // Rays per point.
     samples: u32,
-    // Points of the grid and beside it.
+    // Number of points, of the grid and additional ones.
     points: u32,
     spare: u32,
 }
 
-// No pixel: a place of the grid that sees nothing.
+// No pixel: a grid position that sees no surface.
 const NO_PIXEL: u32 = 0xffffffffu;
 
 struct BouncePoint {
-    // Whose centre it is, or NO_PIXEL.
+    // Pixel whose centre the point lies on, or NO_PIXEL.
     pixel: u32,
-    // The first of its rays, and how many there are: those that end in the projector's light.
+    // First of its rays, and their number: only rays that end in the projector's light are kept.
     first: u32,
     kept: u32,
     // Irradiance in W/m^2 under full white.

@@ -2,21 +2,23 @@
 // Walking a bounding volume hierarchy with one ray, near children first. Twin of `raycast/traverse.rs`;
 // the buffers are made by `gpu/scene.rs`.
 
-// Nodes of all hierarchies, two vectors each: the box's lowest corner and the first child, or first
-// triangle of a leaf; its highest corner and the number of a leaf's triangles, 0 in an inner node.
+// Nodes of all hierarchies, two vectors each: the box's lowest corner and the first child (in a
+// leaf, the first triangle); its highest corner and the number of triangles of a leaf, 0 in an
+// inner node.
 @group(0) @binding(12) var<storage, read> nodes: array<vec4u>;
-// Triangles in the order of leaves, three vectors each: a corner, and in the fourth place a component
-// of the unit normal.
+// Triangles in the order of the leaves, three vectors each: a corner, and in w one component of the
+// unit normal.
 @group(0) @binding(13) var<storage, read> triangles: array<vec4f>;
-// Their numbers among their hierarchy's.
+// Number of each triangle within its hierarchy.
 @group(0) @binding(14) var<storage, read> triangle_ids: array<u32>;
 
-// Widens the far plane by some units in the last place, so that rounding never culls a box that the
-// ray meets (Ize: "Robust BVH Ray Traversal", JCGT 2(2), 2013); divisions of shaders are less exact.
+// Widens the far plane by a few units in the last place, so that rounding never culls a box that
+// the ray meets (Ize: "Robust BVH Ray Traversal", JCGT 2(2), 2013; wider here because shader
+// division is less exact).
 const FAR: f32 = 1.000001;
-// Smaller components of a direction count as this small.
+// Lower limit of the magnitude of a direction's components.
 const SMALLEST: f32 = 1e-30;
-// Levels of a hierarchy; deeper ones are left to the CPU.
+// Maximum depth of a hierarchy; deeper ones are left to the CPU.
 const LEVELS: u32 = 48u;
 
 // A hierarchy at an instant.
@@ -28,17 +30,18 @@ struct Tree {
     // Where its nodes and its triangles begin.
     nodes: u32,
     triangles: u32,
-    // Number of its first triangle among the world's surfaces, and how many there are.
+    // Number of its first triangle among the world's surfaces, and the number of triangles.
     first: u32,
     count: u32,
-    // Which of the shapes of what deforms, between a frame's first row and its last, its row sees.
+    // For a deforming mesh, which of its shapes between the frame's first and last row this row
+    // sees.
     shape: u32,
     spare_0: u32,
     spare_1: u32,
     spare_2: u32,
 }
 
-// A meeting: its parameter, and where the triangle is stored.
+// An intersection: the ray parameter, and where the triangle is stored.
 struct Found {
     t: f32,
     triangle: u32,
@@ -49,8 +52,9 @@ fn inverse_of(direction: vec3f) -> vec3f {
     return 1.0 / select(direction, small, abs(direction) < vec3f(SMALLEST));
 }
 
-// What a ray finds at a node: the parameter at which it enters the box, `NEVER` if it does not before
-// its end; the first child, or first triangle of a leaf; the number of a leaf's triangles.
+// Result of testing a ray against a node: the parameter at which it enters the box (`NEVER` if it
+// does not before its end); the first child, or first triangle of a leaf; the number of triangles
+// of a leaf.
 struct Entry {
     t: f32,
     first: u32,
@@ -69,8 +73,8 @@ fn entry(index: u32, origin: vec3f, inverse: vec3f, end: f32) -> Entry {
     return Entry(select(NEVER, near, near <= min(far, end)), lowest.w, highest.w);
 }
 
-// The nearest meeting of a ray with a hierarchy's triangles between two parameters, or, if `any` will
-// do, one of them; `own`, a number among the hierarchy's, does not count.
+// Nearest intersection of a ray with a hierarchy's triangles between two parameters, or an
+// arbitrary one if `any` is set. The triangle `own`, numbered within the hierarchy, is ignored.
 fn walk(tree: Tree, origin: vec3f, direction: vec3f, start: f32, end: f32, own: u32, any: bool) -> Found {
     var found = Found(end, NO_SURFACE);
     let inverse = inverse_of(direction);
@@ -82,7 +86,7 @@ fn walk(tree: Tree, origin: vec3f, direction: vec3f, start: f32, end: f32, own: 
     if node.t == NEVER {
         return found;
     }
-    // Each round visits a node, and none twice.
+    // Each round visits one node, and no node is visited twice.
     for (var round = 0u; round < 2u * tree.count; round++) {
         var down = false;
         if node.count > 0u {
@@ -114,7 +118,7 @@ fn walk(tree: Tree, origin: vec3f, direction: vec3f, start: f32, end: f32, own: 
             node.first = select(left.first, right.first, swap);
             node.count = select(left.count, right.count, swap);
         }
-        // A node on the stack may have fallen behind what has been met since.
+        // A node on the stack may lie beyond an intersection found since it was pushed.
         while !down {
             if height == 0u {
                 return found;

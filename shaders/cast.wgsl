@@ -1,5 +1,5 @@
 // needs: plan, cast_types, world, shade, look, vignetting
-// Casts a ray of the camera, and the shadow rays that matter. Twin of `geometry::cast`.
+// Casts a camera ray and the shadow rays that it needs. Twin of `geometry::cast`.
 
 fn cast_ray(ray: Ray) -> Cast {
     var shaded: Shaded;
@@ -8,7 +8,7 @@ fn cast_ray(ray: Ray) -> Cast {
         return Cast(hit, shaded, false);
     }
     shaded = shade(ray, hit);
-    // Rays to points that the projector cannot light anyway are not traced.
+    // No shadow ray for points that the projector cannot light anyway.
     var lit = shaded.reachable;
     if has_shadows {
         if lit {

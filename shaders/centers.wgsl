@@ -1,9 +1,9 @@
 // needs: marks
-// The maps of pixels' centres, as the passes read them that see pixels by more rays; those flag
+// The per-pixel maps as read by the passes that cast several rays per pixel; those passes also mark
 // pixels as creases.
 
-// Some of the pixel's samples are not where the closed form of its footprint has them: a mark of
-// these passes alone.
+// Some of the pixel's samples disagree with the closed form of its footprint. Used only within
+// these passes.
 const UNEVEN: u32 = 256u;
 
 @group(0) @binding(0) var<storage, read> place: array<vec2f>;

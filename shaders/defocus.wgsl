@@ -1,11 +1,11 @@
 // needs: plan, optics, cast_types, soft
 //
-// Twin of light/defocus.rs: how wide the projector's blur lies over each point.
+// Twin of light/defocus.rs: the width of the projector's defocus blur at each point.
 
-// Blur wider than this many slide pixels counts as this wide: that of points beside the pupil.
+// Upper limit of the blur in slide pixels: the blur of a point beside the pupil would be infinite.
 const WIDEST_BLUR_PX: f32 = 1e6;
 
-// Standard deviation of the blur along each axis of the slide, in its pixels, at a point in the
+// Standard deviation of the blur along each axis of the slide, in slide pixels, at a point in the
 // rig's frame.
 fn blur_px(point: vec3f) -> f32 {
     let z = dot(optics[0].projector_z.xyz, point - projector_pupil());
@@ -13,8 +13,8 @@ fn blur_px(point: vec3f) -> f32 {
     return min(optics[0].defocus_strength * abs(optics[0].defocus_sharp - 1.0 / nearest), WIDEST_BLUR_PX);
 }
 
-// Dims what lies within reach of the slide's border: the part that blur takes from a footprint
-// beyond the border brings no light. `point` in the rig's frame.
+// Dims points near the slide's edge: the part of a footprint that blur spreads beyond the edge
+// carries no light. `point` is in the rig's frame.
 fn dim_border(point: vec3f, shaded: ptr<function, Shaded>) {
     let sigma = blur_px(point);
     if !((*shaded).reachable && sigma > 0.0) {
@@ -28,7 +28,7 @@ fn dim_border(point: vec3f, shaded: ptr<function, Shaded>) {
     (*shaded).projected *= x * y;
 }
 
-// What is left along one axis of the slide.
+// Fraction of the light that remains along one axis of the slide.
 fn border_kept(px: f32, size: f32, slope: vec2f, sigma: f32) -> f32 {
     let low = px + 0.5;
     let high = size - 0.5 - px;

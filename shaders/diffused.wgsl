@@ -1,8 +1,8 @@
 // needs: picture_table, skin_types
-// Pictures on skin: each Gaussian of the spread is three squares on the picture. Twin of
-// `diffused.rs`, which says why.
+// Two-dimensional patterns on skin: each Gaussian of the subsurface spread is approximated by three
+// squares on the pattern. `diffused.rs`, its twin, gives the reason.
 
-// Average level over a footprint whose light spreads under skin.
+// Average level over a footprint whose light spreads under the skin.
 fn diffused_average(
     table: Table,
     at: vec2f,
@@ -11,7 +11,7 @@ fn diffused_average(
     tissue: u32,
     px_per_mm: vec2f,
 ) -> f32 {
-    // Weights of the three squares, and their squared half widths over the variance.
+    // Weight of each of the three squares, and its squared half width divided by the variance.
     var squares = array<vec2f, 3>(
         vec2f(0.6400012, 1.3326518),
         vec2f(0.34457514, 5.60155),
@@ -26,7 +26,7 @@ fn diffused_average(
         let spread = gaussian.y * px_per_mm;
         let deviation = sqrt(spread * spread + sigma * sigma);
         for (var k = 0u; k < 3u; k += 1u) {
-            // The table takes the standard deviation of a box.
+            // `picture_average` takes the standard deviation of a box.
             let box = deviation * sqrt(squares[k].y / 3.0);
             sum += gaussian.x * squares[k].x * picture_average(table, at, slope, box);
         }

@@ -1,22 +1,22 @@
 // needs: plan, world, sampling
-// What tells one smooth and evenly lit surface from two. Twin of `Edges` in `mixed.rs`.
+// Distinguishes one smooth, evenly lit surface from two. Twin of `Edges` in `mixed.rs`.
 
-// Triangles of one mesh whose normals are closer than 15 degrees form one smooth surface.
+// Triangles of one mesh whose normals differ by less than 15 degrees form one smooth surface.
 const COS_CREASE: f32 = 0.9659258;
 
-// What decides whether two places belong to one smooth surface.
+// Quantities that decide whether two points belong to one smooth surface.
 struct Place {
     normal: vec3f,
     depth: f32,
-    // With z = 1.
+    // Direction of the ray, with z = 1.
     direction: vec3f,
     surface: u32,
-    // A bit for each lamp that lights it.
+    // One bit for each lamp that lights the point.
     lamps: u32,
     lit: bool,
 }
 
-// Whether an edge of the surface or of its light runs between two places.
+// Whether an edge of the surface or of its illumination runs between two points.
 fn edge(a: Place, b: Place) -> bool {
     if a.lit != b.lit || a.lamps != b.lamps {
         return true;
@@ -38,7 +38,7 @@ fn one_mesh(a: u32, b: u32) -> bool {
 // Whether b lies off the tangent plane at a by more than a pixel's size on the surface.
 fn jump(a: Place, b: Place) -> bool {
     let facing = dot(a.normal, b.direction);
-    // A plane seen from its edge says nothing of where b is.
+    // A plane seen edge-on does not determine where b is.
     if abs(facing) < 1e-12 {
         return true;
     }

@@ -1,17 +1,17 @@
 // needs: plan, looks, map, ggx
 //
-// Twin of look/evenly.rs: what a surface throws back of a light, counted as if it went evenly in
-// all directions.
+// Twin of look/evenly.rs: the light that a surface reflects, treated as if it were reflected
+// equally in all directions.
 
 // The material of a patch.
 struct Evenly {
     albedo: f32,
-    // NO_MATERIAL where it is Lambertian.
+    // NO_MATERIAL if it is Lambertian.
     material: u32,
 }
 
-// That of a patch about the point of a hit, in the rig's frame, with its albedo averaged over the
-// patch's sides.
+// Material of a patch around the point of a hit, in the rig's frame, with its albedo averaged over
+// the patch.
 fn evenly_at(row: u32, hit: Hit, point: vec3f, across: vec3f, down: vec3f) -> Evenly {
     let object = object_of(hit.surface);
     var albedo = looks[object].albedo;
@@ -27,8 +27,8 @@ fn evenly_at(row: u32, hit: Hit, point: vec3f, across: vec3f, down: vec3f) -> Ev
     return Evenly(albedo, material);
 }
 
-// Share of light from a direction at this cosine to the normal that is thrown back, by the body and
-// the lobe together.
+// Fraction of light, incident at this cosine to the normal, that the diffuse base and the specular
+// lobe reflect together.
 fn evenly_share(evenly: Evenly, cosine: f32) -> f32 {
     if has_specular {
         if evenly.material != NO_MATERIAL {

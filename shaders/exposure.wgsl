@@ -1,11 +1,12 @@
 // needs: plan, maps_in, skin_in, footprint, flicker
-// The exposure pass: the slides' light at each pixel, averaged over its footprint, with ambient light.
-// Twin of `exposure.rs` and of `Schedule::line` of `schedule.rs`. One thread a pixel.
+// The exposure pass: the light of the slides at each pixel, averaged over its footprint, plus
+// ambient light. Twin of `exposure.rs` and of `Schedule::line` of `schedule.rs`. One thread per
+// pixel.
 
 // Mean electrons of each pixel.
 @group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
 
-// Whether the light joins what is there: that of another instant.
+// Whether to add the light to that of other instants already in the buffer.
 override adds: bool = false;
 
 @compute @workgroup_size(64)
@@ -14,7 +15,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     if i >= schedule_pixels() {
         return;
     }
-    // The light of mixed pixels comes from their samples alone.
+    // Mixed pixels get their light from their samples only.
     if adds && (marks[i] & CREASE) != 0u {
         return;
     }

@@ -1,18 +1,18 @@
 // needs: plan, schedule, row_table, picture_table, kernel, diffused
 // The average level of any slide under a footprint. Twin of the choices of `exposure.rs`.
 
-// Which kinds of tables a frame has beside uniform ones.
+// Kinds of tables that a frame uses besides uniform ones.
 override along_rows: bool = false;
 override in_pictures: bool = false;
 
-// What a pixel, or a sample of it, covers on the slide.
+// The area that a pixel, or one of its samples, covers on the slide.
 struct Footprint {
     at: vec2f,
-    // Derivatives of x, then of y.
+    // Derivatives of x, then of y, by the camera's column and row.
     slopes: vec4f,
     // Standard deviation of the projector's blur.
     sigma: f32,
-    // What light does under skin; `NO_TISSUE` where it does not.
+    // Tissue that spreads light under the skin; `NO_TISSUE` if there is none.
     tissue: u32,
     px_per_mm: vec2f,
 }

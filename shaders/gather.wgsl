@@ -1,7 +1,8 @@
 // needs: plan, maps_in, leaving, center_ray, bounce_types, evenly, lamp, defocus, hemisphere, patch
-// Gathers the light of points of surfaces: rays to all sides, and the light where they end. Twin of
-// `bounce/gather.rs`. A workgroup has a point, each of its threads every 64th ray; rays that end in
-// the projector's light are put side by side in the order of their directions.
+// Gathers the light at points of surfaces: casts rays over the hemisphere and evaluates the light
+// where they end. Twin of `bounce/gather.rs`. One workgroup per point; each thread takes every 64th
+// ray. Rays that end in the projector's light are stored contiguously in the order of their
+// directions.
 
 override rays_a_point: u32 = 16u;
 
@@ -9,15 +10,15 @@ override rays_a_point: u32 = 16u;
 @group(0) @binding(97) var<storage, read_write> bounce_points: array<BouncePoint>;
 @group(0) @binding(98) var<storage, read_write> bounce_x: array<vec4f>;
 @group(0) @binding(99) var<storage, read_write> bounce_y: array<vec4f>;
-// Irradiance in W/m^2 by lamps at each point, and by how much it swings.
+// Irradiance in W/m^2 from lamps at each point, and the amplitude of its flicker.
 @group(0) @binding(102) var<storage, read_write> bounce_lamps: array<vec2f>;
 
-// The rays of a round that are kept, a bit each.
+// One bit for each ray kept in the current round.
 var<workgroup> mask: array<atomic<u32>, 2>;
-// White, and lamps, of each thread's rays.
+// Light under full white, and of lamps (mean and flicker), summed over each thread's rays.
 var<workgroup> sums: array<vec3f, 64>;
 
-// A point that light is gathered at.
+// A point at which light is gathered.
 struct BouncePlace {
     at: vec3f,
     normal: vec3f,
@@ -26,11 +27,11 @@ struct BouncePlace {
     axes: mat2x3f,
 }
 
-// What a ray brings.
+// The contribution of one ray.
 struct Brought {
     x: vec4f,
     y: vec4f,
-    // White, and lamps.
+    // Light under full white, then of lamps (mean and flicker).
     light: vec3f,
 }
 
@@ -103,8 +104,9 @@ fn main(
 
 fn place_of(pixel: u32) -> BouncePlace {
     let normal = normalize(seen[pixel].xyz);
-    // Neighbours' rays are turned against each other, so that what a few rays miss is not the same
-    // all over: by the multiplicative hash of Knuth's (TAOCP 3, section 6.4).
+    // The rays of neighbouring points are rotated against each other, so that details missed by the
+    // few rays differ from point to point. The angle comes from Knuth's multiplicative hash (TAOCP
+    // 3, section 6.4).
     return BouncePlace(
         center_ray(pixel) * seen[pixel].w,
         normal,
@@ -122,7 +124,7 @@ fn follow(here: BouncePlace, number: u32) -> Brought {
     if hit.surface == NO_SURFACE {
         return found;
     }
-    // From the sphere to the tangent plane, along the ray.
+    // Projects the patch from the sphere onto the tangent plane, along the ray.
     let slant = ray.direction / dot(hit.normal, ray.direction);
     let across = (ray.sides[0] - slant * dot(hit.normal, ray.sides[0])) * hit.t;
     let down = (ray.sides[1] - slant * dot(hit.normal, ray.sides[1])) * hit.t;
@@ -156,7 +158,7 @@ fn follow(here: BouncePlace, number: u32) -> Brought {
     return found;
 }
 
-// What a surface throws back of the lamps' light, and by how much it swings.
+// Lamp light that a surface reflects, and the amplitude of its flicker.
 fn lamps_on(row: u32, hit: Hit, at: vec3f, look: Evenly) -> vec2f {
     var sum = vec2f(0.0);
     for (var i = 0u; i < optics[0].lamps; i++) {

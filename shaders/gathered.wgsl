@@ -1,6 +1,6 @@
 // needs: plan, sensor_parameters, fixed
-// What a pixel gathers before it is read, twin of Sensor::gather: mean electrons of light by its
-// sensitivity, and dark current.
+// Charge of a pixel before it is read, twin of Sensor::gather: mean photoelectrons scaled by its
+// sensitivity, plus dark current.
 
 fn gathered(electrons: f32, pixel: u32) -> f32 {
     var e = electrons;

@@ -1,7 +1,7 @@
 // needs: plan, maps_out, cast, center, defocus
-// The geometry pass: per pixel what it sees, where on the slide its light comes from, and how much of
-// it arrives. Twin of `geometry.rs`. A workgroup is a tile of eight by eight pixels, whose rays meet
-// the same nodes.
+// The geometry pass: for each pixel, the surface that it sees, the point on the slide that lights
+// it, and how much of that light arrives. Twin of `geometry.rs`. One workgroup per tile of 8 x 8
+// pixels, whose rays meet the same nodes.
 
 const SIDE: u32 = 8u;
 

@@ -1,17 +1,17 @@
 // needs: plan, look_values
 //
-// Twin of look/ggx.rs: a rough dielectric or metal over a diffuse body. E, the part of light that
-// the lobe reflects, is a table made on the CPU.
+// Twin of look/ggx.rs: a rough dielectric or metal over a diffuse base. E, the directional albedo
+// of the specular lobe, is a table computed on the CPU.
 
-// A material is, from its place among the look's values on: reflectance at normal incidence, alpha,
-// coupling, 0, then E at cosines (i / PIECES)^2, i from 0 to PIECES.
+// Layout of a material in `look_values`, from its index on: reflectance at normal incidence, alpha,
+// coupling, 0, then E at cosines (i / PIECES)^2 for i from 0 to PIECES.
 const GGX_PIECES: u32 = 128u;
-// Smallest cosine towards the camera: where an interpolated normal turns away from it.
+// Lower limit of the cosine towards the camera, for interpolated normals that face away from it.
 const GGX_GRAZING: f32 = 1e-4;
 const NO_MATERIAL: u32 = 0xffffffffu;
 
-// What a surface of a material, by its place, reflects of light from one direction,
-// relative to a white Lambertian one; all three are unit vectors away from it.
+// Reflectance of a material, given by its index, for light from one direction, relative to a white
+// Lambertian surface; all three vectors are unit vectors that point away from the surface.
 fn ggx_reflectance(material: u32, albedo: f32, normal: vec3f, light: vec3f, view: vec3f) -> f32 {
     let cos_light = dot(normal, light);
     if !(cos_light > 0.0) {
@@ -23,7 +23,7 @@ fn ggx_reflectance(material: u32, albedo: f32, normal: vec3f, light: vec3f, view
     return diffuse + ggx_lobe(material, normal, light, view, cos_light, cos_view);
 }
 
-// What it reflects towards the camera of light that is the same from everywhere.
+// Reflectance towards the camera under light that is uniform over all directions.
 fn ggx_under_even_light(material: u32, albedo: f32, cos_view: f32) -> f32 {
     let specular = ggx_albedo(material, max(cos_view, GGX_GRAZING));
     return specular + albedo * (1.0 - specular);
@@ -40,7 +40,8 @@ fn ggx_lobe(material: u32, n: vec3f, l: vec3f, v: vec3f, cos_light: f32, cos_vie
     let alpha = look_values[material + 1u];
     let a2 = alpha * alpha;
     let cosine = dot(n, half_way);
-    // 1 - cos^2 as a cross product: it is far smaller than 1 in the highlight of a smooth one.
+    // 1 - cos^2 computed from a cross product: it is far smaller than 1 in the highlight of a
+    // smooth surface, and the difference would cancel.
     let sine = cross(n, half_way);
     let spread = a2 * cosine * cosine + dot(sine, sine);
     let d = a2 / (spread * spread);
@@ -58,7 +59,7 @@ fn ggx_fresnel(f0: f32, cosine: f32) -> f32 {
     return f0 + (1.0 - f0) * (square * square * less);
 }
 
-// E, the part of light at a cosine that the lobe reflects.
+// E: the fraction of light at this cosine that the lobe reflects.
 fn ggx_albedo(material: u32, cosine: f32) -> f32 {
     let at = sqrt(clamp(cosine, 0.0, 1.0)) * f32(GGX_PIECES);
     let i = min(u32(at), GGX_PIECES - 1u);

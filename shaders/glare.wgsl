@@ -1,17 +1,20 @@
 // needs: plan
-// Veiling glare. Twin of `glare.rs`, which says how; its weights are made on the CPU.
+// Veiling glare. Twin of `glare.rs`, which describes the method; the weights are computed on the
+// CPU.
 //
-// The passes in their order: `cells`, `across`, `down`, `parts`, `whole`, `main`.
+// The passes run in this order: `cells`, `across`, `down`, `parts`, `whole`, `main`.
 
 @group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
 @group(0) @binding(62) var<storage, read> glare: GlareSize;
-// What cells cover, how far they spread and what pixels lie between; floats as bits.
+// Tables: pixels that cells cover, blur weights between cells, and interpolation weights of pixels;
+// floats as bits.
 @group(0) @binding(63) var<storage, read> glare_tables: array<u32>;
 // Means over cells.
 @group(0) @binding(64) var<storage, read_write> glare_cells: array<f32>;
-// The same blurred along rows.
+// The same, blurred along rows.
 @group(0) @binding(65) var<storage, read_write> glare_across: array<f32>;
-// Sums of electrons and of scattered ones in pairs: the first is of all, then those of parts.
+// Sums of electrons and of scattered electrons, each as a compensated pair: first the total over
+// the image, then those of its parts.
 @group(0) @binding(66) var<storage, read_write> glare_sums: array<vec4f>;
 
 struct GlareSize {
@@ -20,19 +23,20 @@ struct GlareSize {
     // Cells.
     columns: u32,
     rows: u32,
-    // Most pixels that a cell covers along each axis.
+    // Maximum number of pixels that a cell covers along each axis.
     span_x: u32,
     span_y: u32,
-    // Where the tables start: of each cell the first pixel and the shares of those from there on;
+    // Starts of the tables. Coverage: for each cell, its first pixel and the weights of the pixels
+    // from there on.
     cover_x: u32,
     cover_y: u32,
-    // weights of all cells of a line for each of them;
+    // Blur: for each cell of a line, the weights of all cells of that line.
     blur_x: u32,
     blur_y: u32,
-    // of each pixel the cell before it, and how far it is to the next.
+    // Interpolation: for each pixel, the cell before it and the fraction of the way to the next.
     between_x: u32,
     between_y: u32,
-    // Part of the light that is scattered.
+    // Fraction of the light that is scattered.
     share: f32,
 }
 
@@ -46,7 +50,7 @@ fn glare_weight(word: u32) -> f32 {
     return bitcast<f32>(glare_tables[word]);
 }
 
-// Means of cells: a workgroup each.
+// Means of the cells: one workgroup per cell.
 @compute @workgroup_size(64)
 fn cells(
     @builtin(workgroup_id) group: vec3u,
@@ -64,7 +68,7 @@ fn cells(
         let i = k % glare.span_x;
         let j = k / glare.span_x;
         let weight = glare_weight(across + 1u + i) * glare_weight(down + 1u + j);
-        // What a cell does not cover weighs nothing.
+        // Pixels that the cell does not cover have zero weight.
         if weight > 0.0 {
             sum += weight * electrons[(glare_tables[down] + j) * glare.width + glare_tables[across] + i];
         }
@@ -132,7 +136,8 @@ fn mix_down(above: u32, below: u32, by: f32) -> f32 {
     return value + by * (glare_cells[below] - value);
 }
 
-// A sum and what rounding has left of it, with one more (Knuth, TAOCP 2, section 4.2.2).
+// Adds a value to a compensated sum: the sum and its rounding error (Knuth, TAOCP 2, section
+// 4.2.2).
 fn pair_sum(pair: vec2f, value: f32) -> vec2f {
     let sum = pair.x + value;
     let taken = sum - pair.x;
@@ -145,7 +150,7 @@ fn pairs_sum(a: vec4f, b: vec4f) -> vec4f {
     return vec4f(first, second);
 }
 
-// The sum of all threads' pairs, in a fixed order, in the first of them.
+// Leaves the sum of all threads' pairs, in a fixed order, in `pairs[0]`.
 fn sum_up(lane: u32, own: vec4f) {
     pairs[lane] = own;
     workgroupBarrier();
@@ -191,7 +196,7 @@ fn whole(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-// Spreads the scattered light of each pixel, so that the sum is kept.
+// Adds each pixel's scattered light, scaled so that the total is preserved.
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear(id, groups);

@@ -1,26 +1,28 @@
 // needs: plan, maps_in, center_ray, bounce_types
-// Where bounced light is gathered, and what each pixel takes from there. Twin of `bounce/grid.rs`.
+// Points at which interreflected light is gathered, and the weights with which each pixel uses
+// them. Twin of `bounce/grid.rs`.
 
 @group(0) @binding(95) var<storage, read> bounce_params: BounceParams;
 @group(0) @binding(97) var<storage, read_write> bounce_points: array<BouncePoint>;
 @group(0) @binding(100) var<storage, read_write> bounce_first: array<u32>;
 @group(0) @binding(101) var<storage, read_write> bounce_shares: array<vec4f>;
-// How many points there are, those of the grid first: at the start those alone.
+// Number of points, those of the grid first; initially only those.
 @group(0) @binding(103) var<storage, read_write> bounce_count: array<atomic<u32>>;
 
-// Normals of one smooth surface are closer than 20 degrees over a cell of the grid.
+// Normals of one smooth surface differ by less than 20 degrees over a grid cell.
 const COS_BENT: f32 = 0.9396926207859084;
-// A point of the grid is this part of its distance off a pixel's tangent plane at most.
+// Maximum distance of a grid point from a pixel's tangent plane, as a fraction of its distance from
+// the pixel's point.
 const OFF_PLANE: f32 = 0.2;
-// Points that share less than this of a cell do not stand for a pixel in it.
+// If the usable grid points have less than this total weight, they do not represent the pixel.
 const LEAST: f32 = 0.2;
 
-// The pixel of a place of the grid along one axis.
+// Pixel coordinate of a grid position along one axis.
 fn at_place(place: u32, count: u32) -> u32 {
     return min(place * bounce_params.step, count - 1u);
 }
 
-// The points of the grid, once there is room for all points.
+// Writes the points of the grid; the buffer already has room for all points.
 @compute @workgroup_size(64)
 fn points(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear(id, groups);
@@ -35,12 +37,12 @@ fn points(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
     bounce_points[i] = BouncePoint(select(NO_PIXEL, pixel, is_seen), 0u, 0u, 0.0);
 }
 
-// The place before `at` of `places` along an axis of `count` pixels.
+// The grid position before pixel `at`, along an axis with this number of positions.
 fn before(at: u32, places: u32) -> u32 {
     return min(at / bounce_params.step, max(places, 2u) - 2u);
 }
 
-// How far `at` is on its way to the next place.
+// Fraction of the way of `at` from a grid position to the next.
 fn onward(at: u32, place: u32, places: u32, count: u32) -> f32 {
     if place + 1u >= places {
         return 0.0;
@@ -49,7 +51,7 @@ fn onward(at: u32, place: u32, places: u32, count: u32) -> f32 {
     return f32(at - low) / f32(at_place(place + 1u, count) - low);
 }
 
-// Whether one smooth surface goes on from a pixel to another.
+// Whether the pixel sees the continuation of the smooth surface here.
 fn goes_on_to(here: vec4f, ray: vec3f, pixel: u32) -> bool {
     if (marks[pixel] & SEEN) == 0u {
         return false;
@@ -60,8 +62,8 @@ fn goes_on_to(here: vec4f, ray: vec3f, pixel: u32) -> bool {
         && abs(dot(here.xyz, way)) <= OFF_PLANE * length(way);
 }
 
-// The shares of the pixels. Those that no point of the grid stands for become points themselves, in
-// any order.
+// The weights of the pixels. Pixels that no grid point represents become points themselves, in any
+// order.
 @compute @workgroup_size(64)
 fn shares(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let pixel = linear(id, groups);
@@ -111,7 +113,7 @@ fn shares(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
     bounce_shares[pixel] = kept;
 }
 
-// The points beside the grid.
+// Writes the additional points, outside of the grid.
 @compute @workgroup_size(64)
 fn alone(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let pixel = linear(id, groups);

@@ -1,8 +1,8 @@
-// Directions spread over a hemisphere by the cosine, each with the patch of it that it stands for.
-// Twin of `bounce/hemisphere.rs`; the points of the disc are made on the CPU.
+// Cosine-weighted directions over a hemisphere, each with the patch that it represents. Twin of
+// `bounce/hemisphere.rs`; the points of the disc are computed on the CPU.
 
-// Of each direction its place in the unit disc under the hemisphere, its height above it, and what
-// the height of its patch's sides is divided by.
+// For each direction: its position in the unit disc below the hemisphere, its height above the
+// disc, and the divisor of the height of its patch's sides.
 @group(0) @binding(96) var<storage, read> bounce_disc: array<vec4f>;
 
 // A direction, and the sides of its patch of the unit sphere.
@@ -11,9 +11,9 @@ struct Spoke {
     sides: mat2x3f,
 }
 
-// Cosine and sine of a part of a turn, in units of 2^-32.
+// Cosine and sine of a fraction of a turn, in units of 2^-32.
 fn of_turn(turn: u32) -> vec2f {
-    // From the nearest quarter, an eighth at most.
+    // Remainder from the nearest quarter turn; at most an eighth.
     let quarter = (turn + 0x20000000u) >> 30u;
     let rest = f32(bitcast<i32>(turn - (quarter << 30u)));
     let a = rest * 1.4629180792671596e-9;
@@ -29,8 +29,8 @@ fn of_turn(turn: u32) -> vec2f {
     }
 }
 
-// Two unit vectors at right angles to a unit normal and to each other (Duff et al., "Building an
-// Orthonormal Basis, Revisited", JCGT 6(1), 2017), turned about it.
+// Two unit vectors perpendicular to a unit normal and to each other (Duff et al., "Building an
+// Orthonormal Basis, Revisited", JCGT 6(1), 2017), rotated about the normal by `turn`.
 fn bounce_axes(normal: vec3f, turn: u32) -> mat2x3f {
     let sign = select(1.0, -1.0, normal.z < 0.0);
     let a = -1.0 / (sign + normal.z);
@@ -41,7 +41,8 @@ fn bounce_axes(normal: vec3f, turn: u32) -> mat2x3f {
     return mat2x3f(t * by.x + b * by.y, b * by.x - t * by.y);
 }
 
-// A direction above a surface, `side` being the side of the square of the disc that each stands for.
+// A direction above a surface; `side` is the side of the square of the disc that each direction
+// represents.
 fn spoke(number: u32, normal: vec3f, axes: mat2x3f, side: f32) -> Spoke {
     let p = bounce_disc[number];
     let fall = normal / p.w;

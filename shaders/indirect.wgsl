@@ -1,14 +1,14 @@
 // needs: plan, schedule, footprint, bounce_in
-// The exposure pass of what surfaces throw on each other. Twin of `indirect.rs`.
+// The exposure pass of interreflected light. Twin of `indirect.rs`.
 
 @group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
-// Irradiance in W/m^2 of each point by each table, shown in full light: table by table.
+// Irradiance in W/m^2 at each point for each table shown at full brightness; table by table.
 @group(0) @binding(61) var<storage, read_write> bounce_light: array<f32>;
 
 var<workgroup> sums: array<f32, 64>;
 
-// The tables averaged over the places that light bounces from: a workgroup a point and table, each
-// of its threads every 64th ray.
+// Averages the tables over the points that light is reflected from: one workgroup per point and
+// table; each thread takes every 64th ray.
 @compute @workgroup_size(64)
 fn average(
     @builtin(workgroup_id) group: vec3u,
@@ -45,7 +45,7 @@ fn average(
     }
 }
 
-// What one ray brings of a table.
+// Contribution of one ray for a table.
 fn bounced(table: Table, ray: u32) -> f32 {
     if along_rows && table.kind == TABLE_ALONG_X {
         let x = bounce_x[ray];
@@ -64,7 +64,7 @@ fn bounced(table: Table, ray: u32) -> f32 {
     return 0.0;
 }
 
-// Adds it to the electrons of the pixels.
+// Adds the interreflected light to the electrons of the pixels.
 @compute @workgroup_size(64)
 fn spread(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear(id, groups);
@@ -85,7 +85,7 @@ fn spread(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
     electrons[i] += sum;
 }
 
-// Interpolates between points; one with no share may be none.
+// Interpolates between points; a point with zero weight may not exist.
 fn bounce_at(first: u32, corners: vec4u, shares: vec4f) -> f32 {
     var sum = vec4f(0.0);
     for (var k = 0u; k < 4u; k += 1u) {

@@ -1,33 +1,34 @@
 // needs: plan, slides, blend, skin_types, row_table
-// Footprints under blur on a slide that varies along one axis. Twin of `kernel.rs`.
+// Blurred footprints on a slide that varies along one axis. Twin of `kernel.rs`.
 //
-// The CPU works out weights of held pixels once per state of the scene and takes sums of products a
-// frame. Here the weights are worked out anew in every frame: a dozen of them a pixel cost less than
-// reading them from memory would. Each Gaussian of a spread has its own range and grouping of pixels.
+// The CPU computes the weights of held pixels once per state of the scene, then only sums products
+// for each frame. Here the weights are recomputed in every frame: a dozen of them per pixel cost
+// less than reading them from memory. Each Gaussian of a spread has its own range and grouping of
+// pixels.
 
-// Kernels reach this many deviations beyond the footprint; beyond END nothing is left.
+// Kernel reach beyond the footprint, in standard deviations. Weights are zero past KERNEL_END.
 const KERNEL_REACH: f32 = 4.0;
 const KERNEL_END: f32 = 6.0;
-// Blur narrower than this part of the footprint changes a level by less than 0.05 of 255.
+// Blur narrower than this fraction of the footprint changes a level by less than 0.05 of 255.
 const KERNEL_SHARP: f32 = 2e-4;
-// Least deviation of a part of a spread, in slide pixels.
+// Minimum standard deviation of a Gaussian of a spread, in slide pixels.
 const KERNEL_LEAST: f32 = 1e-6;
 const MOST_GROUPS: f32 = 1024.0;
 // Groups of 2^0 to 2^10 slide pixels.
 const LAST_GROUPING: u32 = 10u;
 
-// Whether a footprint is blurred so that it needs a kernel, and its average level then.
+// Whether a footprint's blur needs a kernel, and if so its average level.
 struct Kernel {
     blurred: bool,
     level: f32,
 }
 
-// Of a footprint about x, with a blur of deviation `sigma`; on skin of the tissue light spreads
-// besides.
+// Average level of a footprint centred at x, under a blur with standard deviation `sigma`. Skin
+// with the given tissue spreads the light further.
 fn kernel_average(table: Table, x: f32, slope: vec2f, sigma: f32, tissue: u32, px_per_mm: f32) -> Kernel {
     let sizes = min(abs(slope), vec2f(WIDEST));
     let sharp = KERNEL_SHARP * max(sizes.x, sizes.y);
-    // Level times weight, weight, and the level beyond.
+    // Level times weight, weight, and the level beyond the slide.
     var sum: vec3f;
     if has_subsurface && tissue != NO_TISSUE {
         let least = max(sharp, KERNEL_LEAST);
@@ -50,14 +51,14 @@ fn kernel_average(table: Table, x: f32, slope: vec2f, sigma: f32, tissue: u32, p
         }
         sum = kernel_part(table, x, sizes, sigma, vec2f(KERNEL_REACH, KERNEL_END));
     }
-    // Nothing of a kernel far beyond an end is left: all is the last pixel's.
+    // A kernel far beyond the slide's end has no weight on it: use the last pixel's level.
     if sum.y < 1e-6 {
         return Kernel(true, sum.z);
     }
     return Kernel(true, sum.x / sum.y);
 }
 
-// Level times weight on the slide, weight, and the level beyond, of one Gaussian.
+// For one Gaussian: level times weight on the slide, weight, and the level beyond the slide.
 fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -> vec3f {
     let blend = blend_new(sizes.x, sizes.y, sigma, reaches.y);
     let reach = reaches.x * sigma;
@@ -68,8 +69,8 @@ fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -
         group *= 2.0;
     }
     let last = (table.width + (1u << grouping) - 1u) / (1u << grouping) - 1u;
-    // From the slide's left end, in a held pixel and from its left border: f32 would lose small blurs
-    // in far columns.
+    // Positions are a held pixel plus an offset from its left edge: measured from the slide's left
+    // end in f32, small blurs would be lost in distant columns.
     let pixel = floor(clamp(x, -LAST_PIXEL, LAST_PIXEL) + 0.5);
     let inside = clamp(x - pixel, -FAR, FAR) + 0.5;
     let whole = min(0.5 * (sizes.x + sizes.y) + reach, FAR);

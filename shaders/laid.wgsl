@@ -1,16 +1,16 @@
 // needs: plan
 //
-// Twin of look/lay.rs: how a picture of a given size is laid over a shape, in millimetres of its own
-// frame.
+// Twin of look/lay.rs: maps a texture of a given size onto a shape, in millimetres of the shape's
+// own frame.
 
-// How a picture is laid on.
+// Kinds of texture mapping.
 const LAY_NONE: u32 = 0u;
 const LAY_CORNERS: u32 = 1u;
 const LAY_ALONG: u32 = 2u;
 const LAY_SPHERE: u32 = 3u;
 const LAY_CYLINDER: u32 = 4u;
 
-// A spot in its object's own frame, where it rests.
+// A surface point with the sides of its patch, in the object's own frame at rest.
 struct Own {
     point: vec3f,
     normal: vec3f,
@@ -18,14 +18,14 @@ struct Own {
     down: vec3f,
 }
 
-// A spot on a picture.
+// A position on a texture, with the sides of the patch.
 struct Laid {
     at: vec2f,
     across: vec2f,
     down: vec2f,
 }
 
-// Over the shape in millimetres.
+// Maps a surface point to a position on the texture in millimetres.
 fn laid_over(lay: u32, own: Own) -> Laid {
     let p = own.point;
     if lay == LAY_ALONG {
@@ -36,7 +36,7 @@ fn laid_over(lay: u32, own: Own) -> Laid {
     }
     let ring = length(p.xz);
     let radius = select(length(p), ring, lay == LAY_CYLINDER);
-    // Angle about y and its gradient, times the distance that makes it a length.
+    // Angle about y and its gradient, both multiplied by the radius to give a length.
     let square = max(ring * ring, 1e-18 * radius * radius);
     let turn = vec3f(-p.z, 0.0, p.x) * (radius / square);
     let u = arc_tangent(p.x, -p.z) * radius;
@@ -56,8 +56,8 @@ fn laid_over(lay: u32, own: Own) -> Laid {
     );
 }
 
-// Angle of (x, y) in radians, within 2e-7: the built-in one may be off by far more. The polynomial
-// is that of Moshier's Cephes library (atanf).
+// Angle of (x, y) in radians, within 2e-7: the built-in function may be far less accurate. The
+// polynomial is that of Moshier's Cephes library (atanf).
 fn arc_tangent(y: f32, x: f32) -> f32 {
     let high = max(abs(x), abs(y));
     let low = min(abs(x), abs(y));

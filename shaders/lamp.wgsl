@@ -1,9 +1,9 @@
 // needs: plan, look_values, world
 //
-// Twin of lamps::Lamp: a light in the scene that is not the projector's.
+// Twin of lamps::Lamp: a light source in the scene other than the projector.
 
-// A place in the rig's frame and a radiant intensity in W/sr, or a direction towards a light far
-// away and its irradiance in W/m^2.
+// A position in the rig's frame and a radiant intensity in W/sr, or the direction towards a distant
+// light and its irradiance in W/m^2.
 struct Lamp {
     at: vec3f,
     power: f32,
@@ -19,21 +19,22 @@ fn lamp_number(i: u32) -> Lamp {
         look_value3(at), look_values[at + 3u], look_values[at + 4u] != 0.0, look_values[at + 5u]);
 }
 
-// Direction to a lamp from a point, and irradiance in W/m^2 there of what faces it.
+// Direction to a lamp from a point (xyz), and the irradiance in W/m^2 of a surface there that faces
+// the lamp (w).
 fn lamp_seen_from(lamp: Lamp, point: vec3f) -> vec4f {
     if !lamp.is_point {
         return vec4f(lamp.at, lamp.power);
     }
     let way = lamp.at - point;
     let distance2 = dot(way, way);
-    // At the lamp itself there is no direction and, rather than no end, no light.
+    // At the lamp itself the direction is undefined and the irradiance infinite; use no light.
     if !(distance2 > 0.0) {
         return vec4f(0.0);
     }
     return vec4f(way * inverseSqrt(distance2), lamp.power * 1e6 / distance2);
 }
 
-// Whether something stands between a lamp and a point of a surface.
+// Whether an object blocks the way between a lamp and a point of a surface.
 fn lamp_blocked(row: u32, lamp: Lamp, point: vec3f, surface: u32) -> bool {
     if lamp.is_point {
         return blocked_from(row, lamp.at, point, surface);

@@ -1,8 +1,9 @@
 // needs: plan, optics, cast_types, local, lamp
 //
-// Twin of lamps.rs: light that no slide changes, summed into the ambient light.
+// Twin of lamps.rs: light that does not depend on the projected pattern, summed into the ambient
+// light.
 
-// Adds the light of all lamps, with a bit for each that lights the point.
+// Adds the light of all lamps and sets one bit for each lamp that lights the point.
 fn lamps_add(row: u32, surface: u32, local: Local, shaded: ptr<function, Shaded>) {
     for (var i = 0u; i < optics[0].lamps; i++) {
         let lamp = lamp_number(i);

@@ -1,15 +1,15 @@
 // needs: world
-// Rays that leave a point of a surface, to all sides: the nearest surface along each. Twin of
+// Nearest surface along rays that leave a point of a surface in any direction. Twin of
 // `raycast/leaving.rs` and `world/leaving.rs`.
 
-// Triangles reach this part of their sides beyond their edges.
+// Triangles extend beyond their edges by this fraction of their sides.
 const OVERLAP: f32 = 1e-6;
-// Units in the last place by which an origin may miss the plane of a triangle that it lies in.
+// Relative rounding error by which an origin may miss the plane of the triangle that it lies in.
 const ROUNDING: f32 = 4.8e-7;
 
 // The test of Moller and Trumbore ("Fast, Minimum Storage Ray/Triangle Intersection", Journal of
-// Graphics Tools 2(1), 1997); the parameter, or `NEVER`. `farthest` is the origin's largest coordinate,
-// here or in the rig's frame, where it was rounded.
+// Graphics Tools 2(1), 1997); returns the ray parameter, or `NEVER`. `farthest` is the largest
+// coordinate of the origin, in this frame or in the rig's frame, where it was rounded.
 fn meet_leaving(a: vec3f, b: vec3f, c: vec3f, origin: vec3f, d: vec3f, farthest: f32) -> f32 {
     let e1 = b - a;
     let e2 = c - a;
@@ -30,7 +30,7 @@ fn meet_leaving(a: vec3f, b: vec3f, c: vec3f, origin: vec3f, d: vec3f, farthest:
     return select(NEVER, t, inside);
 }
 
-// The nearest meeting with a hierarchy's triangles before an end, as `walk` finds it.
+// Nearest intersection with a hierarchy's triangles before `end`, in the format of `walk`.
 fn walk_leaving(tree: Tree, origin: vec3f, direction: vec3f, end: f32, farthest: f32) -> Found {
     var found = Found(end, NO_SURFACE);
     let inverse = inverse_of(direction);
@@ -84,8 +84,8 @@ fn walk_leaving(tree: Tree, origin: vec3f, direction: vec3f, end: f32, farthest:
     return found;
 }
 
-// The nearest surface along a ray from a point of a surface `own`, given in the rig's frame; the
-// direction is of unit length, on the side of the surface that the camera sees.
+// Nearest surface along a ray from a point of the surface `own`, in the rig's frame; the direction
+// has unit length and points to the side of the surface that the camera sees.
 fn leaving(row: u32, point: vec3f, own: u32, direction: vec3f) -> Hit {
     var hit = no_hit();
     let first = first_tree(row);
@@ -109,7 +109,7 @@ fn leaving(row: u32, point: vec3f, own: u32, direction: vec3f) -> Hit {
     let object = object_of(own);
     for (var i = 0u; i < world[0].solids; i++) {
         let solid = solids[base + i];
-        // A convex solid that is seen from outside cannot be met by rays that leave it.
+        // Rays that leave the outside of a convex solid cannot hit it again.
         if solid.object == object && solid.around_camera == 0u {
             continue;
         }

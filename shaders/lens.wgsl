@@ -11,13 +11,13 @@ struct Lens {
     // k1, k2, p1, p2.
     k: vec4f,
     k3: f32,
-    // Length of ideal image points up to which the distortion's polynomial does not fold over.
+    // Largest length of an ideal image point before the distortion polynomial folds over.
     unfolded: f32,
     distorted: u32,
     spare: u32,
 }
 
-// A pixel, unless the polynomial has folded over on the way to it.
+// A pixel, and whether the polynomial has folded over before it is reached.
 struct LensPlace {
     px: vec2f,
     folded: bool,
@@ -32,7 +32,7 @@ fn lens_distort(lens: Lens, p: vec2f) -> vec2f {
         lens.k.z * cross + lens.k.w * (r2 + 2.0 * p.x * p.x),
         lens.k.z * (r2 + 2.0 * p.y * p.y) + lens.k.w * cross,
     );
-    // The small terms first: what the lens adds keeps its digits.
+    // The small terms are added first, so that the distortion keeps its precision.
     return p + (p * radial + aside);
 }
 
@@ -55,20 +55,20 @@ fn lens_inverse(m: mat2x2f) -> mat2x2f {
     return mat2x2f(m[1].y * one, -m[0].y * one, -m[1].x * one, m[0].x * one);
 }
 
-// Whether a pixel coordinate lies on the image's pixels.
+// Whether a pixel coordinate lies in the image.
 fn lens_contains(lens: Lens, px: vec2f) -> bool {
     return all(px >= vec2f(-0.5)) && all(px < lens.size - 0.5);
 }
 
-// Pixel of the ideal image point of a distorted lens.
+// Pixel of an ideal image point, through a distorted lens.
 fn lens_place(lens: Lens, ideal: vec2f) -> LensPlace {
     let px = lens.focal * lens_distort(lens, ideal) + lens.principal;
     let beyond = dot(ideal, ideal) > lens.unfolded * lens.unfolded;
     return LensPlace(px, beyond && lens_contains(lens, px));
 }
 
-// Ideal image point of a pixel: the direction, with z = 1, of the ray through it. By Newton's method;
-// profiles have no pixel that the distortion folds over.
+// Ideal image point of a pixel: the direction, with z = 1, of the ray through it. Newton's method;
+// profiles whose distortion folds over within the image are rejected.
 fn lens_ray(lens: Lens, px: vec2f) -> vec2f {
     let wanted = (px - lens.principal) * lens.scale;
     if lens.distorted == 0u {
@@ -80,12 +80,12 @@ fn lens_ray(lens: Lens, px: vec2f) -> vec2f {
     }
     for (var i = 0; i < 30; i++) {
         var step = lens_inverse(lens_jacobian(lens, p)) * (lens_distort(lens, p) - wanted);
-        // Never across a fold.
+        // Never step across a fold.
         for (var j = 0; j < 20 && length(p - step) >= lens.unfolded; j++) {
             step *= 0.5;
         }
         p -= step;
-        // The next step would be of the order of rounding.
+        // The next step would be at the level of rounding.
         if dot(step, step) <= 1e-9 * (1.0 + dot(p, p)) {
             let last = lens_inverse(lens_jacobian(lens, p)) * (lens_distort(lens, p) - wanted);
             return p - last;

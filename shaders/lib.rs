@@ -1,6 +1,6 @@
-//! The shaders of the renderer, embedded.
+//! The renderer's WGSL sources, embedded as strings.
 
-/// All pieces by name.
+/// All shader pieces by name. The first line of a piece names the pieces that it needs.
 #[rustfmt::skip] // One a line.
 pub const PIECES: &[(&str, &str)] = &[
     ("add_lamps", include_str!("add_lamps.wgsl")),
@@ -92,7 +92,7 @@ pub const PIECES: &[(&str, &str)] = &[
     ("widen", include_str!("widen.wgsl")),
     ("world", include_str!("world.wgsl")),
 ];
-/// Entry points that test functions of shaders.
+/// Entry points for tests of single shader functions.
 #[rustfmt::skip] // One a line.
 pub const TESTS: &[(&str, &str)] = &[
     ("tests/board_test", include_str!("tests/board_test.wgsl")),

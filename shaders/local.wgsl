@@ -1,22 +1,22 @@
 // needs: plan, ggx
 //
-// Twin of look::Local: a point of a surface as light finds it.
+// Twin of look::Local: a surface point with the quantities that its illumination needs.
 
 struct Local {
-    // In the rig's frame in millimetres.
+    // Position in the rig's frame in millimetres.
     point: vec3f,
-    // Normal of the surface itself, on the camera's side.
+    // Geometric normal of the surface, on the camera's side.
     facet: vec3f,
-    // Normal that its light follows.
+    // Shading normal.
     normal: vec3f,
     // Unit vector to the camera.
     view: vec3f,
     albedo: f32,
-    // NO_MATERIAL where it is Lambertian.
+    // NO_MATERIAL if it is Lambertian.
     material: u32,
 }
 
-// What the surface makes of 1 W/m^2 from a direction, relative to a white Lambertian one that faces
+// Light reflected of 1 W/m^2 from a direction, relative to a white Lambertian surface that faces
 // it: reflectance times cosine, 0 from behind.
 fn local_reflected(local: Local, towards: vec3f) -> f32 {
     if !(dot(local.facet, towards) > 0.0) {

@@ -1,7 +1,7 @@
 // needs: plan, optics, cast_types, slopes, looks, there, map, normals, local, lamps
 //
-// Twin of look/mod.rs (apply): reflects the light of surfaces that are more than one albedo, and
-// adds the lamps'.
+// Twin of look/mod.rs (apply): applies the material of surfaces that have more than a constant
+// albedo, and adds the light of lamps.
 
 fn look(ray: Ray, hit: Hit, shaded: ptr<function, Shaded>) {
     let object = object_of(hit.surface);
@@ -34,13 +34,14 @@ fn look(ray: Ray, hit: Hit, shaded: ptr<function, Shaded>) {
     }
 }
 
-// What vertex colours, textures and ink make of an albedo, over the ray's part of the camera's pixel;
-// and the relative change of the projector's light on it by its slope there, from halves.
+// Factor that vertex colours, textures and ink apply to the albedo, averaged over the ray's part of
+// the camera's pixel; and the relative change of the projector's light due to the albedo's gradient
+// there, estimated from the halves.
 fn look_over_footprint(ray: Ray, hit: Hit, point: vec3f) -> vec2f {
     let slopes = ray_slopes(ray.direction);
     let across = vec3f(slopes[0], 0.0) * hit.t;
     let down = vec3f(slopes[1], 0.0) * hit.t;
-    // Onto the tangent plane, along the ray; edge-on, that is far.
+    // Projects onto the tangent plane along the ray; seen edge-on, the result is far away.
     let facing = dot(hit.normal, ray.direction);
     let slant = ray.direction / select(facing, -1e-20, abs(facing) < 1e-20);
     let sides = array<vec3f, 2>(
@@ -53,7 +54,7 @@ fn look_over_footprint(ray: Ray, hit: Hit, point: vec3f) -> vec2f {
     let falling = way * (3.0 / dot(way, way));
     var mean = 0.0;
     var change = 0.0;
-    // The whole, then the halves along either side.
+    // The whole patch, then its halves along either side.
     for (var k = 0u; k < 5u; k++) {
         var at = middle;
         var halves = vec2f(1.0);
@@ -78,16 +79,17 @@ fn look_over_footprint(ray: Ray, hit: Hit, point: vec3f) -> vec2f {
     return vec2f(mean, change / max(mean, 1e-20));
 }
 
-// From what a pixel's centre sees to the mean of what the pixel sees, along one side.
+// Shift from the point that a pixel's centre sees to the mean point that the pixel sees, along one
+// side.
 fn footprint_shift(side: vec3f, depth: f32) -> vec3f {
     return side * (clamp(side.z / depth, -0.5, 0.5) / 12.0);
 }
 
-// What a surface makes of the projector's and of ambient light, where it has been lit as white.
+// Applies the material to projector and ambient light, which were computed for a white surface.
 fn look_finish(local: Local, shaded: ptr<function, Shaded>) {
     if has_specular {
         if local.material != NO_MATERIAL {
-            // Lit by the cosine at the facet so far.
+            // So far the light has been scaled by the cosine at the facet.
             let light = normalize(projector_pupil() - local.point);
             let cosine = dot(local.facet, light);
             var kept = 0.0;

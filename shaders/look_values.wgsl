@@ -1,12 +1,13 @@
 // needs: plan
 //
-// Numbers that look functions look up, one buffer for all of them, as gpu/looks.rs puts them: lamps,
-// eight numbers each; the table of soft.wgsl; and, at places that `looks` holds, materials (ggx.wgsl)
-// and what is known of triangles' corners: colours, coordinates, normals, places at rest.
+// Numbers that the material functions look up, in one buffer, laid out by gpu/looks.rs: lamps,
+// eight numbers each; the table of soft.wgsl; and, at indices stored in `looks`, materials
+// (ggx.wgsl) and attributes of triangle corners: colours, texture coordinates, normals, positions
+// at rest.
 
 @group(0) @binding(32) var<storage, read> look_values: array<f32>;
 
-// Where the lamps begin, 32 at most, and the table of soft.wgsl.
+// Start of the lamps (at most 32), and of the table of soft.wgsl.
 const LAMPS_AT: u32 = 0u;
 const SOFT_AT: u32 = 256u;
 

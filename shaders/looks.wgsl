@@ -1,38 +1,39 @@
 // needs: plan, laid, look_values
 //
-// The looks of all objects, as gpu/looks.rs puts them, and places on triangles.
+// The materials of all objects, laid out by gpu/looks.rs, and barycentric coordinates on triangles.
 
 @group(0) @binding(30) var<storage, read> looks: array<Look>;
 
 const NOTHING: u32 = 0xffffffffu;
 
-// Places among the look's values are NOTHING where there is nothing there.
+// Indices into `look_values` are NOTHING for absent attributes.
 struct Look {
     albedo: f32,
     material: u32,
-    // Of the object's first triangle among the world's.
+    // Number of the object's first triangle among the world's.
     first_triangle: u32,
-    // How a picture is laid on.
+    // How a texture is mapped onto the object (`LAY_...`).
     lay: u32,
-    // Of corners: smooth normals, nine numbers a triangle, in the frame of the object's hierarchy, and
-    // from one of its shapes to the next; colours, three; texture coordinates, six; places at rest of
-    // a mesh that deforms, nine.
+    // Corner attributes: smooth normals, nine numbers a triangle, in the frame of the object's
+    // hierarchy, and the step from one of its shapes to the next; colours, three; texture
+    // coordinates, six; rest positions of a deforming mesh, nine.
     normals: u32,
     normals_step: u32,
     colours: u32,
     coordinates: u32,
     rest: u32,
-    // Of the picture: place of its sums, columns, rows, mean. Of a board: columns, rows, mean.
+    // For a texture: index of its sums, columns, rows, mean. For a board: columns, rows, mean.
     sums: u32,
     width: u32,
     height: u32,
     mean: f32,
     pad: u32,
-    // Of the picture on the object in millimetres.
+    // Size of the texture on the object in millimetres.
     size_mm: vec2f,
-    // Pitch, radii of a dot and of a marker in millimetres, factor of ink.
+    // Board: pitch, radii of a dot and of a marker in millimetres, albedo factor of ink.
     board: vec4f,
-    // From the frame of the object's hierarchy, or of the solid, to its own: rows of a pose.
+    // Pose from the frame of the object's hierarchy, or of the solid, to the object's own frame:
+    // rows.
     own_from_there: mat3x4f,
 }
 
@@ -41,19 +42,19 @@ fn look_varies(object: u32) -> bool {
     return looks[object].colours != NOTHING || looks[object].lay != LAY_NONE;
 }
 
-// Whether look.wgsl reflects its light; until then it is lit as white.
+// Whether look.wgsl applies the albedo later; until then the surface is lit as white.
 fn look_is_white(object: u32) -> bool {
     return (has_specular && looks[object].material != NOTHING)
         || (has_albedo_maps && look_varies(object));
 }
 
-// What a surface is first lit as: its albedo, or white.
+// Albedo that a surface is first lit with: its own, or white.
 fn first_albedo(object: u32) -> f32 {
     return select(looks[object].albedo, 1.0, look_is_white(object));
 }
 
-// By how much the weights of a triangle's corners, columns here, change over a step in its plane;
-// far beyond all numbers where it is degenerate.
+// Change of the barycentric weights over a step in the triangle's plane (the columns of `corners`
+// are its corners); huge for a degenerate triangle.
 fn shares(corners: mat3x3f, step: vec3f) -> vec3f {
     let e1 = corners[1] - corners[0];
     let e2 = corners[2] - corners[0];
@@ -67,12 +68,12 @@ fn shares(corners: mat3x3f, step: vec3f) -> vec3f {
     return vec3f(-second - third, second, third);
 }
 
-// Weights of a triangle's corners at a point of its plane, not negative.
+// Barycentric weights of a point in the triangle's plane, clamped to non-negative values.
 fn barycentric(corners: mat3x3f, point: vec3f) -> vec3f {
     let step = shares(corners, point - corners[0]);
     let raw = max(vec3f(1.0 + step.x, step.y, step.z), vec3f(0.0));
     let sum = raw.x + raw.y + raw.z;
-    // Neither of no area nor of a point that is nowhere.
+    // Rejects triangles without area and non-finite points.
     if !(sum > 0.0 && sum < 1e29) {
         return vec3f(1.0, 0.0, 0.0);
     }

@@ -1,13 +1,14 @@
 // needs: looks, there, texture, laid, board
 //
-// Twin of look/map.rs, look/printed.rs and look/spot.rs: what vertex colours, a texture or a board's
-// ink make of an object's albedo.
+// Twin of look/map.rs, look/printed.rs and look/spot.rs: the factor that vertex colours, a texture
+// or a board's ink apply to an object's albedo.
 //
-// The CPU takes a spot to where its surface rests in the rig's frame, and from there into the
-// object's own; here both steps are one, from the frame that the surface is kept in.
+// The CPU transforms a point first to the surface's rest pose in the rig's frame, then into the
+// object's own frame; here both steps are combined into one, from the frame in which the surface is
+// stored.
 
-// What the albedo is multiplied by at a hit at a point in the rig's frame, averaged over the
-// parallelogram of two sides on the tangent plane.
+// Albedo factor at a hit at a point in the rig's frame, averaged over the parallelogram spanned by
+// two sides on the tangent plane.
 fn look_factor(hit: Hit, there: There, point: vec3f, across: vec3f, down: vec3f) -> f32 {
     let about = looks[object_of(hit.surface)];
     let is_corners = hit.triangle != NO_SURFACE;
@@ -55,7 +56,7 @@ fn look_factor(hit: Hit, there: There, point: vec3f, across: vec3f, down: vec3f)
     return factor * texture_average(picture, laid.at, laid.across, laid.down);
 }
 
-// A board is kept in its own frame, printed on the side towards -z.
+// A board is stored in its own frame and printed on the side towards -z.
 fn printed_factor(about: Look, own: Own) -> f32 {
     if !(own.normal.z < 0.0) {
         return 1.0;
@@ -67,7 +68,7 @@ fn printed_factor(about: Look, own: Own) -> f32 {
     return 1.0 - (1.0 - sizes.w) * ink;
 }
 
-// Whether a footprint of this mean lies on the outline of a board's ink.
+// Whether a footprint with this mean factor crosses the outline of a board's ink.
 fn look_is_edge(object: u32, mean: f32) -> bool {
     let about = looks[object];
     let ink = (1.0 - mean) / (1.0 - about.board.w);
@@ -83,7 +84,7 @@ fn own_of(pose: mat3x4f, local: Own) -> Own {
     );
 }
 
-// Where its triangle rests.
+// The surface point in the rest pose of its triangle.
 fn own_at_rest(at: u32, weights: vec3f, steps: mat2x3f, facet: vec3f) -> Own {
     let corners = mat3x3f(look_value3(at), look_value3(at + 3u), look_value3(at + 6u));
     let normal = cross(corners[1] - corners[0], corners[2] - corners[0]);
@@ -96,7 +97,7 @@ fn own_at_rest(at: u32, weights: vec3f, steps: mat2x3f, facet: vec3f) -> Own {
     );
 }
 
-// By coordinates at the triangle's corners, v down.
+// Position on the texture by the coordinates at the triangle's corners; v points down.
 fn laid_by_corners(at: u32, weights: vec3f, steps: mat2x3f) -> Laid {
     let a = vec2f(look_values[at], look_values[at + 1u]);
     let b = vec2f(look_values[at + 2u], look_values[at + 3u]);

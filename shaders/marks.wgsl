@@ -1,4 +1,5 @@
-// Marks of pixels, and the number of no surface. Twin of the constants of `truth.rs` and `world.rs`.
+// Flags of pixels, and the number that stands for no surface. Twin of the constants of `truth.rs`
+// and `world.rs`.
 
 const SEEN: u32 = 1u;
 const LIT: u32 = 2u;

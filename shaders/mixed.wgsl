@@ -1,17 +1,16 @@
 // needs: plan, center, centers, edges, mixed_out
-// Mixed pixels: those whose footprint meets more than one surface, or a shadow's edge. A pixel's
-// centre does not stand for them, so the light of 4 x 4 samples is averaged, as in life. Twin of
-// `mixed.rs`.
+// Mixed pixels, whose footprint meets more than one surface or a shadow's edge. The centre does not
+// represent such a pixel, so the light of 4 x 4 samples is averaged. Twin of `mixed.rs`.
 //
-// `clear`, then `find`, one thread a pixel: candidates differ from one of their eight neighbours.
-// `ready`, then `mixed_sample.wgsl`, where samples decide; `close` ends it.
+// Order of the passes: `clear`; `find`, one thread per pixel, which selects candidates that differ
+// from one of their eight neighbours; `ready`; `mixed_sample.wgsl`, where samples decide; `close`.
 
-// Candidates of a workgroup.
+// Candidates per workgroup.
 const TOGETHER: u32 = GROUP / MIXED_LANES;
 
 // Pixels whose samples decide.
 @group(0) @binding(48) var<storage, read_write> candidates: array<u32>;
-// How many, and the groups of threads that they take, in three dimensions.
+// Number of candidates, and the workgroups that they take in three dimensions.
 @group(0) @binding(49) var<storage, read_write> candidate_count: array<atomic<u32>, 4>;
 
 @compute @workgroup_size(1)
@@ -32,7 +31,7 @@ fn find(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
 }
 
 // Whether a pixel differs from one of its neighbours. Most pixels share triangle and light with all
-// of them, which integer maps tell.
+// of them, which is checked first with the integer maps.
 fn touches(here: u32) -> bool {
     let at = vec2u(here % sampling.size.x, here / sampling.size.x);
     let first = max(at, vec2u(1u)) - 1u;

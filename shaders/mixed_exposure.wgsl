@@ -9,10 +9,11 @@
 // Electrons of each group of samples.
 @group(0) @binding(60) var<storage, read_write> mixed_electrons: array<f32>;
 
-// Whether the light joins what is there: that of another instant.
+// Whether to add the light to that of other instants already in the buffer.
 override adds: bool = false;
 
-// From one group's products to the next's, so that they lie in different banks.
+// Stride between the products of consecutive groups, chosen so that they lie in different memory
+// banks.
 const MIXED_STEP: u32 = MIXED_LANES + 1u;
 
 var<workgroup> products: array<f32, 1088>;
@@ -54,7 +55,7 @@ fn main(
     mixed_electrons[first + lane] = mean;
 }
 
-// The slides' light at one sample.
+// Light of the slides at one sample.
 fn mixed_product(head: u32, k: u32) -> f32 {
     let number = head * MIXED_LANES + k;
     let sample = mixed_samples[number];
@@ -83,7 +84,7 @@ fn mixed_product(head: u32, k: u32) -> f32 {
     return sample.projected * sum;
 }
 
-// Adds up the groups of each pixel, in their order.
+// Sums the groups of each pixel, in order.
 @compute @workgroup_size(64)
 fn pixels(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear(id, groups);

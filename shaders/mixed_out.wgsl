@@ -1,18 +1,20 @@
 // needs: plan, mixed_types, sampling
-// The mixed pixels as the passes that find them append them.
+// The mixed pixels, as appended by the passes that find them.
 
 @group(0) @binding(45) var<storage, read_write> mixed_heads: array<vec4u>;
 @group(0) @binding(46) var<storage, read_write> mixed_samples: array<MixedSample>;
-// Heads; groups of 64 threads in three dimensions; the most heads that a pass has wanted.
+// Number of heads; workgroups of 64 threads in three dimensions; the largest number of heads that a
+// pass has requested.
 @group(0) @binding(47) var<storage, read_write> mixed_count: array<atomic<u32>, 5>;
 
-// The first of so many new heads that follow each other. What there is no room for is counted alone:
-// whoever runs the pass sees it in the count, and runs it again with more room.
+// Reserves `count` consecutive heads and returns the first. Heads beyond the buffer's room are only
+// counted: whoever runs the pass reads the count and runs it again with more room.
 fn new_heads(count: u32) -> u32 {
     return atomicAdd(&mixed_count[0], count);
 }
 
-// One group of a pixel; `groups` is how many it has, on the first, 0 on the others.
+// Writes one group of a pixel; `groups` is the pixel's number of groups for the first head and 0
+// for the others.
 fn write_head(head: u32, pixel: u32, groups: u32, ambient: f32, flickering: f32) {
     if head < sampling.room {
         mixed_heads[head] =
@@ -26,12 +28,12 @@ fn write_sample(head: u32, k: u32, sample: MixedSample) {
     }
 }
 
-// Takes away the heads of the pass before.
+// Discards the heads of the previous pass.
 fn forget_heads() {
     atomicStore(&mixed_count[0], 0u);
 }
 
-// Says how many threads the heads take.
+// Writes the number of workgroups that the heads need.
 fn close_heads() {
     let wanted = atomicLoad(&mixed_count[0]);
     let heads = min(wanted, sampling.room);
@@ -43,7 +45,7 @@ fn close_heads() {
     atomicMax(&mixed_count[4], wanted);
 }
 
-// Groups of threads in rows and columns: one dimension alone ends at 65535.
+// Workgroups in rows and columns: one dimension is limited to 65535.
 fn grid_of(groups: u32) -> vec2u {
     let across = min(groups, 65535u);
     return vec2u(across, (groups + max(across, 1u) - 1u) / max(across, 1u));

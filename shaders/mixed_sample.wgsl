@@ -1,9 +1,8 @@
 // needs: plan, cast, rays, defocus, centers, edges, sheared, skin_sample, mixed_out
-// Casts the samples of the pixels that `mixed.wgsl` has found, and keeps those that do not turn out
-// to be one smooth and evenly lit surface. Twin of `sample` and `gather` in `mixed.rs`.
+// Casts the samples of the candidates found by `mixed.wgsl`, and keeps those whose samples do not
+// see a single smooth, evenly lit surface. Twin of `sample` and `gather` in `mixed.rs`.
 //
-// Sixteen threads a pixel, a sample each: what they need of each other goes through the workgroup's
-// memory.
+// Sixteen threads per pixel, one per sample; they exchange data through workgroup memory.
 
 const TILE: u32 = 4u;
 
@@ -13,7 +12,7 @@ const TILE: u32 = 4u;
 var<workgroup> places: array<Place, GROUP>;
 // Ambient and flickering light of each sample.
 var<workgroup> steady: array<vec2f, GROUP>;
-// Of the workgroup's pixels: whether an edge runs through one, and its head.
+// For each pixel of the workgroup: whether an edge runs through it, and its head.
 var<workgroup> broken: array<atomic<u32>, GROUP / MIXED_LANES>;
 var<workgroup> heads: array<u32, GROUP / MIXED_LANES>;
 
@@ -45,7 +44,7 @@ fn main(
         steady[thread] = vec2f(found.shaded.ambient, found.shaded.flickering);
     }
     workgroupBarrier();
-    // Steps between neighbouring samples, so that a curved surface is not taken for an edge.
+    // Compares neighbouring samples only, so that a curved surface is not mistaken for an edge.
     if used {
         let here = places[thread];
         var is_edge = lane % TILE + 1u < TILE && edge(here, places[thread + 1u]);

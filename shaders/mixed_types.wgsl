@@ -1,16 +1,16 @@
 // Pixels that are the mean of several samples. Twin of `Mixed` in `buffer.rs`.
 //
-// A head a group of sixteen samples: (pixel, groups, bits of ambient, bits of flickering), the last
-// two in electrons per second, averaged. A pixel with more samples has several heads one after the
-// other, whose electrons add up in their order: `groups` says how many on the first of them and is 0
-// on the others. In what order pixels come differs from run to run.
+// One head per group of sixteen samples: (pixel, groups, bits of ambient, bits of flickering), the
+// last two in electrons per second, averaged. A pixel with more samples has several consecutive
+// heads, whose electrons are summed in order: `groups` is their number in the first and 0 in the
+// others. The order of the pixels differs from run to run.
 
-// Samples of a head.
+// Samples per head.
 const MIXED_LANES: u32 = 16u;
 
-// One sample; all zero where it is unlit.
+// One sample; all zero if it is unlit.
 struct MixedSample {
-    // Projector coordinate that it is lit from.
+    // Projector coordinate that lights it.
     place: vec2f,
     // Derivatives of x by the camera's column and row, over the sample's part of the pixel.
     slopes_x: vec2f,

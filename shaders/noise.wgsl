@@ -4,7 +4,8 @@
 const DRAW_SHOT: u32 = 0u;
 const DRAW_READ: u32 = 1u;
 
-// Shot noise and a read noise of this variance, in one normal number (Cornish and Fisher 1938).
+// Sum of shot noise and read noise of this variance from one normal number (Cornish and Fisher
+// 1938).
 fn many(mean: f32, read_variance: f32, z: f32) -> f32 {
     let variance = mean + read_variance;
     let inverse = 1.0 / sqrt(variance);
@@ -16,7 +17,7 @@ fn many(mean: f32, read_variance: f32, z: f32) -> f32 {
         + share * ((square - 1.0) * (1.0 / 6.0) + z * excess * inverse);
 }
 
-// The electrons of a pixel of this mean; `word` is the pixel's of the shot's draw.
+// Electrons of a pixel with this mean; `word` is its random word of the shot-noise draw.
 fn noisy(mean: f32, word: u32, pixel: u32) -> f32 {
     let read_noise = sensor_parameters.read_noise_e;
     if mean < POISSON_BELOW {
@@ -27,7 +28,7 @@ fn noisy(mean: f32, word: u32, pixel: u32) -> f32 {
     if mean < sensor_parameters.apart_from_e {
         return many(mean, read_noise * read_noise, z);
     }
-    // Near the full well and above: shot noise, the well, read noise.
+    // Near or above the full well: shot noise, clipping at the full well, then read noise.
     let shot = many(mean, 0.0, z);
     let read = quantile(tail_of_word(philox_of_pixel(pixel, DRAW_READ, sensor_parameters.key)));
     return min(shot, sensor_parameters.full_well_e) + read_noise * read;

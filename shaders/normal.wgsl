@@ -1,10 +1,10 @@
 // needs: elementary
 // Standard normal numbers from uniform words, twin of sensor/normal.rs: the inverse of the
-// distribution by Giles's single-precision erfinv ("Approximating the erfinv function", GPU
-// Computing Gems Jade, 2011), of the word's smaller tail.
+// cumulative distribution by Giles's single-precision erfinv ("Approximating the erfinv function",
+// GPU Computing Gems Jade, 2011), evaluated for the smaller tail of the word.
 
-// A uniform number by its smaller tail: the probability on that side, in (0, 1/2], and the sign
-// bit of the normal number there.
+// A uniform number represented by its smaller tail: the probability on that side, in (0, 1/2], and
+// the sign bit of the corresponding normal number.
 struct Tail {
     probability: f32,
     sign: u32,
@@ -13,14 +13,14 @@ struct Tail {
 const SIGN: u32 = 0x80000000u;
 
 fn tail_of_word(word: u32) -> Tail {
-    // All ones in the upper half.
+    // All bits set in the upper half.
     let upper = bitcast<u32>(bitcast<i32>(word) >> 31u);
     let probability = (f32(word ^ upper) + 0.5) * (1.0 / 4294967296.0);
     return Tail(probability, ~word & SIGN);
 }
 
-// The standard normal number of a uniform one. The polynomials give erfinv(x) / x in
-// w = -ln(1 - x^2): of w - 2.5 in the central part, of sqrt(w) - 3 beyond.
+// Standard normal number of a uniform one. The polynomials give erfinv(x) / x with w = -ln(1 -
+// x^2), in w - 2.5 for the central part and in sqrt(w) - 3 for the tail.
 fn quantile(tail: Tail) -> f32 {
     let p = tail.probability;
     // 1 - (1 - 2 p)^2 without cancellation.

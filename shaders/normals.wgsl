@@ -1,9 +1,9 @@
 // needs: looks, there
 //
-// Twin of look/normals.rs as far as a ray needs it: the smooth normal, which highlights follow, of
-// those at the corners of a triangle, which are made on the CPU.
+// Twin of the part of look/normals.rs that a ray needs: the shading normal, interpolated from the
+// normals at a triangle's corners, which are computed on the CPU.
 
-// The normal that highlights follow, on the side of the facet's.
+// Shading normal, on the same side as the facet's normal.
 fn smooth_normal(hit: Hit, about: Look, there: There, point: vec3f) -> vec3f {
     if about.normals == NOTHING || hit.triangle == NO_SURFACE {
         return hit.normal;

@@ -1,8 +1,9 @@
 // needs: lens
-// What turns geometry into electrons, the same for all samples. Twin of `shade::Optics`; made by `gpu/optics.rs`.
+// Constants that convert geometry into electrons, the same for all samples. Twin of
+// `shade::Optics`; filled by `gpu/optics.rs`.
 
-// The fall of light from a lens's axis outwards: a2, a4, a6 of the polynomial, one over half of the
-// image's diagonal in ideal coordinates; whether there is a natural fall, and of how many cosines.
+// Vignetting of a lens: a2, a4, a6 of the polynomial and one over half of the image's diagonal in
+// ideal coordinates; whether there is natural (cosine) falloff, and the power of the cosine.
 struct Falloff {
     terms: vec4f,
     natural: u32,
@@ -14,14 +15,15 @@ struct Falloff {
 struct Optics {
     camera: Lens,
     projector: Lens,
-    // Axes of the projector in the rig's frame: x, y, and the optical axis; in w x, y, z of its pupil.
+    // Axes of the projector in the rig's frame: x, y and the optical axis; the w components hold
+    // the position of its pupil.
     projector_x: vec4f,
     projector_y: vec4f,
     projector_z: vec4f,
-    // The camera's falloff and the projector's.
+    // Vignetting of the camera and of the projector.
     seen: Falloff,
     shown: Falloff,
-    // Electrons per second of a pixel that looks at a white surface under 1 W/m^2.
+    // Electrons per second of a pixel that sees a white surface under 1 W/m^2.
     electrons_per_irradiance: f32,
     // The same under the projector's white, 1 mm away.
     projected: f32,
@@ -29,7 +31,7 @@ struct Optics {
     ambient: f32,
     // Amplitude of the ambient light's flicker relative to its mean.
     ambient_depth: f32,
-    // Blur of the projector: focal_px times aperture over 4, and one over the focused distance.
+    // Defocus of the projector: focal_px times aperture / 4, and one over the focus distance.
     defocus_strength: f32,
     defocus_sharp: f32,
     lamps: u32,

@@ -1,7 +1,7 @@
 // needs: plan, slide_axes, vignetting
-// The light of the projector on a patch of surface that some ray has met. Twin of `bounce/patch.rs`.
+// Projector light on a patch of the surface that a ray has hit. Twin of `bounce/patch.rs`.
 
-// A place of a surface, and the sides of a patch about it.
+// A point of a surface and the sides of a patch around it.
 struct Patch {
     at: vec3f,
     // Unit normal of the facet.
@@ -10,16 +10,17 @@ struct Patch {
     down: vec3f,
 }
 
-// A patch in the projector's field, shadows aside.
+// A patch as seen by the projector, ignoring shadows.
 struct Shown {
-    // Place on the slide.
+    // Position on the slide.
     px: vec2f,
-    // Sides of the patch there: their columns, and their rows.
+    // Extent of the patch's two sides on the slide: along columns (x) and rows (y).
     x: vec2f,
     y: vec2f,
-    // Irradiance in W/m^2 under full white; 0 outside of the field and on the far side.
+    // Irradiance in W/m^2 under full white; 0 outside of the projector's field of view and for
+    // surfaces that face away.
     irradiance: f32,
-    // Of the angle that light comes in at.
+    // Cosine of the angle of incidence.
     cos: f32,
 }
 
@@ -58,8 +59,8 @@ fn shown(found: Patch) -> Shown {
     return Shown(px, vec2f(across.x, down.x), vec2f(across.y, down.y), irradiance, cos);
 }
 
-// A box's width with half of a blur's variance: a box of width w has w^2 / 12, and a footprint is
-// two boxes.
+// Width of a box with half of the blur's variance added: a box of width w has variance w^2 / 12,
+// and a footprint consists of two boxes.
 fn wide_under(side: f32, blur: f32) -> f32 {
     let wide = sqrt(side * side + 6.0 * blur * blur);
     return select(wide, -wide, side < 0.0);

@@ -1,5 +1,5 @@
 // needs: wide
-// Counter-based random numbers: Philox4x32-10, twin of sensor/philox.rs and equal to the bit.
+// Counter-based random numbers: Philox4x32-10, bit-identical to its twin sensor/philox.rs.
 //
 // Salmon, Moraes, Dror, Shaw: "Parallel Random Numbers: As Easy as 1, 2, 3", SC11, 2011.
 
@@ -16,17 +16,17 @@ fn philox(counter: vec4u, key: vec2u) -> vec4u {
     return c;
 }
 
-// Counters whose words lie side by side: word w of counter c serves pixel
-// (c / 8) * 32 + w * 8 + c % 8 of the frame.
+// Assignment of words to pixels: word w of counter c serves pixel (c / 8) * 32 + w * 8 + c % 8 of
+// the frame.
 const PHILOX_WIDTH: u32 = 8u;
 const PHILOX_BLOCK: u32 = 32u;
 
-// The pixel that word 0 of a counter belongs to; each next word's is PHILOX_WIDTH further.
+// Pixel of word 0 of a counter; the pixel of each further word is PHILOX_WIDTH later.
 fn philox_first_pixel(counter: u32) -> u32 {
     return counter / PHILOX_WIDTH * PHILOX_BLOCK + counter % PHILOX_WIDTH;
 }
 
-// The one word of a pixel: its counter's other three go unused.
+// The single word of a pixel; computes all four words of its counter and discards the others.
 fn philox_of_pixel(pixel: u32, draw: u32, key: vec4u) -> u32 {
     let counter = pixel / PHILOX_BLOCK * PHILOX_WIDTH + pixel % PHILOX_WIDTH;
     let words = philox(vec4u(counter, draw, key.zw), key.xy);

@@ -1,21 +1,22 @@
 // needs: row_table
-// A slide that is a picture, averaged over footprints. Twin of `picture_table.rs`.
+// A slide with a two-dimensional pattern, averaged over footprints. Twin of `picture_table.rs`.
 //
-// The CPU takes differences of large sums in f64, interpolated between corners. Here sums are whole
-// numbers, and their differences, which are exact, are sums of levels over blocks of whole pixels: the
-// rectangle's first column, its whole ones and its last, times the same of its rows. Blocks are
-// weighted by how much of them the rectangle covers, so that nothing is subtracted in floating point,
-// and f32 is as good as the weights. Positions are relative to the held pixel at the middle.
+// The CPU takes differences of large sums in f64, interpolated between corners. Here sums are
+// integers, and their exact differences are sums of levels over blocks of whole pixels: the
+// rectangle's first column, its inner columns and its last one, combined with the same for rows.
+// Blocks are weighted by the fraction of them that the rectangle covers, so that nothing is
+// subtracted in floating point, and the only f32 error is that of the weights. Positions are
+// relative to the held pixel at the centre.
 
 const PARTS_PER_PX: f32 = 2.0;
 const PICTURE_PARTS: f32 = 8.0;
-// A box of a Gaussian's variance is sqrt(12) deviations wide.
+// A box with the variance of a Gaussian is sqrt(12) standard deviations wide.
 const BOX_OF_DEVIATION: f32 = 3.4641016;
-// Steeper footprints have their parts beyond any slide.
+// Upper limit of a footprint's slope: the parts of steeper ones lie beyond any slide.
 const STEEPEST: f32 = 1e6;
 
-// Average level, 0 to 1, over the parallelogram of a footprint, whose slopes are those of x, then of
-// y; with a blur of standard deviations along columns and rows.
+// Average level, 0 to 1, over the parallelogram of a footprint, with the slopes of x, then of y,
+// under a blur with standard deviations along columns and rows.
 fn picture_average(table: Table, at: vec2f, slope: vec4f, deviation: vec2f) -> f32 {
     let slopes = clamp(slope, vec4f(-STEEPEST), vec4f(STEEPEST));
     let sizes = abs(slopes);
@@ -38,8 +39,8 @@ fn picture_average(table: Table, at: vec2f, slope: vec4f, deviation: vec2f) -> f
     return sum * (narrow * narrow) * table.scale;
 }
 
-// Where a rectangle lies along one axis: its first and its last pixel, and the parts of the first, of
-// each between them and of the last that it covers, over its length.
+// Extent of a rectangle along one axis: its first and last pixel, and the covered fractions of the
+// first, of each inner one and of the last, divided by its length.
 struct Cover {
     first: u32,
     last: u32,
@@ -47,7 +48,7 @@ struct Cover {
 }
 
 fn picture_cover(pixel: f32, middle: f32, size: f32, count: u32) -> Cover {
-    // From the held pixel's left border.
+    // Relative to the held pixel's left edge.
     let end = f32(count) - pixel;
     let low = clamp(middle + 0.5 - 0.5 * size, -pixel, end - 1e-3);
     let high = min(max(middle + 0.5 + 0.5 * size, low + 1e-3), end);
@@ -64,7 +65,7 @@ fn picture_cover(pixel: f32, middle: f32, size: f32, count: u32) -> Cover {
     return Cover(u32(first), u32(last), vec3f(start, 1.0, rest) / max(whole, 1e-6));
 }
 
-// Mean level over a rectangle about a place, both relative to the middle of a held pixel.
+// Mean level over a rectangle; its centre is given relative to the centre of a held pixel.
 fn picture_rectangle(table: Table, pixel: vec2f, middle: vec2f, size: vec2f) -> f32 {
     let x = picture_cover(pixel.x, middle.x, size.x, table.width);
     let y = picture_cover(pixel.y, middle.y, size.y, table.height);
@@ -77,8 +78,8 @@ fn picture_rectangle(table: Table, pixel: vec2f, middle: vec2f, size: vec2f) -> 
         + y.weights.z * picture_between(c, d, x.weights);
 }
 
-// Sums of all levels above a border between rows, in the first column, in the whole ones and in the
-// last; as two words.
+// Sums of all levels above a boundary between rows: in the first column, in the inner ones and in
+// the last; as two words.
 struct Sums {
     low: vec3u,
     high: vec3u,
@@ -108,8 +109,8 @@ fn picture_corner(table: Table, corner: u32) -> vec2u {
     return vec2u(slide_word(table.first, 2u * corner), slide_word(table.first, 2u * corner + 1u));
 }
 
-// The weighted sum of the blocks between two borders. Where a rectangle has none of a kind, what is
-// subtracted is no block, but weighs nothing.
+// Weighted sum of the blocks between two boundaries. For a kind of block that the rectangle lacks,
+// the difference is meaningless, but its weight is zero.
 fn picture_between(above: Sums, below: Sums, weights: vec3f) -> f32 {
     let low = below.low - above.low;
     let high = below.high - above.high - vec3u(below.low < above.low);

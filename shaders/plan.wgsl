@@ -1,5 +1,5 @@
-// The plan: which terms of image formation a pipeline computes, as constants that are known when it
-// is built, so that what a scene does not need is not in it. Twin of `plan.rs`.
+// The plan: which terms of image formation a pipeline computes, as constants known when it is
+// compiled, so that terms that a scene does not need are removed. Twin of `plan.rs`.
 
 override has_camera_distortion: bool = false;
 override has_projector_distortion: bool = false;
@@ -28,11 +28,11 @@ override has_blooming: bool = false;
 override has_noise: bool = false;
 override has_camera_response: bool = false;
 
-// Threads of a workgroup.
+// Threads per workgroup.
 const GROUP: u32 = 64u;
 
-// The number of an invocation of a grid of workgroups in rows and columns: one dimension alone ends
-// at 65535 groups.
+// Linear index of an invocation in a two-dimensional grid of workgroups: one dimension is limited
+// to 65535 workgroups.
 fn linear(id: vec3u, groups: vec3u) -> u32 {
     return id.y * groups.x * GROUP + id.x;
 }

@@ -1,7 +1,8 @@
 // needs: plan, optics
-// Directions of the camera's rays beside those through centres. Twin of `Rays` in `geometry.rs`.
+// Directions of camera rays that do not pass through pixel centres. Twin of `Rays` in
+// `geometry.rs`.
 
-// Direction, with z = 1, through any point of the image.
+// Direction, with z = 1, of the ray through any point of the image.
 fn camera_ray(px: vec2f) -> vec3f {
     let lens = optics[0].camera;
     if has_camera_distortion {
@@ -10,7 +11,7 @@ fn camera_ray(px: vec2f) -> vec3f {
     return vec3f((px - lens.principal) * lens.scale, 1.0);
 }
 
-// Takes a step of a direction with z = 1 to one in pixels: the inverse of `ray_slopes`.
+// Converts a step of a direction with z = 1 into pixels: the inverse of `ray_slopes`.
 fn px_step(direction: vec3f, step: vec2f) -> vec2f {
     let lens = optics[0].camera;
     if has_camera_distortion {

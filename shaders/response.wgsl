@@ -1,8 +1,8 @@
 // needs: sensor_parameters, elementary
-// A bent response, twin of sensor/response.rs: full (linear / full)^exponent.
+// Nonlinear response of the sensor, twin of sensor/response.rs: full (linear / full)^exponent.
 
 fn bend(linear_dn: f32) -> f32 {
-    // Light this small is cut to none.
+    // Relative signals up to this count as zero.
     const LEAST: f32 = 1e-9;
     let share = linear_dn / sensor_parameters.full_scale_dn;
     if sensor_parameters.exponent == 1.0 {

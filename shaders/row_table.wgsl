@@ -1,17 +1,19 @@
 // needs: slides, wide
-// A slide that varies along one axis, averaged over footprints. Twin of `row_table.rs`, which says
-// how; sums are whole numbers here as there, and the same.
+// A slide that varies along one axis, averaged over footprints. Twin of `row_table.rs`, which
+// describes the method; the sums are integers and identical to the CPU's.
 
 // Widest footprint along one axis, in slide pixels.
 const WIDEST: f32 = 2000.0;
 const ROW_NARROWEST: f32 = 1.0 / 65536.0;
 const ROW_SMALLEST: f32 = 1.0 / 512.0;
-// Beyond the largest slide.
+// A coordinate beyond the largest slide.
 const LAST_PIXEL: f32 = 65536.0;
-// Further from a held pixel nothing changes any more; numbers stay whole as integers.
+// Beyond this distance from a held pixel the result no longer changes; the limit keeps integer
+// conversions exact.
 const FAR: f32 = 2097152.0;
 
-// Average level, 0 to 1, under the trapezoid about x whose widths are the sizes of `slope`.
+// Average level, 0 to 1, under the trapezoid centred at x that is the convolution of two boxes with
+// the widths |slope|.
 fn row_average(table: Table, x: f32, slope: vec2f) -> f32 {
     let a = clamp(abs(slope.x), ROW_SMALLEST, WIDEST);
     let b = min(abs(slope.y), WIDEST);
@@ -20,13 +22,14 @@ fn row_average(table: Table, x: f32, slope: vec2f) -> f32 {
     let outer = (wide + narrow) * 0.5;
     let inner = (wide - narrow) * 0.5;
     let last = i32(table.width) - 1;
-    // Positions are kept relative to the held pixel at x, so that they round like the footprint and
-    // not like the coordinate.
+    // Positions are relative to the held pixel at x, so that rounding scales with the footprint and
+    // not with the coordinate.
     let pixel = floor(clamp(x, -0.5, LAST_PIXEL) + 0.5);
     let inside = clamp(x - pixel, -FAR, FAR);
     let offsets = vec4f(inside) + vec4f(-outer, -inner, inner, outer) + 0.5;
     let here = i32(pixel);
-    // Held pixels at the trapezoid's corners, and how far each is from its pixel's left border.
+    // Held pixels at the trapezoid's corners, and the distance of each corner from its pixel's left
+    // edge.
     let corners = clamp(here + vec4i(floor(offsets)), vec4i(0), vec4i(last));
     let t = offsets - vec4f(corners - here);
     let at = vec4u(corners) + table.first;
@@ -35,7 +38,8 @@ fn row_average(table: Table, x: f32, slope: vec2f) -> f32 {
     let c2 = slide_cells[at.z];
     let c3 = slide_cells[at.w];
     if narrow < 1.0 {
-        // At most one border lies in each flank: relative to the lowest corner's level.
+        // At most one pixel edge lies in each flank. Values are relative to the lowest corner's
+        // level.
         let steps = u32(corners.z - corners.x);
         let rise = f32(bitcast<i32>(c2.y - c0.y - c0.x * steps));
         let step = f32(bitcast<i32>(c2.x - c0.x));
@@ -45,7 +49,7 @@ fn row_average(table: Table, x: f32, slope: vec2f) -> f32 {
         let departure = rise + step * (t.z + 0.5 * narrow) + kinks;
         return (f32(c0.x) + departure / wide) * table.scale;
     }
-    // Second differences, relative to the middle's level.
+    // Second differences, relative to the level at the centre.
     let middle = clamp(here, 0, last);
     let cell = slide_cells[table.first + u32(middle)];
     let steps = corners - middle;
@@ -54,8 +58,8 @@ fn row_average(table: Table, x: f32, slope: vec2f) -> f32 {
     return (f32(cell.x) + (above - below) / (wide * narrow)) * table.scale;
 }
 
-// The second antiderivative of the departure from the middle's level, from the middle pixel's left
-// border to t beyond that of the pixel that is `steps` further.
+// Second antiderivative of the difference from the centre pixel's level, from the centre pixel's
+// left edge to t beyond the left edge of the pixel `steps` further on.
 fn row_second(long: bool, middle: vec4u, there: vec4u, steps: i32, t: f32) -> f32 {
     let count = bitcast<u32>(steps);
     let rise = f32(bitcast<i32>(there.y - middle.y - middle.x * count));

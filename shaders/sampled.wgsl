@@ -1,27 +1,27 @@
 // needs: plan, cast, center, slopes, rays, defocus, centers, edges, aperture, sheared, skin_sample, mixed_out
-// Every pixel by several rays, through several points of the pupil where there is depth of field.
-// Twin of `sampled.rs`.
+// Renders every pixel with several rays, through several points of the pupil if there is depth of
+// field. Twin of `sampled.rs`.
 //
-// One thread a sample, those of a pixel side by side in a workgroup. Where a pixel's samples see one
-// smooth surface, evenly lit, the closed form of its footprint stands for them, and is better than
-// their mean; where not, they are kept (`gather`), or the pixel is marked for `mixed.wgsl` to look
-// at (`mark`).
+// One thread per sample; the samples of a pixel are adjacent in a workgroup. If a pixel's samples
+// see one smooth, evenly lit surface, the closed form of its footprint replaces them and is more
+// accurate than their mean. Otherwise the samples are kept (`gather`), or the pixel is marked for
+// `mixed.wgsl` (`mark`).
 
-// Samples on a side of a pixel: 2, 4 or 8.
+// Samples along each side of a pixel: 2, 4 or 8.
 override side: u32 = 4u;
 override samples: u32 = side * side;
 
-// Part of a footprint's width by which a sample may lie off where the closed form has it.
+// Tolerance between a sample and the closed form, as a fraction of the footprint's width.
 const BENT: f32 = 0.02;
 
-// Of the workgroup's pixels, by the place of their first sample: whether one of their samples
-// is not where the closed form has it, and their first head.
+// For each pixel of the workgroup, indexed by its first sample: whether one of its samples
+// disagrees with the closed form, and its first head.
 var<workgroup> uneven: array<atomic<u32>, GROUP>;
 var<workgroup> heads: array<u32, GROUP>;
 // Ambient and flickering light of each sample.
 var<workgroup> steady: array<vec2f, GROUP>;
 
-// A sample: its pixel, and the ray that it is.
+// A sample: its pixel and its ray.
 struct Sample {
     pixel: u32,
     // Direction of the pixel's centre, with z = 1.
@@ -106,7 +106,7 @@ fn gather(
     }
     let head = heads[first] + k / MIXED_LANES;
     if k % MIXED_LANES == 0u {
-        // Weighted so that all groups add up.
+        // Weighted so that the sum over all groups is the mean.
         var sum = vec2f(0.0);
         for (var i = 0u; i < MIXED_LANES; i++) {
             sum += steady[thread + i] / f32(samples);
@@ -125,8 +125,8 @@ fn gather(
     write_sample(head, k % MIXED_LANES, sample);
 }
 
-// Whether a sample sees the smooth surface that its pixel's centre sees, in the same light, where
-// the closed form of the footprint has it. Twin of `even`.
+// Whether a sample sees the same smooth surface as its pixel's centre, in the same light, at the
+// position predicted by the closed form of the footprint. Twin of `even`.
 fn agrees(sample: Sample, found: Cast) -> bool {
     let i = sample.pixel;
     let here = surface[i];
@@ -139,7 +139,8 @@ fn agrees(sample: Sample, found: Cast) -> bool {
         return false;
     }
     if through_pupil && has_albedo_maps && here != NO_SURFACE && varies(object_of(here)) {
-        // Depth of field blurs the albedo, which the closed form averages over the footprint alone.
+        // Depth of field also blurs the albedo, but the closed form averages it over the footprint
+        // only.
         return false;
     }
     if !lit {
@@ -155,7 +156,7 @@ fn agrees(sample: Sample, found: Cast) -> bool {
     return (!has_footprint_x || off.x <= bar.x) && (!has_footprint_y || off.y <= bar.y);
 }
 
-// Whether another triangle of the centre's mesh goes on without a crease. Twin of `smooth`.
+// Whether the hit triangle continues the centre's mesh without a crease. Twin of `smooth`.
 fn goes_on(i: u32, here: u32, hit: Hit) -> bool {
     return here != NO_SURFACE && hit.surface != NO_SURFACE && one_mesh(here, hit.surface)
         && dot(seen[i].xyz, hit.normal) >= COS_CREASE;
@@ -172,7 +173,7 @@ fn sample_of(found: Cast, origin: vec3f) -> MixedSample {
     if !found.lit {
         return sample;
     }
-    // A sample stands for its part of the pixel and of the pupil.
+    // A sample represents its part of the pixel and of the pupil.
     let part = 1.0 / f32(side);
     let disc = disc_px(found.hit.t);
     sample.place = found.shaded.px;

@@ -1,11 +1,12 @@
-// What sees pixels by several rays, the same for all of them: what `gpu/sampled.rs` fills in.
+// Parameters of the passes that cast several rays per pixel, the same for all rays; filled by
+// `gpu/sampled.rs`.
 
 struct Sampling {
     // Columns and rows of the camera.
     size: vec2u,
-    // Rows that see the same of the scene: the side of a tile, or one.
+    // Number of rows that see the same instant of the scene: the side of a tile, or one.
     rows: u32,
-    // Heads of mixed pixels that there is room for.
+    // Number of heads of mixed pixels that fit in the buffer.
     room: u32,
     // Width of a pixel at unit depth.
     pixel_slope: f32,
@@ -13,14 +14,16 @@ struct Sampling {
     focus: f32,
     // The pupil's radius in millimetres times the focal length in pixels.
     spread: f32,
-    // Where the turns and the marks of objects begin in the tables; points of the pupil come first.
+    // Start of the tiles' rotations and of the objects' flags in the tables; the points of the
+    // pupil come first.
     turns: u32,
     varies: u32,
     spare_a: u32,
     spare_b: u32,
     spare_c: u32,
-    // Points of the pupil in millimetres, one a sample of a pixel, before a tile's turn; cosine and
-    // sine of the turn of each tile of sixteen pixels; a bit for each object whose albedo varies.
+    // Points of the pupil in millimetres, one for each sample of a pixel, before a tile's rotation;
+    // cosine and sine of the rotation of each tile of sixteen pixels; one bit for each object whose
+    // albedo varies.
     tables: array<vec2u>,
 }
 

@@ -1,22 +1,22 @@
 // needs: plan, slides
-// The schedule of an exposure: which slides each row of the sensor sees, and for how long. Twin of
-// `schedule.rs`, whose lines and parts it holds.
+// The schedule of an exposure: the slides that each row of the sensor sees, and for how long. Twin
+// of `schedule.rs`, with the same lines and parts.
 
-// A head of two, the lines, the parts, and two for each table.
+// A header of two vectors, the lines, the parts, and two vectors for each table.
 @group(0) @binding(56) var<storage, read> schedule: array<vec4u>;
 
-// Pixels that are exposed alike.
+// A group of pixels with the same exposure.
 struct Line {
     first: u32,
     parts: u32,
-    // The exposure in seconds times the mean over it of the pulse of what flickers.
+    // Exposure in seconds times the mean of the flicker pulse over it.
     swing: f32,
 }
 
-// One slide in the exposure of a line.
+// One slide within the exposure of a line.
 struct Part {
     table: u32,
-    // Seconds that it is shown, and the projector's light relative to full.
+    // Seconds for which it is shown, and the projector's light relative to full.
     seconds: f32,
     power: f32,
 }
@@ -47,7 +47,7 @@ fn schedule_table(index: u32) -> Table {
     return Table(size.x, size.y, size.z, size.w, bitcast<f32>(more.x), more.y == 1u, more.z);
 }
 
-// How many tables there are.
+// Number of tables.
 fn schedule_tables() -> u32 {
     return schedule[1].x;
 }

@@ -1,19 +1,20 @@
 // needs: plan, gathered, noise, response
 // The sensor pass: mean electrons to digital numbers, twin of sensor/mod.rs.
 //
-// A workgroup reads 256 pixels: each thread makes one counter's four random words, which belong to
-// four of them, takes four pixels a row apart, and in the end packs four neighbours.
+// A workgroup handles 256 pixels: each thread draws the four random words of one counter, which
+// belong to four different pixels, processes four pixels a row of the workgroup apart, and finally
+// packs four neighbouring pixels.
 
 @group(0) @binding(55) var<storage, read> electrons: array<f32>;
-// Bytes as the frame has them, four in a word, little endian.
+// Bytes of the frame, four per word, little endian.
 @group(0) @binding(75) var<storage, read_write> frame: array<u32>;
-// Digital numbers, not rounded.
+// Digital numbers before rounding.
 @group(0) @binding(79) var<storage, read_write> expected_dn: array<f32>;
 
-// Words of two bytes.
+// Pixels have two bytes.
 override wide: bool = false;
 
-// Pixels of a workgroup.
+// Pixels per workgroup.
 const GROUP_PIXELS: u32 = 4u * GROUP;
 
 // Random words of the group's pixels, then their digital numbers.
@@ -24,7 +25,7 @@ fn linear_dn(electrons: f32) -> f32 {
     return clamp(electrons * sensor_parameters.gain_dn_per_e + sensor_parameters.black_dn, 0.0, sensor_parameters.full_scale_dn);
 }
 
-// Electrons after the well to digital numbers, not rounded.
+// Converts electrons, clipped at the full well, to digital numbers before rounding.
 fn converted(electrons: f32, pixel: u32) -> f32 {
     var e = electrons;
     if has_fixed_pattern {
@@ -36,7 +37,8 @@ fn converted(electrons: f32, pixel: u32) -> f32 {
     return linear_dn(e);
 }
 
-// Mean electrons that a pixel holds before it is read; blooming has gathered them already.
+// Mean charge of a pixel before it is read, in electrons; with blooming, an earlier pass has
+// already computed it.
 fn mean_of(pixel: u32) -> f32 {
     if has_blooming {
         return electrons[pixel];

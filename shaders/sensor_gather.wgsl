@@ -1,6 +1,6 @@
 // needs: gathered
-// Gathers the electrons of the whole frame, where blooming carries them between pixels before they
-// are read.
+// Computes the charge of the whole frame before blooming, which moves electrons between pixels
+// before they are read.
 
 @group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
 

@@ -1,10 +1,11 @@
 // needs: plan, optics, cast_types, world, slopes, look, vignetting, defocus
-// Where the projector's light for a sample comes from, and how much of it arrives. Twin of `shade.rs`.
+// The projector coordinate that lights a sample, and how much of the light arrives. Twin of
+// `shade.rs`.
 
 // Cosine of 80 degrees.
 const COS_80: f32 = 0.17364818;
 
-// Everything but the distortion of the projector's lens.
+// Everything except the distortion of the projector's lens.
 fn pinhole_body(ray: Ray, hit: Hit, albedo: f32) -> Shaded {
     let lens = optics[0].projector;
     let pupil = projector_pupil() - ray.origin;
@@ -35,7 +36,7 @@ fn pinhole_body(ray: Ray, hit: Hit, albedo: f32) -> Shaded {
     shaded.projected = albedo * optics[0].projected * max(cos_light, 0.0) / distance2;
     shaded.ambient = albedo * optics[0].ambient;
     // Chain rule: camera pixel, ray, point on the tangent plane n . p = const, projector's frame,
-    // slide. A plane that is seen edge-on has no end.
+    // slide. The slope is limited for a plane seen edge-on.
     let steep = select(facing, -1e-9, abs(facing) < 1e-9);
     var by: array<vec2f, 2>;
     for (var j = 0u; j < 2u; j++) {
@@ -50,7 +51,7 @@ fn pinhole_body(ray: Ray, hit: Hit, albedo: f32) -> Shaded {
     return shaded;
 }
 
-// Takes pinhole coordinates and footprints of the projector to those of its distorted lens.
+// Converts the projector's pinhole coordinates and footprints into those of its distorted lens.
 fn distort(shaded: ptr<function, Shaded>) {
     let lens = optics[0].projector;
     let ideal = ((*shaded).px - lens.principal) * lens.scale;
@@ -60,12 +61,12 @@ fn distort(shaded: ptr<function, Shaded>) {
     let by_u = m * (vec2f(footprint.x, footprint.z) * lens.scale) * lens.focal;
     let by_v = m * (vec2f(footprint.y, footprint.w) * lens.scale) * lens.focal;
     (*shaded).footprint = vec4f(by_u.x, by_v.x, by_u.y, by_v.y);
-    // A coordinate that has folded back is nowhere, and in no field.
+    // A coordinate beyond the fold of the distortion is invalid and outside of the field of view.
     (*shaded).px = select(place.px, vec2f(0.0), place.folded);
     (*shaded).reachable = (*shaded).reachable && !place.folded;
 }
 
-// Shades what a ray of the camera has met.
+// Shades the point that a camera ray has hit.
 fn shade(ray: Ray, hit: Hit) -> Shaded {
     let albedo = first_albedo(object_of(hit.surface));
     var shaded = pinhole_body(ray, hit, albedo);

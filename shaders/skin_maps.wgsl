@@ -1,6 +1,6 @@
 // needs: plan, maps_in, world, center_ray, skin_scatter
-// The skin of all pixels' centres: where their light comes from and how far it spreads. Twin of
-// `SkinMaps::new` in `skin/maps.rs`.
+// Subsurface scattering at all pixels' centres: where their light enters the skin and how far it
+// spreads. Twin of `SkinMaps::new` in `skin/maps.rs`.
 
 @group(0) @binding(90) var<storage, read_write> under_skin: array<UnderSkin>;
 

@@ -1,11 +1,12 @@
 // needs: world, skin_scatter
-// The skin under a sample of a mixed pixel. Twin of `into_sample` in `skin/maps.rs`.
+// Subsurface scattering at a sample of a mixed pixel. Twin of `into_sample` in `skin/maps.rs`.
 
-// Of each sample of the mixed pixels, sixteen a head.
+// For each sample of the mixed pixels, sixteen per head.
 @group(0) @binding(91) var<storage, read_write> mixed_skin: array<UnderSkin>;
 
-// Follows the light of a sample, `number` among those of all mixed pixels, to its point of a surface
-// in the rig's frame; gives the place on the slide that it comes from.
+// Records the subsurface scattering of a sample, with index `number` among those of all mixed
+// pixels, at its surface point in the rig's frame; returns the position on the slide that the light
+// comes from.
 fn into_sample(
     number: u32, is_lit: bool, place: vec2f, surface: u32, at: vec3f, normal: vec3f,
 ) -> vec2f {

@@ -1,25 +1,26 @@
 // needs: plan, slide_axes, skin_types
-// What light does under one point of skin, on the slide. Twin of `Skins::at` in `skin/mod.rs`.
+// Subsurface scattering at one point of skin, expressed on the slide. Twin of `Skins::at` in
+// `skin/mod.rs`.
 
-// Of each object the index of its tissue, or `NO_TISSUE`, and the bits of how far light emerges
-// that comes in along the surface, in millimetres.
+// For each object, the index of its tissue, or `NO_TISSUE`, and the bits of the distance in
+// millimetres at which light emerges that enters along the surface (grazing incidence).
 @group(0) @binding(92) var<storage, read> skin_of: array<vec2u>;
 
-// Of a point that lies in a place of the slide and is no lit skin.
+// The value for a point at a position of the slide that is not lit skin.
 fn not_skin(place: vec2f) -> UnderSkin {
     return UnderSkin(place, vec2f(0.0), NO_TISSUE, 0u);
 }
 
-// Of a lit point of an object, with its unit normal, both in the rig's frame.
+// The value for a lit point of an object, with its unit normal, both in the rig's frame.
 fn scatter(place: vec2f, object: u32, at: vec3f, normal: vec3f) -> UnderSkin {
     let skin = skin_of[object];
     if skin.x == NO_TISSUE {
         return not_skin(place);
     }
-    // Along the surface, as long as the sine of the angle of incidence.
+    // Component along the surface; its length is the sine of the angle of incidence.
     let way = normalize(at - projector_pupil());
     let along = way - normal * dot(normal, way);
-    // Light that emerges here came in this much earlier on its way.
+    // Light that emerges here entered this far back along its direction.
     let shift = along * -bitcast<f32>(skin.y);
     let gradients = slide_gradients(at);
     let x = gradients[0];

@@ -1,5 +1,6 @@
 // needs: optics, lens
-// The projector's axes, to go from the rig's frame to its own: `v * projector_axes()`.
+// The projector's axes, which rotate a vector from the rig's frame into the projector's: `v *
+// projector_axes()`.
 
 fn projector_axes() -> mat3x3f {
     return mat3x3f(

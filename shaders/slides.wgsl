@@ -1,4 +1,4 @@
-// The slides' tables as the CPU made them, all in one buffer. Twin of `Table` of `exposure.rs`.
+// Tables of the slides, computed on the CPU, all in one buffer. Twin of `Table` of `exposure.rs`.
 
 @group(0) @binding(57) var<storage, read> slide_cells: array<vec4u>;
 
@@ -10,16 +10,16 @@ const TABLE_PICTURE: u32 = 3u;
 // A slide prepared for averaging.
 struct Table {
     kind: u32,
-    // Where it starts in `slide_cells`.
+    // Its start in `slide_cells`.
     first: u32,
-    // Held pixels of a row; columns and rows of a picture.
+    // Held pixels of a one-dimensional slide; columns and rows of a two-dimensional one.
     width: u32,
     height: u32,
-    // Light of one unit of the levels; of the whole slide where it is uniform.
+    // Light per unit of the levels; for a uniform slide, the light of the whole slide.
     scale: f32,
-    // Whether its sums take two words.
+    // Whether its sums occupy two words.
     long: bool,
-    // Where its row for kernels starts.
+    // Start of its row of levels for kernels.
     held: u32,
 }
 

@@ -3,14 +3,15 @@
 // Twin of light/soft.rs: a footprint's trapezoid under a Gaussian blur.
 //
 // The CPU takes second differences of the second antiderivative of the normal distribution, which
-// cancel in f32. Here only what blur changes is looked up, g(z) = phi(z) - z Phi(-z), which the
-// blurred and the sharp ramp differ by, and its antiderivative H; both vanish or rest far out.
+// would cancel in f32. Here only the change due to blur is looked up: g(z) = phi(z) - z Phi(-z),
+// the difference between the blurred and the sharp ramp, and its antiderivative H. For large z, g
+// vanishes and H is constant.
 
 // The table holds, at z = i / 16, i from 0 to 96: H(z), g(z), Phi(-z).
 const SOFT_FINE: f32 = 16.0;
 const SOFT_LAST: u32 = 95u;
 const SOFT_END: f32 = 6.0;
-// A box narrower than this many standard deviations is averaged over at three points.
+// A box narrower than this many standard deviations is averaged with three points.
 const SOFT_NARROW: f32 = 0.5;
 
 // The convolution of two boxes and a Gaussian.
@@ -20,7 +21,7 @@ struct Soft {
     narrow: f32,
 }
 
-// Of boxes as wide as the sizes of `slope`, and of a standard deviation above 0.
+// Boxes with the widths |slope|, and a standard deviation above 0.
 fn soft_new(slope: vec2f, sigma: f32) -> Soft {
     let a = abs(slope.x);
     let b = abs(slope.y);
@@ -29,18 +30,19 @@ fn soft_new(slope: vec2f, sigma: f32) -> Soft {
     return Soft(sigma, wide, narrow);
 }
 
-// The part that lies left of a border at distance e from the middle.
+// Fraction that lies left of an edge at distance e from the centre.
 fn soft_left_of(soft: Soft, e: f32) -> f32 {
     return soft_sharp_left_of(soft, e) + soft_beyond(soft, e);
 }
 
-// The same of the sharp trapezoid, which is symmetric: from the side that less lies on.
+// The same for the sharp trapezoid, which is symmetric: computed from the side with the smaller
+// fraction.
 fn soft_sharp_left_of(soft: Soft, e: f32) -> f32 {
     let less = soft_mean_ramp(0.5 * soft.wide - abs(e), soft.narrow) / soft.wide;
     return select(less, 1.0 - less, e > 0.0);
 }
 
-// By how much blur changes it.
+// Change of the fraction due to blur.
 fn soft_beyond(soft: Soft, e: f32) -> f32 {
     let far = 0.5 * soft.wide;
     let narrow = soft.narrow / soft.sigma;
@@ -49,7 +51,7 @@ fn soft_beyond(soft: Soft, e: f32) -> f32 {
     return (right - left) * (soft.sigma / soft.wide);
 }
 
-// Mean of max(x, 0) over a stretch about a middle.
+// Mean of max(x, 0) over an interval around a centre.
 fn soft_mean_ramp(middle: f32, wide: f32) -> f32 {
     let half = 0.5 * wide;
     if abs(middle) >= half {
@@ -59,7 +61,7 @@ fn soft_mean_ramp(middle: f32, wide: f32) -> f32 {
     return 0.5 * beyond * (beyond / wide);
 }
 
-// Mean of g(|z|) over a stretch about a middle.
+// Mean of g(|z|) over an interval around a centre.
 fn soft_mean_rest(middle: f32, wide: f32) -> f32 {
     let half = 0.5 * wide;
     if wide >= SOFT_NARROW {
@@ -69,13 +71,13 @@ fn soft_mean_rest(middle: f32, wide: f32) -> f32 {
     if off >= half {
         return soft_mean(off, half);
     }
-    // g(|z|) has an edge at 0: either side by itself.
+    // g(|z|) has a kink at 0: integrate each side separately.
     let right = 0.5 * (half + off);
     let left = 0.5 * (half - off);
     return (right * soft_mean(right, right) + left * soft_mean(left, left)) / half;
 }
 
-// Mean of g over a narrow stretch, by Gauss and Legendre's three points.
+// Mean of g over a narrow interval, by three-point Gauss-Legendre quadrature.
 fn soft_mean(middle: f32, half: f32) -> f32 {
     let off = 0.7745967 * half;
     let rim = soft_at(max(middle - off, 0.0)).y + soft_at(middle + off).y;
@@ -87,7 +89,7 @@ fn soft_integral(z: f32) -> f32 {
     return sign(z) * soft_at(abs(z)).x;
 }
 
-// H and g at z of 0 or more, by cubic Hermite pieces.
+// H and g at z >= 0, by cubic Hermite interpolation.
 fn soft_at(z: f32) -> vec2f {
     if z >= SOFT_END {
         return vec2f(look_values[SOFT_AT + 3u * (SOFT_LAST + 1u)], 0.0);
@@ -98,7 +100,7 @@ fn soft_at(z: f32) -> vec2f {
     let a = look_value3(SOFT_AT + 3u * i);
     let b = look_value3(SOFT_AT + 3u * (i + 1u));
     let step = 1.0 / SOFT_FINE;
-    // The slopes of H are g, those of g are -Phi(-z).
+    // The derivative of H is g, that of g is -Phi(-z).
     let slope_a = vec2f(a.y, -a.z) * step;
     let slope_b = vec2f(b.y, -b.z) * step;
     let s = 1.0 - t;

@@ -1,16 +1,16 @@
 // needs: cast_types
 // Shapes with a closed form: intersected in their own frame. Twin of `geometry/solid.rs`.
 //
-// They stand on z = 0 and rise towards -z. All of them are convex.
+// They stand on z = 0 and extend towards -z. All of them are convex.
 
 const PLANE: u32 = 0u;
 const SPHERE: u32 = 1u;
 const CYLINDER: u32 = 2u;
 const FRUSTUM: u32 = 3u;
 
-// A solid: rows of the pose that takes the rig's frame to its own; a plane's half sides, a sphere's
-// radius, a cylinder's radius and half length, or of a frustum's sides how far the normal points out
-// and up, and their offset, and the height.
+// A solid: rows of the pose from the rig's frame to its own, and its size: half sides of a plane;
+// radius of a sphere; radius and half length of a cylinder; for a frustum, the outward and upward
+// components of the side faces' normal, their offset, and the height.
 struct Solid {
     x: vec4f,
     y: vec4f,
@@ -18,26 +18,26 @@ struct Solid {
     size: vec4f,
     kind: u32,
     object: u32,
-    // The camera is inside and sees the inner wall, which the outer one shades.
+    // The camera is inside and sees the inner wall, which the outer wall shades.
     around_camera: u32,
     spare: u32,
 }
 
-// Where a ray meets a solid: parameter, or `NEVER`; outward unit normal in the solid's frame; which
-// smooth part.
+// Intersection of a ray with a solid: parameter, or `NEVER`; outward unit normal in the solid's
+// frame; number of the smooth part.
 struct SolidHit {
     t: f32,
     facet: u32,
     normal: vec3f,
 }
 
-// Parameters at which a line enters and leaves |p| = radius, and its closest approach; none where
-// `near` is `NEVER`.
+// Parameters at which a line enters and leaves |p| = radius, and its closest approach; `near` is
+// `NEVER` if the line misses.
 struct Roots {
     near: f32,
     far: f32,
     approach: vec3f,
-    // From the approach to either, along the line.
+    // Distance from the closest approach to either root, along the line.
     half: f32,
 }
 
@@ -45,7 +45,7 @@ fn no_meeting() -> SolidHit {
     return SolidHit(NEVER, 0u, vec3f(0.0));
 }
 
-// Without cancellation: the discriminant is formed from the ray's closest approach (Haines et al.,
+// Avoids cancellation by forming the discriminant from the ray's closest approach (Haines et al.,
 // "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019).
 fn roots(o: vec3f, d: vec3f, radius: f32) -> Roots {
     let a = dot(d, d);
@@ -60,7 +60,8 @@ fn roots(o: vec3f, d: vec3f, radius: f32) -> Roots {
         return Roots(NEVER, NEVER, approach, 0.0);
     }
     let half = sqrt(square);
-    // The root nearer to the origin as a quotient, whose rounding is relative to itself.
+    // The root nearer to the origin, as a quotient, so that its rounding error is relative to its
+    // own size.
     let far = middle + select(half, -half, middle < 0.0);
     let distance = length(o);
     let other = (distance - radius) * (distance + radius) / (a * far);
@@ -110,7 +111,7 @@ fn meet_cylinder(radius: f32, half_length: f32, o: vec3f, d: vec3f, start: f32) 
     if at.near == NEVER {
         return hit;
     }
-    // Both roots count: the near one may lie beyond the cylinder's end.
+    // Both roots must be tested: the near one may lie beyond the cylinder's end.
     if at.near > start && at.near < hit.t && abs(o.y + d.y * at.near) <= half_length {
         return SolidHit(at.near, 0u, (at.approach - flat_d * at.half) / radius);
     }
@@ -120,7 +121,7 @@ fn meet_cylinder(radius: f32, half_length: f32, o: vec3f, d: vec3f, start: f32) 
     return hit;
 }
 
-// Outward unit normal and offset of top, base and the four sides.
+// Outward unit normal and offset of the top, the base and the four sides.
 fn frustum_face(size: vec4f, i: u32) -> vec4f {
     switch i {
         case 0u: { return vec4f(0.0, 0.0, -1.0, size.w); }
@@ -132,7 +133,8 @@ fn frustum_face(size: vec4f, i: u32) -> vec4f {
     }
 }
 
-// A convex body as half-spaces n . p <= offset, by clipping the ray (Cyrus and Beck 1978).
+// Intersects a convex body, given by half-spaces n . p <= offset, by clipping the ray (Cyrus and
+// Beck 1978).
 fn meet_frustum(size: vec4f, o: vec3f, d: vec3f, start: f32) -> SolidHit {
     var enter = -NEVER;
     var leave = NEVER;
@@ -170,7 +172,7 @@ fn meet_frustum(size: vec4f, o: vec3f, d: vec3f, start: f32) -> SolidHit {
     return no_meeting();
 }
 
-// The first meeting of a ray, in the solid's frame, with the surface at a parameter above `start`.
+// First intersection of a ray, in the solid's frame, with the surface at a parameter above `start`.
 fn meet_solid(solid: Solid, o: vec3f, d: vec3f, start: f32) -> SolidHit {
     switch solid.kind {
         case PLANE: { return meet_plane(solid.size.xy, o, d, start); }

@@ -1,33 +1,36 @@
 // needs: plan
 //
-// Twin of look/texture.rs: a picture as albedo, averaged over a pixel's footprint by sums of the
-// whole picture. The sums are whole numbers of 2^-30 in two words, so that their differences are
-// exact; a rectangle is put together of whole texels and its parts of those at its rim, which
-// differences of interpolated sums in f32 would not find.
+// Twin of look/texture.rs: a texture as albedo, averaged over a pixel's footprint with a
+// summed-area table. The sums are integers in units of 2^-30, in two words, so that their
+// differences are exact. A rectangle is composed of whole texels and fractions of the texels at its
+// rim; differences of interpolated f32 sums would not be accurate enough.
 
-// Sums over the texels left of and above each of (width + 1) x (height + 1) corners, low word first.
+// Sums over the texels left of and above each of the (width + 1) x (height + 1) corners, low word
+// first.
 @group(0) @binding(33) var<storage, read> texel_sums: array<vec2u>;
 
-// Fewest and most pieces a side of a slanted footprint, and pieces a texel between them.
+// Minimum and maximum number of pieces along a side of a slanted footprint, and pieces per texel in
+// between.
 const PIECES_FEWEST: f32 = 4.0;
 const PIECES_MOST: f32 = 8.0;
 const PIECES_PER_TEXEL: f32 = 3.0;
-// A footprint slanted by less than this many texels is a rectangle.
+// A footprint slanted by less than this many texels is treated as a rectangle.
 const STRAIGHT: f32 = 1e-2;
 // Narrowest footprint in texels.
 const NARROWEST: f32 = 1e-3;
-// In texels; of wider ones, and of those without numbers, the mean is all there is to see.
+// Maximum footprint in texels; for wider or non-finite footprints the result is the texture's mean.
 const WIDEST_FOOTPRINT: f32 = 1e8;
 
 struct Picture {
-    // Place of its sums.
+    // Index of its sums.
     sums: u32,
     width: u32,
     height: u32,
     mean: f32,
 }
 
-// Mean over the parallelogram about `uv` with sides `across` and `down`, in units of the picture.
+// Mean over the parallelogram centred at `uv` with sides `across` and `down`, in units of the
+// texture.
 fn texture_average(picture: Picture, uv: vec2f, across: vec2f, down: vec2f) -> f32 {
     let size = vec2f(f32(picture.width), f32(picture.height));
     let a = across * size;
@@ -54,7 +57,7 @@ fn texture_average(picture: Picture, uv: vec2f, across: vec2f, down: vec2f) -> f
     return sum * part * part;
 }
 
-// Mean over a rectangle along the texels: whole repeats of the picture, and the rest.
+// Mean over an axis-aligned rectangle: whole repeats of the texture, and the rest.
 fn texture_rectangle(picture: Picture, center: vec2f, sides: vec2f) -> f32 {
     let size = vec2f(f32(picture.width), f32(picture.height));
     let corner = center - 0.5 * sides;
@@ -76,7 +79,8 @@ fn texture_rectangle(picture: Picture, center: vec2f, sides: vec2f) -> f32 {
     return mean;
 }
 
-// What a stretch along one axis is made of: a part of a texel, whole texels, a part of a texel.
+// An interval along one axis, split into a fraction of a texel, whole texels, and a fraction of a
+// texel.
 struct Stretch {
     first: u32,
     last: u32,
@@ -93,7 +97,7 @@ fn texture_stretch(low: f32, wide: f32, texels: u32) -> Stretch {
     return Stretch(first, last, f32(first + 1u) - low, min(low + wide - f32(last), 1.0));
 }
 
-// The texels of a piece of a stretch, from and to, and how much of each counts.
+// First and end texel of a piece of an interval, and the weight of each.
 fn texture_piece(stretch: Stretch, k: u32) -> vec2u {
     switch k {
         case 0u: { return vec2u(stretch.first, stretch.first + 1u); }
@@ -106,7 +110,7 @@ fn texture_weight(stretch: Stretch, k: u32) -> f32 {
     return select(select(stretch.last_part, 1.0, k == 1u), stretch.first_part, k == 0u);
 }
 
-// Mean over a rectangle that starts in the picture and is no larger.
+// Mean over a rectangle that starts in the texture and is no larger than it.
 fn texture_part(picture: Picture, low: vec2f, sides: vec2f) -> f32 {
     let x = texture_stretch(low.x, sides.x, picture.width);
     let y = texture_stretch(low.y, sides.y, picture.height);
@@ -135,11 +139,11 @@ fn texture_block(picture: Picture, columns: vec2u, rows: vec2u) -> f32 {
     let left = sums_minus(
         texture_corner(picture, columns.x, rows.y), texture_corner(picture, columns.x, rows.x));
     let found = sums_minus(right, left);
-    // Rounding may have left a trifle less than nothing.
+    // Rounding may have made the difference slightly negative.
     return f32(bitcast<i32>(found.y)) * 4.0 + f32(found.x) * 0x1p-30;
 }
 
-// Sum from the origin to a corner of the picture or of its repeat beyond.
+// Sum from the origin to a corner of the texture or of its first repeat.
 fn texture_corner(picture: Picture, x: u32, y: u32) -> vec2u {
     let over = x > picture.width;
     let below = y > picture.height;

@@ -1,9 +1,10 @@
 // needs: world, looks
 //
-// A hit in the frame that its surface is kept in: of the hierarchy of its triangle, or of the solid.
-// Twin of World::at_rest, as weights of corners and places on solids are the same there as at rest.
+// Transforms a hit into the frame in which its surface is stored: that of its triangle's hierarchy,
+// or of the solid. Twin of World::at_rest, because barycentric weights and positions on solids are
+// the same there as at rest.
 
-// Rows of the pose that takes the rig's frame there.
+// Rows of the pose from the rig's frame to that frame.
 struct There {
     x: vec4f,
     y: vec4f,
@@ -27,7 +28,7 @@ fn there_direction(there: There, d: vec3f) -> vec3f {
     return turned(there.x, there.y, there.z, d);
 }
 
-// The corners of a hit triangle, columns.
+// Corners of the hit triangle, as columns.
 fn there_corners(hit: Hit) -> mat3x3f {
     let at = 3u * hit.stored;
     return mat3x3f(triangles[at].xyz, triangles[at + 1u].xyz, triangles[at + 2u].xyz);

@@ -1,21 +1,22 @@
 // needs: cast_types
-// The watertight ray/triangle test (Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT
-// 2(1), 2013), and where the ray meets the triangle's plane. Twin of `raycast/triangle.rs` and `render/triangle.rs`.
+// The watertight ray/triangle test (Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection",
+// JCGT 2(1), 2013), and the intersection of the ray with the triangle's plane. Twin of
+// `raycast/triangle.rs` and `render/triangle.rs`.
 //
-// Corners are relative to the ray's origin. Drivers may fuse multiplications and additions as they
-// like, so that two triangles need not compute the function of a common edge from the same numbers:
-// what is within rounding of an edge belongs to both.
+// Corners are relative to the ray's origin. Drivers may fuse multiplications and additions, so two
+// triangles may compute the function of their common edge with different rounding: a point within
+// rounding of an edge belongs to both.
 
-// Rounding of an edge function relative to the square of its largest coordinate.
+// Rounding error of an edge function, relative to the square of its largest coordinate.
 const EDGE: f32 = 1.2e-7;
 
-// The permutation that makes a ray's largest component z, and its shear along it.
+// Permutation that moves a ray's largest component to z, and the ray's shear along z.
 struct Shear {
     last: u32,
     by: vec3f,
 }
 
-// v.yzx where x comes last, v.zxy where y does.
+// v.yzx if x is moved to z, v.zxy if y is.
 fn permuted(v: vec3f, last: u32) -> vec3f {
     return select(select(v.zxy, v.yzx, last == 0u), v, last == 2u);
 }
@@ -50,7 +51,7 @@ fn meet(corner_a: vec3f, corner_b: vec3f, corner_c: vec3f, shear: Shear) -> f32 
         return NEVER;
     }
     let det = u + v + w;
-    // Edge-on: its neighbours, which reach as far beyond their edges, are met instead.
+    // Edge-on: the ray hits the neighbours instead, which reach just as far beyond their edges.
     if abs(det) <= rounding {
         return NEVER;
     }
@@ -60,8 +61,8 @@ fn meet(corner_a: vec3f, corner_b: vec3f, corner_c: vec3f, shear: Shear) -> f32 
     return clamp(t, low, max(max(depth.x, depth.y), depth.z));
 }
 
-// The parameter at which a ray that meets the triangle does so, from its plane, kept within the
-// parameters of the corners: edge-on the plane says nothing.
+// Ray parameter of a known intersection, computed from the triangle's plane and clamped to the
+// parameters of the corners, because an edge-on plane determines nothing.
 fn solve(corner_a: vec3f, corner_b: vec3f, corner_c: vec3f, normal: vec3f, direction: vec3f, near: f32) -> f32 {
     let shear = shear_of(direction);
     let depth = shear.by.z * vec3f(

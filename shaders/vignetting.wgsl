@@ -1,11 +1,12 @@
 // needs: plan, optics, cast_types
 //
-// Twin of light/vignetting.rs: the fall of light from a lens's axis outwards.
+// Twin of light/vignetting.rs: decrease of light from a lens's axis outwards.
 
-// Squared tangents beyond this are where no pixel is; the polynomial need not be right there.
+// Upper limit of the squared tangent: no pixel lies beyond it, so the polynomial need not be right
+// there.
 const FALLOFF_END: f32 = 1e6;
 
-// The factor at an ideal image point, whose length is the tangent of the angle to the axis.
+// Vignetting factor at an ideal image point, whose length is the tangent of the angle to the axis.
 fn falloff_at(falloff: Falloff, ideal: vec2f) -> f32 {
     let tangent2 = min(dot(ideal, ideal), FALLOFF_END);
     let a = falloff.terms;
@@ -18,7 +19,7 @@ fn falloff_at(falloff: Falloff, ideal: vec2f) -> f32 {
     return factor;
 }
 
-// Dims all light on its way to the camera; `direction` with z = 1.
+// Applies the camera's vignetting to all light; `direction` has z = 1.
 fn dim_seen(direction: vec3f, shaded: ptr<function, Shaded>) {
     let factor = falloff_at(optics[0].seen, direction.xy);
     (*shaded).projected *= factor;
@@ -27,7 +28,7 @@ fn dim_seen(direction: vec3f, shaded: ptr<function, Shaded>) {
     (*shaded).evenly *= factor;
 }
 
-// Dims the projector's light at an ideal point of its image.
+// Applies the projector's vignetting at an ideal point of its image.
 fn dim_projected(ideal: vec2f, shaded: ptr<function, Shaded>) {
     (*shaded).projected *= falloff_at(optics[0].shown, ideal);
 }

@@ -1,6 +1,6 @@
 // needs: plan, aperture
-// Widens the footprints of all pixels by the blur of what their centres see: the last pass over a
-// camera with depth of field. Twin of `Aperture::widen`.
+// Widens the footprints of all pixels by the depth-of-field blur at the surfaces that their centres
+// see: the last pass for a camera with depth of field. Twin of `Aperture::widen`.
 
 @group(0) @binding(1) var<storage, read_write> slopes: array<vec4f>;
 @group(0) @binding(3) var<storage, read> seen: array<vec4f>;

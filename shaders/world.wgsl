@@ -1,18 +1,18 @@
 // needs: marks, cast_types, bvh, solid, optics
-// The scene as the rows of a frame see it: hierarchies of triangles, each in its own frame, and
-// solids. Twin of `world.rs`, `tree.rs` and `worlds.rs`; the buffers are made by `gpu/scene.rs`.
+// The scene as seen by the rows of a frame: hierarchies of triangles, each in its own frame, and
+// solids. Twin of `world.rs`, `tree.rs` and `worlds.rs`; the buffers are filled by `gpu/scene.rs`.
 
 struct World {
-    // Hierarchies and solids, of one instant.
+    // Number of hierarchies and of solids at one instant.
     trees: u32,
     solids: u32,
     // Triangles, which are numbered before the facets of solids.
     triangles: u32,
-    // 1 where each row has hierarchies and solids of its own, else 0.
+    // 1 if each row has its own hierarchies and solids, else 0.
     by_row: u32,
 }
 
-// Hierarchies of each row, row by row, or of all rows.
+// Hierarchies of each row, row by row, or one set for all rows.
 @group(0) @binding(15) var<storage, read> trees: array<Tree>;
 // Solids likewise.
 @group(0) @binding(16) var<storage, read> solids: array<Solid>;
@@ -20,11 +20,11 @@ struct World {
 // Object of each triangle.
 @group(0) @binding(18) var<storage, read> owner: array<u32>;
 
-// What stands this fraction before a point's end of a shadow ray touches the point rather than shades
-// it, and where rays that leave a point start, relative to its distance from the rig: 10 um at 1 m, far above
-// the error of f32.
+// Relative tolerance of shadow rays. An intersection within this fraction of the ray before the
+// surface point is taken as the point's own surface and casts no shadow. Rays that leave a point
+// start at this fraction of its distance from the rig: 10 um at 1 m, far above the error of f32.
 const OFF_POINT: f32 = 1e-5;
-// Facets that a solid may have.
+// Maximum number of facets of a solid.
 const FACETS: u32 = 8u;
 
 fn posed(x: vec4f, y: vec4f, z: vec4f, p: vec3f) -> vec3f {
@@ -35,7 +35,7 @@ fn turned(x: vec4f, y: vec4f, z: vec4f, d: vec3f) -> vec3f {
     return vec3f(dot(x.xyz, d), dot(y.xyz, d), dot(z.xyz, d));
 }
 
-// The other way round.
+// Inverse rotation.
 fn turned_back(x: vec4f, y: vec4f, z: vec4f, d: vec3f) -> vec3f {
     return x.xyz * d.x + y.xyz * d.y + z.xyz * d.z;
 }
@@ -52,7 +52,7 @@ fn object_of(surface: u32) -> u32 {
     return solids[(surface - world[0].triangles) / FACETS].object;
 }
 
-// Place of the first of a row's hierarchies.
+// Index of the first of a row's hierarchies.
 fn first_tree(row: u32) -> u32 {
     return row * world[0].by_row * world[0].trees;
 }
@@ -65,7 +65,8 @@ fn towards_ray(normal: vec3f, direction: vec3f) -> vec3f {
     return select(normal, -normal, dot(normal, direction) > 0.0);
 }
 
-// The hit of a ray on a stored triangle of a hierarchy, of which the walk has said where about.
+// The hit of a ray on a stored triangle of a hierarchy, refined from the approximate parameter
+// found by the traversal.
 fn solved(at: u32, origin: vec3f, direction: vec3f, found: Found) -> Hit {
     let tree = trees[at];
     let there = posed(tree.x, tree.y, tree.z, origin);
@@ -76,7 +77,8 @@ fn solved(at: u32, origin: vec3f, direction: vec3f, found: Found) -> Hit {
     let flat = vec3f(a.w, b.w, c.w);
     let t = solve(a.xyz - there, b.xyz - there, c.xyz - there, flat, along, found.t);
     var normal = towards_ray(turned_back(tree.x, tree.y, tree.z, flat), direction);
-    // A triangle without area, which closes a gap between its neighbours, counts as facing the ray.
+    // A triangle without area, which closes a gap between its neighbours, is treated as facing the
+    // ray.
     if dot(flat, flat) < 0.5 {
         normal = -normalize(direction);
     }
@@ -84,7 +86,7 @@ fn solved(at: u32, origin: vec3f, direction: vec3f, found: Found) -> Hit {
     return Hit(t, surface, normal, surface, found.triangle, at);
 }
 
-// The nearest surface along a ray of the camera.
+// Nearest surface along a camera ray.
 fn nearest(ray: Ray) -> Hit {
     var hit = no_hit();
     let first = first_tree(ray.row);
@@ -118,15 +120,15 @@ fn nearest(ray: Ray) -> Hit {
     return hit;
 }
 
-// Whether something other than `surface` itself, or than the convex solid that it is of, is met by
-// a ray between two parameters.
+// Whether a ray meets, between two parameters, any surface other than `surface` itself or the
+// convex solid that it belongs to.
 fn meets_any(row: u32, origin: vec3f, direction: vec3f, start: f32, end: f32, surface: u32) -> bool {
     let first = first_tree(row);
     for (var i = 0u; i < world[0].trees; i++) {
         let tree = trees[first + i];
         let there = posed(tree.x, tree.y, tree.z, origin);
         let along = turned(tree.x, tree.y, tree.z, direction);
-        // A number of another hierarchy's, less the first, is none of this one's.
+        // For a surface of another hierarchy, the difference matches no triangle of this one.
         let found = walk(tree, there, along, start, end, surface - tree.first, true);
         if found.triangle != NO_SURFACE {
             return true;
@@ -136,7 +138,7 @@ fn meets_any(row: u32, origin: vec3f, direction: vec3f, start: f32, end: f32, su
     let object = object_of(surface);
     for (var i = 0u; i < world[0].solids; i++) {
         let solid = solids[base + i];
-        // Seen from outside, a convex solid shades itself only by facing away.
+        // Seen from outside, the only self-shadowing of a convex solid is by faces that face away.
         if solid.object == object && solid.around_camera == 0u {
             continue;
         }
@@ -149,17 +151,18 @@ fn meets_any(row: u32, origin: vec3f, direction: vec3f, start: f32, end: f32, su
     return false;
 }
 
-// Whether something stands between a light's pupil and a point of a surface, in the rig's frame.
+// Whether an object blocks the way between a light's pupil and a point of a surface, in the rig's
+// frame.
 fn blocked_from(row: u32, pupil: vec3f, point: vec3f, surface: u32) -> bool {
     return meets_any(row, pupil, point - pupil, 0.0, 1.0 - OFF_POINT, surface);
 }
 
-// The same of the projector's pupil.
+// The same for the projector's pupil.
 fn blocked(row: u32, point: vec3f, surface: u32) -> bool {
     return blocked_from(row, projector_pupil(), point, surface);
 }
 
-// The same of a light far away, towards which a unit vector points.
+// The same for a distant light in the direction of a unit vector.
 fn blocked_along(row: u32, towards: vec3f, point: vec3f, surface: u32) -> bool {
     return meets_any(row, point, towards, length(point) * OFF_POINT, NEVER, surface);
 }

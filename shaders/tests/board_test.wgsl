@@ -1,5 +1,5 @@
 // needs: plan, board
-// Ink on pieces of boards.
+// Fraction of ink on pieces of boards.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

@@ -1,6 +1,6 @@
 // needs: plan, vignetting, defocus
-// Factors of both lenses at ideal image points; the projector's blur at points, and what it leaves of
-// the light near the slide's border.
+// Vignetting factors of both lenses at ideal image points; the projector's blur at points, and the
+// fraction of the light that it leaves near the slide's edge.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

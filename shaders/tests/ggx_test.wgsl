@@ -1,6 +1,6 @@
 // needs: plan, ggx
-// The lobe and the body of materials, direction by direction: what is reflected of light from one
-// direction, and of even light.
+// The specular lobe and diffuse base of materials, direction by direction: reflectance for light
+// from one direction, and for uniform light.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

@@ -1,6 +1,6 @@
 // needs: plan, hemisphere
-// Directions above surfaces: of each four words, normal and turn, the direction with the cosine of
-// the turn, and the sides with its sine.
+// Directions above surfaces. Each input of four words is a normal and a turn; the outputs are the
+// direction with the cosine of the turn, and the sides with its sine.
 
 @group(0) @binding(110) var<storage, read> input: array<vec4u>;
 @group(0) @binding(111) var<storage, read_write> output: array<vec4f>;

@@ -1,5 +1,5 @@
 // needs: plan, laid
-// Places and sides of spots on pictures that are laid over shapes.
+// Positions and patch sides on textures that are mapped onto shapes.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

@@ -1,6 +1,7 @@
 // needs: plan, optics
-// Rays through pixels of both lenses, and back. Of a pixel: the camera's ray, the pixel of that ray,
-// the Jacobian there; the projector's pixel of that ray, and whether it has folded over.
+// Rays through pixels of both lenses, and back. For each pixel: the camera's ray, the pixel of that
+// ray, the Jacobian there; the projector's pixel of that ray, and whether the distortion has folded
+// over.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;
@@ -15,7 +16,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     let ray = lens_ray(optics[0].camera, px);
     let back = lens_place(optics[0].camera, ray);
     let jacobian = lens_jacobian(optics[0].camera, ray);
-    // Farther aside than any pixel, too.
+    // Also tests rays farther off axis than any pixel.
     let shown = lens_place(optics[0].projector, ray * 2.0);
     output[12u * i] = bitcast<u32>(ray.x);
     output[12u * i + 1u] = bitcast<u32>(ray.y);

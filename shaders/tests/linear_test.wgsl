@@ -1,5 +1,5 @@
 // needs: plan
-// The number of an invocation, where it belongs.
+// Writes the linear index of each invocation at that index.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

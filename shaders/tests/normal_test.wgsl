@@ -1,5 +1,6 @@
 // needs: plan, elementary, normal
-// A word in; out ln(x) and exp(-x) of x = (word + 1/2) 80 / 2^32, and the word's normal number.
+// Input: a word. Output: ln(x) and exp(-x) for x = (word + 1/2) 80 / 2^32, and the word's normal
+// number.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

@@ -1,6 +1,6 @@
 // needs: plan, philox
-// The words of a counter under a key: six words in, four out, and then one by one those of the four
-// pixels of a counter that has pixels.
+// Input: six words, a counter and a key. Output: the counter's four words, then the words of its
+// four pixels, one by one.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

@@ -1,6 +1,6 @@
 // needs: plan, poisson
-// Bits of a mean and a word in; the Poisson number, and the probability and sign of what is left of
-// the word out.
+// Input: the bits of a mean, and a word. Output: the Poisson number, and the probability and sign
+// of the word's remainder.
 
 @group(0) @binding(110) var<storage, read> input: array<vec2u>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

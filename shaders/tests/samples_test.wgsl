@@ -1,10 +1,11 @@
 // needs: plan, aperture, sheared
-// Places of samples in the pixel and in the pupil, and footprints under the blur of depth of field.
+// Positions of samples in the pixel and in the pupil, and footprints widened by depth of field.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<vec4f>;
 
-// Of a pixel's kth sample: its point of the pupil, and its place from the pixel's centre.
+// For a pixel's kth sample: its point of the pupil, and its position relative to the pixel's
+// centre.
 @compute @workgroup_size(64)
 fn places(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear(id, groups);
@@ -15,7 +16,7 @@ fn places(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
     }
 }
 
-// Of a footprint of two widths and a depth: the disc's radius, and the widths under it.
+// For a footprint of two widths and a depth: the blur disc's radius, and the widened widths.
 @compute @workgroup_size(64)
 fn widths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear(id, groups);

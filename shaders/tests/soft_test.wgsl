@@ -1,5 +1,5 @@
 // needs: plan, soft
-// The part of blurred footprints that lies left of a border, and of sharp ones.
+// Fractions of blurred and of sharp footprints left of an edge.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

@@ -1,6 +1,6 @@
 // needs: plan, solid
-// Rays against solids in their frames: origin, direction, start, kind and sizes in; parameter, facet
-// and normal out.
+// Rays against solids in the solids' frames. Input: origin, direction, start, kind and size.
+// Output: parameter, facet and normal.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

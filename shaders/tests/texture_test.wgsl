@@ -1,5 +1,5 @@
 // needs: plan, texture
-// Means of pictures over footprints.
+// Means of textures over footprints.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

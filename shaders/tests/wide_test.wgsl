@@ -1,5 +1,5 @@
 // needs: plan, wide
-// Two numbers of two words in; their difference, product and what the first is as f32 out.
+// Input: two 64-bit numbers. Output: their difference, their product and the first as f32.
 
 @group(0) @binding(110) var<storage, read> input: array<vec4u>;
 @group(0) @binding(111) var<storage, read_write> output: array<vec4u>;

@@ -1,7 +1,7 @@
 // needs: plan, world, leaving
-// A row, an origin and a direction in; parameter and surface of the nearest hit of a ray of the
-// camera out. Then from that hit: whether a lamp at 100 mm above the camera is hidden, whether one far away
-// is, and the nearest surface along the mirrored ray.
+// Input: a row, an origin and a direction. Output: parameter and surface of the nearest hit of that
+// camera ray; then, from that hit, whether a lamp 100 mm above the camera is hidden, whether a
+// distant one is, and the nearest surface along the mirrored ray.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

@@ -1,4 +1,15 @@
-//! Lenses and rigs: from pictures of a board to a calibration, from projector coordinates to points.
+//! Calibration of cameras and projectors: from images of a calibration board to a rig, and from
+//! projector coordinates to points.
+//!
+//! | Module | Contents |
+//! | --- | --- |
+//! | `board` | detects calibration boards in images and reads the projector's coordinates at their points |
+//! | `poses` | plans board poses that make a calibration well determined |
+//! | `rig` | calibrates a rig from detected boards; locates a board with a known rig |
+//! | `solve` | bundle adjustment with covariance |
+//! | `report` | writes the results: tables, summary and HTML page |
+//! | `files` | reads and writes calibrations in OpenCV's and SLStudio's formats |
+//! | `height` | the phase-to-height formula against a reference plane |
 
 pub mod board;
 pub mod files;

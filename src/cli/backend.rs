@@ -1,16 +1,16 @@
-//! `--backend`: what runs the passes of a rendering.
+//! `--backend`: where the render passes run.
 
 use phasmid_render::Backend;
 use std::fmt;
 
-/// What a command line may ask for.
+/// Values of `--backend`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Choice {
-    /// The processor
+    /// The CPU; equal seeds give equal bytes on every machine
     Cpu,
-    /// A Vulkan adapter, software where there is no other
+    /// A Vulkan adapter, a software one if there is no other; fails without one
     Gpu,
-    /// A Vulkan adapter that is hardware, where there is one that holds the scene; else the processor
+    /// A hardware Vulkan adapter if there is one that can hold the scene, else the CPU
     Auto,
 }
 
@@ -25,7 +25,7 @@ impl From<Choice> for Backend {
 }
 
 impl fmt::Display for Choice {
-    /// As it is written on a command line.
+    /// Writes the value as spelled on the command line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Cpu => "cpu",

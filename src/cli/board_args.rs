@@ -1,51 +1,52 @@
-//! Which board, on a command line.
+//! Options that describe a calibration board.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Board;
 use std::fmt::Display;
 
-/// A calibration board. Lengths that are not given are those of the paper's board, or of the
-/// chessboard that everyone has, in proportion to the pitch.
+/// Describes a calibration board. Lengths that are not given are those of the default board (the
+/// paper's board of dots, or a common chessboard), in proportion to the pitch.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct BoardArgs {
-    /// What the board shows
+    /// Pattern of the board
     #[arg(long, visible_alias = "kind", value_enum, value_name = "KIND", default_value_t = Kind::Dots)]
     board: Kind,
-    /// Dots in a row, or inner corners [default: 25 dots, 9 corners]
+    /// Number of columns of dots, or of inner corners [default: 25 dots, 9 corners]
     #[arg(long, value_name = "N")]
     columns: Option<u32>,
-    /// Rows of dots, or of inner corners [default: 19 dots, 6 corners]
+    /// Number of rows of dots, or of inner corners [default: 19 dots, 6 corners]
     #[arg(long, value_name = "N")]
     rows: Option<u32>,
-    /// From one point to the next in millimetres [default: 6 for dots, 25 for corners]
+    /// Distance between neighbouring points in millimetres [default: 6 for dots, 25 for corners]
     #[arg(long, value_name = "MM")]
     pitch_mm: Option<f64>,
-    /// Diameter of a dot in millimetres [default: 2.5 at a pitch of 6]
+    /// Diameter of a dot in millimetres [default: 2.5 at a pitch of 6, in proportion to the pitch]
     #[arg(long, value_name = "MM")]
     dot_mm: Option<f64>,
-    /// Diameter of a marker in millimetres [default: two dots]
+    /// Diameter of a marker in millimetres [default: twice that of a dot]
     #[arg(long, value_name = "MM")]
     marker_mm: Option<f64>,
-    /// Factor on all lengths, given or not
+    /// Factor on all lengths, given or default
     #[arg(long, value_name = "FACTOR")]
     scale: Option<f64>,
 }
 
-/// What a board may show.
+/// Pattern of a board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Kind {
-    /// Dots, five of which are larger
+    /// A grid of dots, five of which are larger markers
     Dots,
     /// A chessboard
     Chess,
 }
 
 impl BoardArgs {
-    /// The board that is meant. The pitch, where neither it nor a scale is given, is the default's
-    /// times `default_scale`.
+    /// Returns the board that the options describe. Without `--pitch-mm` and `--scale`, the pitch is
+    /// the default's times `default_scale`.
     ///
     /// # Errors
-    /// Sizes of what the board has none of, and boards that [`Board::check`] refuses.
+    /// Returns an error if a size does not apply to this pattern or [`Board::check`] rejects the
+    /// board.
     pub(super) fn board(&self, default_scale: f64) -> Result<Board> {
         let scale = self.scale.unwrap_or(1.0);
         if !(scale > 0.0 && scale.is_finite()) {
@@ -55,7 +56,7 @@ impl BoardArgs {
             Kind::Dots => Board::DOTS,
             Kind::Chess => Board::CHESS,
         };
-        // A scale that is given is of the board as it is printed by default.
+        // A given scale multiplies the default board as it is printed, not the scaled default.
         let by_default = match self.scale {
             Some(_) => default,
             None => default.scaled(default_scale),
@@ -84,7 +85,7 @@ impl BoardArgs {
             Board::Chess { .. } => {
                 for (field, given) in [("dot-mm", self.dot_mm), ("marker-mm", self.marker_mm)] {
                     if let Some(found) = given {
-                        return Err(refused(field, found, "not with a chessboard"));
+                        return Err(refused(field, found, "no size of dots with a chessboard"));
                     }
                 }
                 Board::Chess {
@@ -97,7 +98,7 @@ impl BoardArgs {
         let scaled = board.scaled(scale);
         match (scaled.check(), board.check()) {
             (Ok(()), _) => Ok(scaled),
-            // What did before it was scaled is not what is wrong.
+            // The board is valid before scaling, so the scale is at fault.
             (Err((field, _, allowed)), Ok(())) => Err(refused(
                 "scale",
                 format!("{scale:?}"),
@@ -161,21 +162,21 @@ mod tests {
     #[test]
     fn what_cannot_be_is_refused_with_its_flag() {
         for (line, words) in [
-            ("--columns 6", "--columns: 6; allowed: 7 to 199"),
-            ("--board chess --rows 1", "--rows: 1; allowed: 2 to 199"),
+            ("--columns 6", "--columns: 6; expected 7 to 199"),
+            ("--board chess --rows 1", "--rows: 1; expected 2 to 199"),
             (
                 "--board chess --dot-mm 2",
-                "--dot-mm: 2; allowed: not with a chessboard",
+                "--dot-mm: 2; expected no size of dots with a chessboard",
             ),
             ("--pitch-mm NaN", "--pitch-mm: NaN"),
             ("--scale 0", "--scale: 0"),
             ("--scale inf", "--scale: inf"),
             (
                 "--scale 1e300",
-                "--scale: 1e300; allowed: a factor that leaves pitch_mm at 0.001",
+                "--scale: 1e300; expected a factor that leaves pitch_mm at 0.001",
             ),
-            ("--scale 1e-9 --board chess", "--scale: 1e-9; allowed: "),
-            ("--scale 2 --pitch-mm 0", "--pitch-mm: 0; allowed: "),
+            ("--scale 1e-9 --board chess", "--scale: 1e-9; expected "),
+            ("--scale 2 --pitch-mm 0", "--pitch-mm: 0; expected "),
             ("--dot-mm 7", "--dot-mm: 7"),
             ("--marker-mm 3", "--marker-mm: 3"),
         ] {

@@ -1,4 +1,4 @@
-//! `phasmid compare`: a cloud against a true surface, as a table or as JSON.
+//! `phasmid compare`: compares a cloud with a true surface, as a table or as JSON.
 
 use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
@@ -9,18 +9,20 @@ use phasmid_measure::{
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Measures a cloud against the truth, both in millimetres in the rig's frame.
+/// Compare a cloud with the true surface, both in millimetres in the rig's frame.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid compare scan/cloud.ply --truth wall.obj")]
 pub(super) struct Args {
-    /// The measured cloud (.ply).
+    /// Measured cloud (.ply).
     cloud: PathBuf,
-    /// The true surface: a mesh (.stl, .obj, .ply) or a cloud (.ply without faces).
+    /// True surface: a mesh (.stl, .obj, .ply) or a cloud (.ply without faces).
     #[arg(long, value_name = "MESH|CLOUD")]
     truth: PathBuf,
-    /// Move the cloud onto the truth first (point-to-plane, from nearby).
+    /// First align the cloud with the truth by point-to-plane ICP, which needs a nearby start.
     #[arg(long)]
     align: bool,
-    /// The rig that made the cloud (TOML): which parts of a true mesh it could light and see.
+    /// Calibration of the rig that captured the cloud. It determines which parts of a true mesh the
+    /// rig can light and see.
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
     /// Print JSON instead of a table.
@@ -50,7 +52,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if let Some(found) = &alignment {
         let motion = found.truth_from_cloud;
         cloud = cloud.moved(&motion);
-        // The rig goes along: it stood where it stood before the cloud.
+        // The rig moves with the cloud, so its pose relative to the cloud stays the same.
         rig = rig.map(|rig| Rig {
             camera: moved(rig.camera, &motion),
             projector: moved(rig.projector, &motion),
@@ -70,7 +72,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // Whoever reads has seen enough.
+        // The reader has closed the pipe.
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         other => other.map_err(|e| Error::io("standard output", e)),
     }
@@ -83,14 +85,14 @@ fn moved(view: View, motion: &Pose) -> View {
     }
 }
 
-/// Names the file in a complaint about "the cloud".
+/// Replaces the place `cloud` of an error by the file's path.
 fn at_file(error: Error, path: &Path) -> Error {
     match error {
         Error::Input {
             place,
             found,
-            allowed,
-        } if place == "cloud" => Error::input(path.display(), found, allowed),
+            expected,
+        } if place == "cloud" => Error::input(path.display(), found, expected),
         other => other,
     }
 }

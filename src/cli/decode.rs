@@ -1,4 +1,4 @@
-//! `phasmid decode`: photographs of a sequence to projector coordinates and points.
+//! `phasmid decode`: decodes images of a sequence to projector coordinates and points.
 
 use super::method::MethodArgs;
 use phasmid_calibrate::files::{Sizes, read_rig_sized};
@@ -12,58 +12,59 @@ use phasmid_host::{check_pictures, doubt_pictures};
 use phasmid_pattern::Manifest;
 use std::path::{Path, PathBuf};
 
-/// Decode photographs of projected patterns to projector coordinates, and with a calibration to
-/// points
+/// Decode images of projected patterns to projector coordinates and, with a calibration, to points
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid decode --manifest scan/sequence.toml --out decoded")]
 pub(super) struct Args {
     /// Sequence manifest: what was projected, frame by frame
     #[arg(long, value_name = "FILE")]
     manifest: PathBuf,
-    /// Folder for the results; made if it is not there
+    /// Folder for the results; created if it does not exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Folder of the photographs [default: the manifest's]
+    /// Folder of the images [default: the manifest's]
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
-    /// Calibration: adds cloud.ply and depth.npy. calibration.toml, or OpenCV's YAML, XML or JSON,
-    /// or SLStudio's formats
+    /// Calibration, which adds cloud.ply and depth.npy: calibration.toml, or OpenCV's YAML, XML or
+    /// JSON, or SLStudio's formats
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
     #[command(flatten)]
     method: MethodArgs,
-    /// Keep pixels that read two surfaces at once
+    /// Keep mixed pixels, which see two surfaces at once
     #[arg(long)]
     keep_mixed: bool,
-    /// Weigh the steps by their shot noise: less noise of six or more equal steps
+    /// Weight the phase steps by their shot noise, which reduces noise with six or more equal steps
     #[arg(long)]
     weighted: bool,
-    /// How a single period without Gray code is unwrapped
+    /// How to unwrap a single period without Gray code
     #[arg(long, value_name = "HOW")]
     unwrap: Option<Unwrap>,
-    /// Least modulation in grey levels
+    /// Minimum modulation in grey levels
     #[arg(long, value_name = "DN", default_value_t = Options::default().min_modulation_dn)]
     min_modulation: f32,
-    /// Refuse pictures that do not follow the manifest's sequence, in place of a warning
+    /// Fail, instead of warning, if the images do not follow the manifest's sequence
     #[arg(long)]
     strict: bool,
     /// Overwrite results of an earlier run
     #[arg(long)]
     force: bool,
-    /// Print the figures as JSON
+    /// Print the results as JSON
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Unwrap {
-    /// From pixel to pixel, the best first
+    /// Spatially, from pixel to pixel, the most precise first
     Spatial,
 }
 
 /// Runs the command.
 ///
 /// # Errors
-/// A manifest, photograph or calibration that does not do, or what the system refuses.
+/// Returns an error if the manifest, an image, the calibration or an option is invalid, or a file
+/// cannot be written.
 pub(super) fn run(args: &Args) -> Result<()> {
     if !(args.min_modulation >= 0.0 && args.min_modulation.is_finite()) {
         return Err(Error::input(
@@ -118,11 +119,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Holds pictures and what they decode to against their sequence: what speaks against them. A projector whose response is not
-/// straight is reason enough for a doubt, and no reason to give nothing.
+/// Checks whether the images, and what they decode to, follow their sequence. Prints and returns the
+/// reason for doubt, if any. By default this is only a warning, because a projector with a nonlinear
+/// response suffices to cause it.
 ///
 /// # Errors
-/// What speaks against them, where that is to be an error.
+/// With `strict`, returns the reason as an error.
 pub(super) fn doubt(
     place: &Path,
     manifest: &Manifest,
@@ -136,35 +138,35 @@ pub(super) fn doubt(
         return Ok(None);
     };
     if strict {
-        let allowed = "pictures of this sequence in its order";
-        return Err(Error::input(place.display(), why, allowed));
+        let expected = "pictures of this sequence in its order";
+        return Err(Error::input(place.display(), why, expected));
     }
     eprintln!("phasmid: {}: {why}", place.display());
     Ok(Some(why))
 }
 
-/// Puts the manifest's name before an error about the sequence in it.
+/// Adds the manifest's path to an error about its sequence.
 fn name_file(error: Error, manifest: &Path) -> Error {
     match error {
         Error::Input {
             place,
             found,
-            allowed,
+            expected,
         } if place.starts_with("sequence") => {
-            Error::input(format!("{}: {place}", manifest.display()), found, allowed)
+            Error::input(format!("{}: {place}", manifest.display()), found, expected)
         }
         other => other,
     }
 }
 
-/// Puts the calibration file's name into an error about the calibration.
+/// Replaces the place `calibration` of an error by the file's path.
 pub(super) fn name_calibration(error: Error, calibration: Option<&Path>) -> Error {
     match (error, calibration) {
         (
             Error::Input {
                 place,
                 found,
-                allowed,
+                expected,
             },
             Some(path),
         ) => {
@@ -172,7 +174,7 @@ pub(super) fn name_calibration(error: Error, calibration: Option<&Path>) -> Erro
                 Some(field) => format!("{}: {field}", path.display()),
                 None => place,
             };
-            Error::input(place, found, allowed)
+            Error::input(place, found, expected)
         }
         (other, _) => other,
     }

@@ -1,4 +1,4 @@
-//! `phasmid dialect`: lists the shipped dialects, prints one, checks files.
+//! `phasmid dialect`: lists and prints the built-in dialects and checks dialect files.
 
 use phasmid_core::error::Result;
 use phasmid_device::port::Port;
@@ -8,7 +8,7 @@ use phasmid_protocol::{Endpoints, endpoints};
 use std::path::Path;
 use std::sync::Arc;
 
-/// List, show or check dialects of the control port.
+/// List, print or check dialects of the control port.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -17,16 +17,19 @@ pub struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// List the shipped dialects.
+    /// List the built-in dialects.
+    #[command(after_help = "Example:\n  phasmid dialect list")]
     List,
-    /// Print the file of a shipped dialect, to start one's own from.
+    /// Print the file of a built-in dialect, as a start for your own.
+    #[command(after_help = "Example:\n  phasmid dialect show okline > own.toml")]
     Show {
-        /// Its name.
+        /// Built-in name.
         name: String,
     },
-    /// Check a dialect file (or a shipped dialect) and say what it describes.
+    /// Check a dialect file (or a built-in dialect) and summarise it.
+    #[command(after_help = "Example:\n  phasmid dialect check own.toml")]
     Check {
-        /// Path of a TOML file, or a shipped name.
+        /// Path of a TOML file, or a built-in name.
         file: String,
     },
 }
@@ -46,16 +49,17 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// The control port of a device as its profile has it.
+/// Returns the control port of a device, with the dialect of its profile.
 ///
 /// # Errors
-/// A dialect that is none, that does not go with the line, or that the device does not understand.
+/// Returns an error if the dialect is invalid, does not suit the serial line, or names commands that
+/// the device does not have.
 pub(super) fn port(profile: &Profile) -> Result<Port> {
     let dialect = profile.control.load_dialect(&profile.folder)?;
     Port::new(Arc::new(dialect))
 }
 
-/// A path that means the same wherever it is taken from; a name stays what it is.
+/// Makes the path of a dialect file absolute, and returns a built-in name unchanged.
 pub(super) fn from_anywhere(name_or_path: &str) -> String {
     let absolute = std::path::absolute(name_or_path)
         .ok()
@@ -65,10 +69,11 @@ pub(super) fn from_anywhere(name_or_path: &str) -> String {
         .unwrap_or_else(|| name_or_path.to_owned())
 }
 
-/// What a control port speaks: what is asked for, or what the `device.json` beside it says.
+/// Returns the dialect of a control port: the requested one, or the one in the `device.json` beside
+/// the port; `None` if there is neither.
 ///
 /// # Errors
-/// What [`Dialect::load`] refuses.
+/// Returns an error if [`Dialect::load`] does.
 pub(super) fn spoken(asked: Option<&str>, control: Option<&str>) -> Result<Option<Dialect>> {
     if let Some(asked) = asked {
         return Dialect::load(asked)
@@ -89,14 +94,14 @@ pub(super) fn spoken(asked: Option<&str>, control: Option<&str>) -> Result<Optio
     loaded.map(Some)
 }
 
-/// Has a device speak another dialect than its profile's, a path being relative to where the program
-/// was started; `place` is where that is said.
+/// Replaces the dialect of a profile. A path is relative to the working directory; `place` is the
+/// option or field that errors name.
 pub(super) fn speak(profile: &mut Profile, name_or_path: &str, place: &str) {
     profile.control.dialect = from_anywhere(name_or_path);
     profile.control.places.dialect = place.to_owned();
 }
 
-/// The profile of a station's device, with the station's dialect where it names one.
+/// Loads the profile of a station's device, with the station's dialect if it names one.
 ///
 /// # Errors
 /// As for [`Profile::load`].
@@ -108,10 +113,10 @@ pub(super) fn profile_of(station: &Station, device: &StationDevice) -> Result<Pr
     Ok(profile)
 }
 
-/// Checks a dialect's messages against the device, and says what it describes.
+/// Checks a dialect's messages against the device, and prints a summary.
 pub(super) fn check(file: &str, dialect: Dialect) -> Result<()> {
     let dialect = Arc::new(dialect);
-    // The device knows whether it has the commands that the file names.
+    // Fails if the device does not have a command that the file names.
     Port::new(dialect.clone())?;
     println!("{file}: ok");
     describe(&dialect);

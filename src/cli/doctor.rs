@@ -1,4 +1,4 @@
-//! `phasmid doctor`: what this machine has and lacks.
+//! `phasmid doctor`: reports what this machine has and lacks.
 
 use crate::doctor::{Feature, MODPROBE, MODULES_LOAD, Machine, Shipped, UDEV, User, examine};
 use phasmid_core::error::{Error, Result};
@@ -7,27 +7,28 @@ use rustix::fs::{Access, AtFlags, CWD};
 use std::io;
 use std::path::Path;
 
-/// Say what this machine has and lacks, and the command that mends each lack
+/// Report what this machine has and lacks, and the command that fixes each lack
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid doctor --need v4l2")]
 pub struct Args {
-    /// Fail when this does not work; may be repeated. The pty and the frame socket are always needed
+    /// Fail unless this feature works; may be repeated. The pty and the frame socket are always needed
     #[arg(long, value_enum, value_name = "FEATURE")]
     need: Vec<Need>,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
-    /// Print one of the files that Phasmid ships for the system, and nothing else
+    /// Print only this system file, which Phasmid ships
     #[arg(long, value_enum, value_name = "FILE", conflicts_with_all = ["need", "json"])]
     print: Option<Print>,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Need {
-    /// The device as a camera of the kernel.
+    /// The device as a V4L2 camera of the kernel.
     V4l2,
     /// The device as a USB device of this machine's kernel.
     Usb,
-    /// Rendering on a graphics adapter; judged by the files of loader and drivers, none is loaded.
+    /// Rendering on a GPU; checks that loader and driver files exist, without loading them.
     Vulkan,
 }
 
@@ -37,7 +38,7 @@ enum Print {
     Udev,
     /// Options of v4l2loopback.
     Modprobe,
-    /// Loads v4l2loopback at the start.
+    /// Loads v4l2loopback at boot.
     ModulesLoad,
 }
 
@@ -70,7 +71,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         Ok(())
     } else {
         Err(Error::device(
-            "something that is needed is missing, see above",
+            "a required feature does not work; see the report above",
         ))
     }
 }

@@ -1,4 +1,4 @@
-//! `phasmid faults`: the kinds of faults, schedules of them, and what the host makes of each.
+//! `phasmid faults`: lists the kinds of faults, checks schedules, and tests the host against each fault.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
@@ -7,7 +7,7 @@ use phasmid_study::faults::{Table, markdown, tables};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// List the faults that can be injected, check schedules of them, and try each on the host
+/// List the faults that can be injected, check schedules of them, and test the host against each
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(subcommand)]
@@ -17,22 +17,25 @@ pub(super) struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Action {
     /// List the kinds of faults with their parameters.
+    #[command(after_help = "Example:\n  phasmid faults list")]
     List,
-    /// Check a schedule and say what it holds.
+    /// Check a schedule of faults and summarise it.
+    #[command(after_help = "Example:\n  phasmid faults check faults.toml")]
     Check {
-        /// A TOML file, as `phasmid serve --faults` takes it.
+        /// Path of a TOML file, as for `phasmid serve --faults`.
         file: PathBuf,
     },
-    /// Try every fault on the host, in memory and in virtual time: does it recover, report, or go on
-    /// with a wrong cloud? Exit status 1 if it ever does the last.
+    /// Test the host against every fault, in memory and in virtual time: does it recover, report an
+    /// error, or return a wrong cloud? Exit status 1 if any scan returns a wrong cloud.
+    #[command(after_help = "Example:\n  phasmid faults matrix --out matrix.md")]
     Matrix {
-        /// Write the tables as Markdown.
+        /// Write the tables to this Markdown file.
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
         /// Overwrite an existing file.
         #[arg(long, requires = "out")]
         force: bool,
-        /// Strike at each frame and message in turn, not at six of them: minutes.
+        /// Inject at each frame and message in turn, not only at six of them; takes minutes.
         #[arg(long)]
         each: bool,
         /// Print the tables as JSON.
@@ -84,7 +87,7 @@ fn matrix(out: Option<&Path>, force: bool, each: bool, json: bool) -> Result<()>
     }
     let first = tables.iter().flat_map(Table::wrongs).next();
     Err(Error::device(format!(
-        "{wrong} of {scans} scans gave a wrong cloud and nobody said so; the first: {}",
+        "{wrong} of {scans} scans returned a wrong cloud without an error; the first: {}",
         first.unwrap_or_default()
     )))
 }
@@ -106,7 +109,7 @@ fn list() {
         }
     }
     println!();
-    println!("when = {{ ... }}: all that is said must hold");
+    println!("when = {{ ... }}: all given conditions must hold");
     for (name, about) in [
         (
             "frames",
@@ -114,24 +117,24 @@ fn list() {
         ),
         (
             "command",
-            "a part of the command that a message is or answers, or of the last one",
+            "text in the command that a message is or answers, or in the last one before a frame",
         ),
         ("window_s", "[from, until], seconds of device time"),
-        ("nth", "the nth of those that count so far, from 1"),
-        ("every", "every so many of them; with nth from that one on"),
+        ("nth", "the nth of those that match so far, from 1"),
+        ("every", "every n-th of them; with nth, from that one on"),
         (
             "probability",
-            "0 to 1 of what is left, by the schedule's seed",
+            "0 to 1, of each that remains, drawn with the schedule's seed",
         ),
     ] {
         println!("  {name:<16}{about}");
     }
     println!(
-        "on = \"camera\" or \"port\", device = NAME, times = N: see above, whose, at most how often"
+        "on = \"camera\" or \"port\" (see above), device = NAME (which device), times = N (at most)"
     );
 }
 
-/// A fault in words: its fields as they are written, `what` first.
+/// Describes a fault: the value of `what`, then the other fields as in the file.
 fn told(json: &serde_json::Value) -> String {
     let Some(fields) = json.as_object() else {
         return json.to_string();

@@ -1,5 +1,5 @@
-//! Ctrl-C and TERM during a capture: the camera stops giving frames, so that the scan ends as after
-//! any other failure and leaves the device as it found it; asked a second time, it ends at once.
+//! Ctrl-C and TERM during a capture: the camera returns an error instead of a frame, so the scan ends as
+//! after any other failure and restores the device. A second signal exits at once.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_host::Camera;
@@ -8,12 +8,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// The exit status of a program that a signal has ended, as shells have it.
+/// Exit status of a program that SIGINT has ended, as in shells: 128 + 2.
 const INTERRUPTED: i32 = 130;
-/// How long a capture may go on after the signal.
+/// Maximum delay from the signal to the end of the capture.
 const SLICE: Duration = Duration::from_millis(100);
 
-/// A camera that ends with the program.
+/// A camera that returns an error after a signal to end the program.
 pub(super) struct Interruptible<C> {
     camera: C,
     asked: Arc<AtomicBool>,
@@ -21,17 +21,17 @@ pub(super) struct Interruptible<C> {
 }
 
 impl<C> Interruptible<C> {
-    /// Wraps a camera; from now on the signals end captures and not the program.
+    /// Wraps a camera. From now on, the signals end captures instead of the program.
     pub(super) fn new(camera: C) -> Self {
         let asked = Arc::new(AtomicBool::new(false));
         let flag = asked.clone();
-        // Without the thread the signals do what they always do.
+        // If the thread cannot be started, the signals keep their default effect.
         let _ = std::thread::Builder::new()
             .name("signals".into())
             .spawn(move || {
                 if wait().is_ok() {
                     flag.store(true, Ordering::Relaxed);
-                    // A port that has gone is waited for: who asks again does not want to.
+                    // The scan may still wait for a port that is gone; a second signal skips that wait.
                     if wait().is_ok() {
                         std::process::exit(INTERRUPTED);
                     }
@@ -66,7 +66,7 @@ fn wait() -> std::io::Result<()> {
 }
 
 impl<C> Interruptible<C> {
-    /// Ends a wait once one of the signals has come.
+    /// Returns an error after one of the signals.
     fn look(&mut self) -> Result<()> {
         self.ended = self.asked.load(Ordering::Relaxed);
         match self.ended {

@@ -1,4 +1,5 @@
-//! `phasmid locate`: where the pods of a station stand in the room, by one board that all of them see.
+//! `phasmid locate`: measures the poses of a station's pods in the room, with one board that all of them
+//! see.
 
 mod report;
 mod station;
@@ -17,25 +18,28 @@ use report::Located;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Measure where pods stand in the room: each scans one board at a known place, and a new station file
-/// has the places that follow
+/// Measure the poses of pods in the room: each pod scans one board at a known pose, and the results are
+/// written to a new station file
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example:\n  phasmid locate --run-dir mounted --timeout 60 --out located.toml"
+)]
 pub(super) struct Args {
     #[command(flatten)]
     pods: PodArgs,
     #[command(flatten)]
     board: BoardArgs,
-    /// Where the board's middle is in the room, in millimetres [default: the isocentre]
+    /// Position of the board's centre in the room, in millimetres [default: 0,0,0, the isocentre]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     board_position: Option<String>,
-    /// How the board is turned, in degrees about the room's x, then y, then z axis, from lying face down
-    /// with its columns along x and its rows along y [default: 180,0,0, face up]
+    /// Rotation of the board in degrees about the room's x, then y, then z axis. At 0,0,0 it lies face
+    /// down with its columns along x and its rows along y [default: 180,0,0, face up]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     board_rotation: Option<String>,
-    /// Sequence to show, with patterns along both axes [default: that of the profile]
+    /// Sequence to show, with patterns along both axes [default: the profile's]
     #[arg(long, value_name = "NAME")]
     sequence: Option<String>,
-    /// New file for the station with the measured places.
+    /// Station file to write, with the measured poses.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Overwrite an existing file.
@@ -97,7 +101,7 @@ impl Args {
     }
 }
 
-/// Scans the board with one pod and places it before the pod's camera.
+/// Scans the board with one pod and estimates the pose of the pod.
 fn locate(
     args: &Args,
     pod: &Address,
@@ -122,7 +126,7 @@ fn locate(
     finished?;
     let failed = |why: String| Error::device(format!("{}: {why}", pod.name));
     let Some(rig) = captured.calibration else {
-        let why = "the device has no calibration to give: --calibration NAME=FILE gives one";
+        let why = "the device has no calibration; expected --calibration NAME=FILE";
         return Err(failed(why.to_owned()));
     };
     let looked = captured

@@ -1,4 +1,4 @@
-//! `--method`: which way from projector coordinates to points.
+//! `--method`: how projector coordinates are converted to points.
 
 use super::decode::doubt;
 use phasmid_calibrate::height::{Given, Mapping, meeting_mm};
@@ -9,45 +9,45 @@ use phasmid_host::MANIFEST_FILE;
 use phasmid_pattern::{Axis, Manifest};
 use std::path::{Path, PathBuf};
 
-/// How coordinates become points, as the command line says.
+/// Options of the conversion from projector coordinates to points.
 #[derive(Debug, clap::Args)]
 pub(super) struct MethodArgs {
-    /// How coordinates become points
+    /// How to convert projector coordinates to points
     #[arg(long, value_enum, default_value_t = Method::Triangulation)]
     method: Method,
-    /// Of the method height: a scan of the bare reference plane
+    /// For --method height: a scan of the bare reference plane
     #[arg(long, value_name = "DIR", conflicts_with = "plane_mm")]
     reference: Option<PathBuf>,
-    /// Of the method height, without --reference: a plane across the camera's axis at this depth in
-    /// mm, computed from the calibration [default: where the middles of the two images meet]
+    /// For --method height without --reference: depth in mm of a plane perpendicular to the camera's
+    /// axis, computed from the calibration [default: where the rays of the two image centres meet]
     #[arg(long, value_name = "Z")]
     plane_mm: Option<f64>,
-    /// Of the method height: the camera's distance L from the plane in mm, in place of the
+    /// For --method height: distance L of the camera from the plane in mm, instead of the
     /// calibration's
     #[arg(long, value_name = "L")]
     height_l_mm: Option<f64>,
-    /// Of the method height: the baseline D in mm, in place of the calibration's
+    /// For --method height: baseline D in mm, instead of the calibration's
     #[arg(long, value_name = "D")]
     height_d_mm: Option<f64>,
-    /// Of the method height: the fringes per mm on the plane f0, in place of the reference's
+    /// For --method height: fringes per mm on the plane, f0, instead of the reference's
     #[arg(long, value_name = "F0")]
     height_f0_per_mm: Option<f64>,
 }
 
-/// How coordinates become points.
+/// Conversion from projector coordinates to points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Method {
-    /// Rays of camera and projector cut, lenses and all
+    /// Intersection of the rays of camera and projector, with lens distortion
     Triangulation,
-    /// The paper's h = L dphi / (2 pi f0 D + dphi) over a reference plane
+    /// Phase to height over a reference plane, h = L dphi / (2 pi f0 D + dphi), as in the paper
     Height,
 }
 
 impl MethodArgs {
-    /// Refuses numbers that are none, and options of the other method.
+    /// Rejects numbers that are not finite and positive, and options of the other method.
     ///
     /// # Errors
-    /// The option that is at fault.
+    /// Returns an error that names the option at fault.
     pub(super) fn check(&self) -> Result<()> {
         let numbers = [
             ("--plane-mm", self.plane_mm),
@@ -75,11 +75,11 @@ impl MethodArgs {
         }
     }
 
-    /// Puts depths by this method in place of those of triangulation.
+    /// Replaces the depths of triangulation by those of this method.
     ///
     /// # Errors
-    /// No calibration, a reference that is none, or a sequence without a coordinate along the
-    /// baseline.
+    /// Returns an error if there is no calibration, the reference is invalid, or the sequence has no
+    /// coordinate along the baseline.
     pub(super) fn apply(
         &self,
         decoder: &Decoder,
@@ -100,7 +100,7 @@ impl MethodArgs {
         let mut best: Option<Result<Mapping>> = None;
         let resolved = decoded.axes().filter(|(_, map)| map.wrapped_px.is_none());
         for (axis, _) in resolved {
-            // Of Gray code alone, a cell; the period only names f0.
+            // Gray code alone has no fringe period: one pixel then, which only sets the unit of f0.
             let plan = decoder.plan().axis(axis);
             let period = plan
                 .and_then(|p| p.sets.first())
@@ -151,7 +151,7 @@ impl MethodArgs {
             let z = self.plane_mm.or_else(|| meeting_mm(rig)).ok_or_else(|| {
                 Error::input(
                     "--plane-mm",
-                    "none, and the middles of the camera's and the projector's images meet nowhere",
+                    "missing, and the rays of the camera's and the projector's image centres do not meet",
                     "the depth of the reference plane in mm",
                 )
             })?;

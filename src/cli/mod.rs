@@ -1,6 +1,20 @@
-//! The command line: one file a command, each a `clap` struct and a `run`.
+//! The command line: one module per command, each with a `clap` struct `Args` and a function `run`.
+//!
+//! Modules that several commands share:
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `backend` | `--backend`, where the render passes run |
+//! | `board_args` | options that describe a calibration board |
+//! | `interrupt` | Ctrl-C and TERM during a capture |
+//! | `method` | `--method`, from projector coordinates to points |
+//! | `pods` | options that select the pods of a station, and their scans |
+//! | `served` | an emulated device in a process of its own |
+//! | `vector` | options with three numbers |
+//! | `without_link` | stand-in for commands that need Linux |
 
-/// Prints, or ends the program quietly when whoever read has had enough, as in `phasmid doctor | head`.
+/// Prints to standard output. If the reader has closed the pipe, as in `phasmid doctor | head`, the
+/// program ends with status 0.
 macro_rules! print {
     ($($arg:tt)*) => {{
         use std::io::Write;
@@ -10,7 +24,7 @@ macro_rules! print {
     }};
 }
 
-/// [`print!`] with the line's end.
+/// [`print!`] followed by a newline.
 macro_rules! println {
     () => { print!("\n") };
     ($($arg:tt)*) => { print!("{}\n", format_args!($($arg)*)) };
@@ -68,7 +82,7 @@ use clap::{Parser, Subcommand};
 use phasmid_core::error::{Error, Result};
 use std::process::ExitCode;
 
-/// A structured-light 3D scanner that is not there.
+/// The `phasmid` program.
 #[derive(Debug, Parser)]
 #[command(name = "phasmid", version, about, long_about = None)]
 struct Cli {
@@ -131,7 +145,7 @@ fn show<'a>(
     Ok(())
 }
 
-/// Says on a terminal what goes on; nothing in a pipe.
+/// Reports the current step on standard error if that is a terminal.
 fn step(what: &str) {
     use std::io::IsTerminal;
     if std::io::stderr().is_terminal() {
@@ -139,9 +153,9 @@ fn step(what: &str) {
     }
 }
 
-/// Parses the arguments, runs the command, and says what went wrong on standard error.
+/// Parses the arguments, runs the command, and prints an error on standard error.
 ///
-/// Exit status: 0 done, 1 a device or system failure, 2 a user's mistake.
+/// Exit status: 0 for success, 1 for a failure of a device or the system, 2 for invalid input.
 pub fn main() -> ExitCode {
     match dispatch(Cli::parse().command) {
         Ok(()) => ExitCode::SUCCESS,

@@ -20,13 +20,16 @@ pub struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Action {
     /// List the built-in profiles and stations.
+    #[command(after_help = "Example:\n  phasmid profile list")]
     List,
     /// Print a built-in profile or station, as a start for your own.
+    #[command(after_help = "Example:\n  phasmid profile show webcam-grey > mine.toml")]
     Show {
         /// Built-in name.
         name: String,
     },
     /// Check a profile, station or dialect and summarise it.
+    #[command(after_help = "Example:\n  phasmid profile check mine.toml")]
     Check {
         /// Path of a TOML file, or a built-in name.
         file: String,
@@ -65,7 +68,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Its devices and its scene have to be whole too.
+/// Checks a station's devices and scene, and prints a summary.
 fn check_station(file: &str, station: &Station) -> Result<()> {
     let profiles: Vec<Profile> = station
         .device
@@ -153,14 +156,14 @@ fn describe(profile: &Profile) {
             sequence.frame.len(),
             sequence.period_us
         );
-        // A sequence may be meant for something else than decoding: no mistake.
+        // Not an error: a sequence need not be meant for decoding.
         if let Err(why) = Plan::new(&profile.manifest(sequence)) {
             println!("              cannot be decoded: {why}");
         }
     }
 }
 
-/// What a control port speaks and how fast.
+/// Describes the dialect and the line of a control port.
 fn line(control: &Control) -> String {
     match control.baud {
         Some(baud) => {
@@ -174,11 +177,11 @@ fn line(control: &Control) -> String {
             let (bits, stops) = (control.data_bits, control.stop_bits);
             format!("{} at {baud} baud, {bits}{parity}{stops}", control.dialect)
         }
-        None => format!("{} on a line that takes no time", control.dialect),
+        None => format!("{} on a line without delay", control.dialect),
     }
 }
 
-/// Whether a name or a file is a dialect's; of a file its `framing` says so.
+/// Whether a name or a file is that of a dialect. A file is one if it has the key `framing`.
 pub(super) fn names_dialect(file: &str) -> Result<bool> {
     if profile_names().any(|name| name == file) {
         return Ok(false);

@@ -1,4 +1,4 @@
-//! `phasmid replay`: a device that behaves as recorded.
+//! `phasmid replay`: serves a device that behaves as recorded.
 
 use super::record;
 use super::serve::{Shutdown, default_run_dir, runtime};
@@ -13,30 +13,30 @@ use std::time::Instant;
 
 /// Serve a recording: a device that behaves as recorded, until Ctrl-C or TERM.
 ///
-/// Status 0 if clients did all that was recorded and nothing else, 1 if one left that path (which is
-/// said at once, with its place) or did not go it to the end.
+/// Exit status 0 if clients sent exactly what was recorded; 1 if a client departed from the recording
+/// (reported at once, with the place) or did not send all of it.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid replay day.rec --run-dir replay-run")]
 pub(super) struct Args {
-    /// A recording of serve --record or scan --record.
+    /// Recording of `serve --record` or `scan --record`.
     file: PathBuf,
-    /// Where its endpoints are kept; a directory of its own under XDG_RUNTIME_DIR or the temporary
-    /// directory when absent.
+    /// Directory for the endpoints [default: one under XDG_RUNTIME_DIR or the temporary directory].
     #[arg(long, value_name = "DIR")]
     run_dir: Option<PathBuf>,
-    /// When replies and frames follow.
+    /// When to send replies and frames.
     #[arg(long, value_enum, default_value_t = Pace::Real)]
     clock: Pace,
-    /// Serve frames on this port of the loopback interface too; 0 picks a free one.
+    /// Also serve frames on this TCP port of the loopback interface; 0 picks a free one.
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
     tcp: Option<u16>,
-    /// End when standard input does: for programs that start a device and may be killed.
+    /// Exit when standard input closes, for programs that start a device and may be killed.
     #[arg(long)]
     while_stdin: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Pace {
-    /// As long after what the client sends as in the recording.
+    /// As long after the client's message as in the recording.
     Real,
     /// At once.
     Fast,
@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         notice: |text| eprintln!("phasmid: {text}"),
     };
     let outcome = runtime()?.block_on(async {
-        // Before anything is made that would have to be removed.
+        // Before creating anything that would have to be removed.
         let mut shutdown = Shutdown::watch(args.while_stdin)?;
         let run_dir = RunDir::claim(&run_dir)?;
         let ready = |endpoints: &Endpoints| announce(args, endpoints);
@@ -99,7 +99,7 @@ fn judge(args: &Args, outcome: &Outcome) -> Result<()> {
     match outcome.departures {
         0 if missing == 0 => Ok(()),
         0 => Err(Error::device(format!(
-            "{file}: followed for {matched} of the {all} bytes that clients sent in it"
+            "{file}: clients sent only {matched} of the {all} bytes recorded from clients"
         ))),
         count => Err(Error::device(format!(
             "{file}: {count} client{} left the recorded path; {matched} of the {all} bytes that \
@@ -109,10 +109,10 @@ fn judge(args: &Args, outcome: &Outcome) -> Result<()> {
     }
 }
 
-/// What a recording says of itself in its first record.
+/// Reads the first record, which describes the recording.
 ///
 /// # Errors
-/// A recording that does not.
+/// Returns an error if the first record is missing, damaged or of another kind.
 fn about<R: std::io::Read>(reader: &mut Reader<R>, path: &Path) -> Result<About> {
     let found = match reader.read() {
         Ok(Some(record)) => match record.event {
@@ -122,6 +122,6 @@ fn about<R: std::io::Read>(reader: &mut Reader<R>, path: &Path) -> Result<About>
         Ok(None) => "a recording without records".to_owned(),
         Err(damage) => damage.to_string(),
     };
-    let allowed = "a recording whose first record says what was recorded";
+    let allowed = "a recording whose first record describes it";
     Err(Error::input(path.display(), found, allowed))
 }

@@ -1,4 +1,4 @@
-//! `phasmid report`: studies on one page.
+//! `phasmid report`: joins studies into one page.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
@@ -7,16 +7,17 @@ use phasmid_study::ALL;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Join studies into one page
+/// Join the results of studies into one HTML page
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid report noise stability --out report.html")]
 pub struct Args {
-    /// Folders of studies
+    /// Output folders of `phasmid study`
     #[arg(required = true, value_name = "DIR")]
     studies: Vec<PathBuf>,
-    /// The page
+    /// HTML page to write
     #[arg(long, value_name = "FILE", default_value = "phasmid-report.html")]
     out: PathBuf,
-    /// Overwrite the page where it is there
+    /// Overwrite an existing file
     #[arg(long)]
     force: bool,
 }

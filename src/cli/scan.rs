@@ -1,4 +1,4 @@
-//! `phasmid scan`: captures a sequence from any device that can be reached, and decodes it.
+//! `phasmid scan`: captures a sequence from any reachable device, and decodes it.
 
 use super::dialect;
 use super::interrupt::Interruptible;
@@ -23,54 +23,56 @@ use std::time::{Duration, Instant};
 
 /// Capture a sequence from a scanner and decode it: frames, manifest, calibration, maps and cloud
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example:\n  phasmid scan --camera /dev/video0 --control /dev/ttyACM0 --out scan"
+)]
 pub(super) struct Args {
-    /// The camera: /dev/videoN, socket:PATH or tcp:HOST:PORT.
+    /// Camera: /dev/videoN, socket:PATH or tcp:HOST:PORT.
     #[arg(long, value_name = "ADDR", required_unless_present = "device")]
     camera: Option<String>,
-    /// Camera and control port of a USB device that is served over USB/IP: usb:HOST:PORT or
+    /// USB device with camera and control port, served over USB/IP: usb:HOST:PORT or
     /// usb:HOST:PORT/BUSID.
     #[arg(long, value_name = "ADDR", conflicts_with_all = ["camera", "control", "capture"])]
     device: Option<String>,
-    /// How a V4L2 camera is read
+    /// How to read a V4L2 camera
     #[arg(long, value_name = "HOW", default_value = "auto")]
     capture: How,
-    /// The control port: the path of a serial port. Without one, --manifest says what is projected,
-    /// and the frames of the free-running camera are taken as they come.
+    /// Control port: the path of a serial port. Without one, --manifest states what is projected, and
+    /// the frames of the free-running camera are taken as they arrive.
     #[arg(long, value_name = "PATH")]
     control: Option<String>,
-    /// What the control port speaks: scpi, dlpc350, okline, or the file of a dialect. When absent,
-    /// what the device.json beside the port says, or else scpi.
+    /// Dialect of the control port: scpi, dlpc350, okline, or a dialect file [default: that of the
+    /// device.json beside the port, else scpi].
     #[arg(long, value_name = "NAME|FILE")]
     dialect: Option<String>,
-    /// Folder for what is captured.
+    /// Folder for the capture and the results.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Calibration to use in place of the device's own: calibration.toml, or OpenCV's YAML, XML or
+    /// Calibration to use instead of the device's own: calibration.toml, or OpenCV's YAML, XML or
     /// JSON, or SLStudio's formats, with image sizes.
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
     #[command(flatten)]
     method: MethodArgs,
-    /// Sequence to select on the device; the selected one when absent.
+    /// Sequence to select on the device [default: the one selected there].
     #[arg(long, value_name = "NAME")]
     sequence: Option<String>,
-    /// What the device projects, where it does not say so itself.
+    /// Manifest of what is projected, if the device does not report it.
     #[arg(long, value_name = "FILE")]
     manifest: Option<PathBuf>,
-    /// Seconds to wait for a reply or a frame.
+    /// Seconds to wait for a reply or a frame, 0.001 to 3600.
     #[arg(long, value_name = "S", default_value_t = 5.0)]
     timeout: f64,
-    /// Keep pixels that read two surfaces at once.
+    /// Keep mixed pixels, which see two surfaces at once.
     #[arg(long)]
     keep_mixed: bool,
-    /// Weigh the steps by their shot noise: less noise of six or more equal steps.
+    /// Weight the phase steps by their shot noise, which reduces noise with six or more equal steps.
     #[arg(long)]
     weighted: bool,
-    /// Capture only: for sequences that are not meant to be decoded.
+    /// Capture only, for sequences that are not meant to be decoded.
     #[arg(long)]
     no_decode: bool,
-    /// Record every byte and frame as they come, with their times, for phasmid replay and phasmid
-    /// record info.
+    /// Record every byte and frame with its time, for `phasmid replay` and `phasmid record info`.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// Overwrite an earlier capture, and the file of --record.
@@ -86,7 +88,7 @@ pub(super) struct Args {
 enum How {
     /// v4l for GREY, Y10, Y12 and Y16, else nokhwa
     Auto,
-    /// The driver's own queue of buffers
+    /// Buffers queued by the driver (V4L2 streaming)
     V4l,
     /// The nokhwa library: YUYV and MJPG
     Nokhwa,
@@ -102,7 +104,7 @@ impl From<How> for Capture {
     }
 }
 
-/// Longest timeout in seconds.
+/// Maximum timeout in seconds.
 const MAX_TIMEOUT_S: f64 = 3600.0;
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -119,8 +121,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         return Err(Error::input(
             "--control",
             "neither it nor --manifest is given",
-            "--control PATH of a device that is triggered, or --manifest FILE of what a camera that \
-             runs free is shown",
+            "--control PATH for a triggered device, or --manifest FILE for a free-running camera",
         ));
     }
     let timeout = Duration::from_secs_f64(args.timeout);
@@ -172,7 +173,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let measured = |decoding: &Decoding| decoding.summary.points != Some(0);
     if !decoding.as_ref().is_none_or(measured) {
         return Err(Error::device(format!(
-            "{address} (frames kept in {}): not one pixel could be measured",
+            "{address} (frames kept in {}): no pixel could be measured",
             args.out.display()
         )));
     }
@@ -187,7 +188,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Starts the recording of `--record`; its times count from `start`.
+/// Starts the recording of `--record`, whose times count from `start`.
 fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape> {
     let control = args.control.as_deref().unwrap_or_default();
     let now_ns = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
@@ -210,11 +211,11 @@ fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape>
     Ok(Tape::new(recorder, now_ns))
 }
 
-/// Captures a sequence, with progress on a terminal, from a device that speaks SCPI or a dialect; a
-/// calibration from a file takes the place of the device's own.
+/// Captures a sequence from a device that speaks SCPI or a dialect, with a progress bar on a terminal.
+/// A calibration from a file replaces the device's own.
 ///
 /// # Errors
-/// See [`Scanner::scan`].
+/// Returns an error as [`Scanner::scan`] does.
 pub(super) fn capture(
     (camera, how): (&str, Capture),
     (control, dialect): (&str, Option<Dialect>),
@@ -231,7 +232,7 @@ pub(super) fn capture(
     run_scanner(scanner, options, calibration)
 }
 
-/// Captures a sequence from a USB device: camera and control port by one address.
+/// Captures a sequence from a USB device, whose camera and control port have one address.
 fn capture_usb(
     (address, dialect): (&str, Option<Dialect>),
     timeout: Duration,
@@ -266,7 +267,7 @@ fn run_scanner<C: Camera, P: CommandPort>(
     Ok(captured)
 }
 
-/// Captures from a camera that runs free, without a control port.
+/// Captures from a free-running camera, without a control port.
 fn capture_free(
     args: &Args,
     (camera, how): (&str, Capture),
@@ -278,12 +279,12 @@ fn capture_free(
     if let Some(name) = &args.sequence {
         return Err(Error::input(
             format!("--sequence {name}"),
-            "nobody to tell it to, without --control",
+            "given without --control",
             "--control PATH, or --manifest alone",
         ));
     }
     eprintln!(
-        "phasmid: no control port: nothing is triggered, the next {} frames are taken as they come",
+        "phasmid: no control port: nothing is triggered, the next {} frames are taken as they arrive",
         manifest.frame.len()
     );
     let camera = RecordedCamera::new(open_camera(camera, how, timeout)?, tape);
@@ -318,15 +319,15 @@ fn show(bar: &ProgressBar, progress: Progress<'_>) {
     }
 }
 
-/// Decodes the capture into its folder.
-/// What came of decoding a capture.
+/// Result of decoding a capture.
 struct Decoding {
     summary: Summary,
     decode_s: f64,
-    /// Why its maps are not to be believed.
+    /// Why the maps should not be trusted.
     doubt: Option<String>,
 }
 
+/// Decodes the capture into its folder.
 fn decode_captured(captured: &Captured, args: &Args) -> Result<Decoding> {
     let options = Options {
         keep_mixed: args.keep_mixed,

@@ -14,13 +14,16 @@ pub struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Action {
     /// List the built-in scenes.
+    #[command(after_help = "Example:\n  phasmid scene list")]
     List,
     /// Print a built-in scene, as a start for your own.
+    #[command(after_help = "Example:\n  phasmid scene show sphere > mine.toml")]
     Show {
         /// Built-in name.
         name: String,
     },
-    /// Check a scene file (or a built-in scene).
+    /// Check a scene file (or a built-in scene) and the meshes that it names.
+    #[command(after_help = "Example:\n  phasmid scene check mine.toml")]
     Check {
         /// Path of a TOML file, or a built-in name.
         file: String,

@@ -1,4 +1,4 @@
-//! A device in a process of its own, for as long as a command needs it.
+//! Runs a device in a process of its own, for as long as a command needs it.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Endpoints;
@@ -12,41 +12,42 @@ use std::process::{Child, Command, Stdio};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-/// How long a device may take to be ready, and to go away.
+/// Maximum time for a device to become ready, and to end.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// How long it may take to answer on its service channel: frames under way are finished first.
+/// Maximum time for an answer on the service channel. Frames in flight are finished first.
 const ANSWER: Duration = Duration::from_secs(30);
 const POLL: Duration = Duration::from_millis(5);
 
-/// A running `phasmid serve`; it ends with this value.
+/// A running `phasmid serve`. Dropping this value ends it.
 pub(super) struct Served {
     child: Child,
     run_dir: PathBuf,
     endpoints: Endpoints,
-    /// Hands on what the device says.
+    /// Forwards the standard error of the device.
     words: Option<JoinHandle<()>>,
 }
 
 impl Served {
-    /// Starts `phasmid serve` with these arguments for a command and waits until it can be reached.
+    /// Starts `phasmid serve` with these arguments for a command and waits until it is reachable.
     ///
     /// # Errors
-    /// A process that cannot be started, ends, or is not ready in time; with its own words.
+    /// Returns an error, with the process's own message, if it cannot be started, ends, or is not ready
+    /// in time.
     pub(super) fn start(command: &str, arguments: &[String]) -> Result<Self> {
         let program = std::env::current_exe().map_err(|e| Error::io("phasmid", e))?;
-        // The device makes it, 0700, and removes it even where this process is killed. Its name cannot
-        // be foreseen: the keys of a `RandomState` are the system's random numbers. It is short because
-        // the path of a socket has room for some hundred bytes.
+        // The device creates it with mode 0700, and removes it even if this process is killed. Its name
+        // is unpredictable: the keys of a `RandomState` are random numbers of the system. It is short
+        // because the path of a socket is limited to about a hundred bytes.
         let number = RandomState::new().hash_one(std::process::id());
         let run_dir = std::env::temp_dir().join(format!("phasmid-{command}-{number:016x}"));
         let child = Command::new(&program)
             .arg("serve")
             .args(arguments)
-            // A node for other programs is not for this to take.
+            // Leaves V4L2 nodes to other programs.
             .args(["--camera", "socket"])
             .arg("--run-dir")
             .arg(&run_dir)
-            // It ends when this process does, however that happens.
+            // Ends with this process, even if that is killed.
             .arg("--while-stdin")
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
@@ -61,7 +62,7 @@ impl Served {
             {
                 let Starting { mut child, run_dir } = served;
                 let words = child.stderr.take().map(|mut stderr| {
-                    // Until the device ends; nobody is told where nobody listens.
+                    // Runs until the device ends. A failed write is ignored.
                     std::thread::spawn(move || {
                         let _ = std::io::copy(&mut stderr, &mut std::io::stderr());
                     })
@@ -95,16 +96,16 @@ impl Served {
         &self.endpoints
     }
 
-    /// Asks the device to go, and waits until it has.
+    /// Asks the device to end, and waits until it has.
     ///
     /// # Errors
-    /// A device that does not end well.
+    /// Returns an error if it does not end in time, or with a status other than 0.
     pub(super) fn stop(mut self) -> Result<()> {
         let status = terminate(&mut self.child);
         match status {
             Some(0) => Ok(()),
             Some(other) => Err(Error::device(format!(
-                "phasmid serve ended with status {other} when asked to stop, want 0"
+                "phasmid serve ended with status {other} when asked to stop, expected 0"
             ))),
             None => Err(Error::device(
                 "phasmid serve did not end when asked to stop",
@@ -117,16 +118,16 @@ impl Drop for Served {
     fn drop(&mut self) {
         end(&mut self.child, &self.run_dir);
         if let Some(words) = self.words.take() {
-            // Its end is the pipe's.
+            // The thread ends when the pipe closes.
             let _ = words.join();
         }
     }
 }
 
-/// The device's service channel, which no physical device has.
+/// Connects to the device's service channel, which no physical device has.
 ///
 /// # Errors
-/// What the system refuses.
+/// Returns an error if the socket cannot be opened.
 pub(super) fn service(path: &Path) -> Result<UnixStream> {
     let io = |e| Error::io(path, e);
     let stream = UnixStream::connect(path).map_err(io)?;
@@ -141,11 +142,11 @@ struct Starting {
 }
 
 impl Starting {
-    /// The child's own message; a user's mistake stays one.
+    /// Returns the child's own message as an error, with its exit status.
     fn failure(&mut self, code: Option<i32>) -> Error {
         let mut words = String::new();
         if let Some(stderr) = &mut self.child.stderr {
-            // What can be read is shown; nothing more can be done here.
+            // Best effort: shows as much as can be read.
             let _ = stderr.take(1 << 16).read_to_string(&mut words);
         }
         let words = words.trim().trim_start_matches("phasmid: ");
@@ -162,13 +163,13 @@ impl Starting {
     }
 }
 
-/// TERM, then patience; the exit status if it ended in time.
+/// Sends TERM and waits. Returns the exit status if the process ended in time.
 fn terminate(child: &mut Child) -> Option<i32> {
     if let Ok(Some(status)) = child.try_wait() {
         return status.code();
     }
     if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
-        // It may have gone by itself meanwhile.
+        // The process may have ended in the meantime.
         let _ = kill_process(pid, Signal::TERM);
     }
     let deadline = Instant::now() + PATIENCE;
@@ -181,7 +182,7 @@ fn terminate(child: &mut Child) -> Option<i32> {
     None
 }
 
-/// Leaves neither a process nor a folder behind, whatever happened.
+/// Ends the process, by force if necessary, and then also removes its folder.
 fn end(child: &mut Child, run_dir: &Path) {
     if terminate(child).is_none() {
         let _ = child.kill();

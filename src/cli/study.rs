@@ -1,4 +1,4 @@
-//! `phasmid study`: runs a study, or says which there are.
+//! `phasmid study`: runs a study, or lists the studies.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use phasmid_core::error::{Error, Result};
@@ -9,26 +9,26 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Instant, UNIX_EPOCH};
 
-/// Run a study: rows in CSV, tables, plots, and one page that shows them
+/// Run a study, and write rows in CSV, tables, plots, and one page that shows them
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid study noise --quick --out noise")]
 pub struct Args {
-    /// Which; without a name the studies are listed
+    /// Study to run; without a name, the studies are listed
     #[arg(requires = "out")]
     name: Option<String>,
-    /// Folder for the rows and the report. A study that was interrupted goes on where it was
+    /// Folder for the rows and the report. An interrupted study continues where it stopped
     #[arg(long, value_name = "DIR", requires = "name")]
     out: Option<PathBuf>,
-    /// The form of less than a minute
+    /// Run the short form, which takes less than a minute
     #[arg(long)]
     quick: bool,
-    /// Only a part of the study, where it has parts; a part that it has not is answered with those that
-    /// it has
+    /// Run only this part of the study, if it has parts; the error for an unknown part lists them
     #[arg(long, value_name = "PART", requires = "name")]
     only: Option<String>,
-    /// Seed of all noise and of everything that is drawn
+    /// Seed of all noise and of all random parameters
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Trials side by side, timed ones apart; each has its share of the cores
+    /// Number of trials to run in parallel, each with its share of the cores; timed trials run alone
     #[arg(long, value_name = "N", default_value_t = 1)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: u16,
@@ -88,7 +88,7 @@ fn find(name: &str) -> Result<&'static dyn Study> {
     })
 }
 
-/// A bar on a terminal, nothing in a pipe.
+/// Makes a progress bar on a terminal, hidden otherwise (in a pipe).
 fn bar() -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
@@ -97,10 +97,10 @@ fn bar() -> ProgressBar {
     ProgressBar::new(1).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// Which program this is: the source's revision when it was built, and the checksum of its file, which
-/// tells builds of one revision apart. The revision is what the build was told (`PHASMID_REVISION`),
-/// or else where git says that the source's folder stood when the file was written there; nothing where
-/// neither is known, as of a copy elsewhere.
+/// Identifies the program by the revision of its source and the checksum of its file, which distinguishes
+/// builds of one revision. The revision is `PHASMID_REVISION` of the build, or else the commit at which
+/// the source folder stood, by git's log, when the file was written there. It is omitted if neither is
+/// known, as for a copy elsewhere.
 fn revision() -> String {
     let program = std::env::current_exe().ok();
     let bytes = program.as_ref().and_then(|path| std::fs::read(path).ok());
@@ -110,13 +110,12 @@ fn revision() -> String {
     let known: Vec<String> = built.into_iter().chain(sum).collect();
     match known.is_empty() {
         true => "unknown".to_owned(),
-        // No comma: it stands in every row of a CSV.
+        // No comma, because it goes into every row of a CSV.
         false => known.join(" "),
     }
 }
 
-/// The commit that the source's folder stood at when a file within it was written, by git's own log of
-/// that.
+/// Returns the commit at which the source folder stood when a file in it was written, by git's reflog.
 fn head_at(program: &Path) -> Option<String> {
     if !program.starts_with(env!("CARGO_MANIFEST_DIR")) {
         return None;

@@ -1,4 +1,4 @@
-//! `phasmid track`: follows a patient and the tumour through the ports of the pods, live.
+//! `phasmid track`: follows a patient and the tumour live, through the ports of the pods.
 
 mod patience;
 mod span;
@@ -20,29 +20,32 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use table::{Row, Table};
 
-/// Largest tolerance in millimetres.
+/// Maximum tolerance in millimetres.
 const MOST_TOLERANCE_MM: f64 = 1000.0;
 
-/// Follow a patient's skin and tumour through the ports of one or several pods: six degrees of freedom,
-/// the tumour's place with its deviation, beam-hold, latency, a line of CSV a scan
+/// Follow a patient's skin and tumour live with one or several pods: six degrees of freedom, the tumour's
+/// position with its standard deviation, beam hold and latency, as one line of CSV per scan
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example:\n  phasmid track --run-dir ceiling --planning planning --out track.csv"
+)]
 pub(super) struct Args {
     #[command(flatten)]
     pods: PodArgs,
-    /// What planning knows of the patient, as `phasmid patient plan` and `phasmid patient import`
-    /// write it.
+    /// Planning folder of the patient, as `phasmid patient plan` and `phasmid patient import` write
+    /// it.
     #[arg(long, value_name = "DIR")]
     planning: PathBuf,
-    /// Scans to make; without end when absent.
+    /// Number of scans [default: unlimited].
     #[arg(long, value_name = "N")]
     scans: Option<u64>,
-    /// File for the lines; standard output when absent.
+    /// File for the lines [default: standard output].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Overwrite an existing file.
     #[arg(long, requires = "out")]
     force: bool,
-    /// How far the tumour may be from where it was planned, in millimetres.
+    /// Maximum distance of the tumour from its planned position in millimetres, 0.001 to 1000.
     #[arg(long, value_name = "MM", default_value_t = 5.0)]
     tolerance_mm: f64,
 }
@@ -67,27 +70,27 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let planning = Planning::load(&args.planning)?;
     let planned = Planned::new(&planning, &Region::chest(), &ModelOptions::default())?;
     let pods = args.pods.addresses(&station)?;
-    // A scan waits for as many pods as there are; the device is never asked for more than that ahead.
+    // The channel holds one scan per pod, so the pods never scan further ahead than that.
     let (send, taken) = sync_channel(pods.len());
     std::thread::scope(|threads| {
         let (from, scans) = (&pods, args.scans);
         let scanning = std::thread::Builder::new()
             .name("pods".into())
             .spawn_scoped(threads, move || scan(from, timeout, scans, &send));
-        let scanning = scanning.map_err(|e| Error::device(format!("no thread: {e}")))?;
+        let scanning = scanning.map_err(|e| Error::device(format!("cannot start thread: {e}")))?;
         let followed = follow(args, &planned, &pods, &taken);
-        // Whoever scans notices that nobody listens any more.
+        // Ends the scanning thread at its next send.
         drop(taken);
         let scanned = scanning
             .join()
-            .unwrap_or_else(|_| Err(Error::device("the thread of the pods has ended")));
-        // What went wrong at the ports is why there was nothing to follow.
+            .unwrap_or_else(|_| Err(Error::device("the thread of the pods panicked")));
+        // An error at the ports takes precedence: it is the reason why the scans ended.
         scanned.and(followed)
     })
 }
 
-/// Scans with one pod after the other, for their projectors take turns, while what was scanned before
-/// is looked at.
+/// Scans with one pod after the other, because their projectors take turns, while earlier scans are
+/// evaluated.
 fn scan(
     pods: &[Address],
     timeout: Duration,
@@ -122,7 +125,7 @@ fn scan(
     scanned
 }
 
-/// Fits, decides and tells, scan by scan, until there is none.
+/// Fits, decides and reports, scan by scan, until the scans end.
 fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Taken>) -> Result<()> {
     let mut hold = Hold::new(HoldRules::default())?;
     let mut follower = Follower::new(planned)?;
@@ -146,7 +149,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
                 match scans.recv_timeout(silence) {
                     Ok(taken) => break taken,
                     Err(RecvTimeoutError::Timeout) => {
-                        // The beam is off before anything else is known, and said to be so once.
+                        // Holds the beam before anything else is known, and reports that once.
                         table.silent(count, hold.silent())?;
                         silence = FOREVER;
                     }
@@ -208,7 +211,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
     Ok(())
 }
 
-/// All that is to be doubted, of both answers.
+/// Returns the warnings of the rigid fit, then those of the reading.
 fn warnings(
     rigid: &std::result::Result<phasmid_sgrt::RigidFit, phasmid_sgrt::Lost>,
     reading: &Reading,

@@ -1,12 +1,12 @@
-//! Three numbers in an option.
+//! Parses options with three numbers.
 
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 
-/// `X,Y,Z`, each at most `most` either way; `allowed` says in messages what they are.
+/// Parses `X,Y,Z`, each with a magnitude of at most `most`; `allowed` describes them in messages.
 ///
 /// # Errors
-/// Words of another form, and numbers that are larger or none.
+/// Returns an error if the text is not three numbers within the limit.
 pub(super) fn vector(option: &str, text: &str, most: f64, allowed: &str) -> Result<DVec3> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     match numbers.as_deref() {
@@ -36,7 +36,7 @@ mod tests {
         for (text, found) in [
             (
                 "1,2",
-                "--at 1,2: not three numbers; allowed: X,Y,Z in millimetres, as 1,2,3",
+                "--at 1,2: not three numbers; expected X,Y,Z in millimetres, as 1,2,3",
             ),
             ("1,2,x", "not three numbers"),
             ("1,2,3,4", "not three numbers"),

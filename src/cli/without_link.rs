@@ -1,4 +1,5 @@
-//! `phasmid serve`, `replay`, `demo` and `doctor` where there is no link: they say so.
+//! Stand-in for `phasmid serve`, `replay`, `demo` and `doctor` on systems other than Linux: reports that
+//! they are not available.
 
 use phasmid_core::error::{Error, Result};
 

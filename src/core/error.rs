@@ -8,15 +8,15 @@ use std::path::Path;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A mistake in the user's input: where it is (file and line or field, address, flag), what was
-    /// found there and what is allowed.
-    #[error("{place}: {found}; allowed: {allowed}")]
+    /// found there and what was expected.
+    #[error("{place}: {found}; expected {expected}")]
     Input {
         /// Location: `file:line: field`, an address or a command-line flag.
         place: String,
         /// The value or text found.
         found: String,
-        /// The allowed values.
-        allowed: String,
+        /// The expected values.
+        expected: String,
     },
     /// An operating-system error on a file or socket.
     #[error("{place}: {source}")]
@@ -43,12 +43,12 @@ pub enum Error {
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
-    /// Creates an error for a user mistake at `place`: `found` was there, `allowed` was expected.
-    pub fn input(place: impl Display, found: impl Display, allowed: impl Display) -> Self {
+    /// Creates an error for a user mistake at `place`: `found` was there, `expected` describes valid input.
+    pub fn input(place: impl Display, found: impl Display, expected: impl Display) -> Self {
         Self::Input {
             place: place.to_string(),
             found: found.to_string(),
-            allowed: allowed.to_string(),
+            expected: expected.to_string(),
         }
     }
 
@@ -73,11 +73,11 @@ impl Error {
             Self::Input {
                 place,
                 found,
-                allowed,
+                expected,
             } => Self::Input {
                 place: format!("{outer}: {place}"),
                 found,
-                allowed,
+                expected,
             },
             Self::Io { place, source } if source.kind() == std::io::ErrorKind::NotFound => {
                 Self::input(format!("{outer}: {place}"), source, "a file that is there")

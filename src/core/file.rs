@@ -55,7 +55,7 @@ mod tests {
         std::fs::write(&path, [7; 10]).unwrap();
         assert_eq!(read(&path, 10).unwrap(), [7; 10]);
         let refused = |path: &Path, most| read(path, most).unwrap_err().to_string();
-        assert!(refused(&path, 9).contains("10 bytes; allowed: up to 9 bytes"));
+        assert!(refused(&path, 9).contains("10 bytes; expected up to 9 bytes"));
         assert!(refused(dir.path(), 9).contains("not a regular file"));
         #[cfg(unix)]
         assert!(refused(Path::new("/dev/zero"), 9).contains("not a regular file"));

@@ -12,6 +12,7 @@
 //! | [`philox`](mod@philox) | Philox4x32-10 random numbers |
 //! | [`simd`] | run-time dispatch to AVX2 |
 //! | [`source`] | TOML documents with file and line in every error |
+//! | [`wording`] | messages of serde in this workspace's form, suggestions for misspelt names |
 
 pub mod check;
 pub mod error;
@@ -21,5 +22,6 @@ pub mod numbers;
 pub mod philox;
 pub mod simd;
 pub mod source;
+pub mod wording;
 
 pub use error::{Error, Result};

@@ -112,7 +112,7 @@ impl<'de, T: Fixed> Visitor<'de> for List<T> {
         }
         let name = T::NAMES[usize::from(count != 1)];
         Err(A::Error::custom(format!(
-            "a list of {count} {name}; allowed: {}",
+            "a list of {count} {name}; expected {}",
             T::COUNT
         )))
     }
@@ -154,19 +154,19 @@ mod tests {
     #[test]
     fn others_are_refused_with_line_and_both_counts() {
         for (text, words) in [
-            ("\ntwo = [1]", "file.toml:2: a list of 1 number; allowed: 2"),
-            ("two = []", "file.toml:1: a list of 0 numbers; allowed: 2"),
+            ("\ntwo = [1]", "file.toml:2: a list of 1 number; expected 2"),
+            ("two = []", "file.toml:1: a list of 0 numbers; expected 2"),
             (
                 "two = [1, 2]\nthree = [\n1, 2, 3, 4]",
-                "file.toml:2: a list of 4 numbers; allowed: 3",
+                "file.toml:2: a list of 4 numbers; expected 3",
             ),
             (
                 "two = [1, 2]\nrows = [[1, 0, 0], [0, 1, 0]]",
-                "file.toml:2: a list of 2 rows; allowed: 3",
+                "file.toml:2: a list of 2 rows; expected 3",
             ),
             (
                 "two = [1, 2]\nrows = [[1, 0, 0], [0, 1, 0, 0], [0, 0, 1]]",
-                "file.toml:2: a list of 4 numbers; allowed: 3",
+                "file.toml:2: a list of 4 numbers; expected 3",
             ),
         ] {
             assert_eq!(read(text).unwrap_err().to_string(), words, "{text}");

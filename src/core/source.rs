@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::file;
+use crate::wording::{found_and_expected, nearest};
 use serde::de::DeserializeOwned;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -56,13 +57,9 @@ impl TomlSource {
     pub fn deserialize<T: DeserializeOwned>(&self) -> Result<T> {
         toml::from_str(&self.text).map_err(|e| {
             let line = e.span().map_or(1, |span| self.line_of(span.start));
-            let message = e.message().trim_end().replace('\n', " ");
-            // Errors of our own deserialisers say what is allowed.
-            let (found, allowed) = message.split_once("; allowed: ").unwrap_or((
-                &message,
-                "the fields listed in docs/src/reference/fields.md",
-            ));
-            Error::input(format!("{}:{line}", self.place), found, allowed)
+            let (found, expected) =
+                found_and_expected(e.message(), "valid TOML with every required field");
+            Error::input(format!("{}:{line}", self.place), found, expected)
         })
     }
 
@@ -132,9 +129,11 @@ pub fn load(
     let path = Path::new(name_or_path);
     if !path.is_file() {
         let names: Vec<_> = built_in.iter().map(|(name, _)| *name).collect();
+        let suggestion = nearest(name_or_path, names.iter().copied())
+            .map_or_else(String::new, |name| format!(" (did you mean {name}?)"));
         return Err(Error::input(
             format!("{kind} {name_or_path:?}"),
-            "neither a built-in name nor a file",
+            format!("neither a built-in name nor a file{suggestion}"),
             format!("{} or the path of a TOML file", names.join(", ")),
         ));
     }

@@ -1,4 +1,4 @@
-//! Depth maps to points, and their normals from neighbours in the grid.
+//! Converts depth maps to points, with normals from neighbouring pixels.
 
 use super::decoder::Decoder;
 use super::maps::Decoded;
@@ -6,16 +6,16 @@ use glam::Vec3;
 use phasmid_geometry::Cloud;
 use rayon::prelude::*;
 
-/// Neighbours whose depths differ by more than this part of the depth (and 10 deviations) are on
-/// another surface.
+/// Neighbours whose depths differ by more than this fraction of the depth (and by 10 standard
+/// deviations) are on another surface.
 const SAME_SURFACE: f32 = 0.02;
 
 /// Position, normal and intensity of a point.
 type Oriented = ([f32; 3], [f32; 3], f32);
 
 impl Decoder {
-    /// The valid points in the rig's frame in mm, row by row, into a vector that is used again.
-    /// Empty without a rig.
+    /// Writes the valid points, in the rig's frame in mm, row by row into a reusable vector. Empty
+    /// without a rig.
     pub fn points_into(&self, decoded: &Decoded, points: &mut Vec<[f32; 3]>) {
         points.clear();
         let Some(triangulator) = self.triangulator() else {
@@ -42,7 +42,8 @@ impl Decoder {
         });
     }
 
-    /// The valid points with normals towards the camera and intensities. Empty without a rig.
+    /// Returns the valid points with intensities and with normals towards the camera. Empty without a
+    /// rig.
     pub fn cloud(&self, decoded: &Decoded) -> Cloud {
         let Some(triangulator) = self.triangulator() else {
             return Cloud::default();
@@ -75,7 +76,8 @@ impl Decoder {
                         .flatten()
                         .unwrap_or(i);
                     let p = at(i);
-                    // v down times u right points at a camera that looks along z.
+                    // The cross product of downwards and rightwards points at a camera that looks
+                    // along z.
                     let normal = (at(down) - at(up)).cross(at(right) - at(left));
                     let to_eye = (eye - p).normalize_or(Vec3::NEG_Z);
                     let normal = normal.normalize_or(to_eye);

@@ -64,7 +64,10 @@ mod tests {
         // Rounding adds 1/12 to the variance.
         let want = (0.36f64 + 1.0 / 12.0).sqrt();
         let found = of_most(&mut sizes, 1.0, 0.3);
-        assert!((found / want - 1.0).abs() < 0.05, "{found}, want {want}");
+        assert!(
+            (found / want - 1.0).abs() < 0.05,
+            "{found}, expected {want}"
+        );
         assert_eq!(of_most(&mut [0.0; 9], 1.0, 0.3), 0.3);
     }
 }

@@ -1,30 +1,31 @@
-//! What maps tell of the frames that they were decoded from.
+//! Detects frames that do not belong to their sequence, from the decoded maps.
 //!
-//! Noise makes orders uncertain where there is little light. Where there is much of it, fringes and codes
-//! contradict each other only if they are not those of the sequence: steps in another order, bits in
-//! another order, more than one frame of another pattern.
+//! Where there is little light, noise makes fringe orders uncertain. Where there is much light,
+//! fringes and codes contradict each other only if the frames do not match the sequence: steps in
+//! another order, bits in another order, or more than one frame of another pattern.
 
 use super::{Decoded, Verdict};
 use phasmid_pattern::Axis;
 
-/// Share of the brighter pixels whose order is uncertain from which on the frames are doubted: sound
-/// captures of the built-in profiles have up to 0.005 of all, any order of a code's bits or of a set's
-/// steps that the checks of the frames let pass 0.15 and more.
+/// Fraction of the brighter pixels with uncertain order above which the frames are doubted. Valid
+/// captures of the built-in profiles have up to 0.005 of all pixels; any order of a code's bits or a
+/// set's steps that passes the checks of the frames has 0.15 or more.
 const MOST_UNCERTAIN: f64 = 0.08;
-/// Share of the pixels that could be measured but for their being saturated.
+/// Fraction of saturated pixels, among saturated and valid ones, above which the frames are doubted.
 const MOST_SATURATED: f64 = 0.5;
-/// Fewest pixels that tell.
+/// Minimum number of pixels for a decision.
 const FEWEST: usize = 400;
 
 impl Decoded {
-    /// Why the frames should not be believed without a second look; none if nothing speaks against
-    /// them. Of maps as they come from the decoder, before orders are unwrapped or single pixels filled.
+    /// Returns a reason to doubt the frames, or `None`. Call it on maps as returned by the decoder,
+    /// before orders are unwrapped or single pixels filled.
     pub fn doubt(&self) -> Option<String> {
         let of_light = || self.axes().find_map(|(_, map)| saturated(&map.verdict));
         self.doubt_of_orders().or_else(of_light)
     }
 
-    /// [`Self::doubt`] of the orders alone: something bright before the camera may well saturate it.
+    /// Like [`Self::doubt`], for fringe orders alone: ignores saturation, which a bright object in
+    /// front of the camera may cause.
     pub fn doubt_of_orders(&self) -> Option<String> {
         let mut axes = self.axes();
         axes.find_map(|(axis, map)| uncertain(axis, &map.verdict, &self.modulation))
@@ -71,7 +72,8 @@ mod tests {
     use super::*;
     use crate::AxisMap;
 
-    /// Maps of which so many in a hundred pixels have a verdict, at some modulation; the others 50 DN.
+    /// Maps in which `of_hundred` of every 100 pixels have `verdict` and `modulation`; the others are
+    /// valid with 50 DN.
     fn decoded(verdict: Verdict, of_hundred: usize, modulation: f32) -> Decoded {
         let is_other = |i: usize| i % 100 < of_hundred;
         let pixels = 0..10_000;
@@ -94,7 +96,7 @@ mod tests {
     fn uncertain_orders_in_good_light_are_doubted() {
         let doubt = |of_hundred, light| decoded(Verdict::Uncertain, of_hundred, light).doubt();
         assert_eq!(doubt(5, 50.0), None);
-        // Noise has its part where there is little light.
+        // Noise explains uncertain orders where there is little light.
         assert_eq!(doubt(40, 3.0), None);
         let why = doubt(15, 50.0).unwrap();
         assert!(why.contains("along x is uncertain in 15 %"), "{why}");

@@ -1,41 +1,43 @@
-//! Mixed pixels and stray errors.
+//! Detects mixed pixels and outliers.
 //!
-//! A pixel whose footprint meets two surfaces at a depth edge, or whose footprint is lit in part,
-//! reads a coordinate that belongs to neither side. It is recognised by lying on neither side's
-//! linear extrapolation, along the row or along the column. A pixel of a steep or curved surface
-//! lies on at least one side's; the tolerance follows the noise, the curvature of the side that
-//! extrapolates, and, where both sides meet in a crease, the change of slope. Nothing is smoothed:
-//! a pixel is kept as it is, or not at all.
+//! A pixel whose footprint covers two surfaces at a depth edge, or is only partly lit, has a
+//! coordinate that belongs to neither surface. It is detected because it lies on neither side's
+//! linear extrapolation, along the row or along the column. A pixel of a steep or curved surface lies
+//! on the extrapolation of at least one side. The tolerance follows the noise, the curvature of the
+//! extrapolating side, and, where both sides meet in a crease, the change of slope. Nothing is
+//! smoothed: a pixel is kept unchanged or rejected.
 //!
-//! Where the coordinate changes by a fringe's period or more from pixel to pixel, a pixel averages
-//! over all of the fringe: its contrast is lost, and beyond comes back inverted, half a period off.
-//! Such a pixel is not told, however bright its modulation; nor is one without a neighbour on either
-//! side along the row, or along the column, which would show how steep it is.
+//! Where the coordinate changes by a fringe period or more per pixel, a pixel averages over the whole
+//! fringe: its contrast vanishes, and beyond that returns inverted, half a period off. Such pixels
+//! are rejected whatever their modulation. So are pixels without a neighbour on either side along the
+//! row or along the column, because their slope is unknown.
 
 use super::turns::nearest;
 
-/// Nothing found.
+/// The pixel is kept.
 pub(super) const KEEP: u8 = 0;
-/// On neither side's extrapolation.
+/// The pixel is on neither side's extrapolation.
 pub(super) const MIXED: u8 = 1;
-/// No neighbours to compare with, along the row or along the column.
+/// The pixel has no neighbours to compare with, along the row or along the column.
 pub(super) const STRAY: u8 = 2;
 
-/// So steep that a pixel spans a period of the finest fringe.
+/// The surface is so steep that the pixel spans a period of the finest fringe.
 pub(super) const FINE: u8 = 3;
 
-/// Part of the finest period that a pixel may span: there a tenth of the contrast is left.
+/// Maximum fraction of the finest period that a pixel may span: there a tenth of the contrast is
+/// left.
 const SPAN: f32 = 0.9;
-/// Deviations of noise: a linear extrapolation carries sqrt(6) times the noise of one pixel, and 5
-/// times that is not noise.
+/// Tolerance in standard deviations: 5 times the noise of a linear extrapolation, which is sqrt(6)
+/// times that of one pixel.
 const NOISE: f32 = 12.25;
-/// In projector pixels; far below what matters, above what f32 leaves of large coordinates.
+/// Minimum tolerance in projector pixels: far below relevant errors, above the f32 rounding of large
+/// coordinates.
 const FLOOR_PX: f32 = 0.02;
-/// Projector pixels per camera pixel from which on [`held`] allows nothing, and per allowed pixel.
+/// Slope in projector pixels per camera pixel above which [`held`] allows nothing.
 const AVERAGED: f32 = 1.1;
 const AVERAGING: f32 = 0.1;
 
-/// The rows around a row of an axis, each as long as it; rows beyond the image are NaN.
+/// The rows around a row of an axis, all of equal length; rows outside the image are NaN.
 pub(super) struct Around<'a> {
     /// Rows v - 3 to v + 3.
     pub(super) rows: [&'a [f32]; 7],
@@ -43,15 +45,15 @@ pub(super) struct Around<'a> {
     pub(super) padded: &'a [f32],
     /// Standard deviations of row v.
     pub(super) sigma: &'a [f32],
-    /// The finest fringe's period in projector pixels, infinite without fringes.
+    /// Period of the finest fringe in projector pixels; infinite without fringes.
     pub(super) finest: f32,
-    /// Whether the image has more than two columns and rows, so that a pixel without a neighbour
-    /// on either side stands alone there.
+    /// Whether the image has more than two columns, and more than two rows, so that a pixel without a
+    /// neighbour on either side counts as isolated.
     pub(super) has_beside: [bool; 2],
 }
 
-/// Writes [`MIXED`], [`FINE`] or [`STRAY`] into `flags` where the row deserves it and they hold [`KEEP`];
-/// `period` is the one that coordinates are known by, or 0.
+/// Sets the flags of the row's mixed, too steep or isolated pixels to [`MIXED`], [`FINE`] or
+/// [`STRAY`] where they are [`KEEP`]. Coordinates are known modulo `period`; 0 if they are absolute.
 #[inline(always)]
 pub(super) fn judge_row(around: &Around<'_>, period: f32, flags: &mut [u8]) {
     if period > 0.0 {
@@ -82,7 +84,7 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
             );
         let (row_bad, row_has) = line::<WRAPPED>(x, left, right, base, period);
         let (col_bad, col_has) = line::<WRAPPED>(x, above, below, base, period);
-        // The gentler of both sides, so that a depth step is not taken for a slope.
+        // The smaller slope of both sides, so that a depth step does not count as a slope.
         let step = |a: f32, b: f32| {
             let (a, b) = (less::<WRAPPED>(x, a, period), less::<WRAPPED>(x, b, period));
             a.abs().min(b.abs())
@@ -105,7 +107,7 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
     }
 }
 
-/// A difference, to the nearest period where coordinates are wrapped.
+/// The difference a - b, reduced to the nearest period if coordinates are wrapped.
 #[inline(always)]
 pub(super) fn less<const WRAPPED: bool>(a: f32, b: f32, period: f32) -> f32 {
     let d = a - b;
@@ -116,12 +118,12 @@ pub(super) fn less<const WRAPPED: bool>(a: f32, b: f32, period: f32) -> f32 {
     }
 }
 
-/// How far an extrapolation may miss because the projector holds its pixels, in projector pixels, where
-/// the coordinate changes by so much per camera pixel along the row and along the column.
+/// Allowed error of an extrapolation, in projector pixels, due to the pixel grid of the projector,
+/// for the slopes along the row and the column in projector pixels per camera pixel.
 ///
-/// A footprint narrower than a projector pixel sees a staircase: from pixel to pixel the coordinate
-/// changes by 0 to 1, so an extrapolation misses by up to 1. One as wide as a projector pixel averages
-/// over a step and sees a straight line. Unknown slopes (NaN) allow nothing.
+/// A footprint narrower than a projector pixel sees a staircase: the coordinate changes by 0 to 1
+/// from pixel to pixel, so an extrapolation is wrong by up to 1. A footprint as wide as a projector
+/// pixel averages over a step and sees a straight line. Unknown slopes (NaN) allow nothing.
 #[inline(always)]
 pub(super) fn held(row: f32, column: f32) -> f32 {
     let slope = row.max(column);
@@ -132,7 +134,8 @@ pub(super) fn held(row: f32, column: f32) -> f32 {
     }
 }
 
-/// The gentler slope of both sides, over two pixels of each; sides list the nearest pixel first.
+/// The smaller slope of both sides, averaged over two pixels of each; sides list the nearest pixel
+/// first.
 #[inline(always)]
 fn gentler<const WRAPPED: bool>(left: [f32; 3], right: [f32; 3], period: f32) -> f32 {
     let slope = |side: [f32; 3]| {
@@ -143,8 +146,9 @@ fn gentler<const WRAPPED: bool>(left: [f32; 3], right: [f32; 3], period: f32) ->
     slope(left).min(slope(right))
 }
 
-/// Whether x fails both sides' extrapolations, and whether there was any. Sides list the nearest
-/// pixel first; NaN stands for none.
+/// Returns `(outlier, tested)`: whether x disagrees with the extrapolations from both sides, and
+/// whether any side could be extrapolated. Sides list the nearest pixel first; NaN marks missing
+/// pixels.
 #[inline(always)]
 fn line<const WRAPPED: bool>(
     x: f32,
@@ -153,7 +157,7 @@ fn line<const WRAPPED: bool>(
     base: f32,
     period: f32,
 ) -> (bool, bool) {
-    // Slopes away from x, seen from x.
+    // Slopes on either side, away from x.
     let (sl, sr) = (
         less::<WRAPPED>(left[0], left[1], period),
         less::<WRAPPED>(right[0], right[1], period),
@@ -162,12 +166,12 @@ fn line<const WRAPPED: bool>(
         less::<WRAPPED>(sl, less::<WRAPPED>(left[1], left[2], period), period),
         less::<WRAPPED>(sr, less::<WRAPPED>(right[1], right[2], period), period),
     );
-    // Signed misses of either extrapolation.
+    // Signed errors of the two extrapolations.
     let miss_l = less::<WRAPPED>(less::<WRAPPED>(x, left[0], period), sl, period);
     let miss_r = less::<WRAPPED>(less::<WRAPPED>(x, right[0], period), sr, period);
     let has_l = !miss_l.is_nan();
     let has_r = !miss_r.is_nan();
-    // A crease: both extrapolations meet within the pixel, where the footprint averages over it.
+    // A crease: both extrapolations meet within the pixel, whose footprint averages over it.
     let turn = (sl + sr).abs();
     let gap = less::<WRAPPED>(miss_l, miss_r, period).abs();
     let crease = if gap <= 0.75 * turn + base {
@@ -175,7 +179,7 @@ fn line<const WRAPPED: bool>(
     } else {
         0.0
     };
-    // f32::max drops a NaN: an unknown bend allows nothing.
+    // f32::max ignores NaN: an unknown curvature allows nothing.
     let allow_l = base + (2.0 * bend_l.abs()).min(0.5 * sl.abs()).max(0.0) + crease;
     let allow_r = base + (2.0 * bend_r.abs()).min(0.5 * sr.abs()).max(0.0) + crease;
     let ok = (miss_l.abs() <= allow_l) | (miss_r.abs() <= allow_r);
@@ -287,7 +291,8 @@ mod tests {
 
     #[test]
     fn a_staircase_of_held_pixels_stays_and_a_stray_of_two_pixels_goes() {
-        // Half a projector pixel per camera pixel, unblurred: the mean of round(x) over the footprint.
+        // Half a projector pixel per camera pixel, without blur: the mean of round(x) over the
+        // footprint.
         let mean = |i: i32| -> f32 {
             let at = |k: i32| (0.5 * i as f32 + 0.3 + 0.05 * (k as f32 - 4.5)).round();
             (0..10).map(at).sum::<f32>() / 10.0
@@ -296,7 +301,7 @@ mod tests {
         assert_eq!(flags(&x, 0.005, 0.0), [KEEP; 40]);
         x[20] += 2.5;
         assert_eq!(flags(&x, 0.005, 0.0)[20], MIXED);
-        // Footprints of two projector pixels average over steps: nothing more is allowed.
+        // Footprints of two projector pixels average over steps: no additional tolerance.
         let mut wide: Vec<f32> = (0..12).map(|i| 2.0 * i as f32).collect();
         wide[6] += 0.5;
         assert_eq!(flags(&wide, 0.005, 0.0)[6], MIXED);
@@ -304,7 +309,8 @@ mod tests {
 
     #[test]
     fn a_partly_lit_border_pixel_goes() {
-        // The last pixel's lit half has its middle a quarter of a footprint inwards.
+        // Only half of the last pixel is lit; the centre of that half is a quarter of a footprint
+        // inwards.
         let x = [4.0, 8.0, 12.0, 16.0, 19.0, f32::NAN];
         assert_eq!(flags(&x, 0.02, 0.0), [0, 0, 0, 0, MIXED, 0]);
     }

@@ -1,10 +1,10 @@
-//! Gray code: which frames form a whole code, and the bits of a row of pixels.
+//! Gray code: finds the frames that form a complete code, and decodes the bits of a row of pixels.
 //!
 //! Bit b of the reflected code of floor(x / cell) changes at odd multiples of w = cell 2^b and
-//! nowhere else, so a bit is known by its w alone: bit 0 of cells of 8 px is the bit below bit 0
-//! of cells of 16 px. That is how a complementary bit (one finer bit, so that a code edge never
-//! falls on a phase wrap; Zhang et al. 2017 call the whole complementary Gray code) joins a code,
-//! and it holds for any number of codes whose cells nest by powers of two.
+//! nowhere else, so w alone identifies a bit: bit 0 of cells of 8 px is the bit below bit 0 of cells
+//! of 16 px. A complementary bit (one finer bit, so that a code edge never coincides with a phase
+//! wrap; Zhang et al. 2017 call the complete code complementary Gray code) joins a code in this way.
+//! It works for any number of codes whose cell widths are related by powers of two.
 
 use super::samples::Sample;
 use phasmid_core::error::{Error, Result};
@@ -19,12 +19,12 @@ pub struct GrayBit {
     pub inverse: Option<usize>,
 }
 
-/// A code without holes from its cell up to the whole axis.
+/// A complete code, from its cell width up to the whole axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrayCode {
-    /// Width of a cell in projector pixels.
+    /// Cell width in projector pixels.
     pub cell_px: f64,
-    /// Bits from the least significant on.
+    /// Bits, least significant first.
     pub bits: Vec<GrayBit>,
 }
 
@@ -37,16 +37,15 @@ pub(super) struct GrayFrame {
     pub(super) inverted: bool,
 }
 
-/// The finest code that the frames hold for an axis of `extent_px`, and what finer or coarser code
-/// a missing bit spoiled.
+/// The finest complete code that the frames contain for an axis.
 pub(super) struct Found {
     pub(super) code: Option<GrayCode>,
-    /// The bit whose absence spoils the finest cells, worded for a message.
+    /// The missing bit that makes the finest cells unusable, worded for a message.
     pub(super) missing: Option<String>,
 }
 
 pub(super) fn find(axis: Axis, extent_px: f64, frames: &[GrayFrame]) -> Found {
-    // Bits by the width that identifies them, finest first.
+    // Bits by the width w that identifies them.
     let mut bits: Vec<(f64, GrayBit)> = Vec::new();
     for f in frames {
         let w = f.cell_px * f64::from(f.bit).exp2();
@@ -97,19 +96,20 @@ pub(super) fn find(axis: Axis, extent_px: f64, frames: &[GrayFrame]) -> Found {
     }
 }
 
-/// How a bit's sample becomes a signed contrast, positive for a set bit.
+/// How to convert a bit's sample to a signed contrast, positive for a set bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Threshold {
-    /// Half the difference to the complement.
+    /// Half the difference from the complement.
     Complement,
-    /// The middle of white and black.
+    /// Compared with the mean of white and black.
     Reference,
-    /// The mean of the fringes.
+    /// Compared with the mean of the fringes.
     Fringes,
 }
 
 impl Threshold {
-    /// Variance of the contrast over the variance of one sample; `steps` frames make the mean.
+    /// Ratio of the variance of the contrast to that of one sample; the fringes' mean uses `steps`
+    /// frames.
     pub(super) fn variance_factor(self, steps: usize) -> f64 {
         match self {
             Self::Complement => 0.5,
@@ -119,10 +119,10 @@ impl Threshold {
     }
 }
 
-/// Which threshold a bit uses.
+/// Chooses the threshold of a bit.
 ///
 /// # Errors
-/// A bit that nothing gives a threshold for.
+/// Returns an error if there is no threshold for the bit.
 pub(super) fn threshold(
     axis: Axis,
     bit: GrayBit,
@@ -144,14 +144,14 @@ pub(super) fn threshold(
     }
 }
 
-/// Gray bits of a row of pixels with the two weakest contrasts among them.
+/// Gray code words of a row of pixels, with their two weakest contrasts.
 #[derive(Debug, Default)]
 pub(super) struct GrayRow {
-    /// The code word in the low bits, the index of its weakest bit from [`WEAKEST`] on.
+    /// The code word in the low bits; the index of its weakest bit from [`WEAKEST`] upwards.
     pub(super) code: Vec<u32>,
-    /// Its contrast from the threshold, in DN.
+    /// Absolute contrast of the weakest bit, in DN.
     pub(super) margin: Vec<f32>,
-    /// The second weakest contrast.
+    /// Absolute contrast of the second weakest bit, in DN.
     pub(super) second: Vec<f32>,
 }
 
@@ -165,7 +165,7 @@ impl GrayRow {
         }
     }
 
-    /// Adds a bit of which a complement is known: I and I' differ by twice the contrast.
+    /// Adds a bit with a complement: I and I' differ by twice the contrast.
     #[inline(always)]
     pub(super) fn add_pair<T: Sample>(&mut self, bit: usize, plain: &[T], inverse: &[T]) {
         let n = self.code.len();
@@ -198,12 +198,12 @@ impl GrayRow {
     }
 }
 
-/// Where a code word keeps the index of its weakest bit.
+/// Position of the weakest bit's index in a code word.
 const WEAKEST: u32 = 24;
 const CODE: u32 = (1 << WEAKEST) - 1;
 
-/// Adds a bit of contrast `d`. The weakest bit's index shares a word with the code, so that the
-/// store is a plain one; a store under a mask costs more than all the rest on some machines.
+/// Adds a bit of contrast `d`. The weakest bit's index shares a word with the code, so that the store
+/// is unconditional; a masked store costs more than the rest of the loop on some machines.
 #[inline(always)]
 fn note(bit: usize, d: f32, code: &mut u32, margin: &mut f32, second: &mut f32) {
     let size = d.abs();
@@ -217,14 +217,14 @@ fn note(bit: usize, d: f32, code: &mut u32, margin: &mut f32, second: &mut f32) 
     *margin = margin.min(size);
 }
 
-/// The cell that a code word names, and the cell if its weakest bit were the other one.
+/// Returns the cell of a code word, and the cell if its weakest bit were inverted.
 #[inline(always)]
 pub(super) fn cells(word: u32) -> (u32, u32) {
     let code = word & CODE;
     (decode32(code), decode32(code ^ (1 << (word >> WEAKEST))))
 }
 
-/// The number of a reflected code of at most 32 bits, branch-free.
+/// Decodes a reflected Gray code of at most 32 bits, branch-free.
 #[inline(always)]
 fn decode32(code: u32) -> u32 {
     let mut n = code;

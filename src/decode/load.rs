@@ -1,4 +1,4 @@
-//! Frames from image files: PNG of 8 and 16 bits, BMP, TIFF; colour becomes luma.
+//! Loads frames from image files: PNG of 8 and 16 bits, BMP, TIFF. Colour is converted to luma.
 
 use super::plan::Plan;
 use super::samples::{FrameStack, Samples};
@@ -9,14 +9,14 @@ use phasmid_pattern::{MAX_SIDE_PX, Manifest};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Bytes of samples that a sequence may have in memory.
+/// Maximum total size of a sequence's samples, in bytes.
 const MAX_BYTES: u64 = 4 << 30;
-/// Bytes that pictures may take together while they are decoded, before they are luma.
+/// Maximum total size of images being decoded, before conversion to luma, in bytes.
 const MAX_DECODING: u64 = 1 << 30;
-/// Bytes of a pixel of the widest kind, RGBA of 16 bits.
+/// Bytes per pixel of the widest format, 16-bit RGBA.
 const WIDEST_PIXEL: u64 = 8;
 
-/// Frames of one size in memory, in the manifest's order.
+/// Frames of equal size in memory, in the manifest's order.
 #[derive(Debug)]
 pub struct LoadedFrames {
     /// Columns.
@@ -33,7 +33,7 @@ enum Pixels {
 }
 
 impl LoadedFrames {
-    /// The frames for the decoder.
+    /// Returns the frames for the decoder.
     pub fn stack(&self) -> FrameStack<'_> {
         let frames = match &self.frames {
             Pixels::U8(f) => f.iter().map(|f| Samples::U8(f)).collect(),
@@ -42,7 +42,7 @@ impl LoadedFrames {
         FrameStack::new(self.width, self.height, frames).expect("sizes and types were checked")
     }
 
-    /// Bits of a sample.
+    /// Returns the number of bits per sample: 8 or 16.
     pub fn bits(&self) -> u32 {
         match self.frames {
             Pixels::U8(_) => 8,
@@ -51,11 +51,11 @@ impl LoadedFrames {
     }
 }
 
-/// Loads the photographs that `plan` needs from `folder`, in parallel.
+/// Loads the images that `plan` needs from `folder`, in parallel.
 ///
 /// # Errors
-/// A frame without a file name, a missing or unreadable image, images of different sizes or sample
-/// types, images too large for memory; each with the file's name.
+/// Returns an error that names the file if a frame has no file name, if an image is missing or
+/// unreadable, if images differ in size or sample type, or if they exceed the memory limit.
 pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<LoadedFrames> {
     let mut paths: Vec<Option<PathBuf>> = Vec::new();
     for (i, frame) in manifest.frame.iter().enumerate() {
@@ -138,8 +138,8 @@ pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<Lo
     })
 }
 
-/// Columns and rows of the first photograph that `plan` needs from `folder`; `None` where there is
-/// none to be read, which [`load_frames`] says in words.
+/// Returns the columns and rows of the first image that `plan` needs from `folder`; `None` if it
+/// cannot be read, which [`load_frames`] reports as an error.
 pub fn frame_size(manifest: &Manifest, plan: &Plan, folder: &Path) -> Option<[u32; 2]> {
     let mut used = manifest.frame.iter().enumerate();
     let (_, frame) = used.find(|(i, _)| plan.uses(*i))?;
@@ -147,13 +147,13 @@ pub fn frame_size(manifest: &Manifest, plan: &Plan, folder: &Path) -> Option<[u3
     Some([width, height])
 }
 
-/// How many pictures of a size may be decoded at the same time.
+/// Number of images of this size that may be decoded at the same time.
 fn at_once(width: u32, height: u32) -> usize {
     let picture = u64::from(width) * u64::from(height) * WIDEST_PIXEL;
     (MAX_DECODING / picture.max(1)).max(1) as usize
 }
 
-/// A picture's brightness, row by row.
+/// An image's brightness, row by row.
 enum Luma {
     U8(Vec<u8>),
     U16(Vec<u16>),
@@ -200,7 +200,7 @@ fn size(path: &Path) -> Result<(u32, u32)> {
     Ok((w, h))
 }
 
-/// Reads a picture and lets go of its colours: only the brightness stays in memory.
+/// Reads an image and keeps only its brightness, to limit memory.
 fn open(path: &Path) -> Result<Luma> {
     let image = reader(path)?.decode().map_err(|e| unreadable(path, &e))?;
     let color = image.color();
@@ -228,7 +228,7 @@ mod tests {
         let path = dir.path().join("wide.png");
         let colour = Rgba([30000_u16, 30000, 30000, 65535]);
         ImageBuffer::from_pixel(5, 3, colour).save(&path).unwrap();
-        // Two bytes a pixel are kept, as the bound on a sequence counts, not the file's eight.
+        // Two bytes per pixel are kept, as the limit for a sequence assumes, not the file's eight.
         match open(&path).unwrap() {
             Luma::U16(samples) => assert_eq!(samples, [30000; 15]),
             Luma::U8(_) => panic!("16 bits became 8"),

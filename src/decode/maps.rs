@@ -1,32 +1,33 @@
-//! What decoding gives: maps of one row of values after another, and why a pixel has none.
+//! Results of decoding: maps in row-major order, and the verdict of each pixel.
 
 use phasmid_geometry::NoiseModel;
 use phasmid_pattern::Axis;
 
-/// Why a pixel has no coordinate.
+/// Whether a pixel has a coordinate, or why not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
 pub enum Verdict {
-    /// It has one.
+    /// The pixel has a coordinate.
     #[default]
     Valid,
-    /// A fringe frame is saturated there.
+    /// A fringe frame is saturated at the pixel.
     Saturated,
-    /// Too little modulation: absolutely, against the noise, or against white minus black.
+    /// The modulation is too low: absolutely, relative to the noise, or relative to white minus
+    /// black.
     Dim,
-    /// The order of its period is not certain, or beyond the projector, or the pixel spans a
+    /// The fringe order is uncertain, the coordinate lies outside the projector, or the pixel spans a
     /// period of the finest fringe.
     Uncertain,
-    /// It reads two surfaces at once, or disagrees with both neighbourhoods.
+    /// The pixel sees two surfaces at once, or disagrees with its neighbours on both sides.
     Mixed,
-    /// No neighbour is valid that it could be checked against.
+    /// The pixel has no valid neighbour to compare with.
     Stray,
-    /// Its frames contradict each other, as where one of them is damaged.
+    /// The pixel's frames contradict each other, for example because one is damaged.
     Odd,
 }
 
 impl Verdict {
-    /// Every verdict in order.
+    /// All verdicts in order.
     pub const ALL: [Self; 7] = [
         Self::Valid,
         Self::Saturated,
@@ -37,7 +38,7 @@ impl Verdict {
         Self::Odd,
     ];
 
-    /// The name in tables.
+    /// Returns the name used in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Valid => "valid",
@@ -58,14 +59,14 @@ pub struct AxisMap {
     pub coordinate: Vec<f32>,
     /// Standard deviation of the coordinate in projector pixels, NaN where invalid.
     pub sigma: Vec<f32>,
-    /// Why each pixel is valid or not.
+    /// Verdict of each pixel.
     pub verdict: Vec<Verdict>,
-    /// The period that coordinates are known modulo, where their order is not resolved: after
-    /// spatial unwrapping, up to one whole number of periods per connected region.
+    /// Period that coordinates are known modulo, if the fringe order is unresolved; after spatial
+    /// unwrapping each connected region is known up to one integer number of periods.
     pub wrapped_px: Option<f64>,
 }
 
-/// What a sequence decodes to; maps are height x width, row by row.
+/// The result of decoding a sequence; maps are height x width, row by row.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Decoded {
     /// Columns.
@@ -76,23 +77,23 @@ pub struct Decoded {
     pub x: Option<AxisMap>,
     /// Projector rows, if the sequence encodes them.
     pub y: Option<AxisMap>,
-    /// Modulation B in DN of the finest fringes of the first axis; of Gray code alone, its half
+    /// Modulation B in DN of the finest fringes of the first axis; for Gray code alone, its half
     /// contrast.
     pub modulation: Vec<f32>,
     /// White minus black (without them: twice the modulation) over the camera's range, 0 to 1.
     pub intensity: Vec<f32>,
-    /// Depth z in the camera's frame in mm, NaN where there is none; empty without a rig.
+    /// Depth z in the camera's frame in mm, NaN where invalid; empty without a rig.
     pub depth: Vec<f32>,
-    /// Standard deviation of the depth in mm, NaN where there is none; empty without a rig.
+    /// Standard deviation of the depth in mm, NaN where invalid; empty without a rig.
     pub depth_sigma: Vec<f32>,
-    /// The noise model that the standard deviations come from.
+    /// The noise model used for the standard deviations.
     pub noise: Option<NoiseModel>,
-    /// What the user should know about how it was decoded.
+    /// Notes for the user about the decoding.
     pub notes: Vec<String>,
 }
 
 impl Decoded {
-    /// The map of an axis.
+    /// Returns the map of an axis, if decoded.
     pub fn axis(&self, axis: Axis) -> Option<&AxisMap> {
         match axis {
             Axis::X => self.x.as_ref(),
@@ -100,14 +101,14 @@ impl Decoded {
         }
     }
 
-    /// The maps there are, x before y.
+    /// Iterates over the decoded maps, x before y.
     pub fn axes(&self) -> impl Iterator<Item = (Axis, &AxisMap)> {
         [(Axis::X, &self.x), (Axis::Y, &self.y)]
             .into_iter()
             .filter_map(|(axis, map)| map.as_ref().map(|map| (axis, map)))
     }
 
-    /// Whether pixel `i` is valid on every axis that was decoded.
+    /// Returns whether pixel `i` is valid on every decoded axis.
     pub fn is_valid(&self, i: usize) -> bool {
         self.axes().all(|(_, map)| map.verdict[i] == Verdict::Valid)
     }

@@ -1,6 +1,6 @@
-//! NumPy's array file, version 1.0: magic, version, little-endian header length, a Python dictionary
-//! padded with spaces to a multiple of 64 bytes and ended by a newline, then the numbers in C order
-//! (NumPy enhancement proposal 1, "A Simple File Format for NumPy Arrays").
+//! Writes NumPy's array file, version 1.0: magic, version, little-endian header length, a Python
+//! dictionary padded with spaces to a multiple of 64 bytes and ended by a newline, then the numbers
+//! in C order (NumPy enhancement proposal 1, "A Simple File Format for NumPy Arrays").
 
 use phasmid_core::error::Result;
 use phasmid_core::new_file::replace;
@@ -10,10 +10,10 @@ use std::path::Path;
 /// Writes float32 values as an array of shape (height, width).
 ///
 /// # Errors
-/// What the system refuses.
+/// Returns an error if the file cannot be written.
 ///
 /// # Panics
-/// If there are not width x height values.
+/// Panics if the number of values is not width x height.
 pub fn write_npy(path: &Path, width: usize, height: usize, values: &[f32]) -> Result<()> {
     assert_eq!(values.len(), width * height);
     let mut bytes = header(width, height);
@@ -27,7 +27,7 @@ pub fn write_npy(path: &Path, width: usize, height: usize, values: &[f32]) -> Re
 fn header(width: usize, height: usize) -> Vec<u8> {
     let dictionary =
         format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
-    // Magic, version and length are 10 bytes, the newline one.
+    // Magic, version and length take 10 bytes, the newline one.
     let total = (10 + dictionary.len() + 1).next_multiple_of(64);
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend_from_slice(&((total - 10) as u16).to_le_bytes());

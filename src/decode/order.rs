@@ -255,22 +255,22 @@ impl GrayJoin {
     }
 
     /// Returns whether the two weakest bits show that a pixel sees two places at once, as at a
-    /// silhouette, where the fringes of one place may be too fine to resolve so that the phase is
-    /// that of the other. A contrast that noise can explain does not count.
+    /// silhouette. The fringes of one place may be too fine to resolve, so the phase is that of the
+    /// other place. Low contrast that noise can explain does not count.
     #[inline(always)]
     fn two_places(second: f32, half: f32, doubt: f32) -> bool {
         (second < TWO_PLACES * half) & (second + doubt < half)
     }
 
-    /// Moves `x`, known modulo the repeat, into its Gray cell; clears `ok` where the weakest bits
-    /// leave a doubt.
+    /// Moves `x`, known modulo the repeat, into its Gray cell; clears `ok` where weak bits make the
+    /// cell uncertain.
     ///
-    /// A bit is weak where its contrast is within [`SURE`] deviations or a quarter of the full
-    /// contrast of its threshold. Without weak bits x is the repeat nearest to the cell's middle.
-    /// With one, the pixel may as well lie in the cell on the other side of that bit's edge: if the
-    /// two cells touch, x is the repeat nearest to their common edge. Where that is another repeat
-    /// than the cell's own (cells as wide as the repeat), it is believed only if noise could not
-    /// have made the bit weak. Everything else is uncertain.
+    /// A bit is weak if its contrast is within [`SURE`] standard deviations or a quarter of the full
+    /// contrast of its threshold. Without weak bits, x becomes the repeat nearest to the cell's
+    /// centre. With one weak bit, the pixel may equally lie in the cell on the other side of that
+    /// bit's edge: if the two cells touch, x becomes the repeat nearest to their common edge. If that
+    /// differs from the cell's own repeat (cells as wide as the repeat), it is accepted only if noise
+    /// could not have made the bit weak. All other cases are uncertain.
     #[inline(always)]
     pub(super) fn join(
         &self,
@@ -300,7 +300,7 @@ impl GrayJoin {
             let at_center = x[i] + p * nearest((center - x[i]) / p);
             let at_edge = x[i] + p * nearest((edge - x[i]) / p);
             let (from_center, from_edge) = ((at_center - center).abs(), (at_edge - edge).abs());
-            // Beyond its cell's edge, it must be that edge's bit that is the weakest of all.
+            // If x lies beyond an edge of its cell, the weakest bit must be the bit of that edge.
             let beyond = (from_center > 0.5 * cell + OFF_CELL * cell)
                 & !(touching & ((at_center > center) == (edge > center)));
             let strong_ok = (from_center <= limit.min(guard)) & !beyond;
@@ -320,8 +320,8 @@ impl GrayJoin {
         }
     }
 
-    /// Gray code alone: the middle of the cell, or the edge between two cells where one bit is on
-    /// it.
+    /// Gray code without fringes: the centre of the cell, or the edge between two cells if one bit is
+    /// weak.
     #[inline(always)]
     pub(super) fn cells(
         &self,
@@ -365,7 +365,7 @@ mod tests {
         }
     }
 
-    /// Candidates far from some set's positions are left out only where they could not compete.
+    /// Candidates far from some set's positions are skipped only if they could not win.
     #[test]
     fn a_search_near_all_positions_finds_what_a_search_of_all_does() {
         let periods = [10.0f32, 96.0, 960.0];
@@ -394,7 +394,7 @@ mod tests {
         assert!((2_000..19_000).contains(&certain), "{certain}");
     }
 
-    /// Cells of 16 px under fringes of 16 px, at 700 px; bits of noise of 1 DN.
+    /// Cells of 16 px and fringes of 16 px, at 700 px; bits with noise of 1 DN.
     fn joined(bits: &[f32], half: f32) -> (f32, bool) {
         let mut gray = GrayRow::default();
         gray.reset(1);
@@ -411,7 +411,7 @@ mod tests {
         (x[0], ok[0])
     }
 
-    /// Contrasts of the bits of a cell's word.
+    /// Contrasts of the bits of a cell's code word.
     fn word(cell: u64, half: f32) -> [f32; 7] {
         let code = phasmid_pattern::gray_encode(cell);
         std::array::from_fn(|bit| if code >> bit & 1 == 1 { half } else { -half })
@@ -421,13 +421,13 @@ mod tests {
     fn a_pixel_that_sees_two_places_is_refused_and_one_on_an_edge_is_not() {
         let (here, half) = (700 / 16, 40.0);
         assert_eq!(joined(&word(here, half), half), (700.0, true));
-        // A part of the next cell, whose word differs in one bit.
+        // A mixture with the next cell, whose word differs in one bit.
         let mixed = |other: u64, share: f32| {
             let (a, b) = (word(here, half), word(other, half));
             std::array::from_fn::<f32, 7, _>(|i| a[i] * (1.0 - share) + b[i] * share)
         };
         assert!(joined(&mixed(here + 1, 0.3), half).1);
-        // A place far off, whose word differs in several bits, with a third of the light.
+        // A mixture with a distant cell, whose word differs in several bits, at a third of the light.
         let far = (0..120).filter(|&cell| {
             let differ = phasmid_pattern::gray_encode(cell) ^ phasmid_pattern::gray_encode(here);
             differ.count_ones() >= 2
@@ -436,7 +436,7 @@ mod tests {
             assert!(!joined(&mixed(cell, 0.3), half).1, "{cell}");
             assert!(joined(&mixed(cell, 0.1), half).1, "{cell}");
         }
-        // What noise can have made of a full contrast says nothing of places.
+        // Low contrast that noise can explain is no evidence of two places.
         assert!(!GrayJoin::two_places(1.5, 4.0, 6.0));
         assert!(GrayJoin::two_places(12.0, 40.0, 6.0));
     }

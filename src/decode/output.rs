@@ -1,4 +1,4 @@
-//! What a decoding leaves in a folder, and the short table about it.
+//! Writes the output files of a decoding, and computes its summary table.
 
 use super::decoder::Decoder;
 use super::maps::{Decoded, Verdict};
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::path::Path;
 
-/// Every name that [`write_outputs`] may write.
+/// Returns every name that [`write_outputs`] may write.
 pub const fn output_names() -> &'static [&'static str] {
     &[
         "projector_x.npy",
@@ -28,12 +28,12 @@ pub const fn output_names() -> &'static [&'static str] {
     ]
 }
 
-/// Writes the maps of a decoding into `folder`, which exists: `projector_x.npy`, `sigma_x.npy` and
-/// `phase_x.png` (and `_y`) for the axes that were decoded, `modulation.npy`, `mask.png`, and with a
-/// rig `depth.npy` and `cloud.ply`. Returns the names written. On failure none of them is left.
+/// Writes the maps of a decoding into `folder`, which must exist: `projector_x.npy`, `sigma_x.npy`
+/// and `phase_x.png` (and `_y`) for the decoded axes, `modulation.npy`, `mask.png`, and with a rig
+/// `depth.npy` and `cloud.ply`. Returns the names written. Deletes all of them on failure.
 ///
 /// # Errors
-/// What the system refuses.
+/// Returns an error if a file cannot be written.
 pub fn write_outputs(
     folder: &Path,
     decoder: &Decoder,
@@ -92,7 +92,7 @@ fn save(path: &Path, image: image::DynamicImage) -> Result<()> {
     replace_picture(path, |out| image.write_to(out, image::ImageFormat::Png))
 }
 
-/// The phase of the finest fringes as hue, black where there is none; of Gray code alone, its cells
+/// The phase of the finest fringes as hue, black where invalid; for Gray code alone, the coordinate
 /// modulo 64 px.
 fn phase_picture(width: usize, coordinate: &[f32], period: Option<f32>) -> image::DynamicImage {
     let period = period.unwrap_or(64.0);
@@ -107,50 +107,50 @@ fn phase_picture(width: usize, coordinate: &[f32], period: Option<f32>) -> image
             let h = (hue + shift).rem_euclid(6.0);
             (255.0 * (2.0 - (h - 3.0).abs()).clamp(0.0, 1.0)) as u8
         };
-        // Each colour is full over a third of the circle about its own hue.
+        // Each colour channel is at its maximum over a third of the hue circle.
         Rgb([level(3.0), level(1.0), level(5.0)])
     })
     .into()
 }
 
-/// The figures of a decoding: coverage, spread and reasons, each apart.
+/// Summary of a decoding: coverage, precision, and rejected pixels by reason.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// Frames in the sequence.
+    /// Number of frames in the sequence.
     pub frames: usize,
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Pixels in an image.
+    /// Number of pixels in an image.
     pub pixels: usize,
-    /// Per axis.
+    /// Summary of each axis.
     pub axes: Vec<AxisSummary>,
     /// Median modulation B in DN over the pixels valid on the first axis.
     pub median_modulation_dn: Option<f32>,
-    /// Points, with a rig.
+    /// Number of points; `None` without a rig.
     pub points: Option<usize>,
-    /// Median standard deviation of depth in mm, with a rig.
+    /// Median standard deviation of depth in mm; `None` without a rig.
     pub median_depth_sigma_mm: Option<f32>,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
-/// The figures of one axis.
+/// Summary of one axis.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AxisSummary {
     /// The axis.
     pub axis: Axis,
-    /// Pixels with a coordinate.
+    /// Number of pixels with a coordinate.
     pub valid: usize,
     /// Median standard deviation in projector pixels.
     pub median_sigma_px: Option<f32>,
-    /// Pixels by the reason that masked them.
+    /// Number of rejected pixels by reason.
     pub masked: Vec<(&'static str, usize)>,
 }
 
 impl Summary {
-    /// Counts and medians of a decoding.
+    /// Computes the summary of a decoding.
     pub fn new(decoder: &Decoder, decoded: &Decoded) -> Self {
         let axes: Vec<_> = decoded
             .axes()
@@ -234,7 +234,7 @@ impl std::fmt::Display for Summary {
     }
 }
 
-/// The median of what is not NaN.
+/// Median of the values that are not NaN.
 fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
     let mut values: Vec<f32> = values.filter(|v| !v.is_nan()).collect();
     let middle = values.len() / 2;

@@ -1,5 +1,5 @@
-//! Rows of pixels through the least squares of a fringe set: mean, modulation, wrapped coordinate
-//! and its variance, in f32 and laid out to vectorise.
+//! Row kernels for the least squares of a fringe set: mean, modulation, wrapped coordinate and its
+//! variance, in f32, with a layout that vectorises.
 
 use super::Options;
 use super::samples::Sample;
@@ -10,7 +10,7 @@ use super::weighted;
 use phasmid_geometry::NoiseModel;
 use std::f64::consts::TAU;
 
-/// The camera's noise as a row kernel needs it.
+/// The camera's noise model in the form that a row kernel needs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RowNoise {
     pub(super) floor: f32,
@@ -34,45 +34,46 @@ impl RowNoise {
     }
 }
 
-/// What speaks against a pixel's samples of a set, beside their own noise.
+/// The consistency check of a pixel's samples of a set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Check {
-    /// Nothing.
+    /// No check.
     None,
-    /// What is left of the set's own steps: see [`FringeSet::check`].
+    /// The residual of the set's own steps: see [`FringeSet::check`].
     Own,
-    /// The mean of the set less that of the others of its axis.
+    /// The difference between the set's mean and that of the other sets of its axis.
     Tied,
 }
 
-/// The kinds of [`Check`] as kernels are compiled for them.
+/// The kinds of [`Check`] as const parameters of the kernels.
 pub(super) const UNCHECKED: u8 = Check::None as u8;
 pub(super) const OWN: u8 = Check::Own as u8;
 pub(super) const TIED: u8 = Check::Tied as u8;
 
-/// The numbers of a [`FringeSet`] in f32.
+/// The coefficients of a [`FringeSet`] in f32.
 #[derive(Debug, Clone)]
 pub(super) struct SetKernel {
     pub(super) period: f32,
     pub(super) frames: Vec<usize>,
-    /// Of A, C, S and the check; the check's are zero where there is none.
+    /// Weights of each frame in A, C, S and the check; the check's are zero if the set has none.
     weights: Vec<[f32; 4]>,
-    /// What a pixel's samples are held against.
+    /// The consistency check of the set.
     pub(super) check: Check,
-    /// Of a tied set: weights of its own mean and of the sum of all sets' means, whose difference has
-    /// the variance of a sample.
+    /// For a tied set, the weights of its own mean and of the sum of all sets' means; the difference
+    /// has the variance of one sample.
     tie: [f32; 2],
     gram: [f32; 3],
     skew: [f32; 4],
-    /// (period / 2 pi)^2: variance of phase to variance of position.
+    /// (period / 2 pi)^2: converts variance of phase to variance of position.
     per_phase: f32,
-    /// Weights of the frames in the sums of [`weighted`], where shot noise is made use of.
+    /// Weights of the frames in the sums of [`weighted`]; empty unless steps are weighted by shot
+    /// noise.
     higher: Vec<[f32; 4]>,
 }
 
 impl SetKernel {
-    /// With the check, and the sums that make use of shot noise, where they are wanted and the set has
-    /// them.
+    /// Creates a kernel, with the check and with the weighting by shot noise if `options` ask for
+    /// them and the set supports them.
     pub(super) fn new(set: &FringeSet, options: &Options) -> Self {
         Self {
             period: set.period_px as f32,
@@ -101,7 +102,8 @@ impl SetKernel {
         }
     }
 
-    /// Ties sets that have no check of their own to the others of their axis: all see one mean.
+    /// Checks sets without a check of their own against the others of their axis: all should have the
+    /// same mean.
     pub(super) fn tie(sets: &mut [Self]) {
         let variances: Vec<f32> = sets
             .iter()
@@ -117,13 +119,13 @@ impl SetKernel {
         }
     }
 
-    /// The check of a tied set whose mean is `mean`, of all sets' means.
+    /// The check of a tied set from its `mean` and the sum of all sets' means, `all`.
     #[inline(always)]
     pub(super) fn tied(&self, mean: f32, all: f32) -> f32 {
         self.tie[0] * mean - self.tie[1] * all
     }
 
-    /// A, C, S and the own check of one pixel, whose sample of a step's frame `sample` gives.
+    /// A, C, S and the set's own check of one pixel; `sample` returns the pixel's sample in a frame.
     pub(super) fn solve(&self, sample: impl Fn(usize) -> f32) -> [f32; 4] {
         let mut sums = [0.0; 4];
         for (w, &frame) in self.weights.iter().zip(&self.frames) {
@@ -135,12 +137,12 @@ impl SetKernel {
         sums
     }
 
-    /// Whether shot noise is made use of.
+    /// Whether steps are weighted by their shot noise.
     pub(super) fn weighs(&self) -> bool {
         !self.higher.is_empty()
     }
 
-    /// Variance of position at which the phase's standard deviation is `sigma_rad`.
+    /// Variance of position that corresponds to a standard deviation of the phase.
     pub(super) fn variance_of_phase(&self, sigma_rad: f32) -> f32 {
         self.per_phase * sigma_rad * sigma_rad
     }
@@ -157,16 +159,16 @@ pub(super) struct SetRow {
     pub(super) wrapped: Vec<f32>,
     /// Variance of the coordinate in projector pixels squared.
     pub(super) variance: Vec<f32>,
-    /// What no fringe explains, in DN: see [`Check`]; after [`Self::finish`] less what is usual. Of a
-    /// kernel that has one only.
+    /// The value of the [`Check`] in DN; after [`Self::finish`] minus the value typical of the
+    /// capture. Only meaningful if the kernel has a check.
     pub(super) check: Vec<f32>,
-    /// Cosine and sine sums of the second and third harmonic of the steps, in DN; unused where shot
-    /// noise is not made use of.
+    /// Cosine and sine sums of the second and third harmonic of the steps, in DN; unused unless steps
+    /// are weighted by shot noise.
     higher: [Vec<f32>; 4],
 }
 
 impl SetRow {
-    /// Empties the sums for a row of `n` pixels.
+    /// Clears the sums for a row of `n` pixels.
     pub(super) fn reset(&mut self, kernel: &SetKernel, n: usize) {
         let clear = |v: &mut Vec<f32>| {
             v.clear();
@@ -183,7 +185,7 @@ impl SetRow {
         if kernel.check == Check::Own {
             clear(&mut self.check);
         } else {
-            // Written later, or nobody looks at it.
+            // Written later, or never read.
             self.check.resize(n, 0.0);
         }
         if !kernel.higher.is_empty() {
@@ -191,8 +193,8 @@ impl SetRow {
         }
     }
 
-    /// Adds the samples of step `step`, keeping the greatest sample in `top`; those of the check where
-    /// the kernel has its `OWN`.
+    /// Adds the samples of step `step` and keeps the maximum sample in `top`. Adds to the check if
+    /// `OWN`.
     #[inline(always)]
     pub(super) fn add<T: Sample, const OWN: bool>(
         &mut self,
@@ -221,8 +223,8 @@ impl SetRow {
         }
     }
 
-    /// Sums the higher harmonics over the samples of all steps, which `row` gives by their frames: a few
-    /// pixels at a time, so that their sums stay in registers.
+    /// Sums the higher harmonics over the samples of all steps; `row` returns a frame's row. Works on
+    /// a few pixels at a time, so that the sums stay in registers.
     #[inline(always)]
     pub(super) fn add_higher<'f, T: Sample>(
         &mut self,
@@ -258,10 +260,10 @@ impl SetRow {
         }
     }
 
-    /// Turns A, C, S into mean, modulation, wrapped coordinate and variance.
+    /// Converts A, C, S to mean, modulation, wrapped coordinate and variance.
     ///
-    /// The phase phi = atan2(S, C) has d phi = (C dS - S dC) / B^2. Samples' variances follow the
-    /// linear noise model, so that of the phase is
+    /// The phase phi = atan2(S, C) has d phi = (C dS - S dC) / B^2. The samples' variances follow the
+    /// linear noise model, so the variance of the phase is
     /// [v(A) (C^2 Gss - 2 C S Gcs + S^2 Gcc) + K (third-order terms of C and S)] / B^4.
     #[inline(always)]
     pub(super) fn finish<const CHECK: u8>(
@@ -283,7 +285,7 @@ impl SetRow {
                 let even =
                     noise.variance(mean[i]) * (c * c * gss - 2.0 * c * s * gcs + s * s * gcc);
                 let odd = c * c * (c * t0 + s * t1) + s * s * (c * t2 + s * t3);
-                // A pixel whose mean and modulation contradict the model still has some noise.
+                // A lower bound for pixels whose mean and modulation contradict the noise model.
                 let sum = (even + odd).max(0.1 * even);
                 var[i] = kernel.per_phase * sum / (b2 * b2);
                 m[i] = b2.sqrt();
@@ -295,7 +297,7 @@ impl SetRow {
             }
             return;
         }
-        // Six or more equal steps: the variance is v Gcc / B^2.
+        // Weighting requires six or more equal steps: the unweighted variance is then v Gcc / B^2.
         let third = kernel.higher.len() > weighted::WITHOUT_THIRD;
         let [u0, u1, u2, u3] = self.higher.each_ref().map(|sum| &sum[..n]);
         let per_radian = kernel.per_phase.sqrt();

@@ -1,4 +1,4 @@
-//! Borrowed frames: a stack of images of one size and one sample type.
+//! Borrowed frames: a stack of images of equal size and sample type.
 
 use phasmid_core::error::{Error, Result};
 
@@ -12,7 +12,7 @@ pub enum Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// Number of samples.
+    /// Returns the number of samples.
     #[inline]
     pub fn len(&self) -> usize {
         match self {
@@ -21,7 +21,7 @@ impl Samples<'_> {
         }
     }
 
-    /// Whether there is no sample, as in a frame that was not loaded.
+    /// Returns whether there are no samples, as in a frame that was not loaded.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -44,11 +44,11 @@ pub struct FrameStack<'a> {
 }
 
 impl<'a> FrameStack<'a> {
-    /// Frames of `width` x `height` samples each; a frame that no decoder needs (an image pattern)
-    /// may be empty.
+    /// Creates a stack of frames of `width` x `height` samples each; a frame that no decoder needs
+    /// (an image pattern) may be empty.
     ///
     /// # Errors
-    /// No frame, a frame of another size, or a mixture of sample types.
+    /// Returns an error if there is no frame, if a frame has another size, or if sample types differ.
     pub fn new(width: usize, height: usize, frames: Vec<Samples<'a>>) -> Result<Self> {
         let Some(first) = frames.first() else {
             return Err(Error::input("frames", "none", "at least one frame"));
@@ -76,25 +76,25 @@ impl<'a> FrameStack<'a> {
         })
     }
 
-    /// Columns.
+    /// Returns the number of columns.
     #[inline]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     #[inline]
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// The frames in order.
+    /// Returns the frames in order.
     #[inline]
     pub fn frames(&self) -> &[Samples<'a>] {
         &self.frames
     }
 
-    /// Largest number that a sample of this type can be.
+    /// Returns the largest value of the sample type.
     #[inline]
     pub fn full_scale(&self) -> f32 {
         match self.frames[0] {
@@ -103,7 +103,7 @@ impl<'a> FrameStack<'a> {
         }
     }
 
-    /// The frames as slices of one type, if they are of it.
+    /// The frames as slices of type `T`, if they have that type.
     pub(super) fn typed<T: Sample>(&self) -> Option<Vec<&'a [T]>> {
         self.frames.iter().map(|f| T::slice(*f)).collect()
     }

@@ -1,16 +1,16 @@
-//! N-step fringes of one period by least squares over all steps, equal or not.
+//! Least squares over the N steps of fringes of one period; the steps may be unequal.
 //!
 //! Frame i shows I_i = A + C cos(theta_i) - S sin(theta_i) with C = B cos(phi), S = B sin(phi) and
-//! phi = 2 pi x / period. (A, C, S) is the pseudo-inverse of the N x 3 matrix of rows
-//! [1, cos(theta_i), -sin(theta_i)] applied to the samples (Greivenkamp, "Generalized data
-//! reduction for heterodyne interferometry", Opt. Eng. 23(4), 1984). For N equal steps the phase's
-//! standard deviation is sqrt(2/N) sigma / B.
+//! phi = 2 pi x / period. (A, C, S) is the pseudo-inverse of the N x 3 matrix with rows [1,
+//! cos(theta_i), -sin(theta_i)], applied to the samples (Greivenkamp, "Generalized data reduction for
+//! heterodyne interferometry", Opt. Eng. 23(4), 1984). For N equal steps the standard deviation of
+//! the phase is sqrt(2/N) sigma / B.
 
 use nalgebra::{Matrix3, Vector3};
 use phasmid_core::error::{Error, Result};
 use std::f64::consts::TAU;
 
-/// Least squares of one set of steps.
+/// Least-squares solution for one set of steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FringeSet {
     /// Period in projector pixels.
@@ -23,20 +23,22 @@ pub struct FringeSet {
     pub weights: Vec<[f64; 3]>,
     /// Sums over the frames of wc wc, wc ws, ws ws: the covariance of (C, S) per unit variance.
     pub gram: [f64; 3],
-    /// How shot noise that follows the fringe itself adds to the variance of the phase: the
-    /// coefficients of C^3, C^2 S, C S^2, S^3.
+    /// Contribution to the phase's variance of shot noise that follows the fringe: the coefficients
+    /// of C^3, C^2 S, C S^2 and S^3.
     pub skew: [f64; 4],
-    /// A unit vector over the frames that no A, C and S shows in: a sound pixel's sum is noise and
-    /// what a response curve adds. Empty where there are as many unknowns as steps.
+    /// A unit vector over the frames, orthogonal to A, C and S: its product with a valid pixel's
+    /// samples is noise plus the effect of a response curve. Empty if there are as many unknowns as
+    /// steps.
     pub check: Vec<f64>,
 }
 
 impl FringeSet {
-    /// The least squares of steps at `phases` (radians) in the frames `frames`; `place` names the
-    /// set in messages.
+    /// Creates the least-squares solution of steps at `phases` (radians) in the frames `frames`;
+    /// `place` names the set in messages.
     ///
     /// # Errors
-    /// Fewer than three steps, or steps that cannot tell A, C and S apart.
+    /// Returns an error if there are fewer than three steps, or if the steps do not separate A, C and
+    /// S.
     pub fn new(place: &str, period_px: f64, frames: Vec<usize>, phases: Vec<f64>) -> Result<Self> {
         let n = phases.len();
         if n < 3 {
@@ -91,7 +93,8 @@ impl FringeSet {
         })
     }
 
-    /// A, C, S of samples in the order of [`Self::frames`], in f64: the reference path.
+    /// Computes A, C and S of samples in the order of [`Self::frames`] in f64, as a reference
+    /// implementation.
     pub fn solve(&self, samples: &[f64]) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for (w, &v) in self.weights.iter().zip(samples) {
@@ -102,8 +105,7 @@ impl FringeSet {
         sum
     }
 
-    /// Whether the steps are, within a hundredth of their weight, as far from each other as N of them
-    /// in a turn are.
+    /// Returns whether the steps are N equal steps over one turn, to within a hundredth.
     pub fn steps_are_equal(&self) -> bool {
         let n = self.phases.len() as f64;
         let sum = |order: f64| {
@@ -114,7 +116,7 @@ impl FringeSet {
         sum(1.0) < 0.01 && sum(2.0) < 0.01 && sum(n) > 0.99
     }
 
-    /// Sum of squared residuals of samples against their fit.
+    /// Computes the sum of squared residuals of samples from their fit.
     pub fn residual(&self, samples: &[f64]) -> f64 {
         let [a, c, s] = self.solve(samples);
         self.phases
@@ -125,9 +127,9 @@ impl FringeSet {
     }
 }
 
-/// What is left of +1, -1, +1, ... after the fit, as a unit vector. Each of an even number of equal
-/// steps has the same part in it, and it meets the harmonics of order N / 2 and their odd multiples
-/// alone, the highest that N steps tell.
+/// The residual of +1, -1, +1, ... after the fit, as a unit vector. For an even number of equal steps
+/// all entries have the same magnitude, and the vector responds only to harmonics of order N / 2 and
+/// its odd multiples, the highest that N steps resolve.
 fn check(rows: &[Vector3<f64>], weights: &[[f64; 3]]) -> Vec<f64> {
     if rows.len() < 4 {
         return Vec::new();
@@ -171,7 +173,7 @@ mod tests {
             let truth = 2.0 / n as f64;
             assert!((set.gram[0] - truth).abs() < 1e-12 && (set.gram[2] - truth).abs() < 1e-12);
             assert!(set.gram[1].abs() < 1e-12);
-            // Third harmonics of the weights cancel from four equal steps on.
+            // The third harmonics of the weights cancel for four or more equal steps.
             assert_eq!(n > 3, set.skew.iter().all(|t| t.abs() < 1e-12), "{n}");
         }
     }

@@ -1,7 +1,7 @@
 //! The angle of a vector in turns, branch-free so that it vectorises.
 
 /// atan(q) / (2 pi q) as a polynomial in q^2 on [0, tan^2(pi/8)]: Chebyshev interpolation of degree
-/// 4, off by at most 7e-9 rad before rounding.
+/// 4, with an error of at most 7e-9 rad before rounding.
 const ATAN: [f32; 5] = [
     0.159_154_94,
     -0.053_050_794,
@@ -11,7 +11,8 @@ const ATAN: [f32; 5] = [
 ];
 const TAN_PI_8: f32 = 0.414_213_57;
 
-/// atan2(s, c) / (2 pi), taken to [0, 1). The error is below 1e-6 rad (see the test); (0, 0) gives 0.
+/// atan2(s, c) / (2 pi), reduced to [0, 1). The error is below 1e-6 rad (see the test); (0, 0) gives
+/// 0.
 #[inline(always)]
 pub(super) fn turns(s: f32, c: f32) -> f32 {
     let (ac, as_) = (c.abs(), s.abs());
@@ -30,8 +31,8 @@ pub(super) fn turns(s: f32, c: f32) -> f32 {
     if t >= 1.0 { 0.0 } else { t }
 }
 
-/// The nearest whole number (ties to even) of a number below 2^22 in size; vectorises without the
-/// rounding instruction that not every x86 has.
+/// Rounds to the nearest integer (ties to even) for |v| < 2^22. Vectorises without the SSE4.1
+/// rounding instruction.
 #[inline(always)]
 pub(super) fn nearest(v: f32) -> f32 {
     const MAGIC: f32 = 12_582_912.0;

@@ -1,16 +1,16 @@
-//! Spatial unwrapping of a single wrapped period: a flood from the best pixel outwards, best pixels
-//! first (Herraez et al., "Fast two-dimensional phase-unwrapping algorithm based on sorting by
-//! reliability following a noncontinuous path", Appl. Opt. 41(35), 2002, is the idea; here a plain
-//! flood by quality). Each connected region is right up to one whole number of periods.
+//! Spatial phase unwrapping for a single period: a flood fill that always extends the most precise
+//! pixel first. A simplification of Herraez et al., "Fast two-dimensional phase-unwrapping algorithm
+//! based on sorting by reliability following a noncontinuous path", Appl. Opt. 41(35), 2002. Each
+//! connected region is correct up to one integer number of periods.
 
 use std::collections::BinaryHeap;
 
-/// Unwraps coordinates known modulo `period` in place; NaN pixels separate regions, and better
-/// (smaller) `sigma` goes first.
+/// Unwraps coordinates known modulo `period` in place. NaN pixels separate regions; pixels with
+/// smaller `sigma` go first.
 pub(super) fn unwrap(width: usize, x: &mut [f32], sigma: &[f32], period: f32) {
     let height = x.len() / width;
     let mut done = vec![false; x.len()];
-    // Standard deviations are positive, and so order as their bits do.
+    // Positive floats sort like their bits.
     let quality = |i: usize| u32::MAX - sigma[i].max(0.0).to_bits();
     let mut seeds: Vec<u32> = (0..x.len() as u32)
         .filter(|&i| !x[i as usize].is_nan())

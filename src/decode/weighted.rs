@@ -1,39 +1,41 @@
-//! Phases that make use of shot noise: samples in a fringe's dark are better than those in its light,
-//! which least squares over equal steps does not know.
+//! Phases weighted by shot noise: samples in a fringe's dark part are more precise than those in its
+//! bright part, which least squares over equal steps ignores.
 //!
-//! The samples at psi_i = phi + theta_i have the variance v (1 + m cos psi_i), m = gain B / v with v that
-//! at the mean. With U_k the sum over the samples of sin(k psi_i) I_i, the error of the least-squares
-//! phase is -2 / (N B) U_1. The noise couples each U_k with its neighbours: their covariances are N v / 2
-//! times 1 for k with itself and m / 2 for k and k + 1. U_2 and U_3 hold no fringe, so what they read is
-//! noise, and the part of it that U_1 shares is taken off the phase (Rao, "Least squares theory using
-//! an estimated dispersion matrix", Proc. 5th Berkeley Symposium 1, 1967: least squares with weights
-//! is least squares less its regression on the residuals). With t = m / 2 and U_2 alone the variance
-//! falls by the factor 1 - t^2; with U_3 too by 1 - t^2 / (1 - t^2); with all there are by the
-//! Cramer-Rao bound's (1 + sqrt(1 - m^2)) / 2, of whose deviation the two leave a hundredth unused at
-//! m = 0.85.
+//! The samples at psi_i = phi + theta_i have the variance v (1 + m cos psi_i), with m = gain B / v
+//! and v the variance at the mean. Let U_k be the sum over the samples of sin(k psi_i) I_i; the error
+//! of the least-squares phase is -2 / (N B) U_1. The noise correlates neighbouring U_k: their
+//! covariances are N v / 2 times 1 for k with itself and m / 2 for k and k + 1. U_2 and U_3 contain
+//! no fringe, so they measure noise, and the part of it that is correlated with U_1 is subtracted
+//! from the phase (Rao, "Least squares theory using an estimated dispersion matrix", Proc. 5th
+//! Berkeley Symposium 1, 1967: weighted least squares equals unweighted least squares minus its
+//! regression on the residuals).
 //!
-//! A response curve without memory, of projector or camera, makes harmonics cos(k psi), which no U_k
-//! sees: it biases these phases no more than those of least squares. Fewer than six steps cannot tell
-//! such harmonics from each other, and keep equal weights. Light that differs from step to step, and
-//! motion, do show.
+//! With t = m / 2, U_2 alone reduces the variance by the factor 1 - t^2; U_2 and U_3 by
+//! 1 - t^2 / (1 - t^2). All harmonics reach the Cramer-Rao bound, (1 + sqrt(1 - m^2)) / 2; at
+//! m = 0.85 the standard deviation with the first two is within a hundredth of it.
+//!
+//! A memoryless response curve of projector or camera creates harmonics cos(k psi), which no U_k
+//! contains, so it biases these phases no more than those of plain least squares. With fewer than six
+//! steps such harmonics alias, so these sets keep equal weights. Light that varies from step to step,
+//! and motion, do affect the correction.
 
 use super::steps::FringeSet;
 use std::f64::consts::TAU;
 
-/// By how much of a turn steps may differ from equal ones.
+/// Maximum difference from equal steps, in turns.
 const EQUAL: f64 = 1e-6;
 
-/// Most steps that are too few for the third harmonic.
+/// Maximum number of steps for which the third harmonic is not used.
 pub(super) const WITHOUT_THIRD: usize = 7;
 
-/// Largest correction in radians: more is no noise of a phase that is known at all.
+/// Maximum correction in radians; larger values cannot be noise of a usable phase.
 const MOST: f32 = 0.5;
 
 /// Weights of the frames of a set in cos 2, sin 2, cos 3 and sin 3 of its steps, 2 / N each; the last
-/// two are zero where the steps are too few for them. `None` where the steps are not equal ones, or too few.
+/// two are zero if there are too few steps for them. `None` if the steps are unequal or too few.
 pub(super) fn harmonics(set: &FringeSet) -> Option<Vec<[f32; 4]>> {
     let n = set.phases.len();
-    // Squares of the highest harmonic times the variance's swing must not alias to a mean.
+    // The highest harmonic squared times the variance's modulation must not alias to the mean.
     if n < 6 {
         return None;
     }
@@ -57,9 +59,9 @@ pub(super) fn harmonics(set: &FringeSet) -> Option<Vec<[f32; 4]>> {
     Some(set.phases.iter().map(weights).collect())
 }
 
-/// What to add to the phase in radians, and the factor of its variance: from the cosine and sine of the
-/// least-squares phase, its modulation, half the variance's swing, and the sums that the weights of
-/// [`harmonics`] give.
+/// Returns the correction of the phase in radians and the factor of its variance, from the cosine and
+/// sine of the least-squares phase, its modulation `b`, half the relative amplitude of the variance,
+/// and the sums of the weights of [`harmonics`].
 #[inline(always)]
 pub(super) fn correction(
     [cos, sin]: [f32; 2],
@@ -108,8 +110,8 @@ mod tests {
         [s.atan2(c) + f64::from(shift), f64::from(factor)]
     }
 
-    /// Each sample's weight in the phase, by differences; the variance that they give is the one that
-    /// is said, and near the bound: the inverse of the information of the three unknowns.
+    /// Computes each sample's weight in the phase by finite differences. The resulting variance
+    /// equals the predicted one and is close to the Cramer-Rao bound for three unknowns.
     #[test]
     fn the_variance_is_the_one_said_and_near_the_bound() {
         for (n, worst) in [(6, 1.08), (7, 1.08), (8, 1.03), (12, 1.02), (32, 1.02)] {

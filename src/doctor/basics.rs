@@ -1,4 +1,4 @@
-//! What the embedded device needs: a pty and a place for its sockets.
+//! Checks what the embedded device needs: a pty and a folder for its sockets.
 
 use super::{Check, Feature, Machine, Status};
 use std::fs::File;
@@ -22,13 +22,13 @@ fn pty(machine: &Machine) -> Check {
         None => machine.has("dev/pts"),
     };
     match opened {
-        _ if !mounted => check("no file system of ptys: the control port cannot be made".into())
+        _ if !mounted => check("no devpts is mounted: the control port cannot be created".into())
             .but(
                 Status::Missing,
                 "sudo mkdir -p /dev/pts && sudo mount -t devpts devpts /dev/pts".to_owned(),
             ),
-        Ok(_) => check("/dev/ptmx opens: the control port can be made".into()),
-        Err(e) => check(format!("/dev/ptmx: {e}: the control port cannot be made"))
+        Ok(_) => check("/dev/ptmx opens: the control port can be created".into()),
+        Err(e) => check(format!("/dev/ptmx: {e}: cannot create the control port"))
             .but(Status::Missing, "sudo chmod 666 /dev/ptmx".to_owned()),
     }
 }
@@ -40,12 +40,12 @@ fn run_directory(machine: &Machine) -> Check {
         Ok(()) => Check::ok(
             "run directory",
             Feature::Embedded,
-            format!("can be made in {place}"),
+            format!("can be created in {place}"),
         ),
         Err(e) => Check::ok(
             "run directory",
             Feature::Embedded,
-            format!("{place}: {e}; serve in a folder of your own"),
+            format!("{place}: {e}; use a folder of your own"),
         )
         .but(
             Status::Missing,

@@ -1,21 +1,21 @@
-//! The files that Phasmid ships for the system, and whether they are installed.
+//! The system files that Phasmid ships, and checks whether they are installed.
 
 use super::{Check, Feature, Machine, Status};
 use phasmid_v4l2::RELOAD;
 use std::path::{Path, PathBuf};
 
-/// A file for the system.
+/// A system file that Phasmid ships.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Shipped {
-    /// What `phasmid doctor --print` calls it.
+    /// Its name for `phasmid doctor --print`.
     pub name: &'static str,
-    /// Where it is installed.
+    /// Path where it is installed.
     pub path: &'static str,
-    /// What is in it.
+    /// Contents.
     pub text: &'static str,
 }
 
-/// Stable names and permissions.
+/// udev rules for stable names and permissions.
 pub const UDEV: Shipped = Shipped {
     name: "udev",
     path: "/etc/udev/rules.d/60-phasmid.rules",
@@ -29,14 +29,14 @@ pub const MODPROBE: Shipped = Shipped {
     text: include_str!("../../udev/v4l2loopback-phasmid.conf"),
 };
 
-/// The module is loaded at the start.
+/// Loads the module at boot.
 pub const MODULES_LOAD: Shipped = Shipped {
     name: "modules-load",
     path: "/etc/modules-load.d/phasmid.conf",
     text: include_str!("../../udev/phasmid-modules.conf"),
 };
 
-/// Roots of folders that the system's programs read beside `/etc`, the first one found counts.
+/// Roots of the folders in which the system looks for configuration files, in order of precedence.
 const ROOTS: [&str; 4] = ["etc", "run", "usr/lib", "lib"];
 
 impl Shipped {
@@ -48,7 +48,7 @@ impl Shipped {
     }
 }
 
-/// Installs the rules and applies them.
+/// Returns the command that installs the rules and applies them.
 pub(super) fn install_rules() -> String {
     format!(
         "{} && sudo udevadm control --reload && sudo udevadm trigger --subsystem-match=video4linux --action=change",
@@ -56,7 +56,7 @@ pub(super) fn install_rules() -> String {
     )
 }
 
-/// Installs the module's options and applies them.
+/// Returns the command that installs the module's options and applies them.
 pub(super) fn install_options() -> String {
     format!("{} && {RELOAD}", MODPROBE.put())
 }
@@ -65,7 +65,7 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
     vec![rules(machine), options(machine), loading(machine)]
 }
 
-/// Files of a kind of configuration, those that count before those that they hide.
+/// Lists the files of a configuration folder over all roots, in order of precedence.
 fn files(machine: &Machine, folder: &str) -> Vec<PathBuf> {
     let folders = ROOTS.iter().map(|root| Path::new(root).join(folder));
     folders.flat_map(|folder| machine.list(folder)).collect()
@@ -119,8 +119,8 @@ fn options(machine: &Machine) -> Check {
         }
     }
     match foreign {
-        Some(shown) => check(format!("{shown}, which is not Phasmid's")),
-        None => check("not installed: modprobe makes one node, without a label for Phasmid".into())
+        Some(shown) => check(format!("{shown}, which Phasmid does not ship")),
+        None => check("not installed: modprobe makes one node, without a Phasmid label".into())
             .but(Status::Note, install_options()),
     }
 }
@@ -135,7 +135,8 @@ fn loading(machine: &Machine) -> Check {
     });
     match loads {
         Some(path) => check(format!("{} loads the module", machine.shown(&path))),
-        None => check("the module is not loaded when the machine starts".into())
-            .but(Status::Note, MODULES_LOAD.put()),
+        None => {
+            check("the module is not loaded at boot".into()).but(Status::Note, MODULES_LOAD.put())
+        }
     }
 }

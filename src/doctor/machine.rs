@@ -1,49 +1,49 @@
-//! The machine that is looked at: a tree of files and a user.
+//! The examined machine: a tree of files and a user.
 
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// Most of a file that is read, in bytes; the list of a kernel's modules is the longest.
+/// Maximum number of bytes that are read of a file. The list of a kernel's modules is the longest.
 const MAX_BYTES: u64 = 16 << 20;
 
-/// Who asks.
+/// The user who runs the check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct User {
     /// Effective user number.
     pub uid: u32,
-    /// Numbers of the groups that the process has, the effective one among them.
+    /// Numbers of the process's groups, including the effective one.
     pub groups: Vec<u32>,
 }
 
-/// A machine as its files show it.
+/// A machine, described by its files.
 #[derive(Debug, Clone)]
 pub struct Machine {
-    /// Where its file system begins.
+    /// Root of its file system.
     pub root: PathBuf,
-    /// The running kernel's release, as `uname -r` says it.
+    /// The running kernel's release, as printed by `uname -r`.
     pub release: String,
-    /// Who asks.
+    /// The user who runs the check.
     pub user: User,
-    /// The environment says that this is a container (systemd's `container=`).
+    /// Whether the environment marks a container (systemd's `container=`).
     pub container_env: bool,
-    /// Where run directories are made.
+    /// Folder in which run directories are created.
     pub run_parent: PathBuf,
-    /// Whether this user may read and write a path, as the system sees it (lists of access
-    /// included), without opening it.
+    /// Checks whether this user may read and write a path, including access control lists, without
+    /// opening it.
     pub access: fn(&Path, &User) -> io::Result<()>,
-    /// Whether a v4l2loopback node has lost both its sides. It opens the node, which disturbs
-    /// nobody; `false` for what is no V4L2 device or cannot be opened.
+    /// Whether a v4l2loopback node has lost both its capture and its output side. Opens the node,
+    /// which does not disturb other users; `false` if it is not a V4L2 device or cannot be opened.
     pub forgotten: fn(&Path) -> bool,
 }
 
 impl Machine {
-    /// A path in the machine; `path` has no leading slash.
+    /// Returns a path in the machine's tree; `path` has no leading slash.
     pub(super) fn path(&self, path: impl AsRef<Path>) -> PathBuf {
         self.root.join(path)
     }
 
-    /// A path of the machine as its user knows it.
+    /// Formats a path of the machine's tree as its user knows it.
     pub(super) fn shown(&self, path: &Path) -> String {
         match path.strip_prefix(&self.root) {
             Ok(rest) => format!("/{}", rest.display()),
@@ -51,7 +51,7 @@ impl Machine {
         }
     }
 
-    /// A file's text; `None` where it cannot be read.
+    /// Returns a file's text; `None` if it cannot be read.
     pub(super) fn text(&self, path: impl AsRef<Path>) -> Option<String> {
         let mut bytes = Vec::new();
         let file = File::open(self.path(path)).ok()?;
@@ -59,13 +59,13 @@ impl Machine {
         Some(String::from_utf8_lossy(&bytes).into_owned())
     }
 
-    /// A file's first line.
+    /// Returns a file's first line; `None` if it cannot be read.
     pub(super) fn line(&self, path: impl AsRef<Path>) -> Option<String> {
         let text = self.text(path)?;
         Some(text.lines().next().unwrap_or_default().trim().to_owned())
     }
 
-    /// What a folder holds, sorted; nothing where it cannot be read.
+    /// Returns the entries of a folder, sorted; empty if it cannot be read.
     pub(super) fn list(&self, folder: impl AsRef<Path>) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(self.path(folder));
         let mut paths: Vec<_> = entries
@@ -78,7 +78,7 @@ impl Machine {
         paths
     }
 
-    /// Whether a path is there, links followed.
+    /// Whether a path exists, with links followed.
     pub(super) fn has(&self, path: impl AsRef<Path>) -> bool {
         self.path(path).exists()
     }
@@ -89,7 +89,7 @@ impl Machine {
         self.container_env || marks.iter().any(|mark| self.has(mark))
     }
 
-    /// The name that belongs to a number in `/etc/passwd` or `/etc/group`, or the number.
+    /// Returns the name for a number in `/etc/passwd` or `/etc/group`, or the number if it has none.
     pub(super) fn name(&self, file: &str, number: u32) -> String {
         self.entries(file)
             .into_iter()
@@ -97,7 +97,7 @@ impl Machine {
             .map_or_else(|| number.to_string(), |(name, ..)| name)
     }
 
-    /// Name, number and the last field of each line of `/etc/passwd` or `/etc/group`.
+    /// Returns the name, the number and the last field of each line of `/etc/passwd` or `/etc/group`.
     pub(super) fn entries(&self, file: &str) -> Vec<(String, u32, String)> {
         let text = self.text(Path::new("etc").join(file)).unwrap_or_default();
         let line = |line: &str| {

@@ -1,10 +1,10 @@
-//! The kernel module v4l2loopback: loaded, installed, or how to get it.
+//! Checks the kernel module v4l2loopback: loaded, installed, or how to get it.
 
 use super::{Check, Feature, Machine, Status};
 
-/// Where a loaded module shows itself.
+/// Folder that exists if the module is loaded.
 pub(super) const LOADED: &str = "sys/module/v4l2loopback";
-/// Frames after which a buffer is written again, as we recommend; the module's most.
+/// Recommended number of buffers, after which a buffer is overwritten: the module's maximum.
 const BUFFERS: u32 = 32;
 
 pub(super) fn check(machine: &Machine) -> Check {
@@ -22,7 +22,7 @@ pub(super) fn check(machine: &Machine) -> Check {
     let modules = format!("lib/modules/{}/modules.dep", machine.release);
     let Some(modules) = machine.text(modules) else {
         return check(format!(
-            "not loaded, and kernel {} has no list of modules here{}",
+            "not loaded, and the list of modules of kernel {} is missing{}",
             machine.release,
             source(machine)
         ))
@@ -45,7 +45,7 @@ pub(super) fn check(machine: &Machine) -> Check {
     }
 }
 
-/// Where the package is, if not among the system's own.
+/// Returns where the package is, if not among the system's own.
 fn source(machine: &Machine) -> &'static str {
     if package_tool(machine) == Some("usr/bin/dnf") {
         "; RPM Fusion has it"
@@ -54,13 +54,13 @@ fn source(machine: &Machine) -> &'static str {
     }
 }
 
-/// The tool that installs packages here.
+/// Returns the system's package manager.
 fn package_tool(machine: &Machine) -> Option<&'static str> {
     let tools = ["usr/bin/apt-get", "usr/bin/pacman", "usr/bin/dnf"];
     tools.into_iter().find(|tool| machine.has(tool))
 }
 
-/// How to get the module, by what the system installs packages with.
+/// Returns the command that installs the module with the system's package manager.
 fn install(machine: &Machine) -> String {
     match package_tool(machine) {
         Some("usr/bin/apt-get") => format!(
@@ -76,7 +76,7 @@ fn install(machine: &Machine) -> String {
 fn loaded(machine: &Machine) -> Check {
     let version = version(machine).unwrap_or_else(|| "of unknown version".into());
     let mut found = format!("{version} is loaded");
-    // From 0.14 on a format and a stream belong to one opener.
+    // From 0.14 on, a format and a stream belong to one opener.
     let mut parts = version.split('.').map(|part| part.parse::<u32>().ok());
     if (parts.next().flatten(), parts.next().flatten()) >= (Some(0), Some(14)) {
         found += "; one reader at a time";
@@ -84,7 +84,7 @@ fn loaded(machine: &Machine) -> Check {
     match buffers(machine) {
         Some(buffers) if buffers < BUFFERS => {
             found += &format!(
-                "; max_buffers={buffers}: a frame that is being read is overwritten {buffers} frames later, {BUFFERS} is the most"
+                "; max_buffers={buffers}: a frame that is being read is overwritten {buffers} frames later; the maximum is {BUFFERS}"
             );
             Check::ok("v4l2loopback", Feature::V4l2, found)
                 .but(Status::Note, super::installed::install_options())
@@ -98,21 +98,22 @@ fn loaded(machine: &Machine) -> Check {
     }
 }
 
-/// The version of the loaded module; 0.12 as released does not tell, but DKMS knows what it built.
+/// Returns the version of the loaded module. Release 0.12 does not report it, but DKMS knows which
+/// version it built.
 fn version(machine: &Machine) -> Option<String> {
     machine.line(format!("{LOADED}/version")).or_else(|| {
         let built = machine.list("var/lib/dkms/v4l2loopback");
-        // Beside versions stand links called after kernels.
+        // The folder also contains links named after kernels.
         let mut versions = built
             .iter()
             .filter_map(|path| Some(path.file_name()?.to_str()?.to_owned()))
             .filter(|name| name.starts_with(|c: char| c.is_ascii_digit()));
-        // Of several nobody knows which one is loaded.
+        // With several versions, the loaded one is unknown.
         versions.next().filter(|_| versions.next().is_none())
     })
 }
 
-/// The module's `max_buffers`.
+/// Returns the module's parameter `max_buffers`.
 pub(super) fn buffers(machine: &Machine) -> Option<u32> {
     machine
         .line(format!("{LOADED}/parameters/max_buffers"))?
@@ -120,14 +121,14 @@ pub(super) fn buffers(machine: &Machine) -> Option<u32> {
         .ok()
 }
 
-/// Whether the node of this number, the `index`-th by number, is a camera and nothing else.
-/// `None` where the module does not tell.
+/// Whether the node with this number, the `index`-th in order of number, shows only its capture side
+/// while it has a producer (`exclusive_caps`). `None` if the module does not report it.
 pub(super) fn exclusive(machine: &Machine, number: u32, index: usize) -> Option<bool> {
     let list = |name: &str| {
         let line = machine.line(format!("{LOADED}/parameters/{name}"))?;
         Some(line.split(',').map(str::to_owned).collect::<Vec<_>>())
     };
-    // Nodes whose number the module chose itself come in order.
+    // Nodes whose number the module chose are in the order of their index.
     let numbers = list("video_nr").unwrap_or_default();
     let number = number.to_string();
     let at = numbers.iter().position(|n| *n == number).unwrap_or(index);

@@ -1,5 +1,5 @@
-//! Video nodes: which are ours to serve, who may open them, what is left of their buffers, and the
-//! stable names.
+//! Checks video nodes: which are labelled for Phasmid, who may open them, how many buffers they have, and
+//! their stable names.
 
 use super::installed::{install_options, install_rules};
 use super::module;
@@ -8,22 +8,22 @@ use phasmid_v4l2::{FORGOTTEN, RELOAD};
 use std::os::unix::fs::MetadataExt;
 use std::path::PathBuf;
 
-/// The nodes of this label are served by `phasmid serve --camera auto`.
+/// Start of the labels of nodes that `phasmid serve --camera auto` uses; case is ignored.
 const LABEL: &str = "phasmid";
-/// Nodes of other drivers that are named one by one.
+/// Maximum number of other drivers' nodes that are listed.
 const MAX_OTHERS: usize = 8;
 
 struct Node {
     number: u32,
     label: String,
-    /// v4l2loopback's own attribute: present on its nodes only.
+    /// Whether it has an attribute that only nodes of v4l2loopback have.
     loopback: bool,
     driver: String,
-    /// What a producer sends, as the module words it: `GREY:640x480@30`.
+    /// The producer's stream, as the module reports it: `GREY:640x480@30`.
     stream: Option<String>,
     buffers: Option<u32>,
     path: PathBuf,
-    /// It has lost both its sides: nobody can use it. Asked of ours only.
+    /// Whether it has lost both its sides, so that nobody can use it. Checked only for our nodes.
     forgotten: bool,
 }
 
@@ -39,7 +39,7 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
     for node in nodes.iter_mut().filter(|node| node.ours()) {
         node.forgotten = (machine.forgotten)(&node.path);
     }
-    // One that can be used is enough.
+    // One usable node is enough.
     let usable = nodes.iter().any(|node| node.ours() && !node.forgotten);
     let (loopbacks, others): (Vec<_>, Vec<_>) = nodes.into_iter().partition(|node| node.loopback);
     let mut checks = Vec::new();
@@ -61,7 +61,7 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
                 "other node",
                 Feature::V4l2,
                 format!(
-                    "/dev/video{} (v4l2loopback {:?}) is not labelled for Phasmid and left alone",
+                    "/dev/video{} (v4l2loopback {:?}) is not labelled for Phasmid and is not used",
                     node.number, node.label
                 ),
             ));
@@ -84,7 +84,7 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
                 Check::ok(
                     "camera",
                     Feature::V4l2,
-                    "no v4l2loopback node has a label that begins with Phasmid",
+                    "no v4l2loopback node has a label that starts with Phasmid",
                 )
                 .but(Status::Missing, install_options()),
             );
@@ -136,14 +136,14 @@ fn camera(machine: &Machine, node: &Node, index: usize) -> Check {
     let mut found = format!("/dev/video{} {:?}: {state}", node.number, node.label);
     let mut fix = None;
     if module::exclusive(machine, node.number, index) == Some(false) {
-        found += "; exclusive_caps=0: browsers, OpenCV and GStreamer may not take it for a camera";
+        found += "; exclusive_caps=0: browsers, OpenCV and GStreamer may not see it as a camera";
         fix = Some(install_options());
     }
     if let (Some(left), Some(most)) = (node.buffers, module::buffers(machine))
         && left < most
     {
         found += &format!(
-            "; {left} of {most} buffers: a reader has asked for fewer, and 0.12 keeps it so; a frame that is being read is overwritten {left} frames later"
+            "; {left} of {most} buffers: a reader has requested fewer, and version 0.12 keeps that number; a frame that is being read is overwritten {left} frames later"
         );
         fix.get_or_insert_with(|| RELOAD.to_owned());
     }
@@ -154,16 +154,16 @@ fn camera(machine: &Machine, node: &Node, index: usize) -> Check {
     }
 }
 
-/// Says what is wrong with the right to open a node.
+/// Checks whether the user may open a node, and how to get the permission.
 fn access(machine: &Machine, node: &Node) -> Option<Check> {
     let place = format!("/dev/video{}", node.number);
     let check = |found: String| Check::ok("permission", Feature::V4l2, found);
     let Ok(file) = std::fs::metadata(&node.path) else {
-        let found = format!("{place} is not in /dev, though the kernel has it");
+        let found = format!("{place} is missing in /dev, although the kernel has the device");
         return Some(if machine.container() {
-            // No command: only its user knows how the container was started.
+            // No command, because only the user knows how the container was started.
             check(format!(
-                "{found}: start the container with `--device {place}`, as docker and podman word it"
+                "{found}: start the container with `--device {place}` (docker, podman)"
             ))
             .but(Status::Missing, None)
         } else {
@@ -195,9 +195,9 @@ fn access(machine: &Machine, node: &Node) -> Option<Check> {
     let (then, fix) = if group == "root" || mode & 0o060 != 0o060 {
         ("", install_rules())
     } else if member(machine, &group, &user) && !machine.user.groups.contains(&file.gid()) {
-        // In the list, and logged in before that.
+        // The user is in the group's list, but logged in before that.
         (
-            "; the group counts from the next login on, or at once in a shell of its own",
+            "; the group takes effect at the next login, or at once in a new shell:",
             format!("newgrp {group}"),
         )
     } else {
@@ -216,7 +216,7 @@ fn member(machine: &Machine, group: &str, user: &str) -> bool {
     members.is_some_and(|(.., list)| list.split(',').any(|name| name == user))
 }
 
-/// The names under `/dev/phasmid`.
+/// Checks the names under `/dev/phasmid`.
 fn names(machine: &Machine, ours: &[&Node]) -> Check {
     let links: Vec<_> = machine
         .list("dev/phasmid")

@@ -1,36 +1,36 @@
-//! What was found, in words and for programs.
+//! The results of the checks, as text and JSON.
 
 use serde::Serialize;
 use std::fmt::{self, Display, Formatter};
 
-/// How a thing stands.
+/// Result of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
-    /// As it should be.
+    /// No problem.
     Ok,
-    /// It works, less well than it could.
+    /// It works, but not as well as it could.
     Note,
-    /// The feature is off without it.
+    /// Missing, which disables the feature.
     Missing,
 }
 
-/// What a thing is needed for.
+/// A feature that checks belong to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Feature {
-    /// The device that needs nothing of the kernel: control port on a pty, frames on a socket.
+    /// The device without kernel modules: control port on a pty, frames on a socket.
     Embedded,
-    /// The device as a camera of the kernel.
+    /// The device as a V4L2 camera of the kernel.
     V4l2,
     /// The device as a USB device of this machine's kernel.
     Usb,
-    /// Rendering on a graphics adapter.
+    /// Rendering on a GPU.
     Vulkan,
 }
 
 impl Feature {
-    /// All of them.
+    /// All features.
     pub const ALL: [Self; 4] = [Self::Embedded, Self::V4l2, Self::Usb, Self::Vulkan];
 
     fn words(self) -> (&'static str, &'static str) {
@@ -38,37 +38,34 @@ impl Feature {
             Self::Embedded => ("pty and frame socket", "`phasmid serve` cannot run"),
             Self::V4l2 => (
                 "V4L2 camera",
-                "`phasmid serve --camera auto` takes the frame socket",
+                "`phasmid serve --camera auto` uses the frame socket",
             ),
             Self::Usb => (
                 "USB device",
-                "`phasmid serve --usb attach` is refused; --usb export works",
+                "`phasmid serve --usb attach` fails; --usb export works",
             ),
-            Self::Vulkan => (
-                "GPU (Vulkan)",
-                "`--backend gpu` is refused; auto takes the processor",
-            ),
+            Self::Vulkan => ("GPU (Vulkan)", "`--backend gpu` fails; auto uses the CPU"),
         }
     }
 }
 
-/// One thing that was looked at.
+/// One check and its result.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Check {
-    /// What it is.
+    /// What was checked.
     pub topic: &'static str,
-    /// What it is needed for.
+    /// The feature that needs it.
     pub feature: Feature,
-    /// How it stands.
+    /// The result.
     pub status: Status,
-    /// What was found, and what follows from it.
+    /// What was found, and its consequence.
     pub found: String,
-    /// The command that mends it.
+    /// The command that fixes it.
     pub fix: Option<String>,
 }
 
 impl Check {
-    /// Something that is as it should be.
+    /// Makes a check without a problem.
     pub(super) fn ok(topic: &'static str, feature: Feature, found: impl Display) -> Self {
         Self {
             topic,
@@ -79,7 +76,7 @@ impl Check {
         }
     }
 
-    /// The same check with what is to be said of it.
+    /// Returns the check with another status and the command that fixes it.
     pub(super) fn but(mut self, status: Status, fix: impl Into<Option<String>>) -> Self {
         self.status = status;
         self.fix = fix.into();
@@ -87,7 +84,7 @@ impl Check {
     }
 }
 
-/// Labels and files are anybody's: nothing in them steers a terminal.
+/// Replaces control characters by `?`, because labels and files may contain anything.
 fn plain(text: &str) -> String {
     let steers = |c: char| c.is_control();
     text.chars()
@@ -95,30 +92,30 @@ fn plain(text: &str) -> String {
         .collect()
 }
 
-/// Everything that was found.
+/// The results of all checks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Report {
     /// The running kernel's release.
     pub kernel: String,
-    /// It is a container's, so modules are loaded elsewhere.
+    /// Whether this looks like a container, whose modules are loaded by the host.
     pub container: bool,
-    /// In the order in which a reader would mend them.
+    /// The checks, in the order in which a reader would fix them.
     pub checks: Vec<Check>,
 }
 
 impl Report {
-    /// Whether a feature lacks nothing.
+    /// Whether nothing that a feature needs is missing.
     pub fn works(&self, feature: Feature) -> bool {
         let mut its = self.checks.iter().filter(|check| check.feature == feature);
         its.all(|check| check.status != Status::Missing)
     }
 
-    /// Whether the embedded device and all of these work.
+    /// Whether the embedded device and all these features work.
     pub fn suffices(&self, needed: &[Feature]) -> bool {
         self.works(Feature::Embedded) && needed.iter().all(|feature| self.works(*feature))
     }
 
-    /// For programs.
+    /// Returns the report as JSON.
     pub fn to_json(&self) -> serde_json::Value {
         serde_json::json!({
             "kernel": self.kernel,
@@ -136,7 +133,7 @@ impl Report {
 impl Display for Report {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let container = if self.container {
-            "; this looks like a container: what concerns the kernel is done on its host"
+            "; this looks like a container: run the commands for kernel modules on its host"
         } else {
             ""
         };

@@ -1,4 +1,4 @@
-//! Machines made of files.
+//! Tests with machines made of files.
 
 use super::*;
 use std::fs;
@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 const RELEASE: &str = "6.1.0-test";
 
-/// By the mode's bits, as for a user who is not root.
+/// Checks access by the mode's bits, as for a user who is not root.
 fn by_mode(path: &Path, user: &User) -> io::Result<()> {
     let file = fs::metadata(path)?;
     let shift = if file.uid() == user.uid {
@@ -118,7 +118,7 @@ impl Fake {
         examine(&self.machine)
     }
 
-    /// The one check of a topic.
+    /// Returns the only check of a topic.
     fn check(&self, topic: &str) -> Check {
         let checks = self.report().checks;
         let mut its = checks.into_iter().filter(|check| check.topic == topic);
@@ -148,7 +148,7 @@ fn a_machine_with_nothing_serves_the_embedded_device() {
     let text = report.to_string();
     assert!(text.contains("pty and frame socket: works"), "{text}");
     assert!(text.contains("V4L2 camera: off"), "{text}");
-    // Every lack has its command.
+    // Every problem has a command that fixes it.
     for check in &report.checks {
         assert_eq!(check.fix.is_some(), check.status != Status::Ok, "{check:?}");
     }
@@ -203,7 +203,7 @@ fn a_good_machine_lacks_nothing() {
         "/dev/phasmid/1 is /dev/video10"
     );
     assert!(fake.check("other node").found.contains("\"Other\""));
-    // 0.12 has no file that tells its version.
+    // Release 0.12 has no file with its version.
     fs::remove_file(fake.path("sys/module/v4l2loopback/version")).unwrap();
     assert!(fake.check("v4l2loopback").found.contains("unknown"));
     fake.file("var/lib/dkms/v4l2loopback/0.12.8/source", "");
@@ -252,7 +252,7 @@ fn nodes_of_others_are_no_camera() {
     let camera = fake.check("camera");
     assert_eq!(camera.status, Status::Missing);
     assert!(fix(&camera).contains("modprobe.d"));
-    // A webcam of the name is no loopback.
+    // A webcam with this label is not a loopback node.
     fake.file("sys/class/video4linux/video3/name", "Phasmid\n");
     assert_eq!(fake.check("camera").status, Status::Missing);
 }
@@ -285,13 +285,13 @@ fn a_node_without_sides_is_not_free() {
     assert!(!camera.found.contains("free"), "{camera:?}");
     assert!(fix(&camera).starts_with("sudo modprobe -r"), "{camera:?}");
     assert!(!fake.report().suffices(&[Feature::V4l2]));
-    // Another one will do.
+    // A second, usable node is enough.
     fake.node(11, "Phasmid 2", "32");
     let report = fake.report();
     assert!(report.suffices(&[Feature::V4l2]));
     let first = report.checks.iter().find(|check| check.topic == "camera");
     assert_eq!(first.map(|check| check.status), Some(Status::Note));
-    // Nodes of others are not opened.
+    // Nodes with other labels are not opened.
     fake.node(10, "Other", "32");
     fake.machine.forgotten = |path| {
         assert!(!path.ends_with("video10"));
@@ -323,10 +323,10 @@ fn a_user_outside_the_group_is_told_to_join_it() {
     assert!(check.found.ends_with("join the group and log in anew"));
     assert_eq!(fix(&check), "sudo usermod -aG video bob");
     assert!(!fake.report().suffices(&[Feature::V4l2]));
-    // Ann is in the group since after she logged in.
+    // Ann joined the group after she logged in.
     fake.machine.user.uid = 70002;
     assert_eq!(fix(&fake.check("permission")), "newgrp video");
-    // Nobody but the owner may: joining the group would not help.
+    // Only the owner has access, so joining the group would not help.
     fake.mode("dev/video10", 0o600);
     assert!(fix(&fake.check("permission")).contains("60-phasmid.rules"));
 }

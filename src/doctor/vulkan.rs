@@ -1,5 +1,5 @@
-//! Vulkan: loader, drivers and render nodes, by their files. No build needs it, and no run but with
-//! `--backend gpu`.
+//! Checks the files of Vulkan: loader, drivers and render nodes. Builds do not need Vulkan, and runs need
+//! it only with `--backend gpu`.
 
 use super::{Check, Feature, Machine, Status};
 use std::path::PathBuf;
@@ -37,7 +37,7 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
             found = true;
             checks.push(check(format!("driver {path} ({shown})")));
         } else {
-            checks.push(check(format!("{shown}: {path} is not there")).but(Status::Note, None));
+            checks.push(check(format!("{shown}: {path} is missing")).but(Status::Note, None));
         }
     }
     if !found {
@@ -47,7 +47,7 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
     checks
 }
 
-/// A library by its path, or by its name where the system's linker looks.
+/// Finds a library by its path, or by its name in the folders of the system's linker.
 fn library(machine: &Machine, name: &str) -> Option<PathBuf> {
     if let Some(path) = name.strip_prefix('/') {
         return Some(machine.path(path)).filter(|path| path.exists());
@@ -55,7 +55,7 @@ fn library(machine: &Machine, name: &str) -> Option<PathBuf> {
     let mut folders: Vec<_> = ["usr/lib", "usr/lib64", "usr/local/lib", "lib"]
         .map(|folder| machine.path(folder))
         .into();
-    // Debian has one folder an architecture.
+    // Debian has one folder per architecture.
     let triples = machine.list("usr/lib").into_iter().filter(|path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.contains("-linux-gnu")
@@ -65,7 +65,7 @@ fn library(machine: &Machine, name: &str) -> Option<PathBuf> {
     paths.find(|path| path.exists())
 }
 
-/// Adapters; a driver in software needs none.
+/// Checks access to the GPUs' render nodes; a software driver needs none.
 fn render_nodes(machine: &Machine) -> Vec<Check> {
     let nodes = machine.list("dev/dri").into_iter().filter(|path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();

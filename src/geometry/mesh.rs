@@ -164,7 +164,7 @@ mod tests {
         assert!(complaint(nan).contains("m.stl: vertex 1: (1, NaN, 0)"));
         let mut far = good.clone();
         far.triangles[1] = [0, 3, 1];
-        assert!(complaint(far).contains("triangle 1: vertex 3; allowed: vertices 0 to 2"));
+        assert!(complaint(far).contains("triangle 1: vertex 3; expected vertices 0 to 2"));
         let mut dark = good.clone();
         dark.colours = vec![0.5, f32::NAN, 0.5];
         assert!(complaint(dark).contains("vertex 1: a reflectance of NaN"));

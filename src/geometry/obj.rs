@@ -262,13 +262,13 @@ mod tests {
             (
                 "3/2",
                 "3/3",
-                "m.obj:10: texture coordinate 3; allowed: texture coordinates 1 to 2",
+                "m.obj:10: texture coordinate 3; expected texture coordinates 1 to 2",
             ),
             ("vt 1\n", "vt one\n", "m.obj:2: `one`"),
             (
                 "0.5 0.5 0.5",
                 "0.5 1.5 0.5",
-                "m.obj:9: a colour of `1.5`; allowed: red",
+                "m.obj:9: a colour of `1.5`; expected red",
             ),
         ] {
             let error = parse(text.replace(from, to).as_bytes(), "m.obj").unwrap_err();
@@ -280,7 +280,7 @@ mod tests {
     fn complaints_name_the_line() {
         for (from, to, says) in [
             ("3/2", "0", "m.obj:8: `0`"),
-            ("3/2", "5", "m.obj:8: vertex 5; allowed: vertices 1 to 4"),
+            ("3/2", "5", "m.obj:8: vertex 5; expected vertices 1 to 4"),
             ("3/2", "x", "m.obj:8: `x`"),
             ("-4", "-5", "m.obj:9: `-5`"),
             ("-4", "-9223372036854775808", "m.obj:9"),

@@ -88,7 +88,7 @@ mod tests {
         for (text, words) in [
             (
                 led("0"),
-                "projector.led.rise_us: 0; allowed: 0.001 to 1000000",
+                "projector.led.rise_us: 0; expected 0.001 to 1000000",
             ),
             (led("nan"), "projector.led.rise_us"),
             (
@@ -102,7 +102,7 @@ mod tests {
             ),
             (
                 led("5") + &droop("9", "0.01").repeat(9),
-                "9 entries; allowed: at most 8",
+                "9 entries; expected at most 8",
             ),
             ("[projector.led]\n".to_owned(), "rise_us"),
             (led("5") + "fall_us = 2", "fall_us"),

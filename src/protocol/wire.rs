@@ -112,7 +112,7 @@ impl FrameHeader {
         }
         if (u16_at(4), usize::from(u16_at(6))) != (VERSION, HEADER_LEN) {
             return bad(format!(
-                "version {} with {} bytes, want version {VERSION} with {HEADER_LEN}",
+                "version {} with {} bytes, expected version {VERSION} with {HEADER_LEN}",
                 u16_at(4),
                 u16_at(6)
             ));
@@ -121,13 +121,13 @@ impl FrameHeader {
         let sides = 1..=MAX_SIDE_PX;
         if !sides.contains(&width) || !sides.contains(&height) {
             return bad(format!(
-                "{width} x {height} pixels, want 1 to {MAX_SIDE_PX} each"
+                "{width} x {height} pixels, expected 1 to {MAX_SIDE_PX} each"
             ));
         }
         let code: [u8; 4] = bytes[28..32].try_into().expect("4 bytes");
         let Some(format) = PixelFormat::from_fourcc(code) else {
             return bad(format!(
-                "pixel format \"{}\", want GREY or Y16",
+                "pixel format \"{}\", expected GREY or Y16",
                 code.escape_ascii()
             ));
         };

@@ -59,7 +59,7 @@ impl Truth {
         };
         if truth.flags.len() != pixels {
             return Err(Error::device(format!(
-                "truth: {} flags, want {pixels}",
+                "truth: {} flags, expected {pixels}",
                 truth.flags.len()
             )));
         }

@@ -1,24 +1,24 @@
-//! Colour scales laid out in Oklab (B. Ottosson, "A perceptual color space for image processing",
-//! 2020), where equal steps look equal: lightness rises evenly along a scale of sizes, and falls
-//! off evenly to both sides on a scale of signs.
+//! Colour scales in Oklab (B. Ottosson, "A perceptual color space for image processing", 2020), in
+//! which equal steps look equal. Lightness rises evenly along the sequential scale, and falls off
+//! evenly to both sides of zero on the diverging scale.
 
 /// A colour scale with 256 steps.
 pub(crate) struct Scale([[u8; 3]; 256]);
 
 impl Scale {
-    /// For sizes: dark violet over blue and green to light yellow.
+    /// Returns a sequential scale: dark violet over blue and green to light yellow.
     pub(crate) fn sizes() -> Self {
         Self::of(|t| {
             let lightness = 0.27 + 0.66 * t;
             // Hue turns from violet (310 degrees) back to yellow (105).
             let hue = (310.0 - 205.0 * t).to_radians();
-            // Chroma that sRGB holds at both ends as well as between.
+            // This chroma stays within the sRGB gamut along the whole scale.
             let chroma = 0.125 + 0.04 * (1.0 - t) * (1.0 - t) + 0.03 * t * t;
             [lightness, chroma * hue.cos(), chroma * hue.sin()]
         })
     }
 
-    /// For signed values: blue below zero, light grey at it, red above.
+    /// Returns a diverging scale: blue below zero, light grey at zero, red above.
     pub(crate) fn signs() -> Self {
         Self::of(|t| {
             let s: f64 = 2.0 * t - 1.0;
@@ -37,14 +37,14 @@ impl Scale {
         Self(table)
     }
 
-    /// The colour of `t` from 0 to 1; beyond, that of the end.
+    /// Returns the colour at `t` from 0 to 1; values outside are clamped.
     pub(crate) fn at(&self, t: f32) -> [u8; 3] {
         self.0[(t.clamp(0.0, 1.0) * 255.0).round() as usize]
     }
 }
 
-/// An Oklab colour (L, a, b) as sRGB (IEC 61966-2-1), clipped to its cube. Matrices as Ottosson
-/// gives them.
+/// Converts an Oklab colour (L, a, b) to sRGB (IEC 61966-2-1), clipped to its gamut. The matrices are
+/// Ottosson's.
 fn srgb([l, a, b]: [f64; 3]) -> [u8; 3] {
     let long = (l + 0.396_337_777_4 * a + 0.215_803_757_3 * b).powi(3);
     let medium = (l - 0.105_561_345_8 * a - 0.063_854_172_8 * b).powi(3);
@@ -72,7 +72,7 @@ mod tests {
     fn oklab_of_known_colours() {
         assert_eq!(srgb([1.0, 0.0, 0.0]), [255, 255, 255]);
         assert_eq!(srgb([0.0, 0.0, 0.0]), [0, 0, 0]);
-        // sRGB red in Oklab, by Ottosson's table of XYZ and Oklab pairs carried through.
+        // sRGB red in Oklab, computed from Ottosson's table of XYZ and Oklab pairs.
         assert_eq!(srgb([0.627_955, 0.224_863, 0.125_846]), [255, 0, 0]);
     }
 

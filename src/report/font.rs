@@ -1,18 +1,18 @@
-//! A tiny font for scales: 5 rows of dots, 3 a letter, 5 where a letter needs them.
+//! A small bitmap font for colour scales: letters are 5 dots high and 3 wide, or 5 wide if necessary.
 
 use image::{Rgb, RgbImage};
 
-/// Dots down a letter, and between letters.
+/// Height of a letter, and gap between letters, in dots.
 const HEIGHT: u32 = 5;
 const GAP: u32 = 1;
 
-/// Width and height in pixels of a text with dots of `dot` pixels.
+/// Returns the width and height of a text in pixels, with dots of `dot` pixels.
 pub fn size(text: &str, dot: u32) -> (u32, u32) {
     let dots: u32 = text.chars().map(|c| glyph(c).0 + GAP).sum();
     (dots.saturating_sub(GAP) * dot, HEIGHT * dot)
 }
 
-/// Draws a text with its upper left corner at (x, y); what falls off the picture is left out.
+/// Draws a text with its upper left corner at (x, y), clipped to the image.
 pub fn draw(image: &mut RgbImage, text: &str, (x, y): (u32, u32), dot: u32, colour: [u8; 3]) {
     let mut left = x;
     for letter in text.chars() {
@@ -33,8 +33,8 @@ pub fn draw(image: &mut RgbImage, text: &str, (x, y): (u32, u32), dot: u32, colo
     }
 }
 
-/// Dots across, and rows from the top with the leftmost dot as the highest bit; a box for what is
-/// not there.
+/// Returns the width in dots, and the rows from the top with the leftmost dot as the highest bit. A
+/// missing letter is a box.
 fn glyph(letter: char) -> (u32, [u8; 5]) {
     let rows = match letter.to_ascii_lowercase() {
         'm' => return (5, [0, 0b11010, 0b10101, 0b10101, 0b10101]),
@@ -91,7 +91,7 @@ mod tests {
     #[test]
     fn letters_differ_and_fit() {
         let all = "0123456789-+./% abcdefghijklmnopqrstuvwxyz";
-        // 0 and o, 5 and s are told apart by a dot or two; none are the same.
+        // 0 and o, 5 and s differ by a dot or two; no two letters are equal.
         for (i, a) in all.char_indices() {
             let (width, rows) = glyph(a);
             assert!(rows.iter().all(|row| row >> width == 0));
@@ -103,7 +103,7 @@ mod tests {
         draw(&mut image, "-1.5", (2, 1), 1, [255; 3]);
         assert_eq!(size("-1.5", 1), (15, 5));
         assert_eq!(image.get_pixel(3, 3).0, [255; 3]);
-        // Off the edge is no crash.
+        // Drawing beyond the edge does not panic.
         draw(&mut image, "mm", (18, 6), 3, [9; 3]);
     }
 }

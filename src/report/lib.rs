@@ -1,4 +1,12 @@
-//! Plots and pictures.
+//! Plots, images of maps, and the framework of the studies.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `plot` | plots as SVG |
+//! | `picture` | maps as images with a colour scale, and shaded relief |
+//! | `colour`, `font` | colour scales and a bitmap font for these images |
+//! | `lab` | the framework of the studies |
+//! | `stopwatch`, `spread` | measured times and their quartiles |
 
 mod colour;
 pub mod font;

@@ -1,7 +1,7 @@
-//! Maps as pictures that one can read: colours with a scale beside them, and shaded relief.
+//! Draws maps as images: in colours with a scale beside them, and as shaded relief.
 //!
-//! Values are row-major, `width * height` of them; NaN is drawn dark and neutral. Where there are
-//! fewer values than pixels, the rest counts as NaN.
+//! Values are row-major, `width * height` of them. NaN is drawn in dark grey. If there are fewer values
+//! than pixels, the missing ones count as NaN.
 
 use crate::colour::Scale;
 use crate::font;
@@ -11,8 +11,8 @@ const NOTHING: [u8; 3] = [38, 38, 40];
 const PAPER: [u8; 3] = [22, 22, 24];
 const INK: [u8; 3] = [225, 225, 225];
 
-/// A map of sizes from `range.0` (dark) to `range.1` (light) in `unit`, with its scale at the right,
-/// which makes the picture wider than the map.
+/// Draws a map of values from `range.0` (dark) to `range.1` (light) in `unit`, with its scale at the
+/// right, which makes the image wider than the map.
 pub fn colour_mapped(
     width: u32,
     height: u32,
@@ -23,9 +23,9 @@ pub fn colour_mapped(
     mapped(width, height, values, None, range, unit, &Scale::sizes())
 }
 
-/// As [`colour_mapped`], with light and shade on it: `shade` as [`shades`] gives it, NaN as full
-/// light. Colour tells the value and light the shape; the darkest shade halves a colour, so that it
-/// can still be told.
+/// Draws a map like [`colour_mapped`], with shading: `shade` is the result of [`shades`], with NaN as
+/// full light. Colour shows the value and shading the shape. The darkest shade halves a colour, so that
+/// it remains recognisable.
 pub fn colour_mapped_relief(
     width: u32,
     height: u32,
@@ -45,7 +45,7 @@ pub fn colour_mapped_relief(
     )
 }
 
-/// A map of signed values, from `-limit` (blue) over 0 (light grey) to `limit` (red) in `unit`, with
+/// Draws a map of signed values, from `-limit` (blue) over 0 (light grey) to `limit` (red) in `unit`, with
 /// its scale at the right.
 pub fn diverging(width: u32, height: u32, values: &[f32], limit: f32, unit: &str) -> RgbImage {
     let limit = limit.abs();
@@ -60,8 +60,8 @@ pub fn diverging(width: u32, height: u32, values: &[f32], limit: f32, unit: &str
     )
 }
 
-/// Shaded relief of a depth map in millimetres, in grey, without a scale. `focal_px` is the camera's
-/// focal length in pixels.
+/// Draws a depth map in millimetres as shaded relief, in grey, without a scale. `focal_px` is the
+/// camera's focal length in pixels.
 pub fn shaded(width: u32, height: u32, depth_mm: &[f32], focal_px: f32) -> RgbImage {
     let shade = shades(width, height, depth_mm, focal_px);
     RgbImage::from_fn(width, height, |x, y| {
@@ -74,16 +74,16 @@ pub fn shaded(width: u32, height: u32, depth_mm: &[f32], focal_px: f32) -> RgbIm
     })
 }
 
-/// How bright each pixel of a depth map is under a lamp at the upper left, 0 to 1; NaN where a pixel
-/// has no depth, or no neighbour with one. Surface and lamp as Lambert has them, with a little light
-/// from everywhere.
+/// Computes the brightness of each pixel of a depth map under a lamp at the upper left, 0 to 1; NaN for
+/// pixels without depth, or without a neighbour along x or y. The surface is Lambertian, with 12 %
+/// ambient light.
 ///
-/// The normal is that of depth as a height over the image, with a pixel as wide as it is at its
-/// depth: (dz/du, dz/dv, -z / focal_px), the differences between neighbours.
+/// The normal is (dz/du, dz/dv, -z / focal_px): depth as a height over the image, with the width of a
+/// pixel at its depth. Derivatives are differences between neighbours.
 pub fn shades(width: u32, height: u32, depth_mm: &[f32], focal_px: f32) -> Vec<f32> {
     const LAMP: [f32; 3] = [-0.45, -0.6, -0.66];
     let z = |x: u32, y: u32| value(depth_mm, width, x, y);
-    // Central where both neighbours are there, one-sided where one is.
+    // Central difference if both neighbours are known, one-sided if one is.
     let slope = |before: Option<f32>, here: f32, after: Option<f32>| {
         let known = |v: Option<f32>| v.filter(|v| v.is_finite());
         match (known(before), known(after)) {
@@ -137,7 +137,7 @@ fn mapped(
     let bar = Bar::new(height, range, unit);
     let mut image = RgbImage::from_pixel(width + bar.width(), height, Rgb(PAPER));
     let (low, high) = range;
-    // An empty range shows all of one value in the middle's colour.
+    // With an empty range, all values get the middle colour.
     let span = high - low;
     for y in 0..height {
         for x in 0..width {
@@ -162,7 +162,7 @@ fn mapped(
     image
 }
 
-/// The scale at the right: a strip of colours, ticks at round values, the unit above.
+/// The scale at the right: a strip of colours with ticks at round values and the unit above.
 struct Bar {
     dot: u32,
     range: (f32, f32),
@@ -220,8 +220,8 @@ impl Bar {
     }
 }
 
-/// Round values within a range (1, 2 or 5 times a power of ten apart), about `count` of them, with
-/// as many decimals as tell them apart.
+/// Returns about `count` round values within a range, 1, 2 or 5 times a power of ten apart, with as many
+/// decimals as distinguish them.
 fn ticks((low, high): (f32, f32), count: u32) -> Vec<(f32, String)> {
     let (low, high) = (f64::from(low), f64::from(high));
     let span = high - low;
@@ -241,7 +241,7 @@ fn ticks((low, high): (f32, f32), count: u32) -> Vec<(f32, String)> {
     let decimals = (-step.log10()).ceil().clamp(0.0, 9.0) as usize;
     let first = (low / step - 1e-6).ceil();
     let last = (high / step + 1e-6).floor();
-    // Next to a large number a small step is lost in rounding.
+    // A step that is small relative to the values is lost in rounding.
     if last - first >= 100.0 {
         return Vec::new();
     }
@@ -290,7 +290,7 @@ mod tests {
         let scale = Scale::sizes();
         assert_eq!(image.get_pixel(0, 3).0, scale.at(0.0));
         assert_eq!(image.get_pixel(63, 3).0, scale.at(1.0));
-        // The strip's ends have the ends' colours.
+        // The ends of the strip have the colours of the ends of the scale.
         assert!(image.width() > width && image.height() == height);
         let strip = width + 6;
         assert_eq!(image.get_pixel(strip, 12).0, scale.at(1.0));
@@ -317,7 +317,7 @@ mod tests {
         let flat = vec![1000.0; 20 * 20];
         let shade = shades(20, 20, &flat, 500.0);
         assert!(shade.iter().all(|s| (s - shade[0]).abs() < 1e-6));
-        // Rising towards the camera to the right: turned to the lamp at the left.
+        // The surface rises towards the camera to the right, so it faces the lamp at the left.
         let tilt = |sign: f32| -> Vec<f32> {
             let z: Vec<f32> = (0..400).map(|i| 1000.0 - sign * (i % 20) as f32).collect();
             shades(20, 20, &z, 500.0)

@@ -1,25 +1,25 @@
-//! Repeated times in three figures.
+//! Quartiles of repeated measurements.
 
 /// Median and quartiles of repeated measurements, in the unit of the measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
-    /// A quarter of them is not above this.
+    /// First quartile.
     pub low: f64,
-    /// The middle one.
+    /// Median.
     pub median: f64,
-    /// A quarter of them is not below this.
+    /// Third quartile.
     pub high: f64,
 }
 
 impl Spread {
-    /// Of measurements in any order; NaN without any.
+    /// Computes the quartiles of measurements in any order; NaN without any.
     pub fn new(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
         let [low, median, high] = [0.25, 0.5, 0.75].map(|share| quantile(&values, share));
         Self { low, median, high }
     }
 
-    /// The same in another unit.
+    /// Returns the quartiles times a factor, to change the unit.
     #[must_use]
     pub fn times(self, factor: f64) -> Self {
         let Self { low, median, high } = self;
@@ -28,8 +28,8 @@ impl Spread {
     }
 }
 
-/// The value that a share of the sorted ones is not above, linear between neighbours (Hyndman and Fan
-/// 1996, definition 7); NaN without any.
+/// Returns the quantile `share` (0 to 1) of sorted values, linear between neighbours (Hyndman and Fan 1996,
+/// definition 7); NaN without any.
 pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else {
         return f64::NAN;

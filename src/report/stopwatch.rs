@@ -1,67 +1,68 @@
-//! Times of work, by a clock that is passed in.
+//! Measures durations with a clock that the caller provides.
 
 use crate::spread::Spread;
 use std::hint::black_box;
 use std::time::Duration;
 
-/// Time since some moment.
+/// Returns the time since a fixed moment.
 pub type Clock<'a> = &'a (dyn Fn() -> Duration + Sync);
 
-/// A round of frames has no more of them than come in so many seconds.
+/// Target duration of a round of frames in seconds, which limits the number of frames per round.
 pub const ROUND_S: f64 = 1.0;
-/// Rounds of frames, of which the fastest counts: what else runs here only ever adds.
+/// Number of rounds of frames. The fastest counts, because other programs can only slow a round down.
 const ROUNDS: usize = 3;
-/// Copies, of which the fastest counts.
+/// Number of copies, of which the fastest counts.
 const COPIES: usize = 200;
-/// Copies beside each round of a work.
+/// Number of copies per round of [`Stopwatch::beside_a_copy`].
 const BESIDE: usize = 3;
 
-/// Takes times.
+/// Measures durations.
 #[derive(Clone, Copy)]
 pub struct Stopwatch<'a> {
     clock: Clock<'a>,
 }
 
 impl<'a> Stopwatch<'a> {
-    /// By a clock.
+    /// Makes a stopwatch with a clock.
     pub fn new(clock: Clock<'a>) -> Self {
         Self { clock }
     }
 
-    /// What work gives, and the seconds that it takes.
+    /// Runs `work`; returns its result and its duration in seconds.
     pub fn timed<T>(self, work: impl FnOnce() -> T) -> (T, f64) {
         let begin = (self.clock)();
         let done = work();
         (done, (self.clock)().saturating_sub(begin).as_secs_f64())
     }
 
-    /// Seconds since some moment.
+    /// Returns the clock's time in seconds.
     pub fn now_s(self) -> f64 {
         (self.clock)().as_secs_f64()
     }
 
-    /// The seconds that work takes.
+    /// Returns the duration of `work` in seconds.
     pub fn seconds(self, work: impl FnOnce()) -> f64 {
         self.timed(work).1
     }
 
-    /// The rounds of one figure: `most`, of which none but the first begins after `enough_s` seconds.
+    /// Returns the indices of up to `most` rounds. No round but the first starts after `enough_s`
+    /// seconds.
     pub fn rounds(self, most: usize, enough_s: f64) -> impl Iterator<Item = usize> + use<'a> {
         let begin = (self.clock)();
         let passed = move || (self.clock)().saturating_sub(begin).as_secs_f64();
         (0..most).take_while(move |&i| i == 0 || passed() < enough_s)
     }
 
-    /// The seconds that work takes, round by round.
+    /// Returns the quartiles of the duration of `work` in seconds, over the rounds of [`Self::rounds`].
     pub fn spread(self, most: usize, enough_s: f64, mut work: impl FnMut()) -> Spread {
         let rounds = self.rounds(most, enough_s);
         Spread::new(rounds.map(|_| self.seconds(&mut work)).collect())
     }
 
-    /// Seconds that a frame takes where `run` makes so many of them, one after the other; at most
-    /// `frames` in a round.
+    /// Returns the seconds per frame. `run(n)` makes `n` frames; a round has at most `frames` of them, and
+    /// no more than take [`ROUND_S`].
     pub fn seconds_a_frame(self, frames: usize, mut run: impl FnMut(usize)) -> f64 {
-        // Makes what is made once, and tells how many fit.
+        // The first run includes one-time preparation; the second shows how many frames fit in a round.
         run(1);
         let one = self.seconds(|| run(1));
         let count = ((ROUND_S / one) as usize).clamp(1, frames.max(1));
@@ -69,7 +70,8 @@ impl<'a> Stopwatch<'a> {
         rounds.fold(f64::INFINITY, f64::min)
     }
 
-    /// Seconds that a memory copy of so many bytes takes on one thread, the fastest of many.
+    /// Returns the duration in seconds of a memory copy of `bytes` bytes on one thread: the fastest of
+    /// many.
     pub fn seconds_a_copy(self, bytes: usize) -> f64 {
         let from = vec![1u8; bytes];
         let mut to = vec![0u8; bytes];
@@ -78,12 +80,12 @@ impl<'a> Stopwatch<'a> {
         copies.fold(f64::INFINITY, f64::min)
     }
 
-    /// Seconds of work and of a memory copy of so many bytes, in turns for `enough_s` seconds, so
-    /// that a machine whose speed wanders is as fast for the one as for the other; the fastest of
-    /// each.
+    /// Returns the fastest durations in seconds of `work` and of a memory copy of `bytes` bytes. They run
+    /// in alternation for `enough_s` seconds, so that a change in the machine's speed affects both
+    /// equally.
     pub fn beside_a_copy(self, bytes: usize, enough_s: f64, mut work: impl FnMut()) -> [f64; 2] {
         let from = vec![1u8; bytes];
-        // Not of zeros: the system gives memory for those when they are first written, which takes longer
+        // Not zeros: the system would allocate their memory only at the first write, which takes longer
         // than the copy.
         let mut to = vec![2u8; bytes];
         work();
@@ -98,7 +100,8 @@ impl<'a> Stopwatch<'a> {
         fastest
     }
 
-    /// Seconds of two works in turns for `enough_s` seconds, each once before: the fastest of each.
+    /// Returns the fastest durations in seconds of two works, which run in alternation for `enough_s`
+    /// seconds, after one run of each.
     pub fn in_turns(self, enough_s: f64, works: &mut [Box<dyn FnMut()>; 2]) -> [f64; 2] {
         works.iter_mut().for_each(|work| work());
         let mut fastest = [f64::INFINITY; 2];

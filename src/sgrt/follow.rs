@@ -1,4 +1,4 @@
-//! From scan to scan: each is tracked from the answers to the one before.
+//! Tracks a patient from scan to scan, starting each fit at the previous result.
 
 use super::fit::{FitOptions, MotionFit, MotionState, MotionTracker};
 use super::measured::Measured;
@@ -8,7 +8,7 @@ use super::warning::Lost;
 use phasmid_core::error::Result;
 use phasmid_geometry::Pose;
 
-/// Follows a patient who was set up by hand.
+/// Tracks a patient who was set up by hand.
 pub struct Follower<'a> {
     planned: &'a Planned,
     tracker: MotionTracker<'a>,
@@ -16,19 +16,19 @@ pub struct Follower<'a> {
     state: MotionState,
 }
 
-/// Where the skin is, and where the tumour is.
+/// The pose of the skin and the position of the tumour.
 pub struct Answers {
     /// The six degrees of freedom of the skin.
     pub rigid: std::result::Result<RigidFit, Lost>,
-    /// The tumour by the motion model.
+    /// The tumour's position from the motion model.
     pub motion: std::result::Result<MotionFit, Lost>,
 }
 
 impl<'a> Follower<'a> {
-    /// Knows what planning knows.
+    /// Creates a follower from planning data.
     ///
     /// # Errors
-    /// What [`MotionTracker::new`] refuses.
+    /// Returns the errors of [`MotionTracker::new`].
     pub fn new(planned: &'a Planned) -> Result<Self> {
         let options = FitOptions::by_hand();
         let (reference, model) = (&planned.reference, &planned.model);
@@ -40,7 +40,7 @@ impl<'a> Follower<'a> {
         })
     }
 
-    /// Both answers to a scan, side by side.
+    /// Computes both answers for a scan, in parallel.
     pub fn answer(&mut self, measured: &Measured) -> Answers {
         let (reference, options) = (&self.planned.reference, RigidOptions::default());
         let (rigid, motion) = rayon::join(

@@ -1,18 +1,29 @@
-//! Tracking a patient by the skin: where the patient lies, where the tumour is, whether to treat.
+//! Surface-guided radiotherapy: tracks a patient by the skin, locates the tumour and gates the beam.
 //!
-//! All that this knows of a patient comes from planning: a [`Reference`] surface, and the
-//! displacements of skin and tumour at the phases of breathing, from which a [`MotionModel`] is made.
-//! All that it knows of now is [`Measured`], the points of a scan by one pod or several.
+//! Planning provides what is known of a patient: a [`Reference`] surface, and the displacements of
+//! skin and tumour at the phases of breathing, from which a [`MotionModel`] is built. A scan provides
+//! [`Measured`] points from one or more pods.
 //!
 //! - [`track_rigid`] finds the six degrees of freedom of the skin in a region of interest.
-//! - [`MotionTracker`] fits the motion model, and says where the tumour is.
-//! - [`Sight`] makes measured points of a pod's frames, and [`Follower`] tracks them scan by scan.
-//! - [`Hold`] decides from readings of either when the beam may be on.
+//! - [`MotionTracker`] fits the motion model and reports the tumour's position.
+//! - [`Sight`] turns a pod's frames into measured points, and [`Follower`] tracks them scan by scan.
+//! - [`Hold`] decides from the readings of either tracker whether the beam may be on.
 //!
-//! Coordinates are millimetres in the room frame, that of IEC 61217 with its origin at the isocentre:
-//! x to the right as seen from the foot end towards the gantry, y to the gantry, z up. The reference
-//! surface stands in it as planned. Every answer comes with its covariance, and with warnings where it
-//! is not to be relied on; results do not depend on the number of threads.
+//! Coordinates are millimetres in the room frame: the fixed frame of IEC 61217 with its origin at the
+//! isocentre, x to the right as seen from the foot end towards the gantry, y to the gantry, z up. The
+//! reference surface is given in this frame, in its planned position. Every result has a covariance,
+//! and warnings where it is unreliable. Results do not depend on the number of threads.
+//!
+//! | file | content |
+//! | --- | --- |
+//! | `surface` | the reference surface: closest points, normals, curvature, region of interest |
+//! | `measured`, `sight` | measured points; decoding a pod's frames into them |
+//! | `rigid` | rigid tracking in six degrees of freedom; `six` converts poses to IEC 61217 angles |
+//! | `model`, `fit` | the motion model (principal components) and its fit to a scan |
+//! | `robust` | Tukey's biweight, residual scale and covariance inflation |
+//! | `follow`, `planned` | scan-to-scan tracking; planning data in the room frame |
+//! | `practice` | default settings for tracking a chest |
+//! | `hold`, `warning` | beam hold; warnings and errors of the trackers |
 
 mod fit;
 mod follow;

@@ -1,34 +1,35 @@
-//! What a scan has measured, in the room.
+//! The points measured by a scan, in the room frame.
 
 use super::surface::{Foot, Reference};
 use glam::DVec3;
 use phasmid_geometry::Pose;
 
-/// Below this a deviation is not believed, in millimetres: a weight must stay finite.
+/// Minimum standard deviation in millimetres, so that weights stay finite.
 const LEAST_SIGMA_MM: f64 = 1e-3;
-/// Points that show the way.
+/// Number of points used while far from the solution.
 const SOME: usize = 1500;
-/// Of a deviation along the ray at least this part lies along the normal, however the ray grazes.
+/// Minimum fraction of the standard deviation along the ray that applies along the normal, however
+/// oblique the ray.
 const LEAST_COSINE: f64 = 0.2;
 
-/// Points of one scan by all pods, as arrays of one length, in the room frame with its origin at the
-/// isocentre.
+/// The points of one scan by all pods, as arrays of equal length, in the room frame with its origin
+/// at the isocentre.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Measured {
     /// Positions in millimetres, finite.
     pub(super) points: Vec<DVec3>,
-    /// Standard deviation of each in millimetres: along the ray from its pod where that has an eye,
-    /// along any direction otherwise.
+    /// Standard deviation of each point in millimetres: along the ray from its pod if the camera
+    /// position is known, otherwise along any direction.
     pub(super) sigma_mm: Vec<f64>,
-    /// Which pod has measured it: an index into `eyes`.
+    /// Pod that measured the point: an index into `eyes`.
     pub(super) pod: Vec<u8>,
-    /// Where the camera of each pod stands, in millimetres; `None` where that is not known.
+    /// Camera position of each pod, in millimetres; `None` if unknown.
     pub(super) eyes: Vec<Option<DVec3>>,
 }
 
 impl Measured {
-    /// Points with one deviation for all, of an unknown source. Those that are not finite are left
-    /// out, and all of them for a deviation that is not positive.
+    /// Creates measured points of unknown source with the same standard deviation for all. Points
+    /// that are not finite are omitted, and all points if the standard deviation is not positive.
     pub fn isotropic(points: Vec<DVec3>, sigma_mm: f64) -> Self {
         let mut measured = Self {
             eyes: vec![None],
@@ -40,10 +41,12 @@ impl Measured {
         measured
     }
 
-    /// Adds a pod's cloud: points in its rig's frame in millimetres, and the standard deviations of
-    /// their depths in millimetres (NaN or nothing positive where unknown: such points are left out,
-    /// as are those that are not finite). At most `most` points are taken, evenly along the cloud.
-    /// There are at most 256 pods; a cloud of a later one is not taken.
+    /// Adds a pod's point cloud: points in its rig's frame and the standard deviations of their
+    /// depths, both in millimetres.
+    ///
+    /// Points that are not finite, or whose standard deviation is NaN or not positive (unknown), are
+    /// omitted. At most `most` points are taken, evenly along the cloud. There are at most 256 pods;
+    /// clouds of further pods are ignored.
     pub fn push_pod(
         &mut self,
         points: &[[f32; 3]],
@@ -61,7 +64,7 @@ impl Measured {
         for k in 0..taken {
             let i = k * count / taken;
             let p = DVec3::from_array(points[i].map(f64::from));
-            // A depth's deviation, along the ray.
+            // Standard deviation of the depth, converted to one along the ray.
             let sigma = f64::from(depth_sigma_mm[i]) * p.length() / p.z.abs();
             self.push(room_from_rig.point(p), sigma, pod);
         }
@@ -75,23 +78,23 @@ impl Measured {
         }
     }
 
-    /// How many points.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no points.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// As many of the points as show the way while scales are [wide](super::robust::Spread::Wide); where
-    /// that leads, all of them say. `None` where there are few.
+    /// A subset of the points for the steps with a [wide](super::robust::Spread::Wide) scale; the
+    /// final steps use all. `None` if there are few points.
     pub(super) fn some(&self) -> Option<Self> {
         (self.len() > 2 * SOME).then(|| self.thinned(SOME))
     }
 
-    /// At most `most` of the points, evenly along the arrays.
+    /// Returns at most `most` of the points, evenly along the arrays.
     #[must_use]
     pub fn thinned(&self, most: usize) -> Self {
         let count = self.len();
@@ -117,15 +120,15 @@ impl Measured {
         }
     }
 
-    /// Whether the pod of point `i` sees a surface of this outward normal from its front.
+    /// Whether the pod of point `i` sees the front of a surface with this outward normal.
     #[inline]
     pub(super) fn faces(&self, i: usize, normal: DVec3) -> bool {
         let eye = self.eyes[usize::from(self.pod[i])];
         eye.is_none_or(|eye| normal.dot(eye - self.points[i]) > 0.0)
     }
 
-    /// By how much noise lifts point `i` off the bent surface at its foot, on average, in
-    /// millimetres; the reference stands in the room at `room_from_reference`.
+    /// Mean distance by which noise shifts point `i` off the curved surface at its foot, in
+    /// millimetres; the reference has the pose `room_from_reference`.
     #[inline]
     pub(super) fn lift_mm(
         &self,
@@ -163,7 +166,7 @@ mod tests {
         measured.push_pod(&points, &sigma, &room_from_rig, 10);
         assert_eq!(measured.len(), 8);
         assert_eq!(measured.points[1], DVec3::new(10.0, 5.0, 1000.0));
-        // Straight ahead and along the normal it is the depth's; across, a fifth at least.
+        // Straight ahead and along the normal it is that of the depth; across, at least a fifth.
         assert!((measured.sigma_along(0, DVec3::Z) - 0.1).abs() < 1e-6);
         assert!((measured.sigma_along(0, DVec3::X) - 0.02).abs() < 1e-6);
         assert_eq!(measured.thinned(3).points[2].x, 70.0);

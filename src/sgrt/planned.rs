@@ -1,4 +1,4 @@
-//! What planning knows of a patient, stood in the room: the reference surface and the motion model.
+//! Planning data of a patient in the room frame: the reference surface and the motion model.
 
 use super::model::{ModelOptions, MotionModel, Snapshots};
 use super::surface::{Reference, Region};
@@ -13,18 +13,19 @@ use phasmid_planning::volume::Field;
 pub struct Planned {
     /// The skin at the reference phase.
     pub reference: Reference,
-    /// How skin and tumour move.
+    /// The motion model of skin and tumour.
     pub model: MotionModel,
     /// The tumour at the reference phase.
     pub tumour: Mesh,
 }
 
 impl Planned {
-    /// Of a planning folder's content; `region` is what of the skin is tracked.
+    /// Builds the planned patient from the content of a planning folder; `region` is the tracked part
+    /// of the skin.
     ///
     /// # Errors
-    /// Fields that do not reach all of skin and tumour, a region that is none of the skin, and phases
-    /// that hold no motion.
+    /// Returns an error if a displacement field does not cover all of skin and tumour, if the region
+    /// contains no skin, or if the phases contain no motion.
     pub fn new(planning: &Planning, region: &Region, options: &ModelOptions) -> Result<Self> {
         let room = room_from_patient();
         let stood = |mesh: &Mesh| Mesh {
@@ -47,14 +48,15 @@ impl Planned {
         })
     }
 
-    /// Where the tumour's middle was planned, in millimetres.
+    /// Returns the planned position of the tumour's centroid, in millimetres.
     pub fn tumour_mm(&self) -> DVec3 {
         solid_moments(&self.tumour.vertices, &self.tumour.triangles).1
     }
 }
 
-/// Takes the patient's frame (LPS about the isocentre) to the room's for a patient who lies head first
-/// and supine: left is right as seen from the foot end, the head is towards the gantry, the back down.
+/// Returns the pose from the patient's frame (LPS about the isocentre) to the room frame for a
+/// patient lying head first and supine: left is right as seen from the foot end, the head is towards
+/// the gantry, the back down.
 pub fn room_from_patient() -> Pose {
     Pose {
         rotation: DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
@@ -92,7 +94,7 @@ mod tests {
             assert_eq!(room.direction(lps), iec);
         }
         assert_eq!(room.rotation.determinant(), 1.0);
-        // As the scene's rotation_deg of a patient has it.
+        // Agrees with `rotation_deg` of a patient in a scene.
         let scene = Pose::from_xyz_deg(DVec3::ZERO, DVec3::new(-90.0, 0.0, 0.0));
         assert!((scene.rotation * DVec3::Y - DVec3::NEG_Z).length() < 1e-15);
     }

@@ -1,4 +1,4 @@
-//! What is tracked of a chest as a rule, by the command line and by studies.
+//! Default settings for tracking a chest, shared by the command line and the studies.
 
 use super::fit::{FitOptions, MotionFit, SetUp};
 use super::rigid::{RigidFit, Start};
@@ -6,27 +6,27 @@ use super::surface::Region;
 use glam::{DMat3, DVec3};
 use phasmid_geometry::Pose;
 
-/// Points of a scan that are fitted, of all pods together: more of them say nothing new, for their
-/// errors go together over some millimetres.
+/// Number of points per scan that are fitted, of all pods together. More add no information, because
+/// errors of points a few millimetres apart are correlated.
 pub const POINTS: usize = 5_000;
-/// Pixels of each pod that are decoded at least: of larger images as few as leave so many.
+/// Minimum number of pixels decoded per pod: larger images are subsampled to about this number.
 pub const PIXELS: usize = 60_000;
-/// How far from the isocentre skin is tracked, along the couch and across it, in millimetres,
+/// Extent of the tracked skin along and across the couch, from the isocentre, in millimetres.
 const REACH_MM: f64 = 250.0;
-/// and how far below it: the couch is no skin.
+/// Extent of the tracked skin below the isocentre, in millimetres; excludes the couch.
 const BELOW_MM: f64 = 40.0;
 
-/// Light goes into skin and comes out elsewhere, which no residual shows: what that does to a pose, RMS
-/// over the axes of a still patient (`phasmid study acceptance`), in millimetres and degrees.
+/// Standard deviation of the pose, in millimetres and degrees, due to light scattered below the skin,
+/// which residuals do not show: RMS over the axes of a still patient (`phasmid study acceptance`).
 const SKIN_SHIFT_MM: f64 = 0.15;
 const SKIN_TURN_DEG: f64 = 0.03;
-/// The breathing of the day is not planning's: error of a tumour's place over its way from the planned
-/// one, RMS over fifteen patients (`phasmid study sgrt`).
+/// Error of the tumour's position due to breathing that differs from planning, relative to the
+/// tumour's distance from its planned position: RMS over fifteen patients (`phasmid study sgrt`).
 const DAY_SHARE: f64 = 0.15;
 
 impl RigidFit {
-    /// Standard deviations as [`Self::deviations`] has them, of a patient's skin: noise, and the light in
-    /// the skin.
+    /// Computes the standard deviations as [`Self::deviations`] does, for a patient's skin: noise and
+    /// subsurface scattering combined.
     pub fn total_deviations(&self) -> [f64; 6] {
         let [shift, turn] = [SKIN_SHIFT_MM, SKIN_TURN_DEG];
         let skin = [shift, shift, shift, turn, turn, turn];
@@ -36,9 +36,10 @@ impl RigidFit {
 }
 
 impl MotionFit {
-    /// Covariance of the tumour's place in square millimetres: noise, the light in the skin, and breathing
-    /// that is not planning's, which grows with the way from the planned place, `planned_mm`, twice as much
-    /// along it as across.
+    /// Computes the covariance of the tumour's position in square millimetres: noise, subsurface
+    /// scattering, and breathing that differs from planning. The last grows with the distance from
+    /// the planned position, `planned_mm`; its variance is twice as large along that direction as
+    /// across.
     pub fn total_covariance(&self, planned_mm: DVec3) -> DMat3 {
         let way = DAY_SHARE * (self.tumour_mm - planned_mm);
         let day = DMat3::from_cols(way * way.x, way * way.y, way * way.z)
@@ -49,13 +50,13 @@ impl MotionFit {
 }
 
 impl Region {
-    /// The corners of the box that holds the skin about the isocentre, in millimetres.
+    /// Corners of the box that contains the skin around the isocentre, in millimetres.
     pub const CHEST: [DVec3; 2] = [
         DVec3::new(-REACH_MM, -REACH_MM, -BELOW_MM),
         DVec3::new(REACH_MM, REACH_MM, 4.0 * REACH_MM),
     ];
 
-    /// The skin about the isocentre, without the couch.
+    /// Returns the region of skin around the isocentre, without the couch.
     pub fn chest() -> Self {
         let [lo, hi] = Self::CHEST;
         Self::Box { lo, hi }
@@ -63,7 +64,7 @@ impl Region {
 }
 
 impl Start {
-    /// A patient who was set up by hand, somewhere near the planned place.
+    /// Start for a patient set up by hand, near the planned pose.
     pub const SET_UP: Self = Self::Within {
         around: Pose::IDENTITY,
         range_mm: 50.0,
@@ -71,7 +72,8 @@ impl Start {
 }
 
 impl FitOptions {
-    /// Of a patient who was set up by hand: the pose is fitted beside the breathing.
+    /// Returns the settings for a patient set up by hand: the pose is fitted together with the
+    /// breathing.
     pub fn by_hand() -> Self {
         Self {
             set_up: Some(SetUp {

@@ -1,24 +1,25 @@
-//! Tukey's biweight, its scale, and what it does to a covariance.
+//! Tukey's biweight, the residual scale, and the resulting covariance inflation.
 
-/// Where the biweight ends, in deviations: 95 % efficient for normal errors (P. Huber and
-/// E. Ronchetti, "Robust Statistics", 2009).
+/// Cut-off of the biweight in standard deviations: 95 % efficiency for normal errors (P. Huber and E.
+/// Ronchetti, "Robust Statistics", 2009).
 const END: f64 = 4.685;
-/// Median and 80th percentile of the absolute value of a standard normal variable.
+/// Median of the absolute value of a standard normal variable.
 const MEDIAN: f64 = 0.674_489_750_196_081_7;
 const Q80: f64 = 1.281_551_565_544_600_4;
 
-/// How the scale of residuals is taken.
+/// How to estimate the scale of the residuals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Spread {
-    /// From the 80th percentile: far from the solution most of a flat surface has small residuals
-    /// wherever it is, and those on slopes, which alone tell where to go, must not pass for outliers.
+    /// From the 80th percentile. Far from the solution most residuals of a flat surface are small in
+    /// any pose; the large residuals on slopes, which alone show the direction, must not count as
+    /// outliers.
     Wide,
-    /// From the median absolute residual: up to half may be outliers.
+    /// From the median absolute residual: up to half of the points may be outliers.
     Narrow,
 }
 
 impl Spread {
-    /// Scale of residuals in units of their deviations. They are put out of order.
+    /// Computes the scale of residuals given in units of their standard deviations. Reorders them.
     pub(super) fn scale(self, residuals: &mut [f64]) -> f64 {
         let (rank, of_one) = match self {
             Self::Wide => (0.8, Q80),
@@ -33,7 +34,7 @@ impl Spread {
     }
 }
 
-/// Weight of a residual in units of deviation times scale.
+/// Weight of a residual in units of standard deviation times scale.
 #[inline]
 pub(super) fn weight(u: f64) -> f64 {
     let x = u / END;
@@ -45,9 +46,9 @@ pub(super) fn weight(u: f64) -> f64 {
     }
 }
 
-/// Sums over inliers that say by how much a covariance grows: n sum(psi^2) / sum(psi')^2 (Huber and
-/// Ronchetti, equation 7.81), psi the influence function in units of deviations. It is the residuals'
-/// own variance over what was claimed, for their true spread is in it, divided by the efficiency.
+/// Sums over inliers for the covariance inflation n sum(psi^2) / sum(psi')^2 (Huber and Ronchetti,
+/// equation 7.81), where psi is the influence function in units of standard deviations. The factor is
+/// the ratio of actual to claimed residual variance, divided by the efficiency.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Inflation {
     count: f64,
@@ -57,7 +58,7 @@ pub(super) struct Inflation {
 }
 
 impl Inflation {
-    /// Takes a residual in deviations, where the biweight has this scale.
+    /// Adds a residual in standard deviations; `scale` is the scale of the biweight.
     #[inline]
     pub(super) fn add(&mut self, residual: f64, scale: f64) {
         let x = residual / (scale * END);
@@ -78,15 +79,15 @@ impl Inflation {
         self.weights += other.weights;
     }
 
-    /// The factor of the inverse of the system in which every row has its biweight, for so many
-    /// unknowns. A scan is not believed to be better than its noise.
+    /// Factor for the inverse of the system in which every row has its biweight, for this number of
+    /// unknowns. A scan never counts as more precise than its stated noise.
     pub(super) fn factor(&self, unknowns: usize) -> f64 {
         let freedom = (self.count - unknowns as f64).max(1.0);
         let slope = self.slopes / self.count.max(1.0);
         if slope <= 0.0 {
             return f64::INFINITY;
         }
-        // The formula is for rows of full weight, of which the system's are a part.
+        // The formula assumes rows of full weight; the system's rows have the mean weight.
         (self.squares / freedom / (slope * slope)).max(1.0) * self.weights / self.count
     }
 }
@@ -109,11 +110,11 @@ mod tests {
             let scale = spread.scale(&mut sizes);
             assert!((scale - 2.0).abs() < 0.02, "{scale}");
         }
-        // Four times the variance, over an efficiency of 95 %.
+        // Four times the variance, divided by an efficiency of 95 %.
         let mean_weight = residuals.iter().map(|r| weight(r / 2.0)).sum::<f64>() / 200_000.0;
         let factor = inflation.factor(6) / mean_weight;
         assert!((factor - 4.0 / 0.95).abs() < 0.05, "{factor}");
-        // A fifth of gross errors: the median's scale stays near, and the factor with it.
+        // With 20 % gross errors the scale from the median stays close.
         for r in residuals.iter_mut().step_by(5) {
             *r = 100.0;
         }

@@ -1,4 +1,4 @@
-//! A pod's frames looked at: held against their sequence, decoded, put into the room.
+//! Checks a pod's frames against their sequence, decodes them and transforms the points to the room.
 
 use super::measured::Measured;
 use super::practice::PIXELS;
@@ -7,18 +7,19 @@ use phasmid_decode::{Decoded, Options, SparseDecoder};
 use phasmid_geometry::Pose;
 use phasmid_host::{Captured, check_identified_sequence, check_sequence};
 
-/// What looks at the scans of one pod, one after the other.
+/// Turns the successive scans of one pod into measured points.
 pub struct Sight {
     name: String,
     room_from_rig: Pose,
-    /// Of the sequence and calibration of the first scan.
+    /// Created for the sequence and calibration of the first scan.
     decoder: Option<SparseDecoder>,
     decoded: Decoded,
     points: Vec<[f32; 3]>,
 }
 
 impl Sight {
-    /// Of a pod of a name, which errors have, whose camera stands at a place in the room.
+    /// Creates a sight for a pod; `name` appears in error messages, `room_from_rig` is the pose of
+    /// its camera.
     pub fn new(name: &str, room_from_rig: Pose) -> Self {
         Self {
             name: name.to_owned(),
@@ -30,13 +31,15 @@ impl Sight {
     }
 
     /// Decodes as many pixels of a scan as tracking needs ([`PIXELS`]) and adds at most `most` of its
-    /// points. Frames that do not follow their sequence add none; what is wrong with them is given, or why
-    /// those that do should be doubted ([`Decoded::doubt_of_orders`]).
-    /// `identified` are those of a link that says which frame each is. All scans are of the first one's
-    /// sequence and calibration.
+    /// points to `measured`.
+    ///
+    /// Frames that do not follow their sequence add no points; the problem is returned. Points are
+    /// added but a warning is returned if the fringe orders are doubtful
+    /// ([`Decoded::doubt_of_orders`]). Set `identified` if the link identifies each frame. All scans
+    /// must have the sequence and calibration of the first.
     ///
     /// # Errors
-    /// Frames that cannot be decoded, and a device without a calibration.
+    /// Returns an error if the frames cannot be decoded or the device has no calibration.
     pub fn measure(
         &mut self,
         captured: &Captured,
@@ -71,7 +74,8 @@ impl Sight {
         let known = depths.filter(|(depth, _)| !depth.is_nan());
         let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
         measured.push_pod(&self.points, &sigma, &self.room_from_rig, most);
-        // What hides the patient may be bright: pixels that are saturated say so by not being there.
+        // Saturation is not reported: an occluding object may be bright, and its saturated pixels are
+        // missing.
         let doubt = self.decoded.doubt_of_orders();
         Ok(doubt.map(|why| format!("{}: {why}", self.name)))
     }

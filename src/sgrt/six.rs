@@ -1,39 +1,38 @@
-//! A pose as therapists read it: three translations and three rotations of IEC 61217.
+//! Poses as therapists read them: three translations and three rotations of IEC 61217.
 //!
 //! The room frame is the fixed frame of IEC 61217: x to the right as seen from the foot end towards
-//! the gantry, y to the gantry, z up, with its origin at the isocentre. A couch names its directions
-//! LAT (x), LNG (y) and VRT (z); yaw is the turn of the patient support about z, pitch that of the
-//! table top about its x axis, roll that about its y axis, right-handed (clockwise as seen along the
-//! positive axis). The chain of coordinate systems goes fixed, patient support, table top, and the
-//! pitch is applied before the roll (DICOM PS3.3, C.8.8.14.12), so that
-//! `R = Rz(yaw) Rx(pitch) Ry(roll)`.
+//! the gantry, y to the gantry, z up, with its origin at the isocentre. Couch directions are named
+//! LAT (x), LNG (y) and VRT (z). Yaw is the rotation of the patient support about z, pitch that of
+//! the table top about its x axis, roll that about its y axis, all right-handed (clockwise as seen
+//! along the positive axis). The chain of coordinate systems is fixed, patient support, table top,
+//! and pitch is applied before roll (DICOM PS3.3, C.8.8.14.12), so `R = Rz(yaw) Rx(pitch) Ry(roll)`.
 
 use glam::{DMat3, DVec3};
 use nalgebra::Matrix6;
 use phasmid_geometry::Pose;
 use std::fmt;
 
-/// Names of the six degrees of freedom, in the order of the arrays here.
+/// Names of the six degrees of freedom, in the order of this module's arrays.
 pub const NAMES: [&str; 6] = ["LAT", "LNG", "VRT", "pitch", "roll", "yaw"];
 
 /// A displacement of the patient from the reference, about the isocentre.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SixDof {
-    /// LAT, LNG and VRT in millimetres: where the point of the patient lies that belongs at the
+    /// LAT, LNG and VRT in millimetres: the position of the patient's point that was planned at the
     /// isocentre.
     pub translation_mm: DVec3,
-    /// Pitch, roll and yaw in degrees; a pitch is within +-90.
+    /// Pitch, roll and yaw in degrees; pitch is within +-90.
     pub rotation_deg: DVec3,
 }
 
 impl SixDof {
-    /// Of a `room_from_reference`.
+    /// Converts a `room_from_reference` pose.
     pub fn of(pose: &Pose) -> Self {
-        // Of Rz Rx Ry the third row is (-cos x sin y, sin x, cos x cos y), and the second column
-        // (-sin z cos x, cos z cos x, sin x).
+        // The third row of Rz Rx Ry is (-cos x sin y, sin x, cos x cos y), the second column (-sin z
+        // cos x, cos z cos x, sin x).
         let m = pose.rotation;
         let pitch = m.y_axis.z.clamp(-1.0, 1.0).asin();
-        // Where the pitch is a right angle, roll and yaw turn about one axis: all is roll then.
+        // At a pitch of +-90 degrees roll and yaw share one axis: the rotation is assigned to roll.
         let (roll, yaw) = if m.y_axis.z.abs() < 1.0 - 1e-12 {
             (
                 (-m.x_axis.z).atan2(m.z_axis.z),
@@ -49,7 +48,7 @@ impl SixDof {
         }
     }
 
-    /// The `room_from_reference`.
+    /// Converts to a `room_from_reference` pose.
     pub fn pose(&self) -> Pose {
         let r = self.rotation_deg * (std::f64::consts::PI / 180.0);
         Pose {
@@ -60,24 +59,24 @@ impl SixDof {
         }
     }
 
-    /// By how much a couch has to move to bring the patient back: the inverse.
+    /// Computes the couch movement that corrects this displacement: the inverse pose.
     #[must_use]
     pub fn correction(&self) -> Self {
         Self::of(&self.pose().inverse())
     }
 
-    /// In the order of [`NAMES`].
+    /// Returns the six numbers in the order of [`NAMES`].
     pub fn to_array(&self) -> [f64; 6] {
         let (t, r) = (self.translation_mm, self.rotation_deg);
         [t.x, t.y, t.z, r.x, r.y, r.z]
     }
 
-    /// Standard deviations in the order of [`NAMES`], in millimetres and degrees, from a covariance
-    /// of translation (mm) and rotation vector (rad, about the room's axes).
+    /// Computes the standard deviations in the order of [`NAMES`], in millimetres and degrees, from a
+    /// covariance of translation (mm) and rotation vector (rad, along the room's axes).
     pub fn deviations(&self, covariance: &Matrix6<f64>) -> [f64; 6] {
         let degrees = 180.0 / std::f64::consts::PI;
         let r = self.rotation_deg / degrees;
-        // Rates of the angles turn about the axes where the rotations before have put them.
+        // Each angle rotates about its axis as rotated by the angles applied after it.
         let support = DMat3::from_rotation_z(r.z);
         let top = support * DMat3::from_rotation_x(r.x);
         let axes = DMat3::from_cols(support.x_axis, top.y_axis, DVec3::Z);
@@ -114,14 +113,14 @@ impl fmt::Display for SixDof {
     }
 }
 
-/// The rotation by a vector: its direction is the axis, its length the angle in radians.
+/// The rotation for a rotation vector: direction is the axis, length the angle in radians.
 pub(super) fn turn(vector: DVec3) -> DMat3 {
     vector.try_normalize().map_or(DMat3::IDENTITY, |axis| {
         DMat3::from_axis_angle(axis, vector.length())
     })
 }
 
-/// The nearest rotation for a matrix that is one but for rounding (Gram and Schmidt).
+/// Restores orthonormality of a rotation matrix with rounding errors (Gram-Schmidt).
 pub(super) fn orthonormal(m: DMat3) -> DMat3 {
     let x = m.x_axis.normalize();
     let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();
@@ -166,13 +165,13 @@ mod tests {
 
     #[test]
     fn directions_are_those_of_the_standard() {
-        // A yaw takes the head (y) to the left of one who looks at the gantry (-x).
+        // Yaw moves the head (y) to the left (-x) as seen facing the gantry.
         let yaw = SixDof {
             rotation_deg: DVec3::Z * 90.0,
             ..SixDof::default()
         };
         assert!((yaw.pose().point(DVec3::Y) + DVec3::X).length() < 1e-12);
-        // A pitch lifts the head, a roll lowers the right side of the couch.
+        // Pitch lifts the head, roll lowers the right side of the couch.
         let pitch = SixDof {
             rotation_deg: DVec3::X * 90.0,
             ..SixDof::default()
@@ -187,7 +186,8 @@ mod tests {
 
     #[test]
     fn deviations_follow_the_angles() {
-        // By differences: a small rotation vector changes the three angles as predicted.
+        // Compared with finite differences: a small rotation vector changes the three angles as
+        // predicted.
         let six = SixDof {
             rotation_deg: DVec3::new(20.0, -30.0, 50.0),
             ..SixDof::default()

@@ -1,4 +1,4 @@
-//! Surfaces and scans that tests hold the tracker against.
+//! Surfaces and scans for tests of the trackers.
 
 use glam::DVec3;
 use phasmid_geometry::shapes::{Torso, torso};
@@ -10,7 +10,7 @@ pub(super) struct Random(u64);
 
 impl Random {
     pub(super) fn new(seed: u64) -> Self {
-        // Seeds that are neighbours must not give streams that are shifts of each other.
+        // Neighbouring seeds must not give shifted copies of one stream.
         let mut first = Self(seed.wrapping_mul(0xd134_2543_de82_ef95));
         first.uniform();
         Self(first.0 ^ (first.uniform() * 2_f64.powi(53)) as u64)
@@ -34,8 +34,7 @@ impl Random {
     }
 }
 
-/// A torso on its back in the room frame: the head to the gantry, the front up, the isocentre in
-/// the chest.
+/// A supine torso in the room frame: head to the gantry, front up, isocentre in the chest.
 pub(super) fn patient(triangles: u32) -> Mesh {
     let mut mesh = torso(&Torso {
         seed: 3,
@@ -48,12 +47,12 @@ pub(super) fn patient(triangles: u32) -> Mesh {
     mesh
 }
 
-/// The front of [`patient`]: what pods on the ceiling see of it.
+/// The front of [`patient`]: the part that pods on the ceiling see.
 pub(super) fn is_front(p: DVec3) -> bool {
     p.z > 20.0 && p.y.abs() < 170.0
 }
 
-/// A mesh over a rectangle of parameters, `n` cells along u and `m` along v.
+/// A mesh over the unit square of parameters, `n` cells along u and `m` along v.
 pub(super) fn sheet(n: u32, m: u32, at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let mut mesh = Mesh::default();
     for j in 0..=m {
@@ -72,14 +71,14 @@ pub(super) fn sheet(n: u32, m: u32, at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     mesh
 }
 
-/// A level square of 400 mm.
+/// A horizontal square of 400 mm.
 pub(super) fn plane() -> Mesh {
     sheet(80, 80, |u, v| {
         DVec3::new(400.0 * u - 200.0, 400.0 * v - 200.0, 30.0)
     })
 }
 
-/// The upper part of a sphere of 150 mm about (10, 20, -40).
+/// The upper part of a sphere of radius 150 mm about (10, 20, -40).
 pub(super) fn sphere() -> Mesh {
     sheet(120, 120, |u, v| {
         let (x, y) = (2.0 * (u - 0.5), 2.0 * (v - 0.5));
@@ -87,7 +86,7 @@ pub(super) fn sphere() -> Mesh {
     })
 }
 
-/// The upper part of a cylinder of 120 mm along y.
+/// The upper part of a cylinder of radius 120 mm along y.
 pub(super) fn cylinder() -> Mesh {
     sheet(100, 100, |u, v| {
         let angle = 2.4 * (0.5 - u);
@@ -99,8 +98,7 @@ pub(super) fn cylinder() -> Mesh {
     })
 }
 
-/// The upper half of a torus about the z axis would turn freely; this one's axis is tilted and a
-/// quarter of it is missing, which holds nothing: what holds its turn is an ellipse for a circle.
+/// The upper half of a torus about the z axis, stretched along x: a circular one would rotate freely.
 pub(super) fn torus() -> Mesh {
     sheet(160, 60, |u, v| {
         let (a, b) = (TAU * u, std::f64::consts::PI * v);
@@ -109,7 +107,7 @@ pub(super) fn torus() -> Mesh {
     })
 }
 
-/// About `count` points evenly over the area of those triangles of a mesh whose middle `keep` holds.
+/// About `count` points, evenly over the area of the triangles whose centre satisfies `keep`.
 pub(super) fn scan(
     mesh: &Mesh,
     count: usize,
@@ -140,8 +138,8 @@ pub(super) fn moved(points: &[DVec3], pose: &Pose) -> Vec<DVec3> {
     points.iter().map(|&p| pose.point(p)).collect()
 }
 
-/// A patient who breathes: skin that rises with the chest and, a little later, with the abdomen, and
-/// a tumour below that follows with a lag.
+/// A breathing patient: skin that rises with the chest and, slightly later, with the abdomen, and a
+/// tumour below that follows with a lag.
 pub(super) struct Breathing {
     pub(super) mesh: Mesh,
     pub(super) tumour: Mesh,
@@ -149,7 +147,8 @@ pub(super) struct Breathing {
     lag: f64,
 }
 
-/// Skin at the reference phase (end-exhale) of so many triangles; the abdomen lags by `lag` rad.
+/// Creates a patient with this number of skin triangles at the reference phase (end-exhale); the
+/// abdomen lags by `lag` rad.
 pub(super) fn breathing(triangles: u32, lag: f64) -> Breathing {
     let mut ball = sheet(24, 16, |u, v| {
         let (a, b) = (TAU * u, std::f64::consts::PI * v);
@@ -157,7 +156,7 @@ pub(super) fn breathing(triangles: u32, lag: f64) -> Breathing {
         DVec3::new(60.0, -20.0, 10.0)
             + DVec3::new(b.sin() * a.cos(), b.sin() * a.sin(), -b.cos()) * r
     });
-    // The poles are points many times over: their triangles have no area and do no harm.
+    // Drop the zero-area triangles at the poles.
     ball.triangles.retain(|t| {
         let [a, b, c] = t.map(|i| ball.vertices[i as usize]);
         (b - a).cross(c - a).length() > 1e-9
@@ -187,7 +186,7 @@ pub(super) fn breathing(triangles: u32, lag: f64) -> Breathing {
 }
 
 impl Breathing {
-    /// Displacement of skin at a place, `amplitude` times that of planning.
+    /// Displacement of the skin at `v`, with `amplitude` times the depth of planning.
     pub(super) fn skin_shift(&self, v: DVec3, phase: f64, amplitude: f64) -> DVec3 {
         let hill = |y: f64, long: f64| (-((v.y - y) / long).powi(2) / 2.0).exp();
         let top = 0.5 * (1.0 + ((v.z - 20.0) / 30.0).tanh());
@@ -196,13 +195,13 @@ impl Breathing {
         DVec3::new(0.0, -0.15 * rise, rise) * (amplitude * top)
     }
 
-    /// Displacement of the tumour: with the abdomen, and later still.
+    /// Displacement of the tumour, which lags behind the abdomen.
     pub(super) fn tumour_shift(&self, phase: f64, amplitude: f64) -> DVec3 {
         let down = 1.0 - (phase - 1.5 * self.lag).cos();
         DVec3::new(0.5, -6.0, 1.5) * (amplitude * down)
     }
 
-    /// Where the tumour's centroid is at a phase of planning.
+    /// The tumour's centroid at a phase of planning.
     pub(super) fn tumour_at(&self, phase: f64) -> DVec3 {
         let (_, centroid) =
             phasmid_measure::solid_moments(&self.tumour.vertices, &self.tumour.triangles);

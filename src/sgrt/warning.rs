@@ -1,43 +1,45 @@
-//! What a reader of a tracked pose has to know before trusting it.
+//! Warnings and errors of the trackers.
 
 use super::rigid::{Freedom, shape};
 use std::fmt;
 
-/// A reason to doubt an answer. With any of them the beam is held.
+/// A reason to doubt a result. Any warning holds the beam.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Warning {
-    /// The shape does not determine these motions: along them the answer is where the search started.
+    /// The shape does not determine these motions: along them the result keeps the start values.
     Undetermined {
-        /// The motions.
+        /// The undetermined motions.
         free: Vec<Freedom>,
-        /// Smallest of their expected deviations in millimetres; infinite where nothing is known.
+        /// Smallest of their expected standard deviations in millimetres; infinite if there is no
+        /// information.
         deviation_mm: f64,
-        /// Above which a motion counts as not determined.
+        /// Standard deviation above which a motion counts as undetermined, in millimetres.
         tolerance_mm: f64,
     },
-    /// The iterations ended before they came to rest.
+    /// The iterations ended without convergence.
     NotConverged {
-        /// RMS displacement of the last step in millimetres.
+        /// Size of the last step: RMS displacement in millimetres, or, in the motion fit, the largest
+        /// unknown.
         step_mm: f64,
     },
     /// Points differ from the surface by more than their noise allows.
     Misfit {
-        /// Their spread over the one that their deviations promise.
+        /// Scale of the residuals in units of their standard deviations.
         factor: f64,
     },
-    /// Little of the region of interest has been measured.
+    /// Too little of the region of interest has been measured.
     Coverage {
-        /// Share of its area.
+        /// Fraction of its area that is measured.
         share: f64,
     },
     /// Another pose fits nearly as well.
     Ambiguous {
-        /// How far it moves the region's points from this one, RMS, in millimetres.
+        /// RMS distance between the region's points under the two poses, in millimetres.
         apart_mm: f64,
     },
-    /// The surface is further from what planning has seen than the model allows for.
+    /// The surface differs from those seen in planning by more than the model allows.
     OutsideModel {
-        /// Length of the motion's coefficients in deviations of planning.
+        /// Largest absolute coefficient of the motion, in standard deviations of planning.
         deviations: f64,
     },
 }
@@ -86,18 +88,18 @@ impl fmt::Display for Warning {
     }
 }
 
-/// Why there is no answer.
+/// The reason why there is no result.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Lost {
     /// Too few points lie over the region.
-    #[error("lost: {found} measured points over the region of interest, want {wanted} or more")]
+    #[error("lost: {found} measured points over the region of interest, expected {wanted} or more")]
     Points {
-        /// How many do.
+        /// Number of points over the region.
         found: usize,
-        /// How many it takes.
+        /// Minimum number.
         wanted: usize,
     },
-    /// The points lie on a line, or are one.
+    /// The points lie on a line or coincide.
     #[error("lost: the measured points over the region of interest lie on a line")]
     Line,
 }

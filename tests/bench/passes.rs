@@ -1,9 +1,9 @@
-//! Rates of the passes, each beside a memory copy of the same bytes in the same run: machines
-//! differ and wander, the ratio less so. The cases are those of `phasmid study speed`. At the end,
-//! what options of the decoder cost, as ratios to decoding without them; of the one that is always on
-//! the ratio has a bar.
+//! Rates of the passes, each compared with a memory copy of the same bytes in the same run:
+//! absolute rates differ between machines and over time, the ratio less so. The cases are those of
+//! `phasmid study speed`. Finally measures the cost of the decoder's options, as ratios to decoding
+//! without them; the option that is always on has a maximum ratio.
 //!
-//! `cargo bench` runs all; `cargo bench -- geometry` those whose name holds a word.
+//! `cargo bench` runs all; `cargo bench -- geometry` runs those whose name contains a word.
 
 use phasmid::profile::Profile;
 use phasmid::study::speed::cases::{NAMES, case};
@@ -60,7 +60,7 @@ fn main() {
             dear = Some(ratio);
         }
     }
-    // A ratio of one run, so that it holds on any machine.
+    // A ratio within one run, so that it holds on any machine.
     assert_eq!(
         dear, None,
         "more than {MOST_FOR_CONSISTENCY} times decoding without"

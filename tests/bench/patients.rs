@@ -1,5 +1,5 @@
-//! What patients' data cost: a CT's skin, files of volumes and fields, displacements of points; beside
-//! each a memory copy of the same bytes.
+//! Cost of processing patient data: the skin of a CT, volume and field files, point displacements;
+//! each compared with a memory copy of the same bytes.
 //!
 //! `cargo bench --bench patients`
 
@@ -11,7 +11,7 @@ use phasmid::study::timing::Stopwatch;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Seconds of each figure.
+/// Measuring time for each figure, in seconds.
 const ENOUGH_S: f64 = 1.0;
 
 fn main() {

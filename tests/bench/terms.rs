@@ -1,8 +1,9 @@
-//! What each term of image formation costs alone, and each plan beside the full one.
+//! Cost of each term of image formation alone, and of each plan compared with the full one.
 //!
-//! The paper's bench before its torso is timed with a usual parameter of the term and without, in
-//! turns; beside it stands a memory copy of what the term's pass writes a pixel. A term that the
-//! bench has anyway is left out once, and one that no parameter here asks for is forced in.
+//! Times the paper's bench with its torso, alternating between a typical parameter of the term and
+//! none, and compares the cost with a memory copy of the data that the term's pass writes per
+//! pixel. A term that the bench has anyway is disabled instead, and a term that no parameter here
+//! enables is forced on.
 //!
 //! `cargo bench --bench terms`
 
@@ -53,19 +54,19 @@ fn main() {
         plan(watch, &format!("{name}, {scene}"), &profile, scene);
     }
     let (mut profile, mut scene) = plain(folder.path());
-    // The pupil's samples would hide all else.
+    // The cost of the pupil's samples would hide everything else.
     for term in Term::ALL.into_iter().filter(|t| *t != Term::DepthOfField) {
         need(term, &mut profile, &mut scene);
     }
     plan(watch, "all of a profile, torso", &profile, "torso");
 }
 
-/// What the geometry pass writes a pixel: ten maps.
+/// Bytes per pixel that the geometry pass writes: ten maps.
 const GEOMETRY_BYTES: usize = 45;
-/// What a frame reads and writes a pixel.
+/// Bytes per pixel that a frame reads and writes.
 const FRAME_BYTES: usize = 21;
 
-/// A line of the table of plans.
+/// Prints a line of the table of plans.
 fn plan(watch: Stopwatch<'_>, name: &str, profile: &Profile, scene: &str) {
     let scene = Scene::load(scene).expect("built in");
     let shots = shots(profile);
@@ -81,21 +82,21 @@ fn plan(watch: Stopwatch<'_>, name: &str, profile: &Profile, scene: &str) {
     );
 }
 
-/// The paper's bench before a torso.
+/// The paper's bench in front of a torso.
 fn plain(folder: &Path) -> (Profile, Scene) {
     let mut scene = Scene::load("torso").expect("built in");
     scene.folder = folder.to_path_buf();
     (Profile::load("pmp-bench").expect("built in"), scene)
 }
 
-/// The same with a usual parameter of a term.
+/// The same with a typical parameter of a term.
 fn needing(term: Term, folder: &Path) -> (Profile, Scene) {
     let (mut profile, mut scene) = plain(folder);
     need(term, &mut profile, &mut scene);
     (profile, scene)
 }
 
-/// Nanoseconds a pixel of the pass of a term without and with it.
+/// Nanoseconds per pixel of a term's pass, without and with it.
 fn costs(
     watch: Stopwatch<'_>,
     term: Term,
@@ -104,7 +105,8 @@ fn costs(
 ) -> [f64; 2] {
     let [mut off_shots, mut on_shots] = [shots(&off.0), shots(&on.0)];
     if term == Term::Motion {
-        // One frame has its geometry to do, as all have.
+        // A moving scene needs its geometry pass in every frame, a still one only in the first:
+        // compare one frame of each.
         off_shots.truncate(1);
         on_shots.truncate(1);
     }
@@ -117,7 +119,7 @@ fn costs(
     timing.beside_ns(&mut Timing::new(&mut with, &on_shots, watch), term.pass())
 }
 
-/// The exposures of the profile's first sequence.
+/// Shots of the profile's first sequence.
 fn shots(profile: &Profile) -> Vec<Shot> {
     let firmware = Firmware::new(profile, &[]).expect("sound");
     let sequence = firmware.selected_sequence();
@@ -130,7 +132,7 @@ fn renderer(profile: &Profile, scene: &Scene, shots: &[Shot]) -> Renderer {
     renderer
 }
 
-/// Nanoseconds a pixel of a copy of so many bytes of each.
+/// Nanoseconds per pixel of a memory copy of this many bytes per pixel.
 fn copy_ns(watch: Stopwatch<'_>, pixels: usize, bytes_per_pixel: usize) -> f64 {
     watch.seconds_a_copy(pixels * bytes_per_pixel) * 1e9 / pixels as f64
 }

@@ -1,5 +1,5 @@
-//! Stages of tracking, each beside a memory copy of a scan's points (the bytes of 10,000 of them) in
-//! the same run: machines differ and wander, the ratio less so.
+//! Stages of tracking, each compared with a memory copy of a scan's points (the bytes of 10,000 of
+//! them) in the same run: absolute times differ between machines and over time, the ratio less so.
 
 use glam::{DVec3, Vec3};
 use phasmid::emulator::render;
@@ -19,7 +19,7 @@ use std::time::Instant;
 
 const POINTS: usize = 10_000;
 
-/// A name and what to time.
+/// Name of a stage, and the function to time.
 type Stage<'a> = (&'static str, Box<dyn FnMut() + 'a>);
 
 fn main() {
@@ -165,7 +165,7 @@ fn captured() -> Captured {
     device.expect("a device").scan(0).captured()
 }
 
-/// On the back in the room frame, the isocentre in the chest.
+/// A patient on the back in the room frame, with the isocentre in the chest.
 fn patient() -> Mesh {
     let mut mesh = torso(&Torso {
         seed: 3,
@@ -178,7 +178,7 @@ fn patient() -> Mesh {
     mesh
 }
 
-/// On the front, one triangle in so many each, with 0.2 mm of something like noise.
+/// Points on the front, one for every nth triangle, with 0.2 mm of pseudo-noise.
 fn points(mesh: &Mesh) -> Vec<DVec3> {
     let front: Vec<DVec3> = (0..mesh.triangles.len())
         .map(|i| mesh.corners(i).iter().sum::<DVec3>() / 3.0)
@@ -192,7 +192,7 @@ fn points(mesh: &Mesh) -> Vec<DVec3> {
         .collect()
 }
 
-/// Chest and abdomen that rise one after the other.
+/// Breathing: chest and abdomen rise one after the other.
 fn breathing(skin: &Mesh) -> Snapshots {
     let mut snapshots = Snapshots::default();
     for k in 0..10 {
@@ -211,7 +211,7 @@ fn breathing(skin: &Mesh) -> Snapshots {
     snapshots
 }
 
-/// A lump of 25 mm: the same generator, cut to size.
+/// A lump of 25 mm from the same generator, cropped.
 fn tumour() -> Mesh {
     let mut mesh = torso(&Torso {
         triangles: 3000,

@@ -1,5 +1,5 @@
-//! Rate of frames over USB/IP on loopback TCP, beside a bare socket and a memory copy of the same
-//! bytes in the same run.
+//! Frame rate over USB/IP on loopback TCP, compared with a bare socket and a memory copy of the
+//! same bytes in the same run.
 //!
 //! `cargo bench --bench usb`
 
@@ -18,11 +18,11 @@ use std::time::{Duration, Instant};
 const WIDTH: u32 = 1138;
 const HEIGHT: u32 = 489;
 const FRAMES: u64 = 3000;
-/// Frames that the firmware keeps ready for the server.
+/// Time for which the firmware waits before it refills the server's queue.
 const AHEAD: Duration = Duration::from_micros(200);
 const TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Share of the bare socket's rate below which the device has become slow.
+/// Minimum rate as a fraction of the bare socket's.
 const LEAST_SHARE: f64 = 0.4;
 
 fn main() {
@@ -43,11 +43,11 @@ fn main() {
         );
         slow |= share < LEAST_SHARE;
     }
-    // A ratio of one run, so that it holds on any machine.
+    // A ratio within one run, so that it holds on any machine.
     assert!(!slow, "less than {} % of the socket", 100.0 * LEAST_SHARE);
 }
 
-/// The best of a few runs, in bytes a microsecond.
+/// Best rate of a few runs, in bytes per microsecond.
 fn best(run: impl Fn() -> Duration) -> f64 {
     let bytes = FRAMES as f64 * f64::from(WIDTH) * f64::from(HEIGHT);
     let times = (0..5).map(|_| run().as_secs_f64());
@@ -97,7 +97,7 @@ fn usb(bytes: &[u8], speed: Speed) -> Duration {
         .expect("descriptors");
     let frame = Arc::new(Frame {
         id: 0,
-        // Triggered: all of them wait for the host.
+        // Triggered frames, all of which wait for the host.
         pattern_index: Some(0),
         width: WIDTH,
         height: HEIGHT,

@@ -1,5 +1,5 @@
-//! Profiles, scenes and manifests with mistakes in them: one message that names the line, what was
-//! found and what is allowed; and no text at all that makes a reader panic.
+//! Profiles, scenes and manifests with mistakes: each gives one message that names the line, what
+//! was found and what is allowed; and no text makes a parser panic.
 
 use phasmid::geometry::Rig;
 use phasmid::patient::phantom::Patient;
@@ -31,7 +31,7 @@ fn broken<T>(
     }
 }
 
-/// The message stands at the line that switches it on, whatever it does not go with.
+/// The message names the line that enables the option, whichever other option it conflicts with.
 #[test]
 fn a_data_line_needs_its_columns_and_exposures_that_it_can_tell() {
     for (from, to, needles) in [
@@ -131,7 +131,7 @@ fn impossible_profiles_are_refused_with_line_and_range() {
         (
             "bits = 8\n\n[projector]",
             "bits = 12\n\n[projector]",
-            vec!["camera.sensor.bits", "allowed: 8"],
+            vec!["camera.sensor.bits", "expected 8"],
         ),
         (
             "f_number = 16.0",
@@ -223,7 +223,7 @@ fn impossible_profiles_are_refused_with_line_and_range() {
         for needle in needles {
             assert!(message.contains(needle), "{needle:?} is not in: {message}");
         }
-        // A field of a table is on its own line; the line of a bare word may be its table's.
+        // For a field of a table the line is its own; for a bare word it may be that of its table.
         let line_named = message.contains(&format!("file.toml:{line}"));
         assert!(line_named || message.contains("file.toml:"), "{message}");
         if from.contains('=') && !to.contains("wdith") && !to.contains("bits") {
@@ -232,7 +232,8 @@ fn impossible_profiles_are_refused_with_line_and_range() {
     }
 }
 
-/// A frame of a rolling shutter takes its rows' line times, and intervals and periods are as long.
+/// A rolling-shutter frame takes the line times of its rows, which also bounds intervals and
+/// periods.
 #[test]
 fn rows_have_to_be_read_before_the_next_exposure() {
     let with = |line_time_us: &str, from: &str, to: &str| {
@@ -240,7 +241,8 @@ fn rows_have_to_be_read_before_the_next_exposure() {
         let text = BENCH.replacen("f_number = 16.0", &line, 1);
         Profile::parse(&text.replacen(from, to, 1), "file.toml")
     };
-    // 489 rows of 20 us are 9.78 ms, and of 20.449 us 9.99956 ms, which the sequence's 10 ms hold.
+    // 489 rows of 20 us take 9.78 ms, and of 20.449 us 9.99956 ms; both fit in the sequence's 10
+    // ms.
     for line_time_us in ["20.0", "20.449"] {
         with(line_time_us, "", "").unwrap();
     }
@@ -254,7 +256,7 @@ fn rows_have_to_be_read_before_the_next_exposure() {
         message.contains("camera.frame_interval_us") && message.contains("20049 to"),
         "{message}"
     );
-    // The data line tells the time to the end of the last row.
+    // The data line records the time of the end of the last row.
     let range = "exposure_range_us = [20.0, 1000000.0]";
     let message = with("10", range, "exposure_range_us = [20.0, 4290088]")
         .unwrap_err()
@@ -489,7 +491,7 @@ proptest! {
 
     #[test]
     fn no_mutation_makes_a_reader_panic(profile in mutated(BENCH), scene in mutated(SPHERE)) {
-        // What is accepted after a mutation still keeps its promises.
+        // A profile that is accepted after a mutation still meets its guarantees.
         if let Ok(profile) = Profile::parse(&profile, "t") {
             prop_assert!(profile.nominal_rig().projector.center().length() > 0.0);
             let manifest = profile.manifest(&profile.sequence[0]);
@@ -515,7 +517,8 @@ fn a_reader_that_leaves_ends_a_list_quietly() {
     assert_eq!(said, "", "nothing to say to nobody");
 }
 
-/// A text, its readers, and the lists of numbers that it holds: all of them have a fixed length.
+/// Checks that no list of numbers in a text can be longer or shorter: all of them have a fixed
+/// length. Takes the text and its parsers; returns the number of lists.
 fn no_list_may_be_longer_or_shorter(
     name: &str,
     text: &str,
@@ -548,7 +551,7 @@ fn no_list_may_be_longer_or_shorter(
             let words = read(&other).unwrap_err().to_string();
             let plural = if found == 1 { "" } else { "s" };
             let want =
-                format!("file.toml:{line}: a list of {found} number{plural}; allowed: {count}");
+                format!("file.toml:{line}: a list of {found} number{plural}; expected {count}");
             assert_eq!(words, want, "{name}");
         }
     }
@@ -563,7 +566,7 @@ fn lists_of_numbers_have_the_length_that_they_have_everywhere() {
     for folder in ["", "scenes", "stations", "faults", "patients"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
-            // The folder is a crate of its own.
+            // The folder is itself a crate.
             let of_the_crate = path.ends_with("Cargo.toml") || path.ends_with("lib.rs");
             if !path.is_file() || of_the_crate {
                 continue;
@@ -582,11 +585,11 @@ fn lists_of_numbers_have_the_length_that_they_have_everywhere() {
     assert!(lists >= 33, "{lists}");
     let rig = Profile::load("pmp-real").unwrap().nominal_rig().to_toml();
     let read = |text: &str| Rig::from_toml(text, AT).map(drop);
-    // Those of the rotations' rows among them.
+    // Includes the rows of the rotation matrices.
     assert_eq!(no_list_may_be_longer_or_shorter("rig", &rig, read), 14);
     let row = rig.find("rotation = [").unwrap();
     let end = row + rig[row..].find("],").unwrap();
     let two = [&rig[..row], "rotation = [", rig[end + 2..].trim_start()].concat();
     let words = read(&two).unwrap_err().to_string();
-    assert!(words.ends_with("a list of 2 rows; allowed: 3"), "{words}");
+    assert!(words.ends_with("a list of 2 rows; expected 3"), "{words}");
 }

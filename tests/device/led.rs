@@ -1,4 +1,5 @@
-//! Light that rises, fades and is shown for a part of an exposure, in frames against closed forms.
+//! Light source with rise time, warm-up and partial illumination of an exposure; frames compared
+//! with closed forms.
 
 use phasmid::emulator::led::{Model, Source};
 use phasmid::emulator::render::{Renderer, Term};
@@ -24,7 +25,7 @@ fn led(rise_us: f64, droop: &[(f64, f64)]) -> Led {
     }
 }
 
-/// A small camera without noise, data line or source of its own.
+/// A small camera without noise, data line or light source model of its own.
 fn small(source: Option<Led>) -> Profile {
     let mut profile = Profile::load("webcam-grey").unwrap();
     let camera = &mut profile.camera;
@@ -45,7 +46,7 @@ fn fringe(profile: &Profile, axis: Axis) -> Arc<Slide> {
     Arc::new(Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
-/// Signal of a plane lit by white, over that at full light, of some rows.
+/// Signal of a plane lit by white in some rows, relative to full light.
 fn light(renderer: &mut Renderer, shot: &Shot, row: usize) -> f64 {
     let mut pixel = |light: Option<f64>| {
         let shot = match light {
@@ -109,13 +110,13 @@ fn a_frame_is_the_mean_of_what_is_shown_while_it_lasts() {
             "{i}: {dn} {exact}"
         );
     }
-    // What is shown elsewhere in time is not seen.
+    // Patterns shown outside of the exposure are not seen.
     let later = Shot {
         start_ns: start_ns + 20 * MS,
         ..shot.clone()
     };
     assert!(renderer.expected_dn(&later) == parts[0].1);
-    // Left out, only the first slide is.
+    // With the term disabled, only the first slide is seen.
     renderer.force(Term::PatternTiming, false);
     assert!(renderer.expected_dn(&shot) == parts[0].1);
 }
@@ -156,7 +157,7 @@ fn frames_see_the_source_rise_and_fade() {
     }
 }
 
-/// Frames of a device that is told these lines at these milliseconds, until some time.
+/// Frames, up to some time, of a device that receives these command lines at these milliseconds.
 fn frames(profile: &Profile, lines: &[(u64, &str)], end_ms: u64) -> Vec<Frame> {
     let mut bench = Bench::new(
         Firmware::new(profile, &[]).unwrap(),
@@ -164,7 +165,7 @@ fn frames(profile: &Profile, lines: &[(u64, &str)], end_ms: u64) -> Vec<Frame> {
         MemorySink::default(),
     );
     bench.firmware().set_streaming(true, 0);
-    // A camera that is left alone for more than a second skips frames.
+    // A camera that is not polled for more than a second skips frames.
     let wait = |bench: &mut Bench<MemorySink>, until_ms: u64| {
         while bench.now_ns() < until_ms * MS {
             let next_ns = bench.now_ns() + 500 * MS;
@@ -190,7 +191,7 @@ fn brightness(frame: &Frame) -> f64 {
     sum / frame.data.len() as f64
 }
 
-/// A source that neither takes time nor warms changes no byte.
+/// A source with neither a rise time nor warm-up changes no byte.
 #[test]
 fn an_ideal_source_is_none() {
     let lines = [
@@ -203,7 +204,8 @@ fn an_ideal_source_is_none() {
     assert!(frames(&small(Some(led(1.0, &[(10.0, 0.0)]))), &lines, 4000) == plain);
 }
 
-/// Lamp, current and what they did before decide, in device time alone: a camera that runs free.
+/// With a free-running camera, the light depends on the lamp's state, its current and their
+/// history, all in device time.
 #[test]
 fn commands_drive_the_source() {
     let source = led(5.0, &[(1.5, 0.3)]);
@@ -234,8 +236,8 @@ fn commands_drive_the_source() {
     assert_eq!(partly, 1, "one sees the lamp go off");
 }
 
-/// A projector that has a time lights its source while it shows patterns: it stays cooler than one
-/// that is always on, and each frame sees what it gives.
+/// A projector with pattern timing lights its source only while it shows patterns: it stays cooler
+/// than one that is always on, and each frame sees the corresponding light.
 #[test]
 fn patterns_light_the_source() {
     let source = led(30.0, &[(0.2, 0.4)]);

@@ -1,5 +1,5 @@
-//! The light of projector and lenses: response, contrast, vignetting, defocus, and where a fringe
-//! is too fine, against closed forms and the slow f64 reference path.
+//! Light of projector and lenses: response, contrast, vignetting, defocus, and fringes too fine to
+//! resolve, compared with closed forms and the slow f64 reference path.
 
 use glam::{DVec2, DVec3};
 use phasmid::decode::{Decoder, FrameStack, Options, Samples};
@@ -15,7 +15,7 @@ fn bench() -> Profile {
     Profile::load("pmp-bench").unwrap()
 }
 
-/// A plane that faces camera and projector, lit all over by the projector of [`wide`].
+/// A plane that faces camera and projector, fully lit by the projector of [`wide`].
 fn wall(z_mm: f64, ambient: f64) -> Scene {
     let text = format!(
         "name = \"wall\"\ndescription = \"\"\nambient = {{ irradiance_w_m2 = {ambient:?} }}\n\
@@ -47,7 +47,7 @@ fn shot(slide: &Arc<Slide>) -> Shot {
     }
 }
 
-/// Every term of this file at once.
+/// All terms tested in this file at once.
 fn everything(mut profile: Profile) -> Profile {
     profile.projector.response = Some(Response::Gamma(1.8));
     profile.projector.contrast_ratio = Some(300.0);
@@ -98,7 +98,7 @@ fn each_term_agrees_with_the_reference_path() {
     for (i, profile) in profiles.iter().enumerate() {
         for scene in ["plane", "trapezoid"] {
             let scene = Scene::load(scene).unwrap();
-            // Blur takes two more dimensions to sample.
+            // Blur adds two dimensions to sample.
             let (rays, step) = match profile.projector.focus {
                 Some(_) => (30_000, 4001),
                 None => (2584, 977),
@@ -132,7 +132,7 @@ fn each_term_agrees_with_the_reference_path() {
                         (f64::from(fast[i]) - slow).abs()
                     })
                     .reduce(|| 0.0, f64::max);
-                // The reference's own sampling error is most of this.
+                // Most of this error is the sampling error of the reference.
                 assert!(worst < 0.5, "profile {i}, {pattern:?}: {worst}");
             }
         }
@@ -148,7 +148,7 @@ fn levels_are_those_of_exact_clipping_down_to_pixels_wider_than_a_period() {
         let z = 1000.0;
         let mut renderer = Renderer::new(&profile, &wall(z, 0.0), 1).unwrap();
         let (camera, projector) = (profile.camera.view().lens, profile.projector.view().lens);
-        // Both see the wall squarely: every pixel's footprint is a box this wide.
+        // Both see the wall perpendicularly: every pixel's footprint is a box of this width.
         let width = projector.focal_px.x / camera.focal_px.x;
         let black = profile.camera.sensor.black_level_dn;
         let white = renderer.expected_dn(&shot(&slide(&Pattern::White {}, &profile)));
@@ -206,7 +206,7 @@ fn natural_vignetting_is_the_fourth_power_of_the_cosine() {
         natural: true,
         ..Vignetting::default()
     };
-    // The camera before a wall under ambient light alone.
+    // The camera facing a wall, with ambient light only.
     let mut profile = bench();
     profile.camera.vignetting = natural;
     let (seen, truth) = signal(&profile, &wall(700.0, 0.5), &Pattern::Black {});
@@ -222,7 +222,7 @@ fn natural_vignetting_is_the_fourth_power_of_the_cosine() {
         assert!((f64::from(seen[i]) / expected - 1.0).abs() < 1e-5, "{i}");
     }
     assert!(truth.flags.iter().all(|f| f & Truth::SEEN != 0));
-    // The projector's white on a wall that it faces: its own angles count.
+    // The projector's white on a wall that it faces, so that only its own angles matter.
     profile.camera.vignetting = Vignetting::default();
     profile.projector.vignetting = natural;
     let (shown, truth) = signal(&profile, &wall(1000.0, 0.0), &Pattern::White {});
@@ -256,7 +256,7 @@ fn a_fringe_off_the_focus_has_the_contrast_of_the_closed_form() {
         let truth = renderer.truth(&sequence);
         let middle = 244 * 1138 + 569;
         assert!(truth.flags[middle] & Truth::LIT != 0);
-        // A mean over pixels at all phases of the held pixels.
+        // Averages over pixels at all phases within the held pixels.
         let near = &truth.modulation_dn[middle - 40..middle + 40];
         near.iter().map(|&b| f64::from(b)).sum::<f64>() / 80.0
     };
@@ -297,7 +297,8 @@ fn defocus_leaves_a_sharp_plane_and_its_noise_to_the_byte() {
     assert!(sharp.data == renderer.expose(&shot(&pattern)).data);
 }
 
-/// Twelve steps, a Gray code and its complementary bit, as the bench has them, of another period.
+/// Twelve steps, a Gray code and its complementary bit, like the bench's sequence but with another
+/// period.
 fn sequence(period_px: f64, profile: &Profile) -> Manifest {
     let mut manifest = profile.manifest(&profile.sequence[0]);
     let bits = (1920.0 / period_px).log2().ceil() as u32;
@@ -349,7 +350,7 @@ fn fringes_finer_than_pixels_or_blur_are_unresolved_and_not_valid() {
         (bench(), 0.4, 2.1 * width, false),
         (bench(), 0.4, 1.0 * width, true),
         (bench(), 0.4, 0.7 * width, true),
-        // White is clipped, the fringes, which have little contrast, are not.
+        // White saturates; the fringes, which have little contrast, do not.
         (bench(), 2.6, 0.7 * width, true),
         (bench(), 0.4, 0.4 * width, true),
         (soft, 0.4, 16.0, true),

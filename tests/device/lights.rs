@@ -22,7 +22,7 @@ fn dark(start_ns: u64, exposure_ns: u64) -> Shot {
 const PLANE: &str = "[[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0, 0, 1000]\n\
                      rotation_deg = [5, -8, 0]\nalbedo = 0.7\n";
 
-/// Points in the rig's frame that the pixels see.
+/// Points, in the rig's frame, that the pixels see.
 fn points(profile: &Profile, truth: &Truth) -> Vec<DVec3> {
     let view = profile.camera.view();
     (0..truth.flags.len())
@@ -66,7 +66,7 @@ fn lamps_on_a_plane_follow_their_closed_form() {
     assert!(without.iter().all(|&dn| dn == black as f32));
 }
 
-/// A sphere of longitudes and latitudes about a point, and two triangles behind it.
+/// A sphere meshed by longitude and latitude, and two triangles behind it.
 fn ball_before_wall(center: DVec3, radius: f64, wall_z: f64) -> Mesh {
     let (columns, rows) = (512, 256);
     let mut mesh = Mesh::default();
@@ -136,14 +136,14 @@ fn shadows_end_where_the_occluder_does() {
                 };
                 let to_center = center - point;
                 let on_wall = (point.z - wall).abs() < 1e-3;
-                // Of the sphere itself, what faces away from the light is dark.
+                // On the sphere, parts that face away from the light are dark.
                 let off = if on_wall {
                     to_center.cross(along).length() - radius
                 } else {
                     -along.dot(-to_center) * 2.0
                 };
-                // The facets of the mesh lie up to 0.004 mm within the sphere, its terminator
-                // up to a facet's 0.6 mm off.
+                // The facets of the mesh lie up to 0.004 mm inside the sphere, and its terminator
+                // is up to a facet's 0.6 mm off.
                 if off.abs() < 2.0 {
                     continue;
                 }
@@ -187,7 +187,8 @@ fn lamps_agree_with_the_reference_path() {
         .collect();
     let worst = errors.iter().copied().fold(0.0, f64::max);
     let exact = errors.iter().filter(|&&e| e < 0.5).count();
-    // A crease below 15 degrees is one smooth surface to the fast path; the reference averages it.
+    // The fast path treats a crease below 15 degrees as one smooth surface; the reference averages
+    // it.
     assert!(
         exact * 100 >= errors.len() * 97 && worst < 6.0,
         "{exact} of {}: {worst}",
@@ -195,7 +196,7 @@ fn lamps_agree_with_the_reference_path() {
     );
 }
 
-/// Lamps and their shadows through the whole pupil, dimmed as all light on its way to the sensor.
+/// Lamps and their shadows seen through the whole pupil, with the camera's vignetting.
 #[test]
 fn lamps_are_seen_out_of_focus_and_dimmed_towards_the_edge() {
     let mut profile = Profile::load("pmp-bench").unwrap();
@@ -237,7 +238,7 @@ fn lamps_are_seen_out_of_focus_and_dimmed_towards_the_edge() {
     }
 }
 
-/// The rig turned by a quarter about z and shifted, by hand.
+/// The rig rotated by 90 degrees about z and shifted, computed by hand.
 #[test]
 fn lamps_stand_in_the_frame_of_the_scene() {
     let profile = Profile::load("pmp-bench").unwrap();
@@ -291,7 +292,7 @@ fn flicker_is_the_integral_over_each_exposure() {
     ] {
         let n = 4000;
         let step = exposure as f64 * 1e-9 / f64::from(n);
-        // Whole tenths of a second are whole periods.
+        // Multiples of 0.1 s are whole periods.
         let begin = (start % 100_000_000) as f64 * 1e-9;
         let integral: f64 = (0..n)
             .map(|i| {
@@ -312,7 +313,7 @@ fn flicker_is_the_integral_over_each_exposure() {
     }
 }
 
-/// Where all light swings by one factor, all pixels do, whatever they are averaged from.
+/// If all light flickers by one factor, so do all pixels, however they are averaged.
 #[test]
 fn mixed_pixels_flicker_like_all_others() {
     let mut profile = Profile::load("pmp-bench").unwrap();
@@ -326,7 +327,7 @@ fn mixed_pixels_flicker_like_all_others() {
          albedo = 0.9\n"
     );
     let (start, exposure) = (1_700_000, 2_100_000);
-    // The integral of the pulse, by its antiderivative.
+    // Integral of the pulse, from its antiderivative.
     let (w, phase) = (2.0 * PI * 120.0, f64::to_radians(-40.0));
     let (from, to) = (start as f64 * 1e-9, (start + exposure) as f64 * 1e-9);
     let mean = ((w * to + phase).sin() - (w * from + phase).sin()) / (w * (to - from));
@@ -381,7 +382,7 @@ fn impossible_lamps_are_refused() {
         (
             "depth = 0.9",
             "depth = 1.1",
-            "light[0].flicker.depth: 1.1; allowed: 0 to 1",
+            "light[0].flicker.depth: 1.1; expected 0 to 1",
         ),
         (
             "depth = 0.9, phase_deg = 25",

@@ -1,4 +1,10 @@
-//! The device: rendering, light, sensor, projector, timing, dialects and faults of the port.
+//! The emulated device, tested as a library.
+//!
+//! - Rendering: `rendering`, `geometry`, `textures`, `surfaces`, `lights`, `interreflection`,
+//!   `skin`, `motion`, `plan`
+//! - Light, sensor and shutter: `light`, `led`, `sensor`, `saturation`, `rolling`, `pattern_timing`
+//! - Control port: `dialects`, `port_faults`
+//! - Files: `config_files`
 
 #[path = "../support/photometry.rs"]
 mod photometry;

@@ -1,5 +1,5 @@
-//! A projector that has a time, through the whole device: what profiles may say, and what a scan on
-//! one sees.
+//! A projector with pattern timing, through the whole device: allowed profiles, and what a scan
+//! sees.
 
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
 use phasmid::emulator::{Bench, Firmware, MemorySink, Renderer, Shot, Truth};
@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 const EVM: &str = include_str!("../../device-profiles/dlp-evm.toml");
 
-/// Lines of the profile that contradict each other are refused by name.
+/// Contradictory lines of the profile are rejected by name.
 #[test]
 fn contradictions_are_refused_where_they_stand() {
     for (line, instead, field, words) in [
@@ -114,7 +114,7 @@ fn contradictions_are_refused_where_they_stand() {
             "{instead}: {message}"
         );
     }
-    // Each of them alone is well.
+    // Each of them alone is valid.
     for instead in [
         "",
         "dark_before_us = 171.0\ndark_after_us = 31.0\n",
@@ -130,7 +130,7 @@ struct Seen {
     truth: Truth,
 }
 
-/// The built-in module; its frames without the line that says which they are.
+/// The built-in module, with frames without the data line that identifies them.
 fn evm() -> Profile {
     let mut profile = Profile::load("dlp-evm").unwrap();
     profile.camera.data_line = false;
@@ -158,7 +158,7 @@ fn scan(profile: &Profile, commands: &str) -> Seen {
     }
 }
 
-/// Of the lit pixels: the part that was decoded, and the RMS error of those in projector pixels.
+/// Fraction of the lit pixels that was decoded, and the RMS error of those in projector pixels.
 fn error_px(seen: &Seen) -> (f64, f64) {
     let maps = seen.decoded.x.as_ref().unwrap();
     let truth = &seen.truth;
@@ -186,7 +186,8 @@ fn a_scan_decodes_as_well_as_its_noise_allows() {
 }
 
 /// Half of a pattern's time shows the lower seven bits and hardly any of the highest. The frame is
-/// the sum of theirs, each by its share of the exposure: bit k lasts 2^k / 255 of the pattern.
+/// the sum of the bit planes, each weighted by its share of the exposure: bit k lasts 2^k / 255 of
+/// the pattern.
 #[test]
 fn half_of_a_pattern_is_the_sum_of_the_bits_in_it() {
     let mut profile = evm();
@@ -202,7 +203,7 @@ fn half_of_a_pattern_is_the_sum_of_the_bits_in_it() {
     let half = shots("4250us");
     assert!(whole.iter().all(|shot| shot.then.is_empty()));
     let black = renderer.expected_dn(&half[2]);
-    // A white pattern is white from its first moment on, and half of it is half as bright.
+    // A white pattern is white from the start, and half its duration gives half the brightness.
     let (white, all_white) = (
         renderer.expected_dn(&half[1]),
         renderer.expected_dn(&whole[1]),
@@ -232,7 +233,7 @@ fn half_of_a_pattern_is_the_sum_of_the_bits_in_it() {
     let worst = worst.fold(0.0, f32::max);
     // Bits start at whole nanoseconds, 2e-7 of the exposure.
     assert!(worst < 2e-3, "{worst} DN");
-    // The host cannot make fringes of that.
+    // The host cannot decode fringes from this.
     let (_, well) = error_px(&scan(&evm(), "CAM:EXP 8500us"));
     let (coverage, badly) = error_px(&scan(&evm(), "CAM:EXP 4250us"));
     assert!(

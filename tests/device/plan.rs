@@ -1,4 +1,4 @@
-//! `phasmid plan`: what is computed, why, and what it costs.
+//! `phasmid plan`: which terms are computed, why, and at what cost.
 
 use phasmid::emulator::render::Term;
 use serde_json::Value;
@@ -44,10 +44,10 @@ fn every_term_is_told_with_its_reason_and_its_cost() {
         assert!(term["ns_per_pixel"].as_f64().unwrap().is_finite(), "{term}");
     }
     for pass in plane["passes"].as_array().unwrap() {
-        // No machine does a pixel in a picosecond.
+        // No machine computes a pixel in a picosecond.
         assert!(pass["ns_per_pixel"].as_f64().unwrap() > 1e-3, "{pass}");
     }
-    // Drawing random numbers for every pixel is most of a frame: it cannot cost nothing.
+    // Random numbers for every pixel take most of a frame's time, so the cost cannot be zero.
     assert!(term(&plane, "noise")["ns_per_pixel"].as_f64().unwrap() > 0.0);
     assert_eq!(term(&plane, "shadows")["included"], false);
     assert_eq!(term(&plane, "footprint-x")["included"], true);

@@ -1,5 +1,5 @@
-//! Bad days on the control port: whatever happens to one message or its reply, a scan gives the
-//! frames, manifest and calibration that it gives on a good day, or says what is wrong.
+//! Faults on the control port: whatever happens to one message or its reply, a scan returns the
+//! same frames, manifest and calibration as without faults, or reports what is wrong.
 
 use phasmid::emulator::faults::Faults;
 use phasmid::emulator::port::Port as DevicePort;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 const SHORT: Duration = Duration::from_millis(5);
-/// A scan's messages: the last ones come after its frames.
+/// Number of messages of a scan; the last ones follow its frames.
 const MESSAGES: u32 = 20;
 
 #[derive(Clone, Copy, Debug)]
@@ -28,19 +28,19 @@ enum Fault {
     Twice,
     GarbageBefore,
     GarbageInside,
-    /// A bit of the reply.
+    /// One bit of the reply is flipped.
     Reply(usize),
-    /// A bit of the message.
+    /// One bit of the message is flipped.
     Message(usize),
-    /// The bit of the reply that makes the other sequence of one's name.
+    /// Flips the bit of the reply that turns a sequence's name into that of the other sequence.
     OtherInReply,
-    /// And that of the message.
+    /// The same in the message.
     OtherInMessage,
-    /// The cable is pulled before the message, and the port has to be opened anew.
+    /// The cable is pulled before the message, and the port has to be reopened.
     Gone,
-    /// The device is switched off and on before the message.
+    /// The device is power-cycled before the message.
     Reset,
-    /// And after it, half of the frames that it made having come.
+    /// The device is power-cycled after the message, when half of its frames have arrived.
     ResetAfter,
 }
 
@@ -68,7 +68,7 @@ fn profile() -> Profile {
     profile
 }
 
-/// Flips the bit that makes `quick-5` of `quick-4`, and back, where such a name stands first.
+/// Flips the bit that turns `quick-4` into `quick-5`, or back, in the first such name.
 fn rename(bytes: &mut [u8]) {
     let is_name = |word: &[u8]| word.starts_with(b"quick-") && matches!(word[6], b'4' | b'5');
     if let Some(at) = bytes.windows(7).position(is_name) {
@@ -91,7 +91,7 @@ fn bench(dialect: &Dialect, camera: &MemoryCamera) -> Bench<Sink> {
     )
 }
 
-/// A line on which one message meets a fault.
+/// A port on which one message meets a fault.
 struct Port {
     dialect: Dialect,
     bench: Bench<Sink>,
@@ -110,7 +110,7 @@ impl Port {
         self.replies.clear();
     }
 
-    /// Takes away all but so many of the frames that wait.
+    /// Drops all but the first `frames` waiting frames.
     fn keep(&mut self, frames: usize) {
         let mut kept = Vec::new();
         while let Some(frame) = self.camera.next_frame(Duration::ZERO).unwrap() {
@@ -199,7 +199,7 @@ fn scan_in(dialect: &Dialect, fault: Fault, nth: u32) -> (Result<Captured, Error
     scan_of(dialect, Some(OTHER), fault, nth)
 }
 
-/// [`scan_in`] of a sequence, or of the one that is found selected.
+/// [`scan_in`] of the given sequence, or of the one currently selected.
 fn scan_of(
     dialect: &Dialect,
     sequence: Option<&str>,
@@ -236,7 +236,7 @@ fn scan_of(
     (captured, retries)
 }
 
-/// Whether two captures show the same: noise differs from run to run.
+/// Whether two captures show the same, apart from noise, which differs from run to run.
 fn same(one: &Captured, other: &Captured) -> bool {
     let alike = |(a, b): (&Frame, &Frame)| {
         let differences = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b));
@@ -252,7 +252,7 @@ fn same(one: &Captured, other: &Captured) -> bool {
         && one.frames.iter().zip(&other.frames).all(alike)
 }
 
-/// Scans with a fault at each message; all have to come out as on a good day.
+/// Scans with a fault at each message in turn; all scans must give the same result as without.
 fn recovered(fault: Fault) -> Vec<String> {
     let good = scan(Fault::None, 0).0.unwrap();
     let mut retries = Vec::new();
@@ -290,7 +290,7 @@ fn a_device_that_is_reset_is_set_up_anew() {
     assert!(!recovered(Fault::ResetAfter).is_empty());
 }
 
-/// Some bits of each message and each reply; those of all are in the unit tests of the host.
+/// Flips a few bits of each message and each reply; the host's unit tests flip all of them.
 #[test]
 fn flipped_bits_never_give_another_cloud() {
     let good = scan(Fault::None, 0).0.unwrap();
@@ -308,12 +308,12 @@ fn flipped_bits_never_give_another_cloud() {
             }
         }
     }
-    // One bit is put right where it is seen at all.
+    // A single flipped bit is corrected wherever it is detectable.
     assert_eq!(reported, [""; 0]);
 }
 
-/// The same scan in every dialect, from the file alone; and with a fault at some message, the same
-/// or an error.
+/// The same scan in every dialect, driven by its file alone; with a fault at some message, the
+/// result is the same or an error.
 #[test]
 fn dialects_scan_as_scpi_does() {
     let good = scan(Fault::None, 0).0.unwrap();
@@ -343,8 +343,8 @@ fn dialects_scan_as_scpi_does() {
     }
 }
 
-/// One bit makes the name of one sequence that of the other: it never decides which is scanned, nor
-/// ends a scan.
+/// One bit turns the name of one sequence into that of the other: it never decides which is
+/// scanned, and never aborts a scan.
 #[test]
 fn a_damaged_name_is_no_other_sequence() {
     for name in ["scpi", "okline", "dlpc350"] {

@@ -1,4 +1,5 @@
-//! The fast passes against the slow f64 reference path, which shares no shortcut with them.
+//! Compares the fast passes with the slow f64 reference path, which shares no approximation with
+//! them.
 
 use glam::DVec2;
 use phasmid::emulator::render::reference::Reference;
@@ -25,7 +26,7 @@ fn scenes() -> Vec<Scene> {
     let object = |shape: &str, place: &str| {
         format!("[[object]]\nshape = {{ {shape} }}\n{place}\nalbedo = 0.7\n")
     };
-    // Solids that shade each other, tilted, one of them without a floor behind a part of it.
+    // Tilted solids that shade each other, one of them partly without a floor behind it.
     let solids = [
         "name = \"solids\"\ndescription = \"\"\nambient = { irradiance_w_m2 = 0.05 }\n".to_string(),
         object(
@@ -100,7 +101,7 @@ fn projector_coordinates_light_and_sight_agree() {
                     continue;
                 }
                 let px = DVec2::new(truth.projector_x[i].into(), truth.projector_y[i].into());
-                // f32 holds a coordinate far outside of the slide to fewer digits.
+                // Far outside of the slide, f32 coordinates have fewer significant digits.
                 let bar = 1e-3 + found.projector_px.length().max(8192.0) * 6e-8 - 8192.0 * 6e-8;
                 let error = (px - found.projector_px).abs().max_element();
                 worst = worst.max(error.min(bar));
@@ -170,7 +171,8 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                 let fast = renderer.expected_dn(&shot(slide));
                 let flags = renderer.truth(&[]).flags;
                 let flags_at = |i: usize| flags.get(i).copied().unwrap_or(0);
-                // Edges: mixed pixels, and the limb, where a pixel's footprint is curved.
+                // Edges: mixed pixels, and the silhouette of spheres, where a pixel's footprint is
+                // curved.
                 let wanted = |edge: bool| {
                     let count = if mesh { 8 } else { 40 };
                     let smooth = Truth::LIT | Truth::SQUARE;
@@ -200,11 +202,13 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                     (f64::from(fast[i]) - reference.signal_dn(px, slide, 8e-3, rays)).abs()
                 };
                 let rays = if mesh { 512 } else { 2048 };
-                // Images of two dimensions are averaged over a rectangle, not the parallelogram.
+                // Two-dimensional patterns are averaged over a rectangle instead of the
+                // parallelogram.
                 let picture = matches!(**slide, Slide::Picture { .. });
                 let bar = match (picture, scene.name.as_str()) {
                     (true, _) => 6.0,
-                    // Spheres of 20 pixels, whose footprints are curved; 512 rays on the mesh.
+                    // Spheres of 20 pixels have curved footprints; the reference uses 512 rays on
+                    // the mesh.
                     (_, "solids") => 2.5,
                     (_, "mesh") => 1.0,
                     _ => 0.5,
@@ -291,8 +295,8 @@ fn what_the_plan_leaves_out_changes_no_byte() {
     }
 }
 
-/// Beside a surface that ends in the projector's light, within the pixels that are averaged side by
-/// side, too.
+/// The same beside a surface that ends in the projector's light, including within the block of
+/// pixels that are averaged together.
 #[test]
 fn pixels_that_see_nothing_read_the_black_level() {
     let profile = bench(false);
@@ -374,7 +378,7 @@ fn noise_is_that_of_the_sensor() {
 #[test]
 fn a_solid_around_the_camera_is_shaded_by_its_own_wall() {
     let profile = bench(false);
-    // The projector's pupil is 400 mm aside: outside of the first, inside of the second.
+    // The projector's pupil is 400 mm to the side: outside of the first sphere, inside the second.
     for (radius, lit) in [(395.0, false), (405.0, true)] {
         let text = format!(
             "name = \"shell\"\ndescription = \"\"\n[[object]]\n\
@@ -390,8 +394,8 @@ fn a_solid_around_the_camera_is_shaded_by_its_own_wall() {
 
 #[test]
 fn a_distorted_projector_lights_nothing_beyond_its_field() {
-    // A barrel so strong that its polynomial folds back into the picture at wide angles. Light
-    // falls on one connected patch, and each lit pixel's ray leads back to its point.
+    // Barrel distortion so strong that its polynomial folds back into the image at wide angles.
+    // Light falls on one connected region, and each lit pixel's ray leads back to its point.
     let mut profile = bench(false);
     profile.camera.focal_length_mm = 6.0;
     profile.projector.throw_ratio = 1.0;

@@ -1,5 +1,5 @@
-//! A rolling shutter against closed forms: what leaks into the rows that expose late, the bands of
-//! the mains, and whole scans through the firmware.
+//! A rolling shutter compared with closed forms: leakage into rows that expose late, mains flicker
+//! bands, and whole scans through the firmware.
 
 use crate::photometry::{dn_per_irradiance, scene};
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
@@ -39,8 +39,8 @@ fn fringe(profile: &Profile, axis: Axis, period_px: f64) -> Arc<Slide> {
     Arc::new(Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
-/// Each row is the mean of what the slides alone would give, weighted by the time that it sees
-/// them; so are the pixels on edges, which are sampled.
+/// Each row is the mean of its images under the single slides, weighted by the time that it sees
+/// each of them; so are the pixels on edges, which are sampled.
 #[test]
 fn slides_leak_into_rows_by_the_time_that_they_share() {
     let mut profile = rolling(10.0);
@@ -61,7 +61,8 @@ fn slides_leak_into_rows_by_the_time_that_they_share() {
         exposure_ns,
         ..Shot::default()
     };
-    // A finer fringe, darkness of half a millisecond, one along the other axis at less light.
+    // A finer fringe, half a millisecond of darkness, and one fringe along the other axis at less
+    // light.
     let then = vec![
         showing(
             start_ns + 3_500_000,
@@ -134,7 +135,7 @@ fn mains_light_makes_bands() {
     let profile = rolling(25.0);
     let scene = scene(AMBIENT, Path::new(""));
     let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
-    // Whole seconds are whole periods.
+    // A whole number of seconds is a whole number of flicker periods.
     let found = renderer.expected_dn(&Shot {
         start_ns: 86_400_000_000_000_000,
         exposure_ns: 4_000_000,
@@ -163,7 +164,7 @@ fn mains_light_makes_bands() {
     let contrast = (high - low) / (high + low - 2.0 * black);
     let x = TAU / 2.0 * 100.0 * exposure_s;
     assert!((contrast - 0.8 * x.sin() / x).abs() < 1e-4, "{contrast}");
-    // Exposures of whole periods see none.
+    // Exposures of whole periods show no bands.
     let mut whole_periods = |shutter| {
         renderer.expected_dn(&Shot {
             exposure_ns: 10_000_000,
@@ -174,8 +175,8 @@ fn mains_light_makes_bands() {
     assert!(whole_periods(shutter(25_000)) == whole_periods(Shutter::default()));
 }
 
-/// With steady light and one slide the shutter cannot be told from the bytes, nor can a line time
-/// of 0 in any light, nor slides that come after the last row has ended.
+/// With steady light and one slide, the bytes do not depend on the shutter; nor with a line time of
+/// 0 in any light, nor on slides that come after the last row has ended.
 #[test]
 fn without_a_cause_rows_are_those_of_a_global_shutter() {
     let flickering = scene(
@@ -218,7 +219,7 @@ fn without_a_cause_rows_are_those_of_a_global_shutter() {
     }
 }
 
-/// The frames of the first sequence through the firmware, with a period of so many microseconds.
+/// Frames of the first sequence through the firmware, with a period in microseconds.
 fn scan(profile: &Profile, period_us: u32) -> Vec<Frame> {
     let scene = Scene::load("plane").unwrap();
     let mut bench = Bench::new(
@@ -243,8 +244,8 @@ fn decode(profile: &Profile, frames: &[Frame]) -> Decoded {
         .unwrap()
 }
 
-/// Pixels of some rows that are valid in one decoding, those that are in the other too, and how far
-/// apart their coordinates are at most.
+/// For some rows: number of pixels valid in one decoding, number of those also valid in the other,
+/// and the largest difference of their coordinates.
 fn compared(one: &Decoded, other: &Decoded, rows: std::ops::Range<usize>) -> (usize, usize, f32) {
     let [one, other] = [one, other].map(|decoded| decoded.x.as_ref().unwrap());
     let width = 640;
@@ -259,18 +260,17 @@ fn compared(one: &Decoded, other: &Decoded, rows: std::ops::Range<usize>) -> (us
         })
 }
 
-/// With a period as long as the frame, the scan is a global shutter's. With a shorter one, the
-/// lower rows see the next slide. That biases coordinates in proportion, and the check of the
-/// sequence refuses the capture: the steps contradict each other already where the decoder's masks
-/// leave most pixels as they are. From a quarter on the order becomes uncertain
-/// (`Verdict::Uncertain`), and from half on white, into which the black after it leaks, is no more
-/// the brightest frame.
+/// With a period as long as the frame, the scan equals a global shutter's. With a shorter one, the
+/// lower rows see the next slide. This biases coordinates in proportion, and the check of the
+/// sequence rejects the capture: the steps contradict each other even where the decoder's masks
+/// keep most pixels. From a quarter on, the order becomes uncertain (`Verdict::Uncertain`), and
+/// from half on, white is no longer the brightest frame, because the black frame after it leaks in.
 #[test]
 fn a_period_too_short_for_the_rows_is_seen_in_the_frames() {
     let mut global = Profile::load("webcam-grey").unwrap();
     global.camera.data_line = false;
     let mut profile = global.clone();
-    // Read in 9.6 ms; 12 ms of exposure.
+    // The readout takes 9.6 ms, the exposure 12 ms.
     profile.camera.line_time_us = 20.0;
     let manifest = profile.manifest(&profile.sequence[0]);
     let check = |frames: &[Frame]| check_sequence(&manifest, frames);
@@ -303,10 +303,10 @@ fn a_period_too_short_for_the_rows_is_seen_in_the_frames() {
     }
     let (valid, both, worst) = compared(&sound, &leaking, 0..201);
     assert!(valid == both && worst < 0.02, "{valid} {both} {worst}");
-    // A tenth of the next step turns the phase by atan(0.1 / 0.9), 0.28 px of 16, and of the Gray
-    // frame that comes after the last step some more.
+    // A tenth of the next step shifts the phase by atan(0.1 / 0.9), 0.28 px of 16, and leakage of
+    // the Gray frame after the last step shifts it somewhat more.
     let (valid, both, worst) = compared(&sound, &leaking, 250..270);
-    // The steps that leak into each other leave a residual, by which one in a thousand is refused.
+    // Steps that leak into each other leave a residual, which rejects one pixel in a thousand.
     assert!(
         500 * (valid - both) <= valid && worst > 0.28 && worst < 0.6,
         "{both} of {valid}, {worst}"

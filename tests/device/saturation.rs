@@ -1,11 +1,11 @@
-//! Where the sensor is full the truth says so, and the host's mask says the same.
+//! Saturation: the truth marks saturated pixels, and the host's mask agrees.
 
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
 use phasmid::emulator::{Bench, Firmware, MemorySink, Renderer, Shot, Truth};
 use phasmid::pattern::{Pattern, finest_fringe};
 use phasmid::profile::{Profile, Scene};
 
-/// Light from little to much: a steep ball, much too bright in its middle, before a dark plane.
+/// A wide range of light: a steep ball, far too bright at its centre, in front of a dark plane.
 fn profile(gain_dn_per_e: f64) -> Profile {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.camera.data_line = false;
@@ -14,7 +14,7 @@ fn profile(gain_dn_per_e: f64) -> Profile {
     profile
 }
 
-/// What the device says and shows, and what a host makes of it.
+/// The device's replies and frames, and what a host decodes from them.
 struct Seen {
     sequence: Vec<(Pattern, Shot)>,
     truth: Truth,
@@ -33,7 +33,7 @@ fn see(profile: &Profile, commands: &str) -> Seen {
     let line = format!("TRIG:SOUR BUS;:{commands};:INIT;*TRG\nSYST:ERR?\n");
     assert_eq!(bench.control(line.as_bytes()), b"0,\"No error\"\n");
     let sequence = bench.firmware().selected_sequence();
-    // A block: #, the number of digits, the length in so many digits, the text.
+    // An IEEE 488.2 block: #, the number of digits of the length, the length, the text.
     let block = String::from_utf8(bench.control(b"CAL:DATA?\n")).unwrap();
     let digits: usize = block[1..2].parse().unwrap();
     let calibration = &block[2 + digits..];
@@ -54,7 +54,7 @@ fn see(profile: &Profile, commands: &str) -> Seen {
 }
 
 impl Seen {
-    /// Checks that the host's mask and the truth name the same pixels, and gives their number.
+    /// Checks that the host's mask and the truth mark the same pixels, and returns their number.
     fn agreed(&self) -> usize {
         let verdict = &self.decoded.x.as_ref().unwrap().verdict;
         for (i, flags) in self.truth.flags.iter().enumerate() {
@@ -71,8 +71,9 @@ impl Seen {
     }
 }
 
-/// By the linearity of light: a sixteenth of the exposure fills no pixel, and sixteen times its
-/// signal tells which ones would be. Once the full well ends it, once the converter, once both.
+/// Uses the linearity of light: a sixteenth of the exposure saturates no pixel, and sixteen times
+/// its signal predicts which pixels would saturate. Tested with the limit at the full well, at the
+/// converter, and at both.
 #[test]
 fn truth_and_mask_name_the_pixels_that_would_be_beyond_full() {
     for (gain, last) in [(0.0239, 254.0), (0.05, 255.0), (0.01805, 193.0)] {

@@ -1,6 +1,6 @@
-//! The sensor as a camera test bench finds it: by EMVA 1288 release 4.0 from its frames alone.
+//! The sensor as measured by a camera test bench: EMVA 1288 release 4.0, from its frames alone.
 //!
-//! Each measured figure is held against the profile's, with fixed seeds.
+//! Each measured figure is compared with the profile's, with fixed seeds.
 
 use phasmid::emulator::render::{Renderer, Term};
 use phasmid::emulator::{Shot, Slide};
@@ -8,7 +8,8 @@ use phasmid::profile::{CameraResponse, Glare, Profile, Scene};
 use phasmid::protocol::PixelFormat;
 use std::sync::Arc;
 
-/// A plane that fills the image, lit evenly by ambient light alone: the bench's integrating sphere.
+/// A plane that fills the image, uniformly lit by ambient light alone: the bench's integrating
+/// sphere.
 fn sphere() -> Scene {
     let text = "name = \"sphere\"\ndescription = \"\"\nambient = { irradiance_w_m2 = 0.5 }\n\
                 [[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0, 0, 1000]\n\
@@ -16,7 +17,7 @@ fn sphere() -> Scene {
     Scene::parse(text, "sphere").unwrap()
 }
 
-/// A 12-bit camera whose read noise is several numbers, so that a test of it can fail.
+/// A 12-bit camera whose read noise is several DN, so that a test of it can fail.
 fn camera(change: impl FnOnce(&mut Profile)) -> Profile {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.camera.format = PixelFormat::Y16;
@@ -32,7 +33,7 @@ fn camera(change: impl FnOnce(&mut Profile)) -> Profile {
 struct Bench {
     renderer: Renderer,
     profile: Profile,
-    /// Electrons a second and pixel.
+    /// Electrons per second and pixel.
     rate: f64,
     next: u64,
 }
@@ -56,7 +57,7 @@ impl Bench {
         }
     }
 
-    /// The next frame, of an exposure in seconds.
+    /// Takes the next frame, with an exposure in seconds.
     fn frame(&mut self, seconds: f64) -> Vec<f64> {
         self.next += 1;
         let data = self.renderer.expose(&shot(seconds, self.next)).data;
@@ -70,8 +71,8 @@ impl Bench {
             .collect()
     }
 
-    /// Mean over the pixels, and temporal variance by the difference of two frames (EMVA 1288,
-    /// equations 32 and 33), without the converter's 1/12.
+    /// Returns the mean over the pixels, and the temporal variance from the difference of two
+    /// frames (EMVA 1288, equations 32 and 33), without the quantisation's 1/12.
     fn photon_transfer(&mut self, seconds: f64) -> (f64, f64) {
         let (a, b) = (self.frame(seconds), self.frame(seconds));
         let n = a.len() as f64;
@@ -82,8 +83,8 @@ impl Bench {
         (mean, (d2 / n - (d1 / n).powi(2)) / 2.0 - 1.0 / 12.0)
     }
 
-    /// Mean of `count` frames pixel by pixel, and spatial variance without what the temporal noise
-    /// leaves in it (EMVA 1288, section 8).
+    /// Returns the pixel-wise mean of `count` frames, and the spatial variance corrected for
+    /// residual temporal noise (EMVA 1288, section 8).
     fn spatial(&mut self, seconds: f64, count: u32) -> (f64, f64) {
         let mut sums = self.frame(seconds);
         let mut squares: Vec<f64> = sums.iter().map(|v| v * v).collect();
@@ -116,7 +117,7 @@ fn shot(seconds: f64, id: u64) -> Shot {
     }
 }
 
-/// Slope and intercept of least squares.
+/// Slope and intercept of a least-squares line.
 fn line(points: &[(f64, f64)]) -> (f64, f64) {
     let n = points.len() as f64;
     let (x, y) = points
@@ -147,7 +148,7 @@ fn photon_transfer_gives_back_gain_and_read_noise() {
             .collect();
         let (slope, _) = line(&points);
         assert!((slope / gain - 1.0).abs() < 0.01, "gain {slope} of {gain}");
-        // Few electrons too: each point lies on the line.
+        // Also at few electrons, each point lies on the line.
         for (mean, variance) in &points {
             assert!(
                 (variance / mean / gain - 1.0).abs() < 0.02,
@@ -165,7 +166,7 @@ fn photon_transfer_gives_back_gain_and_read_noise() {
 #[test]
 fn dark_current_grows_with_the_exposure_and_makes_shot_noise() {
     let mut bench = Bench::new(camera(|p| p.camera.sensor.dark_current_e_s = 150.0));
-    // The exposures' ambient light is taken out by a scene without any.
+    // A scene without ambient light removes it from the exposures.
     let text = "name = \"dark\"\ndescription = \"\"\n[[object]]\nshape = { kind = \"plane\" }\n\
                 position_mm = [0, 0, 1000]\nalbedo = 0.5\n";
     let dark = Scene::parse(text, "dark").unwrap();
@@ -204,7 +205,8 @@ fn prnu_and_dsnu_are_found_by_the_standards_method() {
     assert!((prnu / 0.8 - 1.0).abs() < 0.02, "PRNU {prnu}");
 }
 
-/// The pattern belongs to the device: not to the seed of the noise, and another device has another.
+/// The fixed pattern depends on the device, not on the noise seed; another device has another
+/// pattern.
 #[test]
 fn the_fixed_pattern_is_the_devices_own() {
     let expected = |pattern_seed: u64, noise_seed: u64| {
@@ -252,7 +254,7 @@ fn a_gamma_response_is_its_formula_and_its_inverse_gives_light_back() {
         let off = (mean - f64::from(linear)).abs();
         assert!(off < 0.02 + 1e-3 * f64::from(linear), "{mean} {linear}");
     }
-    // What the host is told: no more than a straight line can say, but numbers.
+    // The noise model reported to the host is only a linear fit, but finite.
     let told = bench.profile.camera.sensor.noise_model(0.0, 8e-3);
     let black = 4095.0 * (64.0f64 / 4095.0).powf(1.0 / 2.2);
     assert!((told.black_level_dn - black).abs() < 1e-9);
@@ -261,7 +263,7 @@ fn a_gamma_response_is_its_formula_and_its_inverse_gives_light_back() {
     assert!((0.4..2.5).contains(&ratio), "{ratio}");
 }
 
-/// A bright rectangle's light and charge: glare keeps the sum, a bloomed column is full.
+/// Light and charge of a bright rectangle: glare preserves the sum, and a bloomed column is full.
 #[test]
 fn glare_and_blooming_reach_the_frames() {
     let scene = Scene::load("plane").unwrap();
@@ -293,21 +295,21 @@ fn glare_and_blooming_reach_the_frames() {
         .filter(|(before, _)| **before == 64.0)
         .map(|(_, &scattered)| scattered)
         .fold(0.0, f32::max);
-    // At a straight edge half of the scattered light is that of the other side.
+    // At a straight edge half of the scattered light comes from the other side.
     let white = before.iter().copied().fold(0.0, f32::max) - 64.0;
     assert!(
         (0.02 * white..0.03 * white).contains(&(halo - 64.0)),
         "{halo} {white}"
     );
-    // Four times the full well in the middle: the streak is as long as that excess at least.
+    // Four times the full well at the centre: the streak is at least as long as that excess.
     let full = (64.0 + 0.38 * 10500.0f32).min(4095.0);
     let count = |profile: &Profile| lit(profile, 3e-2).iter().filter(|&&dn| dn >= full).count();
     let bloomed = count(&camera(|p| p.camera.sensor.blooming_percent = 100.0));
     assert!(bloomed as f64 > 1.5 * count(&plain) as f64, "{bloomed}");
 }
 
-/// All terms at once, on any number of threads, a billion frames into a run, in the dark and far
-/// beyond saturation, at 1 us and at 10 s: the same bytes, and numbers that the converter has.
+/// All terms at once give the same bytes, within the converter's range, for any number of threads:
+/// a billion frames into a run, in the dark and far beyond saturation, at 1 us and at 10 s.
 #[test]
 fn extremes_are_numbers_and_the_same_on_any_number_of_threads() {
     let all = camera(|p| {
@@ -354,12 +356,12 @@ fn extremes_are_numbers_and_the_same_on_any_number_of_threads() {
             let (words, _) = data.as_chunks();
             assert!(words.iter().all(|w| u16::from_le_bytes(*w) <= 4095));
         }
-        // Another frame is another draw, however far into a run.
+        // Another frame has other noise, even late in a run.
         assert_ne!(one[2], one[10]);
     }
 }
 
-/// Each term of the sensor forced in with a parameter that does nothing changes no byte.
+/// Enabling each term of the sensor with a neutral parameter changes no byte.
 #[test]
 fn a_term_that_does_nothing_changes_no_byte() {
     let profile = camera(|_| ());

@@ -1,4 +1,5 @@
-//! Highlights, against closed forms and against the reference path, with textures below them.
+//! Specular highlights compared with closed forms and with the reference path, with textures below
+//! them.
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
@@ -76,7 +77,7 @@ fn a_highlight_on_a_plane_is_the_microfacet_formula() {
     );
 }
 
-/// A sphere of longitudes and latitudes.
+/// A sphere meshed by longitude and latitude.
 fn ball(radius: f64, across: u32) -> Mesh {
     let (columns, rows) = (2 * across, across);
     let mut mesh = Mesh::default();
@@ -139,14 +140,15 @@ fn facets_do_not_glint() {
         compared += 1;
         worst = worst.max((round[i] - facets[i]).abs());
     }
-    // Facets of 3 degrees: flat ones would differ by a good part of the highlight.
+    // Facets of 3 degrees: flat shading would differ by a large part of the highlight.
     assert!(
         compared > 3000 && worst < 0.03 * peak,
         "{compared}: {worst} of {peak}"
     );
 }
 
-/// Lobes over textures and vertex colours, under all kinds of light, through the whole renderer.
+/// Specular lobes over textures and vertex colours, under all kinds of light, through the whole
+/// renderer.
 #[test]
 fn what_surfaces_throw_back_agrees_with_the_reference_path() {
     let mut profile = Profile::load("pmp-bench").unwrap();
@@ -214,7 +216,8 @@ fn what_surfaces_throw_back_agrees_with_the_reference_path() {
         let close = errors.iter().filter(|&&e| e < 0.25).count();
         let (n, dark) = (errors.len(), found.iter().filter(|&&dn| dn < 8.0).count());
         assert!(n > 400 && dark < found.len() / 2, "{n} {dark}");
-        // Texels' edges, of which the reference has 610 samples and the fast path rectangles.
+        // Edges of texels, which the reference samples with 610 rays and the fast path averages
+        // over rectangles.
         assert!(
             close * 100 >= n * 99 && worst < 0.6,
             "{object}: {close} of {n}, worst {worst}"

@@ -1,4 +1,4 @@
-//! Textures and vertex colours, against finer sampling and against each other.
+//! Textures and vertex colours, compared with finer sampling and with each other.
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::DVec2;
@@ -134,12 +134,12 @@ fn a_checkerboard_out_of_focus_is_what_rays_through_the_whole_pupil_see() {
         bias / count,
         (spread / count).sqrt(),
     );
-    // Sixty-four samples; the board in focus would spread by a half.
+    // Sixty-four samples; a board in focus would spread by a half.
     assert!(spread < 0.3, "{spread}");
     assert!(rms < 0.05 && bias.abs() < 0.005, "{rms} {bias}");
 }
 
-/// The rig turned by a quarter about z and shifted, by hand.
+/// The rig rotated by 90 degrees about z and shifted, computed by hand.
 #[test]
 fn textures_lie_on_their_objects_wherever_the_rig_stands() {
     let profile = Profile::load("pmp-bench").unwrap();
@@ -157,7 +157,7 @@ fn textures_lie_on_their_objects_wherever_the_rig_stands() {
     };
     let here = seen("", "[30, 10, 900]", "[20, 35, 0]");
     let rig = "[rig]\nposition_mm = [100, -50, 200]\nrotation_deg = [0, 0, 90]\n";
-    // About fixed axes: z comes last.
+    // Rotations about fixed axes, z last.
     let there = seen(rig, "[90, -20, 1100]", "[20, 35, 90]");
     let dark = profile.camera.sensor.black_level_dn as f32 + 1.0;
     assert!(here.iter().filter(|&&dn| dn > dark).count() > 10_000);
@@ -170,12 +170,12 @@ fn textures_lie_on_their_objects_wherever_the_rig_stands() {
 fn a_texture_by_the_meshs_coordinates_is_the_one_laid_over_the_plane() {
     let profile = Profile::load("pmp-bench").unwrap();
     let dir = tempfile::tempdir().unwrap();
-    // Neither turned nor mirrored does this picture look the same.
+    // This image differs from all its rotations and reflections.
     let picture = image::RgbImage::from_fn(7, 5, |x, y| {
         image::Rgb([(x * 36) as u8, (y * 60) as u8, ((x + 2 * y) * 15) as u8])
     });
     picture.save(dir.path().join("p.png")).unwrap();
-    // A rectangle of 600 x 400 mm, in two ways.
+    // A rectangle of 600 x 400 mm, defined in two ways.
     let corners = [
         (-300, -200, 0, 1),
         (300, -200, 1, 1),
@@ -210,7 +210,8 @@ fn a_texture_by_the_meshs_coordinates_is_the_one_laid_over_the_plane() {
     for file in ["m.obj", "m.ply"] {
         let mesh = image(&format!("kind = \"mesh\", file = \"{file}\""), "");
         let off = |(a, b): (&f32, &f32)| (a - b).abs();
-        // Pixels on the rectangle's rim have footprints that reach into the next picture.
+        // Pixels on the rectangle's rim have footprints that reach into the next repeat of the
+        // texture.
         let far = plane
             .iter()
             .zip(&mesh)
@@ -232,7 +233,7 @@ fn vertex_colours_are_interpolated() {
                element face 1\nproperty list uchar int vertex_indices\nend_header\n\
                -2000 -2000 0 255 255 255\n2000 -2000 0 255 0 0\n0 3000 0 128 128 128\n3 0 1 2\n";
     std::fs::write(dir.path().join("m.ply"), ply).unwrap();
-    // sRGB 0.5 and 128/255 as linear light, by the standard's formula.
+    // sRGB 0.5 and 128/255 converted to linear light by the standard's formula.
     let grey = |c: f64| ((c + 0.055) / 1.055).powf(2.4);
     for (file, third) in [("m.obj", grey(0.5)), ("m.ply", grey(128.0 / 255.0))] {
         let object =
@@ -257,7 +258,7 @@ fn vertex_colours_are_interpolated() {
             let p = o - d * (o.z / d.z);
             let c = (p.y + 2000.0) / 5000.0;
             let b = (p.x + 2000.0 - 2000.0 * c) / 4000.0;
-            // The triangle's own edge averages it with nothing.
+            // At the triangle's own edge the footprint averages it with the empty background.
             if (1.0 - b - c).min(b).min(c) < 0.01 {
                 continue;
             }

@@ -1,4 +1,4 @@
-//! The schedule that is shipped as an example.
+//! The fault schedule shipped as an example.
 
 use phasmid::profile::faults::{Schedule, What};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! `phasmid bench`: how many frames a second.
+//! `phasmid bench`: frame rates.
 
 use serde_json::Value;
 use std::process::{Command, Output};
@@ -7,7 +7,7 @@ fn bench(options: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_phasmid"));
     command.args(["bench", "--profile", "webcam-grey", "--scene", "plane"]);
     command.args(["--frames", "4"]).args(options);
-    // A loader of Vulkan that finds no driver.
+    // Makes the Vulkan loader find no driver.
     command.env("VK_DRIVER_FILES", "/nowhere.json");
     command.env("VK_ICD_FILENAMES", "/nowhere.json");
     command.output().unwrap()
@@ -34,7 +34,7 @@ fn the_processors_figures() {
     assert_eq!(run["backend"], "cpu");
     assert_eq!(run["adapter"], Value::Null);
     let rate = |name: &str| run[name]["frames_per_s"].as_f64().unwrap();
-    // A frame is more than the copy of its bytes, and a geometry pass costs time.
+    // Rendering a frame takes longer than copying its bytes, and a geometry pass takes time.
     assert!(run["still"]["over_copy"].as_f64().unwrap() > 1.0, "{run}");
     assert!(
         rate("still") > rate("moving") && rate("moving") > 0.0,

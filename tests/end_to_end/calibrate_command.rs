@@ -1,4 +1,5 @@
-//! `phasmid calibrate` as a user runs it: an emulated device over its ports, and captures in folders.
+//! `phasmid calibrate` as a user runs it: with an emulated device over its ports, and with captures
+//! in folders.
 #![cfg(target_os = "linux")]
 
 use phasmid::geometry::Rig;
@@ -24,7 +25,7 @@ fn words(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Runs it well and gives the figures.
+/// Runs the command, which must succeed, and returns its figures.
 fn figures(out: &Path, arguments: &[&str]) -> Value {
     let output = calibrate(out, &[arguments, &["--json"]].concat());
     assert!(output.status.success(), "{}", words(&output));
@@ -36,7 +37,8 @@ fn figures(out: &Path, arguments: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// Refused as a user's mistake, in one line with these words.
+/// Requires that the command is rejected as a user's mistake, in one line that contains these
+/// words.
 fn refused(out: &Path, arguments: &[&str], needles: &[&str]) {
     let output = calibrate(out, arguments);
     let words = words(&output);
@@ -47,7 +49,7 @@ fn refused(out: &Path, arguments: &[&str], needles: &[&str]) {
     }
 }
 
-/// A calibration of webcam-grey with its captures, made once.
+/// A calibration of webcam-grey with its captures, computed once.
 fn calibrated() -> &'static (TempDir, Value) {
     static MADE: OnceLock<(TempDir, Value)> = OnceLock::new();
     MADE.get_or_init(|| {
@@ -80,7 +82,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// All pictures of a pose, changed.
+/// Changes all images of a pose.
 fn change(pose: &Path, change: impl Fn(image::GrayImage) -> image::GrayImage) {
     for entry in fs::read_dir(pose).unwrap() {
         let path = entry.unwrap().path();
@@ -146,7 +148,7 @@ fn its_captures_give_the_same_rig() {
         assert!(first == second, "{file}");
     }
     assert!(!again.path().join("truth.json").exists());
-    // A board of another size than was said is seen by the device's own calibration.
+    // A wrong board size is detected by means of the device's own calibration.
     let scaled = tempdir().unwrap();
     let f = figures(scaled.path(), &["--captures", captures, "--scale", "6"]);
     let warnings = f["warnings"].to_string();
@@ -168,13 +170,13 @@ fn poses_that_do_not_do_are_named_and_the_rest_is_used() {
     });
     fs::write(pose(2).join("frame_05.png"), "no picture").unwrap();
     let blank = |mut picture: image::GrayImage| {
-        // The light of the projector stays, the board goes.
+        // Keeps the projector's light but removes the board.
         let mean = picture.iter().map(|&v| u64::from(v)).sum::<u64>() / picture.len() as u64;
         picture.iter_mut().for_each(|v| *v = mean as u8);
         picture
     };
     change(&pose(4), blank);
-    // The first one that has a board, but not the size that most have.
+    // Changes the first pose with a board, so that its size differs from that of most.
     change(&pose(3), |picture| {
         image::imageops::crop_imm(&picture, 0, 0, 640, 479).to_image()
     });
@@ -237,7 +239,7 @@ fn what_determines_nothing_is_refused_with_numbers() {
         &["no board in any of 8 poses", "9 x 6"],
     );
     assert!(!target.exists(), "a folder that nothing came of");
-    // The same pose four times, and others with all kinds of mistakes.
+    // The same pose four times, and poses with all kinds of mistakes.
     let mixed = folder.path().join("mixed");
     for i in 0..4 {
         copy(
@@ -346,7 +348,7 @@ fn what_an_earlier_run_left_does_not_stay_beside_a_new_one() {
     let folder = tempdir().unwrap();
     let target = folder.path().join("out");
     copy(&out(), &target);
-    // A run that was killed.
+    // Remains of a run that was killed.
     fs::create_dir(target.join("phasmid-unfinished")).unwrap();
     fs::write(target.join("phasmid-unfinished/found_pose_00.png"), "").unwrap();
     fs::write(target.join("notes.txt"), "mine").unwrap();

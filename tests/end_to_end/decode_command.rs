@@ -1,4 +1,4 @@
-//! `phasmid decode` as a user runs it: files in, files out, exit status and messages.
+//! `phasmid decode` as a user runs it: input files, output files, exit status and messages.
 
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma};
 use std::f64::consts::TAU;
@@ -7,10 +7,10 @@ use std::process::{Command, Output};
 
 const SIZE: (u32, u32) = (64, 20);
 
-/// Saves a picture of levels, 0 to 1.
+/// Saves an image of levels, 0 to 1.
 type Save<'a> = &'a dyn Fn(&Path, &dyn Fn(u32, u32) -> f64);
 
-/// A column of the projector for each pixel.
+/// The projector column of each pixel.
 fn column(u: u32, v: u32) -> f64 {
     30.0 + 6.1 * f64::from(u) + 0.4 * f64::from(v)
 }
@@ -29,7 +29,8 @@ fn write_sequence(folder: &Path, extension: &str, save: Save<'_>) {
         let level = |u, v| 0.5 + 0.4 * (TAU * column(u, v) / 500.0 + phase).cos();
         save(&folder.join(name), &level);
     }
-    // A picture among the patterns: neither it nor its photograph is needed, or there.
+    // An image among the patterns that is not part of a code: neither its file nor its photograph
+    // is needed, and both are missing.
     text += "[[frame]]\nfile = \"gone.png\"\n\
              pattern = { kind = \"image\", file = \"speckle.png\" }\n";
     std::fs::write(folder.join("sequence.toml"), text).unwrap();
@@ -121,7 +122,7 @@ fn every_image_format_decodes_to_the_same_columns() {
             assert!(out.join(file).exists(), "{file}");
         }
         assert!(!out.join("projector_y.npy").exists() && !out.join("cloud.ply").exists());
-        // A second run into the same folder needs to be meant.
+        // A second run into the same folder requires a flag.
         refused(
             &["--manifest", manifest, "--out", out_text],
             &["--force", "npy"],
@@ -143,7 +144,7 @@ fn pictures_in_another_order_are_told_and_refused_where_that_is_wanted() {
     write_sequence(&frames, "png", &save_grey8);
     let manifest = frames.join("sequence.toml");
     let text = std::fs::read_to_string(&manifest).unwrap();
-    // Without the picture that nobody has: what is not whole cannot be checked.
+    // Without the missing image: an incomplete sequence cannot be checked.
     let (whole, _) = text.split_once("[[frame]]\nfile = \"gone.png\"").unwrap();
     std::fs::write(&manifest, whole).unwrap();
     let [manifest, out] = [&manifest, &out].map(|path| path.to_str().unwrap());
@@ -210,7 +211,7 @@ fn with_a_calibration_there_are_points() {
     let (_, depth) = read_npy(&out.join("depth.npy"));
     let points = depth.iter().filter(|z| !z.is_nan()).count();
     assert_eq!(points, 64 * 20);
-    // Where the ray through pixel i meets its column's plane, in closed form.
+    // Closed form of the intersection of the ray through pixel i with its column's plane.
     for (i, z) in depth.iter().enumerate().filter(|(_, z)| !z.is_nan()) {
         let (u, v) = (i as u32 % SIZE.0, i as u32 / SIZE.0);
         let camera = (f64::from(u) - 32.0) / 80.0;
@@ -227,7 +228,8 @@ fn with_a_calibration_there_are_points() {
         text.contains("property float nx") && text.contains("intensity"),
         "{text}"
     );
-    // The same as OpenCV's, which names no sizes: they are the photographs' and the manifest's.
+    // The same calibration in OpenCV's format, which states no sizes: they are taken from the
+    // photographs and the manifest.
     let opencv = root.path().join("rig.yml");
     let matrix = |name: &str, rows: u32, data: &str| {
         let cols = data.split(',').count() as u32 / rows;
@@ -247,7 +249,8 @@ fn with_a_calibration_there_are_points() {
     let output = run(&opencv);
     assert!(output.status.success(), "{output:?}");
     assert_eq!(read_npy(&out.join("depth.npy")).1, depth);
-    // The paper's formula, exact with image planes parallel to the plane, and its options.
+    // The paper's formula, which is exact if the image planes are parallel to the plane, and its
+    // options.
     let with = |more: &[&str]| {
         let args = args(&calibration);
         let args = [&args.each_ref().map(String::as_str)[..], &["--force"], more].concat();

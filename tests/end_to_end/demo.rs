@@ -1,4 +1,4 @@
-//! The demo as a user runs it: a device in a process of its own, scanned through pty and socket.
+//! The demo as a user runs it: a device in a separate process, scanned through pty and socket.
 
 use serde_json::Value;
 use std::path::Path;
@@ -65,7 +65,7 @@ fn without_noise_the_error_is_that_of_rounding() {
     let folder = tempdir().unwrap();
     let s = summary(folder.path(), &["--scene", "trapezoid", "--no-noise"]);
     assert!(s["mae_mm"].as_f64().unwrap() <= 0.012, "{s}");
-    // Again into the same folder, which is the demo's own.
+    // A second run into the same folder, which belongs to the demo.
     summary(
         folder.path(),
         &["--scene", "sphere", "--profile", "webcam-grey"],

@@ -1,4 +1,4 @@
-//! Exit status when a stream or a camera does not cooperate.
+//! Exit status when an output stream or a camera fails.
 #![cfg(target_os = "linux")]
 
 use std::fs::OpenOptions;

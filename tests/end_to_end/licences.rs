@@ -1,14 +1,14 @@
-//! The dependencies' licences against the list in deny.toml.
+//! Checks the dependencies' licences against the list in deny.toml.
 
 use std::process::Command;
 
-/// Whether an SPDX expression of names, AND, OR and brackets can be met with allowed licences.
+/// Whether allowed licences satisfy an SPDX expression of names, AND, OR and brackets.
 fn allowed(expression: &str, allow: &[String]) -> bool {
     let spaced = expression
         .replace('(', " ( ")
         .replace(')', " ) ")
         .replace('/', " OR ");
-    // "A WITH B" is one name.
+    // "A WITH B" counts as one name.
     let joined = spaced.replace(" WITH ", "+WITH+");
     let tokens: Vec<String> = joined
         .split_whitespace()
@@ -63,7 +63,7 @@ fn allow_list() -> Vec<String> {
 
 #[test]
 fn every_dependency_has_an_allowed_licence() {
-    // Only this platform's packages are on the machine for certain.
+    // Only this platform's packages are certain to be on the machine.
     let rustc = Command::new("rustc").arg("-vV").output().unwrap();
     let version = String::from_utf8(rustc.stdout).unwrap();
     let host = version

@@ -1,4 +1,5 @@
-//! The command, as users run it: one process or several, and the files that they leave.
+//! The command-line program as users run it: one or several processes, and the files that they
+//! write.
 
 #[path = "../support/served.rs"]
 mod served;

@@ -1,5 +1,5 @@
-//! The nominal rigs in `src/geometry/nominal`, the test data of modules that do not load profiles,
-//! are those of the built-in profiles.
+//! Checks that the nominal rigs in `src/geometry/nominal`, which serve as test data for modules
+//! that do not load profiles, equal those of the built-in profiles.
 
 use phasmid::profile::{Profile, profile_names};
 use std::collections::BTreeMap;
@@ -7,8 +7,8 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-/// Compares all files of the folder with the profiles. With `PHASMID_BLESS=1` in the environment the
-/// files are written anew.
+/// Compares all files of the folder with the profiles. With `PHASMID_BLESS=1` in the environment,
+/// rewrites the files.
 #[test]
 fn the_nominal_rigs_are_those_of_the_profiles() {
     let mut wanted = BTreeMap::new();

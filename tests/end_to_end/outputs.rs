@@ -1,5 +1,4 @@
-//! Drives every command that writes against files that exist under the names it writes, and against a
-//! full disk.
+//! Runs every writing command where its output names already exist, and on a full disk.
 #![cfg(target_os = "linux")]
 
 use crate::served::{Served, phasmid, text};
@@ -13,7 +12,7 @@ use tempfile::tempdir;
 
 const MINE: &str = "years of work";
 
-/// The commands that write files, each of which a test below drives.
+/// Commands that write files; a test below runs each of them.
 const WRITERS: [&str; 14] = [
     "demo",
     "serve",
@@ -69,7 +68,7 @@ fn run(arguments: &str) -> Output {
         .unwrap()
 }
 
-/// Names in a folder, in order, without what is in folders.
+/// Names of the files in a folder, sorted, without subfolders' contents.
 fn files(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = fs::read_dir(folder)
         .unwrap()
@@ -81,14 +80,16 @@ fn files(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Runs `command OUT` against a file and a dangling link where it writes, and sees both untouched.
+/// Runs `command OUT` with an existing file and a dangling link as its output, and checks that both
+/// are unchanged.
 fn keeps_file(command: &str) {
     let dir = tempdir().unwrap();
     let out = dir.path().join("out");
     keeps(&format!("{command} {}", out.display()), dir.path(), "out");
 }
 
-/// Runs `command FOLDER` against each of these files in a folder, and sees them untouched.
+/// Runs `command FOLDER` with each of these files in the folder, and checks that they are
+/// unchanged.
 fn keeps_files(command: &str, names: &[String]) {
     assert!(!names.is_empty(), "{command}");
     for name in names {
@@ -135,7 +136,8 @@ fn keeps(command: &str, folder: &Path, name: &str) {
     );
 }
 
-/// Runs `command FOLDER` where each of these names is a link to a file, and sees the links replaced.
+/// Runs `command FOLDER` where each of these names is a link to a file, and checks that the links
+/// are replaced.
 fn replaces_links(command: &str, names: &[String]) {
     let (dir, elsewhere) = (tempdir().unwrap(), tempdir().unwrap());
     let target = elsewhere.path().join("mine");
@@ -157,8 +159,8 @@ fn succeeds(command: &str) {
     assert!(output.status.success(), "{command}: {}", text(&output));
 }
 
-/// Runs a command that writes `out` where files are limited to so many blocks, as on a full disk, and
-/// sees that nothing is left.
+/// Runs a command that writes `out` with file sizes limited to `blocks`, as on a full disk, and
+/// checks that no output remains.
 fn leaves_nothing(command: &str, out: &Path, blocks: u64) {
     let program = env!("CARGO_BIN_EXE_phasmid");
     let line = format!("trap '' XFSZ; ulimit -f {blocks}; exec {program} {command}");
@@ -177,7 +179,8 @@ fn leaves_nothing(command: &str, out: &Path, blocks: u64) {
     assert_eq!(left, 0, "{command}: {:?}", files(out));
 }
 
-/// [`leaves_nothing`] with room for the smaller files of those that the command has written in `whole`.
+/// [`leaves_nothing`] with a limit below the largest of the files that the command wrote to
+/// `whole`.
 fn leaves_nothing_in_folder(command: &str, whole: &Path) {
     let bytes = |name: &String| whole.join(name).metadata().unwrap().len();
     let most = files(whole).iter().map(bytes).max().unwrap();
@@ -306,7 +309,7 @@ fn calibrations_and_studies_keep_files() {
         "calibrate --profile dlp-evm --keep-captures --out",
         &["captures".into()],
     );
-    // What a study writes in a folder that it has begun, which is its own from then on.
+    // Files of a study in a folder that it has created, which belongs to it from then on.
     let names = [
         "study.json",
         "rows.csv",

@@ -1,5 +1,5 @@
-//! A device that is served for long, on a clock that does not wait: triggers and clients without
-//! end leave no memory, no descriptor, no thread and no file behind.
+//! A device served for a long time with a fast clock: unlimited triggers and clients leak no
+//! memory, descriptors, threads or files.
 //!
 //! The ordinary run is a hundredth of the full one, which is `#[ignore]`d:
 //! `cargo test --release --test end_to_end -- --ignored --nocapture soak::` prints what it measured.
@@ -20,14 +20,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Triggers that go out in one line.
+/// Triggers sent in one line.
 const BATCH: u64 = 100;
-/// How long an answer or a frame may take.
+/// Maximum time for an answer or a frame.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Growth in kB that is allowed between the first hundredth and the end: allocators round.
+/// Allowed growth in kB between the first hundredth and the end, because allocators round.
 const GROWTH_KB: u64 = 1024;
 
-/// What a process holds.
+/// Resources of a process.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Held {
     memory_kb: u64,
@@ -36,7 +36,7 @@ struct Held {
     files: usize,
 }
 
-/// A served device with a sensor so small that rendering is nothing.
+/// A served device with a sensor so small that rendering takes no time.
 struct Device {
     child: Child,
     at: Endpoints,
@@ -91,7 +91,7 @@ impl Device {
         }
     }
 
-    /// What it holds once nobody is there any more.
+    /// Resources that it holds after all clients have left.
     fn held_at_rest(&self, like: Option<&Held>) -> Held {
         let deadline = Instant::now() + Duration::from_secs(10);
         loop {
@@ -119,15 +119,15 @@ impl Device {
         UnixStream::connect(self.at.camera_socket.strip_prefix("socket:").unwrap()).unwrap()
     }
 
-    /// So many triggers, each with its frame.
+    /// Sends this many triggers, and receives a frame for each.
     fn trigger(&self, count: u64) {
         let port = SerialPort::open(self.at.control.to_str().unwrap()).unwrap();
-        // Whoever was there before may have left in the middle of a line.
+        // The previous client may have disconnected in the middle of a line.
         let mut control = Instrument::open(port, PATIENCE).unwrap();
         control.order("ABOR;:TRIG:SOUR BUS;MODE SEQ").unwrap();
         assert_eq!(control.query("*OPC?").unwrap(), "1");
         let camera = self.camera();
-        // It is the camera's client once another command has been answered.
+        // The camera connection is registered once another command has been answered.
         assert!(control.query("*IDN?").unwrap().contains("Phasmid"));
         let read = Arc::new(AtomicU64::new(0));
         let counted = read.clone();
@@ -136,7 +136,7 @@ impl Device {
         let line = format!("{}*OPC?", batch.trim_end_matches(':'));
         for batch in 1..=count / BATCH {
             assert_eq!(control.query(&line).unwrap(), "1");
-            // A reader that falls behind by more than a queue loses frames, as it should.
+            // A reader that falls behind by more than the queue's length loses frames, as intended.
             let deadline = Instant::now() + PATIENCE;
             while read.load(Ordering::Relaxed) < batch * BATCH && Instant::now() < deadline {
                 thread::yield_now();
@@ -148,7 +148,7 @@ impl Device {
         control.order("TRIG:SOUR INT").unwrap();
     }
 
-    /// So many clients, one after the other, of all kinds and manners.
+    /// Connects this many clients, one after the other, of all kinds and behaviours.
     fn connect(&self, count: u64) {
         for client in 0..count {
             match client % 5 {
@@ -164,7 +164,7 @@ impl Device {
                     BufReader::new(control).read_line(&mut reply).unwrap();
                     assert!(reply.ends_with('\n'), "{reply:?}");
                 }
-                // It leaves in the middle of a command.
+                // Disconnects in the middle of a command.
                 3 => self.control().write_all(b"SEQ:LIST?;:*IDN").unwrap(),
                 _ => {
                     let mut service = UnixStream::connect(&self.at.service).unwrap();
@@ -199,7 +199,7 @@ fn tiny() -> Profile {
     profile
 }
 
-/// Ids of as many frames; `read` counts them as they come.
+/// Ids of `count` frames; `read` counts them as they arrive.
 fn frames(mut camera: UnixStream, count: u64, read: &AtomicU64) -> Vec<u64> {
     camera.set_read_timeout(Some(PATIENCE)).unwrap();
     let mut decoder = FrameDecoder::default();

@@ -1,5 +1,5 @@
-//! `--weighted` as a user asks for it: less noise, told in the standard deviations, the same from
-//! `demo`, `decode` and `scan`.
+//! `--weighted` as a user runs it: less noise, smaller standard deviations to match, and the same
+//! result from `demo`, `decode` and `scan`.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -18,7 +18,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// Decodes the frames of a folder, with an option perhaps.
+/// Decodes the frames of a folder, with optional arguments.
 fn decode(frames: &Path, out: &Path, options: &[&str]) {
     let (manifest, calibration) = (
         frames.join("sequence.toml"),
@@ -44,7 +44,8 @@ fn read_npy(path: &Path) -> Vec<f32> {
         .collect()
 }
 
-/// Root mean square of differences where both are known, and how many those are.
+/// Returns the root mean square of the differences where both values are known, and the number of
+/// such values.
 fn rms(a: &[f32], b: &[f32]) -> (f64, usize) {
     let both = a.iter().zip(b).map(|(a, b)| f64::from(a - b));
     let known: Vec<f64> = both.filter(|d| d.is_finite()).collect();
@@ -81,7 +82,7 @@ fn weighted_phases_are_less_noisy_and_say_so() {
     );
     let ((before, seen), (after, seen_too)) = (rms(&plain, &clean), rms(&weighted, &clean));
     assert!(seen > 50_000 && seen_too > 50_000, "{seen} {seen_too}");
-    // The study of noise has 9 to 10 % on this bench; the bars leave room for what rounding adds.
+    // The noise study finds 9 to 10 % on this bench; the tolerances allow for rounding.
     let won = after / before;
     assert!(
         (0.86..0.95).contains(&won),
@@ -98,7 +99,7 @@ fn weighted_phases_are_less_noisy_and_say_so() {
     assert!(cloud("weighted") != cloud("noisy"));
 }
 
-/// A served device, ended with this value.
+/// A served device, stopped when dropped.
 #[cfg(target_os = "linux")]
 struct Served(Child);
 

@@ -1,4 +1,4 @@
-//! Scenes and profiles that need a term each, small enough for a processor that plays a GPU.
+//! Scenes and profiles, each of which needs one term, small enough for a software Vulkan device.
 
 use phasmid::emulator::led::{Model, Source};
 use phasmid::emulator::render::{Backend, Options, Renderer};
@@ -11,10 +11,10 @@ use std::sync::Arc;
 /// Columns and rows of the camera.
 const SIZE: [u32; 2] = [400, 240];
 
-/// A profile before a scene, and what is exposed.
+/// A profile, a scene, and the patterns to expose.
 #[derive(Clone)]
 pub struct Case {
-    /// In messages, and of the folder of pictures that are left behind.
+    /// Name in messages, and of the folder of images left after a failure.
     pub name: &'static str,
     pub profile: Profile,
     pub scene: Scene,
@@ -23,13 +23,13 @@ pub struct Case {
 }
 
 impl Case {
-    /// The middle of the paper's bench before a scene of a few lines, or a built-in one; a fringe
-    /// and white are exposed.
+    /// The centre of the paper's bench in front of a scene of a few lines, or of a built-in one;
+    /// exposes a fringe and white.
     pub fn new(name: &'static str, scene: &str) -> Self {
         Self::with(name, "pmp-bench", scene, Path::new("."), |_| {})
     }
 
-    /// The same with a profile that is changed before, and files in a folder.
+    /// The same with a modified profile, and files in a folder.
     pub fn with(
         name: &'static str,
         profile: &str,
@@ -76,7 +76,7 @@ impl Case {
             .collect();
     }
 
-    /// Exposes a picture too: bars that slant, with smooth flanks.
+    /// Also exposes a two-dimensional pattern: slanted bars with smooth flanks.
     pub fn shoot_picture(&mut self) {
         let projector = &self.profile.projector;
         let (width, height) = (projector.width_px, projector.height_px);
@@ -109,7 +109,7 @@ impl Case {
         }
     }
 
-    /// Lets rows start one after the other, and the next slide leak into the lower ones.
+    /// Enables a rolling shutter, so that the next slide leaks into the lower rows.
     pub fn roll(&mut self, line_time_us: f64) {
         self.profile.camera.line_time_us = line_time_us;
         let slides: Vec<_> = self.shots.iter().map(|shot| shot.slide.clone()).collect();
@@ -134,8 +134,8 @@ impl Case {
         }
     }
 
-    /// Gives patterns a time of their own and light that rises, in a period that begins before the
-    /// exposure: darkness, the pattern, darkness, and some of the next.
+    /// Enables pattern timing with a finite rise time, in a period that begins before the exposure:
+    /// darkness, the pattern, darkness, and part of the next pattern.
     pub fn time(&mut self) {
         let droop = Droop {
             time_constant_s: 0.02,

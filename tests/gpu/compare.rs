@@ -1,4 +1,4 @@
-//! Holds a GPU's frames against the processor's, pixel by pixel.
+//! Compares a GPU's frames with the CPU's, pixel by pixel.
 
 use crate::case::Case;
 use image::{GrayImage, Luma, Rgb, RgbImage};
@@ -7,25 +7,25 @@ use phasmid::emulator::render::{Backend, Plan, Renderer};
 use phasmid::protocol::{Frame, PixelFormat};
 use std::path::Path;
 
-/// Share of the pixels that may differ by more than a grey level, beside silhouettes and those that
-/// rounding decides.
+/// Maximum fraction of the pixels that may differ by more than one grey level, not counting
+/// silhouettes and pixels that rounding decides.
 const MORE_THAN_ONE: f64 = 1e-4;
-/// No pixel beside silhouettes differs by more.
+/// Maximum difference of a pixel, except on silhouettes.
 const MOST: u32 = 3;
-/// Share of the silhouettes' pixels that may differ by more than [`MOST`].
+/// Maximum fraction of the silhouettes' pixels that may differ by more than [`MOST`].
 const SILHOUETTES: f64 = 2e-3;
-/// What the scene is moved by, in millimetres, to find pixels that rounding decides: a few units in
-/// the last place of f32 at its distance.
+/// Translations of the scene, in millimetres, that reveal pixels decided by rounding: a few units
+/// in the last place of f32 at its distance.
 const NUDGES: [[f64; 3]; 4] = [
     [4e-4, 3e-4, 5e-4],
     [-4e-4, -3e-4, -5e-4],
     [4e-4, -3e-4, -5e-4],
     [-4e-4, 3e-4, 5e-4],
 ];
-/// Share of the pixels that rounding may decide.
+/// Maximum fraction of the pixels that rounding may decide.
 const UNDECIDED: f64 = 2e-4;
 
-/// How two frames differ, in grey levels.
+/// Differences between two frames, in grey levels.
 #[derive(Debug, Default)]
 struct Difference {
     even: usize,
@@ -62,12 +62,13 @@ impl Difference {
     }
 }
 
-/// Exposes all shots of a case on both; the plan that they followed.
+/// Exposes all shots of a case on both GPU and CPU and compares them; returns the plan that was
+/// used.
 pub fn agree(case: &Case) -> Plan {
     let mut here = case.renderer(Backend::Cpu);
     let mut there = case.renderer(Backend::Gpu);
     let silhouettes = silhouettes(case, &mut here);
-    // A level of 8 bits: of more, the scene's own gradients change them.
+    // Levels are compared at 8 bits: at higher depths the scene's own gradients would change them.
     let coarse = (1u32 << case.profile.camera.sensor.bits) / 256;
     let mut nudged = NUDGES.map(|by| nudged(case, by));
     for (i, shot) in case.shots.iter().enumerate() {
@@ -98,7 +99,7 @@ pub fn agree(case: &Case) -> Plan {
             let folder = leave(case, i, &a, &b);
             panic!("{} {i}: {found:?}; see {folder}", case.name);
         }
-        // A frame of nothing would agree too.
+        // Two empty frames would agree too.
         assert!(
             a.iter().any(|&v| v != a[0]),
             "{}: an even picture",
@@ -108,9 +109,9 @@ pub fn agree(case: &Case) -> Plan {
     here.plan()
 }
 
-/// The processor before a scene that is a little elsewhere: a pixel whose level that changes is one
-/// that f32's rounding may decide, as where it is only just that a ray passes an edge between two
-/// triangles, or that a pixel's samples are one surface.
+/// The CPU renderer for a slightly displaced scene. A pixel whose level changes is one that f32
+/// rounding may decide, for example where a ray barely passes an edge between two triangles, or
+/// where a pixel's samples barely count as one surface.
 fn nudged(case: &Case, by: [f64; 3]) -> Renderer {
     let mut case = case.clone();
     for object in &mut case.scene.object {
@@ -121,7 +122,7 @@ fn nudged(case: &Case, by: [f64; 3]) -> Renderer {
     case.renderer(Backend::Cpu)
 }
 
-/// Grey levels, as many as the converter has.
+/// Grey levels at the converter's full bit depth.
 fn levels(frame: &Frame) -> Vec<u32> {
     match frame.format {
         PixelFormat::Y16 => {
@@ -138,7 +139,7 @@ fn levels(frame: &Frame) -> Vec<u32> {
 fn silhouettes(case: &Case, renderer: &mut Renderer) -> Vec<bool> {
     let first = case.shots[0].start_ns;
     let mut found = Vec::new();
-    // A scene that moves has them where they are at the start, in the middle and at the end.
+    // In a moving scene, silhouettes are taken at the start, in the middle and at the end.
     for time_ns in [0, 4_000_000, 8_000_000].map(|ns| first + ns) {
         let truth = renderer.truth_at(&[], time_ns);
         let (width, height) = (truth.width as usize, truth.height as usize);
@@ -155,7 +156,8 @@ fn silhouettes(case: &Case, renderer: &mut Renderer) -> Vec<bool> {
     found
 }
 
-/// Leaves both pictures and their difference, in red where one is brighter and blue where the other.
+/// Writes both images and their difference, in red where the first is brighter and blue where the
+/// second is.
 fn leave(case: &Case, i: usize, a: &[u32], b: &[u32]) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/gpu-parity");
     std::fs::create_dir_all(&folder).unwrap();

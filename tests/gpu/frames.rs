@@ -1,11 +1,11 @@
-//! Frames that a GPU works at together, and what becomes of them.
+//! Several frames in progress on the GPU at once.
 
 use crate::case::Case;
 use phasmid::emulator::Shot;
 use phasmid::emulator::render::Backend;
 use phasmid::protocol::Frame;
 
-/// Frames begun one after the other are those that are made one by one.
+/// Frames submitted together equal frames rendered one by one.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn frames_under_way_together_are_the_same() {
@@ -20,7 +20,7 @@ fn frames_under_way_together_are_the_same() {
     assert!(frames[0].data != frames[2].data, "noise");
 }
 
-/// So are those of a scene that moves, in which edges come into sight from frame to frame.
+/// The same for a moving scene, in which edges come into view from frame to frame.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn frames_under_way_together_while_a_scene_moves_are_the_same() {
@@ -48,7 +48,8 @@ fn frames_under_way_together_while_a_scene_moves_are_the_same() {
     same_together(&case, &shots);
 }
 
-/// The frames of shots that are begun before the former are finished, equal to those made alone.
+/// Renders shots that are each begun before the previous one is finished, and checks that they
+/// equal those rendered alone.
 fn same_together(case: &Case, shots: &[Shot]) -> Vec<Frame> {
     let mut alone = case.renderer(Backend::Gpu);
     let mut together = case.renderer(Backend::Gpu);

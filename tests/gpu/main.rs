@@ -1,11 +1,11 @@
-//! The passes on a GPU against those on the processor, over every term of image formation. They need
-//! a Vulkan adapter, and a software one will do:
+//! Compares the passes on a GPU with those on the CPU, over every term of image formation. Needs a
+//! Vulkan adapter; a software one is enough:
 //!
 //! ```text
 //! cargo test --release --test gpu -- --include-ignored
 //! ```
 //!
-//! On a failure the pictures and their difference are left in `target/gpu-parity`.
+//! On a failure the images and their difference are written to `target/gpu-parity`.
 
 mod case;
 mod compare;

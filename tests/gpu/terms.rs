@@ -1,4 +1,5 @@
-//! Parity over every pass and every term of image formation, once each. [`crate::variations`] has more.
+//! Parity of GPU and CPU over every pass and every term of image formation, once each.
+//! [`crate::variations`] has more.
 
 use crate::case::Case;
 use crate::compare::agree;
@@ -7,7 +8,7 @@ use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{CameraResponse, Profile, Response};
 use std::path::Path;
 
-/// Two solids before a wall, tilted, that shade each other.
+/// Two tilted solids in front of a wall that shade each other.
 pub const SOLIDS: &str = "ambient = { irradiance_w_m2 = 0.05 }
 [[object]]
 shape = { kind = \"plane\" }
@@ -30,7 +31,7 @@ rotation_deg = [0, 0, 30]
 albedo = 0.7
 ";
 
-/// A mesh before a wall, with more to be said of it.
+/// A mesh in front of a wall, with additional fields for its object.
 pub fn torso(more: &str) -> String {
     format!(
         "ambient = {{ irradiance_w_m2 = 0.05 }}
@@ -80,7 +81,7 @@ fn real_bench() -> Case {
     case
 }
 
-/// A sensor that blooms and bends, of 12 bits, and a projector with a gamma.
+/// A 12-bit sensor with blooming and a nonlinear response, and a projector with a gamma.
 fn bent() -> Case {
     real("bent", SOLIDS, |profile| {
         let sensor = &mut profile.camera.sensor;
@@ -166,7 +167,7 @@ albedo = 0.9
     case
 }
 
-/// Something that goes, something that deforms, rows that start one after the other.
+/// A moving object, a deforming object, and a rolling shutter.
 pub fn motion(folder: &Path) -> Case {
     for (name, height) in [("out", 0.0), ("in", 12.0)] {
         std::fs::write(folder.join(format!("{name}.obj")), hill(height)).unwrap();
@@ -199,7 +200,7 @@ deform = { period_s = 0.2, keyframes = [
     case
 }
 
-/// A wall of 200 mm with a hill of some height in its middle, towards the camera.
+/// A wall of 200 mm with a hill of some height in the centre, towards the camera.
 fn hill(height: f64) -> String {
     const N: usize = 24;
     let mut text = String::new();
@@ -250,7 +251,7 @@ fn light_between_surfaces() {
     agree(&interreflection());
 }
 
-/// Patterns in their time, with a global shutter and with one that rolls over what moves.
+/// Pattern timing, with a global shutter and with a rolling one in a moving scene.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn patterns_in_their_time() {
@@ -280,7 +281,7 @@ fn timed() -> Case {
     case
 }
 
-/// A term that no case needs is a term that nobody has compared.
+/// Requires that every term is used by a case, as otherwise it would not be compared.
 #[test]
 fn every_term_has_a_case() {
     let folder = tempfile::tempdir().unwrap();

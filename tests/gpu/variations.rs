@@ -1,4 +1,4 @@
-//! Parity over more cases of terms that [`crate::terms`] covers already: for whole runs.
+//! Parity over more cases of terms that [`crate::terms`] already covers; only for full runs.
 
 use crate::case::Case;
 use crate::compare::agree;

@@ -1,5 +1,5 @@
-//! Rendered frames through the decoder against the device's truth, in one process: the bars that
-//! the demo is held to.
+//! Decodes rendered frames and compares them with the device's truth, in one process: the
+//! tolerances that the demo must meet.
 
 use phasmid::calibrate::height::Mapping;
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
@@ -84,8 +84,8 @@ fn trapezoid_with_default_noise() {
     );
 }
 
-/// Mean absolute errors on the trapezoid: of triangulation, and of phase to height over a plane that
-/// is computed and over one that was captured.
+/// Mean absolute errors on the trapezoid: of triangulation, and of phase-to-height over a computed
+/// and over a captured reference plane.
 fn both_ways(name: &str) -> [f64; 3] {
     let profile = Profile::load(name).unwrap();
     let (rig, manifest) = (
@@ -117,7 +117,8 @@ fn both_ways(name: &str) -> [f64; 3] {
 fn phase_to_height_is_as_good_as_triangulation_on_the_bench() {
     let [cut, computed, captured] = both_ways("pmp-bench");
     assert!((computed / cut - 1.0).abs() < 0.01);
-    // The plane's own noise comes on top; it is brighter than the trapezoid's floor.
+    // The reference plane's noise adds to the error; the plane is brighter than the trapezoid's
+    // floor.
     assert!((1.05..1.42).contains(&(captured / cut)));
 }
 
@@ -141,8 +142,8 @@ fn other_scenes_and_the_webcam() {
         assert!(s.gross_error_rate <= 0.001, "{scene} {s:?}");
         assert!(s.coverage >= 0.99, "{scene} {s:?}");
         assert!(s.ratio_to_bound <= 1.25, "{scene} {s:?}");
-        // Mixed pixels at slanted silhouettes and shadows; without the border pass 14 % of the
-        // torso's, 17 % of the couch's and 5 % of the sphere's crease points are gross.
+        // Mixed pixels at slanted silhouettes and shadows. Without the border pass, 14 % of the
+        // torso's, 17 % of the couch's and 5 % of the sphere's crease points have gross errors.
         let c = &s.crease;
         assert!(c.gross_error_rate <= 0.005, "{scene} {s:?}");
         assert!(c.points >= 850 && c.coverage >= 0.5, "{scene} {s:?}");
@@ -152,8 +153,8 @@ fn other_scenes_and_the_webcam() {
     assert!(s.crease.gross_error_rate <= 0.03, "{s:?}");
 }
 
-/// What lenses, projector and sensor add leaves the error where the noise bound has it: the decoder
-/// knows the distortions, and the rest only costs contrast.
+/// The effects of lenses, projector and sensor leave the error at the noise bound: the decoder
+/// knows the distortions, and the other effects only reduce contrast.
 #[test]
 fn the_bench_with_real_parts() {
     for scene in ["trapezoid", "torso", "couch"] {
@@ -195,7 +196,7 @@ fn held_pixel_error(x: f64, [a, b]: [f64; 2], period: f64) -> f64 {
     period / TAU * sum
 }
 
-/// Where the error without noise comes from, on the trapezoid (0.0120 px RMS, 0.0108 mm):
+/// Sources of the error without noise, on the trapezoid (0.0120 px RMS, 0.0108 mm):
 ///
 /// - 0.0102 px is the image of the held pixels, an optical effect in closed form (above) that is in
 ///   the light itself: the frames before rounding show it through an independent f64 phase;

@@ -1,4 +1,4 @@
-//! Boards in scenes, against rays that are counted one by one and against the reference path.
+//! Boards in scenes, compared with counted rays and with the reference path.
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 const DOTS: &str = "pattern = \"dots\", columns = 25, rows = 19, pitch_mm = 24.0, dot_mm = 10.0, \
                     marker_mm = 20.0";
 const CHESS: &str = "pattern = \"chess\", columns = 9, rows = 6, pitch_mm = 50.0";
-/// A pitch of a pixel and a half.
+/// A board with a pitch of 1.5 pixels.
 const FINE: &str = "pattern = \"dots\", columns = 99, rows = 99, pitch_mm = 2.5, dot_mm = 1.0, \
                     marker_mm = 2.0";
 
@@ -42,14 +42,15 @@ fn board(scene: &Scene) -> Board {
     }
 }
 
-/// Whether there is ink at a place, by trying all these points of the board.
+/// Whether there is ink at a position, by testing all these points of the board.
 fn is_ink(board: &Board, points: &[[u32; 2]], p: DVec2) -> bool {
     let pitch = board.pitch_mm();
     match board {
         Board::Dots { .. } => points
             .iter()
             .any(|&i| p.distance(board.point(i)) <= board.radius_mm(i)),
-        // Of an even one, dark are the squares at its upper left and lower right.
+        // At a corner with an even sum of column and row, the upper left and lower right squares
+        // are dark.
         Board::Chess { .. } => points
             .iter()
             .map(|&i| (i, p - board.point(i)))
@@ -58,7 +59,7 @@ fn is_ink(board: &Board, points: &[[u32; 2]], p: DVec2) -> bool {
     }
 }
 
-/// Where a pixel's ray meets the board's plane, in the board's own frame.
+/// Intersection of a pixel's ray with the board's plane, in the board's own frame.
 fn meets(profile: &Profile, scene: &Scene, px: DVec2) -> DVec2 {
     let object = &scene.object[0];
     let pose = scene.rig_from_object(object).inverse();
@@ -126,7 +127,7 @@ fn a_pixel_has_the_ink_that_4096_rays_find() {
             edges += u32::from(inked % 4096 != 0);
             let exact = black + white * (1.0 - 0.9 * f64::from(inked) / 4096.0);
             let error = (f64::from(found[i]) - exact).abs() / white;
-            // Where the projector's field ends, a pixel is the mean of sixteen samples.
+            // At the edge of the projector's field, a pixel is the mean of sixteen samples.
             if error < 8e-3 {
                 worst = worst.max(error);
             } else {
@@ -135,13 +136,13 @@ fn a_pixel_has_the_ink_that_4096_rays_find() {
             }
         }
         println!("{pattern}: {worst:.1e} of white, {edges} edges, {off} off");
-        // An edge along rows of rays is told to half a row.
+        // An edge parallel to the rows of rays is located only to half a row.
         assert!(off <= 3 && edges > 15, "{off}, {edges}");
     }
 }
 
-/// Light that falls off within a pixel moves an outline by a twelfth of its slope, which counted rays
-/// show and one level a pixel would not.
+/// An intensity gradient within a pixel shifts an outline by a twelfth of its slope. Counted rays
+/// show this; one level per pixel would not.
 #[test]
 fn light_varies_within_the_pixels_of_an_outline() {
     let profile = Profile::load("pmp-bench").unwrap();
@@ -173,7 +174,7 @@ fn light_varies_within_the_pixels_of_an_outline() {
     let board = board(&printed);
     let board_from_rig = printed.rig_from_object(&printed.object[0]).inverse();
     let pupil = board_from_rig.point(profile.projector.view().center());
-    // On a plane, the cosine is the plane's distance over the point's.
+    // On a plane, the cosine is the plane's distance divided by the point's.
     let light = |p: DVec2| pupil.distance(p.extend(0.0)).powi(-3);
     let (mut even, mut sloped, mut edges) = (0.0, 0.0, 0);
     for i in (0..found.len()).step_by(211) {
@@ -221,7 +222,7 @@ fn the_reference_path_sees_the_same_board() {
         let mut scene = before(pattern, more);
         scene.ambient.irradiance_w_m2 = 0.05;
         let mut profile = profile.clone();
-        // Rays through the pupil, and glare, take what the closed form does not tell.
+        // The closed form does not model rays through the whole pupil, nor glare.
         profile.camera.focus_mm = None;
         profile.camera.glare = None;
         profile.camera.sensor.dark_current_e_s = 0.0;
@@ -265,7 +266,7 @@ fn samples_of_a_pixel_see_the_same_ink_and_the_back_is_blank() {
         renderer.expected_dn(&shot(None))
     };
     let (one, sixteen) = (frame(&scene, 1), frame(&scene, 16));
-    // Beside the sheet's edge, all is inside it.
+    // Only pixels at least 6 mm inside the sheet are compared, which leaves out its edge.
     let inside = |i: usize| {
         let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
         let at = meets(&profile, &scene, px).abs();
@@ -320,7 +321,7 @@ fn what_is_no_board_is_refused_with_its_line() {
     refused(
         &of(&DOTS.replace("25", "6")),
         "",
-        "object[0].shape.board.columns: 6; allowed: 7 to 199",
+        "object[0].shape.board.columns: 6; expected 7 to 199",
     );
     refused(
         &of(&DOTS.replace("10.0", "24.0")),
@@ -347,7 +348,7 @@ fn what_is_no_board_is_refused_with_its_line() {
     refused(
         &format!("{}, ink = 1.5", of(CHESS)),
         "",
-        "shape.ink: 1.5; allowed: 0 to 1",
+        "shape.ink: 1.5; expected 0 to 1",
     );
     refused(
         &of(CHESS),
@@ -397,17 +398,17 @@ fn a_printed_board_is_not_overwritten_unasked() {
     let (status, said) = run("--kind chess --out dots.svg");
     assert_eq!(status, Some(2));
     assert!(
-        said.contains("dots.svg: an existing file; allowed:"),
+        said.contains("dots.svg: an existing file; expected"),
         "{said}"
     );
     assert_eq!(std::fs::read_to_string(&file).unwrap(), dots);
     assert_eq!(run("--kind chess --out dots.svg --force").0, Some(0));
     let chess = std::fs::read_to_string(&file).unwrap();
-    // Of the 70 squares, and the page.
+    // Half of the 70 squares, and the page.
     assert_eq!(chess.matches("<rect").count(), 35 + 1);
     let (status, said) = run("--kind dots --dot-mm 7 --out other.svg");
     assert_eq!(status, Some(2));
-    assert!(said.contains("--dot-mm: 7; allowed:"), "{said}");
+    assert!(said.contains("--dot-mm: 7; expected"), "{said}");
     let (status, said) = run("--kind dots --out missing/other.svg");
     assert!(
         status != Some(0) && said.contains("missing/other.svg"),

@@ -1,4 +1,4 @@
-//! Calibration files that OpenCV and SLStudio have written, and what becomes of broken ones.
+//! Calibration files written by OpenCV and SLStudio, and corrupted ones.
 
 use phasmid::calibrate::files::{Sizes, read_rig_sized, rig_from_bytes};
 use phasmid::geometry::Rig;
@@ -12,7 +12,7 @@ const SIZES: Sizes = Sizes {
     projector: Some([1920, 1080]),
 };
 
-/// Bytes that mean something in one of the formats.
+/// Bytes with a meaning in one of the formats.
 const SPOIL: &[u8] = b"<>/[]:-.,#%!'\" \n\t0e\xff";
 
 fn files() -> Vec<PathBuf> {
@@ -26,7 +26,7 @@ fn files() -> Vec<PathBuf> {
     files
 }
 
-/// The farthest that two rigs' numbers are apart, in parts of the larger.
+/// Largest relative difference between the numbers of two rigs.
 fn apart(a: &Rig, b: &Rig) -> f64 {
     let numbers = |rig: &Rig| {
         let views = [rig.camera, rig.projector].into_iter();
@@ -67,7 +67,7 @@ fn files_of_all_kinds_hold_the_same_rig() {
         [-0.02, 0.01, 1e-4, -2e-5, 1e-300]
     );
     for (path, rig) in &rigs {
-        // SLStudio's texts have six or eight digits.
+        // SLStudio's text files have six or eight digits.
         let text = path.extension().is_some_and(|e| e == "slcalib" || e == "m");
         let bound = if text { 1e-5 } else { 1e-15 };
         assert!(
@@ -86,7 +86,7 @@ fn hostile_files_are_read_or_refused() {
         calibration::run(&bytes);
         for at in (0..bytes.len()).step_by(2) {
             calibration::run(&bytes[..at]);
-            // A different one from place to place.
+            // Varies the byte with the position.
             let mut spoilt = bytes.clone();
             spoilt[at] = SPOIL[at / 2 % SPOIL.len()];
             calibration::run(&spoilt);

@@ -22,7 +22,7 @@ fn complaint(dir: &Path, args: &[&str]) -> String {
     String::from_utf8(output.stderr).unwrap()
 }
 
-/// A torso at 1 m, its front as a cloud 0.1 mm nearer to the camera, and a rig above it.
+/// Writes a torso at 1 m, its front as a cloud 0.1 mm nearer to the camera, and a rig above it.
 fn scene(dir: &Path) {
     let mut mesh = torso(&Torso {
         triangles: 20_000,
@@ -94,16 +94,17 @@ fn table_and_json() {
         "rig.toml",
         "--json",
     ]);
-    // Lifted by 0.1 mm off each triangle; at a hollow's edge the neighbour is a hair nearer.
+    // Lifted by 0.1 mm off each triangle; at the edge of a hollow the neighbouring triangle is
+    // slightly nearer.
     let mae = found["cloud_to_truth"]["mae_mm"].as_f64().unwrap();
     assert!((mae - 0.1).abs() < 1e-4, "{mae}");
     let back = found["truth_to_cloud"]["inlier_rmse_mm"].as_f64().unwrap();
     assert!((0.08..0.3).contains(&back), "{back}");
-    // The cloud's slopes end at 60 degrees, the truth's that count at 80.
+    // The cloud contains slopes up to 60 degrees, the truth counts those up to 80.
     let coverage = found["coverage"].as_f64().unwrap();
     assert!((0.8..0.999).contains(&coverage), "{coverage}");
 
-    // Aligned, the lift of the front remains only as what a shift cannot take away.
+    // After alignment, only the part of the lift that a translation cannot remove remains.
     let found = json(&["moved.ply", "--truth", "truth.ply", "--align", "--json"]);
     assert_eq!(found["alignment"]["converged"], true);
     assert_eq!(found["alignment"]["determined"], 6);

@@ -1,5 +1,5 @@
-//! Frames that only count: a lost, exchanged or repeated one is told from the pictures alone, and a
-//! sound capture is never doubted.
+//! Cameras whose frames carry only a counter: a lost, swapped or repeated frame is detected from
+//! the images alone, and an intact capture is never reported as doubtful.
 
 use phasmid::decode::Options;
 use phasmid::emulator::{Bench, Firmware, FrameSink, Renderer};
@@ -15,10 +15,11 @@ use std::time::Duration;
 
 const SHORT: Duration = Duration::from_millis(20);
 
-/// What the way from the device to the camera does to the frames of a run.
+/// Changes that the link from the device to the camera makes to the frames of a run.
 type Change = fn(Vec<Frame>) -> Vec<Frame>;
 
-/// A link that carries no identity; frames of the first `bad_runs` runs are changed.
+/// A link whose frames carry no pattern identity; the frames of the first `bad_runs` runs are
+/// changed.
 struct Way {
     camera: MemoryCamera,
     held: Vec<Frame>,
@@ -56,7 +57,7 @@ impl FrameSink for Way {
     }
 }
 
-/// A camera whose frames only count.
+/// A camera whose frames carry only a counter.
 struct Counting(MemoryCamera);
 
 impl Camera for Counting {
@@ -114,17 +115,17 @@ fn scan_before(
 fn profile(name: &str, dimmed: f64) -> Profile {
     let mut profile = Profile::load(name).unwrap();
     profile.projector.radiant_intensity_w_sr *= dimmed;
-    // A line would name the frames.
+    // A data line would identify the frames.
     profile.camera.data_line = false;
     profile
 }
 
-/// Scenes at the distance of a bench; treatment rooms are larger, and their patients breathe.
+/// Scenes at bench distance. Excludes treatment rooms, which are larger and whose patients breathe.
 fn bench_scenes() -> impl Iterator<Item = &'static str> {
     phasmid::profile::scene_names().filter(|name| !name.starts_with("treatment-room"))
 }
 
-/// Every capture that is looked at: both built-in sequences, all scenes, and a dim projector.
+/// All captures under test: both built-in sequences, all scenes, and a dim projector.
 fn captures(name: &str) -> impl Iterator<Item = (String, Captured)> {
     bench_scenes()
         .map(|scene| (scene, 1.0))
@@ -137,8 +138,8 @@ fn captures(name: &str) -> impl Iterator<Item = (String, Captured)> {
         })
 }
 
-/// Every single fault of a run whose count is right: a frame lost (and another one at the end), a
-/// frame twice (and the last one cut), neighbours exchanged.
+/// Every single fault of a run with the right number of frames: a frame lost (and another one at
+/// the end), a frame repeated (and the last one dropped), neighbours swapped.
 fn faults(frames: &[Frame]) -> Vec<(String, Vec<Frame>)> {
     let n = frames.len();
     let mut all = Vec::new();
@@ -148,7 +149,7 @@ fn faults(frames: &[Frame]) -> Vec<(String, Vec<Frame>)> {
         for (with, last) in [("its last frame", n - 1), ("its first frame", 0)] {
             let mut filled = lost.clone();
             filled.push(frames[last].clone());
-            // The last frame, lost and sent again, is a sound run.
+            // Losing the last frame and receiving it again leaves the run intact.
             if k != last {
                 all.push((format!("{k} lost, then {with}"), filled));
             }
@@ -188,8 +189,8 @@ fn every_fault_of_four_steps_is_found_and_no_sound_capture_doubted() {
     every_fault_is_found("webcam-grey");
 }
 
-/// Light of a tenth to twice the usual, ambient light, response curves: what disturbs all frames alike
-/// is no damage. The middle of each camera sees it.
+/// Light from a tenth to twice the usual level, ambient light and response curves affect all frames
+/// alike, so they do not count as damage, as seen at the centre of each camera.
 #[test]
 fn sound_captures_in_any_light_and_by_any_response_are_not_doubted() {
     let mut seen = 0;
@@ -210,7 +211,7 @@ fn sound_captures_in_any_light_and_by_any_response_are_not_doubted() {
                 camera.sensor_width_mm *= 320.0 / f64::from(camera.width_px);
                 (camera.width_px, camera.height_px) = (320, 200);
                 if gamma != 1.0 {
-                    // A device that shows bit planes in time has no response curve.
+                    // A device that shows bit planes one after the other has a linear response.
                     if profile.projector.timing.is_some() {
                         continue;
                     }
@@ -227,7 +228,7 @@ fn sound_captures_in_any_light_and_by_any_response_are_not_doubted() {
                             assert_eq!(captured.doubt(), None, "{what}");
                         }
                     }
-                    // Light that is too much is told as such, and is no damage.
+                    // Saturation is reported as such, not as damage.
                     Err(e) if e.to_string().contains("saturated") && light > 1.0 => {}
                     Err(e) => panic!("{what}: {e}"),
                 }
@@ -266,7 +267,7 @@ fn gray(cell_px: u32, bits: u32, bit: u32, inverted: bool) -> String {
     )
 }
 
-/// Sequences that no profile has, and every fault but one, named below.
+/// Sequences that no profile has, with every fault but one, which is named below.
 #[test]
 fn every_fault_of_other_sequences_is_found_and_no_sound_capture_doubted() {
     let three_sets = |fine, steps| {
@@ -278,7 +279,7 @@ fn every_fault_of_other_sequences_is_found_and_no_sound_capture_doubted() {
     let code: Vec<String> = (0..6).rev().map(|bit| gray(16, 6, bit, false)).collect();
     let half = vec![gray(8, 7, 0, false)];
     let both = |bit| [false, true].map(|inverted| gray(4, 8, bit, inverted));
-    // Finer than the camera resolves: only not to be doubted.
+    // Finer than the camera resolves: the test only requires that intact captures are not doubted.
     let unresolved = "Gray code of single pixels";
     let single = |bit| [false, true].map(|inverted| gray(1, 10, bit, inverted));
     let sequences = [
@@ -308,8 +309,8 @@ fn every_fault_of_other_sequences_is_found_and_no_sound_capture_doubted() {
                 .into_iter()
                 .filter(|(_, frames)| check_sequence(&captured.manifest, frames).is_ok())
                 .map(|(fault, _)| fault)
-                // The first bit for its complement mirrors the picture: told only where the
-                // mirrored coordinate is beyond the projector.
+                // Swapping the first bit with its complement mirrors the image: detectable only
+                // where the mirrored coordinate lies beyond the projector.
                 .filter(|fault| !(name.starts_with("Gray") && fault == "0 and 1 exchanged"))
                 .collect();
             assert!(missed.is_empty(), "{what}: {missed:?}");
@@ -383,7 +384,7 @@ fn a_fault_is_named_and_the_run_repeated_once() {
 fn a_camera_that_does_not_see_the_projector_is_told_so() {
     let mut captured = scan(&profile("webcam-grey", 1.0), "plane", |frames| frames, 0).unwrap();
     let lit = captured.frames[11].clone();
-    // A still picture with noise, and a counter that changes in one corner.
+    // A static image with noise, and a counter that changes in one corner.
     for (k, frame) in captured.frames.iter_mut().enumerate() {
         let mut state = k as u64 + 1;
         for (pixel, seen) in frame.data.iter_mut().zip(&lit.data) {
@@ -412,8 +413,8 @@ fn changed(captured: &Captured, k: usize, change: impl Fn(&mut Vec<u8>)) -> Vec<
     frames
 }
 
-/// Rows that one fringe frame lacks, and bits of it that are flipped; a plane without shading has
-/// next to nothing to tell a row by.
+/// Rows missing from one fringe frame, and flipped bits in it. On an unshaded plane there is almost
+/// nothing to distinguish rows by.
 #[test]
 fn missing_rows_and_flipped_bits_of_fringes_are_found() {
     for (name, scene) in [
@@ -453,14 +454,15 @@ fn missing_rows_and_flipped_bits_of_fringes_are_found() {
     }
 }
 
-/// Depths of a capture, as any application decodes it; none where a check refuses it.
+/// Depths of a capture, decoded with default checks; `None` if a check rejects it.
 fn depths(captured: &Captured) -> Option<Vec<f32>> {
     captured.check_modulation().ok()?;
     let decoded = captured.decode(Options::default());
     Some(decoded.ok()?.1.depth)
 }
 
-/// Rows that any one frame lacks, whatever it shows: told, or hardly a point is elsewhere.
+/// Rows missing from any one frame, whatever it shows, are either detected or displace hardly any
+/// point.
 #[test]
 fn rows_missing_in_any_frame_are_told_or_move_hardly_a_point() {
     for (name, scene) in [("webcam-grey", "sphere"), ("dlp-evm", "torso")] {
@@ -497,7 +499,7 @@ fn rows_missing_in_any_frame_are_told_or_move_hardly_a_point() {
     }
 }
 
-/// Bit planes that an exposure misses leave steps in the fringes, the same in every frame.
+/// Bit planes missed by an exposure leave steps in the fringes, the same in every frame.
 #[test]
 fn an_exposure_that_does_not_cover_the_patterns_is_named() {
     let mut short = profile("dlp-evm", 1.0);
@@ -508,7 +510,8 @@ fn an_exposure_that_does_not_cover_the_patterns_is_named() {
     assert!(error.contains("not sinusoidal"), "{error}");
 }
 
-/// However little of the bit planes an exposure covers: told, or points are where all of them put them.
+/// For any fraction of the bit planes that an exposure covers, the capture is either doubted or its
+/// points match those of a full exposure.
 #[test]
 fn no_exposure_of_some_bit_planes_gives_another_surface() {
     let whole = profile("dlp-evm", 1.0);
@@ -521,7 +524,7 @@ fn no_exposure_of_some_bit_planes_gives_another_surface() {
             let mut short = whole.clone();
             short.camera.exposure_us = exposure_us;
             let captured = scan(&short, scene, |frames| frames, 0).ok();
-            // Those that are doubted are told, too.
+            // Doubtful captures count as detected, too.
             let captured = captured.filter(|captured| captured.doubt().is_none());
             let Some(depth) = captured.as_ref().and_then(depths) else {
                 continue;
@@ -538,8 +541,8 @@ fn no_exposure_of_some_bit_planes_gives_another_surface() {
     }
 }
 
-/// Frames that were lit for a part of their exposure, one or several, Gray frames and fringes: told, or
-/// the points are there and where they were.
+/// One or several frames, Gray code or fringes, lit for part of their exposure: either detected, or
+/// the points are present and correct.
 #[test]
 fn frames_with_less_light_are_told_or_cost_no_points() {
     for (name, scene) in [
@@ -588,7 +591,8 @@ fn frames_with_less_light_are_told_or_cost_no_points() {
                     continue;
                 };
                 let left = depth.iter().filter(|depth| depth.is_finite()).count();
-                // Less light has more noise, of which the deviations tell.
+                // Less light means more noise, which the stated standard deviations reflect; so
+                // only errors above 10 mm count.
                 let far = |(a, b): &(&f32, &f32)| (*a - *b).abs() > 10.0;
                 let moved = depth.iter().zip(&sound).filter(far).count();
                 assert!(
@@ -602,7 +606,7 @@ fn frames_with_less_light_are_told_or_cost_no_points() {
     }
 }
 
-/// So many flipped bits in every second frame that hardly a pixel is sound.
+/// Flipped bits in every second frame, so many that hardly a pixel is intact.
 #[test]
 fn bits_flipped_in_most_pixels_are_told() {
     for name in ["pmp-bench", "webcam-grey", "dlp-evm", "sgrt-pod"] {
@@ -629,7 +633,7 @@ fn bits_flipped_in_most_pixels_are_told() {
     }
 }
 
-/// Rows that many frames lack, or all of them alike, are told by what they leave at the bottom.
+/// Rows missing from many or all frames are detected by what they leave at the bottom of the image.
 #[test]
 fn rows_missing_in_many_frames_are_told() {
     for (name, scene, farther_mm) in [
@@ -666,9 +670,9 @@ fn rows_missing_in_many_frames_are_told() {
     }
 }
 
-/// A frame whose rows from some on are another's is told wherever it is torn: at whole size, where the
-/// light ends within the image, and a tear may leave a few rows of it only. What a tear changes in
-/// hardly a pixel need not be told, for it moves hardly a point.
+/// A torn frame, whose lower rows belong to another frame, is detected wherever the tear is. At
+/// full size the light ends within the image, and only a few lit rows may lie beyond the tear. A
+/// tear that changes hardly a pixel need not be detected, because it displaces hardly a point.
 #[test]
 fn a_frame_torn_anywhere_is_told() {
     for (name, scene, farther_mm) in [
@@ -715,7 +719,8 @@ fn a_frame_torn_anywhere_is_told() {
     }
 }
 
-/// Patterns down the image change one frame along a row where a code has an edge: that is no tear.
+/// Patterns along the image's columns change one frame along a row where a code has an edge: this
+/// is not a tear.
 #[test]
 fn patterns_down_the_image_are_not_torn() {
     let mut across = profile("webcam-grey", 1.0);
@@ -749,7 +754,7 @@ fn patterns_down_the_image_are_not_torn() {
     }
 }
 
-/// A camera on its side sees patterns across the projector down its image.
+/// A camera turned by 90 degrees sees patterns across the projector along its image's columns.
 #[test]
 fn a_camera_on_its_side_is_not_doubted() {
     for (name, scene) in [
@@ -777,7 +782,7 @@ fn a_camera_on_its_side_is_not_doubted() {
     }
 }
 
-/// A ceiling pod's capture, of sets of three steps alone, before the sphere at its distance.
+/// A ceiling pod's capture, with sets of three steps only, of the sphere at its working distance.
 fn pod(light: f64, gamma: f64) -> Captured {
     let mut profile = profile("sgrt-pod", light);
     if gamma != 1.0 {
@@ -790,14 +795,15 @@ fn pod(light: f64, gamma: f64) -> Captured {
     scan_before(&profile, &scene, |frames| frames, 0).unwrap()
 }
 
-/// Sets of three steps have no residual of their own; what ties them is that all have one mean.
+/// Sets of three steps have no residual of their own; the check relies on all of them having the
+/// same mean.
 #[test]
 fn sets_of_three_steps_are_held_against_each_other() {
     for (light, gamma) in [(0.1, 1.0), (0.5, 1.0), (0.5, 0.5), (0.5, 2.2), (1.0, 0.7)] {
         let captured = pod(light, gamma);
         let found = check_sequence(&captured.manifest, &captured.frames);
         assert_eq!(found, Ok(()), "{light} of the light, gamma {gamma}");
-        // Three steps take the second harmonic for the fringe.
+        // Three steps alias the second harmonic onto the fringe.
         let bent = captured.doubt().is_some();
         assert_eq!(bent, gamma != 1.0, "{light} of the light, gamma {gamma}");
     }
@@ -830,7 +836,7 @@ fn sets_of_three_steps_are_held_against_each_other() {
         });
         told(&flipped, "", format!("bits of frame {k}"));
     }
-    // Every second frame lacks a row, which no one frame beside the others shows.
+    // Every second frame lacks a row, which comparing single frames with the others cannot show.
     let mut lacking = captured.frames.clone();
     for frame in lacking.iter_mut().skip(1).step_by(2) {
         frame.data.copy_within(101 * width.., 100 * width);
@@ -861,8 +867,8 @@ fn fringes_that_run_against_the_code_are_told() {
     }
 }
 
-/// Frames of a set in another order, or bits of a code, may fit the sequence as well as the right ones;
-/// what they decode to does not.
+/// Reordered frames of a set, or bits of a code, may fit the sequence as well as the right ones,
+/// but the decoded result does not.
 #[test]
 fn sets_and_codes_in_another_order_are_told_by_what_they_decode_to() {
     let captured = [
@@ -874,8 +880,8 @@ fn sets_and_codes_in_another_order_are_told_by_what_they_decode_to() {
     for sound in &captured {
         assert_eq!(doubt(sound), None);
     }
-    // Frames that take each other's places: the first and third step of a set, a set that begins
-    // elsewhere, a code that does.
+    // Permutations: the first and third step of a set swapped, a set that starts elsewhere, a code
+    // that starts elsewhere.
     let orders: [(&Captured, &[usize]); 5] = [
         (&captured[0], &[2, 1, 0]),
         (&captured[0], &[1, 2, 0]),
@@ -894,7 +900,7 @@ fn sets_and_codes_in_another_order_are_told_by_what_they_decode_to() {
     }
 }
 
-/// Stripes along the rows of the image: a row of it may lie on an edge from one end to the other.
+/// Stripes along the rows of the image: an image row may lie on an edge over its whole length.
 #[test]
 fn sequences_of_both_axes_are_not_doubted() {
     for scene in ["plane", "sphere", "trapezoid", "torso"] {

@@ -1,6 +1,6 @@
-//! Depth edges, steep slopes and shadows: profiles z(X) that do not change along Y, seen by a rig like
-//! the bench's, each pixel integrated over its footprint here in f64. What the decoder keeps must be
-//! right, and it may not eat surfaces that are merely steep.
+//! Depth edges, steep slopes and shadows: profiles z(X) that are constant along Y, seen by a rig
+//! like the bench's, with each pixel integrated over its footprint here in f64. Points that the
+//! decoder keeps must be right, and it must not remove surfaces that are merely steep.
 
 use glam::{DVec2, DVec3};
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
@@ -70,7 +70,7 @@ fn manifest() -> Manifest {
     }
 }
 
-/// What one sample of a footprint sees: depth, and the projector column if that lights it.
+/// One sample of a footprint: depth, and the projector column if it is lit.
 #[derive(Clone, Copy)]
 struct Hit {
     z: f64,
@@ -80,7 +80,7 @@ struct Hit {
 
 fn trace(rig: &Rig, surface: &(dyn Fn(f64) -> f64 + Sync), u: f64) -> Hit {
     let slope = (u - 568.5) / 632.2;
-    // March until behind the surface, then bisect.
+    // March until behind the surface, then bisect the interval.
     let (mut near, mut far) = (800.0, 800.0);
     while far < surface(slope * far) && far < 1100.0 {
         near = far;
@@ -114,7 +114,7 @@ fn trace(rig: &Rig, surface: &(dyn Fn(f64) -> f64 + Sync), u: f64) -> Hit {
 }
 
 struct Case {
-    /// Hits of each pixel column's footprint, and of its middle.
+    /// Hits over each pixel column's footprint, and at its centre.
     footprints: Vec<Vec<Hit>>,
     middles: Vec<Hit>,
     decoded: Decoded,
@@ -187,17 +187,17 @@ fn run(surface: &(dyn Fn(f64) -> f64 + Sync)) -> Case {
     }
 }
 
-/// Figures of the pixels whose footprint sees one lit, unbroken surface, and of the others.
+/// Statistics of the pixels whose footprint sees one lit, unbroken surface, and of all others.
 #[derive(Debug, Default)]
 struct Figures {
     clean: usize,
     clean_valid: usize,
-    /// Errors above 1 mm among the clean and valid.
+    /// Errors above 1 mm among the clean, valid pixels.
     clean_gross: usize,
     clean_squares: f64,
     clean_relative: f64,
-    /// Valid pixels at depth edges and borders of light, and those more than 1 mm off either end of
-    /// what their footprint sees lit.
+    /// Valid pixels at depth edges and light borders, and those of them more than 1 mm outside of
+    /// the depth range of the lit surface in their footprint.
     edge_valid: usize,
     edge_gross: usize,
 }
@@ -217,7 +217,7 @@ fn figures(case: &Case, decoded: &Decoded) -> Figures {
         let lo = lit.iter().copied().fold(f64::INFINITY, f64::min);
         let hi = lit.iter().copied().fold(0.0, f64::max);
         let broken = hits.windows(2).any(|w| (w[0].z - w[1].z).abs() > 2.0);
-        // A crease: the footprint's middle is not its ends' mean.
+        // A crease: the depth at the footprint's centre differs from the mean of its ends.
         let crease = (hits[0].z + hits[SUB - 1].z - 2.0 * middle.z).abs() > 0.05;
         let z = f64::from(decoded.depth[i]);
         if lit.len() == SUB && !broken {

@@ -1,4 +1,11 @@
-//! The host: cameras, ports, frame checks, decoding, calibration, comparison with the truth.
+//! The host, tested as a library.
+//!
+//! - Devices and cameras: `scanner`, `usb`, `v4l2_layout`
+//! - Frame checks: `consistency`
+//! - Decoding: `decode`, `decode_surfaces`, `accuracy`, `real_capture`
+//! - Calibration: `boards`, `calibration`, `calibration_files`
+//! - Comparison with the truth: `compare`
+//! - Parsers of all files: `parsers`
 
 #[path = "../fuzz/src/cases.rs"]
 mod cases;

@@ -1,5 +1,6 @@
-//! Every parser over its seeds, over every way to cut it and over cases that are the same in each
-//! run (`PHASMID_FUZZ_CASES=FIRST..END` runs others). `tests/fuzz` runs the same functions for as long as one likes.
+//! Runs every parser on its seeds, on truncated seeds and on mutations that are the same in each
+//! run (`PHASMID_FUZZ_CASES=FIRST..END` runs others). `tests/fuzz` runs the same functions for an
+//! unlimited time.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -10,11 +11,11 @@ mod fuzzed;
 use crate::cases;
 use fuzzed::{PARSERS, Parser};
 
-/// Changed cases of each parser.
+/// Number of mutated cases for each parser.
 const CASES: u64 = 1500;
-/// Cuts of each file of seeds.
+/// Number of truncations of each seed file.
 const CUTS: usize = 200;
-/// No case takes longer, on a machine that does other work too.
+/// Maximum time of a case, on a loaded machine.
 const LONGEST: Duration = Duration::from_secs(5);
 
 fn root() -> &'static Path {
@@ -31,7 +32,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// What a parser is known to read: its seeds.
+/// Inputs that a parser accepts: its seeds.
 fn corpus(parser: &Parser) -> Vec<Vec<u8>> {
     let mut paths = Vec::new();
     let own = root().join("tests/fuzz/seeds").join(parser.name);

@@ -1,13 +1,13 @@
-//! A real camera's photographs of a real projector's patterns. They are not part of the repository:
-//! `PHASMID_FOAM_DIR=FOLDER cargo test --release --test host -- --ignored real_capture::` with the folder of
-//! `sequence.toml` and its photographs.
+//! Decodes photographs of a real projector's patterns by a real camera. They are not part of the
+//! repository: run `PHASMID_FOAM_DIR=FOLDER cargo test --release --test host -- --ignored
+//! real_capture::` with the folder of `sequence.toml` and its photographs.
 
 use phasmid::decode::{Decoder, Options, Plan, load_frames};
 use phasmid::pattern::{Axis, Manifest};
 use std::path::Path;
 
-/// Valid pixels, pixels whose whole 5 x 5 neighbourhood is valid, and those among them more than
-/// 20 px from its median.
+/// Returns the numbers of valid pixels, of pixels whose whole 5 x 5 neighbourhood is valid, and of
+/// those among them that differ by more than 20 px from its median.
 fn isolated_errors(width: usize, x: &[f32]) -> (usize, usize, usize) {
     let height = x.len() / width;
     let (mut inside, mut gross) = (0, 0);
@@ -52,7 +52,7 @@ fn foam_decodes_widely_and_without_isolated_errors() {
         let (valid, inside, gross) = isolated_errors(frames.width, &map.coordinate);
         println!("axis {axis}: {valid} valid, {gross} isolated gross errors of {inside} inside");
         assert!(valid >= 1_300_000, "axis {axis}: {valid}");
-        // The yardstick is 1e-3; this decoder does better by far.
+        // The reference value is 1e-3; this decoder is far below it.
         assert!(gross as f64 <= 1e-4 * inside as f64, "axis {axis}: {gross}");
     }
 }

@@ -1,5 +1,5 @@
-//! The bindings of V4L2 against the kernel's own header, by a C program that is compiled here, and
-//! against published numbers; and what a build needs.
+//! Compares the V4L2 bindings with the kernel's own header, through a C program compiled here, and
+//! with published numbers; also checks the build requirements.
 #![cfg(target_os = "linux")]
 
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use std::process::Command;
 use v4l::v4l_sys as sys;
 use v4l::v4l2::vidioc;
 
-/// Numbers of the bindings by the C expression that gives the kernel's.
+/// Numbers in the bindings, keyed by the C expression that gives the kernel's value.
 #[derive(Default)]
 struct Bindings(BTreeMap<String, u64>);
 
@@ -116,14 +116,14 @@ impl Bindings {
     }
 }
 
-/// What the C compiler makes of each expression.
+/// Evaluates each expression with the C compiler.
 fn kernel(expressions: &[&String]) -> Vec<u64> {
     let folder = tempfile::tempdir().unwrap();
     let source = folder.path().join("layout.c");
     let program = folder.path().join("layout");
     let mut c = "#include <stddef.h>\n#include <stdio.h>\n#include <linux/videodev2.h>\n\nint main(void)\n{\n".to_owned();
     for expression in expressions {
-        // ioctl codes fit 32 bits; as an enum or int they would be extended with their sign.
+        // ioctl codes fit in 32 bits; as an enum or int they would be sign-extended.
         writeln!(c, "\tprintf(\"%u\\n\", (unsigned)({expression}));").unwrap();
     }
     c += "\treturn 0;\n}\n";
@@ -158,7 +158,7 @@ fn the_bindings_are_laid_out_as_the_kernel_has_them() {
     }
 }
 
-/// As strace and the kernel's documents print them for 64-bit systems.
+/// Values as printed by strace and the kernel's documentation for 64-bit systems.
 #[test]
 #[cfg(target_pointer_width = "64")]
 fn the_codes_of_requests_are_the_published_ones() {
@@ -184,7 +184,7 @@ fn the_codes_of_requests_are_the_published_ones() {
     }
 }
 
-/// Rust and a C compiler make a build; nothing asks for libclang, libudev or pkg-config.
+/// Rust and a C compiler suffice for a build, without libclang, libudev or pkg-config.
 #[test]
 fn a_build_needs_no_library_of_the_system() {
     let targets = ["x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu"];

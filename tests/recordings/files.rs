@@ -1,4 +1,4 @@
-//! Files of recordings on the command line.
+//! Recording files on the command line.
 
 use crate::alone;
 use crate::served::{Served, phasmid, serve, text};
@@ -57,7 +57,7 @@ fn a_recording_has_a_device_and_a_place_of_its_own() {
     let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let at = |name: &str| base.path().join(name);
-    // Not in the run directory, by whatever name.
+    // A recording inside the run directory is rejected, under any of its names.
     std::os::unix::fs::symlink("run", at("alias")).unwrap();
     for file in ["run/device.json", "run/../run/a.rec", "alias/control"] {
         let refused = serve()
@@ -73,7 +73,8 @@ fn a_recording_has_a_device_and_a_place_of_its_own() {
         assert!(words.contains("a file in the run directory"), "{words}");
         assert!(!at("run").exists());
     }
-    // Two devices whose second file is there: the first one's is not left behind.
+    // The recording of the second of two devices already exists: the first one's must not be left
+    // behind.
     fs::write(at("a-webcam-grey-2.rec"), "years of work").unwrap();
     let refused = serve()
         .args(["--profile", "webcam-grey", "--record"])
@@ -88,7 +89,7 @@ fn a_recording_has_a_device_and_a_place_of_its_own() {
         fs::read(at("a-webcam-grey-2.rec")).unwrap(),
         b"years of work"
     );
-    // A device that cannot come up for want of its port.
+    // A device that cannot start because its port is in use.
     let busy = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let port = busy.local_addr().unwrap().port().to_string();
     let failed = serve()
@@ -135,7 +136,7 @@ fn others_can_read_a_recording_and_so_can_people() {
     let exported = picture(&at("exported").join("frame_000012.png"));
     assert_eq!(exported, picture(&at("scan").join("frame_12.png")));
 
-    // The script of the documentation, where there is a Python.
+    // The script from the documentation, if Python is installed.
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/src/protocol/record/read.py");
     if let Ok(python) = Command::new("python3").arg(script).arg(&file).output() {
         assert!(python.status.success(), "{}", text(&python));

@@ -1,8 +1,8 @@
-//! Recordings of served devices and of scans, replays of them, and what becomes of both when
-//! somebody is killed or does something else than was recorded.
+//! Recordings of served devices and of scans, their replays, and what happens when a process is
+//! killed or a client departs from the recorded path.
 //!
-//! A program of its own whose tests run one after the other: its clients come back to the ports of
-//! devices that were killed, and the kernel may give such a port's number to a device of another test.
+//! A separate test program whose tests run one after the other: its clients reconnect to the ports
+//! of killed devices, and the kernel may assign such a port's number to a device of another test.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -1,4 +1,4 @@
-//! Scans of replays, and clients that leave the recorded path.
+//! Scans of replays, and clients that depart from the recorded path.
 
 use crate::alone;
 use crate::served::{Served, phasmid, serve, text};
@@ -16,7 +16,7 @@ fn replay(file: &Path, args: &[&str]) -> Command {
     command
 }
 
-/// Asks a process to end; its status and what it has said.
+/// Asks a process to end; returns its status and its output.
 fn stop(mut served: Served) -> (Option<i32>, String) {
     kill_process(Pid::from_child(&served.child), Signal::TERM).unwrap();
     let status = served.child.wait().unwrap();
@@ -28,7 +28,7 @@ fn stop(mut served: Served) -> (Option<i32>, String) {
     (status.code(), words)
 }
 
-/// The files of two folders, which have to be the same to the byte.
+/// Requires the files of two folders to be byte-identical.
 fn assert_same(one: &Path, other: &Path) {
     let names = |folder: &Path| {
         let entries = fs::read_dir(folder).unwrap();
@@ -57,7 +57,7 @@ fn a_scan_of_a_replay_is_the_scan_that_was_recorded() {
     for (file, clock) in [(&device, "fast"), (&host, "fast"), (&device, "real")] {
         let mut command = replay(file, &["--clock", clock]);
         let replayed = Served::spawn_as_it_is(command.stderr(Stdio::piped()));
-        // The host does not know what stood before the device.
+        // The host does not know the scene in front of the device.
         let known = (replayed.at.seed, replayed.at.scene.as_deref());
         let want = match file == &device {
             true => (Some(5), Some("plane")),
@@ -71,7 +71,7 @@ fn a_scan_of_a_replay_is_the_scan_that_was_recorded() {
         let words = (Some(0), String::new());
         assert_eq!(stop(replayed), words, "{clock} {}", file.display());
     }
-    // A recording of a recording's scan holds the same.
+    // A recording of a scan of a replay has the same content.
     let info = |file: &Path| {
         let info = phasmid()
             .args(["record", "info", "--json"])
@@ -91,7 +91,7 @@ fn a_scan_of_a_replay_is_the_scan_that_was_recorded() {
     assert_eq!(host["about"]["side"], "host");
 }
 
-/// A line of the port's other end.
+/// Sends a question to the port and returns the reply line.
 fn ask(port: &mut BufReader<fs::File>, question: &str) -> String {
     port.get_mut().write_all(question.as_bytes()).unwrap();
     let mut answer = String::new();
@@ -110,7 +110,7 @@ fn open(served: &Served) -> BufReader<fs::File> {
     )
 }
 
-/// Waits until a file has so many bytes that were received.
+/// Waits until a file contains this many received bytes.
 fn wait_for(file: &Path, received: u64) {
     let end = Instant::now() + Duration::from_secs(60);
     loop {
@@ -163,12 +163,14 @@ fn who_leaves_the_path_is_told_where_and_a_killed_recorder_has_written_all() {
     let mut port = open(&replayed);
     assert_eq!(ask(&mut port, "*IDN?\n"), name);
     port.get_mut().write_all(b"CAM:EXP?\n").unwrap();
-    // It leaves after it has been heard: what nobody has read yet goes with whoever wrote it.
+    // The client disconnects after it has been heard: unread data is lost when its writer
+    // disconnects.
     let mut stderr = BufReader::new(replayed.child.stderr.take().unwrap());
     let mut told = String::new();
     stderr.read_line(&mut told).unwrap();
     drop(port);
-    // The next one is the next one's, and the port has forgotten what the last one asked.
+    // The next client gets its own answers, and the port has forgotten the previous client's
+    // question.
     let mut port = open(&replayed);
     assert_eq!(ask(&mut port, "*TST?\n"), "0\n");
     drop(port);
@@ -181,7 +183,7 @@ fn who_leaves_the_path_is_told_where_and_a_killed_recorder_has_written_all() {
     let end = "1 client has left the recorded path; 16 of the 22 bytes";
     assert!(words.contains(end), "{words}");
 
-    // Half of the way is not the way.
+    // Half of the recorded path is not a complete replay.
     let mut command = replay(&file, &["--clock", "fast"]);
     let replayed = Served::spawn_as_it_is(command.stderr(Stdio::piped()));
     assert_eq!(ask(&mut open(&replayed), "*IDN?\n"), name);
@@ -189,7 +191,7 @@ fn who_leaves_the_path_is_told_where_and_a_killed_recorder_has_written_all() {
     assert_eq!(status, Some(1), "{words}");
 }
 
-/// On a bad day the port goes in the middle of a scan, whichever message that is.
+/// The port fails in the middle of a scan, at any of its messages.
 #[test]
 fn a_scan_during_which_the_port_went_is_replayed_from_either_side() {
     let _alone = alone();
@@ -232,8 +234,8 @@ fn a_scan_during_which_the_port_went_is_replayed_from_either_side() {
     }
 }
 
-/// A device that is killed while it is scanned is gone at once, port and camera; so is its replay, and
-/// who scans that has left no path.
+/// A device killed during a scan disappears at once, port and camera; so does its replay, and a
+/// client that scans the replay has not departed from the recorded path.
 #[test]
 fn a_device_that_was_killed_in_a_scan_is_killed_in_its_replay() {
     let _alone = alone();

@@ -1,4 +1,4 @@
-//! A study, run in the process and held against its snapshot.
+//! Runs a study in the test's process and compares it with its snapshot.
 
 use phasmid::study::ALL;
 use phasmid::study::lab::{Settings, Surroundings, run};
@@ -6,19 +6,20 @@ use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
-/// The form of less than a minute; its snapshot is `tests/studies/NAME.quick.md`.
+/// Checks the quick form, which takes less than a minute; its snapshot is
+/// `tests/studies/NAME.quick.md`.
 pub fn quick(name: &str) {
     held(name, true);
 }
 
-/// The whole form; its snapshot is `tests/studies/NAME.md`.
+/// Checks the full form; its snapshot is `tests/studies/NAME.md`.
 pub fn whole(name: &str) {
     held(name, false);
 }
 
-/// Runs a study with seed 1 in a folder of its own, compares its tables (times apart) with the
-/// snapshot, and asserts that all its checks have passed. With `PHASMID_BLESS=1` in the environment
-/// the snapshot is written anew.
+/// Runs a study with seed 1 in a new folder, compares its tables (except times) with the snapshot,
+/// and asserts that all its checks have passed. With `PHASMID_BLESS=1` in the environment, rewrites
+/// the snapshot.
 fn held(name: &str, quick: bool) {
     let study = *ALL.iter().find(|study| study.name() == name).unwrap();
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! Every fault against the host: the table in the documentation is what comes of it, and nowhere is a
-//! cloud wrong without a word.
+//! Injects every fault and checks the host's response: the table in the documentation shows the
+//! results, and no wrong cloud goes unreported.
 
 use phasmid::study::faults::{Table, markdown, tables};
 

@@ -1,4 +1,5 @@
-//! `phasmid study speed --only link`: every link has its rows, and what a machine lacks is named.
+//! `phasmid study speed --only link`: every link has its rows, and features that the machine lacks
+//! are named.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -14,8 +15,8 @@ fn study(arguments: &[&str], out: &Path) -> Output {
         .unwrap()
 }
 
-/// The rows of `rows.csv` by their columns. No value that is looked at holds a comma before its note,
-/// which is the last.
+/// Rows of `rows.csv`, keyed by column. No tested value contains a comma before its note, which is
+/// the last column.
 fn rows(folder: &Path) -> Vec<HashMap<String, String>> {
     let text = std::fs::read_to_string(folder.join("rows.csv")).unwrap();
     let mut lines = text.lines();
@@ -63,7 +64,7 @@ fn every_link_has_figures_or_a_reason() {
             assert_eq!(number("frames"), 132.0);
         } else {
             let [low, rate, high] = ["rate_low", "rate", "rate_high"].map(number);
-            // No link is faster than a copy of what it carries.
+            // No link is faster than a memory copy of its data.
             assert!(high < 1e6 / number("copy_us"), "{row:?}");
             assert!(0.0 < low && low <= rate && rate <= high, "{row:?}");
             assert!(number("lost") == 0.0 || name == "pty and V4L2", "{row:?}");
@@ -72,7 +73,7 @@ fn every_link_has_figures_or_a_reason() {
     }
     let in_memory = rows.iter().find(|row| row["name"] == "in memory").unwrap();
     assert_eq!(in_memory["state"], "");
-    // The same folder is of this part alone.
+    // The folder belongs to this part of the study only.
     let again = study(&[], folder.path());
     assert_eq!(again.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&again.stderr).contains("--only link"));

@@ -1,5 +1,5 @@
-//! Every study in its quick form, and those whose figures are no times in their whole form, against
-//! what they said before.
+//! Compares every study in its quick form, and in full form those that measure no times, with their
+//! snapshots.
 
 mod common;
 mod faults_matrix;

@@ -1,9 +1,10 @@
-//! What tests of light share: scenes from a few lines, and what light is worth in a frame.
+//! Shared by tests of light: scenes from a few lines, and the conversion of irradiance to digital
+//! numbers.
 
 use phasmid::profile::{Profile, Scene};
 use std::path::Path;
 
-/// A scene of a few lines; its files are in `folder`.
+/// Parses a scene from a few lines of TOML; its files are in `folder`.
 pub fn scene(lines: &str, folder: &Path) -> Scene {
     let text = format!("name = \"s\"\ndescription = \"\"\n{lines}");
     let mut scene = Scene::parse(&text, "s").unwrap();

@@ -1,4 +1,4 @@
-//! A device that is served for a test.
+//! A device served for a test.
 
 use phasmid::host::{Instrument, SerialPort};
 use phasmid::protocol::Endpoints;
@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// Ends a wait for what will never come; what comes takes milliseconds.
+/// Limit for a wait that would otherwise hang; normal replies take milliseconds.
 pub const LONG: Duration = Duration::from_secs(60);
 
-/// A device that is served; gone with the test.
+/// A served device, stopped when dropped.
 pub struct Served {
     pub child: Child,
     pub dir: PathBuf,
@@ -38,12 +38,12 @@ impl Served {
         Self::spawn(serve().args(args))
     }
 
-    /// [`Self::start`] by a command that still lacks clock and directory.
+    /// [`Self::start`] with a command that lacks clock and directory.
     pub fn spawn(command: &mut Command) -> Self {
         Self::spawn_as_it_is(command.args(["--clock", "fast"]))
     }
 
-    /// [`Self::start`] by a command that only lacks the directory.
+    /// [`Self::start`] with a command that lacks only the directory.
     pub fn spawn_as_it_is(command: &mut Command) -> Self {
         let base = tempfile::tempdir().unwrap();
         let dir = base.path().join("run");
@@ -94,7 +94,7 @@ impl Drop for Served {
     }
 }
 
-/// Waits for a device to say where it is.
+/// Waits until a device reports its endpoints.
 fn come_up(child: &mut Child, dir: &Path) -> Endpoints {
     let end = Instant::now() + LONG;
     while !dir.join("device.json").exists() {

@@ -1,17 +1,17 @@
-//! Weights that let go of what does not fit.
+//! Biweight for robust least squares.
 
-/// Where the biweight ends: 95 % as good as least squares where all errors are normal.
+/// Tuning constant that gives 95 % of the efficiency of least squares for normal errors.
 const END: f64 = 4.685;
 
-/// The biweight of Beaton and Tukey (Technometrics 16, 1974) of a residual in standard deviations;
-/// 0 for NaN.
+/// Biweight of Beaton and Tukey (Technometrics 16, 1974) for a residual in standard deviations; 0
+/// for NaN.
 pub(super) fn biweight(residual: f64) -> f64 {
     let rest = 1.0 - (residual / END).powi(2);
-    // f64::max drops a NaN.
+    // For a NaN, f64::max returns 0.
     rest.max(0.0).powi(2)
 }
 
-/// Standard deviation of normal errors with these sizes, by their median.
+/// Robust standard deviation of normal errors, from the median of their absolute values.
 pub(super) fn scale(sizes: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = sizes.to_vec();
     if sizes.is_empty() {

@@ -1,14 +1,14 @@
-//! A board in a picture, whatever its kind.
+//! Finds a board of either kind in an image.
 
 use super::{NotFound, Picture, Seen, chess, dots};
 use phasmid_geometry::Board;
 
-/// The board's points that a picture shows, labelled: all of a chessboard's corners, or those dots
-/// that are in the picture.
+/// Finds the board's points in an image and returns them with their labels: of a dot board those
+/// dots that are visible, of a chessboard almost all corners.
 ///
 /// # Errors
-/// No such board, or one that cannot be told which way round it is; see [`dots::find`] and
-/// [`chess::find`].
+/// Returns an error if the board is not found or its orientation is ambiguous; see [`dots::find`]
+/// and [`chess::find`].
 pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
     match board {
         Board::Dots { .. } => dots::find(board, picture),

@@ -1,4 +1,11 @@
-//! What a camera has seen of a board, and where the projector lit it.
+//! Finds a calibration board in camera images and reads the projector coordinates at its points.
+//!
+//! - `picture`: the image a board is searched in, combined from all frames of a sequence.
+//! - `find`, `dots`, `chess`: locate and measure the board's points.
+//! - `lit`: projector coordinates at those points; `smooth` and `biweight` are robust fits for it.
+//! - `bias`: offset between the centroid of an imaged dot and the image of its centre.
+//! - `sighting`: measured points; `not_found`: reasons for a failed search.
+//! - `draw`: image of the result, for inspection.
 
 pub mod bias;
 mod biweight;

@@ -1,44 +1,44 @@
-//! Why a picture shows no board that can be used.
+//! Reasons why no usable board was found in an image.
 
-/// What was found in a picture in place of the board, and what is wanted.
+/// What was found in an image instead of the board, and what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotFound {
-    /// Nothing that looks like one.
-    #[error("no board: {found}; wanted: {wanted}")]
+    /// Nothing that resembles the board.
+    #[error("no board: {found}; expected {wanted}")]
     Nothing {
-        /// What there is.
+        /// What was found.
         found: String,
         /// What a board would show.
         wanted: String,
     },
-    /// A grid that could be labelled in more than one way, or not at all.
-    #[error("a board that cannot be told which way round it is: {found}; wanted: {wanted}")]
+    /// A grid with several possible orientations, or with none that fits.
+    #[error("a board that cannot be told which way round it is: {found}; expected {wanted}")]
     Ambiguous {
-        /// What there is.
+        /// What was found.
         found: String,
-        /// What would decide.
+        /// What would resolve the ambiguity.
         wanted: String,
     },
-    /// The board's markers are in the order that a mirror would show.
-    #[error("a mirrored picture: {found}; wanted: a picture that is not flipped")]
+    /// The board's markers are in mirrored order.
+    #[error("a mirrored picture: {found}; expected a picture that is not flipped")]
     Mirrored {
-        /// What tells.
+        /// Evidence of the mirroring.
         found: String,
     },
-    /// Some of the board's points, where all of them are needed.
-    #[error("part of a board: {found}; wanted: {wanted}")]
+    /// Only some of the board's points, if all are required.
+    #[error("part of a board: {found}; expected {wanted}")]
     Partial {
-        /// How much of it there is.
+        /// The part that was found.
         found: String,
-        /// The whole.
+        /// The complete board.
         wanted: String,
     },
-    /// Another board than was said.
-    #[error("another board: {found}; wanted: {wanted}")]
+    /// A board other than the specified one.
+    #[error("another board: {found}; expected {wanted}")]
     WrongBoard {
-        /// Its grid or its proportions.
+        /// Grid or proportions of the board found.
         found: String,
-        /// Those of the board that was said.
+        /// Grid or proportions of the specified board.
         wanted: String,
     },
 }

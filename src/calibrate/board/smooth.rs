@@ -1,35 +1,36 @@
-//! A map between two planes' pictures: a homography, and what lenses bend of it.
+//! Smooth map between the images of a plane: a homography plus a polynomial for lens distortion.
 //!
 //! Points of a plane seen through two pinholes correspond by a homography. Lenses add a smooth
-//! deviation of some pixels, which a polynomial of low degree in the coordinates follows over the
-//! part of an image that a board covers. Both are fitted robustly (iterated least squares with the
-//! biweight of Beaton and Tukey, Technometrics 16, 1974, its scale from the median of the residuals),
-//! so that a few wrong pairs do no harm. The homography's equations are linear in normalised
-//! coordinates (Hartley, "In defense of the eight-point algorithm", IEEE PAMI 19, 1997), each
-//! divided by the denominator of the round before, so that residuals count in pixels.
+//! offset of some pixels, which a polynomial of low degree in the coordinates follows over the part
+//! of an image that a board covers. Both are fitted robustly, so that a few wrong pairs have little
+//! effect: iterated least squares with the biweight of Beaton and Tukey (Technometrics 16, 1974),
+//! its scale taken from the median of the residuals. The homography's equations are linear in
+//! normalised coordinates (Hartley, "In defense of the eight-point algorithm", IEEE PAMI 19, 1997).
+//! Each is divided by the homography's denominator from the previous iteration, so that residuals
+//! are proportional to pixels.
 
 use super::biweight::{biweight, scale};
 use glam::{DMat2, DMat3, DVec2};
 use nalgebra::{DMatrix, DVector};
 
-/// Rounds of reweighting.
+/// Number of reweighting iterations.
 const ROUNDS: usize = 8;
-/// Pairs needed for each coefficient of the polynomial.
+/// Minimum number of pairs per coefficient of the polynomial.
 const PAIRS_A_TERM: usize = 4;
 
 /// A smooth map of the plane, fitted to pairs of points.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Smooth {
-    /// Takes normalised sources to normalised targets.
+    /// Maps normalised source points to normalised target points.
     homography: DMat3,
     from: Frame,
     to: Frame,
     degree: usize,
-    /// Coefficients of the deviation, for each monomial both coordinates, in normalised targets.
+    /// Polynomial coefficients, for each monomial both coordinates, in normalised target units.
     terms: Vec<DVec2>,
 }
 
-/// Where a cloud of points lies and how large it is.
+/// Centre and half size of a set of points, for normalisation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Frame {
     middle: DVec2,
@@ -52,8 +53,8 @@ impl Frame {
 }
 
 impl Smooth {
-    /// Fits pairs of source and target with a polynomial of `degree` at most (less where there are
-    /// few pairs). `None` where the pairs do not determine a homography.
+    /// Fits a map to pairs of source and target points. `degree` is the maximum degree of the
+    /// polynomial; few pairs lower it. Returns `None` if the pairs do not determine a homography.
     pub(super) fn fit(pairs: &[(DVec2, DVec2)], degree: usize) -> Option<Self> {
         if pairs.len() < 6 || pairs.iter().any(|(p, q)| !p.is_finite() || !q.is_finite()) {
             return None;
@@ -82,7 +83,7 @@ impl Smooth {
         })
     }
 
-    /// The target of a source.
+    /// Maps a source point to its target.
     pub(super) fn at(&self, p: DVec2) -> DVec2 {
         let n = self.from.normal(p);
         let mut q = apply(&self.homography, n);
@@ -90,7 +91,7 @@ impl Smooth {
         self.to.middle + q * self.to.size
     }
 
-    /// Derivative of the target by the source; column j by coordinate j.
+    /// Derivative of the target by the source; column j by source coordinate j.
     pub(super) fn slope(&self, p: DVec2) -> DMat2 {
         let n = self.from.normal(p);
         let h = &self.homography;
@@ -110,12 +111,12 @@ fn apply(h: &DMat3, p: DVec2) -> DVec2 {
     v.truncate() / v.z
 }
 
-/// Monomials x^i y^j with i + j <= degree.
+/// Number of monomials x^i y^j with i + j <= degree.
 fn count(degree: usize) -> usize {
     (degree + 1) * (degree + 2) / 2
 }
 
-/// Calls back with each monomial's number, value and derivatives.
+/// Calls `call` with each monomial's index, value and derivatives by x and y.
 fn each_monomial(p: DVec2, degree: usize, mut call: impl FnMut(usize, f64, DVec2)) {
     let mut k = 0;
     let mut y = 1.0;
@@ -133,7 +134,7 @@ fn each_monomial(p: DVec2, degree: usize, mut call: impl FnMut(usize, f64, DVec2
     }
 }
 
-/// The homography of normalised pairs, its last entry 1.
+/// Fits the homography of normalised pairs, scaled so that its last entry is 1.
 fn homography(pairs: &[(DVec2, DVec2)]) -> Option<DMat3> {
     let mut h = DMat3::IDENTITY;
     let mut weights = vec![1.0; pairs.len()];
@@ -173,7 +174,7 @@ fn homography(pairs: &[(DVec2, DVec2)]) -> Option<DMat3> {
     (h.is_finite() && in_front).then_some(h)
 }
 
-/// The polynomial of what the homography leaves.
+/// Fits a polynomial to the residuals of the homography.
 fn deviation(left: &[(DVec2, DVec2)], degree: usize) -> Option<Vec<DVec2>> {
     let n = count(degree);
     let mut row = vec![0.0; n];
@@ -218,7 +219,7 @@ fn add(normal: &mut DMatrix<f64>, right: &mut DVector<f64>, row: &[f64], target:
     }
 }
 
-/// Solves the normal equations of an upper triangle, with just as much of a ridge as rounding needs.
+/// Solves normal equations given as an upper triangle, with a ridge just large enough for rounding.
 fn solve(mut normal: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
     normal.fill_lower_triangle_with_upper_triangle();
     let ridge = 1e-12 * normal.trace() / normal.nrows() as f64;

@@ -1,17 +1,17 @@
-//! A rig from named matrices.
+//! Assembles a rig from named matrices.
 
 use super::Sizes;
 use super::node::{Fault, Node, Nodes, Value, names};
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_geometry::{Lens, Pose, Rig, View};
 
-/// How far a rotation may be from one and still be meant as one: numbers of few digits.
+/// Maximum difference of an element of R R' from the identity. Files may be written with few digits.
 const WORST_ROTATION: f64 = 1e-4;
 
-/// Puts a rig together. Its frame is the camera's.
+/// Assembles a rig, in the camera's frame.
 ///
 /// # Errors
-/// What is missing, and matrices that are not what their names say.
+/// Returns an error if a matrix or an image size is missing, or if a matrix is invalid.
 pub(super) fn rig(nodes: &Nodes, sizes: Sizes) -> Result<Rig, Fault> {
     let camera = View {
         lens: lens(
@@ -50,7 +50,8 @@ pub(super) fn rig(nodes: &Nodes, sizes: Sizes) -> Result<Rig, Fault> {
     })
 }
 
-/// A lens from its matrix, its coefficients (none: no distortion) and its image's size.
+/// Builds a lens from its camera matrix, its coefficients (no distortion if absent) and its image
+/// size.
 fn lens(
     nodes: &Nodes,
     who: &str,
@@ -98,7 +99,8 @@ fn lens(
     })
 }
 
-/// OpenCV's k1 k2 p1 p2 (k3 (k4 k5 k6 (s1 s2 s3 s4 (tx ty)))), of which this lens has five.
+/// Reads OpenCV's k1 k2 p1 p2 (k3 (k4 k5 k6 (s1 s2 s3 s4 (tx ty)))). `Lens` has the first five; the
+/// others must be zero.
 fn coefficients(node: &Node) -> Result<[f64; 5], Fault> {
     let list = node.value.numbers();
     let wrong = |found: String| {
@@ -120,7 +122,7 @@ fn coefficients(node: &Node) -> Result<[f64; 5], Fault> {
     Ok(five)
 }
 
-/// A rotation, of which few digits may be written: the nearest true one.
+/// Reads a rotation, which may be written with few digits, and returns the nearest exact one.
 fn rotation(node: &Node) -> Result<DMat3, Fault> {
     let found = DMat3::from_cols_slice(square(node)?).transpose();
     let away = |r: DMat3| {
@@ -142,7 +144,7 @@ fn rotation(node: &Node) -> Result<DMat3, Fault> {
         ));
     }
     // Newton's iteration to the orthogonal factor (Higham, SIAM J. Sci. Stat. Comput. 7 (1986),
-    // equation 3.5); where the matrix is one to rounding, its digits stay as they are.
+    // equation 3.5). A matrix that is orthonormal to rounding is kept bit for bit.
     let mut nearest = found;
     for _ in 0..4 {
         if away(nearest) < 1e-14 {
@@ -183,7 +185,7 @@ fn fixed<'a, const N: usize>(node: &'a Node, wanted: &str) -> Result<&'a [f64; N
     }
 }
 
-/// A number of pixels; 0, as SLStudio writes what it does not know, is none.
+/// Reads an image dimension. SLStudio writes 0 for an unknown size, so 0 counts as missing.
 fn pixels(nodes: &Nodes, names: &[&str]) -> Result<Option<u32>, Fault> {
     let Some(node) = nodes.get(names)? else {
         return Ok(None);

@@ -1,17 +1,18 @@
-//! OpenCV's dialect of JSON: one object whose members are numbers, lists of numbers, or objects with
-//! `rows`, `cols`, `dt` and `data`, as `"type_id": "opencv-matrix"` marks them. Anything else is passed
-//! over. Numbers are read as in the other dialects, to the last bit: OpenCV's `1.` and `.Nan` are not
-//! JSON to a strict reader.
+//! OpenCV's dialect of JSON: one object whose members are numbers, lists of numbers, or objects
+//! with `rows`, `cols`, `dt` and `data`, marked by `"type_id": "opencv-matrix"`. Other members are
+//! ignored. Numbers are read exactly, as in the other dialects. OpenCV writes `1.` and `.Nan`,
+//! which a strict JSON parser rejects.
 
 use super::node::{Fault, Fields, Nodes, Piece, Value, numbers, quoted};
 
-/// Objects and lists in each other.
+/// Maximum nesting depth of objects and lists.
 const MAX_DEPTH: usize = 64;
 
-/// The nodes of a text.
+/// Parses a text into nodes.
 ///
 /// # Errors
-/// Members that are not apart, brackets that do not match, or text after the object.
+/// Returns an error if members are not separated, brackets do not match, or text follows the
+/// object.
 pub(super) fn parse(text: &str) -> Result<Nodes, Fault> {
     let mut reader = Reader {
         rest: text,
@@ -51,14 +52,14 @@ fn value(piece: Piece<'_>) -> Result<Value, Fault> {
     numbers(&[inside(piece)]).map(Value::List)
 }
 
-/// A list without its brackets; a single number as it is.
+/// Removes the brackets of a list; returns a single number unchanged.
 fn inside(piece: Piece<'_>) -> Piece<'_> {
     let (line, text) = piece;
     let list = text.strip_prefix('[').and_then(|t| t.strip_suffix(']'));
     (line, list.unwrap_or(text))
 }
 
-/// Hands over the members of an object: name, its line, and the value as it stands.
+/// Passes each member of an object to `take`: name, line, and the unparsed value.
 fn members<'a>(
     (line, object): Piece<'a>,
     mut take: impl FnMut(&'a str, usize, Piece<'a>) -> Result<(), Fault>,
@@ -89,7 +90,7 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// The next character that is not white space.
+    /// Skips white space and returns the next character without consuming it.
     fn peek(&mut self) -> Option<char> {
         let blank = self.rest.len() - self.rest.trim_start().len();
         self.take(blank);
@@ -106,7 +107,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The text of the next value, whatever it is, and the line that it begins on.
+    /// Consumes the next value of any type; returns its text and the line on which it begins.
     fn value(&mut self) -> Result<Piece<'a>, Fault> {
         let first = self.peek();
         let line = self.line;
@@ -127,7 +128,7 @@ impl<'a> Reader<'a> {
         Ok((line, text))
     }
 
-    /// Takes an object or a list, with what is in it.
+    /// Consumes an object or a list with its contents.
     fn balanced(&mut self) -> Result<(), Fault> {
         let first = self.line;
         let mut open: Vec<char> = Vec::new();
@@ -175,7 +176,7 @@ impl<'a> Reader<'a> {
         ))
     }
 
-    /// Takes a string with its quotes.
+    /// Consumes a string with its quotes.
     fn string(&mut self) -> Result<(), Fault> {
         let mut escaped = false;
         for (at, byte) in self.rest.bytes().enumerate().skip(1) {
@@ -194,7 +195,7 @@ impl<'a> Reader<'a> {
         Err(Fault::new(self.line, found, "`\"` on the same line"))
     }
 
-    /// What comes next, for a message.
+    /// The rest of the line, for a message.
     fn line_ahead(&self) -> String {
         match self.rest.lines().next() {
             Some(line) => quoted(line),

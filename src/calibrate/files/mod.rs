@@ -1,22 +1,32 @@
-//! Calibrations in the formats that others write and read, told apart by what is in the file:
+//! Reads and writes calibrations in the formats of other programs. The format is recognised by the
+//! file's content:
 //!
-//! | format | how it is known | written by |
-//! | ------ | --------------- | ---------- |
-//! | `calibration.toml` | none of the others | Phasmid |
+//! | format | recognised by | written by |
+//! | ------ | ------------- | ---------- |
+//! | `calibration.toml` | anything else | Phasmid |
 //! | OpenCV `FileStorage`, XML | begins with `<` | `cv::FileStorage`, SLStudio |
 //! | OpenCV `FileStorage`, YAML | `%YAML`, `---`, or `name:` first | `cv::FileStorage`, others |
 //! | OpenCV `FileStorage`, JSON | begins with `{` | `cv::FileStorage` |
 //! | text with `Kc`, `kc`, `Kp`, `kp`, `Rp`, `Tp` | begins with `%%`, `#V`, or with one of the names, alone or before `=` | SLStudio (`.slcalib`, `.m`) |
 //!
-//! Whatever the names in a foreign file, its numbers mean what OpenCV's `stereoCalibrate` says: camera
-//! matrices with pixel centres at integers, distortion k1 k2 p1 p2 k3, and R, T that take a point of
-//! the camera's frame to the projector's, `X_p = R X_c + T`. SLStudio does so too: its triangulation
-//! projects with `Kc [I | 0]` and `Kp [Rp | Tp]`. Lengths are taken as millimetres.
+//! Under any of the names, the numbers have the meaning of OpenCV's `stereoCalibrate`: camera
+//! matrices with pixel centres at integers, distortion k1 k2 p1 p2 k3, and R, T that transform a
+//! point from the camera's frame to the projector's, `X_p = R X_c + T`. SLStudio uses the same
+//! convention: its triangulation projects with `Kc [I | 0]` and `Kp [Rp | Tp]`. Lengths are in
+//! millimetres.
 //!
-//! The readers of YAML, XML and JSON are of OpenCV's dialects alone, and ours: they are small (nothing in
-//! a calibration nests), `%YAML:1.0`, as OpenCV up to 4 begins, is not YAML to a strict reader, and
-//! general XML brings what a file from anywhere must not: entities, namespaces, tags of any size.
-//! All take time and memory in proportion to the file, whose size is bounded.
+//! The parsers for YAML, XML and JSON support OpenCV's dialects only and are part of this module
+//! instead of a library. They are small, as nothing in a calibration nests. A strict YAML parser
+//! rejects `%YAML:1.0`, which OpenCV up to version 4 writes, and a general XML parser supports
+//! features that are dangerous in untrusted files: entities, namespaces, tags of any size. All
+//! parsers take time and memory in proportion to the file, whose size is limited.
+//!
+//! | File | Contents |
+//! | ---- | -------- |
+//! | `xml`, `yaml`, `json`, `plain` | parsers, one per format |
+//! | `node`, `number` | named matrices and numbers, common to all formats |
+//! | `check` | assembles a rig from named matrices |
+//! | `write` | writes YAML and XML |
 
 mod check;
 mod json;
@@ -37,42 +47,42 @@ use phasmid_core::file;
 use phasmid_geometry::Rig;
 use std::path::Path;
 
-/// Larger than any calibration, also one that holds the points of its pictures.
+/// Maximum file size; ample even for files that also contain the image points.
 const MAX_BYTES: u64 = 8 << 20;
 
-/// Image sizes, columns and rows, for files that do not hold them.
+/// Image sizes (columns, rows), for files that do not contain them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Sizes {
-    /// Of the camera.
+    /// Size of the camera's image.
     pub camera: Option<[u32; 2]>,
-    /// Of the projector.
+    /// Size of the projector's image.
     pub projector: Option<[u32; 2]>,
 }
 
-/// Reads a calibration in any format that this module knows. The rig's frame is the camera's, except
-/// in our own format, which says.
+/// Reads a calibration in any supported format. The rig's frame is the camera's, except in
+/// `calibration.toml`, which contains the frame.
 ///
 /// # Errors
-/// A file that cannot be read, that is none of the formats, lacks a matrix or an image size, or
-/// whose numbers no rig can have; with the line.
+/// Returns an error, with the line if possible, if the file cannot be read, has no supported
+/// format, lacks a matrix or an image size, or describes no valid rig.
 pub fn read_rig(path: &Path) -> Result<Rig> {
     read_rig_sized(path, Sizes::default())
 }
 
-/// [`read_rig`] with image sizes to take where the file holds none.
+/// Reads a calibration like [`read_rig`], with image sizes to use if the file contains none.
 ///
 /// # Errors
-/// As [`read_rig`].
+/// Returns an error in the cases of [`read_rig`].
 pub fn read_rig_sized(path: &Path, sizes: Sizes) -> Result<Rig> {
     let place = path.display().to_string();
     let bytes = file::read(path, MAX_BYTES)?;
     rig_from_bytes(&bytes, &place, sizes)
 }
 
-/// Reads a calibration from a file's bytes; `place` names the file in messages.
+/// Reads a calibration from the bytes of a file; `place` names the file in messages.
 ///
 /// # Errors
-/// As [`read_rig`].
+/// Returns an error in the cases of [`read_rig`].
 pub fn rig_from_bytes(bytes: &[u8], place: &str, sizes: Sizes) -> Result<Rig> {
     let text = std::str::from_utf8(bytes).map_err(|e| {
         Error::input(
@@ -102,7 +112,7 @@ pub fn rig_from_bytes(bytes: &[u8], place: &str, sizes: Sizes) -> Result<Rig> {
     Ok(rig)
 }
 
-/// What a text is.
+/// Format of a text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Toml,

@@ -1,9 +1,9 @@
-//! What the foreign formats have in common: named numbers and matrices, and where they stand.
+//! Data structures common to all foreign formats: named numbers and matrices with their lines.
 
 use super::number::number;
 use phasmid_geometry::file;
 
-/// Something wrong, on a line of the file (0: nowhere in particular).
+/// An error on a line of the file (0 if it concerns no particular line).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Fault {
     pub line: usize,
@@ -25,12 +25,12 @@ impl Fault {
     }
 }
 
-/// Numbers of a node.
+/// Value of a node.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Value {
-    /// One number, or several in a row.
+    /// One number or a list of numbers.
     List(Vec<f64>),
-    /// A matrix row by row; `cols` counts the channels of an element as columns of their own.
+    /// A matrix in row-major order. Each channel of an element counts as a column.
     Matrix {
         rows: usize,
         cols: usize,
@@ -39,7 +39,7 @@ pub(super) enum Value {
 }
 
 impl Value {
-    /// The numbers, row by row.
+    /// The numbers in row-major order.
     pub(super) fn numbers(&self) -> &[f64] {
         match self {
             Self::List(data) | Self::Matrix { data, .. } => data,
@@ -55,16 +55,16 @@ pub(super) struct Node {
     pub value: Value,
 }
 
-/// The nodes of a file that a calibration may be made of. A file may hold anything besides: what
-/// has another name is not kept, nor looked at.
+/// The nodes of a file that are relevant for a calibration. All others are ignored, whatever they
+/// contain.
 #[derive(Debug, Default)]
 pub(super) struct Nodes(Vec<Node>);
 
 impl Nodes {
-    /// Keeps a node if its name is one of [`names::ALL`].
+    /// Stores a node if its name is one of [`names::ALL`].
     ///
     /// # Errors
-    /// A name for the second time, and what `value` finds wrong.
+    /// Returns an error if the name occurs twice or `value` fails.
     pub(super) fn add(
         &mut self,
         name: &str,
@@ -86,10 +86,10 @@ impl Nodes {
         Ok(())
     }
 
-    /// The node of any of these names that say the same; `None` without one.
+    /// Returns the node with any of these synonymous names; `None` if there is none.
     ///
     /// # Errors
-    /// Two that differ.
+    /// Returns an error if two of them have different values.
     pub(super) fn get(&self, names: &[&str]) -> Result<Option<&Node>, Fault> {
         let mut found = self.0.iter().filter(|node| names.contains(&node.name));
         let Some(first) = found.next() else {
@@ -109,7 +109,7 @@ impl Nodes {
     }
 }
 
-/// Names of nodes: ours, SLStudio's, and those of other tools around OpenCV.
+/// Names of nodes: our own, SLStudio's, and those of other tools based on OpenCV.
 pub(super) mod names {
     pub const CAMERA: &[&str] = &["camera_matrix", "Kc", "cam_K", "M1"];
     pub const CAMERA_LENS: &[&str] = &["distortion_coefficients", "kc", "cam_kc", "D1"];
@@ -122,7 +122,7 @@ pub(super) mod names {
     pub const CAMERA_HEIGHT: &[&str] = &["image_height", "frameHeight", "frame_height"];
     pub const PROJECTOR_WIDTH: &[&str] = &["projector_width", "screenResX", "screen_res_x"];
     pub const PROJECTOR_HEIGHT: &[&str] = &["projector_height", "screenResY", "screen_res_y"];
-    /// All of them.
+    /// All names.
     pub const ALL: &[&[&str]] = &[
         CAMERA,
         CAMERA_LENS,
@@ -137,10 +137,10 @@ pub(super) mod names {
     ];
 }
 
-/// A stretch of text and the line that it begins on.
+/// The line on which a piece of text begins, and the text.
 pub(super) type Piece<'a> = (usize, &'a str);
 
-/// The numbers of pieces of text, apart by white space and commas.
+/// Parses numbers separated by white space and commas.
 pub(super) fn numbers(pieces: &[Piece<'_>]) -> Result<Vec<f64>, Fault> {
     let mut found = Vec::new();
     for &(first, text) in pieces {
@@ -156,7 +156,7 @@ pub(super) fn numbers(pieces: &[Piece<'_>]) -> Result<Vec<f64>, Fault> {
     Ok(found)
 }
 
-/// The fields of an `opencv-matrix`, each with its line.
+/// The fields of an `opencv-matrix`, with their lines.
 #[derive(Debug, Default)]
 pub(super) struct Fields<'a> {
     pub rows: Option<Piece<'a>>,
@@ -166,7 +166,7 @@ pub(super) struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    /// The matrix of a node on `line`.
+    /// Builds the matrix of a node on `line`.
     pub(super) fn matrix(&self, line: usize) -> Result<Value, Fault> {
         let count = |field: Option<Piece<'_>>, name| {
             let (line, text) = field
@@ -205,7 +205,7 @@ impl Fields<'_> {
     }
 }
 
-/// Channels of OpenCV's element type: a count (absent: 1) and a letter.
+/// Number of channels of OpenCV's element type: a count (1 if absent) and a letter.
 fn channels(dt: &str) -> Option<usize> {
     let dt = dt.trim().trim_matches('"');
     let digits = dt.trim_end_matches(|c: char| "ucwsifdhIUL".contains(c));
@@ -217,7 +217,7 @@ fn channels(dt: &str) -> Option<usize> {
         .flatten()
 }
 
-/// A word for a message: its beginning, printable.
+/// The beginning of a word, made printable for a message.
 pub(super) fn quoted(word: &str) -> String {
     file::quoted(word.as_bytes())
 }

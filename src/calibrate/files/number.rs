@@ -1,6 +1,7 @@
-//! Numbers as OpenCV writes and reads them.
+//! Number formats of OpenCV.
 
-/// The number that a word is; `.Nan` and `.Inf` are OpenCV's own.
+/// Parses a number, including OpenCV's `.Nan` and `.Inf`. Returns `None` if the word is not a
+/// number.
 pub(super) fn number(word: &str) -> Option<f64> {
     let (sign, rest) = match word.as_bytes().first()? {
         b'-' => (-1.0, &word[1..]),
@@ -19,8 +20,8 @@ pub(super) fn number(word: &str) -> Option<f64> {
         .map(|value| sign * value)
 }
 
-/// A finite number, with the point by which OpenCV knows a real one and as many digits as bring the
-/// same bits back.
+/// Formats a finite number with a decimal point, by which OpenCV recognises a real number, and with
+/// enough digits to read back the same bits.
 pub(super) fn written(value: f64) -> String {
     let text = format!("{value:?}");
     match text.split_once('e') {

@@ -1,13 +1,13 @@
-//! SLStudio's text formats: `.slcalib`, a name on a line and its numbers below it, and `.m`,
-//! `Kc = [1, 0, 2; ...];`. Comments begin with `#` or `%`.
+//! SLStudio's text formats: `.slcalib` (a name on a line, its numbers below) and `.m` (`Kc = [1, 0,
+//! 2; ...];`). Comments begin with `#` or `%`.
 
 use super::node::{Fault, Nodes, Value};
 use super::number::number;
 
-/// The nodes of a text: names, and the numbers after each.
+/// Parses a text into nodes: names, each with the numbers that follow.
 ///
 /// # Errors
-/// A name for the second time.
+/// Returns an error if a name occurs twice.
 pub(super) fn parse(text: &str) -> Result<Nodes, Fault> {
     let mut nodes = Nodes::default();
     let mut open: Option<(&str, usize, Vec<f64>)> = None;

@@ -1,4 +1,4 @@
-//! Files there and back, files of others, and files that are broken.
+//! Tests with round trips, files of other programs, and malformed files.
 
 use super::*;
 use glam::{DVec2, DVec3};
@@ -41,7 +41,7 @@ fn message(text: &str) -> String {
     read(text).unwrap_err().to_string()
 }
 
-/// What SLStudio writes: matrices of f32, five rows of distortion, sizes at the end.
+/// SLStudio's output: f32 matrices, five distortion coefficients as rows, sizes at the end.
 const SLSTUDIO_XML: &str = r#"<?xml version="1.0"?>
 <opencv_storage>
 <Kc type_id="opencv-matrix">
@@ -94,7 +94,7 @@ fn every_format_brings_the_numbers_back() {
         assert_eq!(back.projector.lens, rig.projector.lens);
         let (a, b) = (back.projector.rig_from_view, rig.projector.rig_from_view);
         assert_eq!(a.rotation, b.rotation);
-        // R and T are the inverse of what a rig holds: a rounding there, one back.
+        // The file contains the inverse of the rig's pose, so rounding occurs twice.
         assert!((a.translation_mm - b.translation_mm).length() < 1e-12);
     }
     assert_eq!(read(&rig.to_toml()).unwrap(), rig);
@@ -103,7 +103,7 @@ fn every_format_brings_the_numbers_back() {
 #[test]
 fn r_and_t_take_the_camera_s_points_to_the_projector() {
     let text = to_opencv(&rig(), &Reprojection::default(), Format::Yaml);
-    // Whoever writes t for T: the projector where the camera's origin is in its frame.
+    // This fails if R and T are written in the opposite direction.
     let direct = rig().projector.rig_from_view.inverse();
     let back = read(&text).unwrap();
     let p = DVec3::new(10.0, -20.0, 900.0);
@@ -125,18 +125,18 @@ fn slstudio_s_xml_is_read_with_its_directions() {
         (rig.projector.lens.width_px, rig.projector.lens.height_px),
         (912, 1140)
     );
-    // The projector stands at -Rp^T Tp: to the right, and looks to the left.
+    // The projector's centre is -Rp^T Tp: to the right of the camera, looking left.
     let (s, c) = (0.5, 0.75f64.sqrt());
     let center = DVec3::new(175.0 * c + 0.01 * s, 4.5, 175.0 * s - 0.01 * c);
     let found = rig.projector.center();
     assert!((found - center).length() < 1e-4, "{found} {center}");
-    // Rotations of f32 are made true ones.
+    // f32 rotations are made orthonormal.
     let r = rig.projector.rig_from_view.rotation;
     let off = (r * r.transpose() - glam::DMat3::IDENTITY).to_cols_array();
     assert!(off.iter().all(|x| x.abs() < 1e-14), "{off:?}");
 }
 
-/// The same calibration as SLStudio's two other formats, without sizes and with few digits.
+/// The same calibration in SLStudio's two other formats, without sizes and with few digits.
 const SLCALIB: &str = "#V1.0 SLStudio calibration\n#Calibration time: now\n\n\
     Kc\n850.000000 0.000000 325.000000\n0.000000 862.500000 250.000000\n0.000000 0.000000 1.000000\n\n\
     kc\n-0.250000 0.125000 0.000000 0.000000 0.000000\n\n\
@@ -145,7 +145,7 @@ const SLCALIB: &str = "#V1.0 SLStudio calibration\n#Calibration time: now\n\n\
     Rp\n0.866025 0.000000 0.500000\n0.000000 1.000000 0.000000\n-0.500000 0.000000 0.866025\n\n\
     Tp\n-175.000000 -4.500000 0.010000\n\n\
     cam_error: 0.115285\n\nproj_error: 0.4\n\nstereo_error: 0.35\n\n";
-/// The same as OpenCV 5 writes it as JSON.
+/// The same calibration in OpenCV 5's JSON.
 const JSON: &str = r#"{
     "Kc": {
         "type_id": "opencv-matrix",
@@ -202,7 +202,7 @@ fn slstudio_s_texts_want_the_sizes_from_elsewhere() {
         );
         assert_eq!(read(&with).unwrap(), rig);
     }
-    // SLStudio writes 0 where it does not know.
+    // SLStudio writes 0 for unknown sizes.
     let unknown = SLSTUDIO_XML.replace(">912<", ">0<");
     assert!(message(&unknown).contains("no image size of the projector"));
     assert_eq!(
@@ -217,11 +217,11 @@ fn json_is_read_and_named_where_it_is_broken() {
     let flat = JSON.replace('\n', " ");
     assert_eq!(read(&flat).unwrap(), read(JSON).unwrap());
     for (from, to, needle) in [
-        ("862.5", "six", "c:7: Kc: `six`; allowed: a number"),
+        ("862.5", "six", "c:7: Kc: `six`; expected a number"),
         (
             "\"rows\": 3",
             "\"rows\": 4",
-            "Kc: 9 numbers; allowed: 4 x 3",
+            "Kc: 9 numbers; expected 4 x 3",
         ),
         ("\"dt\": \"f\"", "\"dt\": [ 1 ]", "c:6: Kc: dt: `[ 1 ]`"),
         ("0.125", "[ 1 ]", "c:10: kc: `[`"),
@@ -230,14 +230,14 @@ fn json_is_read_and_named_where_it_is_broken() {
         (
             "\"text",
             "text",
-            "c:11: `text`; allowed: a name in double quotes",
+            "c:11: `text`; expected a name in double quotes",
         ),
         (
             "\"text\": \"a",
             "\"text\": \"a\n",
             "c:11: a string without end",
         ),
-        ("{ \"R\": [", "{ \"R\": (", "c:12: `]`; allowed: `}`"),
+        ("{ \"R\": [", "{ \"R\": (", "c:12: `]`; expected `}`"),
         (
             "\"nested\": {",
             "\"nested\": { {",
@@ -247,7 +247,7 @@ fn json_is_read_and_named_where_it_is_broken() {
         (
             "1140\n}",
             "1140\n} }",
-            "c:24: `}`; allowed: the end of the file",
+            "c:24: `}`; expected the end of the file",
         ),
         ("912", "", "c:23: `, \"screenResY\": 1140`"),
         (
@@ -276,7 +276,7 @@ fn what_else_stands_in_a_file_is_passed_over() {
         names: [ a, b,\n]\n";
     let with = yaml.replacen("---\n", &format!("---\n{rest}"), 1);
     assert_eq!(read(&with).unwrap().camera, rig().camera);
-    // As OpenCV 5 begins, and as ROS does.
+    // The beginnings that OpenCV 5 and ROS write.
     let five = yaml.replace("%YAML:1.0", "%YAML 1.2").replace('\n', "\r\n");
     assert_eq!(read(&five).unwrap().camera, rig().camera);
     let ros = yaml
@@ -294,17 +294,17 @@ fn what_else_stands_in_a_file_is_passed_over() {
 fn what_is_broken_is_named_with_its_line() {
     let yaml = to_opencv(&rig(), &Reprojection::default(), Format::Yaml);
     let xml = to_opencv(&rig(), &Reprojection::default(), Format::Xml);
-    // Without SLStudio's names, which say the same again.
+    // Without SLStudio's names, which repeat the values.
     let ours = yaml.split("Kc:").next().unwrap().to_owned();
     for (text, from, to, needle) in [
         (
             &ours,
             "632.2",
             "six",
-            "c:9: camera_matrix: `six`; allowed: a number",
+            "c:9: camera_matrix: `six`; expected a number",
         ),
         (&ours, "632.2", ".Nan", "c:5: camera_matrix: NaN"),
-        (&ours, "rows: 3", "rows: 4", "9 numbers; allowed: 4 x 3"),
+        (&ours, "rows: 3", "rows: 4", "9 numbers; expected 4 x 3"),
         (&ours, "rows: 3\n", "", "camera_matrix: no rows"),
         (&ours, "dt: d", "dt: z", "dt: `z`"),
         (&ours, " ]", "", "a list without end"),
@@ -318,9 +318,9 @@ fn what_is_broken_is_named_with_its_line() {
             &ours,
             "image_width: 1138",
             "image_width: 1e9",
-            "c:3: image_width: 1000000000; allowed: 1 to",
+            "c:3: image_width: 1000000000; expected 1 to",
         ),
-        (&ours, "\nT: ", "\nt: ", "no T; allowed: T, or Tp"),
+        (&ours, "\nT: ", "\nt: ", "no T; expected T, or Tp"),
         (
             &ours,
             "image_height",
@@ -338,7 +338,7 @@ fn what_is_broken_is_named_with_its_line() {
             &xml,
             "</camera_matrix>",
             "</camera>",
-            "</`camera`>; allowed: </`camera_matrix`>",
+            "</`camera`>; expected </`camera_matrix`>",
         ),
         (&xml, "632.2", "six", "camera_matrix: `six`"),
         (
@@ -351,7 +351,7 @@ fn what_is_broken_is_named_with_its_line() {
             &xml,
             "opencv_storage>",
             "storage>",
-            "<`storage`>; allowed: one <opencv_storage>",
+            "<`storage`>; expected one <opencv_storage>",
         ),
         (
             &xml,
@@ -373,7 +373,7 @@ fn what_is_broken_is_named_with_its_line() {
         ))
     };
     assert!(
-        no("Kp").contains("no projector_matrix; allowed: projector_matrix, or Kp"),
+        no("Kp").contains("no projector_matrix; expected projector_matrix, or Kp"),
         "{}",
         no("Kp")
     );
@@ -392,7 +392,7 @@ fn what_is_broken_is_named_with_its_line() {
     }
     let bytes = rig_from_bytes(&[0x1f, 0x8b, 0xff], "c", Sizes::default());
     assert!(bytes.unwrap_err().to_string().contains("UTF-8"));
-    // A model of more coefficients, a skew, a mirror, a projector in the camera.
+    // More coefficients than supported, a skew, a reflection, a projector at the camera's position.
     for (from, to, needle) in [
         (
             "kc\n-0.250000 0.125000 0.000000 0.000000 0.000000",
@@ -404,7 +404,7 @@ fn what_is_broken_is_named_with_its_line() {
         (
             "0.000000 1.000000 0.000000",
             "0 -1 0",
-            "Rp: a reflection, determinant -1; allowed: orthonormal",
+            "Rp: a reflection, determinant -1; expected orthonormal",
         ),
         (
             "0.000000 1.000000 0.000000",
@@ -467,7 +467,7 @@ fn files_are_known_by_what_is_in_them() {
 }
 
 proptest! {
-    /// Whatever stands in a file, reading it ends, and a rig that comes out is one.
+    /// Reading any text terminates, and a resulting rig is valid.
     #[test]
     fn any_text_is_read_or_refused(
         format in 0usize..5,

@@ -1,4 +1,4 @@
-//! A rig as OpenCV's `FileStorage`, in YAML or XML, with the names of SLStudio beside our own.
+//! Writes a rig as OpenCV's `FileStorage`, in YAML or XML, under our own names and SLStudio's.
 
 use super::number::written;
 use phasmid_core::error::{Error, Result};
@@ -17,23 +17,23 @@ pub enum Format {
     Xml,
 }
 
-/// Reprojection errors as OpenCV's calibrations return them: the root of the mean squared distance,
-/// in pixels. What is not known is not written.
+/// RMS reprojection errors in pixels, as OpenCV's calibration functions return them. Unknown values
+/// are not written.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Reprojection {
-    /// Of the camera.
+    /// Error of the camera.
     pub camera_px: Option<f64>,
-    /// Of the projector.
+    /// Error of the projector.
     pub projector_px: Option<f64>,
-    /// Of both together.
+    /// Error of both together.
     pub both_px: Option<f64>,
 }
 
-/// Writes a rig for `cv::FileStorage`: XML where the name ends in `.xml`, YAML where it ends in
+/// Writes a rig for `cv::FileStorage`: as XML if the name ends in `.xml`, as YAML if it ends in
 /// `.yml` or `.yaml`.
 ///
 /// # Errors
-/// A name that ends otherwise, and what the system refuses.
+/// Returns an error if the name has another extension or the file system fails.
 pub fn write_opencv(path: &Path, rig: &Rig, errors: &Reprojection) -> Result<()> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
     let format = match extension.to_ascii_lowercase().as_str() {
@@ -51,16 +51,16 @@ pub fn write_opencv(path: &Path, rig: &Rig, errors: &Reprojection) -> Result<()>
     new_file::replace(path, |out| out.write_all(text.as_bytes()))
 }
 
-/// A rig as the text of an OpenCV file. R and T take points of the camera's frame, in millimetres,
-/// to the projector's; where the rig's frame stands is not in the format. Numbers are written with
-/// as many digits as bring the same f64 back.
+/// Formats a rig as the text of an OpenCV file. R and T transform points from the camera's frame to
+/// the projector's, in millimetres; the format does not contain the rig's frame. Numbers have
+/// enough digits to read back the same f64.
 pub fn to_opencv(rig: &Rig, errors: &Reprojection, format: Format) -> String {
     let mut out = match format {
         Format::Yaml => "%YAML:1.0\n---\n".to_owned(),
         Format::Xml => "<?xml version=\"1.0\"?>\n<opencv_storage>\n".to_owned(),
     };
     for (name, value) in nodes(rig, errors) {
-        // Writing to a string does not fail.
+        // Writing to a string cannot fail.
         let _ = match format {
             Format::Yaml => yaml(&mut out, name, &value),
             Format::Xml => xml(&mut out, name, &value),
@@ -139,7 +139,7 @@ fn nodes(rig: &Rig, errors: &Reprojection) -> Vec<(&'static str, Item)> {
     nodes
 }
 
-/// The rows of a matrix, each on a line of its own.
+/// Formats the rows of a matrix, each on its own line.
 fn rows(cols: usize, data: &[f64], between: &str, line: &str) -> String {
     let rows = data.chunks(cols.max(1)).map(|row| {
         let row: Vec<String> = row.iter().map(|x| written(*x)).collect();

@@ -1,23 +1,23 @@
-//! OpenCV's dialect of XML: elements in `<opencv_storage>`, of which those with
-//! `type_id="opencv-matrix"` hold `rows`, `cols`, `dt` and `data`, and those without hold numbers.
-//! Anything else is passed over; declarations of document types are refused.
+//! OpenCV's dialect of XML: elements in `<opencv_storage>`. Those with `type_id="opencv-matrix"`
+//! contain `rows`, `cols`, `dt` and `data`; those without contain numbers. Other elements are
+//! ignored; document type declarations are rejected.
 
 use super::node::{Fault, Fields, Nodes, Piece, Value, numbers, quoted};
 
-/// Elements in elements.
+/// Maximum nesting depth of elements.
 const MAX_DEPTH: usize = 64;
 
-/// The nodes of a text.
+/// Parses a text into nodes.
 ///
 /// # Errors
-/// Tags that do not match, or another root than OpenCV's.
+/// Returns an error if tags do not match or the root element is not OpenCV's.
 pub(super) fn parse(text: &str) -> Result<Nodes, Fault> {
     let mut reader = Reader {
         rest: text,
         line: 1,
     };
     let mut nodes = Nodes::default();
-    // The elements that are open, outermost first, and the node being read.
+    // Names of the open elements, outermost first.
     let mut open: Vec<&str> = Vec::new();
     let mut element = Element::default();
     let mut rooted = false;
@@ -95,7 +95,7 @@ fn close(
     Ok(())
 }
 
-/// An element of the storage while it is read.
+/// A child element of the root while it is being read.
 #[derive(Debug, Default)]
 struct Element<'a> {
     line: usize,
@@ -121,7 +121,7 @@ impl<'a> Element<'a> {
             "rows" => self.fields.rows = Some(text),
             "cols" => self.fields.cols = Some(text),
             "dt" => self.fields.dt = Some(text),
-            // A comment may come between two stretches of numbers.
+            // A comment may split the numbers into several pieces.
             "data" => self.fields.data.get_or_insert_default().push(text),
             _ => {}
         }
@@ -158,7 +158,8 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// The next tag or text, and the line that it begins on; comments and `<?...?>` are passed over.
+    /// Returns the next tag or text and the line on which it begins. Comments and `<?...?>` are
+    /// skipped.
     fn next(&mut self) -> Result<Option<(usize, Event<'a>)>, Fault> {
         loop {
             let line = self.line;
@@ -184,7 +185,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Takes text up to and with `end`.
+    /// Consumes text up to and including `end`.
     fn until(&mut self, end: &str, what: &str) -> Result<&'a str, Fault> {
         let at = self.rest.find(end).ok_or_else(|| {
             Fault::new(self.line, format!("{what} without end"), format!("`{end}`"))
@@ -200,7 +201,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// A tag from what stands between its brackets.
+/// Interprets the text between the angle brackets of a tag.
 fn event(inside: &str) -> Event<'_> {
     if let Some(name) = inside.strip_prefix('/') {
         return Event::Close(name.trim());

@@ -1,12 +1,12 @@
-//! OpenCV's dialect of YAML: unindented `name: value`, where a value is a number, a list
-//! `[ 1., 2. ]`, or a matrix, indented under the tag `!!opencv-matrix`. Anything else is passed over.
+//! OpenCV's dialect of YAML: unindented `name: value`, where a value is a number, a list `[ 1., 2.
+//! ]`, or a matrix, indented under the tag `!!opencv-matrix`. Other content is ignored.
 
 use super::node::{Fault, Fields, Nodes, Piece, Value, numbers, quoted};
 
-/// The nodes of a text.
+/// Parses a text into nodes.
 ///
 /// # Errors
-/// A line that begins none and belongs to none.
+/// Returns an error if a line neither begins nor continues a node, or if a value is malformed.
 pub(super) fn parse(text: &str) -> Result<Nodes, Fault> {
     let mut nodes = Nodes::default();
     let mut lines = (1..).zip(text.lines()).peekable();
@@ -34,13 +34,13 @@ pub(super) fn parse(text: &str) -> Result<Nodes, Fault> {
     Ok(nodes)
 }
 
-/// Whether a line goes on with the node before it.
+/// Whether a line continues the previous node.
 fn belongs(line: &str) -> bool {
     line.trim().is_empty()
         || line.starts_with([' ', '\t', '-', ']', '}']) && !line.starts_with("---")
 }
 
-/// The two sides of a line's first colon.
+/// Splits a line at its first colon.
 fn key(line: &str) -> Option<(&str, &str)> {
     let (name, rest) = line.split_once(':')?;
     let name = name.trim().trim_matches(['"', '\'']);
@@ -75,8 +75,8 @@ fn value(head: Piece<'_>, body: &[Piece<'_>]) -> Result<Value, Fault> {
     numbers(&[head]).map(Value::List)
 }
 
-/// A list `[ ... ]` that begins in `head` and may go on over lines of `body`: its pieces, and how
-/// many lines of the body it took.
+/// Reads a list `[ ... ]` that begins in `head` and may continue over lines of `body`. Returns its
+/// pieces and the number of lines of the body it used.
 fn flow<'a>(head: Piece<'a>, body: &[Piece<'a>]) -> Result<(Vec<Piece<'a>>, usize), Fault> {
     let mut pieces = Vec::new();
     let first = (head.0, head.1.strip_prefix('[').unwrap_or(head.1));
@@ -95,7 +95,7 @@ fn flow<'a>(head: Piece<'a>, body: &[Piece<'a>]) -> Result<(Vec<Piece<'a>>, usiz
     ))
 }
 
-/// The fields of a matrix from the lines under its name.
+/// Reads the fields of a matrix from the lines below its name.
 fn fields<'a>(body: &[Piece<'a>]) -> Result<Fields<'a>, Fault> {
     let mut fields = Fields::default();
     let mut at = 0;

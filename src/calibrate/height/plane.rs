@@ -1,15 +1,15 @@
-//! The reference plane, fitted to what has been measured of it.
+//! The reference plane and its robust fit to measured depths.
 
 use glam::{DMat3, DVec3};
 
-/// Fewest pixels that make a plane.
+/// Minimum number of pixels for a fit.
 const FEWEST: usize = 100;
-/// Rounds of leaving out what is off.
+/// Number of fits, each without the outliers of the one before.
 const ROUNDS: usize = 4;
-/// Deviations (by the median of absolute residuals) beyond which a pixel is left out.
+/// Outlier threshold in standard deviations, which are estimated from the median absolute residual.
 const OFF: f64 = 4.0;
 
-/// A plane in the camera's frame.
+/// A plane in the camera's frame: the points p with `normal . p = -distance_mm`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plane {
     /// Unit normal towards the camera.
@@ -19,7 +19,7 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// The plane across the camera's axis at `z_mm`.
+    /// Returns the plane perpendicular to the camera's axis at depth `z_mm`.
     pub fn across(z_mm: f64) -> Self {
         Self {
             normal: DVec3::NEG_Z,
@@ -27,29 +27,30 @@ impl Plane {
         }
     }
 
-    /// The depth z in mm at which a camera's ray (with z = 1) is `height_mm` over the plane.
+    /// Returns the depth z in mm at which a camera ray (with z = 1) is `height_mm` above the plane.
     pub fn depth_mm(&self, ray: DVec3, height_mm: f64) -> f64 {
         (self.distance_mm - height_mm) / -self.normal.dot(ray)
     }
 
-    /// How high a point of the camera's frame is over the plane, in mm.
+    /// Returns the height in mm of a point (in the camera's frame) above the plane.
     pub fn height_mm(&self, p: DVec3) -> f64 {
         self.distance_mm + self.normal.dot(p)
     }
 
-    /// Least squares through depths along rays (with z = 1), each with its standard deviation, in mm;
-    /// what is off is left out. The plane and the root of the mean squared distance of what is left
-    /// from it in mm. `None` where there is too little, less than half, or what spans no plane.
+    /// Fits a plane to depths along rays, by weighted least squares without outliers. Each sample
+    /// is a ray (with z = 1), a depth and its standard deviation, both in mm. Returns the plane and
+    /// the RMS distance of the inliers from it, in mm, or `None` if there are too few samples, if
+    /// less than half are inliers, or if the samples do not span a plane.
     ///
-    /// The inverse depth is linear in the ray, `1/z = a . ray` with `a = -normal / distance`, so one
-    /// solution of normal equations is the fit, weights and all.
+    /// The inverse depth is linear in the ray, `1/z = a . ray` with `a = -normal / distance`, so
+    /// each fit takes a single solution of the normal equations.
     pub fn fit(samples: &[(DVec3, f64, f64)]) -> Option<(Self, f64)> {
         let good = |&&(_, z, s): &&(DVec3, f64, f64)| z > 0.0 && s > 0.0 && (z / s).is_finite();
         let samples: Vec<_> = samples.iter().filter(good).collect();
         let mut bound = f64::INFINITY;
         let mut found: Option<DVec3> = None;
         for _ in 0..ROUNDS {
-            // Residuals of the inverse depth over its own deviation, s / z^2.
+            // Residual of the inverse depth over its standard deviation, s / z^2.
             let residual =
                 |a: DVec3, &&(ray, z, s): &&(DVec3, f64, f64)| (1.0 - z * a.dot(ray)) * z / s;
             let (mut normal_matrix, mut right, mut count) = ([[0.0; 3]; 3], DVec3::ZERO, 0);

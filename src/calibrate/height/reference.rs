@@ -1,4 +1,4 @@
-//! A reference plane as each camera pixel sees it, and the mapping from a coordinate to a depth.
+//! The reference plane as seen by each camera pixel, and the conversion of coordinates to depths.
 
 use super::{Constants, Given, Plane};
 use glam::{DMat2, DVec2, DVec3};
@@ -9,25 +9,26 @@ use phasmid_pattern::Axis;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// A reference whose pixels are off a plane by more than this part of its distance is none.
+/// Maximum RMS distance of a captured reference from its fitted plane, as a fraction of the plane's
+/// distance.
 const WORST_PLANE: f64 = 0.01;
 
-/// How well the formula's assumptions hold on a reference.
+/// Measures of how well the formula's assumptions hold for a reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quality {
-    /// Root of the mean squared distance of the reference from its plane, in mm; 0 where computed.
+    /// RMS distance of the reference from its fitted plane, in mm; 0 for a computed reference.
     pub plane_rms_mm: f64,
-    /// Root of the mean squared difference, in projector pixels, between the coordinate and the
-    /// linear function of the place on the plane nearest to it.
+    /// RMS difference, in projector pixels, between the coordinate and the best linear function of
+    /// the position on the plane.
     pub linear_rms_px: f64,
-    /// How much farther the projector's pupil is from the plane than the camera's, in mm.
+    /// Distance of the projector's pupil from the plane minus that of the camera's, in mm.
     pub farther_mm: f64,
 }
 
-/// Coordinates of one axis to depths by the phase-to-height formula.
+/// Converts coordinates along one axis to depths by the phase-to-height formula.
 #[derive(Debug, Clone)]
 pub struct Mapping {
-    /// The axis whose coordinate is mapped.
+    /// The projector's axis along which coordinates are measured.
     pub axis: Axis,
     /// Period of the fringe in projector pixels.
     pub period_px: f64,
@@ -35,15 +36,15 @@ pub struct Mapping {
     pub constants: Constants,
     /// The reference plane in the camera's frame; its distance is L.
     pub plane: Plane,
-    /// How well the assumptions hold.
+    /// Measures of how well the assumptions hold.
     pub quality: Quality,
     rays: Vec<DVec3>,
-    /// Coordinate on the plane and its standard deviation per pixel, NaN where there is none.
+    /// Per camera pixel, the coordinate on the plane and its standard deviation; NaN if unknown.
     reference: Vec<[f64; 2]>,
 }
 
-/// The distance in mm along the camera's axis at which the middles of the two images meet: where the
-/// rays through them come nearest. `None` where they do not in front of both.
+/// Returns the depth, in mm in the camera's frame, at which the rays through the centres of the two
+/// images are closest. Returns `None` if that point is not in front of both.
 pub fn meeting_mm(rig: &Rig) -> Option<f64> {
     let middle = |lens: &phasmid_geometry::Lens| {
         (DVec2::new(f64::from(lens.width_px), f64::from(lens.height_px)) - 1.0) * 0.5
@@ -52,7 +53,7 @@ pub fn meeting_mm(rig: &Rig) -> Option<f64> {
     let camera_from_rig = rig.camera.rig_from_view.inverse();
     let b = camera_from_rig.direction(rig.projector.ray(middle(&rig.projector.lens)));
     let between = camera_from_rig.point(rig.projector.center());
-    // s a and between + t b are nearest where their difference is across both.
+    // s a and between + t b are closest where their difference is perpendicular to both rays.
     let across = a.cross(b);
     let s = between.cross(b).dot(across) / across.length_squared();
     let t = between.cross(a).dot(across) / across.length_squared();
@@ -60,11 +61,12 @@ pub fn meeting_mm(rig: &Rig) -> Option<f64> {
 }
 
 impl Mapping {
-    /// The mapping against a plane across the camera's axis at `z_mm`, computed from the rig.
+    /// Computes the reference from the rig, for a plane perpendicular to the camera's axis at
+    /// `z_mm`.
     ///
     /// # Errors
-    /// A plane that camera and projector do not share, or one on which the coordinate does not
-    /// change along the baseline.
+    /// Returns an error if camera and projector share no part of the plane, or if the coordinate
+    /// does not change along the baseline.
     pub fn of_plane(rig: &Rig, axis: Axis, period_px: f64, z_mm: f64) -> Result<Self> {
         let plane = Plane::across(z_mm);
         let rays = rays(rig);
@@ -85,13 +87,13 @@ impl Mapping {
         Self::new(rig, axis, period_px, (plane, 0.0), rays, reference, lit)
     }
 
-    /// The mapping against a plane that was captured: its coordinates along `axis` and their standard
-    /// deviations in projector pixels, and its depths and theirs in mm, each height x width row by
-    /// row, NaN where there is none.
+    /// Takes the reference from a captured plane: its coordinates along `axis` and their standard
+    /// deviations (projector pixels), and its depths and their standard deviations (mm). Each map
+    /// is height x width in row-major order; missing values are NaN.
     ///
     /// # Errors
-    /// Maps of another size than the rig's camera has, what is no plane, or one on which the
-    /// coordinate does not change along the baseline.
+    /// Returns an error if the maps do not have the size of the camera's image, if the points are
+    /// not planar, or if the coordinate does not change along the baseline.
     pub fn of_capture(
         rig: &Rig,
         axis: Axis,
@@ -169,7 +171,7 @@ impl Mapping {
             baseline_mm: projector.dot(slope) / slope.length(),
             fringes_per_mm: slope.length() / period_px,
         };
-        // Of the baseline, next to nothing along the way in which the coordinate changes.
+        // The baseline must have a component along the direction in which the coordinate changes.
         if !(constants.baseline_mm.abs() > 1e-3 * projector.length()) {
             return Err(Error::input(
                 format!("sequence, axis {axis}"),
@@ -192,8 +194,7 @@ impl Mapping {
         })
     }
 
-    /// The mapping with constants that somebody has measured in place of its own. The plane moves
-    /// along its normal to the distance that is given.
+    /// Replaces constants by measured ones. The plane moves along its normal to the given distance.
     #[must_use]
     pub fn with(mut self, given: &Given) -> Self {
         self.constants = self.constants.with(given);
@@ -201,15 +202,16 @@ impl Mapping {
         self
     }
 
-    /// How far, in radians, the phase at camera pixel `i` has moved from the plane's where the
-    /// coordinate is `px`, positive towards the camera with a positive baseline.
+    /// Returns the phase shift in radians of camera pixel `i` relative to the plane, for coordinate
+    /// `px`. It is positive for surfaces nearer to the camera if the baseline is positive.
     pub fn dphi(&self, i: usize, px: f64) -> f64 {
         -TAU * (px - self.reference[i][0]) / self.period_px
     }
 
-    /// Depth z in the camera's frame and its standard deviation, both in mm, at camera pixel `i` with
-    /// coordinate `px` of standard deviation `sigma` in projector pixels. `None` where the plane has
-    /// no reference, behind the camera, or where noise leaves nothing of it.
+    /// Computes the depth z in the camera's frame and its standard deviation, both in mm, at camera
+    /// pixel `i` for coordinate `px` with standard deviation `sigma` (projector pixels). Returns
+    /// `None` if the pixel has no reference, if the depth is not positive, or if its relative
+    /// standard deviation exceeds `WORST_RELATIVE_SIGMA`.
     pub fn depth_mm(&self, i: usize, px: f64, sigma: f64) -> Option<(f64, f64)> {
         let dphi = self.dphi(i, px);
         let ray = self.rays[i];
@@ -221,9 +223,10 @@ impl Mapping {
         (z > 0.0 && s <= WORST_RELATIVE_SIGMA * z && z.is_finite()).then_some((z, s))
     }
 
-    /// Depths and their standard deviations in mm from coordinates and theirs in projector pixels,
-    /// each height x width row by row: NaN where there is none. Maps of another length are left as
-    /// they are past the end of the shortest.
+    /// Computes depths and their standard deviations in mm from coordinates and their standard
+    /// deviations in projector pixels. Each map is height x width in row-major order; missing
+    /// values are NaN. If lengths differ, elements past the end of the shortest map are left
+    /// unchanged.
     pub fn depths(&self, [px, sigma]: [&[f32]; 2], depth: &mut [f32], depth_sigma: &mut [f32]) {
         let n = self.rays.len().min(px.len()).min(sigma.len());
         depth
@@ -239,7 +242,7 @@ impl Mapping {
     }
 }
 
-/// The camera's rays, row by row, with z = 1 in its frame.
+/// Rays of all camera pixels in row-major order, with z = 1 in the camera's frame.
 fn rays(rig: &Rig) -> Vec<DVec3> {
     let lens = &rig.camera.lens;
     let width = lens.width_px;
@@ -249,8 +252,8 @@ fn rays(rig: &Rig) -> Vec<DVec3> {
     pixels.collect()
 }
 
-/// The slope on the plane of the linear function nearest to coordinates at points, in projector
-/// pixels per mm, and the root of the mean squared difference.
+/// Fits a linear function of the position on the plane to coordinates. Returns its gradient, in
+/// projector pixels per mm, and the RMS difference.
 fn slope(plane: &Plane, points: &[(DVec3, f64)]) -> Option<(DVec3, f64)> {
     let (e1, e2) = plane.normal.any_orthonormal_pair();
     let n = points.len() as f64;

@@ -1,5 +1,5 @@
-//! Closed forms: `pmp-bench`, where the formula is exact, on either side of the camera; and the error
-//! that the module says where it is not.
+//! Tests against closed forms: `pmp-bench`, where the formula is exact, with the projector on any
+//! side; and the error that the module documents for other rigs.
 
 use super::*;
 use crate::{Measured, Triangulator};
@@ -9,8 +9,8 @@ use phasmid_pattern::Axis;
 
 const PERIOD: f64 = 16.0;
 
-/// The bench with the projector's pupil at `place` and its image centred on the camera's axis at
-/// 1000 mm; `turned` by 180 degrees about its axis or not.
+/// The bench rig with the projector's pupil at `place` and its image centred on the camera's axis
+/// at 1000 mm; optionally `turned` by 180 degrees about its axis.
 fn rig(place: DVec3, turned: bool) -> Rig {
     let lens = |width_px, height_px, f, principal_px| Lens {
         width_px,
@@ -28,7 +28,7 @@ fn rig(place: DVec3, turned: bool) -> Rig {
     );
     Rig {
         camera: View {
-            // Fewer pixels, the same field.
+            // Fewer pixels with the same field of view.
             lens: lens(114, 49, 63.2, DVec2::new(56.5, 24.0)),
             rig_from_view: Pose::IDENTITY,
         },
@@ -40,7 +40,8 @@ fn rig(place: DVec3, turned: bool) -> Rig {
     }
 }
 
-/// Worst error of the depth over points at heights over the plane where camera and projector see.
+/// Maximum depth error and number of points tested, over points at the given heights that camera
+/// and projector both see.
 fn worst(rig: &Rig, mapping: &Mapping, heights: &[f64]) -> (f64, usize) {
     let width = rig.camera.lens.width_px;
     let (mut worst, mut count) = (0.0f64, 0);
@@ -117,7 +118,7 @@ fn the_phase_moves_as_the_paper_says() {
     let wanted = std::f64::consts::TAU * 0.17196 * 400.0 * 80.0 / 920.0;
     assert!((dphi - wanted).abs() < 1e-9, "{dphi} {wanted}");
     assert!((mapping.constants.height_mm(dphi) - 80.0).abs() < 1e-9);
-    // The period is of no account.
+    // The result does not depend on the period.
     let other = Mapping::of_plane(&rig, Axis::X, 100.0, 1000.0).unwrap();
     let (a, b) = (
         mapping.depth_mm(2340, px.x, 0.02),
@@ -154,7 +155,8 @@ fn sigma_is_that_of_triangulation_where_both_are_exact() {
     }
 }
 
-/// Coordinates and depths of a plane through (0, 0, z), with a normal along `tilt`, as f32 maps.
+/// Coordinates and depths, with standard deviations, of a plane through (0, 0, z) with normal
+/// `tilt`, as f32 maps.
 fn capture(rig: &Rig, axis: Axis, z: f64, tilt: DVec3) -> [Vec<f32>; 4] {
     let mut maps = [const { Vec::new() }; 4];
     for i in 0..114 * 49 {
@@ -181,7 +183,7 @@ fn a_captured_plane_gives_the_constants_of_the_computed_one() {
     let rig = rig(DVec3::new(400.0, 0.0, 0.0), false);
     let [x, s, z, zs] = capture(&rig, Axis::X, 1000.0, DVec3::Z);
     let mut broken = z.clone();
-    // A thing before the plane, which is not of it.
+    // An object in front of the plane.
     broken[2300..2340].fill(900.0);
     for z in [&z, &broken] {
         let mapping = Mapping::of_capture(&rig, Axis::X, PERIOD, [&x, &s], [z, &zs]);
@@ -192,7 +194,7 @@ fn a_captured_plane_gives_the_constants_of_the_computed_one() {
         assert!((c.fringes_per_mm - 0.17196).abs() < 1e-6, "{c:?}");
         let (worst, count) = worst(&rig, &mapping, &HEIGHTS);
         assert!(worst < 0.01 && count > 1000, "{worst} of {count}");
-        // Two noises: the object's and the plane's.
+        // The noise of the object and of the reference add up.
         let i = (0..x.len()).find(|i| x[*i] > 900.0).unwrap();
         let (_, two) = mapping.depth_mm(i, f64::from(x[i]), 0.02).unwrap();
         let (_, one) = mapping.depth_mm(i, f64::from(x[i]), 0.0).unwrap();
@@ -209,7 +211,7 @@ fn where_the_assumptions_fail_the_error_is_what_the_module_says() {
     let (error, _) = worst(&nearer, &mapping, &[80.0]);
     // 80 mm times e (1 + x / D) at x up to 350 mm.
     assert!((2.0..7.0).contains(&error), "{error}");
-    // Turned by 10 degrees: up to 2 a x / L, here of 80 mm.
+    // Rotated by 10 degrees: a relative error of up to 2 a x / L, here of 80 mm.
     let mut turned = rig(DVec3::new(400.0, 0.0, 0.0), false);
     turned.projector.rig_from_view.rotation = glam::DMat3::from_rotation_y(-0.17);
     turned.projector.lens.principal_px.x = 959.5 + 600.0;
@@ -220,7 +222,7 @@ fn where_the_assumptions_fail_the_error_is_what_the_module_says() {
         (1.0..20.0).contains(&error) && count > 100,
         "{error} of {count}"
     );
-    // On the plane itself there is none, whatever the rig.
+    // On the plane itself the error is zero for any rig.
     let (error, _) = worst(&turned, &mapping, &[0.0]);
     assert!(error < 1e-9, "{error}");
 }
@@ -237,7 +239,7 @@ fn given_constants_take_the_place_of_the_calibration_s() {
     let other = mapping.clone().with(&given);
     assert_eq!(other.constants.baseline_mm, -396.0);
     assert_eq!(other.plane.distance_mm, 990.0);
-    // Height is homogeneous in L and D: a part of 1 % less of each.
+    // Replace L and D by values that are 1 % smaller.
     let px = rig
         .projector
         .project(rig.camera.lens.ray(DVec2::new(56.0, 24.0)) * 920.0)
@@ -288,7 +290,7 @@ fn what_is_no_reference_is_refused() {
     assert!(found.contains("another size"), "{found}");
     let mapping = Mapping::of_plane(&rig, Axis::X, PERIOD, 1000.0).unwrap();
     assert_eq!(mapping.depth_mm(0, f64::NAN, 0.1), None);
-    // A tilted plane does as well, as long as it is one.
+    // A tilted plane is a valid reference.
     let [x, s, z, zs] = capture(&rig, Axis::X, 1000.0, DVec3::new(0.2, 0.1, 1.0).normalize());
     let mapping = Mapping::of_capture(&rig, Axis::X, PERIOD, [&x, &s], [&z, &zs]).unwrap();
     assert!((mapping.plane.normal + DVec3::new(0.2, 0.1, 1.0).normalize()).length() < 1e-4);

@@ -1,11 +1,11 @@
-//! Numbers that fill a cube evenly, however many are taken.
+//! Low-discrepancy sequence from which board poses are drawn.
 
-/// Numbers of a pose: column and row aimed at, direction and size of the tilt, distance, roll.
+/// Numbers per pose: column and row aimed at, direction and size of the tilt, distance, roll.
 pub(super) const NUMBERS: usize = 6;
 
-/// Pose `index` of a sequence: each number in [0, 1). It is the additive recurrence whose steps are
-/// the powers of the inverse of phi, the root of x^7 = x + 1 (Roberts, "The unreasonable
-/// effectiveness of quasirandom sequences", 2018), started at a place that the seed decides.
+/// Returns pose `index` of a sequence, each number in [0, 1). This is the additive recurrence whose
+/// steps are the powers of 1 / phi, where phi is the root of x^7 = x + 1 (Roberts, "The
+/// unreasonable effectiveness of quasirandom sequences", 2018). The seed determines its start.
 pub(super) fn numbers(seed: u64, index: usize) -> [f64; NUMBERS] {
     let mut phi = 1.5_f64;
     for _ in 0..50 {
@@ -17,8 +17,8 @@ pub(super) fn numbers(seed: u64, index: usize) -> [f64; NUMBERS] {
     })
 }
 
-/// A number in [0, 1) of a seed: SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom
-/// number generators", OOPSLA 2014).
+/// Pseudorandom number in [0, 1) from a seed: SplitMix64 (Steele, Lea, Flood, "Fast splittable
+/// pseudorandom number generators", OOPSLA 2014).
 fn shift(seed: u64, number: u64) -> f64 {
     let step = 0x9e37_79b9_7f4a_7c15_u64;
     let mut z = seed
@@ -27,7 +27,7 @@ fn shift(seed: u64, number: u64) -> f64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^= z >> 31;
-    // 53 bits, as many as fit.
+    // Keep 53 bits, the precision of f64.
     (z >> 11) as f64 / (1u64 << 53) as f64
 }
 

@@ -1,19 +1,21 @@
-//! Whether a board in a pose can be used: what camera and projector see of it.
+//! Checks whether a board in a given pose is visible to the camera and illuminated by the
+//! projector.
 
 use super::Wanted;
 use glam::{DMat2, DVec2, DVec3};
 use phasmid_geometry::{Board, MARKERS, Pose, Rig, View};
 
-/// Share of a dot board's dots that have to be in the image, and in the projector's light.
+/// Minimum fraction of a dot board's dots that must be in the camera's and in the projector's
+/// image.
 const LEAST_SHARE: f64 = 0.6;
-/// Pixels between what has to be seen and the image's border.
+/// Minimum distance in pixels from the image's border.
 const MARGIN_PX: f64 = 2.0;
-/// Angle between ray and normal from which a board is too oblique, in degrees.
+/// Maximum angle between line of sight and board normal, in degrees.
 const MOST_OBLIQUE_DEG: f64 = 70.0;
-/// Least side of a square in pixels.
+/// Minimum side of a chessboard square in pixels.
 const LEAST_SQUARE_PX: f64 = 8.0;
 
-/// What is wrong with a pose: what was found, and what is allowed.
+/// Why a pose is unsuitable: what was found, and what is allowed.
 pub(super) struct Flaw {
     pub(super) found: String,
     pub(super) allowed: String,
@@ -26,7 +28,7 @@ fn flaw<T>(found: String, allowed: impl Into<String>) -> Result<T, Flaw> {
     })
 }
 
-/// A board in a pose before a rig.
+/// A board in a pose relative to a rig.
 pub(super) struct Fit<'a> {
     pub(super) board: &'a Board,
     pub(super) rig: &'a Rig,
@@ -41,7 +43,7 @@ impl Fit<'_> {
         ] {
             self.check_turned(name, view)?;
         }
-        // First what takes the fewest points.
+        // Size comes before visibility because it needs fewer points.
         self.check_size(wanted)?;
         self.check_whole()
     }
@@ -63,7 +65,7 @@ impl Fit<'_> {
         )
     }
 
-    /// Whether a disc about a point of the board is in a view's image.
+    /// Whether a disc about a point of the board is inside a view's image.
     fn is_inside(&self, view: &View, at: DVec2, radius_mm: f64) -> bool {
         let size = DVec2::new(view.lens.width_px.into(), view.lens.height_px.into());
         let most = size - 1.0 - MARGIN_PX;
@@ -74,8 +76,8 @@ impl Fit<'_> {
         })
     }
 
-    /// Of dots the markers and most of the others, of a chessboard everything has to be in both
-    /// fields.
+    /// Checks that the board is in both images: a chessboard as a whole; of a dot board all markers
+    /// and at least `LEAST_SHARE` of the dots.
     fn check_whole(&self) -> Result<(), Flaw> {
         let views = [
             ("the camera's image", &self.rig.camera),
@@ -121,14 +123,15 @@ impl Fit<'_> {
         Ok(())
     }
 
-    /// How many pixels a millimetre of the board is where it is shortest.
+    /// Smallest scale of the camera's image at a point of the board, over all directions, in pixels
+    /// per mm.
     fn least_scale(&self, at: DVec2) -> Option<f64> {
         let step = 1e-3 * self.board.pitch_mm();
         let px = |offset: DVec2| self.rig.camera.project(self.point(at + offset));
         let across = (px(DVec2::X * step)? - px(DVec2::NEG_X * step)?) / (2.0 * step);
         let down = (px(DVec2::Y * step)? - px(DVec2::NEG_Y * step)?) / (2.0 * step);
         let m = DMat2::from_cols(across, down);
-        // The smaller singular value of a 2 x 2 matrix, by trace and determinant of its square.
+        // Smaller singular value of a 2 x 2 matrix, from its squared norm and its determinant.
         let (sum, product) = (
             across.length_squared() + down.length_squared(),
             m.determinant(),
@@ -137,7 +140,7 @@ impl Fit<'_> {
         Some(((sum - root) / 2.0).max(0.0).sqrt())
     }
 
-    /// Whether the camera can tell the dots, or the squares.
+    /// Checks that dots or squares are large enough in the camera's image.
     fn check_size(&self, wanted: &Wanted) -> Result<(), Flaw> {
         let [columns, rows] = self.board.grid();
         let middle_and_ends = |of: u32| [0, of / 2, of - 1];

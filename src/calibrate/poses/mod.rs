@@ -1,11 +1,15 @@
-//! Where to show a board to a scanner so that a calibration learns the most: tilted in all
-//! directions, near and far, all over the image, and turned.
+//! Plans poses of a calibration board that make a calibration well determined: tilted in all
+//! directions, near and far, all over the image, and rotated in the plane.
 //!
-//! Zhang (IEEE PAMI 22, 2000, section 5) finds that tilts about 45 degrees determine focal lengths
-//! best and that parallel boards determine nothing; corners of boards give way sooner, so tilts are
-//! drawn between 15 and 45. Positions are aimed all over the image and then moved towards the middle
-//! of what camera and projector share, until the board can be seen and lit. Where that is nowhere,
-//! as dots far away and tilted are too small, the tilt gives way.
+//! Zhang (IEEE PAMI 22, 2000, section 5) finds that tilts of about 45 degrees determine focal
+//! lengths best and that parallel boards add nothing. At larger tilts foreshortening makes corners
+//! less precise, so tilts are drawn between 15 and 45 degrees. Positions are drawn over the whole
+//! image and then moved towards the middle of the field that camera and projector share until the
+//! board is visible and illuminated. If no position works, for example because distant tilted dots
+//! are too small, the tilt is reduced.
+//!
+//! - `draw`: the sequence of numbers that poses are drawn from
+//! - `fit`: whether a board is visible and illuminated in a pose
 
 mod draw;
 mod fit;
@@ -17,35 +21,36 @@ use phasmid_geometry::{Board, Pose, Rig};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Steps from where a board is aimed at to the middle.
+/// Number of steps from the drawn position to the middle of the shared field.
 const STEPS: u32 = 20;
-/// How far what was drawn is given up, a half after the other, where it does not fit.
+/// Fractions by which drawn depth and roll are reduced towards the given distance and no roll,
+/// tried in turn until the board fits.
 const EASE: [f64; 3] = [0.0, 0.5, 1.0];
-/// How far a tilt is given up towards the least one, where nothing else helps.
+/// Fractions by which the tilt is reduced towards the minimum, if nothing else helps.
 const LEVEL: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
-/// Columns and rows of pixels that are looked at for the field that camera and projector share.
+/// Columns and rows of the pixel grid that samples the field shared by camera and projector.
 const GRID: u32 = 33;
-/// Most poses of one calibration.
+/// Maximum number of poses of one calibration.
 pub const MOST_POSES: usize = 500;
 
-/// Which poses are wanted.
+/// Parameters of the poses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wanted {
-    /// Decides which they are: the same ones for the same seed.
+    /// Seed; equal seeds give equal poses.
     pub seed: u64,
-    /// How many.
+    /// Number of poses.
     pub count: usize,
-    /// Depth of a board's middle in the camera's frame in millimetres; when absent, where the middles
-    /// of the camera's and the projector's fields meet.
+    /// Depth of the board's middle in the camera's frame in millimetres. If absent, the depth at
+    /// which the centres of the camera's and the projector's fields meet.
     pub distance_mm: Option<f64>,
-    /// Least and greatest tilt against the image plane in degrees; a pose has the tilt that was
-    /// drawn for it, or less where the board cannot be seen so.
+    /// Minimum and maximum tilt against the image plane in degrees. The tilt of a pose is reduced
+    /// if the board would not be visible.
     pub tilt_deg: [f64; 2],
-    /// Least and greatest depth relative to the distance.
+    /// Minimum and maximum depth relative to the distance.
     pub reach: [f64; 2],
-    /// Greatest turn about a board's normal in degrees, to either side.
+    /// Maximum rotation about the board's normal in degrees, to either side.
     pub roll_deg: f64,
-    /// Least minor axis of a dot's image in pixels.
+    /// Minimum length of the minor axis of a dot's image in pixels.
     pub least_dot_px: f64,
 }
 
@@ -63,11 +68,12 @@ impl Default for Wanted {
     }
 }
 
-/// Poses of a board before a rig, as `rig_from_board`: of dots, all markers and three of five dots
-/// are in the image and in the projector's light; of a chessboard all of it is.
+/// Computes poses of a board (`rig_from_board`). A chessboard is completely visible to the camera
+/// and illuminated by the projector; of a dot board all markers and at least 60 % of the dots are.
 ///
 /// # Errors
-/// A rig and a distance at which the board cannot be shown, with the numbers that tell why.
+/// Returns an error, with numbers, if a parameter is out of range or the board cannot be shown to
+/// this rig at this distance.
 pub fn poses(board: &Board, rig: &Rig, wanted: &Wanted) -> Result<Vec<Pose>> {
     check(wanted)?;
     let distance = match wanted.distance_mm {
@@ -121,22 +127,22 @@ fn pose(board: &Board, rig: &Rig, wanted: &Wanted, distance: f64, index: usize) 
     Err(name(last.unwrap_or_else(|| no_field(distance)), index))
 }
 
-/// Where a pose is aimed at, before it gives way.
+/// The drawn pose, before any adjustment.
 #[derive(Debug, Clone, Copy)]
 struct Drawn {
-    /// Place in the image, in widths and heights of it.
+    /// Position in the image, as fractions of its width and height.
     share: DVec2,
-    /// Direction of the tilt in turns.
+    /// Direction of the tilt, in full turns.
     around: f64,
     /// Tilt in radians.
     tilt: f64,
-    /// Turn about the board's normal in radians.
+    /// Rotation about the board's normal in radians.
     roll: f64,
-    /// Depth over the distance.
+    /// Depth relative to the distance.
     reach: f64,
 }
 
-/// A pose with this tilt that fits, as near to where it is aimed at as can be.
+/// Finds a suitable pose with this tilt, as close to the drawn one as possible.
 fn placed(
     board: &Board,
     rig: &Rig,
@@ -155,15 +161,16 @@ fn placed(
     let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
     let aim = share * size - 0.5;
     let mut last = None;
-    // A board that is nearly too large or too small is shown at the distance itself.
+    // If the board is slightly too large or too small at the drawn depth, approach the given
+    // distance.
     for ease in EASE {
         let depth = distance * (reach + (1.0 - reach) * ease);
         let Some(middle) = shared_middle(rig, depth) else {
             last = Some(no_field(depth));
             continue;
         };
-        // Towards the direction that was drawn or else, rather than to come near the middle, away
-        // from it.
+        // Try the drawn tilt direction first, then the opposite one, before moving into the inner
+        // half of the way to the middle.
         let (outer, inner) = (STEPS / 2..STEPS + 1, 0..STEPS / 2);
         let turns = |steps: Range<u32>| [(0.0, steps.clone()), (0.5, steps)];
         for (turn, steps) in turns(outer).into_iter().chain(turns(inner)) {
@@ -203,7 +210,7 @@ fn no_field(depth: f64) -> Flaw {
     }
 }
 
-/// The mean of the camera's pixels that see what the projector lights at a depth.
+/// Mean of the camera pixels that see points illuminated by the projector at a depth.
 fn shared_middle(rig: &Rig, depth: f64) -> Option<DVec2> {
     let lens = &rig.camera.lens;
     let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
@@ -223,14 +230,14 @@ fn shared_middle(rig: &Rig, depth: f64) -> Option<DVec2> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-/// Depth at which the rays through the middles of both images are closest; none where they part.
+/// Depth at which the rays through the centres of both images are closest; `None` if they diverge.
 fn meeting_mm(rig: &Rig) -> Option<f64> {
     let [seen, lit] = [&rig.camera, &rig.projector].map(|view| {
         let lens = &view.lens;
         let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
         view.ray((size - 1.0) / 2.0)
     });
-    // Least squares of center + s ray over both rays.
+    // Least squares for the closest points of the two rays, center + s ray.
     let between = rig.projector.center() - rig.camera.center();
     let (aa, bb, ab) = (seen.dot(seen), lit.dot(lit), seen.dot(lit));
     let determinant = aa * bb - ab * ab;
@@ -238,7 +245,7 @@ fn meeting_mm(rig: &Rig) -> Option<f64> {
     (determinant > 1e-9 * aa * bb && s.is_finite() && (1.0..=1e6).contains(&s)).then_some(s)
 }
 
-/// Depth at which a board that faces the camera fills half of the image.
+/// Depth at which a board facing the camera fills half of the image.
 fn filling_mm(board: &Board, rig: &Rig) -> f64 {
     let [columns, rows] = board.grid().map(f64::from);
     let lens = &rig.camera.lens;

@@ -1,4 +1,4 @@
-//! Poses of boards before the built-in devices.
+//! Poses of boards for the built-in devices.
 
 use super::*;
 use phasmid_geometry::nominal;
@@ -7,10 +7,10 @@ fn rig(name: &str) -> (Rig, f64) {
     (nominal::rig(name), nominal::board_scale(name))
 }
 
-/// How far from the camera a device's fields are to meet.
+/// Distance from the camera at which a device's fields are designed to meet.
 fn aimed_mm(name: &str) -> f64 {
     match name {
-        // A pod looks at the isocentre from the ceiling.
+        // A pod on the ceiling, aimed at the isocentre.
         "sgrt-pod" => 2400.0,
         _ => 1000.0,
     }
@@ -37,13 +37,13 @@ fn boards_are_shown_to_every_device_all_over_its_field() {
                 poses.iter().all(|p| (0.849..1.151).contains(&depth(p))),
                 "{name}"
             );
-            // Tilted to all four sides.
+            // Boards are tilted to all four sides.
             let normals: Vec<_> = poses.iter().map(|p| p.direction(DVec3::Z)).collect();
             for side in [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y] {
                 let many = normals.iter().filter(|n| n.dot(side) > 0.1).count();
                 assert!(many >= 4, "{name}: {many} tilted to {side}");
             }
-            // Dots of some pose are lit from most cells of the projector's image.
+            // Dots cover most cells of the projector's image.
             let lens = &rig.projector.lens;
             let mut cells = [false; 48];
             for pose in &poses {
@@ -82,7 +82,7 @@ fn a_seed_decides_and_chessboards_are_whole() {
     }
     let other = Wanted { seed: 4, ..wanted };
     assert_ne!(first, poses(&board, &rig, &other).unwrap());
-    // Each pose is the same however many there are.
+    // A pose does not depend on the number of poses.
     let more = Wanted {
         count: 40,
         ..wanted
@@ -101,7 +101,7 @@ fn where_dots_would_be_too_small_a_tilt_gives_way() {
             let poses = poses(&board, &rig, &wanted).unwrap();
             poses.iter().map(tilt).collect()
         };
-        // One of its poses was too small with the tilt that was drawn.
+        // With this seed, dots are too small in one pose at its drawn tilt.
         let wanted = Wanted {
             seed: 24,
             ..Wanted::default()
@@ -174,7 +174,7 @@ fn what_cannot_be_shown_is_told_with_numbers() {
         },
     ] {
         let words = told(Board::DOTS.scaled(4.0), wanted);
-        assert!(words.contains("allowed"), "{words}");
+        assert!(words.contains("; expected "), "{words}");
     }
 }
 
@@ -186,7 +186,7 @@ fn the_middles_of_the_fields_meet_where_they_were_aimed() {
         let off = meeting / aimed_mm(name) - 1.0;
         assert!(off.abs() < 0.02, "{name}: {meeting}");
     }
-    // Side by side and parallel they never meet.
+    // Parallel axes side by side never meet.
     let (mut rig, _) = rig("pmp-bench");
     rig.projector.lens = rig.camera.lens;
     assert_eq!(meeting_mm(&rig), None);

@@ -1,35 +1,35 @@
-//! What a report says that a calibration itself does not know.
+//! Information for the report that is not part of the calibration.
 
-/// Where a calibration comes from.
+/// Origin of a calibration.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct About {
     /// The command and its version: `phasmid calibrate 0.1.0`.
     pub made_by: String,
-    /// What else heads the report, name and value: device, sequence, seed, distance to a known
-    /// truth.
+    /// Other entries of the report's head, as name and value: device, sequence, seed, distance to a
+    /// known truth.
     pub remarks: Vec<(String, String)>,
-    /// Name of a pose, and the file in the report's folder that shows what was found in it; poses
-    /// without a board too.
+    /// Name of each pose, including those without a board, and the image file in the report's
+    /// folder that shows the detected board.
     pub pictures: Vec<(String, String)>,
 }
 
 impl About {
-    /// The picture of a pose.
+    /// Returns the image file of a pose.
     pub(super) fn picture(&self, pose: &str) -> Option<&str> {
         let found = self.pictures.iter().find(|(name, _)| name == pose);
         found.map(|(_, file)| file.as_str())
     }
 }
 
-/// Letters of a pose's name that its picture's keeps.
+/// Maximum number of characters of a pose's name that are kept in its file name.
 const KEPT: usize = 100;
 
-/// Names of files for the pictures of poses, one for each name in order: `found_NAME.png` in letters
-/// that need no quoting anywhere, and all different, in small letters too.
+/// Returns file names for the images of poses, one for each name in order: `found_NAME.png`. They
+/// consist of characters that need no quoting and are unique even if case is ignored.
 pub fn picture_names<S: AsRef<str>>(poses: &[S]) -> Vec<String> {
     let plain: Vec<String> = poses.iter().map(|name| plain(name.as_ref())).collect();
     let mut taken = std::collections::BTreeSet::new();
-    // A name that is plain by itself goes before one that becomes so.
+    // Names that need no change have priority over names that are changed.
     let mut names: Vec<Option<String>> = poses
         .iter()
         .zip(&plain)

@@ -1,13 +1,14 @@
-//! `parameters.csv` and `covariance.csv`: all that was estimated, and how well it is known.
+//! `parameters.csv` and `covariance.csv`: the estimated parameters and their uncertainty.
 
 use super::number::{exact, field};
 use crate::solve::Solution;
 use std::io::{Result, Write};
 
-/// The most parameters of which a whole covariance is written, 100 poses or so; of more, the rig's.
+/// Maximum number of parameters (about 100 poses) for which the whole covariance is written. If
+/// there are more, only the rig's covariance is written.
 const MOST: usize = 640;
 
-/// How many of the parameters, from the first, are the rig's; the rest are six for each pose.
+/// Number of parameters that belong to the rig. They come first; the rest are six for each pose.
 pub(super) fn of_rig(solution: &Solution) -> usize {
     let poses = 6 * solution.poses.len();
     solution.parameters.len().saturating_sub(poses)
@@ -22,8 +23,7 @@ pub(super) fn write_parameters(solution: &Solution, out: &mut impl Write) -> Res
     Ok(())
 }
 
-/// Writes the covariance as a square table: its first row names the columns' parameters, its first
-/// column the rows'.
+/// Writes the covariance as a square table with the parameter names in the first row and column.
 pub(super) fn write(solution: &Solution, out: &mut impl Write) -> Result<()> {
     let all = solution.parameters.len().min(solution.covariance.nrows());
     let count = if all > MOST {
@@ -48,16 +48,16 @@ pub(super) fn write(solution: &Solution, out: &mut impl Write) -> Result<()> {
     Ok(())
 }
 
-/// A pair of the rig's parameters that the data hardly tell apart.
+/// A strongly correlated pair of the rig's parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Pair {
-    /// Places of both in the list of parameters.
+    /// Indices in the list of parameters.
     pub of: [usize; 2],
     /// Their correlation.
     pub correlation: f64,
 }
 
-/// Pairs of the rig's parameters with a correlation beyond `least`, the closest first.
+/// Pairs of the rig's parameters with a correlation above `least` in magnitude, strongest first.
 pub(super) fn correlated(solution: &Solution, least: f64) -> Vec<Pair> {
     let count = of_rig(solution).min(solution.covariance.nrows());
     let at = |i: usize, j: usize| solution.covariance.get((i, j)).copied().unwrap_or(f64::NAN);

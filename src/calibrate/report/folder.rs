@@ -1,11 +1,11 @@
-//! The folder that a report goes to.
+//! The report's folder.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The files that [`write()`](super::write()) makes.
+/// Files that [`write()`](super::write()) creates.
 pub const FILES: [&str; 7] = [
     "report.html",
     "points.csv",
@@ -16,12 +16,13 @@ pub const FILES: [&str; 7] = [
     "summary.json",
 ];
 
-/// Makes the folder where there is none, and refuses one that holds files which would be
-/// overwritten: any of [`FILES`], `also`, and the pictures `found_*.png`. With `force`, those go, so
-/// that nothing of an earlier calibration stands beside the new one.
+/// Creates the report's folder. Files that would be overwritten are any of [`FILES`] and `also`,
+/// and the images `found_*.png`. With `force` these are deleted, so that no file of an earlier
+/// calibration remains.
 ///
 /// # Errors
-/// A file in the folder's place, a folder with such files, what the system refuses.
+/// Returns an error if the path is a file, if the folder contains such files and `force` is not
+/// set, or if the file system fails.
 pub fn prepare(folder: &Path, also: &[&str], force: bool) -> Result<()> {
     let place = || format!("--out {}", folder.display());
     new_file::check_folder(folder, [""; 0], force)?;
@@ -48,13 +49,13 @@ pub fn prepare(folder: &Path, also: &[&str], force: bool) -> Result<()> {
     ))
 }
 
-/// Whether a calibration of ours stands in a folder.
+/// Returns whether a folder contains a calibration written by this program.
 pub fn is_calibration(folder: &Path) -> bool {
     let summary = fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
     summary.contains("\"made_by\": \"phasmid calibrate")
 }
 
-/// What stands in the folder under names of ours, in order.
+/// Existing files that would be overwritten, sorted.
 fn ours(folder: &Path, also: &[&str]) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {

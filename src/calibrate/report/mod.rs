@@ -1,8 +1,18 @@
-//! What a calibration leaves behind: the rig, every point it rests on, how well it fits, and a page
-//! that shows all of it.
+//! Writes the results of a calibration: the rig, every point it is based on, how well it fits, and
+//! an HTML page that shows all of this.
 //!
-//! [`prepare`] refuses a folder before the work begins, [`write()`] fills it at the end; in between,
-//! the pictures of what was found go there under the names of [`picture_names`].
+//! [`prepare`] checks and creates the folder before the work begins; [`write()`] fills it at the
+//! end. In between, the caller stores images of the detected boards there under the names from
+//! [`picture_names`].
+//!
+//! | File | Contents |
+//! | --- | --- |
+//! | `folder` | the folder and its check |
+//! | `about` | origin of the calibration, file names of images |
+//! | `points`, `poses`, `covariance` | CSV tables |
+//! | `summary` | figures for the screen and `summary.json` |
+//! | `page` | `report.html` |
+//! | `number` | formatting of numbers and names |
 
 mod about;
 mod covariance;
@@ -25,11 +35,12 @@ use phasmid_core::new_file::replace;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes all of [`FILES`] into `folder`, which [`prepare`] has made: each whole or not at all, and
-/// `summary.json`, which marks the folder as a calibration's, last.
+/// Writes all of [`FILES`] into `folder`, which [`prepare`] has created. Each file is written
+/// completely or not at all; `summary.json`, which marks the folder as a calibration, is written
+/// last.
 ///
 /// # Errors
-/// What the system refuses.
+/// Returns an error if the file system fails.
 pub fn write(folder: &Path, calibration: &Calibration, about: &About) -> Result<Summary> {
     let summary = Summary::new(calibration, about);
     let [page, points, poses, parameters, covariance, rig, figures] = FILES;

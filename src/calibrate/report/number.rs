@@ -1,8 +1,8 @@
-//! Numbers and names in tables.
+//! Formatting of numbers and names in tables.
 
 use std::borrow::Cow;
 
-/// A number so that it reads back the same, in the fewest digits; nothing for what is not finite.
+/// Shortest text that reads back as the same number; empty if the number is not finite.
 pub(super) fn exact(value: f64) -> String {
     let size = value.abs();
     if !value.is_finite() {
@@ -14,7 +14,7 @@ pub(super) fn exact(value: f64) -> String {
     }
 }
 
-/// A name as a field of a comma-separated table (RFC 4180, rules 5 to 7).
+/// Formats a name as a field of a comma-separated table (RFC 4180, rules 5 to 7).
 pub(super) fn field(name: &str) -> Cow<'_, str> {
     if name.contains(['"', ',', '\n', '\r']) {
         format!("\"{}\"", name.replace('"', "\"\"")).into()
@@ -23,7 +23,8 @@ pub(super) fn field(name: &str) -> Cow<'_, str> {
     }
 }
 
-/// A value to the second digit of its standard deviation, or in six digits without one.
+/// Formats a value to the second digit of its standard deviation, or with six digits if there is
+/// none.
 pub(super) fn to_sigma(value: f64, sigma: f64) -> String {
     if !value.is_finite() {
         return "-".to_owned();
@@ -41,7 +42,7 @@ pub(super) fn to_sigma(value: f64, sigma: f64) -> String {
     }
 }
 
-/// A name as a line of a terminal shows it: control characters, which could act on it, replaced.
+/// Makes a name safe for a terminal: replaces control characters.
 pub(super) fn shown(name: &str) -> String {
     name.chars()
         .map(|c| if c.is_control() { '\u{fffd}' } else { c })

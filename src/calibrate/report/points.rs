@@ -1,4 +1,4 @@
-//! `points.csv`: every point that a calibration rests on.
+//! `points.csv`: every point that a calibration is based on.
 
 use super::number::{exact, field};
 use crate::board::{Lit, Sighting};
@@ -9,18 +9,18 @@ use phasmid_geometry::Board;
 use std::collections::BTreeMap;
 use std::io::{Result, Write};
 
-/// Names of the columns. Residuals are seen minus expected; those of points that could not be used
-/// are empty, and so is what belongs to the projector where it lit nothing. `camera_u_px` and
-/// `camera_v_px` are the image of the point itself, freed of the bias of a dot's outline. Each sigma
-/// is the standard deviation of its residual's noise: a projector coordinate is taken where the
-/// camera saw the point, so that the camera point's error is in it, and in its sigma. The weight is 1
-/// where all that is known of the point counts, and 0 where it or a part of it is an outlier.
+/// Column names. Residuals are observed minus predicted. They are empty for points that could not
+/// be used; the projector's columns are empty for points without projector coordinates.
+/// `camera_u_px` and `camera_v_px` are corrected for the bias of a dot's centroid. Each sigma is
+/// the standard deviation of its residual's noise; as a projector coordinate is read at the
+/// observed camera point, its residual and sigma include the camera point's error. The weight is 1
+/// if all observations of the point are used, 0 if any of them is an outlier.
 const HEAD: &str = "pose,column,row,board_x_mm,board_y_mm,camera_u_px,camera_v_px,\
 camera_sigma_u_px,camera_sigma_v_px,projector_u_px,projector_v_px,projector_sigma_u_px,\
 projector_sigma_v_px,camera_residual_u_px,camera_residual_v_px,projector_residual_u_px,\
 projector_residual_v_px,weight";
 
-/// Writes the points of all poses that were used.
+/// Writes the points of all used poses.
 pub(super) fn write(calibration: &Calibration, out: &mut impl Write) -> Result<()> {
     writeln!(out, "{HEAD}")?;
     for pose in &calibration.solution.poses {
@@ -66,8 +66,8 @@ fn row(board: &Board, sighting: &Sighting, residual: Option<&PointResidual>) -> 
     fields.join(",")
 }
 
-/// Covariance of a projector coordinate as it was observed: what the camera point's error does to
-/// it, and its own noise.
+/// Covariance of an observed projector coordinate: its own noise and the effect of the camera
+/// point's error.
 fn observed(lit: &Lit, camera: DMat2) -> DMat2 {
     lit.slope * camera * lit.slope.transpose() + lit.covariance
 }

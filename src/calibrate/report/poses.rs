@@ -1,4 +1,4 @@
-//! `poses.csv`: where each board stood, and how well it fits.
+//! `poses.csv`: the pose of each board and how well it fits.
 
 use super::about::About;
 use super::number::{exact, field};
@@ -12,8 +12,8 @@ const HEAD: &str = "pose,x_mm,y_mm,z_mm,turn_x_rad,turn_y_rad,turn_z_rad,tilt_de
 camera_mean_px,camera_rms_px,camera_max_px,camera_whitened_rms,projector_points,\
 projector_mean_px,projector_rms_px,projector_max_px,projector_whitened_rms,picture";
 
-/// Writes the poses that were used: the board's origin and rotation vector in the camera's frame,
-/// the angle between its normal and the line of sight to its origin, errors, and the picture's file.
+/// Writes the used poses: the board's origin and rotation vector in the camera's frame, the angle
+/// between its normal and the line of sight to its origin, residual statistics, and the image file.
 pub(super) fn write(calibration: &Calibration, about: &About, out: &mut impl Write) -> Result<()> {
     writeln!(out, "{HEAD}")?;
     for pose in &calibration.solution.poses {
@@ -42,12 +42,12 @@ fn errors(e: &Errors) -> [String; 5] {
     ]
 }
 
-/// The rotation vector of a pose, in radians.
+/// Rotation vector of a pose, in radians.
 fn turn(pose: &Pose) -> DVec3 {
     DQuat::from_mat3(&pose.rotation).to_scaled_axis()
 }
 
-/// Between a board's normal and the line of sight to its middle, in degrees.
+/// Angle between a board's normal and the line of sight to its origin (its middle), in degrees.
 pub(super) fn tilt_deg(pose: &Pose) -> f64 {
     let cosine = pose
         .rotation

@@ -1,4 +1,4 @@
-//! The figures of a calibration, for a screen and for programs.
+//! Key figures of a calibration, for the screen and for `summary.json`.
 
 use super::about::About;
 use super::covariance::of_rig;
@@ -10,73 +10,74 @@ use phasmid_report::plot::figures;
 use serde::Serialize;
 use std::fmt;
 
-/// The figures of a calibration, as `summary.json` holds them.
+/// Key figures of a calibration, as stored in `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// `phasmid calibrate` and its version: marks a folder as a calibration's.
+    /// `phasmid calibrate` and its version; marks a folder as a calibration.
     pub made_by: String,
-    /// What else was said of it, name and value.
+    /// Other entries of the report's head, as name and value.
     pub remarks: Vec<(String, String)>,
-    /// The board that was shown.
+    /// The calibration board.
     pub board: Board,
-    /// Poses that were used.
+    /// Number of poses used.
     pub poses: usize,
-    /// Points of these with weight 0 for the camera, the projector or both.
+    /// Number of their points with weight 0 for the camera, the projector or both.
     pub outliers: usize,
-    /// Camera pixels between points seen and expected.
+    /// Reprojection errors of the camera points, in camera pixels.
     pub camera: Figures,
-    /// Projector pixels between coordinates decoded and expected.
+    /// Reprojection errors of the projector coordinates, in projector pixels.
     pub projector: Figures,
-    /// Which distortion coefficients of the camera were estimated.
+    /// Estimated distortion coefficients of the camera.
     pub camera_coefficients: Vec<&'static str>,
-    /// Which distortion coefficients of the projector were estimated.
+    /// Estimated distortion coefficients of the projector.
     pub projector_coefficients: Vec<&'static str>,
-    /// Whitened sum of squares over the degrees of freedom: 1 where the covariances of points are
-    /// right.
+    /// Sum of squared whitened residuals over the degrees of freedom; about 1 if the covariances of
+    /// the points are right.
     pub variance_factor: f64,
-    /// What the covariances of camera points and of projector coordinates were multiplied by.
+    /// Factors by which the covariances of camera points and of projector coordinates were
+    /// multiplied.
     pub inflation: [f64; 2],
-    /// Numbers observed minus parameters.
+    /// Number of scalar observations minus number of parameters.
     pub degrees_of_freedom: usize,
-    /// Ratio of largest and smallest eigenvalue of the parameters' correlation matrix.
+    /// Condition number of the correlation matrix of the rig's parameters.
     pub condition: f64,
-    /// From the camera's pupil to the projector's in millimetres.
+    /// Distance from the camera's pupil to the projector's, in millimetres.
     pub baseline_mm: f64,
-    /// How often it was solved.
+    /// Number of solver runs.
     pub rounds: usize,
-    /// The longest way from a dot's centroid to the image of its centre, in pixels.
+    /// Largest distance from a dot's centroid to the image of its centre, in pixels.
     pub largest_bias_px: f64,
-    /// How far a point would still go in another round, in pixels.
+    /// Largest distance that a point would move in another round, in pixels.
     pub last_move_px: f64,
-    /// Lenses and projector's pose.
+    /// Parameters of the two lenses and of the projector's pose.
     pub parameters: Vec<SummaryParameter>,
-    /// Poses that were not used.
+    /// Poses that were excluded.
     pub left_out: Vec<LeftOutPose>,
-    /// What to know before trusting it.
+    /// Warnings about the reliability of the result.
     pub warnings: Vec<String>,
 }
 
-/// Errors of camera points or projector coordinates.
+/// Reprojection error statistics of camera points or projector coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Figures {
-    /// How many.
+    /// Number of points.
     pub points: usize,
     /// Mean reprojection error in pixels.
     pub mean_px: f64,
-    /// Root of the mean square in pixels.
+    /// RMS reprojection error in pixels.
     pub rms_px: f64,
-    /// Largest in pixels.
+    /// Maximum reprojection error in pixels.
     pub max_px: f64,
-    /// Root of the mean square of the whitened components; 1 where the covariances are right.
+    /// RMS of the whitened components; about 1 if the covariances are right.
     pub whitened_rms: f64,
 }
 
-/// A number that was estimated.
+/// An estimated parameter.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SummaryParameter {
-    /// What it is.
+    /// Name, such as `camera.fx`.
     pub name: String,
-    /// `px`, `mm`, `rad` or nothing.
+    /// `px`, `mm`, `rad` or empty.
     pub unit: &'static str,
     /// Its value.
     pub value: f64,
@@ -84,12 +85,12 @@ pub struct SummaryParameter {
     pub sigma: f64,
 }
 
-/// A pose that was not used.
+/// A pose that was excluded.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LeftOutPose {
     /// Its name.
     pub name: String,
-    /// Why.
+    /// Reason.
     pub why: String,
 }
 
@@ -115,7 +116,7 @@ fn named(estimated: [bool; 5]) -> Vec<&'static str> {
 }
 
 impl Summary {
-    /// The figures of a calibration.
+    /// Collects the key figures of a calibration.
     pub fn new(calibration: &Calibration, about: &About) -> Self {
         let solution = &calibration.solution;
         let missed = calibration.missed.iter().map(|m| (&m.name, &m.why));
@@ -152,7 +153,7 @@ impl Summary {
         }
     }
 
-    /// The figures as JSON, with a line's end.
+    /// Returns the figures as JSON with a final line break.
     pub fn to_json(&self) -> String {
         let json = serde_json::to_string_pretty(self).expect("numbers and strings");
         format!("{json}\n")

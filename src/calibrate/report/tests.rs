@@ -1,5 +1,5 @@
-//! The report of a calibration that is made up: numbers on the page are those of the data, and
-//! nothing in the data breaks it.
+//! Tests on an invented calibration: the page shows the numbers of the data, and no data make it
+//! malformed.
 
 use super::*;
 use crate::board::{Lit, Sighting};
@@ -12,7 +12,7 @@ use glam::{DMat2, DVec2, DVec3};
 use nalgebra::DMatrix;
 use phasmid_geometry::{Board, Pose, Rig, nominal};
 
-/// Numbers with the unit normal distribution, nearly: sums of twelve even ones.
+/// Approximately standard normal random numbers: sums of twelve uniform ones.
 struct Noise(u64);
 
 impl Noise {
@@ -33,7 +33,7 @@ impl Noise {
 
 const CAMERA_PX: f64 = 0.005;
 const PROJECTOR_PX: f64 = 0.03;
-/// What a camera point's error does to the projector's.
+/// Derivative of a projector coordinate by the camera point.
 const SLOPE: DMat2 = DMat2::from_cols(DVec2::new(4.0, 0.5), DVec2::new(-1.0, 5.0));
 
 fn nominal() -> Rig {
@@ -173,7 +173,7 @@ fn made_up(names: &[&str]) -> Calibration {
         sightings,
         missed: vec![Missed {
             name: "empty".to_owned(),
-            why: "no board: 3 dots; wanted: 475".to_owned(),
+            why: "no board: 3 dots; expected 475".to_owned(),
         }],
         rounds: 3,
         largest_bias_px: 0.02,
@@ -194,8 +194,8 @@ fn html(calibration: &Calibration, about: &About) -> String {
     page::page(calibration, about, &Summary::new(calibration, about))
 }
 
-/// Panics unless every element ends in order, every attribute is quoted, and every "&" begins one of
-/// the references that XML knows.
+/// Panics unless all elements are properly nested, all attributes are quoted, and every "&" begins
+/// one of the references that XML defines.
 fn assert_well_formed(text: &str) {
     let mut open: Vec<&str> = Vec::new();
     let body = text.strip_prefix("<!DOCTYPE html>").unwrap();
@@ -227,7 +227,7 @@ fn the_page_is_well_formed_and_needs_nothing() {
         "Poses used: 3",
         "0.00",
         "odd &amp; out",
-        "no board: 3 dots; wanted: 475",
+        "no board: 3 dots; expected 475",
         "parts of the image &lt; 24",
         "<td>camera.cx</td><td>-0.9500</td>",
         "href=\"./found_first.png\"",
@@ -260,7 +260,7 @@ fn names_from_folders_cannot_act() {
     write(dir.path(), &calibration, &about).unwrap();
     let json: serde_json::Value = serde_json::from_str(&read(dir.path(), "summary.json")).unwrap();
     assert_eq!(json["left_out"][0]["name"], bad);
-    // The quoted name holds the table's one line end that ends no row.
+    // The quoted name contains the only line break in the table that does not end a row.
     let poses = read(dir.path(), "poses.csv");
     assert!(poses.contains("\"\"\"><script>alert('x')</script>&\u{1b}[2J,\n\","));
 }
@@ -301,7 +301,8 @@ fn tables_hold_the_numbers_to_the_last_bit() {
         assert_eq!(number("camera_residual_v_px"), residual.camera_px.y);
         let lit = residual.projector;
         if let Some(lit) = lit {
-            // Variances of one coordinate add up: the projector's own, and the camera's by the slope.
+            // The variance of a coordinate is the projector's own plus the camera's times the
+            // squared slopes.
             let own = PROJECTOR_PX * PROJECTOR_PX;
             let sigma = (own + (4.0f64 * 4.0 + 1.0) * CAMERA_PX * CAMERA_PX).sqrt();
             assert!((number("projector_sigma_u_px") - sigma).abs() < 1e-12);
@@ -321,7 +322,8 @@ fn tables_hold_the_numbers_to_the_last_bit() {
             None => assert_eq!(row[column("projector_u_px")], ""),
         }
     }
-    // Residuals over their sigmas have variance 1, to three deviations of the mean of squares.
+    // Residuals divided by their sigmas have variance 1, within three standard deviations of a mean
+    // of squares.
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
     let off = 3.0 * (2.0 / squares.len() as f64).sqrt();
     assert!((mean - 1.0).abs() < off, "{mean} over {}", squares.len());
@@ -357,7 +359,7 @@ fn a_screenful_says_it_all() {
         "poses: 1 used, 2 left out; a board of 25 x 19 points",
         "seed: 1",
         "variance factor 1.020 over 1234 degrees of freedom; outliers: 2",
-        "left out, empty: no board: 3 dots; wanted: 475",
+        "left out, empty: no board: 3 dots; expected 475",
         "warning: points in 20 of 48 parts of the image < 24",
     ] {
         assert!(text.lines().any(|l| l == line), "{line}\n{text}");
@@ -374,7 +376,7 @@ fn nothing_breaks_on_empty_or_senseless_data() {
     none.solution.parameters.clear();
     none.solution.covariance = DMatrix::zeros(0, 0);
     let mut short = made_up(&["a", "b"]);
-    // Tables that do not fit each other.
+    // Tables with inconsistent lengths.
     short.solution.covariance = DMatrix::zeros(1, 1);
     short.sightings.truncate(1);
     short.sightings[0].sightings.truncate(3);

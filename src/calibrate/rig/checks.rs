@@ -1,12 +1,13 @@
-//! A result against what the device says of itself: a board of another size than was said scales
-//! every length, and nothing else in the data tells.
+//! Comparison of a result with the device's nominal rig. A wrong board size scales every length,
+//! which the calibration data alone cannot reveal.
 
 use phasmid_geometry::{Rig, View};
 
-/// How far from nominal a rig may be made.
+/// Accepted ratio of calibrated to nominal values: how far a real rig may differ from its design.
 const ALLOWED: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
-/// What differs from the nominal rig by more than a rig does that was made to it.
+/// Returns warnings about baseline and focal lengths that differ from nominal by more than the
+/// tolerance.
 pub(super) fn against_nominal(rig: &Rig, nominal: &Rig) -> Vec<String> {
     let mut warnings = Vec::new();
     let baseline = |rig: &Rig| (rig.projector.center() - rig.camera.center()).length();

@@ -1,12 +1,19 @@
-//! From pictures of a board in many poses to a calibrated rig.
+//! Calibrates a rig from images of a board in many poses.
 //!
-//! [`sight`] takes from each pose what the rest needs, so that frames and maps can go: the board's
-//! points in the picture, and fits of the projector's coordinates about each. [`calibrate`] solves
-//! for the rig. The centroid of a dot's image is not the image of its centre, and by how much it is
-//! off takes the lens and the pose, which are what is wanted; so it solves with the centroids as
-//! they are, moves them by what the solution says ([`super::board::bias`]), reads the projector's
-//! coordinates anew at the moved points, and solves again, until they stay. [`place`] does the same
-//! where the rig is known and only the board's place is not.
+//! [`sight`] extracts from each pose what is needed later, so that frames and maps can be freed:
+//! the board's points in the image, and local fits of the projector's coordinates about each point.
+//! [`calibrate`] solves for the rig.
+//!
+//! The centroid of a dot's image is not the image of the dot's centre. Their difference (the bias)
+//! depends on the lens and the pose, which are the unknowns. So [`calibrate`] solves with the
+//! centroids, corrects them by the bias of the solution ([`super::board::bias`]), evaluates the
+//! projector's coordinates at the corrected points, and repeats until the points no longer move.
+//! [`place`] does the same for the pose of a board with a known rig.
+//!
+//! - `sight`: detection in one pose
+//! - `rounds`: the calibration loop
+//! - `place`: the loop for one board with a known rig
+//! - `checks`: comparison with the nominal rig
 
 mod checks;
 mod place;
@@ -20,52 +27,52 @@ pub use sight::{PoseData, sight};
 use super::solve::{Choice, PoseSightings, Solution};
 use phasmid_geometry::{Board, NoiseModel, Rig};
 
-/// What a calibration is of, and what is known beforehand.
+/// Input of a calibration apart from the poses.
 #[derive(Debug, Clone, Copy)]
 pub struct Task<'a> {
-    /// The board that was shown.
+    /// The calibration board.
     pub board: &'a Board,
     /// Width and height of the camera's image.
     pub camera_px: [u32; 2],
     /// Width and height of the projector's image.
     pub projector_px: [u32; 2],
-    /// What the device says of itself, if it does: the result is held against it.
+    /// The device's nominal rig, if known; the result is compared with it.
     pub nominal: Option<&'a Rig>,
-    /// The camera's noise, which the resulting rig carries.
+    /// The camera's noise model, copied to the resulting rig.
     pub noise: Option<NoiseModel>,
-    /// Which coefficients are estimated.
+    /// Distortion coefficients to estimate, and whether to exclude outliers.
     pub choice: Choice,
 }
 
-/// A pose without a board that could be used.
+/// A pose in which no usable board was found.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Missed {
-    /// What the user calls the pose.
+    /// Name of the pose.
     pub name: String,
-    /// What was found in place of the board.
+    /// Reason: what was found instead of the board.
     pub why: String,
 }
 
-/// A rig that was calibrated, and all that a report says of it.
+/// A calibrated rig and everything the report contains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// The board that was shown.
+    /// The calibration board.
     pub board: Board,
-    /// The rig, noise model included, the poses that were used and how well all of it is known.
+    /// The rig with its noise model, the poses that were used, and the uncertainty of both.
     pub solution: Solution,
-    /// What the solver was given, in the order of poses: the places `given` of the solution's poses
-    /// and of those left out count in here. Dots are freed of the bias of their outlines.
+    /// The solver's input. The field `given` of used and excluded poses is an index into this list.
+    /// Dot positions are corrected for their bias.
     pub sightings: Vec<PoseSightings>,
     /// Poses in which no board was found.
     pub missed: Vec<Missed>,
-    /// How often it was solved.
+    /// Number of solver runs.
     pub rounds: usize,
-    /// The longest way that a point went from its centroid, in pixels.
+    /// Largest bias correction of a point, in pixels.
     pub largest_bias_px: f64,
-    /// The longest way that a point would go after the last round, in pixels.
+    /// Largest distance that a point would move in another round, in pixels.
     pub last_move_px: f64,
-    /// What a user should know before trusting this, with numbers: the solver's warnings and those
-    /// of comparing with the nominal rig.
+    /// Warnings about the reliability of the result: the solver's and those of the comparison with
+    /// the nominal rig.
     pub warnings: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Where a board stands before a rig that is known.
+//! Pose of a board for a known rig.
 
 use super::PoseData;
 use super::rounds::{ROUNDS, STAYS_PX, largest, update};
@@ -6,10 +6,10 @@ use crate::solve::{self, Placed, Unsolved};
 use glam::DVec2;
 use phasmid_geometry::{Board, Rig};
 
-/// Places a board that was seen by a rig, its dots freed of the bias of their outlines.
+/// Computes the pose of a board, with dot positions corrected for their bias.
 ///
 /// # Errors
-/// See [`solve::place`].
+/// Returns an error in the cases of [`solve::place`].
 pub fn place(board: &Board, pose: &PoseData, rig: &Rig) -> Result<Placed, Unsolved> {
     let mut biases = vec![DVec2::ZERO; pose.seen.len()];
     let mut round = 1;

@@ -1,4 +1,4 @@
-//! Solving and moving points in turn, until they stay.
+//! Alternates between solving and correcting the dot positions until they converge.
 
 use super::checks::against_nominal;
 use super::{Calibration, Missed, PoseData, Task};
@@ -9,16 +9,16 @@ use crate::solve::{Solution, Unsolved, solve};
 use glam::DVec2;
 use phasmid_geometry::{Board, Lens, Pose};
 
-/// Below this nothing moves that matters: a thousandth of what a dot's centre is known by.
+/// Points that move less than this have converged: a thousandth of the precision of a dot's centre.
 pub(super) const STAYS_PX: f64 = 1e-5;
-/// The bias depends on the lens and the poses so little that three are enough; a pose that comes and
-/// goes could take more.
+/// Maximum number of rounds. The bias depends only weakly on lens and poses, so three are enough; a
+/// pose that is used in one round and excluded in the next could take more.
 pub(super) const ROUNDS: usize = 6;
 
-/// Solves for the rig of a task from its poses; `missed` are those without a board, for the report.
+/// Solves for the rig from its poses. `missed` lists the poses without a board, for the report.
 ///
 /// # Errors
-/// What leaves a part of the rig undetermined.
+/// Returns an error if the poses do not determine the rig.
 pub fn calibrate(
     task: &Task<'_>,
     poses: &[PoseData],
@@ -76,7 +76,7 @@ pub fn calibrate(
     }
 }
 
-/// A refusal for want of projector coordinates, with why there are none.
+/// Adds the reasons for missing projector coordinates to an `Unlit` error.
 fn with_reasons(why: Unsolved, poses: &[PoseData]) -> Unsolved {
     match (why, unread(poses.iter().flat_map(|pose| &pose.fits))) {
         (Unsolved::Unlit { found, wanted }, Some(reasons)) => Unsolved::Unlit {
@@ -87,7 +87,7 @@ fn with_reasons(why: Unsolved, poses: &[PoseData]) -> Unsolved {
     }
 }
 
-/// A warning for each pose that counts for the camera alone.
+/// Warnings about poses without projector coordinates.
 fn unread_poses(solution: &Solution, poses: &[PoseData]) -> Vec<String> {
     let used = solution.poses.iter().filter_map(|p| poses.get(p.given));
     used.filter(|pose| pose.lit() == 0)
@@ -102,7 +102,7 @@ fn unread_poses(solution: &Solution, poses: &[PoseData]) -> Vec<String> {
         .collect()
 }
 
-/// The biases by a solution; those of poses and points that it cannot tell stay as they are.
+/// Biases according to a solution. Points and poses for which it gives none keep their bias.
 fn biases_of(
     board: &Board,
     solution: &Solution,
@@ -121,7 +121,7 @@ fn biases_of(
     biases
 }
 
-/// The biases of one pose's points.
+/// Updates the biases of one pose's points.
 pub(super) fn update(
     biases: &mut [DVec2],
     board: &Board,
@@ -138,6 +138,7 @@ pub(super) fn update(
     }
 }
 
+/// Largest distance between paired points.
 pub(super) fn largest<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVec2)>) -> f64 {
     pairs.map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max)
 }

@@ -1,4 +1,4 @@
-//! One pose: the board in its picture, and the projector's coordinates about every point.
+//! Data of one pose: the detected board and the projector's coordinates about its points.
 
 use crate::board::lit::{LocalFit, Unread, local_fits};
 use crate::board::{NotFound, Picture, Seen, Sighting, find};
@@ -7,21 +7,21 @@ use glam::DVec2;
 use phasmid_decode::Decoded;
 use phasmid_geometry::Board;
 
-/// What a calibration keeps of a pose: some hundred bytes for each point.
+/// What a calibration keeps of a pose: some hundred bytes per point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseData {
-    /// What the user calls the pose.
+    /// Name of the pose.
     pub name: String,
-    /// The board's points as they were found.
+    /// The detected board points.
     pub seen: Vec<Seen>,
-    /// The projector's coordinates about each of them, or why there are none.
+    /// Local fit of the projector's coordinates about each point, or why there is none.
     pub fits: Vec<Result<LocalFit, Unread>>,
 }
 
-/// Finds the board in a pose's picture and reads the projector's coordinates about its points.
+/// Detects the board in the image of a pose and fits the projector's coordinates about its points.
 ///
 /// # Errors
-/// A picture that shows no board, or another, or leaves open which way round it is.
+/// Returns an error if the image shows no board or another one, or if its orientation is ambiguous.
 pub fn sight(
     board: &Board,
     name: &str,
@@ -38,12 +38,12 @@ pub fn sight(
 }
 
 impl PoseData {
-    /// Points about which the projector's coordinates are known.
+    /// Returns the number of points with projector coordinates.
     pub fn lit(&self) -> usize {
         self.fits.iter().flatten().count()
     }
 
-    /// What the solver takes, with each point `bias` pixels from where its centroid is.
+    /// The solver's input, with `bias` (pixels) subtracted from each point.
     pub(super) fn sightings(&self, bias: &[DVec2]) -> PoseSightings {
         let sighting = |((seen, fit), bias): ((&Seen, &Result<LocalFit, Unread>), &DVec2)| {
             let camera_px = seen.px - *bias;

@@ -1,4 +1,4 @@
-//! The pipeline behind detection, on points and maps whose truth is a rig.
+//! Tests of the calibration after detection, on simulated points and maps of a known rig.
 
 use super::*;
 use crate::board::bias::of_disc;
@@ -17,7 +17,7 @@ const BOARD: Board = Board::Dots {
 };
 const NOISE_PX: f64 = 0.003;
 
-/// Poses with the noise given of points (by [`NOISE_PX`]) and of maps.
+/// Poses with noise of points (scaled from [`NOISE_PX`]) and of maps.
 fn poses(noise: f64, count: usize) -> Vec<(Case, PoseData)> {
     let rig = rig(220.0, [400, 240]);
     let one = |i: usize| {

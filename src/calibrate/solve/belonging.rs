@@ -1,15 +1,16 @@
-//! Which poses belong to a bundle, and why the others do not.
+//! Excludes poses that are inconsistent with the others.
 
 use super::bundle::Bundle;
 use super::homography::median;
 use super::model::{State, residual};
 use super::{LeftOut, Unsolved, robust};
 
-/// A pose half of whose points are beyond the outliers' threshold is an outlier itself.
+/// Maximum robust scale of a pose relative to the median pose. At this scale half of the pose's
+/// points are beyond the outlier threshold.
 const OUTLYING_POSE: f64 = robust::OUTLYING / robust::MEDIAN;
 
 impl Bundle {
-    /// Uses a pose no longer.
+    /// Moves a pose to the excluded ones.
     pub fn leave_out(&mut self, at: usize, why: String) {
         let pose = self.poses.remove(at);
         self.left_out.push(LeftOut {
@@ -19,7 +20,7 @@ impl Bundle {
         });
     }
 
-    /// Refuses fewer than two poses.
+    /// Returns an error if fewer than two poses are left.
     pub fn enough_poses(&self) -> Result<(), Unsolved> {
         if self.poses.len() >= 2 {
             return Ok(());
@@ -38,7 +39,7 @@ impl Bundle {
         })
     }
 
-    /// Leaves out poses that the first state puts behind a lens.
+    /// Excludes poses that the initial state puts behind a lens.
     pub(super) fn drop_behind(&mut self, state: &mut State) -> Result<(), Unsolved> {
         for at in (0..self.poses.len()).rev() {
             let points = &self.poses[at].points;
@@ -51,10 +52,10 @@ impl Bundle {
         self.enough_poses()
     }
 
-    /// Leaves out the pose that fits worst, if that is bad enough.
+    /// Excludes the worst pose if its residuals exceed the threshold. Returns whether it did.
     pub(super) fn drop_worst(&mut self, state: &mut State) -> bool {
         let total = self.poses.len() + self.left_out.len();
-        // A majority has to decide, and it has to stay one.
+        // Exclude a pose only if at least four are in use and two thirds of all poses remain.
         if self.poses.len() < 4 || 3 * (self.poses.len() - 1) < 2 * total {
             return false;
         }
@@ -77,7 +78,7 @@ impl Bundle {
         };
         let what = ["camera points", "projector coordinates"][group];
         let why = format!(
-            "its {what} fit {ratio:.1} times worse than those of the usual pose; wanted: {OUTLYING_POSE:.1} times or less"
+            "its {what} fit {ratio:.1} times worse than those of the usual pose; expected {OUTLYING_POSE:.1} times or less"
         );
         self.leave_out(at, why);
         state.boards.remove(at);

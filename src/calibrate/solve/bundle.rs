@@ -1,4 +1,5 @@
-//! Poses, state and loss on their way to the solution.
+//! Bundle adjustment from the closed-form start to the minimum: robust approach, choice of
+//! distortion model, outlier rejection and noise estimation.
 
 use super::coefficients::{Model, free, ranked, restricted};
 use super::fit::{Effort, minimise};
@@ -11,26 +12,26 @@ use super::{Choice, Coefficients, LeftOut, PoseSightings, Unsolved, start};
 use nalgebra::DMatrix;
 use phasmid_geometry::Board;
 
-/// Poses that are used and those that are not.
+/// The poses in use and the excluded ones.
 #[derive(Clone)]
 pub(super) struct Bundle {
     pub poses: Vec<PoseObservations>,
     pub left_out: Vec<LeftOut>,
 }
 
-/// The end of the way.
+/// Result of `Bundle::solve`.
 pub(super) struct Solved {
     pub state: State,
     pub model: Model,
-    /// Of the free unknowns of the rig, then six of each board.
+    /// Covariance of the rig's free unknowns, then six unknowns per board.
     pub covariance: DMatrix<f64>,
     pub inflation: [f64; 2],
 }
 
-/// The minimum with some of the rig's unknowns free.
+/// The minimum for one selection of free unknowns.
 pub(super) struct Settled {
     pub state: State,
-    /// Of the free unknowns of the rig, then six of each board.
+    /// Covariance of the rig's free unknowns, then six unknowns per board.
     pub covariance: DMatrix<f64>,
     pub inflation: [f64; 2],
 }
@@ -58,7 +59,7 @@ impl Bundle {
         }
     }
 
-    /// How many numbers count.
+    /// Number of scalar observations in use.
     pub fn observed(&self) -> usize {
         let points = self.poses.iter().flat_map(|p| &p.points);
         points
@@ -66,7 +67,7 @@ impl Bundle {
             .sum()
     }
 
-    /// From the closed form to the minimum.
+    /// Solves from the closed-form start to the minimum.
     pub fn solve(&mut self, sizes: [[u32; 2]; 2], choice: &Choice) -> Result<Solved, Unsolved> {
         let wanted = [choice.camera, choice.projector];
         let radial = [true, true, false, false, false];
@@ -108,8 +109,8 @@ impl Bundle {
         Ok(solved)
     }
 
-    /// The first of some models, larger ones first, that the data hold: they determine it, and the
-    /// image does not fold.
+    /// Fits the models in the given order (larger ones first) and returns the first one that the
+    /// data determine and whose distortion does not fold the image over.
     fn largest(
         &mut self,
         state: &State,
@@ -138,7 +139,8 @@ impl Bundle {
         Err(refusal)
     }
 
-    /// Near to the minimum, by a robust loss; where asked to, leaves out poses that do not belong.
+    /// Moves the state close to the minimum with a robust loss. If `drop` is set, excludes poses
+    /// that are inconsistent with the others.
     pub fn approach(
         &mut self,
         state: &mut State,
@@ -157,7 +159,7 @@ impl Bundle {
             let fit = minimise(&self.poses, state, free, &loss, Effort::ROUGH)
                 .ok_or_else(|| self.refusal(Why::NoStart, state))?;
             *state = fit.state;
-            // Scales are 1 at least: nearer to that there is nothing to gain.
+            // Each of the two scales is at least 1, so a sum below 2.1 cannot improve noticeably.
             let now: f64 = robust::scales(&self.poses, state).iter().sum();
             let settled = now > 0.9 * last || now < 2.1;
             last = now;
@@ -171,7 +173,8 @@ impl Bundle {
         Ok(())
     }
 
-    /// To the minimum of squares over what counts, with outliers decided and noise estimated.
+    /// Finds the least-squares minimum, alternating between outlier rejection, minimisation and
+    /// noise estimation.
     pub fn settle(
         &mut self,
         state: State,
@@ -210,7 +213,8 @@ impl Bundle {
         })
     }
 
-    /// Sums of squares and counts of whitened numbers, for camera and projector.
+    /// Sums of squared whitened residuals and numbers of scalar observations, for camera and
+    /// projector.
     pub fn squares(&self, state: &State) -> [(f64, usize); 2] {
         let mut sums = [(0.0, 0); 2];
         for (i, pose) in self.poses.iter().enumerate() {
@@ -231,19 +235,19 @@ impl Bundle {
         sums
     }
 
-    /// Numbers observed minus unknowns.
+    /// Number of scalar observations minus number of unknowns.
     pub fn degrees_of_freedom(&self, free: &Free) -> usize {
         self.observed().saturating_sub(self.unknowns(free))
     }
 
-    /// The rig's unknowns and six of each board.
+    /// Number of unknowns: the rig's free ones and six per board.
     fn unknowns(&self, free: &Free) -> usize {
         free.iter().filter(|f| **f).count() + 6 * self.poses.len()
     }
 
-    /// Mean squares of the whitened residuals of camera and projector, each group taken to have its
-    /// share of the degrees of freedom; 1 where they are below or chance explains them: three
-    /// standard deviations of a mean of squares, sqrt(2 / n).
+    /// Variance inflation factors for camera and projector: the mean squared whitened residual,
+    /// with the degrees of freedom split between the groups in proportion to their observations. A
+    /// factor is 1 unless it exceeds 1 by more than three standard deviations, sqrt(2 / n) each.
     fn inflation(&self, state: &State, free: &Free) -> [f64; 2] {
         let share = self.degrees_of_freedom(free) as f64 / self.observed() as f64;
         self.squares(state).map(|(sum, count)| {
@@ -262,7 +266,7 @@ impl Bundle {
     }
 }
 
-/// Whether lenses whose coefficients are ours to choose can be inverted over their images.
+/// Whether automatically chosen distortions can be inverted over the whole image.
 fn unfolded(state: &State, model: &Model, choice: &Choice) -> bool {
     let lenses = [&state.camera, &state.projector];
     let auto = [choice.camera, choice.projector].map(|c| c == Coefficients::Auto);

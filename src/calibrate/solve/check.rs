@@ -1,29 +1,38 @@
-//! What a user should know before trusting a solution, in numbers.
+//! Plausibility checks of a solution: errors for unusable ones, warnings for doubtful ones.
 
 use super::start::{TILTS_WANTED, largest_angle_deg};
 use super::{Choice, Coefficients, Parameter, PoseSightings, Solution, Unsolved};
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
 
-/// A focal length known worse than this part of itself is not known: the covariance is of first order,
-/// and what it leaves out goes by the square.
+/// Maximum relative standard deviation of a focal length. Above it the solution is rejected: the
+/// covariance is a first-order approximation, and the terms it neglects are quadratic.
 const WORST_FOCAL: f64 = 0.03;
-/// Residuals larger than this part of the image's diagonal, and than their covariances allow ten
-/// times, fit no rig.
+/// Maximum RMS residual as a fraction of the image's diagonal. The solution is rejected if
+/// residuals exceed it and are also more than ten times as large as their covariances predict.
 const WORST_FIT: f64 = 0.01;
-/// Below, the numbers are worth a warning.
+/// Fewer poses than this cause a warning.
 const FEW_POSES: usize = 5;
+/// If the largest angle between two boards is below this, a warning is issued.
 pub(super) const LITTLE_TILT_DEG: f64 = 15.0;
+/// Columns and rows of the grid on which image coverage is measured.
 const CELLS: [u32; 2] = [8, 6];
+/// If points cover a smaller fraction of the grid's cells than this, a warning is issued.
 const LITTLE_COVERAGE: f64 = 0.5;
-/// Above, the numbers are worth a warning.
+/// Maximum relative standard deviation of focal lengths and baseline without a warning. For a
+/// principal point, the standard deviation is taken relative to the image's width.
 const VAGUE: f64 = 0.01;
+/// Correlations between the rig's parameters above this magnitude cause a warning.
 const CORRELATED: f64 = 0.999;
+/// Variance inflation above this causes a warning.
 const INFLATED: f64 = 1.5;
+/// Fraction of outliers above which a warning is issued.
 const OUTLIERS: f64 = 0.01;
+/// A pose whose whitened RMS residual exceeds this multiple of the overall one causes a warning.
 const UNEVEN: f64 = 2.0;
 
-/// Refuses a solution that is none.
+/// Returns an error if the solution is too uncertain, folds an image over, or does not fit the
+/// data.
 pub(super) fn refuse(solution: &Solution) -> Result<(), Unsolved> {
     let angle = largest_angle(solution);
     let vague = focal_lengths(solution).find(|p| !(p.sigma <= WORST_FOCAL * p.value));
@@ -74,7 +83,7 @@ pub(super) fn refuse(solution: &Solution) -> Result<(), Unsolved> {
     Ok(())
 }
 
-/// What is worth a warning.
+/// Warnings about a solution that is usable but doubtful.
 pub(super) fn warnings(
     solution: &Solution,
     given: &[PoseSightings],
@@ -92,13 +101,13 @@ fn poses(solution: &Solution, all: &mut Vec<String>) {
     let count = solution.poses.len();
     if count < FEW_POSES {
         all.push(format!(
-            "{count} poses are used; wanted: {FEW_POSES} or more"
+            "{count} poses are used; expected {FEW_POSES} or more"
         ));
     }
     let angle = largest_angle(solution);
     if angle < LITTLE_TILT_DEG {
         all.push(format!(
-            "the largest angle between two boards is {angle:.1} degrees; wanted: {LITTLE_TILT_DEG} or more"
+            "the largest angle between two boards is {angle:.1} degrees; expected {LITTLE_TILT_DEG} or more"
         ));
     }
 }
@@ -128,7 +137,7 @@ fn coverage(solution: &Solution, given: &[PoseSightings], all: &mut Vec<String>)
         let share = cells.len() as f64 / f64::from(total);
         if share < LITTLE_COVERAGE {
             all.push(format!(
-                "points cover {} of {total} cells of the {name}'s image ({:.0} %); wanted: {:.0} % or more",
+                "points cover {} of {total} cells of the {name}'s image ({:.0} %); expected {:.0} % or more",
                 cells.len(),
                 100.0 * share,
                 100.0 * LITTLE_COVERAGE
@@ -215,12 +224,13 @@ fn parameters(solution: &Solution, choice: &Choice, all: &mut Vec<String>) {
             (&solution.rig.projector.lens, choice.projector)
         };
         let enough = VAGUE * f64::from(lens.width_px);
-        // Coefficients that the data demanded together are not judged one by one.
+        // Automatically chosen coefficients are selected as a group, so they are not judged
+        // individually.
         let chosen = coefficients != Coefficients::Auto;
         if p.name.ends_with(".cx") || p.name.ends_with(".cy") {
             if p.sigma > enough {
                 all.push(format!(
-                    "{} = {:.2} px is known to {:.2} px only; wanted: {:.2}",
+                    "{} = {:.2} px is known to {:.2} px only; expected {:.2}",
                     p.name, p.value, p.sigma, enough
                 ));
             }
@@ -251,7 +261,7 @@ fn largest_angle(solution: &Solution) -> f64 {
     largest_angle_deg(&normals)
 }
 
-/// The parameters that are not a board's, and their places.
+/// Parameters that belong to the rig (not to a board pose), with their indices.
 fn of_rig(solution: &Solution) -> impl Iterator<Item = (&Parameter, usize)> {
     let count = solution.parameters.len() - 6 * solution.poses.len();
     solution.parameters[..count].iter().zip(0..)
@@ -263,7 +273,7 @@ fn focal_lengths(solution: &Solution) -> impl Iterator<Item = &Parameter> {
         .filter(|p| p.name.ends_with(".fx") || p.name.ends_with(".fy"))
 }
 
-/// The distance of camera and projector.
+/// Distance between camera and projector, with its standard deviation.
 fn baseline(solution: &Solution) -> Option<Parameter> {
     let place = solution.rig.projector.center();
     let (value, at) = (place.length(), of_rig(solution).count() - 3);

@@ -1,10 +1,10 @@
-//! The chi-square distribution, to say whether a covariance is honest.
+//! The chi-square distribution, for testing whether a covariance is right.
 
-/// Probability that a chi-square variable of `dof` degrees of freedom is below `x`.
+/// Returns the probability that a chi-square variable of `dof` degrees of freedom is below `x`.
 ///
-/// It is the regularised incomplete gamma function P(dof/2, x/2), by its series (Abramowitz and
-/// Stegun, "Handbook of Mathematical Functions", 6.5.29) or its continued fraction (6.5.31), good to
-/// 1e-10. NaN for NaN.
+/// This is the regularised incomplete gamma function P(dof/2, x/2), computed from its series
+/// (Abramowitz and Stegun, "Handbook of Mathematical Functions", 6.5.29) or its continued fraction
+/// (6.5.31), accurate to 1e-10. Returns NaN for NaN.
 pub fn chi_square_below(x: f64, dof: usize) -> f64 {
     if dof == 0 {
         return if x.is_nan() { x } else { 1.0 };
@@ -17,7 +17,7 @@ pub fn chi_square_below(x: f64, dof: usize) -> f64 {
         return 1.0;
     }
     let front = (a * x.ln() - x - ln_gamma(a)).exp();
-    // Terms of both die out within some widths of the distribution.
+    // Both need about as many terms as the distribution is wide, which grows with sqrt(a).
     let most = 200 + 20 * a.sqrt() as usize;
     if x < a + 1.0 {
         let (mut term, mut sum) = (1.0 / a, 1.0 / a);
@@ -30,7 +30,7 @@ pub fn chi_square_below(x: f64, dof: usize) -> f64 {
         }
         return (front * sum).min(1.0);
     }
-    // The fraction from its end backwards: x + 1 - a - 1 (1 - a) / (x + 3 - a - ...).
+    // Evaluate the fraction from its end: x + 1 - a - 1 (1 - a) / (x + 3 - a - ...).
     let mut tail = 0.0;
     for n in (1..most).rev() {
         let n = n as f64;
@@ -39,8 +39,9 @@ pub fn chi_square_below(x: f64, dof: usize) -> f64 {
     (1.0 - front / (x + 1.0 - a - tail)).clamp(0.0, 1.0)
 }
 
-/// The value below which a chi-square variable of `dof` degrees of freedom is with this
-/// probability, by bisection of [`chi_square_below`]. NaN for a probability outside [0, 1).
+/// Returns the value below which a chi-square variable of `dof` degrees of freedom lies with the
+/// given probability, by bisection of [`chi_square_below`]. Returns NaN for a probability outside
+/// [0, 1).
 pub fn chi_square_bound(probability: f64, dof: usize) -> f64 {
     if !(0.0..1.0).contains(&probability) {
         return f64::NAN;
@@ -61,8 +62,8 @@ pub fn chi_square_bound(probability: f64, dof: usize) -> f64 {
     high
 }
 
-/// Logarithm of the gamma function of a positive number: Stirling's series (Abramowitz and Stegun,
-/// 6.1.41) after the recurrence has taken it beyond 10.
+/// Logarithm of the gamma function of a positive number: the recurrence raises the argument above
+/// 10, then Stirling's series (Abramowitz and Stegun, 6.1.41) applies.
 fn ln_gamma(mut x: f64) -> f64 {
     let mut below = 0.0;
     while x < 10.0 {
@@ -81,7 +82,7 @@ mod tests {
     #[test]
     fn closed_forms_and_tables() {
         for x in [1e-3, 0.3, 1.0, 4.0, 30.0] {
-            // Two degrees: an exponential distribution. Four: 1 - (1 + x/2) exp(-x/2).
+            // Two degrees of freedom: exponential distribution. Four: 1 - (1 + x/2) exp(-x/2).
             assert!((chi_square_below(x, 2) - (1.0 - (-x / 2.0).exp())).abs() < 1e-10);
             let four = 1.0 - (1.0 + x / 2.0) * (-x / 2.0).exp();
             assert!((chi_square_below(x, 4) - four).abs() < 1e-10);
@@ -90,7 +91,7 @@ mod tests {
         for (dof, bound) in [(1, 6.63490), (10, 23.2093), (30, 50.8922), (100, 135.807)] {
             assert!((chi_square_bound(0.99, dof) - bound).abs() < 1e-3, "{dof}");
         }
-        // Of many degrees it is normal: the median lies 2/3 below the mean.
+        // With many degrees of freedom the median lies 2/3 below the mean.
         assert!((chi_square_bound(0.5, 10_000) - (10_000.0 - 2.0 / 3.0)).abs() < 1e-2);
         assert!(chi_square_below(f64::NAN, 3).is_nan() && chi_square_bound(1.0, 3).is_nan());
     }

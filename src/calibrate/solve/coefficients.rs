@@ -1,18 +1,18 @@
-//! Which distortion coefficients the data demand.
+//! Selection of the distortion coefficients that the data support.
 //!
-//! The models are nested: none, k1, k1 k2, k1 k2 p1 p2, all five; each for camera and projector. All
-//! are judged from the fit of the largest: leaving out coefficients c of covariance C raises the sum
-//! of squares by c' C^-1 c (Wald's statistic), and each coefficient kept costs ln n (the Bayesian
-//! information criterion; Schwarz, "Estimating the dimension of a model", 1978) but no less than
-//! 10.83, so that a coefficient that is zero is kept by chance once in a thousand times whatever the
-//! number n of observations.
+//! The models are nested: none, k1, k1 k2, k1 k2 p1 p2, all five; separately for camera and
+//! projector. All are judged from the fit of the largest: removing coefficients c of covariance C
+//! raises the sum of squares by c' C^-1 c (Wald's statistic), and each coefficient kept costs ln n
+//! (the Bayesian information criterion; Schwarz, "Estimating the dimension of a model", 1978),
+//! where n is the number of observations. The cost is at least 10.83, so that a coefficient whose
+//! true value is zero is kept by chance once in a thousand cases whatever n is.
 
 use super::Coefficients;
 use super::model::{LENS, RIG, State};
 use super::normal::Free;
 use nalgebra::{DMatrix, DVector};
 
-/// Which of k1 k2 p1 p2 k3, for camera and projector.
+/// Coefficients to estimate, of k1 k2 p1 p2 k3, for camera and projector.
 pub(super) type Model = [[bool; 5]; 2];
 
 /// The 0.1 % point of the chi-square distribution of one degree of freedom.
@@ -27,7 +27,7 @@ const LADDER: [[bool; 5]; 5] = [
 ];
 
 impl Coefficients {
-    /// The largest model.
+    /// Largest model that the choice allows.
     pub(super) fn most(self) -> [bool; 5] {
         match self {
             Self::Auto => [true; 5],
@@ -35,7 +35,7 @@ impl Coefficients {
         }
     }
 
-    /// The smallest model.
+    /// Smallest model that the choice allows.
     pub(super) fn least(self) -> [bool; 5] {
         match self {
             Self::Auto => [false; 5],
@@ -51,7 +51,7 @@ impl Coefficients {
     }
 }
 
-/// The unknowns of the rig that are free in a model.
+/// Unknowns of the rig that a model leaves free.
 pub(super) fn free(model: &Model) -> Free {
     let mut free = [true; RIG];
     for (lens, set) in model.iter().enumerate() {
@@ -61,7 +61,7 @@ pub(super) fn free(model: &Model) -> Free {
     free
 }
 
-/// The state with the coefficients that a model lacks set to zero.
+/// Returns the state with all coefficients outside the model set to zero.
 pub(super) fn restricted(state: &State, model: &Model) -> State {
     let mut state = state.clone();
     for (lens, set) in [&mut state.camera, &mut state.projector]
@@ -75,8 +75,8 @@ pub(super) fn restricted(state: &State, model: &Model) -> State {
     state
 }
 
-/// The models that a choice leaves open, those that the data speak for first. `covariance` is that
-/// of the free unknowns of `largest`, the model in which `state` was fitted to `count` numbers.
+/// Models that the choice allows within `largest`, best first. `covariance` is that of the free
+/// unknowns of `largest`, the model in which `state` was fitted to `count` scalar observations.
 pub(super) fn ranked(
     choice: [Coefficients; 2],
     largest: &Model,
@@ -86,7 +86,7 @@ pub(super) fn ranked(
 ) -> Vec<Model> {
     let values = [state.camera.distortion, state.projector.distortion];
     let all = free(largest);
-    // Where a coefficient stands in the covariance.
+    // Index of a coefficient in the covariance.
     let place = |lens: usize, k: usize| (0..lens * LENS + 4 + k).filter(|i| all[*i]).count();
     let penalty = (count as f64).ln().max(LEAST_PENALTY);
     let mut models: Vec<(f64, Model)> = Vec::new();

@@ -1,53 +1,57 @@
-//! The minimum by Levenberg's and Marquardt's method (Marquardt, "An algorithm for least-squares
-//! estimation of nonlinear parameters", SIAM J. 11, 1963): the diagonal is raised where a step fails,
-//! and hardly or not at all where steps succeed, as weak directions would creep otherwise.
+//! Levenberg-Marquardt minimisation (Marquardt, "An algorithm for least-squares estimation of
+//! nonlinear parameters", SIAM J. 11, 1963). Damping scales the diagonal: it rises after a failed
+//! step and drops quickly to zero after successful ones, because damping slows convergence along
+//! weakly determined directions.
 
 use super::model::State;
 use super::normal::{Free, Normal};
 use super::observation::PoseObservations;
 use super::robust::Loss;
 
-/// A state and how it was come by.
+/// Result of a minimisation.
 pub(super) struct Fit {
     pub state: State,
     /// Whether the last step was too small to matter.
     pub converged: bool,
-    /// Squared length in standard deviations of the step that would come next, undamped; `None`
-    /// where the free unknowns are not determined.
+    /// Squared length, in standard deviations, of the next undamped step; `None` if the free
+    /// unknowns are not determined.
     pub next: Option<f64>,
 }
 
-/// How far to go.
+/// Termination criteria.
 #[derive(Clone, Copy)]
 pub(super) struct Effort {
-    /// Steps that are tried at most.
+    /// Maximum number of steps, including rejected ones.
     pub most: usize,
-    /// A step that lowers the loss by less than this part of it is the last.
+    /// Iteration ends after a step that reduces the loss by less than this fraction.
     pub gain: f64,
 }
 
 impl Effort {
-    /// Near enough for the next stage.
+    /// Close enough for the next stage.
     pub const ROUGH: Self = Self {
         most: 25,
         gain: 1e-3,
     };
-    /// To rounding.
+    /// To rounding error.
     pub const FULL: Self = Self {
         most: 60,
         gain: 0.0,
     };
 }
 
-/// A step this long in squared standard deviations is the last: the next one would be its square.
+/// Iteration ends at a step shorter than this (squared length in standard deviations). Convergence
+/// is quadratic, so the following step would be negligible.
 const SHORT: f64 = 1e-8;
-/// Damping below this is none.
+/// Damping below this is set to zero.
 const UNDAMPED: f64 = 1e-8;
-/// A step, in squared standard deviations, that changes nothing worth telling.
+/// Below this squared step length (in standard deviations), the change of the loss may be lost in
+/// rounding.
 const NEAR: f64 = 1e-3;
+/// Iteration ends if damping exceeds this.
 const MOST_DAMPING: f64 = 1e8;
 
-/// Lowers the loss from a state on; `None` where the loss has no value there.
+/// Minimises the loss from a starting state. Returns `None` if the loss is undefined there.
 pub(super) fn minimise(
     poses: &[PoseObservations],
     start: &State,
@@ -68,9 +72,10 @@ pub(super) fn minimise(
             converged = state.is_proper();
             break;
         }
-        // So near the end what the loss gains is lost in its rounding.
+        // This close to the minimum, rounding of the loss exceeds the gain of a step, so accept a
+        // small rise.
         let slack = if length < NEAR { NEAR } else { 0.0 };
-        // Where nothing determines a step, what damping finds is still nearer.
+        // A damped step exists even if the undamped system is singular.
         let there = normal.step(free, damping).and_then(|step| {
             let next = state.stepped(&step.rig, &step.boards);
             let there = next.is_proper().then(|| Normal::at(poses, &next, loss))??;

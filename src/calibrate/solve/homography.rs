@@ -1,34 +1,36 @@
-//! The projective map from a board to an image, with outliers told apart.
+//! Homography (projective map) from a board to an image, with outlier detection.
 //!
 //! Direct linear transformation on points that are centred and scaled first (Hartley and Zisserman,
-//! "Multiple View Geometry in Computer Vision", 2nd edition, algorithm 4.2). Where some points fit
-//! much worse than most, samples of four points compete by the median of what they leave (Rousseeuw,
-//! "Least median of squares regression", JASA 1984), and only points that fit the best are taken.
+//! "Multiple View Geometry in Computer Vision", 2nd edition, algorithm 4.2). The robust fit starts
+//! from the four-point sample with the least median residual (Rousseeuw, "Least median of squares
+//! regression", JASA 1984) and refits to the points that agree with it.
 
 use glam::{DMat3, DVec2, DVec3};
 use nalgebra::SMatrix;
 
-/// A board's point and its image.
+/// A point on the board (mm) and its image (pixels).
 pub(super) type Pair = (DVec2, DVec2);
 
-/// Points beyond this many times the median residual are outliers here, where a lens's distortion
-/// still counts as residual.
+/// Points with a residual beyond this multiple of the median are outliers. The factor is large
+/// because the residuals still contain the lens distortion.
 const OUTLYING: f64 = 10.0;
-/// Samples of four points: of 30 % outliers, all 200 hold one with probability 1e-24.
+/// Number of four-point samples. With 30 % outliers, the probability that every sample contains one
+/// is 1e-24.
 const SAMPLES: u32 = 200;
-/// No more points than this vote on a sample.
+/// Maximum number of points that score a sample.
 const VOTERS: usize = 100;
 
-/// A homography and which pairs it was fitted to.
+/// A homography and the pairs it was fitted to.
 pub(super) struct Homography {
-    /// Takes (x, y, 1) on the board to the image; its third coordinate is 1 at their mean.
+    /// Maps (x, y, 1) on the board to the image. Scaled so that the third coordinate is 1 at the
+    /// mean of the fitted points.
     pub matrix: DMat3,
-    /// For each pair, whether it fits.
+    /// For each pair, whether it is an inlier.
     pub fits: Vec<bool>,
 }
 
 impl Homography {
-    /// Fits one; `None` where the points do not determine it.
+    /// Fits a homography. Returns `None` if the points do not determine one.
     pub fn fit(pairs: &[Pair], robust: bool) -> Option<Self> {
         if pairs.len() < 4 {
             return None;
@@ -55,14 +57,15 @@ impl Homography {
         Some(Self { matrix, fits })
     }
 
-    /// Whether the map keeps the sense of turns at a point.
+    /// Whether the map preserves orientation (is not mirrored).
     pub fn keeps_sense(&self) -> bool {
-        // The determinant of its derivative is that of the matrix over the third coordinate cubed.
+        // The determinant of the map's derivative is the matrix's determinant over the cube of the
+        // third coordinate, which is positive.
         self.matrix.determinant() > 0.0
     }
 }
 
-/// Image of a point; NaN beyond the horizon.
+/// Maps a point to the image. Returns NaN for a point beyond the horizon.
 pub(super) fn apply(matrix: &DMat3, p: DVec2) -> DVec2 {
     let q = *matrix * p.extend(1.0);
     if q.z > 0.0 {
@@ -81,14 +84,14 @@ fn residual(matrix: &DMat3, (board, px): &Pair) -> f64 {
     }
 }
 
-/// The residual that an outlier exceeds.
+/// Residual above which a pair is an outlier.
 fn limit(matrix: &DMat3, pairs: &[Pair]) -> f64 {
     let mut all: Vec<f64> = pairs.iter().map(|p| residual(matrix, p)).collect();
     let sizes = pairs.iter().map(|p| p.1.abs().max_element());
     OUTLYING * median(&mut all) + 1e-9 * sizes.fold(0.0, f64::max)
 }
 
-/// The best of samples of four points.
+/// Best of the homographies through random samples of four points.
 fn sampled(pairs: &[Pair]) -> Option<DMat3> {
     let stride = pairs.len().div_ceil(VOTERS);
     let mut draw = draws(pairs.len());
@@ -106,9 +109,9 @@ fn sampled(pairs: &[Pair]) -> Option<DMat3> {
     best.map(|(_, matrix)| matrix)
 }
 
-/// The map through four points, with the first one's third coordinate 1.
+/// Homography through four pairs, scaled so that the third coordinate is 1 at the first point.
 fn through(four: [Pair; 4]) -> Option<DMat3> {
-    // From and to coordinates about the first point, which is fixed by the last column.
+    // Coordinates relative to the first pair, so that the last column is (0, 0, 1).
     let (from, to) = four[0];
     let (mut system, mut right) = (SMatrix::<f64, 6, 6>::zeros(), SMatrix::<f64, 6, 1>::zeros());
     let [scale_from, scale_to] = [
@@ -143,7 +146,8 @@ fn through(four: [Pair; 4]) -> Option<DMat3> {
     matrix.is_finite().then_some(matrix)
 }
 
-/// Always the same even numbers below `count` (Knuth's 64-bit congruential generator).
+/// Returns a generator of uniform integers below `count`. The seed is fixed, so fits are
+/// reproducible (Knuth's 64-bit congruential generator).
 fn draws(count: usize) -> impl FnMut() -> usize {
     let mut state = 1u64;
     move || {
@@ -154,7 +158,7 @@ fn draws(count: usize) -> impl FnMut() -> usize {
     }
 }
 
-/// The median; infinite without values.
+/// Median of the values (the upper one of an even number); infinite if there are none.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return f64::INFINITY;
@@ -163,7 +167,7 @@ pub(super) fn median(values: &mut [f64]) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// The similarity that takes points to mean zero and mean square length 2.
+/// Similarity transform that gives points a mean of zero and a mean squared length of 2.
 fn normalising(points: impl Iterator<Item = DVec2> + Clone) -> Option<DMat3> {
     let count = points.clone().count() as f64;
     let mean = points.clone().sum::<DVec2>() / count;
@@ -201,15 +205,17 @@ fn linear(pairs: impl Iterator<Item = Pair> + Clone) -> Option<DMat3> {
     let h = null_vector(normal, 1e-12)?;
     let h = DMat3::from_cols_array(&std::array::from_fn(|i| h[(i % 3) * 3 + i / 3]));
     let mut h = to.inverse() * h * from;
-    // The sign that puts the points in front; points on both sides of the horizon fit nothing.
+    // Choose the sign that puts the points in front of the camera. If the points lie on both sides
+    // of the horizon, no sign fits all of them.
     let mean = pairs.clone().map(|p| p.0).sum::<DVec2>() / pairs.clone().count() as f64;
     let depth = (h * mean.extend(1.0)).z;
     h *= 1.0 / depth;
     (h.is_finite() && depth != 0.0 && h.determinant() != 0.0).then_some(h)
 }
 
-/// The unit vector that a symmetric matrix takes nearest to zero; `None` where a second one is taken
-/// as near, to `gap` of the largest eigenvalue.
+/// Eigenvector of the smallest eigenvalue of a symmetric matrix. Returns `None` if the second
+/// smallest eigenvalue is not larger than `gap` times the largest, as the null space is then
+/// ambiguous.
 pub(super) fn null_vector<const N: usize>(m: SMatrix<f64, N, N>, gap: f64) -> Option<[f64; N]> {
     if m.iter().any(|x| !x.is_finite()) {
         return None;

@@ -1,12 +1,28 @@
-//! From sightings of a board to a rig, with a covariance that can be believed.
+//! Solves for the rig, its distortion coefficients and the board poses, with a covariance.
 //!
-//! Homographies give the camera's lens and the boards' poses in closed form (`zhang`), the lit points
-//! in space then the projector (`resection`); what is no board's picture is left out on the way
-//! (`start`). Bundle adjustment (`bundle`, `fit`, `normal`) brings all unknowns to the minimum of
-//! the whitened residuals (`observation`), first by a robust loss, then by plain squares without the
-//! outliers (`robust`), in the model that the data demand (`coefficients`). The inverse of the
-//! normal matrix is the covariance; where residuals are larger than the given covariances allow,
-//! these are inflated first. `check` says what a user should know.
+//! Steps:
+//!
+//! - Homographies give the camera's intrinsics and the board poses in closed form. The illuminated
+//!   points, now known in space, then give the projector. Poses without a usable board are
+//!   excluded.
+//! - Bundle adjustment minimises the whitened residuals over all unknowns: first with a robust
+//!   loss, then with plain least squares and without the outliers, in the distortion model that the
+//!   data support.
+//! - The inverse of the normal matrix is the covariance. If residuals exceed what the given
+//!   covariances of the points explain, those are inflated first.
+//!
+//! | Files | Contents |
+//! | --- | --- |
+//! | `homography`, `zhang`, `resection`, `rotation` | closed-form estimates |
+//! | `start`, `start_projector` | initial state; exclusion of unusable poses |
+//! | `observation`, `model` | whitened observations, predictions, derivatives |
+//! | `normal`, `fit`, `robust` | normal equations, Levenberg-Marquardt, robust loss and outliers |
+//! | `coefficients`, `belonging` | choice of distortion model; exclusion of inconsistent poses |
+//! | `bundle` | the sequence of these steps |
+//! | `place` | pose of one board for a known rig |
+//! | `solution`, `summary`, `check` | the result, its assembly, and warnings |
+//! | `unsolved`, `refusal` | the error type and its diagnosis |
+//! | `chi_square` | the chi-square distribution |
 
 mod belonging;
 mod bundle;
@@ -43,37 +59,37 @@ pub use unsolved::Unsolved;
 use super::board::Sighting;
 use phasmid_geometry::Board;
 
-/// The covariance of so many poses takes 72 MB.
+/// Maximum number of poses. Their covariance matrix (six unknowns per pose) takes 72 MB.
 const MOST_POSES: usize = 500;
 
-/// What is known of the board in one pose.
+/// The observed board points of one pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseSightings {
-    /// What the user calls the pose (a folder's name, say).
+    /// Name of the pose, for example its folder's name.
     pub name: String,
-    /// The points seen, in any order, each index once.
+    /// Observed points in any order; each index occurs once.
     pub sightings: Vec<Sighting>,
 }
 
 /// Which distortion coefficients are estimated; the others stay zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Coefficients {
-    /// As many as the data demand of none, k1, k1 k2, k1 k2 p1 p2 and all five, by the Bayesian
-    /// information criterion.
+    /// Chooses among none, k1, k1 k2, k1 k2 p1 p2 and all five, by the Bayesian information
+    /// criterion.
     #[default]
     Auto,
-    /// These of k1, k2, p1, p2, k3.
+    /// Estimates the coefficients set to true, in the order k1, k2, p1, p2, k3.
     Fixed([bool; 5]),
 }
 
-/// What is left to the user.
+/// Options of the solver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Choice {
-    /// The camera's coefficients.
+    /// Coefficients of the camera to estimate.
     pub camera: Coefficients,
-    /// The projector's coefficients.
+    /// Coefficients of the projector to estimate.
     pub projector: Coefficients,
-    /// Whether points and poses that do not fit the rest are left out; else all count alike.
+    /// Whether to exclude outlier points and inconsistent poses. If false, all have equal standing.
     pub robust: bool,
 }
 
@@ -87,12 +103,12 @@ impl Default for Choice {
     }
 }
 
-/// Solves for the rig and every board's pose. The rig's frame is the camera's.
+/// Solves for the rig and the pose of every board. The rig's frame is the camera's frame.
 ///
-/// `camera_px` and `projector_px` are widths and heights of their images.
+/// `camera_px` and `projector_px` are the widths and heights of the two images.
 ///
 /// # Errors
-/// What leaves a part of the rig undetermined.
+/// Returns an error if there are too many poses, or if the observations do not determine the rig.
 pub fn solve(
     board: &Board,
     poses: &[PoseSightings],

@@ -1,22 +1,23 @@
-//! What a rig predicts of a board's point, and the derivatives of it by all parameters.
+//! Predicted image points of a board point, and their derivatives by all unknowns.
 //!
-//! Unknowns are counted: the camera's fx fy cx cy k1 k2 p1 p2 k3 (0 to 8), the projector's (9 to
-//! 17), the projector's turn and place in the rig (18 to 23), then turn and place of a board. A turn
-//! d (a rotation vector) takes R to exp(d) R, and R v to R v + d x R v.
+//! Order of the unknowns: the camera's fx fy cx cy k1 k2 p1 p2 k3 (0 to 8), the projector's (9 to
+//! 17), the projector's rotation and translation in the rig (18 to 23), then rotation and
+//! translation of a board. A rotation step d (a rotation vector) changes R to exp(d) R, and R v to
+//! R v + d x R v to first order.
 
 use super::observation::Observation;
 use super::rotation::nudge;
 use glam::{DMat2, DVec2, DVec3};
 use phasmid_geometry::{Lens, Pose};
 
-/// Unknowns of a lens.
+/// Number of unknowns of a lens.
 pub(super) const LENS: usize = 9;
-/// Unknowns of the rig.
+/// Number of unknowns of the rig.
 pub(super) const RIG: usize = 2 * LENS + 6;
-/// Unknowns that a point depends on.
+/// Number of unknowns that one point depends on: the rig and one board.
 pub(super) const ALL: usize = RIG + 6;
 
-/// Values of all unknowns.
+/// Values of all unknowns. The rig's frame is the camera's frame.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct State {
     pub camera: Lens,
@@ -26,7 +27,7 @@ pub(super) struct State {
 }
 
 impl State {
-    /// The state after a step, counted as above; `boards` has six numbers for each board.
+    /// Returns the state after a step in the order given above; `boards` has six numbers per board.
     pub fn stepped(&self, rig: &[f64; RIG], boards: &[[f64; 6]]) -> Self {
         Self {
             camera: step_lens(&self.camera, &rig[..LENS]),
@@ -41,7 +42,7 @@ impl State {
         }
     }
 
-    /// Whether the lenses are lenses.
+    /// Whether both lenses have finite, positive focal lengths and finite principal points.
     pub fn is_proper(&self) -> bool {
         [&self.camera, &self.projector].iter().all(|l| {
             l.focal_px.is_finite() && l.focal_px.min_element() > 0.0 && l.principal_px.is_finite()
@@ -66,12 +67,12 @@ fn step_pose(pose: &Pose, step: &[f64]) -> Pose {
     )
 }
 
-/// Residuals of a point, seen minus expected.
+/// Residuals of a point, observed minus predicted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Residual {
     /// In camera pixels.
     pub camera: DVec2,
-    /// In projector pixels, where the point was lit.
+    /// In projector pixels; `None` if the point has no projector coordinate.
     pub projector: Option<DVec2>,
 }
 
@@ -82,7 +83,7 @@ pub(super) struct Whitened {
     pub projector: Option<DVec2>,
 }
 
-/// Residuals of a point on board `board`; `None` where it is behind a lens.
+/// Computes the residuals of a point on board `board`. Returns `None` if it is behind a lens.
 pub(super) fn residual(o: &Observation, state: &State, board: usize) -> Option<Residual> {
     let x = state.boards[board].point(o.board.extend(0.0));
     let expected = project(&state.camera, x)?;
@@ -105,7 +106,7 @@ fn project(lens: &Lens, p: DVec3) -> Option<DVec2> {
 }
 
 impl Residual {
-    /// The residuals as numbers of variance 1.
+    /// Whitens the residuals: scales them to unit variance and removes their correlation.
     pub fn whitened(&self, o: &Observation) -> Whitened {
         Whitened {
             camera: o.camera_whitener * self.camera,
@@ -117,7 +118,7 @@ impl Residual {
     }
 }
 
-/// Derivatives of what is expected, whitened: rows u and v by all unknowns.
+/// Derivatives of the whitened predictions: rows u and v, one column per unknown.
 pub(super) struct Slopes {
     /// The camera's rows; zero for the projector's unknowns.
     pub camera: [[f64; ALL]; 2],
@@ -125,7 +126,8 @@ pub(super) struct Slopes {
     pub projector: [[f64; ALL]; 2],
 }
 
-/// Residuals, whitened, and their derivatives (with the sign of what is expected).
+/// Computes the whitened residuals and the derivatives of the predictions (the residuals'
+/// derivatives have the opposite sign). Returns `None` if the point is behind a lens.
 pub(super) fn linearise(
     o: &Observation,
     state: &State,
@@ -135,7 +137,7 @@ pub(super) fn linearise(
     let arm = pose.rotation * o.board.extend(0.0);
     let x = arm + pose.translation_mm;
     let seen = sight(&state.camera, x)?;
-    // Columns of the camera's pixel by its lens and by the board.
+    // Derivatives of the camera's pixel by its lens and by the board's pose.
     let mut camera = [DVec2::ZERO; ALL];
     camera[..LENS].copy_from_slice(&seen.by_lens);
     by_motion(&seen.by_point, arm, &mut camera[RIG..]);
@@ -156,7 +158,7 @@ pub(super) fn linearise(
         let by_point = lights.by_point.map(|row| rig.rotation * row);
         let mut projector = [DVec2::ZERO; ALL];
         projector[LENS..2 * LENS].copy_from_slice(&lights.by_lens);
-        // The point stays and the projector moves: the other way round.
+        // The projector moves and the point stays, hence the opposite sign.
         by_motion(&by_point, arm_of_rig, &mut projector[2 * LENS..RIG]);
         for c in &mut projector[2 * LENS..RIG] {
             *c = -*c;
@@ -172,7 +174,7 @@ pub(super) fn linearise(
     Some((whitened, slopes))
 }
 
-/// A pixel, its derivatives by the lens's unknowns (columns) and by the point (rows).
+/// A pixel, its derivatives by the lens's unknowns (columns) and by the 3D point (rows).
 struct Sight {
     px: DVec2,
     by_lens: [DVec2; LENS],
@@ -198,7 +200,7 @@ fn sight(lens: &Lens, p: DVec3) -> Option<Sight> {
         f * DVec2::new(r2 + 2.0 * x * x, 2.0 * x * y),
         f * ideal * (r2 * r2 * r2),
     ];
-    // Of the ideal point: [1 0 -x; 0 1 -y] / z.
+    // Derivative of the normalised image point by the 3D point: [1 0 -x; 0 1 -y] / z.
     let j = DMat2::from_diagonal(f) * lens.distort_jacobian(ideal);
     let row = |a: DVec2| DVec3::new(a.x, a.y, -a.dot(ideal)) / p.z;
     Some(Sight {
@@ -208,7 +210,8 @@ fn sight(lens: &Lens, p: DVec3) -> Option<Sight> {
     })
 }
 
-/// Columns by turn and shift of what carries a point at `arm`: a . (d x arm) = d . (arm x a).
+/// Derivatives by rotation and translation of the body that carries a point at `arm`, from a . (d x
+/// arm) = d . (arm x a).
 fn by_motion(by_point: &[DVec3; 2], arm: DVec3, columns: &mut [DVec2]) {
     let turns = by_point.map(|a| arm.cross(a).to_array());
     let shifts = by_point.map(|a| a.to_array());

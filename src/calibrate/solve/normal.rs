@@ -1,8 +1,9 @@
-//! Normal equations of a bundle, with the boards eliminated.
+//! Normal equations of bundle adjustment, with the board poses eliminated.
 //!
-//! The matrix is [U V; V' W] with W block diagonal, 6 x 6 for each board; the Schur complement
-//! U - V W^-1 V' leaves the rig's unknowns (Triggs et al., "Bundle adjustment: a modern synthesis",
-//! 2000, section 6.1). Its inverse gives the covariance of everything.
+//! The matrix is [U V; V' W], where W is block diagonal with a 6 x 6 block per board. The Schur
+//! complement U - V W^-1 V' leaves the rig's unknowns (Triggs et al., "Bundle adjustment: a modern
+//! synthesis", 2000, section 6.1). The inverse of the whole matrix is the covariance of all
+//! unknowns.
 
 use super::model::{ALL, RIG, State, linearise};
 use super::observation::PoseObservations;
@@ -13,7 +14,8 @@ use rayon::prelude::*;
 /// The normal equations at a state.
 #[derive(Clone)]
 pub(super) struct Normal {
-    /// Loss at the state: twice the negative logarithm of the likelihood, for squares.
+    /// Loss at the state. For the squared loss it is twice the negative log-likelihood, up to a
+    /// constant.
     pub loss: f64,
     boards: Vec<Board>,
 }
@@ -28,7 +30,7 @@ struct Board {
 /// Which of the rig's unknowns are free.
 pub(super) type Free = [bool; RIG];
 
-/// A step of all unknowns, and what it promises.
+/// A step of all unknowns.
 pub(super) struct Step {
     pub rig: [f64; RIG],
     pub boards: Vec<[f64; 6]>,
@@ -37,7 +39,8 @@ pub(super) struct Step {
 }
 
 impl Normal {
-    /// `None` where a point is behind a lens or a number is no number.
+    /// Sets up the equations at a state. Returns `None` if a point is behind a lens or the loss is
+    /// not finite.
     pub fn at(poses: &[PoseObservations], state: &State, loss: &Loss) -> Option<Self> {
         let boards: Vec<Board> = (0..poses.len())
             .into_par_iter()
@@ -47,8 +50,8 @@ impl Normal {
         sum.is_finite().then_some(Self { loss: sum, boards })
     }
 
-    /// The step that minimises the loss of the linearised problem, its diagonal raised by `damping`
-    /// times itself (Marquardt); `None` where the free unknowns are not determined.
+    /// Step that minimises the linearised loss, with the diagonal scaled by 1 + `damping`
+    /// (Marquardt). Returns `None` if the free unknowns are not determined.
     pub fn step(&self, free: &Free, damping: f64) -> Option<Step> {
         let reduced = Reduced::new(self, free, damping)?;
         let rig_step = reduced.schur.solve(&reduced.right);
@@ -71,7 +74,7 @@ impl Normal {
         step.length.is_finite().then_some(step)
     }
 
-    /// The step's square in the metric of the normal matrix.
+    /// Squared length of the step in the metric of the normal matrix.
     fn square(&self, step: &Step) -> f64 {
         let mut sum = 0.0;
         for (own, board) in self.boards.iter().zip(&step.boards) {
@@ -84,7 +87,8 @@ impl Normal {
         sum
     }
 
-    /// The inverse of the normal matrix: free unknowns of the rig, then six of each board.
+    /// Inverse of the normal matrix: the rig's free unknowns, then six unknowns per board. Returns
+    /// `None` if the matrix is singular.
     pub fn covariance(&self, free: &Free) -> Option<DMatrix<f64>> {
         let reduced = Reduced::new(self, free, 0.0)?;
         let rig = reduced.schur.inverse();
@@ -148,7 +152,7 @@ impl Board {
             if wa == 0.0 && wb == 0.0 {
                 continue;
             }
-            // The upper triangle; the other one is its mirror.
+            // Only the upper triangle is accumulated; `Board::at` mirrors it.
             for (m, (x, y)) in self.matrix[i][i..]
                 .iter_mut()
                 .zip(a[i..].iter().zip(&b[i..]))
@@ -160,9 +164,9 @@ impl Board {
     }
 }
 
-/// The equations of the rig's free unknowns alone.
+/// The equations reduced to the rig's free unknowns.
 struct Reduced {
-    /// Which unknowns they are.
+    /// Indices of the free unknowns.
     columns: Vec<usize>,
     schur: Cholesky<f64, Dyn>,
     right: DVector<f64>,
@@ -197,7 +201,7 @@ impl Reduced {
             right += DVector::from_fn(count, |i, _| b.right[columns[i]]) - &carry * own;
             boards.push(Elimination { inverse, carry });
         }
-        // Both triangles alike, whatever rounding made of them.
+        // Make the matrix exactly symmetric despite rounding.
         let schur = (&schur + schur.transpose()) * 0.5;
         Some(Self {
             columns,

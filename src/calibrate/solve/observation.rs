@@ -1,33 +1,34 @@
-//! Sightings as observations with unit variance.
+//! Detected points as observations of unit variance.
 //!
-//! A camera point c has covariance C. A projector coordinate p was taken at the camera point seen,
-//! not at the true one, so its error is S e + n: e the camera point's error, S the slope, n the
-//! decoder's own noise of covariance N. With residuals r_c and r_p (seen minus expected) the four
-//! numbers W_c r_c and W_p (r_p - S r_c) are uncorrelated and of variance 1 when W_c' W_c = C^-1 and
-//! W_p' W_p = N^-1: that is the joint 4 x 4 covariance [C, C S'; S C, S C S' + N], whitened.
+//! A camera point c has covariance C. A projector coordinate p was read at the observed camera
+//! point, not at the true one, so its error is S e + n: e is the camera point's error, S the slope
+//! (the derivative of p by c), n the decoder's own noise of covariance N. With residuals r_c and
+//! r_p (observed minus predicted), the four numbers W_c r_c and W_p (r_p - S r_c) are uncorrelated
+//! and of variance 1 if W_c' W_c = C^-1 and W_p' W_p = N^-1. This whitens the joint 4 x 4
+//! covariance [C, C S'; S C, S C S' + N].
 
 use super::PoseSightings;
 use crate::board::Sighting;
 use glam::{DMat2, DVec2};
 use phasmid_geometry::Board;
 
-/// A point's observations.
+/// Observations of a board point.
 #[derive(Debug, Clone)]
 pub(super) struct Observation {
     pub index: [u32; 2],
-    /// On the board, in millimetres.
+    /// Position on the board, in millimetres.
     pub board: DVec2,
     pub camera: DVec2,
     /// W_c.
     pub camera_whitener: DMat2,
     pub lit: Option<LitObservation>,
-    /// Whether the camera's part counts.
+    /// Whether the camera's observation is used (not an outlier).
     pub camera_counts: bool,
-    /// Whether the projector's part counts.
+    /// Whether the projector's observation is used (exists and is not an outlier).
     pub projector_counts: bool,
 }
 
-/// A point's projector coordinates.
+/// Projector coordinates of a board point.
 #[derive(Debug, Clone)]
 pub(super) struct LitObservation {
     pub px: DVec2,
@@ -40,10 +41,11 @@ pub(super) struct LitObservation {
 #[derive(Debug, Clone)]
 pub(super) struct PoseObservations {
     pub name: String,
-    /// Place in the list that was given.
+    /// Index in the given list of poses.
     pub given: usize,
     pub points: Vec<Observation>,
-    /// Points given that cannot be used: off the board, or without a proper covariance.
+    /// Number of given points that cannot be used: their index is off the board, or their position
+    /// or covariance is invalid.
     pub improper: usize,
 }
 
@@ -62,7 +64,7 @@ impl PoseObservations {
         }
     }
 
-    /// How many points the projector lit.
+    /// Number of points with projector coordinates.
     pub fn lit(&self) -> usize {
         self.points.iter().filter(|p| p.lit.is_some()).count()
     }
@@ -94,7 +96,7 @@ fn observation(board: &Board, s: &Sighting) -> Option<Observation> {
     })
 }
 
-/// The inverse of the lower Cholesky factor; `None` of a matrix that is no covariance.
+/// Inverse of the lower Cholesky factor. Returns `None` if the matrix is not positive definite.
 fn whitener(c: DMat2) -> Option<DMat2> {
     let (a, d) = (c.x_axis.x, c.y_axis.y);
     let off = 0.5 * (c.x_axis.y + c.y_axis.x);

@@ -1,5 +1,4 @@
-//! Where a board stands before a rig that is known: six unknowns, by the same least squares as all of
-//! a rig's.
+//! Pose of a board for a known rig: six unknowns, by the same least squares as the whole rig.
 
 use super::bundle::Bundle;
 use super::homography::Homography;
@@ -11,35 +10,35 @@ use super::{Choice, PoseSightings, SolvedPose, Unsolved, zhang};
 use glam::DVec2;
 use phasmid_geometry::{Board, Lens, Pose, Rig};
 
-/// What is wanted of a picture of one board.
+/// Requirement on the image of a board, for error messages.
 const WANTED: &str =
     "a flat board that the camera sees from its front, not flipped, and the projector lights";
-/// What is wanted of a board and a rig.
+/// Requirement on board and rig, for error messages.
 const FITTING: &str = "a board of the size that was said, before the rig that was calibrated";
 
-/// Points that leave more than so many pixels (RMS) are those of another board or another rig: the worst
-/// of calibrations leave one or two.
+/// Maximum RMS residual in pixels. Even a poor calibration leaves one or two pixels; more than this
+/// means another board or another rig.
 const MOST_RMS_PX: f64 = 3.0;
 
-/// A board's place before a rig.
+/// Pose of a board relative to a rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
-    /// Takes coordinates on the board to the rig's frame, in millimetres.
+    /// Transforms board coordinates to the rig's frame, in millimetres.
     pub rig_from_board: Pose,
-    /// Covariance of the board's turn about the camera's axes through its origin (radians) and of its
-    /// origin's place (mm, the camera's frame), residuals that are larger than they should be counted
-    /// in.
+    /// Covariance of the board's rotation about its origin (radians, axes of the camera's frame),
+    /// then of its origin's position (mm, in the camera's frame). It is inflated if the residuals
+    /// exceed what the covariances of the points predict.
     pub covariance: [[f64; 6]; 6],
-    /// The board before the camera, and what each of its points leaves: more than 1 whitened is more
-    /// than noise, so that the rig is not what it is taken for.
+    /// The board's pose in the camera's frame and the residuals of its points. A whitened RMS
+    /// residual above 1 exceeds the noise: the rig differs from its calibration.
     pub pose: SolvedPose,
 }
 
-/// Places a board by its points before a camera and a projector that are known. Points that do not fit
-/// the rest are left out.
+/// Computes the pose of a board from its observed points and a known rig. Outliers are excluded.
 ///
 /// # Errors
-/// Fewer points than it takes, points on a line, a mirrored board, and points that fit no place.
+/// Returns an error if there are too few points, if they are collinear, if the board is mirrored,
+/// or if no pose fits the points.
 pub fn place(board: &Board, sightings: &PoseSightings, rig: &Rig) -> Result<Placed, Unsolved> {
     let mut bundle = Bundle::new(board, std::slice::from_ref(sightings));
     let choice = Choice::default();
@@ -66,7 +65,7 @@ pub fn place(board: &Board, sightings: &PoseSightings, rig: &Rig) -> Result<Plac
             wanted: format!("{MOST_RMS_PX} px or less: {FITTING}"),
         });
     }
-    // Half of them cannot be exceptions.
+    // At most half of the points may be outliers.
     let counted = pose.camera_errors.count;
     if counted < FEWEST_POINTS || 2 * counted < sightings.sightings.len() {
         return Err(Unsolved::Unplaced {
@@ -84,7 +83,7 @@ pub fn place(board: &Board, sightings: &PoseSightings, rig: &Rig) -> Result<Plac
     })
 }
 
-/// By the homography of points as a lens without distortion would show them.
+/// Initial pose, from the homography of the points with the lens distortion removed.
 fn start(pose: &PoseObservations, lens: &Lens) -> Result<Pose, Unsolved> {
     let ideal = |px: DVec2| lens.ray(px).truncate() * lens.focal_px + lens.principal_px;
     let pairs = pose.points.iter().map(|o| (o.board, ideal(o.camera)));

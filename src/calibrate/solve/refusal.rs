@@ -1,4 +1,4 @@
-//! Why the least squares comes to no end, by what it has seen on its way.
+//! Diagnoses why bundle adjustment did not converge.
 
 use super::Unsolved;
 use super::check::LITTLE_TILT_DEG;
@@ -7,25 +7,26 @@ use super::observation::PoseObservations;
 use super::start::{TILTS_WANTED, largest_angle_deg};
 use glam::DVec3;
 
-/// Standard deviations below this part of an image's width are finer than f64 resolves of a bundle:
-/// a projection is rounded to some 1e-15 of it, and a last step that is 1e-4 standard deviations long
-/// (see `fit`) sums over dozens of unknowns.
+/// Minimum standard deviation of a point, as a fraction of the image's width, that f64 resolves in
+/// a bundle adjustment. A projection is rounded to about 1e-15 of the width, and the last step of
+/// 1e-4 standard deviations (see `fit`) is a sum over dozens of unknowns.
 const FINEST: f64 = 1e-10;
 
-/// What has stopped the least squares.
+/// Reason why the minimisation failed.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Why {
-    /// The first guess has a point behind a lens, or is no number.
+    /// The initial state is not finite or puts a point behind a lens.
     NoStart,
-    /// No more numbers than unknowns.
+    /// There are no more scalar observations than unknowns.
     TooFew { unknowns: usize },
-    /// Some combination of the unknowns changes nothing that was seen.
+    /// Some combination of the unknowns does not affect the observations.
     Open,
-    /// Steps go on, the last one this long in squared standard deviations.
+    /// Steps do not become small; holds the squared length of the last one in standard deviations.
     Restless(f64),
 }
 
-/// The refusal of `observed` numbers of some poses, at the state where the search has stopped.
+/// Builds the error from the reason, the poses with `observed` scalar observations, and the last
+/// state.
 pub(super) fn refusal(
     why: Why,
     poses: &[PoseObservations],
@@ -86,14 +87,14 @@ pub(super) fn refusal(
     }
 }
 
-/// The smallest standard deviation of a point along any direction, in pixels of its image.
+/// Smallest standard deviation of any point along any direction, in pixels of its image (up to a
+/// factor of sqrt(2)).
 fn finest_px(poses: &[PoseObservations]) -> f64 {
     let whiteners = poses.iter().flat_map(|p| &p.points).flat_map(|o| {
         let lit = o.lit.as_ref().map(|lit| lit.whitener);
         std::iter::once(o.camera_whitener).chain(lit)
     });
-    // A whitener's longest image of a unit vector is at most its Frobenius norm, and no less than
-    // that over the root of two.
+    // The Frobenius norm of a 2 x 2 whitener is between 1 and sqrt(2) times its spectral norm.
     let norm = |w: glam::DMat2| w.x_axis.length_squared() + w.y_axis.length_squared();
     whiteners
         .map(|w| 1.0 / norm(w).sqrt())

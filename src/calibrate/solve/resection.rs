@@ -1,11 +1,12 @@
-//! The projector from points whose places in space are known: an inverse camera's lens and pose.
+//! Projector intrinsics and pose from points with known positions in space. The projector is
+//! modelled as an inverse camera.
 //!
-//! Once the camera's lens and the boards' poses are known, so are the lit points in the camera's
-//! frame, and a direct linear transformation gives the projector's 3 x 4 matrix (Hartley and
-//! Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, algorithm 7.1). It is split
-//! into lens and pose by the upper triangular factor K of M M' = K K' (section 6.2.4). Points on
-//! planes of several directions determine it better than homographies do, wherever the principal
-//! point lies.
+//! The camera's intrinsics and the board poses give the illuminated points in the camera's frame. A
+//! direct linear transformation then gives the projector's 3 x 4 matrix (Hartley and Zisserman,
+//! "Multiple View Geometry in Computer Vision", 2nd edition, algorithm 7.1), which is split into
+//! lens and pose by the upper triangular factor K of M M' = K K' (section 6.2.4). Points on planes
+//! of several orientations determine the projector better than homographies do, wherever the
+//! principal point lies.
 
 use super::homography::null_vector;
 use super::rotation::nearest;
@@ -13,8 +14,8 @@ use glam::{DMat3, DVec2, DVec3};
 use nalgebra::SMatrix;
 use phasmid_geometry::{Lens, Pose};
 
-/// Lens without distortion and `camera_from_projector`; `None` where the points (in the camera's
-/// frame, and their pixels) do not determine them.
+/// Returns a lens without distortion and `camera_from_projector`, or `None` if the pairs do not
+/// determine them. A pair is a point in the camera's frame (mm) and its projector pixel.
 pub(super) fn resect(pairs: &[(DVec3, DVec2)], size_px: [u32; 2]) -> Option<(Lens, Pose)> {
     let count = pairs.len() as f64;
     let mean = pairs.iter().map(|p| p.0).sum::<DVec3>() / count;
@@ -47,7 +48,7 @@ pub(super) fn resect(pairs: &[(DVec3, DVec2)], size_px: [u32; 2]) -> Option<(Len
     let p = null_vector(normal, 1e-13)?;
     let column = |j: usize| DVec3::new(p[j], p[4 + j], p[8 + j]);
     let (mut m, mut last) = (DMat3::from_cols(column(0), column(1), column(2)), column(3));
-    // A rotation's determinant is positive, and so are focal lengths.
+    // Fix the sign: the determinant of a rotation and the focal lengths are positive.
     let sign = m.determinant().signum() / m.row(2).length();
     m *= sign;
     last *= sign;

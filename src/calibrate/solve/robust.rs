@@ -1,33 +1,35 @@
-//! What a residual costs, and which do not belong to the rest.
+//! Robust loss and outlier rejection.
 //!
-//! On the way to the solution residuals cost by Huber's function (Huber, "Robust estimation of a
-//! location parameter", 1964), which bounds what one point can do. At the solution a point counts or
-//! it does not: one whose whitened residual is beyond a fixed threshold is left out, and what is
-//! left is plain least squares, so that the covariance means what it says. Of honest points the
-//! threshold leaves out four in a million.
+//! Far from the solution residuals are weighted by Huber's function (Huber, "Robust estimation of a
+//! location parameter", 1964), which bounds the influence of a single point. At the solution,
+//! points with a whitened residual beyond a fixed threshold are rejected and the rest is fitted by
+//! plain least squares, so that the covariance is valid. With correct covariances the threshold
+//! rejects four good points in a million.
 
 use super::homography::median;
 use super::model::{State, Whitened, residual};
 use super::observation::PoseObservations;
 
-/// Whitened length of two components beyond which a point is an outlier: exp(-5^2 / 2) = 4e-6.
+/// Whitened length (of two components) beyond which a point is an outlier: exp(-5^2 / 2) = 4e-6.
 pub(super) const OUTLYING: f64 = 5.0;
-/// Where Huber's function turns from a parabola to a line.
+/// Whitened length at which Huber's function changes from quadratic to linear.
 const HUBER: f64 = 2.5;
-/// Median length of two normal components, sqrt(2 ln 2).
+/// Median length of a vector of two standard normal components, sqrt(2 ln 2).
 pub(super) const MEDIAN: f64 = 1.177_410_022_515_474_7;
 
-/// The cost of a whitened residual of two components, by group: camera, projector.
+/// Loss of a whitened residual of two components. The arrays hold a value for the camera and one
+/// for the projector.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Loss {
-    /// The square, over the group's inflation.
+    /// Squared length divided by the group's variance inflation.
     Square([f64; 2]),
     /// Huber's function with these thresholds.
     Huber([f64; 2]),
 }
 
 impl Loss {
-    /// Cost and weight of a squared length.
+    /// Returns loss and weight for a squared length; `group` is 0 for the camera, 1 for the
+    /// projector.
     pub fn of(&self, group: usize, square: f64) -> (f64, f64) {
         match self {
             Self::Square(inflation) => (square / inflation[group], 1.0 / inflation[group]),
@@ -42,14 +44,14 @@ impl Loss {
         }
     }
 
-    /// Huber's function for residuals of these scales.
+    /// Huber's function with thresholds for residuals of these scales.
     pub fn huber(scales: [f64; 2]) -> Self {
         Self::Huber(scales.map(|s| HUBER * s))
     }
 }
 
-/// Typical whitened residuals of a pose's camera points and projector coordinates: 1 where the
-/// covariances are right, and none where nothing counts.
+/// Robust scale (from the median) of the whitened residuals of a pose's camera points and projector
+/// coordinates: 1 if the covariances are right, `None` without any residuals.
 pub(super) fn pose_scales(
     pose: &PoseObservations,
     state: &State,
@@ -63,7 +65,7 @@ pub(super) fn pose_scales(
     lengths.map(|mut l| (!l.is_empty()).then(|| median(&mut l) / MEDIAN))
 }
 
-/// The same over all poses, at least 1.
+/// Robust scales over the points of all poses, at least 1.
 pub(super) fn scales(poses: &[PoseObservations], state: &State) -> [f64; 2] {
     let mut lengths = [Vec::new(), Vec::new()];
     for (i, pose) in poses.iter().enumerate() {
@@ -81,7 +83,8 @@ pub(super) fn scales(poses: &[PoseObservations], state: &State) -> [f64; 2] {
     })
 }
 
-/// Decides anew which observations count; whether any has changed.
+/// Reclassifies all observations as inliers or outliers. Returns whether any classification
+/// changed.
 pub(super) fn reject(poses: &mut [PoseObservations], state: &State) -> bool {
     let limits = scales(poses, state).map(|s| OUTLYING * s);
     let mut changed = false;
@@ -99,7 +102,7 @@ pub(super) fn reject(poses: &mut [PoseObservations], state: &State) -> bool {
     changed
 }
 
-/// Calls for each point of a pose, outliers too, with what it leaves.
+/// Calls `each` with the index and whitened residuals of every point of a pose, outliers included.
 fn for_each(
     pose: &PoseObservations,
     state: &State,

@@ -1,19 +1,19 @@
-//! Small turns of poses, and the rotation nearest to a matrix.
+//! Rotation vectors, small steps of poses, and the rotation nearest to a matrix.
 
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::Matrix3;
 use phasmid_geometry::Pose;
 
-/// The rotation by a rotation vector in radians.
+/// Rotation matrix of a rotation vector in radians.
 pub(super) fn exp(turn: DVec3) -> DMat3 {
     let angle = turn.length();
     turn.try_normalize()
         .map_or(DMat3::IDENTITY, |axis| DMat3::from_axis_angle(axis, angle))
 }
 
-/// The rotation vector in radians, of length up to pi.
+/// Rotation vector of a rotation matrix, in radians, of length up to pi.
 pub(super) fn log(r: DMat3) -> DVec3 {
-    // Twice the sine times the axis, and twice the cosine plus one.
+    // `v` is the sine of the angle times the axis.
     let v = DVec3::new(
         r.y_axis.z - r.z_axis.y,
         r.z_axis.x - r.x_axis.z,
@@ -29,7 +29,7 @@ pub(super) fn log(r: DMat3) -> DVec3 {
         };
         return v * stretch;
     }
-    // Near half a turn the sine is lost; the quaternion is not.
+    // Near a half turn the sine vanishes, so take the axis from the quaternion.
     let q = DQuat::from_mat3(&r);
     let q = if q.w < 0.0 { -q } else { q };
     let half = q.xyz();
@@ -37,7 +37,8 @@ pub(super) fn log(r: DMat3) -> DVec3 {
         .map_or(DVec3::ZERO, |axis| axis * (2.0 * half.length().atan2(q.w)))
 }
 
-/// A pose turned by `turn` (radians, about a's axes) and moved by `shift` (mm).
+/// Rotates a pose by `turn` (radians, about the axes of the target frame) and shifts it by `shift`
+/// (mm).
 pub(super) fn nudge(pose: &Pose, turn: DVec3, shift: DVec3) -> Pose {
     Pose {
         rotation: orthonormal(exp(turn) * pose.rotation),
@@ -45,22 +46,22 @@ pub(super) fn nudge(pose: &Pose, turn: DVec3, shift: DVec3) -> Pose {
     }
 }
 
-/// The rotation vector and the shift that [`nudge`] takes from one pose to another.
+/// Rotation vector and shift with which [`nudge`] changes one pose to another.
 pub(super) fn difference(from: &Pose, to: &Pose) -> [f64; 6] {
     let turn = log(to.rotation * from.rotation.transpose());
     let shift = to.translation_mm - from.translation_mm;
     [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
 }
 
-/// The rotation for a matrix that is one but for rounding (Gram and Schmidt).
+/// Removes rounding errors from a rotation matrix (Gram-Schmidt).
 fn orthonormal(m: DMat3) -> DMat3 {
     let x = m.x_axis.normalize();
     let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();
     DMat3::from_cols(x, y, x.cross(y))
 }
 
-/// The rotation nearest to a matrix in the sum of squares (Zhang 2000, appendix C); `None` of a
-/// matrix that is not finite.
+/// Rotation nearest to a matrix in the least-squares sense (Zhang 2000, appendix C). Returns `None`
+/// if the matrix is not finite.
 pub(super) fn nearest(m: DMat3) -> Option<DMat3> {
     if !m.is_finite() {
         return None;

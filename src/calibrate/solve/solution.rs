@@ -1,59 +1,62 @@
-//! What solving gives: the rig, the poses, and how well all of it is known.
+//! Result of the solver: the rig, the poses, and their uncertainty.
 
 use super::rotation::difference;
 use glam::DVec2;
 use nalgebra::{DMatrix, DVector};
 use phasmid_geometry::{Pose, Rig};
 
-/// A rig that was solved for.
+/// A calibrated rig with its board poses, covariance and residuals.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// The rig; its frame is the camera's. Without a noise model: that is the caller's to add.
+    /// The rig, in the camera's frame. It has no noise model; the caller adds it.
     pub rig: Rig,
-    /// The poses that were used, in the order given.
+    /// The poses that were used, in the given order.
     pub poses: Vec<SolvedPose>,
-    /// The poses that were not, and why.
+    /// The poses that were excluded, with reasons.
     pub left_out: Vec<LeftOut>,
-    /// Which of k1, k2, p1, p2, k3 of the camera were estimated.
+    /// Which of the camera's k1, k2, p1, p2, k3 were estimated.
     pub camera_coefficients: [bool; 5],
-    /// Which of k1, k2, p1, p2, k3 of the projector were estimated.
+    /// Which of the projector's k1, k2, p1, p2, k3 were estimated.
     pub projector_coefficients: [bool; 5],
-    /// All that was estimated: the camera's lens, the projector's lens, the projector's pose, then
-    /// six numbers for each used pose.
+    /// All estimated parameters: the camera's lens, the projector's lens, the projector's pose,
+    /// then six numbers for each used pose.
     pub parameters: Vec<Parameter>,
-    /// Covariance of `parameters`, rows and columns in their order, in their units. Rotations are
-    /// told as small turns in radians about the rig's axes: true = exp(turn) estimated.
+    /// Covariance of `parameters`, in their order and units. Rotation errors are small rotation
+    /// vectors in radians about the axes of the rig's frame: true rotation = exp(vector) *
+    /// estimated rotation.
     pub covariance: DMatrix<f64>,
-    /// Sum of squares of the whitened residuals over the degrees of freedom, by the covariances as
-    /// they were given; 1 where these are right.
+    /// Sum of squared whitened residuals, using the given covariances, over the degrees of freedom.
+    /// It is about 1 if the given covariances are right.
     pub variance_factor: f64,
-    /// What the given covariances of camera points and of projector coordinates were multiplied by
-    /// because residuals were larger than they and chance allow: 1 or more. `covariance` has it in it.
+    /// Factors, at least 1, by which the given covariances of camera points and of projector
+    /// coordinates were multiplied because the residuals exceed them by more than chance.
+    /// `covariance` includes them.
     pub inflation: [f64; 2],
-    /// Numbers that were observed (by points that were used) minus parameters.
+    /// Number of scalar observations (of the points used) minus number of parameters.
     pub degrees_of_freedom: usize,
-    /// Ratio of largest and smallest eigenvalue of the correlation matrix of the rig's parameters.
+    /// Condition number of the correlation matrix of the rig's parameters.
     pub condition: f64,
-    /// Distances in camera pixels between points seen and points expected.
+    /// Distances between observed and predicted points, in camera pixels.
     pub camera_errors: Errors,
-    /// Distances in projector pixels, plain: what a camera point's own error does is in them.
+    /// Distances between decoded and predicted coordinates, in projector pixels. They include the
+    /// effect of the camera points' errors.
     pub projector_errors: Errors,
-    /// What a user should know before trusting this, with numbers.
+    /// Warnings about the reliability of the result, with numbers.
     pub warnings: Vec<String>,
 }
 
-/// Lengths of residuals.
+/// Statistics of residual lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Errors {
-    /// How many points.
+    /// Number of points.
     pub count: usize,
     /// Mean length in pixels.
     pub mean_px: f64,
-    /// Root of the mean square length in pixels.
+    /// RMS length in pixels.
     pub rms_px: f64,
-    /// Largest length in pixels.
+    /// Maximum length in pixels.
     pub max_px: f64,
-    /// Root of the mean square of the whitened components: 1 where the covariances are right.
+    /// RMS of the whitened components: about 1 if the covariances are right.
     pub whitened_rms: f64,
 }
 
@@ -62,76 +65,79 @@ pub struct Errors {
 pub struct SolvedPose {
     /// Its name.
     pub name: String,
-    /// Its place in the list of poses that was given.
+    /// Index in the given list of poses.
     pub given: usize,
-    /// Takes coordinates on the board to the camera's frame (and the rig's), in millimetres.
+    /// Transforms board coordinates to the camera's (and the rig's) frame, in millimetres.
     pub camera_from_board: Pose,
-    /// Errors of its camera points.
+    /// Residual statistics of its camera points.
     pub camera_errors: Errors,
-    /// Errors of its projector coordinates.
+    /// Residual statistics of its projector coordinates.
     pub projector_errors: Errors,
-    /// Its points, in the order given; points that could not be used at all are missing.
+    /// Its points in the given order, without those that lack a valid index or covariance.
     pub points: Vec<PointResidual>,
 }
 
-/// A pose that was not used.
+/// A pose that was excluded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
     /// Its name.
     pub name: String,
-    /// Its place in the list of poses that was given.
+    /// Index in the given list of poses.
     pub given: usize,
-    /// Why, with numbers.
+    /// Reason, with numbers.
     pub why: String,
 }
 
-/// How a point fits.
+/// Residuals of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointResidual {
     /// Column and row on the board.
     pub index: [u32; 2],
-    /// Camera pixel seen minus the one expected.
+    /// Observed minus predicted camera pixel.
     pub camera_px: DVec2,
-    /// `camera_px` whitened by its covariance as given: components of variance 1.
+    /// `camera_px` whitened with its given covariance: components of variance 1.
     pub camera_whitened: DVec2,
-    /// Whether the camera's part counts: 1, or 0 of an outlier.
+    /// 1 if the camera's observation is used, 0 if it is an outlier.
     pub camera_weight: f64,
-    /// The projector's part, where the projector lit the point.
+    /// The projector's residual; `None` if the point has no projector coordinate.
     pub projector: Option<ProjectorResidual>,
 }
 
-/// How a point's projector coordinates fit.
+/// Residuals of a point's projector coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProjectorResidual {
-    /// Projector pixel decoded minus the one expected.
+    /// Decoded minus predicted projector pixel.
     pub px: DVec2,
-    /// The part of `px` that the camera point's error does not explain, whitened by its covariance
-    /// as given: components of variance 1.
+    /// The part of `px` that the camera point's error does not explain, whitened with its given
+    /// covariance: components of variance 1.
     pub whitened: DVec2,
-    /// Whether it counts: 1, or 0 of an outlier.
+    /// 1 if the observation is used, 0 if it is an outlier.
     pub weight: f64,
 }
 
-/// A number that was estimated.
+/// An estimated parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// What it is: `camera.fx`, `projector.k1`, `projector.x`, `NAME.turn_x`.
+    /// Name: `camera.fx`, `projector.k1`, `projector.x`, `NAME.turn_x`.
     pub name: String,
-    /// `px`, `mm`, `rad`, or nothing.
+    /// `px`, `mm`, `rad`, or empty.
     pub unit: &'static str,
-    /// Its value; of a turn: the component of the rotation vector.
+    /// Value. For a rotation, a component of the rotation vector.
     pub value: f64,
-    /// Its standard deviation; of a turn: that of a small turn about the rig's axis.
+    /// Standard deviation. For a rotation, that of a small rotation about the axis of the rig's
+    /// frame.
     pub sigma: f64,
 }
 
 impl Solution {
-    /// Squared Mahalanobis distance of the estimates from the true rig and, where given, the true
-    /// poses of the boards (`camera_from_board`, one for each used pose, in their order), and its
-    /// degrees of freedom: it follows a chi-square distribution where the covariance is honest; see
-    /// [`chi_square_bound`](super::chi_square_bound). The true rig's frame may be any; distortion
-    /// coefficients that were not estimated are not compared. NaN where the covariance has no
-    /// inverse or the number of poses differs.
+    /// Computes the squared Mahalanobis distance of the estimates from the true rig and, if given,
+    /// the true poses of the boards (`camera_from_board`, one for each used pose, in their order).
+    /// Returns it with its degrees of freedom.
+    ///
+    /// If the covariance is right, the distance follows a chi-square distribution; see
+    /// [`chi_square_bound`](super::chi_square_bound). The true rig may be given in any frame.
+    /// Distortion coefficients that were not estimated are not compared. The distance is NaN if the
+    /// covariance is singular or the number of poses differs.
     pub fn mahalanobis(&self, truth: &Rig, boards: Option<&[Pose]>) -> (f64, usize) {
         let camera_from_rig = truth.camera.rig_from_view.inverse();
         let place = camera_from_rig * truth.projector.rig_from_view;
@@ -165,7 +171,7 @@ impl Solution {
         if !complete || dof > self.covariance.nrows() {
             return (f64::NAN, dof);
         }
-        // Scaled to unit variances, as units differ by orders of magnitude.
+        // Scale to unit variances, because the units differ by orders of magnitude.
         let sigma: Vec<f64> = (0..dof).map(|i| self.covariance[(i, i)].sqrt()).collect();
         let correlation = DMatrix::from_fn(dof, dof, |i, j| {
             self.covariance[(i, j)] / (sigma[i] * sigma[j])

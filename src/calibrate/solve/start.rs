@@ -1,4 +1,4 @@
-//! A first state in closed form, and the poses that have no place in it.
+//! Closed-form initial state, and exclusion of poses that cannot contribute to it.
 
 use super::bundle::Bundle;
 use super::coefficients::{Model, free};
@@ -11,22 +11,25 @@ use super::{Choice, Unsolved, zhang};
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_geometry::{Lens, Pose};
 
-/// A homography has eight unknowns: four points give it, two more check it.
+/// Minimum number of points per pose. A homography has eight unknowns: four points determine it,
+/// two more check it.
 pub(super) const FEWEST_POINTS: usize = 6;
-/// Boards nearer to parallel than this before a lens of ordinary angle are parallel.
+/// Boards count as parallel if the largest angle between their normals is below this, estimated
+/// with a guessed lens whose focal length is the larger side of the image.
 const PARALLEL_DEG: f64 = 0.5;
-/// What parallel boards should be instead.
+/// Recommended board poses, for error messages.
 pub(super) const TILTS_WANTED: &str =
     "boards tilted in different directions, by 15 degrees or more between two of them";
 
-/// Homographies of the poses that can be used, in their order.
+/// Homographies of the usable poses, in the order of the poses.
 pub(super) struct Maps {
     pub camera: Vec<Homography>,
-    /// To the projector's image, where it lit enough, with the points that were lit.
+    /// Homographies to the projector's image and the indices of their inliers; `None` if too few
+    /// points are illuminated.
     pub projector: Vec<Option<(Homography, Vec<usize>)>>,
 }
 
-/// Fits homographies and leaves out what has none or a mirrored one.
+/// Fits the homographies and excludes poses that have none or a mirrored one.
 pub(super) fn maps(bundle: &mut Bundle, robust: bool) -> Result<Maps, Unsolved> {
     let mut maps = Maps {
         camera: Vec::new(),
@@ -85,7 +88,7 @@ fn of_pose(bundle: &Bundle, at: usize, robust: bool) -> Result<OfPose, (Kind, St
     };
     let few = |count: usize, what: &str| {
         let why = format!(
-            "{count} points{improper}{what}; wanted: {FEWEST_POINTS} or more that are not on a line"
+            "{count} points{improper}{what}; expected {FEWEST_POINTS} or more that are not on a line"
         );
         (Kind::TooFew, why)
     };
@@ -97,13 +100,14 @@ fn of_pose(bundle: &Bundle, at: usize, robust: bool) -> Result<OfPose, (Kind, St
     let agree = camera.fits.iter().filter(|f| **f).count();
     if agree < FEWEST_POINTS || 2 * agree < pairs.len() {
         let why = format!(
-            "{agree} of {} points agree on where the board is; wanted: half of them",
+            "{agree} of {} points agree on where the board is; expected half of them",
             pairs.len()
         );
         return Err((Kind::TooFew, why));
     }
     if !camera.keeps_sense() {
-        let why = "the picture shows the board mirrored; wanted: its front, not flipped".to_owned();
+        let why =
+            "the picture shows the board mirrored; expected its front, not flipped".to_owned();
         return Err((Kind::MirroredCamera, why));
     }
     let lit: Vec<usize> = (0..pose.points.len())
@@ -135,7 +139,7 @@ fn of_pose(bundle: &Bundle, at: usize, robust: bool) -> Result<OfPose, (Kind, St
     Ok((camera, Some((map, lit))))
 }
 
-/// The largest angle between the normals of two boards, in degrees.
+/// Largest angle between the normals of any two boards, in degrees.
 pub(super) fn largest_angle_deg(normals: &[DVec3]) -> f64 {
     let mut largest = 0.0f64;
     for (i, a) in normals.iter().enumerate() {
@@ -146,7 +150,8 @@ pub(super) fn largest_angle_deg(normals: &[DVec3]) -> f64 {
     largest
 }
 
-/// The camera's lens and the boards' poses, refined by the camera alone; then the projector.
+/// Initial state: estimates the camera's intrinsics and the board poses, refines them with the
+/// camera's observations alone, then estimates the projector.
 pub(super) fn state(
     bundle: &Bundle,
     maps: &Maps,
@@ -212,7 +217,7 @@ fn refuse_parallel(homographies: &[DMat3], size: [u32; 2]) -> Result<(), Unsolve
     Ok(())
 }
 
-/// Some of a board's points, spread over those seen.
+/// A subset of the observed board points (up to 40), evenly spaced in the list.
 fn some_points(pose: &super::observation::PoseObservations) -> Vec<DVec2> {
     let stride = pose.points.len().div_ceil(40).max(1);
     pose.points

@@ -1,4 +1,4 @@
-//! A first projector, once the camera's lens and the boards' poses are known.
+//! Initial estimate of the projector, given the camera's intrinsics and the board poses.
 
 use super::bundle::Bundle;
 use super::homography::{apply, median};
@@ -9,8 +9,8 @@ use super::{Unsolved, zhang};
 use glam::{DVec2, DVec3};
 use phasmid_geometry::{Lens, Pose};
 
-/// The projector, by resection from the lit points in space or from its own homographies, whichever
-/// fits better.
+/// Estimates the projector by resection from the illuminated points in space and from its own
+/// homographies, and returns whichever fits better.
 pub(super) fn projector(
     bundle: &Bundle,
     maps: &Maps,
@@ -54,7 +54,8 @@ pub(super) fn projector(
             .collect()
     };
     let mut found: Vec<(Lens, Pose)> = Vec::new();
-    // Resection by all poses, then by those that it fits.
+    // Resect from all poses, then repeatedly from those with a misfit of at most four times the
+    // median.
     let mut used = lit.clone();
     for _ in 0..4 {
         let Some((lens, place)) = resect(&pairs(bundle, maps, state, &used), size) else {
@@ -98,8 +99,8 @@ fn pairs(bundle: &Bundle, maps: &Maps, state: &State, used: &[usize]) -> Vec<(DV
     pairs
 }
 
-/// Zhang's way for the projector too; of the rig's poses that the boards give, the one nearest to
-/// the others.
+/// Estimates the projector by Zhang's method. Each board gives one pose of the projector; the one
+/// with the least sum of distances to the others is returned.
 fn from_homographies(
     maps: &Maps,
     state: &State,

@@ -1,4 +1,4 @@
-//! The solution as it is told.
+//! Assembles the public solution: parameters, residual statistics, condition number.
 
 use super::bundle::{Bundle, Solved};
 use super::coefficients::free;
@@ -162,7 +162,7 @@ fn point(o: &Observation, state: &State, board: usize) -> Option<PointResidual> 
     })
 }
 
-/// Plain and whitened residuals that count.
+/// Residuals in pixels and whitened, of inliers only.
 fn camera_errors(pose: &SolvedPose) -> Vec<(DVec2, DVec2)> {
     let points = pose.points.iter().filter(|p| p.camera_weight > 0.0);
     points.map(|p| (p.camera_px, p.camera_whitened)).collect()
@@ -191,7 +191,7 @@ fn gathered(errors: impl Iterator<Item = (DVec2, DVec2)>) -> Errors {
     all
 }
 
-/// Ratio of the eigenvalues of the correlation matrix of the first `count` unknowns.
+/// Condition number of the correlation matrix of the first `count` unknowns.
 fn condition(covariance: &DMatrix<f64>, count: usize) -> f64 {
     let sigma: Vec<f64> = (0..count).map(|i| covariance[(i, i)].sqrt()).collect();
     let correlation = DMatrix::from_fn(sigma.len(), sigma.len(), |i, j| {

@@ -1,62 +1,62 @@
-//! Why sightings give no rig.
+//! Errors of the solver.
 
-/// What was found in place of sightings that determine a rig, and what is wanted.
+/// Reasons why the observations do not determine a rig, with what was found and what is needed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Unsolved {
     /// Fewer usable poses than the closed form needs.
-    #[error("too few poses: {found}; wanted: {wanted}")]
+    #[error("too few poses: {found}; expected {wanted}")]
     TooFewPoses {
-        /// How many, and what became of the others.
+        /// Number of usable poses, and why the others are not usable.
         found: String,
-        /// How many are needed.
+        /// Number of poses needed.
         wanted: String,
     },
-    /// More poses than a covariance of all of them is made for.
-    #[error("too many poses: {found}; wanted: {wanted}")]
+    /// More poses than the covariance matrix is limited to.
+    #[error("too many poses: {found}; expected {wanted}")]
     TooManyPoses {
-        /// How many.
+        /// Number of poses.
         found: String,
-        /// How many may be.
+        /// Maximum number of poses.
         wanted: String,
     },
-    /// Boards that all face the same way.
-    #[error("boards that face one way: {found}; wanted: {wanted}")]
+    /// The boards are parallel to each other.
+    #[error("boards that face one way: {found}; expected {wanted}")]
     Parallel {
-        /// The largest angle between two boards' normals.
+        /// Largest angle between the normals of two boards.
         found: String,
-        /// How large it has to be.
+        /// Angle needed.
         wanted: String,
     },
-    /// Boards as a mirror would show them.
-    #[error("mirrored: {found}; wanted: {wanted}")]
+    /// The boards appear mirrored.
+    #[error("mirrored: {found}; expected {wanted}")]
     Mirrored {
-        /// What is the wrong way round, in how many poses.
+        /// What is mirrored, and in how many poses.
         found: String,
-        /// What would be right.
+        /// The correct orientation.
         wanted: String,
     },
-    /// Too little of the boards with projector coordinates: unlit, or not decoded.
-    #[error("too few points whose projector coordinates are known: {found}; wanted: {wanted}")]
+    /// Too few points have projector coordinates: they are not illuminated, or were not decoded.
+    #[error("too few points whose projector coordinates are known: {found}; expected {wanted}")]
     Unlit {
-        /// How many, in how many poses.
+        /// Number of points, and of poses that have them.
         found: String,
-        /// How many are needed.
+        /// Number of points needed.
         wanted: String,
     },
-    /// A board that stands nowhere before a rig that is known.
-    #[error("the board cannot be placed: {found}; wanted: {wanted}")]
+    /// No pose of the board fits the observations for a known rig.
+    #[error("the board cannot be placed: {found}; expected {wanted}")]
     Unplaced {
-        /// What its points do.
+        /// What is wrong with the points.
         found: String,
-        /// What they should.
+        /// Points needed.
         wanted: String,
     },
-    /// Data that leave a parameter open, or fit no rig at all.
-    #[error("the rig cannot be determined: {found}; wanted: {wanted}")]
+    /// The data leave a parameter undetermined, or fit no rig.
+    #[error("the rig cannot be determined: {found}; expected {wanted}")]
     Undetermined {
-        /// Which parameter, and how badly it is known.
+        /// The parameter and its uncertainty, or the misfit.
         found: String,
-        /// What would determine it.
+        /// Data that would determine it.
         wanted: String,
     },
 }

@@ -1,11 +1,11 @@
-//! A camera's intrinsics and a board's poses from homographies, in closed form.
+//! Camera intrinsics and board poses from homographies, in closed form.
 //!
 //! Zhang, "A flexible new technique for camera calibration", IEEE PAMI 22 (2000), section 3.1 and
-//! appendix B, without skew: with B = K^-T K^-1, the columns h1 and h2 of a homography satisfy
-//! h1' B h2 = 0 and h1' B h1 = h2' B h2. Images are scaled to about [-1, 1] first and homographies
-//! to columns of about unit length. A lens that the equations do not give (few poses, little tilt)
-//! is looked for with its principal point in the image's middle, then among a ladder of focal
-//! lengths; of all candidates the one counts whose poses fit best.
+//! appendix B, without skew: with B = K^-T K^-1, the columns h1 and h2 of a homography satisfy h1'
+//! B h2 = 0 and h1' B h1 = h2' B h2. Images are scaled to about [-1, 1] and homographies to columns
+//! of about unit length first. The equations may have no solution if there are few poses or little
+//! tilt, so there are further candidates: one with the principal point fixed at the image centre,
+//! and a series of focal lengths. The candidate whose poses fit best is chosen.
 
 use super::homography::{apply, median, null_vector};
 use super::rotation::nearest;
@@ -13,7 +13,7 @@ use glam::{DMat3, DVec2, DVec3};
 use nalgebra::{Matrix2, SMatrix, Vector2};
 use phasmid_geometry::{Lens, Pose};
 
-/// Lenses without distortion that may have made these homographies, best guesses first.
+/// Candidate lenses without distortion that could produce these homographies, most reliable first.
 pub(super) fn candidates(maps: &[DMat3], size_px: [u32; 2]) -> Vec<Lens> {
     let size = DVec2::new(f64::from(size_px[0]), f64::from(size_px[1]));
     let (middle, scale) = ((size - 1.0) / 2.0, size.max_element() / 2.0);
@@ -46,7 +46,7 @@ pub(super) fn candidates(maps: &[DMat3], size_px: [u32; 2]) -> Vec<Lens> {
     found
 }
 
-/// Focal lengths and principal point from the unknowns B11, B22, B13, B23, B33.
+/// Focal lengths and principal point (scaled units) from the unknowns B11, B22, B13, B23, B33.
 fn all_four(maps: &[DMat3]) -> Option<(DVec2, DVec2)> {
     let mut normal = SMatrix::<f64, 5, 5>::zeros();
     for h in maps {
@@ -81,7 +81,7 @@ fn all_four(maps: &[DMat3]) -> Option<(DVec2, DVec2)> {
     ))
 }
 
-/// Focal lengths by least squares, with the principal point in the middle.
+/// Focal lengths (scaled units) by least squares, with the principal point at the image centre.
 fn centred(maps: &[DMat3]) -> Option<DVec2> {
     let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
     for h in maps {
@@ -107,7 +107,8 @@ fn centred(maps: &[DMat3]) -> Option<DVec2> {
     ))
 }
 
-/// The board's pose before a lens without distortion: `view_from_board`.
+/// Pose of the board (`view_from_board`) for a lens without distortion. Returns `None` if the board
+/// would be behind the lens.
 pub(super) fn pose(lens: &Lens, map: &DMat3) -> Option<Pose> {
     let (f, c) = (lens.focal_px, lens.principal_px);
     let to_ray = DMat3::from_cols(DVec3::X / f.x, DVec3::Y / f.y, (-c / f).extend(1.0));
@@ -122,8 +123,8 @@ pub(super) fn pose(lens: &Lens, map: &DMat3) -> Option<Pose> {
     })
 }
 
-/// The candidate whose poses agree best with the homographies, compared where `points` lie on the
-/// boards (mm): the median over the poses of the root mean square distance.
+/// Candidate whose poses agree best with the homographies, and its misfit: the median over the
+/// poses of the RMS distance (pixels) at `points` on the boards (mm).
 pub(super) fn best(
     maps: &[DMat3],
     points: &[Vec<DVec2>],

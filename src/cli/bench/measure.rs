@@ -1,4 +1,4 @@
-//! What is timed of one backend.
+//! Times one backend: frame rates and passes.
 
 use super::{Adapter, Subject};
 use phasmid_render::{Pass, PassTime};
@@ -10,42 +10,42 @@ use std::collections::VecDeque;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Frames in which a GPU's passes are timed, if as many come within a second.
+/// Maximum number of frames in which a GPU's passes are timed; timing also ends after [`ROUND_S`].
 const TIMED: usize = 20;
 
-/// Figures of one backend.
+/// Results of one backend.
 #[derive(Debug, Serialize)]
 pub(super) struct Run {
     pub(super) backend: &'static str,
-    /// The GPU, its driver and its kind.
+    /// Name, driver and kind of the GPU; `None` for the CPU.
     pub(super) adapter: Option<Adapter>,
-    /// Of a scene that stands still.
+    /// Frame rate of a static scene.
     pub(super) still: Rate,
-    /// With the geometry pass in every frame.
+    /// Frame rate with the geometry pass in every frame.
     pub(super) moving: Rate,
-    /// With the geometry pass in every frame: on the processor by the clock on the wall, on a GPU by
-    /// its own clock; empty where that has none.
+    /// Times of the passes, with the geometry pass in every frame. CPU: wall-clock time. GPU: its
+    /// own timestamps; empty if the adapter has none.
     pub(super) passes: Vec<PassRow>,
 }
 
-/// How fast frames come.
+/// A frame rate.
 #[derive(Debug, Serialize)]
 pub(super) struct Rate {
     pub(super) frames_per_s: f64,
-    /// Time of a frame over that of a memory copy of its bytes.
+    /// Time per frame divided by the time of a memory copy of the frame's bytes.
     pub(super) over_copy: f64,
 }
 
-/// One pass.
+/// Time of one pass.
 #[derive(Debug, Serialize)]
 pub(super) struct PassRow {
     pub(super) pass: String,
     pub(super) runs_per_frame: f64,
-    /// Microseconds of all its runs in a frame.
+    /// Total time of its runs in a frame, in microseconds.
     pub(super) us_per_frame: f64,
 }
 
-/// The processor's figures.
+/// Times the CPU.
 pub(super) fn cpu(renderer: &mut Renderer, subject: &Subject<'_>) -> Run {
     let [still, moving] = rates(renderer, subject);
     let pixels = renderer.pixel_count() as f64;
@@ -67,7 +67,7 @@ pub(super) fn cpu(renderer: &mut Renderer, subject: &Subject<'_>) -> Run {
     }
 }
 
-/// The figures of the GPU that the renderer works on.
+/// Times the GPU that the renderer uses.
 pub(super) fn gpu(renderer: &mut Renderer, subject: &Subject<'_>, adapter: Adapter) -> Run {
     let [still, moving] = rates(renderer, subject);
     renderer.time_passes();
@@ -80,7 +80,7 @@ pub(super) fn gpu(renderer: &mut Renderer, subject: &Subject<'_>, adapter: Adapt
         timed += 1;
         renderer.invalidate();
         black_box(renderer.expose(shot));
-        // A few passes are kept at a time.
+        // Read after every frame: the renderer stores the timestamps of a few passes at a time.
         passes = renderer.pass_times().into_iter().collect();
     }
     let row = |(pass, time): (String, PassTime)| PassRow {
@@ -99,7 +99,7 @@ pub(super) fn gpu(renderer: &mut Renderer, subject: &Subject<'_>, adapter: Adapt
     }
 }
 
-/// Of a still scene, and with the geometry pass in every frame.
+/// Returns the frame rates of a static scene and with the geometry pass in every frame.
 fn rates(renderer: &mut Renderer, subject: &Subject<'_>) -> [Rate; 2] {
     [false, true].map(|moving| {
         let seconds = subject
@@ -114,7 +114,7 @@ fn rates(renderer: &mut Renderer, subject: &Subject<'_>) -> [Rate; 2] {
     })
 }
 
-/// Renders frames, as many under way together as the renderer likes.
+/// Renders frames, with as many in flight as `Renderer::depth` allows.
 fn frames(renderer: &mut Renderer, shots: &[Shot], count: usize, moving: bool) {
     let mut under_way = VecDeque::new();
     for shot in shots.iter().cycle().take(count) {

@@ -1,5 +1,5 @@
-//! `phasmid bench`: frames a second on this machine's processor and GPU, of a scene that stands still
-//! and with the geometry pass in every frame, and what each pass takes.
+//! `phasmid bench`: frame rates of this machine's CPU and GPU, for a static scene and with the
+//! geometry pass in every frame, and the time of each pass.
 
 mod measure;
 mod table;
@@ -16,26 +16,27 @@ use phasmid_report::stopwatch::Stopwatch;
 use serde::Serialize;
 use std::time::Instant;
 
-/// Say how many frames a second the processor and the GPU of this machine render
+/// Measure how many frames per second the CPU and the GPU of this machine render
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid bench --profile dlp-evm --scene plane")]
 pub struct Args {
     /// Device profile: a built-in name or a TOML file
     #[arg(long, default_value = "pmp-bench")]
     profile: String,
-    /// What stands before it: a built-in name or a TOML file
+    /// Scene in front of the device: a built-in name or a TOML file
     #[arg(long, default_value = "torso")]
     scene: String,
-    /// Rays a pixel, as for `serve`: 1, 4, 16 or 64
+    /// Rays per pixel: 1, 4, 16 or 64
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
-    /// Frames of a round, if as many come within a second
+    /// Maximum number of frames per round; a round has fewer if these take more than a second
     #[arg(long, value_name = "N", default_value_t = 1000)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: u32,
-    /// What is timed beside the processor
+    /// Which backend to time besides the CPU; cpu times the CPU alone
     #[arg(long, value_enum, default_value_t = Choice::Auto)]
     backend: Choice,
-    /// Print the figures as JSON
+    /// Print the results as JSON
     #[arg(long)]
     json: bool,
 }
@@ -44,28 +45,28 @@ pub struct Args {
 struct Report<'a> {
     profile: &'a str,
     scene: &'a str,
-    /// The sequence whose frames are timed: the one that is selected at power-on.
+    /// The sequence whose frames are timed: the default at power-on.
     sequence: &'a str,
     width: u32,
     height: u32,
     triangles: usize,
     samples: u32,
     threads: usize,
-    /// A memory copy of a frame's bytes, on one thread.
+    /// Time of a memory copy of a frame's bytes on one thread, in microseconds.
     copy_us: f64,
-    /// The processor's figures, and the GPU's where there is one.
+    /// Results of the CPU, and of the GPU if one was timed.
     runs: Vec<Run>,
-    /// Why there is no GPU, where one was looked for.
+    /// Why no GPU was timed; `None` if one was timed or none was requested.
     without_gpu: Option<String>,
 }
 
-/// What is timed, the same for each backend.
+/// What is timed; the same for every backend.
 struct Subject<'a> {
     args: &'a Args,
     profile: &'a Profile,
     scene: &'a Scene,
     shots: Vec<Shot>,
-    /// Seconds.
+    /// Time of a memory copy of a frame's bytes, in seconds.
     copy: f64,
     watch: Stopwatch<'a>,
 }
@@ -88,7 +89,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         copy: watch.seconds_a_copy(frame_bytes),
         watch,
     };
-    // First, as its failure may end it all.
+    // The GPU comes first, because its failure may end the command.
     let (gpu, without_gpu) = subject.gpu()?;
     step("timing the processor");
     let mut cpu = subject.renderer(Backend::Cpu)?;
@@ -117,7 +118,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 }
 
 impl Subject<'_> {
-    /// A renderer of the scene, which stands still.
+    /// Makes a renderer of the scene, without motion.
     fn renderer(&self, backend: Backend) -> Result<Renderer> {
         let options = Options {
             samples: self.args.samples,
@@ -125,13 +126,13 @@ impl Subject<'_> {
             ..Options::default()
         };
         let mut renderer = Renderer::with_options(self.profile, self.scene, 0, options)?;
-        // A scene that moves has the geometry pass in every frame, which is timed of any scene.
+        // Motion would run the geometry pass in every frame; that case is timed for any scene.
         renderer.force(Term::Motion, false);
         renderer.expect_slides(self.shots.iter().filter_map(|shot| shot.slide.as_deref()));
         Ok(renderer)
     }
 
-    /// The GPU's figures, or why there are none although they were asked for.
+    /// Returns the GPU's results, or the reason why a requested GPU was not timed.
     fn gpu(&self) -> Result<(Option<Run>, Option<String>)> {
         if self.args.backend == Choice::Cpu {
             return Ok((None, None));
@@ -142,7 +143,7 @@ impl Subject<'_> {
         };
         step(&format!("timing the GPU, {}", adapter.name));
         let run = measure::gpu(&mut renderer, self, adapter);
-        // Of a GPU that has failed the processor has taken the place.
+        // If the GPU has failed, the CPU has rendered in its place.
         match renderer.news()? {
             Some(failed) => Ok((None, Some(failed))),
             None => Ok((Some(run), None)),

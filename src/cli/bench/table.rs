@@ -1,4 +1,4 @@
-//! The figures as a table.
+//! Prints the results as tables.
 
 use super::Report;
 use super::measure::Rate;
@@ -46,7 +46,10 @@ pub(super) fn print(report: &Report<'_>) {
             );
         }
         if run.passes.is_empty() {
-            println!("{:<8}this adapter has no clock for passes", run.backend);
+            println!(
+                "{:<8}this adapter has no timestamps for passes",
+                run.backend
+            );
         }
     }
     println!(

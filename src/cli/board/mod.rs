@@ -1,4 +1,4 @@
-//! `phasmid board`: a calibration board to print.
+//! `phasmid board`: writes a calibration board to print.
 
 mod svg;
 
@@ -10,10 +10,11 @@ use std::path::PathBuf;
 
 /// Write a calibration board to print: an SVG at true scale
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid board --board chess --out chess.svg")]
 pub(super) struct Args {
     #[command(flatten)]
     board: BoardArgs,
-    /// The SVG file
+    /// SVG file to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Overwrite an existing file
@@ -24,7 +25,8 @@ pub(super) struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// Boards that cannot be, an existing file, what the system refuses.
+/// Returns an error if the board is invalid, the file exists and `--force` is missing, or the file
+/// cannot be written.
 pub(super) fn run(args: &Args) -> Result<()> {
     let board = args.board.board(1.0)?;
     new_file::write(&args.out, args.force, |out| {
@@ -32,7 +34,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     })?;
     let page = svg::page_mm(&board);
     println!(
-        "{}: {} x {} mm; print it at 100 %, and measure its ruler",
+        "{}: {} x {} mm; print it at 100 % scale, and measure its ruler",
         args.out.display(),
         page.x,
         page.y

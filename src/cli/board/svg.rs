@@ -1,10 +1,10 @@
-//! A board as an SVG whose unit is the millimetre.
+//! Draws a board as an SVG whose unit is the millimetre.
 //!
-//! The sheet lies at the top of the page. Below it, or as far as there is room in a chessboard's own
-//! white margin, is a strip with one line of text, which says what the board is, and a ruler to
-//! check the printer with: so the usual chessboard leaves A4 the 5 mm that printers need all
-//! around. Lengths are written in the shortest form
-//! that reads as the same number.
+//! The sheet lies at the top of the page. Below it is a strip with one line of text that describes
+//! the board, and a ruler to check the printer's scale. On a chessboard, the strip overlaps the
+//! sheet's own white margin as far as there is room, so the default chessboard leaves the 5 mm on
+//! all sides of A4 that printers need. Lengths are written in the shortest form that reads as the
+//! same number.
 
 use glam::DVec2;
 use phasmid_geometry::Board;
@@ -13,25 +13,26 @@ use std::fmt::Write as _;
 /// Height of the strip below the sheet.
 const STRIP_MM: f64 = 10.0;
 const RULER_MM: f64 = 100.0;
-/// White that is left between squares and strip.
+/// White gap between the squares and the strip.
 const CLEAR_MM: f64 = 2.5;
-/// From the page's edge to the ruler and the text.
+/// Distance from the page's edge to the ruler and the text.
 const MARGIN_MM: f64 = 5.0;
-/// Room for the line of text.
+/// Minimum width of the page, for the line of text.
 const TEXT_MM: f64 = 150.0;
 
-/// Width and height of the page in millimetres: the sheet, or what text and ruler need.
+/// Returns the width and height of the page in millimetres. The page is as wide as the sheet, and at
+/// least as wide as the text and the ruler.
 pub(super) fn page_mm(board: &Board) -> DVec2 {
     let sheet = board.sheet_mm();
     let shared = match board {
-        // Half a square of it is white.
+        // The sheet has a white margin of half a square.
         Board::Chess { pitch_mm, .. } => (pitch_mm / 2.0 - CLEAR_MM).clamp(0.0, STRIP_MM),
         Board::Dots { .. } => 0.0,
     };
     DVec2::new(sheet.x.max(TEXT_MM), sheet.y + STRIP_MM - shared)
 }
 
-/// The whole file.
+/// Returns the contents of the SVG file.
 pub(super) fn page(board: &Board) -> String {
     let DVec2 {
         x: width,
@@ -62,7 +63,7 @@ fn dots(board: &Board, middle: DVec2) -> String {
     board.indices().map(dot).collect()
 }
 
-/// Dark squares, as [`Board::ink`] has them.
+/// Draws the dark squares, which are those of [`Board::ink`].
 fn squares(board: &Board, middle: DVec2) -> String {
     let ([columns, rows], side) = (board.grid(), board.pitch_mm());
     let first = middle + board.point([0, 0]) - side;
@@ -80,7 +81,7 @@ fn squares(board: &Board, middle: DVec2) -> String {
     svg
 }
 
-/// What the board is, and the ruler, below a height.
+/// Draws the strip below the height `top`: a description of the board, and the ruler.
 fn strip(board: &Board, top: f64) -> String {
     let [columns, rows] = board.grid();
     let about = match board {
@@ -118,7 +119,7 @@ fn strip(board: &Board, top: f64) -> String {
 mod tests {
     use super::*;
 
-    /// Values of attributes of all elements with a name, in order.
+    /// Returns the values of the named attributes for each element of this type, in order.
     fn all(svg: &str, element: &str, names: &[&str]) -> Vec<Vec<f64>> {
         let open = format!("<{element} ");
         let of = |text: &str| {
@@ -136,14 +137,14 @@ mod tests {
             .collect()
     }
 
-    /// Whether there is ink at a place of the page.
+    /// Returns a function that tests whether a point of the page is black.
     fn is_black(svg: &str) -> impl Fn(DVec2) -> bool {
         let discs = all(svg, "circle", &["cx", "cy", "r"]);
         let squares = all(svg, "rect", &["x", "y", "width", "height"]);
         move |p| {
             let in_disc = |c: &Vec<f64>| (p.x - c[0]).hypot(p.y - c[1]) <= c[2];
             let within = |x: f64, low: f64, wide: f64| low <= x && x < low + wide;
-            // The first is the page.
+            // The first rectangle is the page's background.
             let mut of_board = squares.iter().skip(1);
             discs.iter().any(in_disc)
                 || of_board.any(|s| within(p.x, s[0], s[2]) && within(p.y, s[1], s[3]))
@@ -187,9 +188,9 @@ mod tests {
         assert!(svg.contains("M5 486.5H105M5"), "{svg}");
         let svg = page(&Board::CHESS);
         assert!(svg.contains("9 x 6 inner corners, squares 25 mm;"));
-        // A4, and 5 mm or more on all sides.
+        // Leaves at least 5 mm on all sides of A4.
         assert_eq!(page_mm(&Board::CHESS), DVec2::new(275.0, 200.0));
-        // Its squares end at 187.5 mm, and the letters begin 3 mm above their line.
+        // The squares end at 187.5 mm, and the letters begin 3 mm above their baseline.
         assert!(svg.contains("<text x=\"5\" y=\"193.5\" "), "{svg}");
         assert!(page_mm(&Board::DOTS).cmplt(DVec2::new(210.0, 297.0)).all());
     }

@@ -1,4 +1,4 @@
-//! Poses from folders: captures made anywhere.
+//! Reads poses from folders of captures, which may come from any device.
 
 use super::look::{Looked, look};
 use super::session::{Poses, Session};
@@ -11,10 +11,10 @@ use phasmid_pattern::Manifest;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Looks at each pose, one at a time, and leaves a picture of each.
+/// Decodes the poses one after the other and saves an annotated image of each.
 ///
 /// # Errors
-/// Pictures that cannot be written.
+/// Returns an error if an image cannot be written.
 pub(super) fn look_at_all(
     poses: &[PathBuf],
     board: &Board,
@@ -35,10 +35,10 @@ fn name(folder: &Path) -> String {
     name.to_string_lossy().into_owned()
 }
 
-/// The poses in a folder: its folders, in the order of their names.
+/// Returns the folders of the poses in a folder, sorted by name.
 ///
 /// # Errors
-/// A folder without any, or with too many.
+/// Returns an error if there is no folder for a pose, or too many.
 pub(super) fn poses(folder: &Path) -> Result<Vec<PathBuf>> {
     let place = || format!("--captures {}", folder.display());
     let allowed = format!("a folder with a folder for each pose: pictures and {MANIFEST_FILE}");

@@ -1,4 +1,4 @@
-//! `--camera-distortion` and `--projector-distortion`.
+//! Values of `--camera-distortion` and `--projector-distortion`.
 
 use phasmid_calibrate::solve::Coefficients;
 use std::str::FromStr;
@@ -6,7 +6,7 @@ use std::str::FromStr;
 /// The names of the coefficients in OpenCV's order.
 const NAMES: [&str; 5] = ["k1", "k2", "p1", "p2", "k3"];
 
-/// Which coefficients a command line asks for.
+/// The coefficients that an option selects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Choice(pub(super) Coefficients);
 
@@ -24,7 +24,7 @@ impl FromStr for Choice {
         for name in text.split(',') {
             let place = NAMES.iter().position(|known| *known == name.trim());
             let place = place.ok_or_else(|| {
-                format!("allowed: auto, none, all, or some of k1,k2,p1,p2,k3; {name:?} is none")
+                format!("unknown {name:?}; expected auto, none, all, or some of k1,k2,p1,p2,k3")
             })?;
             chosen[place] = true;
         }

@@ -1,5 +1,5 @@
-//! Poses from an emulated device: a board is shown to it again and again, and it is scanned over
-//! its ports, which stay open.
+//! Captures poses with an emulated device: shows it a board in each pose and scans it over its
+//! ports, which stay open throughout.
 
 use super::Args;
 use super::look::look;
@@ -19,27 +19,28 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
-/// How long to wait for a reply or a frame: the first one waits for the scene to be prepared.
+/// Timeout for a reply or a frame. The first frame waits until the scene is prepared.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// How far boards may be tilted at most: those that are all parallel determine nothing, and those
-/// that are more oblique are hardly seen.
+/// Allowed range of `--max-tilt-deg`. Boards that are all parallel do not determine the calibration;
+/// at steeper tilts a board is hardly visible.
 const TILT_DEG: RangeInclusive<f64> = 1.0..=60.0;
 
-/// A device that is to be calibrated.
+/// An emulated device to calibrate, and the poses in which it is shown the board.
 pub(super) struct Emulated {
     board: Board,
     sequence: String,
-    /// The poses that are shown, exactly as the device is told them.
+    /// The poses, `rig_from_board`, rebuilt from the positions and angles that the device receives.
     shown: Vec<Pose>,
     truth: Rig,
 }
 
 impl Emulated {
-    /// Decides what will be shown; nothing is started yet.
+    /// Chooses the sequence and the poses. Does not start the device.
     ///
     /// # Errors
-    /// A profile that is none or has no sequence for it, and a board that cannot be shown.
+    /// Returns an error if the profile or an option is invalid, the profile has no sequence with
+    /// patterns along both axes, or the board cannot be shown.
     pub(super) fn new(args: &Args, name: &str) -> Result<Self> {
         RenderOptions {
             samples: args.samples,
@@ -53,7 +54,7 @@ impl Emulated {
             return Err(Error::input("--max-tilt-deg", args.max_tilt_deg, allowed));
         }
         let profile = Profile::load(name)?;
-        // A profile's scale is that of its board of dots.
+        // A profile's `board_scale` applies to its board of dots only.
         let board = match args.board.board(1.0)? {
             chess @ Board::Chess { .. } => chess,
             Board::Dots { .. } => {
@@ -90,17 +91,17 @@ impl Emulated {
         })
     }
 
-    /// The board that is shown.
+    /// Returns the board.
     pub(super) fn board(&self) -> &Board {
         &self.board
     }
 
-    /// The rig as it is.
+    /// Returns the true rig of the device.
     pub(super) fn truth(&self) -> &Rig {
         &self.truth
     }
 
-    /// The poses that are shown, `camera_from_board`.
+    /// Returns the true poses, `camera_from_board`.
     pub(super) fn shown(&self) -> Vec<Pose> {
         let camera_from_rig = self.truth.camera.rig_from_view.inverse();
         self.shown
@@ -109,11 +110,12 @@ impl Emulated {
             .collect()
     }
 
-    /// Shows all poses and looks at what the camera sees of each, while the next one is captured;
-    /// leaves pictures and captures in `folder`.
+    /// Scans the board in all poses, and decodes each pose while the next one is captured. Saves
+    /// annotated images, and with `--keep-captures` the captures, in `folder`. Returns the poses and
+    /// the device's identification.
     ///
     /// # Errors
-    /// A device that fails, and files that cannot be written.
+    /// Returns an error if the device fails or a file cannot be written.
     pub(super) fn scan(
         &self,
         args: &Args,
@@ -127,7 +129,7 @@ impl Emulated {
             .collect();
         let scene = SceneFile::write(&self.board, &self.shown[0])?;
         let served = Served::start("calibrate", &serve_arguments(args, name, &scene.path()))?;
-        // The device has read it.
+        // The device has read the scene file.
         drop(scene);
         let endpoints = served.endpoints();
         let port = SerialPort::open(&endpoints.control.display().to_string())?;
@@ -147,10 +149,13 @@ impl Emulated {
             };
             let scan = || scanner.scan(&options, &mut |_| {});
             let captured = self.capture(&endpoints.service, scan, sender, progress);
-            // Why the analysis gave up comes first: the captures only find it gone.
-            let session = analysis
-                .join()
-                .unwrap_or_else(|_| Err(Error::device("the analysis of the captures has died")))?;
+            // An error of the analysis takes precedence: the capture only stops when the channel
+            // closes.
+            let session = analysis.join().unwrap_or_else(|_| {
+                Err(Error::device(
+                    "the thread that analyses the captures panicked",
+                ))
+            })?;
             Ok((session.finish(), captured?))
         });
         let finished = scanner.finish();
@@ -160,8 +165,7 @@ impl Emulated {
         Ok(looked)
     }
 
-    /// Captures the poses one after the other until nobody takes them any more; gives who the device
-    /// is.
+    /// Captures the poses in order until the receiver is gone. Returns the device's identification.
     fn capture(
         &self,
         socket: &Path,
@@ -190,7 +194,7 @@ impl Emulated {
     }
 }
 
-/// Looks at captures as they come; keeps them in a folder if there is one for it.
+/// Decodes captures as they arrive, and saves them in the folder `keep` if there is one.
 fn look_at_all(
     captures: Receiver<(usize, Captured)>,
     board: &Board,
@@ -222,7 +226,7 @@ fn serve_arguments(args: &Args, profile: &str, scene: &Path) -> Vec<String> {
         &args.samples.to_string(),
         "--backend",
         &args.backend.to_string(),
-        // Nobody waits for frames that come no sooner than they were exposed.
+        // There is no need to wait in real time for exposures.
         "--clock",
         "fast",
     ]

@@ -1,4 +1,4 @@
-//! The folder that a calibration goes to, which holds all of it or nothing.
+//! The output folder of a calibration, which receives all results or none.
 
 use super::{Args, CAPTURES, OPENCV, TRUTH};
 use phasmid_calibrate::report;
@@ -7,24 +7,25 @@ use phasmid_host::MANIFEST_FILE;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Folder in it of what a run has made that is not over. One that was cut short leaves it; the next
-/// one throws it away.
+/// Subfolder for the output of a run in progress. An interrupted run leaves it behind; the next run
+/// deletes it.
 const DRAFT: &str = "phasmid-unfinished";
 
-/// A folder that a calibration is being made for. When it goes, so does what was not kept, and the
-/// folders that were made for it if nothing is in them.
+/// The output folder of a calibration in progress. Dropping it deletes output that was not kept, and
+/// the folders that were created for it if they are empty.
 pub(super) struct Folder {
     out: PathBuf,
     draft: PathBuf,
-    /// Folders that were not there before, the innermost first.
+    /// Folders that did not exist before, innermost first.
     made: Vec<PathBuf>,
 }
 
 impl Folder {
-    /// Makes the folder, and refuses one with files under the names of ours unless they may go.
+    /// Creates the folder. Without `--force`, rejects existing files that have names of results.
     ///
     /// # Errors
-    /// See [`report::prepare`]; captures of an earlier calibration.
+    /// Returns an error as [`report::prepare`] does, or if captures of an earlier calibration exist
+    /// and new ones are to be kept without `--force`.
     pub(super) fn prepare(args: &Args) -> Result<Self> {
         let out = args.out.clone();
         let is_new = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
@@ -49,7 +50,7 @@ impl Folder {
         let earlier = report::is_calibration(&folder.out) && !is_read(args, &captures);
         let [yaml, xml] = OPENCV;
         report::prepare(&folder.out, &[TRUTH, yaml, xml], args.force)?;
-        // So that no pose of an earlier calibration stands beside those of this one.
+        // Otherwise, poses of an earlier calibration would remain among the new ones.
         if had_captures && (args.keep_captures || earlier) {
             forget(&captures, args.keep_captures)?;
         }
@@ -60,15 +61,15 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Where pictures and captures go at first.
+    /// Returns the folder for images and captures of the run in progress.
     pub(super) fn draft(&self) -> &Path {
         &self.draft
     }
 
-    /// Moves the captures to where they stay.
+    /// Moves the captures to the output folder.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns an error if a file or folder cannot be moved.
     pub(super) fn keep_captures(&self) -> Result<()> {
         let (from, to) = (self.draft.join(CAPTURES), self.out.join(CAPTURES));
         if !from.exists() {
@@ -83,10 +84,10 @@ impl Folder {
         Ok(())
     }
 
-    /// Moves pictures to where they stay.
+    /// Moves images to the output folder.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns an error if a file cannot be moved.
     pub(super) fn keep<'a>(&self, names: impl Iterator<Item = &'a str>) -> Result<()> {
         for name in names {
             let target = self.out.join(name);
@@ -98,14 +99,14 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // Nothing more can be done here, and a folder that is not empty stays.
+        // Errors are ignored; folders that are not empty remain.
         if fs::remove_dir_all(&self.draft).is_ok() || !self.draft.exists() {
             self.made.iter().all(|made| fs::remove_dir(made).is_ok());
         }
     }
 }
 
-/// Makes a folder that is new and for its owner alone.
+/// Creates a folder that only its owner can access. Fails if it exists.
 fn create_private(path: &Path) -> std::io::Result<()> {
     #[cfg(unix)]
     {
@@ -116,20 +117,20 @@ fn create_private(path: &Path) -> std::io::Result<()> {
     fs::create_dir(path)
 }
 
-/// Whether a folder is one that poses are read from.
+/// Whether poses are read from this folder, from one inside it, or from one around it.
 fn is_read(args: &Args, folder: &Path) -> bool {
     let Some(read) = &args.captures else {
         return false;
     };
     match (read.canonicalize(), folder.canonicalize()) {
         (Ok(read), Ok(folder)) => read.starts_with(&folder) || folder.starts_with(&read),
-        // Better one folder too many than one too few.
+        // If in doubt, treat the folder as an input, which is not deleted.
         _ => true,
     }
 }
 
-/// Removes an earlier calibration's captures. Where new ones are to come, nothing may stand in their
-/// way.
+/// Removes the captures of an earlier calibration. With `more_to_come`, a folder that is not a capture
+/// but would be in the way of one is an error.
 fn forget(captures: &Path, more_to_come: bool) -> Result<()> {
     for entry in fs::read_dir(captures).map_err(|e| Error::io(captures, e))? {
         let path = entry.map_err(|e| Error::io(captures, e))?.path();
@@ -140,11 +141,11 @@ fn forget(captures: &Path, more_to_come: bool) -> Result<()> {
         if path.join(MANIFEST_FILE).exists() {
             fs::remove_dir_all(&path).map_err(|e| Error::io(&path, e))?;
         } else if more_to_come {
-            let found = "no capture, but its name is one's";
+            let found = "not a capture, but named like one";
             return Err(Error::input(path.display(), found, "another --out"));
         }
     }
-    // Other things may be in it.
+    // Fails if other files remain in it, which is fine.
     let _ = fs::remove_dir(captures);
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! A pose's frames to what a calibration keeps of them.
+//! Decodes the frames of a pose and detects the board in them.
 
 use image::RgbImage;
 use phasmid_calibrate::board::{Picture, draw};
@@ -8,28 +8,28 @@ use phasmid_decode::{Decoder, FrameStack, Options, Samples};
 use phasmid_geometry::{Board, NoiseModel, Rig};
 use phasmid_pattern::{Axis, Manifest};
 
-/// A pose that was looked at.
+/// Result for one pose.
 pub(in crate::cli) struct Looked {
-    /// What was found, or why nothing was.
+    /// The points of the board, or why the board was not found.
     pub(in crate::cli) found: Result<PoseData, String>,
-    /// The picture, with what was found in it.
+    /// The image, with the detected points drawn into it.
     pub(in crate::cli) picture: RgbImage,
-    /// Share of the pixels that are saturated in some frame.
+    /// Fraction of the pixels that are saturated in at least one frame.
     pub(in crate::cli) saturated: f64,
     /// Width and height of the camera's image.
     pub(in crate::cli) camera_px: [u32; 2],
     /// Width and height of the projector's image.
     pub(in crate::cli) projector_px: [u32; 2],
-    /// What the device says of itself.
+    /// The calibration that the device reports, or that was stored with the capture.
     pub(in crate::cli) nominal: Option<Rig>,
-    /// The camera's noise.
+    /// The camera's noise model, if known.
     pub(in crate::cli) noise: Option<NoiseModel>,
 }
 
-/// Decodes a pose's frames and looks for the board in them.
+/// Decodes a pose's frames and detects the board in them.
 ///
 /// # Errors
-/// A sequence that does not tell both axes, and frames that do not fit it.
+/// Returns an error if the sequence does not encode both axes, or the frames do not match it.
 pub(in crate::cli) fn look(
     board: &Board,
     name: &str,
@@ -41,14 +41,14 @@ pub(in crate::cli) fn look(
         noise: nominal.and_then(|rig| rig.noise),
         ..Options::default()
     };
-    // Points are not wanted, so the rig stays out of it.
+    // Without a rig: no points are triangulated here.
     let decoder = Decoder::new(manifest, stack.width(), stack.height(), None, options)?;
     let decoded = decoder.decode(stack)?;
     for axis in [Axis::X, Axis::Y] {
         if decoded.axis(axis).is_none() {
             return Err(Error::input(
                 "sequence",
-                format!("nothing that tells the projector's {axis} coordinate"),
+                format!("no patterns that encode the projector's {axis} coordinate"),
                 "fringes or Gray code along x and along y",
             ));
         }
@@ -69,8 +69,8 @@ pub(in crate::cli) fn look(
     })
 }
 
-/// What a camera's noise is taken for where neither a calibration nor the frames tell it: that of
-/// the dark, two thousandths of the range.
+/// Returns a default noise model if neither a calibration nor the frames provide one: only read noise,
+/// two thousandths of full scale.
 fn guess(stack: &FrameStack<'_>) -> NoiseModel {
     let full = match stack.frames().first() {
         Some(Samples::U16(_)) => 65535.0,

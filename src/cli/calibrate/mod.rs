@@ -1,4 +1,5 @@
-//! `phasmid calibrate`: from pictures of a board to a rig, of an emulated device or from captures.
+//! `phasmid calibrate`: computes a rig from images of a board, taken by an emulated device or read from
+//! captures.
 
 mod captures;
 mod coefficients;
@@ -35,22 +36,26 @@ use session::Poses;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Folder of the captures that are kept.
+/// Folder for the captures of `--keep-captures`.
 const CAPTURES: &str = "captures";
-/// The rig as OpenCV reads it.
+/// Files of the rig in OpenCV's formats.
 const OPENCV: [&str; 2] = ["calibration.yml", "calibration.xml"];
-/// File of what only an emulated device knows.
+/// File that compares the calibration with the true rig, which only an emulated device knows.
 const TRUTH: &str = "truth.json";
 
-/// Calibrate a scanner from pictures of a board in many poses: an emulated one, or any from captures
+/// Calibrate a scanner from images of a board in many poses: an emulated device, or any device from
+/// its captures
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example:\n  phasmid calibrate --profile webcam-grey --poses 8 --out calibrated"
+)]
 pub(super) struct Args {
-    /// Device profile to calibrate: a built-in name or a TOML file. A board is shown to the emulated
-    /// device, which is scanned over its ports
+    /// Device profile to calibrate: a built-in name or a TOML file. The emulated device is shown a
+    /// board and scanned over its ports
     #[arg(long, required_unless_present = "captures")]
     profile: Option<String>,
-    /// Captures to calibrate from: a folder with a folder for each pose, as phasmid scan --no-decode
-    /// makes them, pictures and a sequence.toml that says what they show
+    /// Captures to calibrate from: a folder with one folder per pose, as `phasmid scan --no-decode`
+    /// writes it: images and their sequence.toml
     #[arg(long, value_name = "DIR", conflicts_with = "profile")]
     captures: Option<PathBuf>,
     #[command(flatten)]
@@ -58,14 +63,14 @@ pub(super) struct Args {
     /// Folder for the calibration and its report
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Which distortion coefficients of the camera are estimated: auto (as many as the data demand),
-    /// none, all, or some of k1,k2,p1,p2,k3
+    /// Distortion coefficients of the camera to estimate: auto (as many as the data require), none,
+    /// all, or some of k1,k2,p1,p2,k3
     #[arg(long, value_name = "WHICH", default_value = "auto")]
     camera_distortion: coefficients::Choice,
-    /// The same of the projector
+    /// Distortion coefficients of the projector to estimate, as for the camera
     #[arg(long, value_name = "WHICH", default_value = "auto")]
     projector_distortion: coefficients::Choice,
-    /// In how many poses the board is shown
+    /// Number of poses in which the board is shown, 1 to 500
     #[arg(
         long,
         value_name = "N",
@@ -73,11 +78,11 @@ pub(super) struct Args {
         conflicts_with = "captures"
     )]
     poses: u32,
-    /// Distance at which it is shown in millimetres [default: the profile's, or where the fields of
+    /// Distance of the board in millimetres [default: the profile's, or where the fields of view of
     /// camera and projector meet]
     #[arg(long, value_name = "MM", conflicts_with = "captures")]
     distance_mm: Option<f64>,
-    /// How far it is tilted at most, in degrees
+    /// Maximum tilt of the board in degrees, 1 to 60
     #[arg(
         long,
         value_name = "DEG",
@@ -88,10 +93,10 @@ pub(super) struct Args {
     /// Seed of the poses and of the noise
     #[arg(long, default_value_t = 1, conflicts_with = "captures")]
     seed: u64,
-    /// Leave the sensor's noise out
+    /// Render without sensor noise
     #[arg(long, conflicts_with = "captures")]
     no_noise: bool,
-    /// Rays a pixel: 1, 4, 16 or 64
+    /// Rays per pixel: 1, 4, 16 or 64
     #[arg(
         long,
         value_name = "N",
@@ -99,21 +104,21 @@ pub(super) struct Args {
         conflicts_with = "captures"
     )]
     samples: u32,
-    /// What runs the passes of the rendering
+    /// Where the render passes run
     #[arg(long, value_enum, default_value_t = backend::Choice::Cpu, conflicts_with = "captures")]
     backend: backend::Choice,
-    /// Keep the frames of each pose in the folder captures, as phasmid scan writes them
+    /// Keep the frames of each pose in the folder captures, as `phasmid scan` writes them
     #[arg(long, conflicts_with = "captures")]
     keep_captures: bool,
     /// Overwrite an earlier calibration
     #[arg(long)]
     force: bool,
-    /// Print the figures as JSON
+    /// Print the results as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// What is printed as JSON.
+/// The JSON output.
 #[derive(Serialize)]
 struct Figures<'a> {
     #[serde(flatten)]
@@ -125,7 +130,8 @@ struct Figures<'a> {
 /// Runs the command.
 ///
 /// # Errors
-/// Captures, boards and options that do not do, poses that leave the rig open, a device that fails.
+/// Returns an error if the captures, the board or an option are invalid, the poses do not determine
+/// the rig, or the device fails.
 pub(super) fn run(args: &Args) -> Result<()> {
     match (&args.profile, &args.captures) {
         (Some(name), _) => run_emulated(args, name),
@@ -167,12 +173,14 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
     out.keep_captures()?;
     if poses.poses.is_empty() {
         let (found, allowed) = no_board(&poses, device.board());
-        return Err(Error::device(format!("{name}: {found}; wanted: {allowed}")));
+        return Err(Error::device(format!(
+            "{name}: {found}; expected {allowed}"
+        )));
     }
     let place = format!("--poses {}", args.poses);
     let calibration = solve(args, device.board(), &poses, &place)?;
     let shown = device.shown();
-    // The solver counts the poses with a board.
+    // The solution contains only the poses with a board.
     let given: Vec<_> = poses.places.iter().map(|&place| shown[place]).collect();
     let truth = Truth::new(&calibration.solution, device.truth(), &given);
     let remarks = [
@@ -209,7 +217,7 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
     )
 }
 
-/// What to say where no pose shows the board.
+/// Returns what was found and what was expected, for the case that no pose shows the board.
 fn no_board(poses: &Poses, board: &Board) -> (String, String) {
     let [columns, rows] = board.grid();
     (
@@ -225,7 +233,7 @@ fn no_board(poses: &Poses, board: &Board) -> (String, String) {
     )
 }
 
-/// Why poses cannot be used, in one line; those with the same reason together.
+/// Lists in one line why poses cannot be used; poses with the same reason are grouped.
 fn reasons(missed: &[Missed]) -> String {
     let mut together: Vec<(String, Vec<&str>)> = Vec::new();
     for Missed { name, why } in missed {
@@ -260,11 +268,11 @@ fn solve(args: &Args, board: &Board, poses: &Poses, place: &str) -> Result<Calib
     Ok(calibration)
 }
 
-/// Poses that leave the rig open are the user's to mend.
+/// Converts a failed solution to an input error, because it takes other poses to resolve it.
 fn unsolved(why: &Unsolved, poses: &Poses, place: &str) -> Error {
     let words = why.to_string();
     let (found, wanted) = words
-        .split_once("; wanted: ")
+        .split_once("; expected ")
         .unwrap_or((&words, "other poses"));
     let mut found = found.to_owned();
     if !poses.missed.is_empty() {
@@ -308,14 +316,14 @@ fn finish(
     } else {
         print!("{summary}");
         println!(
-            "written to {}: report.html shows all of it",
+            "written to {}; report.html shows all results",
             args.out.display()
         );
     }
     Ok(())
 }
 
-/// Root mean square errors, which is what OpenCV's own calibration gives.
+/// Returns the RMS reprojection errors, which OpenCV's calibration reports as well.
 fn errors(calibration: &Calibration) -> Reprojection {
     let (camera, projector) = (
         calibration.solution.camera_errors,

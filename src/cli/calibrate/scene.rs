@@ -1,4 +1,4 @@
-//! The scene of a device that is calibrated: a board and nothing else.
+//! The scene of a calibration: a board and nothing else.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::scratch;
@@ -7,20 +7,20 @@ use std::fs;
 use std::path::PathBuf;
 use tempfile::TempDir;
 
-/// Reflectance of the paper: the built-in devices expose a white wall at a metre so that it fills
-/// three quarters of a full well, and a board comes as near as 700 mm.
+/// Reflectance of the paper. The exposure of the built-in devices is set so that a white wall at 1 m
+/// fills three quarters of the full well, and a board comes as near as 700 mm.
 const PAPER: f64 = 0.45;
-/// Light from everywhere in W/m^2, as in the built-in scenes.
+/// Ambient irradiance in W/m^2, as in the built-in scenes.
 const AMBIENT_W_M2: f64 = 0.02;
 
-/// A scene file in a folder of its own; both go with this value.
+/// A scene file in a temporary folder. Dropping this value deletes both.
 pub(super) struct SceneFile(TempDir);
 
 impl SceneFile {
-    /// Writes the scene of a board in a pose.
+    /// Writes the scene with a board in a pose.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns an error if the folder or the file cannot be created.
     pub(super) fn write(board: &Board, rig_from_board: &Pose) -> Result<Self> {
         let file = Self(scratch("phasmid-board-")?);
         let path = file.path();

@@ -1,4 +1,4 @@
-//! The poses of one calibration as they come: what was found in each, and a picture of it.
+//! Collects the poses of one calibration: the points found in each, and an annotated image.
 
 use super::look::Looked;
 use phasmid_calibrate::report::picture_names;
@@ -7,26 +7,26 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{NoiseModel, Rig};
 use std::path::{Path, PathBuf};
 
-/// A pose tells something of the projector from this many points in its light on.
+/// Minimum number of points with a projector coordinate that a pose needs to constrain the projector.
 const FEWEST_LIT: usize = 6;
-/// Share of saturated pixels from which they are worth a word.
+/// Minimum fraction of saturated pixels that is mentioned in messages.
 const SATURATED: f64 = 0.01;
 
 /// Width and height of the camera's and of the projector's images.
 type Sizes = [[u32; 2]; 2];
 
-/// What is known of the poses so far.
+/// The poses received so far.
 pub(super) struct Session {
     folder: PathBuf,
-    /// Name of each pose that is to come, and of the picture that there will be of it.
+    /// Name of each expected pose, and of the file for its image.
     names: Vec<(String, String)>,
     pictures: Vec<(String, String)>,
     found: Vec<Found>,
-    /// Places of the poses that cannot be used, and why.
+    /// Index of each pose that cannot be used, and the reason.
     missed: Vec<(usize, String)>,
 }
 
-/// A pose with a board.
+/// A pose in which the board was found.
 struct Found {
     place: usize,
     sizes: Sizes,
@@ -36,15 +36,15 @@ struct Found {
     saturated: f64,
 }
 
-/// The poses, when all have come.
+/// All poses of a calibration.
 pub(super) struct Poses {
-    /// Names of the poses that there are pictures of, and of these.
+    /// Name of each pose that has an image, and of the image's file.
     pub(super) pictures: Vec<(String, String)>,
-    /// Places of the poses with a board among all.
+    /// Indices of the poses with a board, among all poses.
     pub(super) places: Vec<usize>,
     pub(super) poses: Vec<PoseData>,
     pub(super) missed: Vec<Missed>,
-    /// What is odd about the others.
+    /// Warnings about the usable poses.
     pub(super) warnings: Vec<String>,
     pub(super) sizes: Sizes,
     pub(super) nominal: Option<Rig>,
@@ -52,7 +52,8 @@ pub(super) struct Poses {
 }
 
 impl Session {
-    /// Before the first pose; `names` are those of all, in order, and pictures go to `folder`.
+    /// Starts without poses. `names` are the names of all expected poses in order; images go to
+    /// `folder`.
     pub(super) fn new(folder: &Path, names: &[String]) -> Self {
         let files = picture_names(names);
         Self {
@@ -64,11 +65,11 @@ impl Session {
         }
     }
 
-    /// Takes a pose, by its place among the names: a mistake in it and a picture without a board are
-    /// noted, and the other poses go on.
+    /// Adds a pose by its index among the names. A pose that is invalid or shows no board is noted, and
+    /// the calibration continues with the others.
     ///
     /// # Errors
-    /// A picture that cannot be written.
+    /// Returns an error if the image cannot be written.
     pub(super) fn take(&mut self, place: usize, looked: Result<Looked>) -> Result<()> {
         let looked = match looked {
             Ok(looked) => looked,
@@ -102,7 +103,7 @@ impl Session {
         Ok(())
     }
 
-    /// Sorts out the poses whose images have another size than most.
+    /// Excludes poses whose images differ in size from most others, and returns the rest.
     pub(super) fn finish(self) -> Poses {
         let Self {
             names,
@@ -112,7 +113,7 @@ impl Session {
             ..
         } = self;
         let many = |sizes: Sizes| found.iter().filter(|pose| pose.sizes == sizes).count();
-        // The first of those that are equally many.
+        // Of equal counts, the first: `max_by_key` returns the last, so the order is reversed.
         let most = found.iter().rev().max_by_key(|pose| many(pose.sizes));
         let sizes = most.map(|pose| pose.sizes).unwrap_or_default();
         let mut poses = Poses {
@@ -149,7 +150,8 @@ impl Session {
     }
 }
 
-/// A pose with a board that is hardly lit and saturated; other reasons the fits tell themselves.
+/// Returns a warning if too few points of the board are lit and pixels are saturated. The solver
+/// reports other causes.
 fn unlit(pose: &Found) -> Option<String> {
     let (lit, all) = (pose.data.lit(), pose.data.seen.len());
     let (name, why) = (&pose.data.name, saturation(pose.saturated));
@@ -157,11 +159,11 @@ fn unlit(pose: &Found) -> Option<String> {
         .then(|| format!("{name}: {lit} of its {all} points have a projector coordinate{why}"))
 }
 
-/// Words on pixels that are saturated, where they are many.
+/// Describes saturated pixels; empty if there are few.
 fn saturation(share: f64) -> String {
     match share >= SATURATED {
         true => format!(
-            "; {:.0} % of the pixels are saturated, wanted: a shorter exposure",
+            "; {:.0} % of the pixels are saturated: shorten the exposure",
             100.0 * share
         ),
         false => String::new(),
@@ -171,12 +173,12 @@ fn saturation(share: f64) -> String {
 fn other_size(found: Sizes, wanted: Sizes) -> String {
     let words = |[camera, projector]: Sizes| {
         format!(
-            "{} x {} pixels before a projector of {} x {}",
+            "camera {} x {}, projector {} x {} pixels",
             camera[0], camera[1], projector[0], projector[1]
         )
     };
     format!(
-        "images of another size: {}; wanted: {}, as most poses have",
+        "images of another size: {}; expected {}, as most poses have",
         words(found),
         words(wanted)
     )

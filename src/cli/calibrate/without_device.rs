@@ -1,4 +1,4 @@
-//! A build without a device in it: captures only.
+//! Stand-in for the emulated device in builds without one: only captures can be calibrated.
 
 use super::Args;
 use super::session::Poses;
@@ -6,7 +6,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Board, Pose, Rig};
 use std::path::Path;
 
-/// What there is none of.
+/// An emulated device, which cannot exist in this build.
 pub(super) enum Emulated {}
 
 impl Emulated {

@@ -1,4 +1,4 @@
-//! What a V4L2 device says of itself.
+//! Reports a V4L2 device: identity, formats and controls.
 
 use phasmid_core::error::Result;
 use phasmid_host::explain_device;
@@ -13,13 +13,13 @@ use v4l::framesize::FrameSizeEnum;
 use v4l::video::Capture as _;
 use v4l::{Device, FourCC, Fraction};
 
-/// Sizes of a format and intervals of a size that are listed at most.
+/// Maximum number of sizes listed per format, and of intervals per size.
 const MAX_LISTED: usize = 64;
 
 /// Prints the report.
 ///
 /// # Errors
-/// A device that cannot be opened or is no V4L2 device.
+/// Returns an error if the device cannot be opened or is not a V4L2 device.
 pub(super) fn report(address: &str, as_json: bool) -> Result<()> {
     let (device, node) =
         Node::open(Path::new(address)).map_err(|e| explain_device(address, "open", e))?;
@@ -114,7 +114,7 @@ fn seconds(interval: &Fraction) -> String {
     format!("{}/{}", interval.numerator, interval.denominator)
 }
 
-/// Sizes of a format, each with its intervals.
+/// Lists the sizes of a format, each with its intervals.
 fn sizes(device: &Device, code: [u8; 4]) -> Vec<String> {
     let fourcc = FourCC::new(&code);
     let Ok(sizes) = device.enum_framesizes(fourcc) else {
@@ -240,7 +240,7 @@ mod tests {
             line("64-bit integer", Some(ControlValue::Number(-1))),
             "It (64-bit integer) = -1, 0 to 4294967295 in steps of 1, default 16"
         );
-        // Drivers' text does not steer a terminal.
+        // Control characters in a driver's text are escaped.
         assert_eq!(
             line("string", Some(ControlValue::Text("a\u{1b}".into()))),
             "It (string) = \"a\\u{1b}\""

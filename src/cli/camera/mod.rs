@@ -1,4 +1,4 @@
-//! `phasmid camera info`: what a camera is and offers.
+//! `phasmid camera info`: reports what a camera is and offers.
 
 #[cfg(target_os = "linux")]
 mod device;
@@ -10,7 +10,7 @@ use phasmid_protocol::printable_json;
 use serde_json::json;
 use std::time::Duration;
 
-/// Look at cameras
+/// Inspect cameras
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(subcommand)]
@@ -22,13 +22,14 @@ enum Command {
     Info(InfoArgs),
 }
 
-/// Report what a camera is, its formats, intervals and controls, or of a socket the next frame
+/// Report a camera's identity, formats, intervals and controls, or the next frame of a socket
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid camera info /dev/video0")]
 struct InfoArgs {
-    /// The camera: /dev/videoN, usb:HOST:PORT[/BUSID], socket:PATH or tcp:HOST:PORT.
+    /// Camera: /dev/videoN, usb:HOST:PORT[/BUSID], socket:PATH or tcp:HOST:PORT.
     #[arg(value_name = "ADDR")]
     address: String,
-    /// Seconds to wait for a frame of a socket, or for an answer of a USB device.
+    /// Seconds to wait for a frame from a socket or an answer from a USB device, 0.001 to 3600.
     #[arg(long, value_name = "S", default_value_t = 2.0)]
     timeout: f64,
     /// Print the report as JSON.
@@ -53,7 +54,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if !known.iter().any(|kind| args.address.starts_with(kind)) {
         return Err(Error::input(
             format!("camera {}", args.address),
-            "an address of no known kind",
+            "an unknown kind of address",
             "/dev/videoN, usb:HOST:PORT[/BUSID], socket:PATH or tcp:HOST:PORT",
         ));
     }

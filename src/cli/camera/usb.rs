@@ -1,4 +1,5 @@
-//! What a USB device that no kernel has attached says of its camera. No stream is started.
+//! Reports the camera of a USB device over USB/IP, without attaching it to a kernel or starting a
+//! stream.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_host::usb::{
@@ -9,13 +10,13 @@ use phasmid_protocol::{PixelFormat, printable, printable_json};
 use serde_json::{Value, json};
 use std::time::Duration;
 
-/// A control: its name, the unit of its values, and how it stands or why that is not known.
+/// A control: its name, the unit of its values, and its state or why that could not be read.
 type Control = (&'static str, String, Result<ControlState>);
 
 /// Prints the report.
 ///
 /// # Errors
-/// An address that is none, a device that cannot be reached or has no camera.
+/// Returns an error if the address is invalid, or the device cannot be reached or has no camera.
 pub(super) fn report(address: &str, timeout: Duration, as_json: bool) -> Result<()> {
     let at = UsbAddress::parse(address, "ADDR")?;
     let device = UsbDevice::open(&at, timeout)?;
@@ -67,7 +68,7 @@ fn to_text(device: &UsbDevice, function: &VideoFunction, controls: &[Control]) -
     let (id, info) = (device.identity(), device.client().info());
     let words = |text: &Option<String>| match text {
         Some(text) => printable(text),
-        None => "not said".to_owned(),
+        None => "not reported".to_owned(),
     };
     let mut lines = vec![
         format!("camera       {}", device.place()),
@@ -94,7 +95,7 @@ fn to_text(device: &UsbDevice, function: &VideoFunction, controls: &[Control]) -
     lines.join("\n") + "\n"
 }
 
-/// Modes by their formats, in the device's order.
+/// Groups the modes by format, in the device's order.
 fn formats(function: &VideoFunction) -> Vec<(&'static str, Vec<&VideoMode>)> {
     let mut formats: Vec<(&'static str, Vec<&VideoMode>)> = Vec::new();
     for mode in &function.modes {
@@ -111,7 +112,7 @@ fn formats(function: &VideoFunction) -> Vec<(&'static str, Vec<&VideoMode>)> {
     formats
 }
 
-/// Size of a mode and its intervals.
+/// Describes the size of a mode and its intervals.
 fn size(mode: &VideoMode) -> String {
     let size = format!("{} x {}", mode.width, mode.height);
     let seconds = |units: &u32| {
@@ -131,7 +132,7 @@ fn size(mode: &VideoMode) -> String {
     }
 }
 
-/// A speed as USB/IP numbers it, which is as the kernel does.
+/// Describes a speed, given by its number in USB/IP, which is also the kernel's number.
 fn speed(number: u32) -> String {
     match number {
         1 => "low, 1.5 Mbit/s".to_owned(),
@@ -143,7 +144,7 @@ fn speed(number: u32) -> String {
     }
 }
 
-/// A release in binary coded decimal: major, minor, sub-minor.
+/// Formats a release number in binary-coded decimal: major, minor, sub-minor.
 fn bcd(release: u16) -> String {
     format!("{:x}.{:02x}", release >> 8, release & 0xFF)
 }

@@ -1,4 +1,5 @@
-//! `phasmid demo`: a device that is not there, scanned through its ports and held against its truth.
+//! `phasmid demo`: scans an emulated device through its ports and compares the result with the ground
+//! truth.
 
 use super::backend::Choice;
 use super::dialect;
@@ -24,48 +25,49 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Start an emulated scanner, scan it through its serial port and camera, and compare the surface
-/// with the truth
+/// with the ground truth
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid demo --profile webcam-grey --scene sphere --out demo")]
 pub struct Args {
-    /// Folder for frames, cloud, pictures and figures
+    /// Folder for frames, cloud, images and results
     #[arg(long, value_name = "DIR", default_value = "phasmid-demo")]
     out: PathBuf,
     /// Device profile: a built-in name or a TOML file
     #[arg(long, default_value = "pmp-bench")]
     profile: String,
-    /// What stands before it: a built-in name or a TOML file
+    /// Scene in front of the device: a built-in name or a TOML file
     #[arg(long, default_value = "torso")]
     scene: String,
     /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Rays a pixel: 1, 4, 16 or 64. More catch what is thinner than a pixel, and take as many times
-    /// as long, once for each scene
+    /// Rays per pixel: 1, 4, 16 or 64. More rays resolve details thinner than a pixel and take
+    /// proportionally longer, once per scene
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
-    /// Instants of an exposure at which a scene that moves is looked at, 1 to 256: each takes as long
-    /// as a still scene takes once
+    /// Instants per exposure at which a moving scene is rendered, 1 to 256; each takes as long as
+    /// rendering a static scene once
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
-    /// What runs the passes of the rendering
+    /// Where the render passes run
     #[arg(long, value_enum, default_value_t = Choice::Cpu)]
     backend: Choice,
-    /// Leave the sensor's noise out
+    /// Render without sensor noise
     #[arg(long)]
     no_noise: bool,
-    /// Weigh the steps by their shot noise: less noise of six or more equal steps
+    /// Weight the phase steps by their shot noise, which reduces noise with six or more equal steps
     #[arg(long)]
     weighted: bool,
     #[command(flatten)]
     method: MethodArgs,
-    /// Print the figures as JSON
+    /// Print the results as JSON
     #[arg(long)]
     json: bool,
 }
 
-/// How long to wait for a reply or a frame: the first one waits for the scene to be prepared.
+/// Timeout for a reply or a frame. The first frame waits until the scene is prepared.
 const TIMEOUT: Duration = Duration::from_secs(30);
-/// The figures' file, which also marks a folder as a demo's.
+/// File of the results. It also marks a folder as the output of a demo.
 const SUMMARY: &str = "summary.json";
 const CLOUD: &str = "cloud.ply";
 
@@ -119,7 +121,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     step("comparing");
     let score = score(&decoded, &truth, &captured.manifest, &rig)?;
     step("writing");
-    // Without the summary the folder is not known as a demo's: then nothing may stay in it.
+    // Without the summary, a later demo would not recognise the folder as its own, so a failed run
+    // leaves nothing in it.
     let discarding = |_: &Error| {
         captured.discard(&args.out);
         discard(&args.out, [SUMMARY, CLOUD].into_iter().chain(PICTURES));
@@ -165,14 +168,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     if summary.score.points == 0 {
         return Err(Error::device(format!(
-            "no point was measured: {} before {} gives the scanner nothing to see or to light",
+            "no point was measured: profile {} sees or lights nothing of scene {}",
             args.profile, args.scene
         )));
     }
     Ok(())
 }
 
-/// The first frame as a picture of 8 bits.
+/// Returns the first frame as an 8-bit image.
 fn seen(captured: &Captured) -> Result<GrayImage> {
     let frame = captured
         .frames
@@ -193,7 +196,7 @@ fn seen(captured: &Captured) -> Result<GrayImage> {
         frame.data
     };
     GrayImage::from_raw(frame.width, frame.height, levels)
-        .ok_or_else(|| Error::device("a frame has not the bytes of its size"))
+        .ok_or_else(|| Error::device("frame: the number of bytes does not match its size"))
 }
 
 fn serve_arguments(args: &Args) -> Vec<String> {
@@ -217,8 +220,8 @@ fn serve_arguments(args: &Args) -> Vec<String> {
     arguments
 }
 
-/// A folder that an earlier demo made may be written again; one with files of somebody else's under
-/// our names may not.
+/// Accepts a folder that an earlier demo wrote. Rejects one that contains other files with names of
+/// results.
 fn check_out(out: &Path) -> Result<()> {
     let summary = fs::read_to_string(out.join(SUMMARY)).unwrap_or_default();
     if summary.contains("\"made_by\": \"phasmid demo") {

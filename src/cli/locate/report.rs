@@ -1,4 +1,4 @@
-//! What was found of each pod.
+//! Results for each pod, and warnings about them.
 
 use crate::cli::pods::Address;
 use glam::{DQuat, DVec3};
@@ -7,43 +7,43 @@ use phasmid_geometry::Pose;
 use serde::Serialize;
 use std::path::Path;
 
-/// Points that leave more than so many times their noise were not seen by the rig that they are taken
-/// for.
+/// Maximum RMS residual of a pod's points, in standard deviations of their noise. A larger one means that
+/// the calibration or the size of the board is wrong.
 const MOST_WHITENED: f64 = 1.5;
 
-/// A pod is hung to within so much of where it is drawn; one that is farther is another, or the board is
-/// elsewhere.
+/// Maximum deviation of a mounted pod from the pose in the station file, in position and in rotation. A
+/// larger one means that the pod is another one, or the board is elsewhere.
 const FAR_MM: f64 = 50.0;
 const FAR_DEG: f64 = 5.0;
 
-/// A pod's place.
+/// A pod's measured pose and its quality.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Located {
     pub(super) name: String,
-    /// Takes coordinates in the pod's rig to the room's.
+    /// Maps coordinates in the pod's rig frame to the room's.
     #[serde(skip)]
     pub(super) room_from_rig: Pose,
-    /// The same as a station's file has it.
+    /// The same pose as a station file stores it.
     position_mm: DVec3,
     rotation_deg: DVec3,
     camera: Group,
     projector: Group,
-    /// Standard deviation of the board's middle as the pod sees it, length of the vector.
+    /// Standard deviation of the board's position in the pod's rig frame: length of the vector, in mm.
     deviation_mm: f64,
-    /// And of its turn.
+    /// Standard deviation of the board's orientation, in degrees.
     deviation_deg: f64,
-    /// How far the station's file has the board's middle from where it is, and by what angle it is
-    /// turned there.
+    /// Distance in mm, and angle in degrees, between the board's pose by the old station file and its
+    /// given pose.
     off_mm: f64,
     off_deg: f64,
 }
 
-/// What points leave in one of the images.
+/// Residuals of the points in one of the images.
 #[derive(Debug, Clone, Copy, Serialize)]
 struct Group {
     points: usize,
     rms_px: f64,
-    /// In standard deviations.
+    /// RMS residual in standard deviations of the noise.
     whitened_rms: f64,
 }
 
@@ -58,7 +58,7 @@ impl Group {
 }
 
 impl Located {
-    /// Of a pod before which the board was found, whose place in the room is known.
+    /// Computes the pose of a pod from the board's pose in the pod's rig frame and in the room.
     pub(super) fn new(pod: &Address, placed: &Placed, room_from_board: &Pose) -> Self {
         let room_from_rig = *room_from_board * placed.rig_from_board.inverse();
         let (position_mm, rotation_deg) = room_from_rig.to_xyz_deg();
@@ -79,7 +79,7 @@ impl Located {
         }
     }
 
-    /// The part of what its points leave that is largest over their noise, and in which image.
+    /// Returns the image with the larger whitened residual, and its residuals.
     fn worst(&self) -> (&'static str, &Group) {
         match self.projector.whitened_rms > self.camera.whitened_rms {
             true => ("projector", &self.projector),
@@ -92,7 +92,7 @@ impl Located {
     }
 }
 
-/// What a user should know before trusting it.
+/// Returns warnings about results that should not be trusted.
 pub(super) fn warnings(all: &[Located]) -> Vec<String> {
     let mut warnings = Vec::new();
     let loose = all
@@ -103,24 +103,24 @@ pub(super) fn warnings(all: &[Located]) -> Vec<String> {
         let (what, group) = located.worst();
         loose_pods += 1;
         warnings.push(format!(
-            "{}: the board's points are {:.1} times their noise off in the {what}'s image (RMS {:.3} \
-             px), and the deviations below count that as noise",
+            "{}: the residuals of the board's points are {:.1} times their noise in the {what}'s image \
+             (RMS {:.3} px), and the deviations below treat that as noise",
             located.name, group.whitened_rms, group.rms_px
         ));
     }
     match loose_pods {
         0 => {}
         n if n == all.len() && n > 1 => warnings.push(
-            "all pods say so: the board is not of the size that was said, or not flat".to_owned(),
+            "this holds for all pods: the board does not have the given size, or is not flat".to_owned(),
         ),
         _ => warnings.push(
-            "the calibration is not that of the pod as it is, or the board not of the size that was said"
+            "the pod's calibration is wrong or out of date, or the board does not have the given size"
                 .to_owned(),
         ),
     }
     for located in all.iter().filter(|l| l.projector.points == 0) {
         warnings.push(format!(
-            "{}: by the camera alone: nothing of the board was lit",
+            "{}: located with the camera alone: no point of the board was lit",
             located.name
         ));
     }
@@ -131,15 +131,15 @@ pub(super) fn warnings(all: &[Located]) -> Vec<String> {
         .collect();
     if !far.is_empty() {
         warnings.push(format!(
-            "{}: more than {FAR_MM} mm or {FAR_DEG} degrees from where the station had it: is the board \
-             where --board-position and --board-rotation say, and is each pod the one that it is called?",
+            "{}: more than {FAR_MM} mm or {FAR_DEG} degrees from the pose in the station file: check \
+             --board-position, --board-rotation and the names of the pods",
             far.join(", ")
         ));
     }
     warnings
 }
 
-/// A short table, and where the file is.
+/// Prints a table, and the path of the station file.
 pub(super) fn print(all: &[Located], out: &Path) {
     println!(
         "{:<10} {:>7} {:>5} {:>10} {:>13} {:>13} {:>14} {:>9} {:>10}",
@@ -168,12 +168,12 @@ pub(super) fn print(all: &[Located], out: &Path) {
         );
     }
     println!(
-        "{}: the station with the places that were found; off is what the one before said",
+        "{}: station with the measured poses; off: difference from the previous station file",
         out.display()
     );
 }
 
-/// The same for programs.
+/// Prints the results as JSON.
 pub(super) fn print_json(all: &[Located]) {
     let text = serde_json::to_string_pretty(all).expect("numbers and words");
     println!("{text}");

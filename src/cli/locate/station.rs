@@ -1,4 +1,4 @@
-//! The station's file with new places.
+//! Writes the station file with new poses.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
@@ -8,7 +8,7 @@ use phasmid_protocol::dialect::Dialect;
 use std::io::Write;
 use std::path::Path;
 
-/// Puts a device where it has been found.
+/// Sets a device's pose to the measured one.
 pub(super) fn move_to(station: &mut Station, name: &str, room_from_rig: &Pose) {
     let (position_mm, rotation_deg) = room_from_rig.to_xyz_deg();
     for device in station.device.iter_mut().filter(|d| d.name == name) {
@@ -17,10 +17,11 @@ pub(super) fn move_to(station: &mut Station, name: &str, room_from_rig: &Pose) {
     }
 }
 
-/// Writes a new file; what it names is found from anywhere.
+/// Writes a new station file. Its paths are absolute, so that it works from any folder.
 ///
 /// # Errors
-/// A file that has come meanwhile, and what the system refuses.
+/// Returns an error if a file has appeared there in the meantime (without `force`), or it cannot be
+/// written.
 pub(super) fn write(station: &Station, path: &Path, force: bool) -> Result<()> {
     let mut whole = station.clone();
     whole.scene = match station.scene() {
@@ -43,7 +44,7 @@ pub(super) fn write(station: &Station, path: &Path, force: bool) -> Result<()> {
     })
 }
 
-/// A built-in name as it is, and a file by its whole path.
+/// Returns a built-in name unchanged, and a file as an absolute path.
 fn anywhere(name: String, mut built_in: impl Iterator<Item = &'static str>) -> Result<String> {
     if built_in.any(|known| known == name) {
         return Ok(name);

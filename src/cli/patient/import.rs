@@ -1,4 +1,4 @@
-//! `phasmid patient import`: a planning folder from a CT, displacement fields and a tumour.
+//! `phasmid patient import`: makes a planning folder from a CT, displacement fields and a tumour.
 
 use crate::cli::vector::vector;
 use glam::DVec3;
@@ -10,23 +10,24 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The CT of the reference phase: a folder of DICOM with one series, or with those of a 4D-CT; or a
+    /// CT of the reference phase: a folder of DICOM files with one series or those of a 4D-CT, or a
     /// MetaImage in Hounsfield units (.mha, .mhd).
     #[arg(long, value_name = "PATH")]
     ct: PathBuf,
-    /// A phase in per cent of the cycle, 0 the end of inhaling, and the MetaImage field of the
-    /// displacements from the reference phase to it, in millimetres along LPS. Once for each; the
-    /// reference phase needs none.
+    /// Phase in per cent of the breathing cycle (0 is the end of inhalation) and its MetaImage
+    /// displacement field from the reference phase, in millimetres along LPS. Repeat for each phase;
+    /// the reference phase needs none.
     #[arg(long, value_name = "PERCENT=FILE", required = true)]
     phase: Vec<String>,
-    /// The tumour at the reference phase, in the CT's LPS: a closed mesh (.ply, .stl, .obj) in
+    /// Tumour at the reference phase, in the CT's LPS coordinates: a closed mesh (.ply, .stl, .obj) in
     /// millimetres, or a MetaImage mask, 0 outside and 1 inside.
     #[arg(long, value_name = "FILE")]
     tumour: PathBuf,
-    /// Phase at which CT and tumour are, in per cent of the cycle.
+    /// Phase of the CT and the tumour, in per cent of the breathing cycle.
     #[arg(long, value_name = "PERCENT", default_value_t = 50.0)]
     reference_phase: f64,
-    /// Level of the skin in Hounsfield units; the largest body of at least that is taken.
+    /// Threshold of the skin in Hounsfield units; the body is the largest connected region at or above
+    /// it.
     #[arg(
         long,
         value_name = "HU",
@@ -34,20 +35,20 @@ pub(super) struct Args {
         allow_negative_numbers = true
     )]
     skin_hu: f64,
-    /// The isocentre in the CT's LPS, in millimetres [default: the tumour's centroid].
+    /// Isocentre in the CT's LPS coordinates, in millimetres [default: the tumour's centroid].
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     isocentre: Option<String>,
-    /// The patient's name in the planning [default: the folder's].
+    /// Name of the patient in the planning folder [default: the folder's name].
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
-    /// Distance of the fields' voxels in the folder, no less than they have [default: theirs]. Fields
-    /// on a CT's own grid are larger than tracking has memory for; 3 mm will do.
+    /// Voxel spacing of the written fields in millimetres, not below that of the input [default: the
+    /// input's]. Fields on a CT's own grid exceed the memory of tracking; 3 mm is sufficient.
     #[arg(long, value_name = "MM")]
     spacing_mm: Option<f64>,
-    /// Write the CT into the folder too.
+    /// Also write the CT to the folder.
     #[arg(long)]
     with_ct: bool,
-    /// Folder for the files.
+    /// Planning folder to write.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Overwrite an earlier planning.
@@ -86,7 +87,7 @@ impl Args {
         self.isocentre.as_deref().map(point).transpose()
     }
 
-    /// What was asked for, or the folder's name where a patient may be called that.
+    /// Returns the given name, or the folder's if it is a valid name.
     fn name(&self) -> String {
         let folder = || {
             let name = self.out.file_name()?.to_str()?;
@@ -97,7 +98,7 @@ impl Args {
     }
 }
 
-/// `PERCENT=FILE`.
+/// Parses `PERCENT=FILE`.
 fn phase(text: &str) -> Result<(f64, PathBuf)> {
     let parts = text.split_once('=');
     let parsed = parts.and_then(|(percent, file)| Some((percent.trim().parse().ok()?, file)));
@@ -113,7 +114,7 @@ fn phase(text: &str) -> Result<(f64, PathBuf)> {
 
 fn say(args: &Args, import: &Import, made: &Imported) {
     let place = |p: DVec3| {
-        // Zero has no sign.
+        // Adding 0 turns -0 into 0.
         let [x, y, z] = p.to_array().map(|mm| (10.0 * mm).round() / 10.0 + 0.0);
         format!("({x:.1}, {y:.1}, {z:.1}) mm")
     };

@@ -1,4 +1,5 @@
-//! `phasmid patient`: the generated patients, and what planning knows of one, or of a real one.
+//! `phasmid patient`: lists and checks generated patients, and writes planning folders of generated and
+//! real ones.
 
 mod import;
 
@@ -6,7 +7,8 @@ use phasmid_core::error::Result;
 use phasmid_phantom::{Patient, Phantom, patient_names};
 use std::path::{Path, PathBuf};
 
-/// Patients: the generated ones, who breathe, and planning folders, of them or of a clinic's data
+/// List or check generated patients, who breathe, or make planning folders from them or from clinical
+/// data
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(subcommand)]
@@ -15,33 +17,39 @@ pub(super) struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// List the patients that are built in.
+    /// List the built-in patients.
+    #[command(after_help = "Example:\n  phasmid patient list")]
     List,
-    /// Check a patient and say what it is.
+    /// Check a patient and summarise it.
+    #[command(after_help = "Example:\n  phasmid patient check p02-man-mean")]
     Check {
-        /// A built-in patient, or a TOML file.
+        /// Built-in name, or path of a TOML file.
         patient: String,
     },
-    /// Write what planning knows of a patient: the skin, the tumour and how both move over ten phases of
-    /// breathing, as `phasmid track` takes it.
+    /// Write a patient's planning folder for `phasmid track`: the skin, the tumour and how both move over
+    /// ten phases of breathing.
+    #[command(after_help = "Example:\n  phasmid patient plan p02-man-mean --out planning")]
     Plan {
-        /// A built-in patient, or a TOML file.
+        /// Built-in name, or path of a TOML file.
         patient: String,
-        /// Folder for the files.
+        /// Planning folder to write.
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
         /// Overwrite an earlier planning.
         #[arg(long)]
         force: bool,
-        /// Distance of the voxels of displacement fields and CT.
+        /// Voxel spacing of the displacement fields and the CT, in millimetres.
         #[arg(long, value_name = "MM", default_value_t = 5.0)]
         spacing_mm: f64,
-        /// Write the CT of the reference phase too.
+        /// Also write the CT of the reference phase.
         #[arg(long)]
         ct: bool,
     },
-    /// Make a planning folder of a clinic's data: a CT, displacement fields and a tumour, all in the CT's
-    /// own LPS.
+    /// Make a planning folder from clinical data: a CT, displacement fields and a tumour, all in the CT's
+    /// LPS coordinates.
+    #[command(
+        after_help = "Example:\n  phasmid patient import --ct ct_50.mha --tumour tumour.ply --phase 0=dvf_00.mha --out imported"
+    )]
     Import(import::Args),
 }
 

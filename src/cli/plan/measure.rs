@@ -1,5 +1,5 @@
-//! What the passes and their terms cost here: each is timed with and without, in turns, so that a
-//! machine whose speed wanders is as fast for the one as for the other.
+//! Times the passes and their terms. Each term is timed with and without in alternation, so that a
+//! change in the machine's speed affects both equally.
 
 use crate::cli::step;
 use phasmid_render::{Decision, Pass, Term};
@@ -9,32 +9,32 @@ use phasmid_study::timing::Timing;
 use serde::Serialize;
 use std::time::Instant;
 
-/// A pass as it runs, and what it costs.
+/// A pass and its cost.
 #[derive(Debug, Serialize)]
 pub(super) struct PassCost {
     /// The pass; the exposure and the sensor pass run as one.
     pub(super) pass: &'static str,
     /// How often it runs.
     pub(super) runs: &'static str,
-    /// Nanoseconds a pixel on all threads together.
+    /// Nanoseconds per pixel, with all threads.
     pub(super) ns_per_pixel: f64,
 }
 
-/// A term, and what it costs or would cost.
+/// A term, and its cost or what it would cost.
 #[derive(Debug, Serialize)]
 pub(super) struct TermCost {
     #[serde(flatten)]
     pub(super) decision: Decision,
-    /// Nanoseconds a pixel more with it than without.
+    /// Additional nanoseconds per pixel with the term.
     pub(super) ns_per_pixel: f64,
 }
 
-/// The costs of a renderer's plan for the exposures of a sequence.
+/// Measures the costs of a renderer's plan for the exposures of a sequence.
 pub(super) fn costs(renderer: &mut Renderer, shots: &[Shot]) -> (Vec<PassCost>, Vec<TermCost>) {
     step("timing the passes");
     let decisions = renderer.decisions();
-    // Where a scene moves, each frame has geometry passes of its own: that is what motion costs, and
-    // the other terms are timed without.
+    // In a moving scene, each frame has its own geometry passes. They are the cost of motion, so the
+    // other terms are timed without it.
     renderer.force(Term::Motion, false);
     let begin = Instant::now();
     let clock = || begin.elapsed();

@@ -1,5 +1,5 @@
-//! `phasmid plan`: which terms of image formation a profile and a scene need, why, and what each
-//! costs on this machine.
+//! `phasmid plan`: reports which terms of image formation a profile and a scene need, why, and what
+//! each costs on this machine.
 
 mod measure;
 
@@ -11,19 +11,20 @@ use phasmid_render::Options;
 use phasmid_render::{Renderer, shot::Shot};
 use serde::Serialize;
 
-/// Say what is computed for a device before a scene, why, and what it costs here
+/// Report which terms of image formation a device and a scene need, why, and what each costs here
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid plan --profile dlp-evm --scene plane")]
 pub struct Args {
     /// Device profile: a built-in name or a TOML file
     #[arg(long, default_value = "pmp-bench")]
     profile: String,
-    /// What stands before it: a built-in name or a TOML file
+    /// Scene in front of the device: a built-in name or a TOML file
     #[arg(long, default_value = "torso")]
     scene: String,
-    /// Rays a pixel, as for `serve`: 1, 4, 16 or 64
+    /// Rays per pixel: 1, 4, 16 or 64
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
-    /// Instants of an exposure at which a scene that moves is looked at, 1 to 256
+    /// Instants per exposure at which a moving scene is rendered, 1 to 256
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
     /// Print the plan as JSON
@@ -35,7 +36,7 @@ pub struct Args {
 struct Report<'a> {
     profile: &'a str,
     scene: &'a str,
-    /// The sequence whose frames are timed: the one that is selected at power-on.
+    /// The sequence whose frames are timed: the default at power-on.
     sequence: &'a str,
     frames: usize,
     pixels: usize,
@@ -112,7 +113,7 @@ fn table(report: &Report<'_>) {
         );
     }
     println!(
-        "\nns/px: of all threads together, the fastest of some rounds; of a term, what it adds or \
-         would add."
+        "\nns/px: with all threads, the fastest of several rounds; of a term, the time that it adds \
+         or would add."
     );
 }

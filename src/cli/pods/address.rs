@@ -1,4 +1,4 @@
-//! Where a pod is reached, and where it stands.
+//! A pod's ports, and its pose in the room.
 
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
@@ -13,27 +13,28 @@ pub(in crate::cli) struct Address {
     pub(in crate::cli) name: String,
     pub(super) camera: String,
     pub(super) control: String,
-    /// What it is calibrated by in place of what it says itself, and where that is from.
+    /// Calibration that replaces the device's own, and the option that gave it.
     pub(super) calibration: Option<(String, Rig)>,
-    /// Takes coordinates in its rig's frame to the room's, by the station's file, in millimetres.
+    /// Maps coordinates in its rig's frame to the room's, in millimetres, according to the station
+    /// file.
     pub(in crate::cli) room_from_rig: Pose,
 }
 
 impl Address {
-    /// Of a device that is served, by its `device.json`.
+    /// Reads the ports of a served device from its `device.json`.
     ///
     /// # Errors
-    /// A folder without a device.
+    /// Returns an error if the folder has no device.
     pub(super) fn of_run_dir(device: &StationDevice, folder: &Path) -> Result<Self> {
         let endpoints = Endpoints::read(folder)?;
         let control = endpoints.control.display().to_string();
         Ok(Self::new(device, endpoints.camera, control))
     }
 
-    /// Of a device by its ports, `NAME=CAMERA,CONTROL`.
+    /// Parses the ports of a device, `NAME=CAMERA,CONTROL`.
     ///
     /// # Errors
-    /// Words of another form, and a name that the station does not have.
+    /// Returns an error if the text has another form, or the station has no device with this name.
     pub(super) fn of_ports(text: &str, station: &Station) -> Result<Self> {
         let place = || format!("--device {text}");
         let parts = text.split_once('=').and_then(|(name, ports)| {
@@ -54,7 +55,7 @@ impl Address {
         Ok(Self::new(device, camera.to_owned(), control.to_owned()))
     }
 
-    /// Whether one of its ports is another's too.
+    /// Whether both use the same camera or the same control port.
     pub(super) fn shares(&self, other: &Self) -> bool {
         self.camera == other.camera || self.control == other.control
     }

@@ -1,5 +1,4 @@
-//! The pods of a station as options name them: where each is reached, where it stands, and what
-//! calibrates it.
+//! Options that select the pods of a station: the ports, poses and calibrations.
 
 mod address;
 mod source;
@@ -13,13 +12,13 @@ use phasmid_profile::{Configuration, Station, StationDevice};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Longest timeout in seconds.
+/// Maximum timeout in seconds.
 const MAX_TIMEOUT_S: f64 = 3600.0;
 
 /// Options of commands that reach all pods of a station.
 #[derive(Debug, clap::Args)]
 pub(super) struct PodArgs {
-    /// Run directory of a served station: each of its devices in a folder of its name.
+    /// Run directory of a served station, with a folder for each device.
     #[arg(
         long,
         value_name = "DIR",
@@ -27,26 +26,26 @@ pub(super) struct PodArgs {
         conflicts_with = "device"
     )]
     run_dir: Option<PathBuf>,
-    /// A pod by its ports: its name in the station, its camera and its control port. Once for each.
+    /// Pod by its ports: its name in the station, its camera and its control port. Repeat for each pod.
     #[arg(long, value_name = "NAME=CAMERA,CONTROL")]
     device: Vec<String>,
-    /// Where the pods stand in the room: a station's name or file.
+    /// Station with the poses of the pods in the room: a built-in name or a TOML file.
     #[arg(long, value_name = "STATION", default_value = "sgrt-ceiling")]
     station: String,
-    /// Calibration of a pod in place of its own: its name in the station and any file that `phasmid scan
-    /// --calibration` takes. Once for each.
+    /// Calibration of a pod instead of its own: its name in the station and any file that `phasmid scan
+    /// --calibration` takes. Repeat for each pod.
     #[arg(long, value_name = "NAME=FILE")]
     calibration: Vec<String>,
-    /// Seconds to wait for a reply or a frame.
+    /// Seconds to wait for a reply or a frame, 0.001 to 3600.
     #[arg(long, value_name = "S", default_value_t = 5.0)]
     timeout: f64,
 }
 
 impl PodArgs {
-    /// How long to wait.
+    /// Returns the timeout for a reply or a frame.
     ///
     /// # Errors
-    /// A number that is no time to wait.
+    /// Returns an error if the number is out of range.
     pub(super) fn timeout(&self) -> Result<Duration> {
         match (0.001..=MAX_TIMEOUT_S).contains(&self.timeout) {
             true => Ok(Duration::from_secs_f64(self.timeout)),
@@ -58,10 +57,10 @@ impl PodArgs {
         }
     }
 
-    /// The station.
+    /// Loads the station.
     ///
     /// # Errors
-    /// A file that cannot be read, and one of a device alone.
+    /// Returns an error if the file cannot be read, or describes a single device.
     pub(super) fn station(&self) -> Result<Station> {
         match Configuration::load(&self.station).map_err(|e| e.at("--station"))? {
             Configuration::Station(station) => Ok(station),
@@ -73,11 +72,11 @@ impl PodArgs {
         }
     }
 
-    /// All pods of a served station, or those that are named.
+    /// Returns all pods of a served station, or the named ones.
     ///
     /// # Errors
-    /// Folders without a device, words of another form, pods that the station does not have, one that
-    /// is named twice, ports that are named twice, and calibrations that cannot be read.
+    /// Returns an error if a folder has no device, an option is malformed, a pod is not in the
+    /// station, a pod or a port is named twice, or a calibration cannot be read.
     pub(super) fn addresses(&self, station: &Station) -> Result<Vec<Address>> {
         let mut addresses = match &self.run_dir {
             Some(folder) => {
@@ -123,7 +122,7 @@ impl PodArgs {
     }
 }
 
-/// Refuses a pod that is named a second time.
+/// Rejects a pod that is named twice.
 fn once(option: &str, mut names: Vec<String>) -> Result<()> {
     names.sort();
     match names.windows(2).find(|pair| pair[0] == pair[1]) {

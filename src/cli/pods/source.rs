@@ -1,4 +1,4 @@
-//! The side of a pod that is at its ports.
+//! Opens a pod's ports and scans with it.
 
 use super::Address;
 use crate::cli::{dialect, interrupt::Interruptible};
@@ -8,11 +8,11 @@ use phasmid_host::{
 };
 use std::time::{Duration, Instant};
 
-/// What a pod has scanned.
+/// A scan of one pod.
 pub(in crate::cli) struct Taken {
     pub(in crate::cli) captured: Captured,
     pub(in crate::cli) identified: bool,
-    /// When the last frame had come.
+    /// When the last frame arrived.
     pub(in crate::cli) arrived: Instant,
 }
 
@@ -21,7 +21,7 @@ pub(in crate::cli) struct Source {
     name: String,
     scanner: Scanner<Interruptible<Box<dyn Camera>>, SerialPort>,
     options: ScanOptions,
-    /// The sequence that was selected before another was.
+    /// The sequence that was selected before [`Self::show`], which `finish` restores.
     before: Option<String>,
 }
 
@@ -29,7 +29,7 @@ impl Source {
     /// Opens the ports.
     ///
     /// # Errors
-    /// A device that cannot be reached.
+    /// Returns an error if the device cannot be reached.
     pub(in crate::cli) fn open(address: &Address, timeout: Duration) -> Result<Self> {
         let dialect = dialect::spoken(None, Some(&address.control))?;
         let port = SerialPort::open(&address.control)?;
@@ -53,7 +53,7 @@ impl Source {
         })
     }
 
-    /// Hands frames out as they came, see [`Scanner::without_checks`].
+    /// Returns captures without checking them, see [`Scanner::without_checks`].
     pub(in crate::cli) fn without_checks(self) -> Self {
         Self {
             scanner: self.scanner.without_checks(),
@@ -61,20 +61,20 @@ impl Source {
         }
     }
 
-    /// Shows another sequence than the selected one until it is let go.
+    /// Selects a sequence for the following scans, until [`Self::finish`] restores the previous one.
     ///
     /// # Errors
-    /// A port that has gone.
+    /// Returns an error if the port is lost.
     pub(in crate::cli) fn show(&mut self, sequence: &str) -> Result<()> {
         self.before = self.scanner.selected().map_err(|e| e.at(&self.name))?;
         self.options.sequence = Some(sequence.to_owned());
         Ok(())
     }
 
-    /// Scans.
+    /// Captures one scan.
     ///
     /// # Errors
-    /// See [`Scanner::scan`].
+    /// Returns an error as [`Scanner::scan`] does.
     pub(in crate::cli) fn scan(&mut self) -> Result<Taken> {
         let mut arrived = Instant::now();
         let captured = self.scanner.scan(&self.options, &mut |progress| {
@@ -90,10 +90,10 @@ impl Source {
         })
     }
 
-    /// Leaves the device as it was found.
+    /// Restores the state that the device had before.
     ///
     /// # Errors
-    /// A port that has gone.
+    /// Returns an error if the port is lost.
     pub(in crate::cli) fn finish(mut self) -> Result<()> {
         let selected = match &self.before {
             Some(name) => self.scanner.select(name),

@@ -1,4 +1,4 @@
-//! `phasmid record export`: pictures and text out of a recording.
+//! `phasmid record export`: writes the frames of a recording as images and the rest as text.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{NewFile, check_folder, discard};
@@ -9,7 +9,7 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 
-/// Name of the conversation in the folder.
+/// File of the conversation in the folder.
 const CONVERSATION: &str = "conversation.txt";
 
 pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
@@ -34,7 +34,7 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
         records += 1;
         let mut words = words(&record);
         if let Event::Frame(frame) = record.event {
-            // The number keeps frames apart whose ids repeat.
+            // Named by number, because frame ids may repeat.
             let name = frame_name(frames.count);
             let frame = Frame::clone(&frame).into_luma();
             words = format!("{words}: {name}");
@@ -57,7 +57,7 @@ fn frame_name(number: u64) -> String {
     format!("frame_{number:06}.png")
 }
 
-/// The pictures written so far, removed unless the export comes to its end.
+/// The images written so far. Dropping this value removes them unless the export has finished.
 struct Discarding<'a> {
     out: &'a Path,
     count: u64,
@@ -69,7 +69,7 @@ impl Drop for Discarding<'_> {
     }
 }
 
-/// A record in a line, its bytes escaped.
+/// Describes a record in one line, with its bytes escaped.
 fn words(record: &Record) -> String {
     let channel = match record.channel {
         Channel::Recording => "recording",

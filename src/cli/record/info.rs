@@ -1,4 +1,4 @@
-//! `phasmid record info`.
+//! `phasmid record info`: summarises a recording.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::record::{About, Ending, Kind, Side, Summary};
@@ -42,17 +42,17 @@ pub(super) fn run(path: &Path, json: bool) -> Result<()> {
     let ending = match &summary.ending {
         Ending::Proper => "in order".to_owned(),
         Ending::Cut(why) => format!("cut: {}", printable(why)),
-        Ending::Open => "without a word: its writer was killed, or writes still".to_owned(),
+        Ending::Open => "no end record: its writer was killed, or is still writing".to_owned(),
         Ending::Damaged(what) => format!("damaged: {}", printable(what)),
     };
     println!("ends         {ending}");
     sound(path, &summary)
 }
 
-/// A status that a program sees, once all has been told.
+/// Determines the exit status, after the report is printed.
 ///
 /// # Errors
-/// A recording that is damaged. One whose writer was killed is not.
+/// Returns an error if the recording is damaged. A killed writer does not count as damage.
 fn sound(path: &Path, summary: &Summary) -> Result<()> {
     match &summary.ending {
         Ending::Damaged(what) => Err(Error::device(format!(
@@ -90,7 +90,7 @@ fn tell_about(about: &About) {
 
 fn tell_size(bytes: u64, seconds: f64) {
     let mebibytes = bytes as f64 / f64::from(1 << 20);
-    // Of a recording that takes no time a rate says nothing.
+    // Without a duration there is no rate.
     match seconds > 0.0 {
         true => println!(
             "size         {mebibytes:.1} MiB, {:.1} MiB/s",

@@ -1,4 +1,4 @@
-//! `phasmid record`: what recordings hold.
+//! `phasmid record`: inspects and exports recordings.
 
 mod export;
 mod info;
@@ -10,7 +10,7 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// Look at recordings of serve --record and scan --record.
+/// Inspect or export recordings of `serve --record` and `scan --record`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(subcommand)]
@@ -19,19 +19,21 @@ pub(super) struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// Say what a recording holds, how it ends, and where it is damaged.
+    /// Report what a recording contains, how it ends, and where it is damaged.
+    #[command(after_help = "Example:\n  phasmid record info day.rec")]
     Info {
-        /// The recording.
+        /// Recording to read.
         file: PathBuf,
         /// Print the report as JSON.
         #[arg(long)]
         json: bool,
     },
-    /// Write the frames as pictures and the conversation as text.
+    /// Write the frames as images and the conversation as text.
+    #[command(after_help = "Example:\n  phasmid record export day.rec --out exported")]
     Export {
-        /// The recording.
+        /// Recording to read.
         file: PathBuf,
-        /// Folder for them.
+        /// Folder for the files.
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
         /// Overwrite an earlier export.
@@ -50,16 +52,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
 /// Opens a recording.
 ///
 /// # Errors
-/// What the system refuses, what is no file, and what is no recording.
+/// Returns an error if the file cannot be opened, or is not a regular file or not a recording.
 pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>> {
     phasmid_core::file::regular(path)?;
     let file = File::open(path).map_err(|e| Error::io(path, e))?;
     Reader::new(BufReader::new(file), &path.display().to_string())
 }
 
-/// Seconds since 1970.
+/// Returns the seconds since 1970, or 0 if the clock is set to an earlier time.
 pub(super) fn unix_s() -> u64 {
-    // A clock that stands before 1970 is none to go by.
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     since.map_or(0, |since| since.as_secs())
 }

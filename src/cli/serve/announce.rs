@@ -1,10 +1,10 @@
-//! What is said once a device can be reached.
+//! Messages when devices become reachable and when they end.
 
 use phasmid_protocol::Endpoints;
 use phasmid_protocol::service::Late;
 use std::io::Write;
 
-/// `about` says what the camera is, or why it is no other.
+/// Prints how to reach a device. `about` describes the camera, or says why it is not a V4L2 node.
 pub(super) fn announce(endpoints: &Endpoints, about: &str) {
     let mut text = format!(
         "{} looking at {}\n  control  {}\n",
@@ -46,12 +46,12 @@ pub(super) fn announce(endpoints: &Endpoints, about: &str) {
     say(&text);
 }
 
-/// After the last device has been announced.
+/// Prints how to stop, after the last device has been announced.
 pub(super) fn announce_end() {
     say("Ctrl-C ends it.\n");
 }
 
-/// After the end, on the wall's time: how late the devices were.
+/// Prints how late events were handled, after a run in real time.
 pub(super) fn announce_lateness(late: Option<Late>) {
     let Some(late) = late.filter(|late| late.events > 0) else {
         return;

@@ -1,4 +1,4 @@
-//! The devices that the command line asks for: profiles, stations and scenes, taken apart.
+//! Resolves the profiles, stations and scenes of the command line into devices.
 
 use super::Args;
 use crate::cli::dialect;
@@ -6,30 +6,29 @@ use phasmid_core::error::{Error, Result};
 use phasmid_profile::{Configuration, MAX_DEVICES, Profile, RigPlace, Scene};
 use std::collections::HashMap;
 
-/// What is looked at where nothing else is said.
+/// Default scene.
 const SCENE: &str = "torso";
 
-/// A device that is asked for.
+/// A requested device.
 pub(super) struct Asked {
-    /// Its name among those of the server: of its station, or its profile's; names that come again
-    /// have a number.
+    /// Its name in the server: the one in its station, or its profile's. Repeated names get a number.
     pub(super) name: String,
-    /// Its profile as it was chosen.
+    /// Name or path of its profile, as given.
     pub(super) label: String,
     /// Its profile.
     pub(super) profile: Profile,
-    /// Which of the scenes it looks at.
+    /// Index of its scene.
     pub(super) scene: usize,
-    /// Where its rig stands, if not where the scene says.
+    /// Pose of its rig, if not the scene's.
     pub(super) rig: Option<RigPlace>,
     /// Seed of its noise.
     pub(super) seed: u64,
 }
 
-/// A scene with its name as it was chosen.
+/// A scene, and its name or path as given.
 pub(super) type Chosen = (String, Scene);
 
-/// A device before its number is known.
+/// A device before its index is known.
 struct Draft {
     name: String,
     label: String,
@@ -39,17 +38,17 @@ struct Draft {
     seed: Option<u64>,
 }
 
-/// Devices, and the scenes that they look at as they were chosen. Devices of one scene share it.
+/// Returns the devices and their scenes. Devices with the same scene share it.
 ///
 /// # Errors
-/// Profiles, stations and scenes that cannot be read, and options that do not go together.
+/// Returns an error if a profile, station or scene cannot be read, or options contradict each other.
 pub(super) fn asked(args: &Args) -> Result<(Vec<Asked>, Vec<Chosen>)> {
     let mut drafts = Vec::new();
     for label in &args.profile {
         take(label, &mut drafts)?;
     }
     check(args, drafts.len())?;
-    // Those of the command line are for all, or one each even where they are the same.
+    // Scenes of the command line: one for all devices, or one for each, even if they are equal.
     let mut names = args.scene.clone();
     let mut devices: Vec<Asked> = Vec::new();
     let mut seen: HashMap<String, u64> = HashMap::new();
@@ -84,7 +83,7 @@ pub(super) fn asked(args: &Args) -> Result<(Vec<Asked>, Vec<Chosen>)> {
     Ok((devices, scenes))
 }
 
-/// The device of a profile, or those of a station.
+/// Adds the device of a profile, or the devices of a station.
 fn take(label: &str, drafts: &mut Vec<Draft>) -> Result<()> {
     match Configuration::load(label)? {
         Configuration::Device(profile) => drafts.push(Draft {
@@ -113,18 +112,18 @@ fn take(label: &str, drafts: &mut Vec<Draft>) -> Result<()> {
     Ok(())
 }
 
-/// Refuses options that do not go with so many devices.
+/// Rejects options that contradict the number of devices.
 fn check(args: &Args, devices: usize) -> Result<()> {
     let scenes = args.scene.len();
     if devices > MAX_DEVICES {
         let allowed = format!("up to {MAX_DEVICES} devices");
-        let found = format!("{devices} of them");
+        let found = format!("{devices} devices");
         return Err(Error::input("--profile", found, allowed));
     }
     if scenes > 1 && scenes != devices {
         return Err(Error::input(
             "--scene",
-            format!("{scenes} of them for {devices} devices"),
+            format!("{scenes} scenes for {devices} devices"),
             "one for all, or one for each device",
         ));
     }
@@ -185,7 +184,7 @@ mod tests {
         assert_eq!((scenes.len(), scenes[0].0.as_str()), (1, "torso"));
         let (found, scenes) = devices(&[&line[..], &["--scene", "plane"]].concat()).unwrap();
         assert!(found.iter().all(|device| device.scene == 0) && scenes[0].0 == "plane");
-        // One each, and not shared.
+        // One for each device, not shared.
         let each = ["--scene", "plane"].repeat(3);
         let (found, scenes) = devices(&[&line[..], &each].concat()).unwrap();
         assert_eq!((found[2].scene, scenes.len()), (2, 3));

@@ -1,4 +1,14 @@
-//! `phasmid serve`: puts devices on the desk that are not there.
+//! `phasmid serve`: serves emulated devices.
+//!
+//! | file | contents |
+//! | --- | --- |
+//! | `asked` | resolves the command line into devices and scenes |
+//! | `unit` | one device, served on a thread of its own |
+//! | `video` | the V4L2 node of `--camera` |
+//! | `usb` | the USB devices of `--usb` and their server |
+//! | `run_dirs` | the directories with the devices' endpoints |
+//! | `announce` | messages on standard output |
+//! | `shutdown` | signals and `--while-stdin` |
 
 mod announce;
 mod asked;
@@ -27,31 +37,35 @@ use tokio::sync::{mpsc, watch};
 use unit::{News, Unit};
 use usb::UsbHow;
 
-/// Serve an emulated scanner, or several, until Ctrl-C or TERM.
+/// Serve one or several emulated scanners until Ctrl-C or TERM.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example:\n  phasmid serve --profile webcam-grey --scene sphere --run-dir run"
+)]
 pub(super) struct Args {
     /// Device profile, or a station, which lists several devices: a built-in name or a TOML file.
-    /// Repeated, it serves a device each.
+    /// Repeat to serve several.
     #[arg(long, default_value = "pmp-bench")]
     profile: Vec<String>,
-    /// What stands before it: a built-in name or a TOML file; the station's scene, or else torso,
-    /// when absent. Of several devices one for all, which they share, or repeated, one each.
+    /// Scene in front of the devices: a built-in name or a TOML file [default: the station's, else
+    /// torso]. Given once, all devices share it; else repeat it once per device.
     #[arg(long)]
     scene: Vec<String>,
-    /// Where its endpoints are kept; a directory of its own under XDG_RUNTIME_DIR or the temporary
-    /// directory when absent. Of several devices each has a directory in it, named by its station or its profile.
+    /// Directory for the endpoints [default: one per device under XDG_RUNTIME_DIR or the temporary
+    /// directory]. Each of several devices has a directory in it, with its name in the station or its
+    /// profile's.
     #[arg(long, value_name = "DIR")]
     run_dir: Option<PathBuf>,
-    /// Where frames go besides the frame socket: a node of v4l2loopback by its path (/dev/video10);
-    /// auto, the first free one whose label starts with Phasmid; or socket, nowhere else.
+    /// Where frames go besides the frame socket: the path of a v4l2loopback node (/dev/video10); auto,
+    /// the first free node whose label starts with Phasmid; or socket, the frame socket only.
     #[arg(long, value_name = "ADDR", default_value = "auto")]
     camera: video::Choice,
-    /// Be a USB device too, camera and serial port in one: export lets hosts take it over USB/IP
-    /// (`usbip attach`), attach also hands it to this machine's own kernel.
+    /// Also serve a USB device with camera and serial port: export lets hosts attach it over USB/IP
+    /// (`usbip attach`); attach also attaches it to this machine's own kernel.
     #[arg(long, value_name = "HOW", value_enum, num_args = 0..=1, default_missing_value = "export")]
     usb: Option<UsbHow>,
-    /// Where to export the USB device. USB/IP has no authentication: whoever reaches the address
-    /// can take the device.
+    /// Address at which to export the USB device. USB/IP has no authentication: whoever reaches the
+    /// address can take the device.
     #[arg(
         long,
         value_name = "IP:PORT",
@@ -60,44 +74,44 @@ pub(super) struct Args {
         requires = "usb"
     )]
     usb_listen: SocketAddr,
-    /// The dialect of the control port, instead of the profile's: a built-in name or a TOML file.
+    /// Dialect of the control port instead of the profile's: a built-in name or a TOML file.
     #[arg(long, value_name = "NAME")]
     dialect: Option<String>,
-    /// Seed of the noise; of several devices the first one's, and one more for each that follows.
+    /// Seed of the first device's noise; each further device uses the next number.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Rays a pixel: 1, 4, 16 or 64. More catch what is thinner than a pixel, and take as many times
-    /// as long, once for each scene.
+    /// Rays per pixel: 1, 4, 16 or 64. More rays resolve details thinner than a pixel and take
+    /// proportionally longer, once per scene.
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
-    /// Instants of an exposure at which a scene that moves is looked at, 1 to 256: each takes as long
-    /// as a still scene takes once.
+    /// Instants per exposure at which a moving scene is rendered, 1 to 256; each takes as long as
+    /// rendering a static scene once.
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
-    /// What runs the passes of the rendering.
+    /// Where the render passes run.
     #[arg(long, value_enum, default_value_t = Choice::Cpu)]
     backend: Choice,
-    /// Leave the noise out.
+    /// Render without sensor noise.
     #[arg(long)]
     no_noise: bool,
-    /// Serve frames on this port of the loopback interface too; 0 picks a free one.
+    /// Also serve frames on this TCP port of the loopback interface; 0 picks a free one.
     #[arg(long, value_name = "PORT")]
     tcp: Option<u16>,
-    /// Load a sequence of your own: a manifest whose pictures stand beside it. May be repeated.
+    /// Load a sequence of your own: a manifest with its images in the same folder. May be repeated.
     #[arg(long, value_name = "FILE")]
     sequence: Vec<PathBuf>,
-    /// What goes wrong, and when: a schedule of faults, see `phasmid faults list`. A fault may be for
-    /// one device of several, by its name in its station, or its profile's.
+    /// Schedule of faults to inject, see `phasmid faults list`. A fault may be limited to one of
+    /// several devices, by its name in the station or its profile's.
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
-    /// End when standard input does: for programs that start a device and may be killed.
+    /// Exit when standard input closes, for programs that start a device and may be killed.
     #[arg(long)]
     while_stdin: bool,
-    /// How device time passes, which all devices share.
+    /// How the device time passes, which all devices share.
     #[arg(long, value_enum, default_value_t = Pace::Real)]
     clock: Pace,
-    /// Record every byte and frame with its time, for phasmid replay and phasmid record info. Of
-    /// several devices each has a file, with its directory's name behind the file's.
+    /// Record every byte and frame with its time, for `phasmid replay` and `phasmid record info`. Each
+    /// of several devices has a file of its own, with its directory's name added to the file's.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// Overwrite the file of --record.
@@ -107,11 +121,11 @@ pub(super) struct Args {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Pace {
-    /// As on the wall.
+    /// In real time.
     Real,
-    /// It jumps to what happens next.
+    /// Jumps to the next event.
     Fast,
-    /// It goes on where the service channel says so.
+    /// Advances on requests over the service channel.
     Stepped,
 }
 
@@ -167,7 +181,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     served
 }
 
-/// When the devices were switched on.
+/// The time when the devices were switched on.
 #[derive(Clone, Default)]
 struct Power(Arc<OnceLock<Instant>>);
 
@@ -176,14 +190,14 @@ impl Power {
         self.0.get_or_init(Instant::now);
     }
 
-    /// For how long they have been on.
+    /// Returns the time since then; zero before that.
     fn elapsed(&self) -> Duration {
         self.0.get().map_or(Duration::ZERO, Instant::elapsed)
     }
 }
 
 async fn serve(args: &Args, devices: &[Asked], mut units: Vec<Unit>, power: Power) -> Result<()> {
-    // Before anything is made that would have to be removed.
+    // Before creating anything that would have to be removed.
     let mut shutdown = Shutdown::watch(args.while_stdin)?;
     let dirs = run_dirs::run_dirs(args, devices)?;
     let _holder = run_dirs::Holder::make(&dirs, args.run_dir.is_some())?;
@@ -220,7 +234,7 @@ async fn serve(args: &Args, devices: &[Asked], mut units: Vec<Unit>, power: Powe
             if inside {
                 return Err(Error::input(
                     format!("--record {}", path.display()),
-                    "a file in the run directory, which goes when the device does",
+                    "a file in the run directory, which is removed with the device",
                     "a file elsewhere",
                 ));
             }
@@ -231,13 +245,14 @@ async fn serve(args: &Args, devices: &[Asked], mut units: Vec<Unit>, power: Powe
     supervise(units, clock, shutdown).await
 }
 
-/// The folder that a file is in, whatever links lead there.
+/// Returns the folder of a file, with links resolved.
 fn real_folder(file: &Path) -> Option<PathBuf> {
     let file = std::path::absolute(file).ok()?;
     file.parent()?.canonicalize().ok()
 }
 
-/// The file for the recording of a device with this directory.
+/// Returns the recording file of the device with this run directory. Unless it is the only device, the
+/// directory's name is added.
 fn recording_path(path: &Path, dir: &Path, alone: bool) -> PathBuf {
     let part = |part: Option<&OsStr>| part.unwrap_or_default().to_owned();
     if alone {
@@ -253,7 +268,7 @@ fn recording_path(path: &Path, dir: &Path, alone: bool) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Runs the devices, each on a thread of its own, until the first of them fails or all are to end.
+/// Runs each device on a thread of its own, until one fails or all are asked to end.
 async fn supervise(
     units: Vec<(Unit, RunDir)>,
     clock: impl Fn() -> Duration + Clone + Send + 'static,

@@ -1,16 +1,16 @@
-//! Where the endpoints of devices are kept.
+//! Directories for the endpoints of the devices.
 
 use super::Args;
 use super::asked::Asked;
 use phasmid_core::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// A directory for each device: of its own under [`run_parent`], the one that was asked for, or for
-/// several devices one each in it.
+/// Returns a directory for each device: the default one under [`run_parent`], the requested one, or, with
+/// several devices, a folder in the requested one.
 pub(super) fn run_dirs(args: &Args, devices: &[Asked]) -> Result<Vec<PathBuf>> {
     let names: Vec<&str> = devices.iter().map(|device| device.name.as_str()).collect();
     match &args.run_dir {
-        // device.json is read from anywhere.
+        // Absolute, because device.json is read from other working directories.
         Some(dir) => {
             let dir = std::path::absolute(dir).map_err(|e| Error::io(dir, e))?;
             Ok(match names.as_slice() {
@@ -33,7 +33,7 @@ pub(in crate::cli) fn default_run_dir(name: &str) -> PathBuf {
     }
 }
 
-/// Where run directories are made.
+/// Returns the folder in which run directories are created.
 pub(in crate::cli) fn run_parent() -> PathBuf {
     runtime_dir().unwrap_or_else(std::env::temp_dir)
 }
@@ -43,19 +43,19 @@ fn runtime_dir() -> Option<PathBuf> {
     dir.filter(|dir| dir.is_absolute() && dir.is_dir())
 }
 
-/// Stands in a directory that was made to hold those of several devices, so that it is known as
-/// such even when whoever made it was killed.
+/// Marks a directory that was created to hold those of several devices, so that a later run recognises
+/// it even if the process that created it was killed.
 const MARK: &str = ".phasmid-made-this";
 
-/// The directory that holds those of several devices; it goes again, if it was made for that and is
-/// empty.
+/// The directory that holds those of several devices. Dropping this value removes it if it was created
+/// for that and is empty.
 pub(super) struct Holder(Option<PathBuf>);
 
 impl Holder {
-    /// Makes the directory if it is to hold several and is not there.
+    /// Creates the directory if it is needed for several devices and does not exist.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns an error if the directory or the mark in it cannot be created.
     pub(super) fn make(dirs: &[PathBuf], asked_for: bool) -> Result<Self> {
         let parent = match dirs {
             [first, _, ..] if asked_for => first.parent(),
@@ -87,7 +87,7 @@ impl Drop for Holder {
         let Some(path) = &self.0 else {
             return;
         };
-        // Whoever has put something there meanwhile keeps it, and another station its devices.
+        // Keeps a directory with any other content, such as the devices of another station.
         let others = std::fs::read_dir(path).map_or(true, |mut entries| {
             entries.any(|entry| entry.map_or(true, |entry| entry.file_name() != MARK))
         });
@@ -111,7 +111,7 @@ mod tests {
         std::fs::create_dir(&dirs[0]).unwrap();
         drop(holder);
         assert!(run.exists(), "somebody's");
-        // As after a kill: what is left of the devices is theirs to remove.
+        // As after a kill: each device removes its own directory.
         let holder = Holder::make(&dirs, true).unwrap();
         std::fs::remove_dir(&dirs[0]).unwrap();
         drop(holder);

@@ -1,23 +1,23 @@
-//! What ends a device: a signal, or the end of whoever started it.
+//! Reasons to end a device: a signal, or the end of the program that started it.
 
 use phasmid_core::error::{Error, Result};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 
-/// The reasons to end, watched from the moment this is made.
+/// Watches for reasons to end, from its creation on.
 pub(in crate::cli) struct Shutdown {
     interrupt: Signal,
     terminate: Signal,
-    /// A terminal that is closed.
+    /// Sent when the terminal closes.
     hang_up: Signal,
     parent: Option<oneshot::Receiver<()>>,
 }
 
 impl Shutdown {
-    /// Watches, in a tokio runtime; `while_stdin` is `--while-stdin`.
+    /// Starts to watch, inside a tokio runtime. `while_stdin` is the option `--while-stdin`.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns an error if a signal handler cannot be installed.
     pub(in crate::cli) fn watch(while_stdin: bool) -> Result<Self> {
         let signal = |kind| signal(kind).map_err(|e| Error::io("signals", e));
         Ok(Self {
@@ -28,7 +28,7 @@ impl Shutdown {
         })
     }
 
-    /// Waits for the first of them.
+    /// Waits for the first reason to end.
     pub(in crate::cli) async fn wait(&mut self) {
         tokio::select! {
             _ = self.interrupt.recv() => {}
@@ -39,11 +39,11 @@ impl Shutdown {
     }
 }
 
-/// Tells when standard input has ended: whoever held its other end is gone, even by KILL.
+/// Notifies when standard input closes: the process at its other end is gone, even if it was killed.
 fn end_of_input() -> oneshot::Receiver<()> {
     let (ended, wait) = oneshot::channel();
     std::thread::spawn(move || {
-        // What is written there is nobody's concern; an error is an end too.
+        // The content is ignored. An error also counts as the end.
         let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
         let _ = ended.send(());
     });
@@ -52,7 +52,7 @@ fn end_of_input() -> oneshot::Receiver<()> {
 
 async fn gone(parent: Option<&mut oneshot::Receiver<()>>) {
     match parent {
-        // The thread sends, or dies: both are the end.
+        // The thread sends or ends without sending; both count as the end.
         Some(wait) => {
             let _ = wait.await;
         }

@@ -1,4 +1,4 @@
-//! One of the devices that are served.
+//! One of the served devices.
 
 use super::Args;
 use super::asked::Asked;
@@ -20,16 +20,16 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 
-/// A device on its way to being served.
+/// A device that is prepared to be served.
 pub(super) struct Unit {
     device: Device,
-    /// What the camera is, or why it is no other.
+    /// Describes the camera, or says why it is not a V4L2 node.
     about: String,
-    /// The file that it is recorded in, if that was made for it.
+    /// The file of its recording, if that was created for it.
     made: Option<Made>,
 }
 
-/// A file that was made for a device; gone again if the device never comes up.
+/// A file that was created for a device. It is removed if the device never becomes reachable.
 struct Made {
     path: PathBuf,
     kept: Cell<bool>,
@@ -38,23 +38,23 @@ struct Made {
 impl Drop for Made {
     fn drop(&mut self) {
         if !self.kept.get() {
-            // Best effort: why the device does not come up is what there is to tell.
+            // Best effort: the error that is reported is why the device did not start.
             let _ = std::fs::remove_file(&self.path);
         }
     }
 }
 
-/// What happens to the devices.
+/// Events of the devices.
 pub(super) enum News {
-    /// The device of this number can be reached.
+    /// The device with this index is reachable.
     Ready(usize, Box<Endpoints>),
-    /// A device is over.
+    /// A device has ended.
     Ended(Result<()>),
 }
 
 impl Unit {
-    /// One of the devices that the command asks for, with its scene as it was chosen, and its part
-    /// in the time and the scene that devices share, and in what goes wrong.
+    /// Prepares a requested device with its scene, its access to the shared timeline and scene, and
+    /// the faults that apply to it.
     pub(super) fn new(
         args: &Args,
         asked: &Asked,
@@ -121,7 +121,7 @@ impl Unit {
         })
     }
 
-    /// Opens the V4L2 node that it is to have. `power_on` is the system's monotonic time then.
+    /// Opens the V4L2 node for it. `power_on` is the system's monotonic time at power-on.
     pub(super) fn open_video(
         &mut self,
         args: &Args,
@@ -138,16 +138,16 @@ impl Unit {
         self.device.machine.firmware()
     }
 
-    /// Gives it its USB side, and what to say of that.
+    /// Sets its USB link, and the description of that.
     pub(super) fn set_usb(&mut self, (link, about): (UsbLink, String)) {
         self.device.usb = Some(link);
         self.about = about;
     }
 
-    /// Makes the file that it is recorded in.
+    /// Creates the file of its recording.
     ///
     /// # Errors
-    /// An existing file, unless `force`, and what the system refuses.
+    /// Returns an error if the file exists without `force`, or cannot be created.
     pub(super) fn record(&mut self, path: &Path, force: bool) -> Result<()> {
         let there = path.exists();
         let file = stream(path, force).map_err(|e| e.at("--record"))?;
@@ -167,10 +167,10 @@ impl Unit {
         &self.about
     }
 
-    /// Serves it from a directory, on a thread of its own, until `stop` says true.
+    /// Serves it from a directory, on a thread of its own, until `stop` becomes true.
     ///
     /// # Errors
-    /// A thread that the system refuses.
+    /// Returns an error if the thread cannot be started.
     pub(super) fn start(
         self,
         number: usize,
@@ -192,7 +192,7 @@ impl Unit {
                 let _ = tell.send(News::Ready(number, Box::new(endpoints.clone())));
             };
             let stopped = async {
-                // A sender that is gone is an end too.
+                // A dropped sender also ends the device.
                 let _ = stop.wait_for(|&stop| stop).await;
             };
             ending.outcome = Some(runtime().and_then(|runtime| {
@@ -205,7 +205,7 @@ impl Unit {
     }
 }
 
-/// Tells how a device has ended, even where its thread dies.
+/// Reports how a device has ended, even if its thread panics.
 struct Ending {
     tell: mpsc::UnboundedSender<News>,
     outcome: Option<Result<()>>,
@@ -213,14 +213,14 @@ struct Ending {
 
 impl Drop for Ending {
     fn drop(&mut self) {
-        let died = || Err(Error::device("a device's thread has died"));
+        let died = || Err(Error::device("the thread of a device panicked"));
         let outcome = self.outcome.take().unwrap_or_else(died);
-        // Nobody waits any more where the whole program ends.
+        // The receiver is gone if the whole program ends.
         let _ = self.tell.send(News::Ended(outcome));
     }
 }
 
-/// An event loop on the thread that asks for it.
+/// Makes an event loop for the calling thread.
 pub(in crate::cli) fn runtime() -> Result<tokio::runtime::Runtime> {
     tokio::runtime::Builder::new_current_thread()
         .enable_all()

@@ -1,4 +1,4 @@
-//! The USB devices that `--usb` asks for, and their server.
+//! The USB devices of `--usb`, and their server.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_device::Firmware;
@@ -12,26 +12,26 @@ use std::time::Duration;
 /// `--usb`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum UsbHow {
-    /// For `usbip attach`, here or elsewhere.
+    /// For `usbip attach` on this or another machine.
     Export,
-    /// To this machine's own kernel as well.
+    /// Also attached to this machine's own kernel.
     Attach,
 }
 
-/// `--usb-listen`.
+/// Parses `--usb-listen`.
 pub(super) fn listen_address(text: &str) -> std::result::Result<SocketAddr, &'static str> {
-    let allowed = "allowed: the IP address of one of this machine's interfaces and a port, such as 127.0.0.1:3240 or [::1]:0";
+    let allowed = "expected the IP address of one of this machine's interfaces and a port, such as 127.0.0.1:3240 or [::1]:0";
     text.parse().map_err(|_| allowed)
 }
 
-/// How long drivers may take to make their nodes of a device that was attached.
+/// Maximum time for drivers to create the nodes of an attached device.
 const NODES: Duration = Duration::from_secs(5);
 const POLL: Duration = Duration::from_millis(20);
 
-/// Refuses devices that a host could not tell apart.
+/// Rejects devices that a host could not distinguish.
 pub(super) fn check<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Result<()> {
     let profiles: Vec<_> = profiles.collect();
-    // What the nodes that udev makes by id are named after.
+    // udev derives the names of its by-id links from these.
     let id = |profile: &Profile| {
         let identity = &profile.identity;
         [&identity.manufacturer, &identity.model, &identity.serial].map(Clone::clone)
@@ -56,11 +56,10 @@ pub(super) fn check<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Result<(
     Ok(())
 }
 
-/// Serves a USB device in front of each firmware, in a tokio runtime; each comes with what to say of
-/// it.
+/// Serves a USB device for each firmware, inside a tokio runtime. Returns each with a description.
 ///
 /// # Errors
-/// An address that is taken; what is in the way of an attachment.
+/// Returns an error if the address is in use, or a device cannot be attached.
 pub(super) async fn serve_usb(
     how: UsbHow,
     listen: SocketAddr,
@@ -101,8 +100,8 @@ pub(super) async fn serve_usb(
     Ok(links.collect())
 }
 
-/// Hands all devices to this machine's kernel, serves it, and waits for the nodes that its drivers
-/// make.
+/// Attaches all devices to this machine's kernel, serves them, and waits for the nodes that its drivers
+/// create.
 async fn attached(
     bindings: &[Binding],
     clock: impl Fn() -> Duration + Clone + Send + 'static,
@@ -113,7 +112,7 @@ async fn attached(
         ports.push(attachment.port().clone());
         let clock = clock.clone();
         tokio::spawn(async move {
-            // The kernel lets go, or breaks off: the device can be taken again either way.
+            // Whether the kernel detaches or the connection fails, the device can be attached again.
             let _ = attachment.run(clock).await;
         });
     }
@@ -123,7 +122,7 @@ async fn attached(
             tokio::time::sleep(POLL).await;
         }
     });
-    // Whether in time or not, what is there counts.
+    // After a timeout, the nodes found so far are used.
     let _ = waited.await;
     Ok(ports.iter().map(Port::nodes).collect())
 }
@@ -131,13 +130,13 @@ async fn attached(
 fn what_is_attached(nodes: &Nodes) -> String {
     let lacks = match (&nodes.camera, &nodes.tty) {
         (Some(_), Some(_)) => "",
-        (None, _) => ", which has made no camera of it: is there uvcvideo? run phasmid doctor",
-        (_, None) => ", which has made no port of it: is there cdc_acm? run phasmid doctor",
+        (None, _) => ", but no camera has appeared: is uvcvideo available? run phasmid doctor",
+        (_, None) => ", but no serial port has appeared: is cdc_acm available? run phasmid doctor",
     };
     format!("attached to this machine's kernel{lacks}")
 }
 
-/// The command by which a host takes a device.
+/// Returns the command with which a host attaches a device.
 fn how_to_attach(listen: SocketAddr, bus_id: &str) -> String {
     let port = match listen.port() {
         PORT => String::new(),
@@ -150,7 +149,7 @@ fn how_to_attach(listen: SocketAddr, bus_id: &str) -> String {
     format!("a host takes it with usbip {port}attach -r {host} -b {bus_id}")
 }
 
-/// An address by which this machine reaches a server that listens on all of them.
+/// Returns an address at which this machine reaches the server, even if it listens on all addresses.
 fn reachable(listen: SocketAddr) -> SocketAddr {
     let loopback = match listen.ip() {
         ip if !ip.is_unspecified() => ip,

@@ -1,4 +1,4 @@
-//! The V4L2 node that `--camera` asks for.
+//! The V4L2 node of `--camera`.
 
 use super::{Args, Pace};
 use phasmid_core::error::{Error, Result};
@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// `--camera`.
+/// Values of `--camera`.
 #[derive(Debug, Clone)]
 pub(super) enum Choice {
     Auto,
@@ -24,12 +24,12 @@ impl FromStr for Choice {
             "auto" => Ok(Self::Auto),
             "socket" => Ok(Self::Socket),
             path if path.starts_with("/dev/") => Ok(Self::Node(path.into())),
-            _ => Err("allowed: auto, socket or a path such as /dev/video10"),
+            _ => Err("expected auto, socket or a path such as /dev/video10"),
         }
     }
 }
 
-/// The option that asks for a pace.
+/// Returns the option that selects a pace.
 fn option(pace: Pace) -> &'static str {
     match pace {
         Pace::Real => "--clock real",
@@ -38,7 +38,7 @@ fn option(pace: Pace) -> &'static str {
     }
 }
 
-/// Refuses what cannot be before anything is made.
+/// Rejects invalid combinations of options before anything is created.
 pub(super) fn check(args: &Args, devices: usize) -> Result<()> {
     let Choice::Node(path) = &args.camera else {
         return Ok(());
@@ -47,7 +47,7 @@ pub(super) fn check(args: &Args, devices: usize) -> Result<()> {
         return Err(Error::input(
             option(args.clock),
             format!("with --camera {}", path.display()),
-            "--clock real: a V4L2 reader cannot hold the device up, so frames would be lost; or \
+            "--clock real: a V4L2 reader cannot pause the device, so frames would be lost; or \
              --camera socket",
         ));
     }
@@ -61,7 +61,8 @@ pub(super) fn check(args: &Args, devices: usize) -> Result<()> {
     Ok(())
 }
 
-/// The V4L2 node that was asked for or found, and what to say of the camera.
+/// Opens the requested V4L2 node or a free one. Also returns a description of the camera, or why it has
+/// no node.
 pub(super) fn open_video(
     args: &Args,
     firmware: &Firmware,
@@ -71,11 +72,11 @@ pub(super) fn open_video(
     let stream = firmware.stream();
     let opened = match &args.camera {
         Choice::Socket => return Ok((None, String::new())),
-        // The camera is the USB device's.
+        // The USB device provides the camera.
         Choice::Auto if args.usb.is_some() => return Ok((None, String::new())),
         Choice::Node(path) => Ok(VideoOutput::open(path, &stream, bits, power_on)?),
         Choice::Auto if args.clock != Pace::Real => Err(format!(
-            "{}: a V4L2 reader cannot hold the device up, so frames would be lost",
+            "{}: a V4L2 reader cannot pause the device, so frames would be lost",
             option(args.clock)
         )),
         Choice::Auto => VideoOutput::open_any(&stream, bits, power_on)
@@ -90,7 +91,7 @@ pub(super) fn open_video(
     })
 }
 
-/// The time that V4L2 stamps frames with.
+/// Returns the monotonic time, with which V4L2 stamps frames.
 pub(super) fn monotonic() -> Duration {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
     let seconds = u64::try_from(now.tv_sec).unwrap_or(0);

@@ -1,18 +1,19 @@
-//! How long a scan may stay away before the beam is held.
+//! The deadline for the next scan, after which the beam is held.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Longer than anybody waits: what else there is to say has been said.
+/// A timeout that never expires in practice, for when there is nothing left to report.
 pub(super) const FOREVER: Duration = Duration::from_secs(365 * 24 * 3600);
 
-/// Scans that tell how long one takes.
+/// Number of recent intervals between scans that are remembered.
 const USUAL: usize = 5;
-/// A scan that has been away for so many times what the longest of the last ones took stays away.
+/// A scan counts as missing after this many times the longest of the recent intervals.
 const TIMES: u32 = 3;
 
-/// The host's clock between scans. The device's says nothing while nothing comes, and a device that is
-/// rendered may take longer for a scan than its own clock has it: so what is usual counts too.
+/// The deadline for the next scan by the host's clock. The device's clock is unknown while no frames
+/// arrive, and an emulated device may take longer for a scan than its own clock shows, so recent intervals
+/// count as well.
 pub(super) struct Patience {
     least: Duration,
     last: Option<Instant>,
@@ -20,7 +21,7 @@ pub(super) struct Patience {
 }
 
 impl Patience {
-    /// Of a beam that is held when readings are so old.
+    /// `least` is the minimum deadline: the age at which readings are stale and the beam is held.
     pub(super) fn new(least: Duration) -> Self {
         Self {
             least,
@@ -29,7 +30,7 @@ impl Patience {
         }
     }
 
-    /// A scan has come.
+    /// Notes that a scan has arrived.
     pub(super) fn heard(&mut self, now: Instant) {
         if let Some(last) = self.last.replace(now) {
             if self.usual.len() == USUAL {
@@ -39,7 +40,7 @@ impl Patience {
         }
     }
 
-    /// For how long the next may stay away yet; without end before there have been two.
+    /// Returns the time left until the deadline, or [`FOREVER`] before two scans have arrived.
     pub(super) fn left(&self, now: Instant) -> Duration {
         match (self.last, self.usual.iter().max()) {
             (Some(last), Some(longest)) => (*longest * TIMES)

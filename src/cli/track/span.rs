@@ -1,9 +1,9 @@
-//! When the frames of a scan were exposed, by the device's clock.
+//! The exposure times of a scan's frames, by the device's clock.
 
 use phasmid_protocol::Frame;
 
-/// From the first exposure's begin to the last one's end, in nanoseconds; 0 to 0 where the links carry no
-/// times.
+/// The time from the start of the first exposure to the end of the last, in nanoseconds; both are 0 if the
+/// links carry no times.
 #[derive(Default)]
 pub(super) struct Span {
     begin_ns: Option<u64>,
@@ -11,7 +11,7 @@ pub(super) struct Span {
 }
 
 impl Span {
-    /// Takes in the frames of a pod.
+    /// Extends the span by the frames of a pod.
     pub(super) fn take(&mut self, frames: &[Frame]) {
         let [Some(first), Some(last)] = [frames.first(), frames.last()] else {
             return;
@@ -21,8 +21,8 @@ impl Span {
         self.end_ns = self.end_ns.max(last.exposure_end_ns);
     }
 
-    /// From the middle of the scan, which is where a patient is seen who moves evenly, to its end, in
-    /// milliseconds; none where the links carry no times.
+    /// Returns the time from the middle of the scan to its end in milliseconds; `None` if the links carry
+    /// no times. A patient in uniform motion is measured where they were in the middle of the scan.
     pub(super) fn middle_to_end_ms(&self) -> Option<f64> {
         let length_ns = self.end_ns.checked_sub(self.begin_ns?)?;
         (length_ns > 0).then_some(0.5e-6 * length_ns as f64)

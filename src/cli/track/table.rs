@@ -1,4 +1,4 @@
-//! A line of CSV for each scan.
+//! Writes a line of CSV for each scan.
 
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
@@ -8,41 +8,41 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-/// Where lines go.
+/// Writes the lines to a file or standard output.
 pub(super) struct Table {
     path: Option<PathBuf>,
-    /// Whether it takes the place of an existing file.
+    /// Whether to overwrite an existing file.
     force: bool,
     begin: Instant,
-    /// Coefficients that the motion has.
+    /// Number of coefficients of the motion model.
     modes: usize,
-    /// None before the first line.
+    /// `None` before the first line.
     to: Option<BufWriter<Box<dyn Write>>>,
 }
 
-/// What one scan has come to.
+/// Results of one scan.
 pub(super) struct Row<'a> {
     pub(super) scan: u64,
-    /// The last frame's end by the device's clock; 0 where its link does not carry it.
+    /// End of the last exposure by the device's clock; 0 if the link carries no times.
     pub(super) device_s: f64,
     pub(super) rigid: Option<&'a RigidFit>,
     pub(super) motion: Option<&'a MotionFit>,
-    /// Where the tumour was planned.
+    /// Planned position of the tumour.
     pub(super) target: DVec3,
     pub(super) points: usize,
     pub(super) decode_ms: f64,
-    /// From the last frame to the answer.
+    /// Time from the arrival of the last frame to the answer.
     pub(super) host_ms: f64,
-    /// From the middle of the scan, by the device's clock, and from the last frame, by the host's, to the
-    /// answer; none where the links carry no times.
+    /// Time from the middle of the scan to the answer: to the last frame by the device's clock, then by
+    /// the host's. `None` if the links carry no times.
     pub(super) since_motion_ms: Option<f64>,
     pub(super) beam: &'a Beam,
     pub(super) warnings: &'a [String],
 }
 
 impl Table {
-    /// A table for a new file, or standard output, which both stay as they are until there is a line;
-    /// times are since `begin`, and the motion has so many coefficients.
+    /// Makes a table for a file, or for standard output. Writes nothing before the first line. Times
+    /// count from `begin`; `modes` is the number of coefficients of the motion model.
     pub(super) fn new(path: Option<&Path>, force: bool, begin: Instant, modes: usize) -> Self {
         Self {
             path: path.map(Path::to_owned),
@@ -88,10 +88,10 @@ impl Table {
         names
     }
 
-    /// Says that the beam is held though nothing has come.
+    /// Adds a line that the beam is held because no scan has arrived.
     ///
     /// # Errors
-    /// As for [`Self::row`].
+    /// Returns an error as [`Self::row`] does.
     pub(super) fn silent(&mut self, scan: u64, beam: &Beam) -> Result<()> {
         let columns = Self::names(self.modes).len();
         let mut fields = self.first(scan, "");
@@ -100,7 +100,7 @@ impl Table {
         self.line(&fields)
     }
 
-    /// Number and times.
+    /// Returns the first fields: the scan's number and the times.
     fn first(&self, scan: u64, device_s: &str) -> Vec<String> {
         let unix = SystemTime::now().duration_since(UNIX_EPOCH);
         vec![
@@ -111,10 +111,10 @@ impl Table {
         ]
     }
 
-    /// Adds a scan; what is not known is empty.
+    /// Adds a scan. Unknown values are empty.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns an error if the line cannot be written.
     pub(super) fn row(&mut self, row: &Row<'_>) -> Result<()> {
         let mut fields = self.first(row.scan, &format!("{:.6}", row.device_s));
         fields.push(row.points.to_string());
@@ -158,7 +158,7 @@ impl Table {
         self.line(&fields)
     }
 
-    /// Whoever follows it reads each line as it comes.
+    /// Writes a line and flushes it, so that readers see it at once.
     fn line(&mut self, fields: &[String]) -> Result<()> {
         let path = self.path.as_deref();
         let failed = |e| match path {
@@ -179,7 +179,7 @@ impl Table {
     }
 }
 
-/// Whether the beam may be on, and all that is to be said.
+/// Returns the fields `beam` and `why`: the state of the beam, and its reason with all warnings.
 fn verdict(beam: &Beam, warnings: &[String]) -> [String; 2] {
     let (beam, why) = match beam {
         Beam::On => ("on", String::new()),

@@ -1,4 +1,4 @@
-//! Pass 1: every row on its own, in bands that are the tasks.
+//! Pass 1: decodes each row independently; bands of rows are the parallel tasks.
 
 use super::{BAND, Decoder};
 use crate::maps::{AxisMap, Decoded, Verdict};
@@ -10,7 +10,7 @@ use phasmid_geometry::NoiseModel;
 use rayon::prelude::*;
 
 impl Decoder {
-    /// Pass 1: every row on its own.
+    /// Decodes all rows (pass 1).
     pub(super) fn rows<T: Sample>(
         &self,
         stack: &FrameStack<'_>,
@@ -77,7 +77,7 @@ impl Decoder {
     }
 }
 
-/// Chunks of a map's three vectors side by side.
+/// Chunks of a map's three vectors, in parallel.
 fn bands(
     map: &mut Option<AxisMap>,
     size: usize,

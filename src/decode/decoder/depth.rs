@@ -1,4 +1,4 @@
-//! Pass 3: coordinates to depth, row by row.
+//! Pass 3: triangulates coordinates to depth, row by row.
 
 use super::BAND;
 use crate::maps::{AxisMap, Decoded};
@@ -6,7 +6,7 @@ use crate::rows::triangulate_row;
 use crate::triangulate::{CoordinateRow, Triangulator};
 use rayon::prelude::*;
 
-/// Writes the depth maps from the axes whose order is resolved.
+/// Writes the depth maps from the axes whose fringe order is resolved.
 pub(super) fn triangulate(triangulator: &Triangulator, out: &mut Decoded) {
     let width = out.width;
     let resolved =

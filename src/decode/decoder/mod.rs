@@ -1,4 +1,7 @@
-//! The decoder: a plan, an image size and a rig made into tables once, then frames into maps.
+//! The decoder: tables prepared once from a plan, an image size and a rig, which then turn frames
+//! into maps.
+//!
+//! `bands` runs pass 1, `neighbours` pass 2 and `depth` pass 3.
 
 mod bands;
 mod depth;
@@ -17,35 +20,35 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{NoiseModel, Rig};
 use phasmid_pattern::{Axis, Manifest};
 
-/// Rows that one task decodes: few enough for balance, enough to amortise.
+/// Rows per parallel task: few enough for load balance, enough to amortise the overhead.
 const BAND: usize = 8;
 
-/// What the user chooses.
+/// Settings of a [`Decoder`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Keeps pixels that read two surfaces at once.
+    /// Keeps mixed pixels, which see two surfaces at once.
     pub keep_mixed: bool,
-    /// Unwraps a single wrapped period along space.
+    /// Unwraps a single wrapped period spatially.
     pub unwrap_spatial: bool,
-    /// Least modulation B in DN.
+    /// Minimum modulation B in DN.
     pub min_modulation_dn: f32,
-    /// Least modulation B over half of white minus black, or over the fringes' mean less black where
-    /// that is more (a clipped white), where the sequence has both. A pixel that
-    /// spans more than a period sees the fringe inverted, half a period off, with at most
-    /// max |sin(pi w) / (pi w)| = 0.217 of its contrast for w > 1; so that much, and a little for
-    /// noise, is not told.
+    /// Minimum modulation B relative to half of white minus black or, if that is larger (clipped
+    /// white), to the fringes' mean minus black. Applies if the sequence has white and black. A pixel
+    /// that spans w > 1 periods sees the fringe inverted, half a period off, with at most
+    /// max |sin(pi w) / (pi w)| = 0.217 of its contrast; the default is that plus a margin for noise.
     pub min_contrast: f32,
-    /// Largest standard deviation of a set's phase in radians: beyond it a phase is hardly known.
+    /// Maximum standard deviation of a set's phase in radians; less precise phases are rejected.
     pub max_phase_sigma_rad: f32,
-    /// Weighs the steps by their shot noise: phases of six or more equal steps are as much less noisy as
-    /// the variance swings with the fringe, by a tenth with full contrast on 8 bits. Needs the
-    /// camera's gain. Light that differs from step to step, and motion, disturb such phases a little more.
+    /// Weights the steps by their shot noise. Reduces the noise of phases of six or more equal steps,
+    /// by a tenth at full contrast with 8 bits; requires the camera's gain. Makes phases slightly
+    /// more sensitive to motion and to light that varies from step to step.
     pub weighted: bool,
-    /// Refuses single pixels whose steps contradict each other by more than is usual in the capture:
-    /// one of their frames is damaged there. Needs four or more steps, or several sets along an axis. Without it decoding is a few
-    /// percent faster.
+    /// Rejects pixels whose steps contradict each other by more than is usual in the capture, because
+    /// one of their frames is damaged there. Requires four or more steps, or several sets along an
+    /// axis. Decoding is a few percent faster without it.
     pub consistency: bool,
-    /// The camera's noise; comes before the rig's, and both before an estimate from the frames.
+    /// The camera's noise. Takes precedence over the rig's, which takes precedence over an estimate
+    /// from the frames.
     pub noise: Option<NoiseModel>,
 }
 
@@ -64,7 +67,7 @@ impl Default for Options {
     }
 }
 
-/// Decodes the frames of one sequence from one camera, again and again.
+/// Decodes frames of one sequence from one camera; reusable for many scans.
 #[derive(Debug)]
 pub struct Decoder {
     plan: Plan,
@@ -74,17 +77,17 @@ pub struct Decoder {
     kernels: Vec<AxisKernel>,
     triangulator: Option<Triangulator>,
     noise: Option<NoiseModel>,
-    /// Widths of a pixel from one to the next.
+    /// Distance between neighbouring pixels, in pixel widths.
     spacing: f32,
 }
 
 impl Decoder {
-    /// Prepares the decoding of a sequence from images of `width` x `height`, to points if there is
-    /// a rig.
+    /// Prepares the decoding of a sequence from images of `width` x `height`, with triangulation if
+    /// there is a rig.
     ///
     /// # Errors
-    /// A sequence that determines no coordinate (see [`Plan::new`]), or one or an image size that
-    /// the rig cannot triangulate.
+    /// Returns an error if the sequence determines no coordinate (see [`Plan::new`]), or if the rig
+    /// does not support the sequence or the image size.
     pub fn new(
         manifest: &Manifest,
         width: usize,
@@ -141,7 +144,7 @@ impl Decoder {
         })
     }
 
-    /// For images whose pixels are so many of their widths apart.
+    /// Sets the distance between neighbouring pixels to `pixels` pixel widths.
     pub(super) fn spaced(self, pixels: usize) -> Self {
         Self {
             spacing: pixels as f32,
@@ -149,12 +152,12 @@ impl Decoder {
         }
     }
 
-    /// How the sequence is decoded.
+    /// Returns the plan of the sequence.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// The rig's tables, if there is a rig.
+    /// Returns the rig's triangulation tables, if there is a rig.
     pub fn triangulator(&self) -> Option<&Triangulator> {
         self.triangulator.as_ref()
     }
@@ -162,17 +165,17 @@ impl Decoder {
     /// Decodes frames in the manifest's order.
     ///
     /// # Errors
-    /// Another number or size of frames than the decoder was made for.
+    /// Returns an error if the number or size of the frames differs from that given to [`Self::new`].
     pub fn decode(&self, stack: &FrameStack<'_>) -> Result<Decoded> {
         let mut decoded = Decoded::default();
         self.decode_into(stack, &mut decoded)?;
         Ok(decoded)
     }
 
-    /// [`Self::decode`] into maps that are used again: fresh memory costs as much as decoding.
+    /// Like [`Self::decode`], into reusable maps: allocating new memory costs as much as decoding.
     ///
     /// # Errors
-    /// As [`Self::decode`].
+    /// Returns the errors of [`Self::decode`].
     pub fn decode_into(&self, stack: &FrameStack<'_>, out: &mut Decoded) -> Result<()> {
         self.check(stack)?;
         self.shape(out);
@@ -212,7 +215,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// Why steps that were to be weighed are not.
+    /// The reason why steps are not weighted although the options ask for it.
     fn unweighted(&self, noise: &NoiseModel) -> Option<String> {
         let mut sets = self.kernels.iter().flat_map(|kernel| &kernel.sets);
         let why = if !self.options.weighted {
@@ -254,7 +257,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// Gives the maps their sizes; every element is written later.
+    /// Resizes the maps; every element is written later.
     fn shape(&self, out: &mut Decoded) {
         let n = self.width * self.height;
         (out.width, out.height) = (self.width, self.height);
@@ -280,7 +283,7 @@ impl Decoder {
         out.depth_sigma.resize(with_depth, 0.0);
     }
 
-    /// Passes 2 and 3: what needs neighbours, then depth.
+    /// Passes 2 and 3: checks against neighbours, unwrapping and triangulation.
     fn finish(&self, light: LightNoise, out: &mut Decoded) {
         if !self.options.keep_mixed {
             let finest = [Axis::X, Axis::Y].map(|axis| {
@@ -294,7 +297,7 @@ impl Decoder {
             let Some(period) = map.wrapped_px else {
                 continue;
             };
-            // 66.67 rather than 66.66666666667.
+            // Shows 66.67 instead of 66.66666666667.
             let shown = (period * 100.0).round() / 100.0;
             out.notes.push(if self.options.unwrap_spatial {
                 unwrap(self.width, &mut map.coordinate, &map.sigma, period as f32);

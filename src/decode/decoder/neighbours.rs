@@ -1,4 +1,4 @@
-//! Pass 2: pixels that do not go with their neighbours are flagged, then taken out of the maps.
+//! Pass 2: flags pixels that disagree with their neighbours, then removes them from the maps.
 
 use super::BAND;
 use crate::borders::{LightNoise, Near};
@@ -7,10 +7,9 @@ use crate::maps::{AxisMap, Decoded};
 use crate::rows::{AxisOut, apply_flags, judge_borders, judge_row};
 use rayon::prelude::*;
 
-/// Takes out what reads two surfaces at once or stands alone, then what borders on it and is not
-/// trusted.
+/// Removes mixed and isolated pixels, then border pixels that are not trusted.
 ///
-/// `finest` is the period of each axis' finest fringe, x first; infinite without.
+/// `finest` is the period of each axis' finest fringe, x first; infinite without fringes.
 pub(super) fn clean(out: &mut Decoded, light: LightNoise, finest: [f32; 2]) {
     let mut flags = vec![KEEP; out.width * out.height];
     flag_edges(out, finest, &mut flags);
@@ -19,7 +18,7 @@ pub(super) fn clean(out: &mut Decoded, light: LightNoise, finest: [f32; 2]) {
     apply(out, &flags);
 }
 
-/// Flags of pixels that disagree with their neighbours on any axis.
+/// Flags pixels that disagree with their neighbours on any axis.
 fn flag_edges(out: &Decoded, finest: [f32; 2], flags: &mut [u8]) {
     let width = out.width;
     let nan = vec![f32::NAN; width];
@@ -39,7 +38,7 @@ fn flag_edges(out: &Decoded, finest: [f32; 2], flags: &mut [u8]) {
     });
 }
 
-/// Flags of border pixels that are not trusted on some axis.
+/// Flags border pixels that are not trusted on some axis.
 fn flag_borders(out: &Decoded, noise: LightNoise, flags: &mut [u8]) {
     let width = out.width;
     let nan = vec![f32::NAN; width];
@@ -77,19 +76,19 @@ fn each_row<S>(
         .for_each_init(scratch, |scratch, (v, flags)| judge(scratch, v, flags));
 }
 
-/// A row in the middle of a longer buffer, whose ends stay as they are.
+/// Copies a row to the middle of a longer buffer and keeps the buffer's ends.
 fn pad<'a>(buffer: &'a mut [f32], row: &[f32]) -> &'a [f32] {
     let margin = (buffer.len() - row.len()) / 2;
     buffer[margin..margin + row.len()].copy_from_slice(row);
     buffer
 }
 
-/// The period that a map is known modulo; 0 where it is known altogether.
+/// Period that a map is known modulo; 0 if it is absolute.
 fn period(map: &AxisMap) -> f32 {
     map.wrapped_px.unwrap_or(0.0) as f32
 }
 
-/// Takes flagged pixels out of every map.
+/// Removes flagged pixels from every map.
 fn apply(out: &mut Decoded, flags: &[u8]) {
     let width = out.width;
     for map in [&mut out.x, &mut out.y].into_iter().flatten() {
@@ -110,7 +109,7 @@ fn apply(out: &mut Decoded, flags: &[u8]) {
     }
 }
 
-/// `N` rows of a map about row `v`; `beyond` stands for those outside it.
+/// `N` rows of a map around row `v`; `beyond` replaces rows outside the map.
 fn rows_around<'a, const N: usize>(map: &'a [f32], beyond: &'a [f32], v: usize) -> [&'a [f32]; N] {
     let width = beyond.len();
     std::array::from_fn(|k| {

@@ -1,9 +1,10 @@
-//! The camera's noise from the frames' own redundancy, where no calibration knows it.
+//! Estimates the camera's noise from redundancy in the frames, if no calibration provides it.
 //!
-//! Frames that say the same thing twice differ by noise: a Gray bit and its complement sum to white
-//! plus black whatever the bit, and more steps than unknowns leave a residual. The residual is taken
-//! after harmonics of the fringe too, where there are steps enough, for a projector's response
-//! curve makes those. The variances by mean give a photon-transfer line (`line`).
+//! Frames that contain the same information twice differ by noise: a Gray bit and its complement sum
+//! to white plus black whatever the bit, and more steps than unknowns leave a residual. If there are
+//! enough steps, harmonics of the fringe are removed from the residual, because the projector's
+//! response curve causes them. The variances as a function of the mean give a photon-transfer line
+//! (`line`).
 
 mod line;
 
@@ -14,9 +15,9 @@ use line::transfer_line;
 use nalgebra::{DMatrix, DVector};
 use phasmid_geometry::NoiseModel;
 
-/// Pixels that are looked at.
+/// Approximate number of pixels sampled.
 const PIXELS: usize = 60_000;
-/// Values below which their greatest common divisor tells nothing.
+/// Minimum number of distinct values for their greatest common divisor to be meaningful.
 const VALUES: usize = 16;
 
 /// One pixel's estimate.
@@ -26,7 +27,7 @@ struct Estimate {
     freedom: f64,
 }
 
-/// The noise model that the frames' redundancy supports; `None` where there is none.
+/// Estimates a noise model from the frames' redundancy; `None` if there is too little.
 pub fn estimate_noise(plan: &Plan, stack: &FrameStack<'_>) -> Option<NoiseModel> {
     let pixels = stack.width() * stack.height();
     let stride = (pixels / PIXELS).max(1);
@@ -50,8 +51,8 @@ pub fn estimate_noise(plan: &Plan, stack: &FrameStack<'_>) -> Option<NoiseModel>
     })
 }
 
-/// What the samples' values are multiples of, but for an offset: more than 1 where fewer bits were
-/// shifted or stretched into more.
+/// Quantisation step: the greatest common divisor of the samples' differences. Larger than 1 if
+/// samples of fewer bits were shifted or stretched.
 fn step(stack: &FrameStack<'_>, stride: usize) -> f64 {
     let mut there = vec![false; 1 << 16];
     for frame in stack.frames() {
@@ -81,7 +82,7 @@ fn step(stack: &FrameStack<'_>, stride: usize) -> f64 {
         .fold(0, |all, pair| divisor(all, pair[1] - pair[0])) as f64
 }
 
-/// Where redundancy is found; sums of complements first, since nothing but noise disturbs them.
+/// Sources of redundancy. Sums of complements are preferred, because only noise affects them.
 enum Sources {
     Sums(Vec<(usize, usize)>),
     Residuals(Vec<(Vec<usize>, DMatrix<f64>, f64)>),
@@ -156,10 +157,10 @@ impl Sources {
     }
 }
 
-/// Frames, projector onto what no fringe with harmonics explains, and its rank.
+/// Frames, projection onto the residual of a fringe with harmonics, and its rank.
 fn annihilator(set: &FringeSet) -> Option<(Vec<usize>, DMatrix<f64>, f64)> {
     let n = set.phases.len();
-    // Harmonics as long as at least one degree of freedom in four is left; at most three.
+    // At most three harmonics, as long as at least one degree of freedom in four remains.
     for harmonics in (1..=3usize.min(n.saturating_sub(2) / 2)).rev() {
         let basis = DMatrix::from_fn(n, 2 * harmonics + 1, |i, j| {
             let order = j.div_ceil(2) as f64;

@@ -1,4 +1,4 @@
-//! The fringes and Gray bits of one axis, gathered from a sequence in any order.
+//! Collects the fringes and Gray bits of one axis from a sequence in any order.
 
 use super::AxisPlan;
 use super::order::resolve;
@@ -7,10 +7,10 @@ use crate::steps::FringeSet;
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::{Axis, Manifest, Pattern};
 
-/// Periods along one axis; beyond it a search among candidates would take for ever.
+/// Maximum number of periods along one axis, to limit the search among candidates.
 const MAX_SETS: usize = 16;
 
-/// Plans one axis; `None` where nothing encodes it.
+/// Plans one axis; `None` if the sequence does not encode it.
 pub(super) fn plan_axis(
     axis: Axis,
     extent_px: f64,

@@ -1,4 +1,7 @@
-//! What a sequence can be decoded to, axis by axis, or what it lacks.
+//! How a sequence can be decoded, axis by axis, or what it lacks.
+//!
+//! `axis` collects the fringes and Gray bits of an axis; `order` determines how its periods are
+//! counted.
 
 mod axis;
 mod order;
@@ -11,22 +14,22 @@ use axis::plan_axis;
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::{Axis, Manifest, Pattern};
 
-/// How the number of whole periods is found.
+/// How the fringe order (number of whole periods) is determined.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Order {
-    /// It is not: coordinates are modulo this period, in projector pixels.
+    /// Not determined: coordinates are modulo this period, in projector pixels.
     Wrapped {
-        /// The period.
+        /// Period in projector pixels.
         period_px: f64,
     },
-    /// The fringes together repeat after `repeat_px` (beyond the axis: never), and Gray code, where
-    /// needed, tells the repeats apart.
+    /// By the combination of all fringe sets, and by Gray code if their combination repeats within
+    /// the axis.
     Resolved {
-        /// Length after which all fringe sets look the same again; infinite where that is beyond
-        /// the axis.
+        /// Distance after which all fringe sets repeat, in projector pixels; infinite if beyond the
+        /// axis.
         repeat_px: f64,
     },
-    /// Gray code alone: the middle of a cell.
+    /// By Gray code without fringes: the coordinate is the centre of a cell.
     Cells,
 }
 
@@ -35,13 +38,13 @@ pub enum Order {
 pub struct AxisPlan {
     /// The projector's axis.
     pub axis: Axis,
-    /// The projector's pixels along it.
+    /// Number of projector pixels along the axis.
     pub extent_px: f64,
     /// Fringe sets, finest period first.
     pub sets: Vec<FringeSet>,
-    /// Gray code, where it is used.
+    /// Gray code, if used.
     pub gray: Option<GrayCode>,
-    /// How whole periods are counted.
+    /// How the fringe order is determined.
     pub order: Order,
     /// Threshold of each Gray bit.
     pub(super) thresholds: Vec<Threshold>,
@@ -50,24 +53,24 @@ pub struct AxisPlan {
 /// How a sequence is decoded.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// The axes that the sequence encodes: x before y.
+    /// The axes that the sequence encodes, x before y.
     pub axes: Vec<AxisPlan>,
-    /// Frame of full white.
+    /// Index of the white frame.
     pub white: Option<usize>,
-    /// Frame of full black.
+    /// Index of the black frame.
     pub black: Option<usize>,
-    /// Frames in the sequence.
+    /// Number of frames in the sequence.
     pub frames: usize,
-    /// What the user should know about the sequence, such as frames that are not needed.
+    /// Notes for the user about the sequence, such as frames that are not needed.
     pub notes: Vec<String>,
     used: Vec<bool>,
 }
 
 impl Plan {
-    /// Reads a manifest.
+    /// Plans the decoding of a manifest's sequence.
     ///
     /// # Errors
-    /// A sequence that determines no coordinate, naming what it lacks.
+    /// Returns an error that names what is missing if the sequence determines no coordinate.
     pub fn new(manifest: &Manifest) -> Result<Self> {
         let patterns = || manifest.frame.iter().map(|f| &f.pattern).enumerate();
         let white = patterns().find_map(|(i, p)| matches!(p, Pattern::White {}).then_some(i));
@@ -113,17 +116,17 @@ impl Plan {
         })
     }
 
-    /// Whether frame `i` of the sequence is needed.
+    /// Returns whether frame `i` of the sequence is needed.
     pub fn uses(&self, i: usize) -> bool {
         self.used.get(i).copied().unwrap_or(false)
     }
 
-    /// The plan of one axis.
+    /// Returns the plan of an axis, if encoded.
     pub fn axis(&self, axis: Axis) -> Option<&AxisPlan> {
         self.axes.iter().find(|a| a.axis == axis)
     }
 
-    /// White and black, where both are there.
+    /// Indices of the white and black frames, if both exist.
     pub(super) fn references(&self) -> Option<(usize, usize)> {
         self.white.zip(self.black)
     }

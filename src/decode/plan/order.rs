@@ -1,4 +1,4 @@
-//! How the whole periods of an axis are counted, or what is missing for it.
+//! Determines how the fringe order of an axis is found, or what is missing for it.
 
 use super::Order;
 use crate::gray::{self, GrayCode};
@@ -6,11 +6,12 @@ use crate::steps::FringeSet;
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::Axis;
 
-/// Two positions whose wrapped coordinates are closer than this part of every period are the same
-/// to the fringes.
+/// Two positions are indistinguishable if their wrapped coordinates differ by less than this fraction
+/// of every period.
 const SAME_PHASE: f64 = 0.002;
 
-/// The shortest shift below `extent_px` that no fringe set sees; infinite if there is none.
+/// The shortest shift below `extent_px` that leaves all fringe sets unchanged; infinite if there is
+/// none.
 fn repeat_px(sets: &[FringeSet], extent_px: f64) -> f64 {
     let Some(finest) = sets.first() else {
         return f64::INFINITY;
@@ -30,7 +31,7 @@ fn repeat_px(sets: &[FringeSet], extent_px: f64) -> f64 {
     f64::INFINITY
 }
 
-/// Chooses the order of an axis, and the Gray code that it needs.
+/// Chooses how the fringe order of an axis is found, and the Gray code needed for it.
 pub(super) fn resolve(
     axis: Axis,
     extent_px: f64,

@@ -1,4 +1,4 @@
-//! What sequences can be decoded to, and how refusals are worded.
+//! Tests the plans of sequences, and the messages for sequences that cannot be decoded.
 
 use super::*;
 

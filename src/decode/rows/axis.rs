@@ -1,4 +1,4 @@
-//! One row of one axis: phases and bits to a coordinate, its variance and a verdict.
+//! Decodes one row of one axis: phases and bits to a coordinate, its variance and a verdict.
 
 use super::bits::gray_row;
 use super::{AxisKernel, AxisOut, Job, Scratch, clear};
@@ -9,10 +9,10 @@ use crate::phase::{Check, OWN, SetKernel, SetRow, TIED, UNCHECKED};
 use crate::samples::Sample;
 use crate::usual::Usual;
 
-/// How far beyond the projector's pixels a decoded coordinate may lie, in projector pixels.
+/// Maximum distance of a coordinate outside the projector's pixels, in projector pixels.
 const OVERHANG_PX: f32 = 1.0;
-/// By how much a modulation may exceed half of white minus black: the two are lit differently by as
-/// much as a flickering lamp's light changes from frame to frame.
+/// Maximum ratio of the modulation to half of white minus black: a flickering lamp lights the frames
+/// differently by about this much.
 const ABOVE_WHITE: f32 = 1.5;
 
 #[inline(always)]
@@ -90,7 +90,7 @@ pub(super) fn axis_row<'f, T: Sample>(
             join.join(gray, x, variance, half, sigma, ok);
         }
     }
-    // The verdict, the plainest reason first.
+    // The simplest applicable reason becomes the verdict.
     let (lo, hi) = if kernel.wrapped {
         (f32::NEG_INFINITY, f32::INFINITY)
     } else {
@@ -132,8 +132,8 @@ pub(super) fn axis_row<'f, T: Sample>(
     }
 }
 
-/// The sums over the steps of a set; with its check where it has its `OWN`, so that sets without one
-/// do not pay for it.
+/// Sums over the steps of a set. `OWN` includes the set's own check, so that sets without one do not
+/// pay for it.
 #[inline(always)]
 fn sum<'f, T: Sample, const OWN: bool>(
     k: &SetKernel,
@@ -149,7 +149,8 @@ fn sum<'f, T: Sample, const OWN: bool>(
     }
 }
 
-/// The checks of sets that are tied to the others of their axis; `all` is for the sum of their means.
+/// Computes the checks of sets that are tied to the others of their axis; `all` receives the sum of
+/// the sets' means.
 #[inline(always)]
 fn tie(kernel: &AxisKernel, sets: &mut [SetRow], all: &mut [f32]) {
     let n = all.len();
@@ -168,8 +169,8 @@ fn tie(kernel: &AxisKernel, sets: &mut [SetRow], all: &mut [f32]) {
     }
 }
 
-/// What speaks against a set's phases: too little fringe, too much noise, steps that contradict each
-/// other, a fringe that swings further than from black to white.
+/// Updates the verdict from a set: too little modulation, too much noise, steps that contradict each
+/// other, or a fringe that exceeds the range from black to white.
 #[inline(always)]
 fn judge<T, const CHECKED: bool>(
     job: &Job<'_, T>,
@@ -186,8 +187,8 @@ fn judge<T, const CHECKED: bool>(
     let check = &set.check[..n];
     let usual = *usual;
     for i in 0..n {
-        // White may be clipped where the fringes, on which all goes by, are not: their mean is
-        // as far from black.
+        // White may be clipped where the fringes are not. The distance of their mean from black is
+        // then the better reference.
         let black = middle[i] - half[i];
         let light = if has_black { mean[i] - black } else { 0.0 };
         let least = job
@@ -196,7 +197,7 @@ fn judge<T, const CHECKED: bool>(
         let dim = (b[i] < least) | (var[i] > worst);
         let was = verdict[i];
         let light = (mean[i] - job.noise.black).max(0.0);
-        // Fringes do not swing further than from black to white.
+        // A fringe cannot exceed the range from black to white.
         let odd = (CHECKED && check[i].abs() > usual.most(light, b[i], job.noise))
             | (has_black & (b[i] > ABOVE_WHITE * half[i].max(0.0) + job.min_modulation));
         let lit = match (dim, odd & (was as u8 == Verdict::Valid as u8)) {
@@ -212,7 +213,7 @@ fn judge<T, const CHECKED: bool>(
     }
 }
 
-/// The search among candidates of several periods, pixel by pixel.
+/// Searches among the candidates of several periods, pixel by pixel.
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
 fn search<T>(
@@ -229,7 +230,7 @@ fn search<T>(
     let sets_with = || sets.iter().zip(&kernel.sets);
     let worst = |k: &SetKernel| k.variance_of_phase(job.max_phase_sigma);
     for i in 0..job.width {
-        // Pixels that will be masked for their modulation or noise need no search.
+        // Pixels that are rejected for their modulation or noise need no search.
         let dim = |(set, k): (&SetRow, &SetKernel)| {
             set.modulation[i] < job.min_modulation || set.variance[i] > worst(k)
         };
@@ -243,7 +244,7 @@ fn search<T>(
         variances.extend(sets.iter().map(|s| s.variance[i]));
         let (lo, hi) = match &kernel.join {
             Some(join) => {
-                // Half a cell to the edges, and a cell beyond them for a bit that is on its edge.
+                // Half a cell to the edges, plus a cell beyond them for a pixel on a bit's edge.
                 let reach = (0.5 * join.repeat).min(1.5 * join.cell);
                 let center = join.center(gray.code[i]);
                 (center - reach, center + reach)

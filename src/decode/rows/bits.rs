@@ -1,11 +1,11 @@
-//! The Gray bits of a row.
+//! Decodes the Gray bits of a row.
 
 use super::{AxisKernel, Job, Scratch};
 use crate::gray::Threshold;
 use crate::samples::Sample;
 
-/// Reads the Gray bits; sets the half contrast where there is no white and black, and the noise of
-/// a sample.
+/// Decodes the Gray bits, and computes the noise of a sample and, without white and black, the half
+/// contrast.
 #[inline(always)]
 pub(super) fn gray_row<'f, T: Sample>(
     job: &Job<'_, T>,
@@ -39,7 +39,7 @@ pub(super) fn gray_row<'f, T: Sample>(
                 let (plain, inverse) = (row(plain), row(inverse));
                 gray.add_pair(bit, plain, inverse);
                 if job.references.is_none() && set.is_none() {
-                    // The strongest bit is the contrast, and a pair's mean the threshold.
+                    // The strongest bit gives the contrast, the mean of a pair the threshold.
                     for i in 0..n {
                         let (p, q) = (plain[i].dn(), inverse[i].dn());
                         half[i] = half[i].max(0.5 * (p - q).abs());

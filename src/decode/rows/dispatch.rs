@@ -1,7 +1,7 @@
-//! The choice of instruction set for all row kernels.
+//! Chooses the instruction set for all row kernels.
 //!
-//! The bodies are written once, to vectorise; on x86-64 with AVX2 they run compiled for it. No
-//! multiplication is fused with an addition in either, so both give the same bits.
+//! The kernels are written once, so that they vectorise; on x86-64 with AVX2 a version compiled for
+//! it runs. Neither version fuses multiplication and addition, so both give identical bits.
 
 use super::{AxisOut, Job, Scratch, apply_body, decode_body};
 use crate::borders::{self, Near};
@@ -37,7 +37,7 @@ widest! {
 }
 
 widest! {
-    /// The second half of pass 2: takes a row's flagged pixels out of a map.
+    /// The second half of pass 2: removes a row's flagged pixels from a map.
     pub(crate) fn apply_flags(out: AxisOut<'_>, flags: &[u8]) => apply_body
 }
 

@@ -1,4 +1,4 @@
-//! The constants of one axis, made once a decoder.
+//! The constants of one axis, computed once per decoder.
 
 use crate::Options;
 use crate::gray::{GrayBit, Threshold};
@@ -7,7 +7,7 @@ use crate::phase::SetKernel;
 use crate::plan::{AxisPlan, Order};
 use phasmid_pattern::Axis;
 
-/// Stands for a repeat beyond any projector.
+/// Repeat that is used for fringes that do not repeat within the axis, in projector pixels.
 const NO_REPEAT: f32 = 1e6;
 
 /// One axis of a plan, in f32.
@@ -51,7 +51,7 @@ impl AxisKernel {
             repeat,
             noise_factor,
         });
-        // A lone period with Gray code needs no search among candidates.
+        // A single period with Gray code needs no search among candidates.
         let alone = sets.len() == 1 && join.is_some() && repeat < NO_REPEAT;
         let search = !sets.is_empty() && !wrapped && !alone;
         let ensemble = search.then(|| Ensemble::new(sets.iter().map(|set| set.period).collect()));

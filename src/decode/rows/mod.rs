@@ -1,6 +1,7 @@
-//! One row of pixels through the whole of pass 1: what its kernels share, and the order of work.
+//! Decodes one row of pixels (pass 1).
 //!
-//! `dispatch` chooses the instruction set, `axis` decodes one axis of a row.
+//! `dispatch` chooses the instruction set, `axis` decodes one axis of a row, `bits` its Gray code;
+//! `kernel` holds the constants of an axis.
 
 mod axis;
 mod bits;
@@ -20,25 +21,25 @@ use super::samples::Sample;
 use super::usual::Usual;
 use axis::axis_row;
 
-/// What all rows of a decoding share.
+/// Data shared by all rows of a decoding.
 pub(super) struct Job<'a, T> {
     pub(super) frames: &'a [&'a [T]],
     pub(super) kernels: &'a [AxisKernel],
-    /// What is usual of each kernel's sets in this capture.
+    /// Typical residuals of each kernel's sets in this capture.
     pub(super) usual: &'a [Vec<Usual>],
     pub(super) references: Option<(usize, usize)>,
     pub(super) noise: RowNoise,
     pub(super) saturation: f32,
-    /// From black to saturation.
+    /// Range from black level to saturation, in DN.
     pub(super) range: f32,
     pub(super) min_modulation: f32,
-    /// Of half of white minus black.
+    /// Minimum modulation as a fraction of half of white minus black.
     pub(super) min_contrast: f32,
     pub(super) max_phase_sigma: f32,
     pub(super) width: usize,
 }
 
-/// A worker's buffers, one row long each.
+/// Buffers of a worker thread, each one row long.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     sets: Vec<SetRow>,
@@ -46,9 +47,9 @@ pub(super) struct Scratch {
     top: Vec<f32>,
     /// Sum of the sets' means.
     sum: Vec<f32>,
-    /// Middle of white and black.
+    /// Mean of white and black.
     middle: Vec<f32>,
-    /// Half of white minus black; without them the modulation.
+    /// Half of white minus black; without these frames the modulation.
     half: Vec<f32>,
     /// Standard deviation of a sample at the pixel's mean.
     sigma: Vec<f32>,

@@ -1,4 +1,4 @@
-//! One row by both instruction sets.
+//! Tests that both instruction sets decode a row identically.
 
 use super::*;
 use crate::Options;
@@ -41,7 +41,7 @@ fn both_ways(steps: [u32; 2], weighted: bool) {
     };
     let kernels = [AxisKernel::new(&plan.axes[0], false, &options)];
     let width = 203;
-    // Frames of a ramp, and of nothing at all beyond it.
+    // A ramp of fringes, followed by unstructured samples.
     let frames: Vec<Vec<u8>> = manifest
         .frame
         .iter()

@@ -1,10 +1,12 @@
-//! Depth from a camera pixel and the projector column and/or row that lit it.
+//! Triangulates depth from a camera pixel and the projector column, row or both that lit it.
 //!
-//! A camera ray o + t d (d with z = 1 in the camera's frame, so that t is the depth) is carried into
-//! the projector's frame as a + t b. A column with ideal image coordinate xn is the plane
-//! X = xn Z there, so t = (xn a_z - a_x) / (b_x - xn b_z); a row likewise. With projector
-//! distortion, or with both axes, t minimises the squared differences between the projected point
-//! and the decoded coordinates, weighted by their variances, by Gauss-Newton on 1/t from the plane's t.
+//! A camera ray o + t d (d with z = 1 in the camera's frame, so t is the depth) becomes a + t b in
+//! the projector's frame. There, a column with ideal image coordinate xn is the plane X = xn Z, so t
+//! = (xn a_z - a_x) / (b_x - xn b_z); likewise for a row. With projector distortion, or with both
+//! axes, t minimises the squared differences between the projected point and the decoded coordinates,
+//! weighted by their variances, by Gauss-Newton on 1/t starting from the plane's t.
+//!
+//! `plane` solves rows in closed form; `ray` solves single rays iteratively.
 
 mod plane;
 mod ray;
@@ -17,13 +19,14 @@ use phasmid_geometry::{Pose, Rig};
 use phasmid_pattern::Axis;
 use rayon::prelude::*;
 
-/// A depth known worse than this part of itself is no depth: the parallax is lost in noise.
+/// Maximum relative standard deviation (sigma / depth) of a triangulated depth. Above it the depth is
+/// rejected.
 pub const WORST_RELATIVE_SIGMA: f64 = 0.05;
 
-/// Rays that are parallel meet nowhere, and what f32 cannot hold is no depth either, in mm.
+/// Maximum depth in mm: excludes parallel rays and values that f32 cannot represent.
 pub(crate) const FARTHEST_MM: f64 = f32::MAX as f64;
 
-/// A decoded projector coordinate in pixels and its standard deviation.
+/// A decoded projector coordinate with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
     /// Coordinate in projector pixels.
@@ -32,7 +35,7 @@ pub struct Measured {
     pub sigma: f64,
 }
 
-/// One row of decoded coordinates and standard deviations; NaN where there is none.
+/// One row of decoded coordinates and standard deviations; NaN where invalid.
 #[derive(Debug, Clone, Copy)]
 pub struct CoordinateRow<'a> {
     /// Coordinates in projector pixels.
@@ -41,18 +44,18 @@ pub struct CoordinateRow<'a> {
     pub sigma: &'a [f32],
 }
 
-/// A rig with its camera's rays tabulated; made once, used for every scan.
+/// A rig with a table of its camera's rays; created once and used for every scan.
 #[derive(Debug, Clone)]
 pub struct Triangulator {
     rig: Rig,
     width: usize,
     /// X/Z and Y/Z of each camera pixel's ray.
     rays: [Vec<f32>; 2],
-    /// Whether the camera's frame is the rig's, so that points need no motion.
+    /// Whether the camera's frame is the rig's frame, so that points need no transform.
     camera_is_rig: bool,
-    /// The camera's pupil in the projector's frame.
+    /// Optical centre of the camera in the projector's frame.
     origin: DVec3,
-    /// Takes directions in the camera's frame to the projector's.
+    /// Rotates directions from the camera's frame to the projector's.
     turn: DMat3,
 }
 
@@ -60,7 +63,7 @@ impl Triangulator {
     /// Tabulates the rays of a rig's camera for images of `width` x `height`.
     ///
     /// # Errors
-    /// An image size other than the rig's camera has.
+    /// Returns an error if the image size differs from that of the rig's camera.
     pub fn new(rig: &Rig, width: usize, height: usize) -> Result<Self> {
         let lens = &rig.camera.lens;
         if (lens.width_px as usize, lens.height_px as usize) != (width, height) {
@@ -93,12 +96,12 @@ impl Triangulator {
         })
     }
 
-    /// The rig.
+    /// Returns the rig.
     pub fn rig(&self) -> &Rig {
         &self.rig
     }
 
-    /// Depths and standard deviations, in mm, of row `v` of the image: NaN where there is none.
+    /// Computes depths and standard deviations, in mm, of row `v` of the image; NaN where invalid.
     #[inline(always)]
     pub fn row(
         &self,
@@ -131,7 +134,7 @@ impl Triangulator {
         }
     }
 
-    /// The point in the rig's frame, in mm, at a depth along the ray of pixel (u, v).
+    /// Computes the point at a depth along the ray of pixel (u, v), in the rig's frame in mm.
     #[inline(always)]
     pub fn point(&self, u: usize, v: usize, depth: f32) -> [f32; 3] {
         let i = v * self.width + u;
@@ -143,8 +146,8 @@ impl Triangulator {
         view.point(local * f64::from(depth)).as_vec3().to_array()
     }
 
-    /// The points of row `v` whose depth is not NaN, into `points`, which is as long as they are
-    /// many.
+    /// Writes the points of row `v` whose depth is not NaN into `points`, whose length must be their
+    /// number.
     pub fn points_row(&self, v: usize, depth: &[f32], points: &mut [[f32; 3]]) {
         let at = v * self.width;
         let (rx, ry) = (&self.rays[0][at..], &self.rays[1][at..]);

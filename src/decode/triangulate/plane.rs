@@ -1,12 +1,12 @@
-//! A row of pixels with one coordinate each and no distortion: a plane a pixel, in closed form.
+//! Triangulates a row of pixels with one coordinate each and no projector distortion, in closed form.
 
 use super::{CoordinateRow, FARTHEST_MM, Triangulator, WORST_RELATIVE_SIGMA};
 use phasmid_pattern::Axis;
 
 impl Triangulator {
-    /// One plane a pixel. The parallax is a difference of nearly equal directions: in f32 it costs
-    /// up to 1.6e-3 mm at 1.6 m (measured with the test's rig), in f64 from f32 rays and coordinates
-    /// a sixth of it.
+    /// Intersects each pixel's ray with its plane. The parallax is a difference of nearly equal
+    /// directions: f32 arithmetic causes errors of up to 1.6e-3 mm at 1.6 m (measured with the test's
+    /// rig), f64 arithmetic on f32 rays and coordinates a sixth of that.
     #[inline(always)]
     pub(super) fn plane_row(
         &self,
@@ -36,7 +36,7 @@ impl Triangulator {
             let t = (xn * az - a) * parallax;
             let slope = (az * b - a * bz) * inverse_focal * (parallax * parallax);
             let s = slope.abs() * f64::from(sd[u]);
-            // NaN fails each of these.
+            // NaN fails all these comparisons.
             let ahead = (t > 0.0) & (t < FARTHEST_MM) & (az + t * bz > 0.0);
             let good = ahead & (s <= WORST_RELATIVE_SIGMA * t);
             depth[u] = if good { t as f32 } else { f32::NAN };

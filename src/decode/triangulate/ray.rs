@@ -1,17 +1,20 @@
-//! One ray with one coordinate or both, distortion and all: the plane's depth, then Gauss-Newton.
+//! Triangulates one ray with one or both coordinates, including distortion: starts at the plane's
+//! depth and refines by Gauss-Newton.
 
 use super::{FARTHEST_MM, Measured, Triangulator, WORST_RELATIVE_SIGMA};
 use glam::{DVec2, DVec3};
 
-/// With both axes decoded, a point whose projection misses them by more than this many projector
-/// pixels (and 6 deviations) has a wrong order on one of them.
+/// Maximum distance of the projected point from the decoded coordinates, in projector pixels, unless
+/// 6 standard deviations are larger. With both axes decoded, a larger one means a wrong fringe order
+/// on one of them.
 const WORST_MISS_PX: f64 = 5.0;
 const ITERATIONS: usize = 8;
 
 impl Triangulator {
-    /// Depth (z in the camera's frame) and its standard deviation, both in mm, of the ray through
-    /// camera pixel `camera_px` lit from the given projector coordinates: the f64 path, from the
-    /// lens itself. `None` without a coordinate, behind either lens, or without parallax.
+    /// Computes the depth (z in the camera's frame) and its standard deviation, both in mm, of the
+    /// ray through camera pixel `camera_px` lit from the given projector coordinates, in f64 directly
+    /// from the lens model. Returns `None` without a coordinate, behind either lens, or without
+    /// parallax.
     pub fn depth(
         &self,
         camera_px: DVec2,
@@ -21,7 +24,7 @@ impl Triangulator {
         self.solve(self.rig.camera.lens.ray(camera_px).truncate(), x, y)
     }
 
-    /// The depth and its standard deviation along a ray X/Z, Y/Z of the camera.
+    /// The depth and its standard deviation along the camera ray (X/Z, Y/Z).
     pub(super) fn solve(
         &self,
         ray: DVec2,
@@ -32,7 +35,7 @@ impl Triangulator {
         let b = self.turn * ray.extend(1.0);
         let a = self.origin;
         let both = x.is_some() && y.is_some();
-        // The plane of the axis that knows 1/t better, without distortion.
+        // Start at the undistorted plane of the axis that determines 1/t more precisely.
         let mut start: Option<(f64, f64)> = None;
         for (k, m) in [x, y].into_iter().enumerate() {
             let Some(m) = m else { continue };
@@ -56,9 +59,9 @@ impl Triangulator {
         (ahead && s <= WORST_RELATIVE_SIGMA * t).then_some((t, s))
     }
 
-    /// A lens that bends moves a column further than the parallax of a far point does. The column's
-    /// plane without distortion then says nothing; the search begins at infinity, and what it finds
-    /// has to be where the lens's image has not folded over.
+    /// Refines from infinity. Distortion can move a column by more than the parallax of a far point,
+    /// so that the undistorted plane is no usable start. The result must lie where the distortion
+    /// model is valid (has not folded over).
     #[cold]
     fn refine_from_afar(&self, ray: [DVec3; 2], of: [Option<Measured>; 2]) -> Option<(f64, f64)> {
         let lens = &self.rig.projector.lens;
@@ -71,8 +74,8 @@ impl Triangulator {
         Some((t, s))
     }
 
-    /// Gauss-Newton on w = 1/t for the ray a + t b, from a start; `None` where it does not end or
-    /// where both coordinates are not met.
+    /// Gauss-Newton on w = 1/t for the ray a + t b; `None` if it does not converge or if the result
+    /// does not match the coordinates.
     fn refine(
         &self,
         [a, b]: [DVec3; 2],
@@ -83,7 +86,7 @@ impl Triangulator {
         let pixel = DVec2::from(of.map(|m| m.map_or(0.0, |m| m.px)));
         let weight = of.map(|m| m.map_or(0.0, |m| 1.0 / m.sigma.powi(2).max(1e-12)));
         let weight = DVec2::from(weight);
-        // Projections are nearly linear in the inverse depth, and far from it in the depth.
+        // Projections are nearly linear in the inverse depth, but not in the depth.
         for _ in 0..ITERATIONS {
             let p = a * w + b;
             if p.z <= 0.0 {

@@ -1,4 +1,4 @@
-//! Depth and its standard deviation on a plane that is known.
+//! Tests depth and its standard deviation on a known plane.
 
 use super::*;
 use phasmid_geometry::{Lens, View};
@@ -35,7 +35,8 @@ fn rig(camera: [f64; 5], projector: [f64; 5]) -> Rig {
     }
 }
 
-/// Worst error over a tilted plane, where the projector lights it: row kernel and f64 path.
+/// Maximum error over the lit part of a tilted plane, of the row kernel and of the f64
+/// implementation.
 fn worst(rig: &Rig, use_x: bool, use_y: bool) -> (f64, f64) {
     let triangulator = Triangulator::new(rig, 160, 90).unwrap();
     let (mut row_worst, mut f64_worst, mut lit) = (0.0f64, 0.0f64, 0);
@@ -77,7 +78,7 @@ fn depth_comes_back_with_and_without_distortion() {
     for (camera, projector) in [(none, none), (k, none), (none, k), (k, k)] {
         for (use_x, use_y) in [(true, false), (true, true)] {
             let (row, exact) = worst(&rig(camera, projector), use_x, use_y);
-            // What f32 coordinates and rays leave.
+            // The error due to f32 coordinates and rays.
             assert!(row < 5e-4, "row {row:e} mm");
             assert!(exact < 1e-7, "f64 {exact:e} mm");
         }
@@ -104,11 +105,11 @@ fn what_has_no_parallax_has_no_depth() {
     let px = DVec2::new(80.0, 40.0);
     let x = |px| Some(Measured { px, sigma: 0.02 });
     assert!(triangulator.depth(px, None, None).is_none());
-    // The ray's own vanishing point, and beyond it.
+    // The vanishing point of the ray, and beyond it.
     let far = rig.projector.project(rig.camera.ray(px) * 1e7).unwrap();
     assert!(triangulator.depth(px, x(far.x), None).is_none());
     assert!(triangulator.depth(px, x(far.x + 500.0), None).is_none());
-    // A row that no point of this ray is lit from.
+    // A projector row that does not intersect this ray at the column's depth.
     let near = rig.projector.project(rig.camera.ray(px) * 1e3).unwrap();
     assert!(triangulator.depth(px, x(near.x), x(near.y)).is_some());
     assert!(
@@ -119,7 +120,7 @@ fn what_has_no_parallax_has_no_depth() {
     assert!(Triangulator::new(&rig, 90, 160).is_err());
 }
 
-/// A column whose plane holds the camera's ray's own direction meets it nowhere.
+/// A column whose plane is parallel to the camera's ray does not intersect it.
 #[test]
 fn parallel_rays_have_no_depth() {
     let mut rig = rig([0.0; 5], [0.0; 5]);
@@ -142,7 +143,8 @@ fn parallel_rays_have_no_depth() {
     }
 }
 
-/// A far point's parallax is less than what the lens bends: the column's plane by itself lies behind.
+/// The parallax of a far point is less than the distortion: the undistorted plane lies behind the
+/// lens.
 #[test]
 fn a_lens_that_bends_more_than_the_parallax_loses_no_point() {
     let mut rig = rig([0.0; 5], [2.0, 0.2, 2e-3, -4e-3, 0.0]);

@@ -307,7 +307,7 @@ fn faults_come_and_go_and_only_concern_their_device() {
         ..Fault::new(What::Nak)
     };
     let words = faults.add(right.clone()).unwrap_err().to_string();
-    assert_eq!(words, "device: \"right\"; allowed: left");
+    assert_eq!(words, "device: \"right\"; expected left");
     let left = Fault {
         device: Some("left".into()),
         ..right

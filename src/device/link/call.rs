@@ -98,7 +98,7 @@ impl Server {
         let then = self.stage.back_to(taken.version);
         let (Some(scene), Some(then)) = (scene, then) else {
             let why = format!("truth_of_frame: {id}: where objects were then is forgotten");
-            return Err(why + "; allowed: frames since the last 4096 changes of place");
+            return Err(why + "; expected frames since the last 4096 changes of place");
         };
         let now = self.stage.now(&then);
         let struck = self.machine.faults().struck();
@@ -223,7 +223,7 @@ impl Server {
                     true => "none: nothing goes wrong".to_owned(),
                     false => numbers.join(", "),
                 };
-                return Reply::refusal(format!("clear_faults: {id}; allowed: {allowed}"));
+                return Reply::refusal(format!("clear_faults: {id}; expected {allowed}"));
             }
         }
         Reply::default()

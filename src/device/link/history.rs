@@ -91,7 +91,7 @@ impl History {
                 (Some(first), Some(last)) => format!("{} to {}", first.id, last.id),
                 _ => "none: nothing has been exposed".to_owned(),
             };
-            format!("truth_of_frame: {id}; allowed: {allowed}")
+            format!("truth_of_frame: {id}; expected {allowed}")
         })
     }
 }
@@ -119,7 +119,7 @@ mod tests {
         }
         assert_eq!(history.len(), MAX_FRAMES);
         let words = history.find(903).unwrap_err();
-        assert_eq!(words, "truth_of_frame: 903; allowed: 904 to 4999");
+        assert_eq!(words, "truth_of_frame: 903; expected 904 to 4999");
         assert!(history.find(5000).is_err());
         let taken = history.find(4000).unwrap();
         assert_eq!((taken.middle_ns(), taken.version), (400_025, 7));

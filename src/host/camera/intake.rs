@@ -42,7 +42,7 @@ impl<C: Camera> Camera for Intake<C> {
         if frame.data.len() != need || odd {
             self.skipped = true;
             return Err(Error::device(format!(
-                "{}: a frame of {} x {} {:?} with {} bytes, want {need}",
+                "{}: a frame of {} x {} {:?} with {} bytes, expected {need}",
                 self.info(),
                 frame.width,
                 frame.height,
@@ -130,7 +130,7 @@ mod tests {
             (frame.map_err(|e| e.to_string()), camera.has_skipped())
         };
         assert_eq!(next(), (Ok(Some(bare(3))), false));
-        for what in ["is damaged", "is missing", "600 bytes, want 1800"] {
+        for what in ["is damaged", "is missing", "600 bytes, expected 1800"] {
             let (frame, skipped) = next();
             assert!(frame.unwrap_err().contains(what) && skipped, "{what}");
         }

@@ -37,7 +37,7 @@ pub fn open_camera(address: &str, capture: Capture, timeout: Duration) -> Result
     } else if let Some(host) = address.strip_prefix("tcp:") {
         SocketCamera::connect_tcp(host, address, timeout, &place)?
     } else {
-        return Err(Error::input(place, "an address of no known kind", ALLOWED));
+        return Err(Error::input(place, "an unknown kind of address", ALLOWED));
     };
     if capture != Capture::Auto {
         return Err(Error::input(

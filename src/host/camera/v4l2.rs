@@ -277,7 +277,7 @@ impl V4l2Camera {
         }
         if self.bytes.len() < need {
             return Err(format!(
-                "frame {id}: {} bytes, want {need}",
+                "frame {id}: {} bytes, expected {need}",
                 self.bytes.len()
             ));
         }
@@ -369,7 +369,7 @@ mod tests {
         assert!(
             error
                 .to_string()
-                .contains("offers GREY, Y10; allowed: YUYV"),
+                .contains("offers GREY, Y10; expected YUYV"),
             "{error}"
         );
     }

@@ -132,7 +132,7 @@ impl WebcamCamera {
                 .map_err(|e| place(format!("frame {}: no JPEG picture: {e}", raw.count)))?;
             if luma.dimensions() != (width, height) {
                 let (w, h) = luma.dimensions();
-                let what = format!("{w} x {h} pixels, want {width} x {height}");
+                let what = format!("{w} x {h} pixels, expected {width} x {height}");
                 return Err(place(format!("frame {}: {what}", raw.count)));
             }
             (PixelFormat::Grey, luma.into_raw())
@@ -218,7 +218,7 @@ fn read(
                 let whole = bytes.len() >= limit || wanted.format() == FrameFormat::MJPEG;
                 whole
                     .then(|| bytes[..bytes.len().min(limit)].to_vec())
-                    .ok_or_else(|| format!("a buffer of {} bytes, want {limit}", bytes.len()))
+                    .ok_or_else(|| format!("a buffer of {} bytes, expected {limit}", bytes.len()))
             });
         let failed = frame.is_err();
         let frame = frame.map(|bytes| Raw {

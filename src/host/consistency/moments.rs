@@ -109,7 +109,10 @@ mod tests {
             };
             let want: f64 = pixels.iter().map(|p| set.residual(&samples(p))).sum();
             let found = moments.residual(&rest(&[&set]), &order);
-            assert!((found / want - 1.0).abs() < 1e-9, "{found}, want {want}");
+            assert!(
+                (found / want - 1.0).abs() < 1e-9,
+                "{found}, expected {want}"
+            );
             let spread = |pixel: &Vec<f32>| {
                 let samples = samples(pixel);
                 let mean = samples.iter().sum::<f64>() / samples.len() as f64;

@@ -164,7 +164,7 @@ impl<P: CommandPort> Control<P> {
         };
         if idn.split(',').count() < 4 {
             return Err(Error::device(format!(
-                "{question} was answered with {idn:?}, want manufacturer,model,serial,version"
+                "{question} was answered with {idn:?}, expected manufacturer,model,serial,version"
             )));
         }
         Ok(idn)

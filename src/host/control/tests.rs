@@ -261,7 +261,7 @@ fn a_sequence_that_is_not_there_is_the_user_s_mistake() {
     let (mut control, _) = behind(good, |reply, _| reply);
     let error = control.prepare(Some("z")).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
-    assert!(error.to_string().ends_with("allowed: a, c"), "{error}");
+    assert!(error.to_string().ends_with("expected a, c"), "{error}");
 }
 
 const DIALECTS: [&str; 2] = ["okline", "dlpc350"];

@@ -69,7 +69,7 @@ fn same_kind(frame: &Frame, first: Option<&Frame>, size: Option<(u32, u32)>) -> 
     if !same || size.is_some_and(|size| size != got) {
         let (w, h) = size.or(first.map(|f| (f.width, f.height))).unwrap_or(got);
         return Err(format!(
-            "frame {id} is foreign: {} x {} pixels of {:?}, want {w} x {h} in one format",
+            "frame {id} is foreign: {} x {} pixels of {:?}, expected {w} x {h} in one format",
             got.0, got.1, frame.format
         ));
     }

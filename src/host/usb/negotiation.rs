@@ -127,7 +127,7 @@ impl Talk<'_> {
         let known = &bytes[..bytes.len().min(Negotiation::LEN)];
         Negotiation::decode(known).ok_or_else(|| {
             Error::device(format!(
-                "{}: the camera negotiates in {} bytes, want {len}",
+                "{}: the camera negotiates in {} bytes, expected {len}",
                 self.device.place(),
                 bytes.len()
             ))

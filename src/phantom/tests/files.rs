@@ -9,17 +9,17 @@ fn what_cannot_be_a_patient_is_named() {
         (
             "mass_kg = 65.0",
             "mass_kg = 180.0",
-            "mass_kg: 180 for 1630 mm; allowed: ",
+            "mass_kg: 180 for 1630 mm; expected ",
         ),
         (
             "stature_mm = 1630.0",
             "stature_mm = nan",
-            "stature_mm: NaN; allowed: 1000 to 2100",
+            "stature_mm: NaN; expected 1000 to 2100",
         ),
         (
             "period_s = 3.9",
             "period_s = 0.0",
-            "breathing.period_s: 0; allowed: 1.5 to 12",
+            "breathing.period_s: 0; expected 1.5 to 12",
         ),
         (
             "diameter_mm = 26.0",
@@ -34,7 +34,7 @@ fn what_cannot_be_a_patient_is_named() {
         (
             "fitzpatrick = 2",
             "fitzpatrick = 7",
-            "skin.fitzpatrick: 7; allowed: 1 to 6",
+            "skin.fitzpatrick: 7; expected 1 to 6",
         ),
         (
             "sex = \"female\"",

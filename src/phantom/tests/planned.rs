@@ -87,7 +87,7 @@ fn a_planning_folder_says_what_the_phantom_does() {
         .export_planning(&folder, 0.1, false, false)
         .unwrap_err()
         .to_string();
-    assert!(words.contains("0.1; allowed: 1 to 20"), "{words}");
+    assert!(words.contains("0.1; expected 1 to 20"), "{words}");
     assert!(phantom.skin(10).is_err());
 }
 

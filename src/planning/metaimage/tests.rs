@@ -184,44 +184,44 @@ fn what_is_wrong_is_named_with_its_line() {
     for (line, words) in [
         (
             ("ObjectType", "Scene"),
-            "f.mha:1: ObjectType: `Scene`; allowed: Image",
+            "f.mha:1: ObjectType: `Scene`; expected Image",
         ),
         (
             ("NDims", "4"),
             "f.mha:2: NDims: 4: a series of volumes in one file",
         ),
-        (("NDims", "2"), "NDims: 2; allowed: 3"),
-        (("NDims", "three"), "NDims: `three`; allowed: 3"),
+        (("NDims", "2"), "NDims: 2; expected 3"),
+        (("NDims", "three"), "NDims: `three`; expected 3"),
         (
             ("BinaryData", "False"),
-            "BinaryData: `False`; allowed: True",
+            "BinaryData: `False`; expected True",
         ),
         (
             ("ElementByteOrderMSB", "big"),
-            "`big`; allowed: True or False",
+            "`big`; expected True or False",
         ),
         (
             ("Position", "1 2"),
-            "f.mha:5: Position: `1 2`; allowed: 3 numbers",
+            "f.mha:5: Position: `1 2`; expected 3 numbers",
         ),
-        (("Position", "1 2 3 4"), "`1 2 3 4`; allowed: 3 numbers"),
+        (("Position", "1 2 3 4"), "`1 2 3 4`; expected 3 numbers"),
         (
             ("Offset", "0 0 0"),
-            "`1 2 3` after `0 0 0`; allowed: one value",
+            "`1 2 3` after `0 0 0`; expected one value",
         ),
         (("ElementSize", "-"), "no ElementSpacing"),
         (("ElementSize", "1 0 1"), "a spacing of (1, 0, 1)"),
         (("ElementSize", "1 nan 1"), "a spacing of (1, NaN, 1)"),
         (("DimSize", "-"), "no DimSize"),
-        (("DimSize", "4 -3 2"), "`4 -3 2`; allowed: 3 numbers"),
+        (("DimSize", "4 -3 2"), "`4 -3 2`; expected 3 numbers"),
         (("DimSize", "4 3 0"), "4 x 3 x 0 voxels"),
         (
             ("DimSize", "4 3 3"),
-            "48 bytes of data; allowed: 4 x 3 x 3 voxels x 1 x 2 bytes = 72 bytes",
+            "48 bytes of data; expected 4 x 3 x 3 voxels x 1 x 2 bytes = 72 bytes",
         ),
         (
             ("DimSize", "4 3 1"),
-            "48 bytes of data; allowed: 4 x 3 x 1 voxels",
+            "48 bytes of data; expected 4 x 3 x 1 voxels",
         ),
         (
             ("DimSize", "18446744073709551615 2 1"),
@@ -232,22 +232,22 @@ fn what_is_wrong_is_named_with_its_line() {
             ("TransformMatrix", "1 0 0 0 1 0 0 0 0"),
             "directions (1, 0, 0)",
         ),
-        (("TransformMatrix", "1 0 0 0 1 0"), "allowed: 9 numbers"),
+        (("TransformMatrix", "1 0 0 0 1 0"), "expected 9 numbers"),
         (
             ("AnatomicalOrientation", "LPS"),
             "`LPS` without a TransformMatrix",
         ),
         (
             ("ElementNumberOfChannels", "3"),
-            "3 numbers a voxel; allowed: one number a voxel",
+            "3 numbers a voxel; expected one number a voxel",
         ),
         (
             ("ElementNumberOfChannels", "2"),
-            "ElementNumberOfChannels: 2; allowed: 1 or 3",
+            "ElementNumberOfChannels: 2; expected 1 or 3",
         ),
         (
             ("ElementType", "MET_OTHER"),
-            "`MET_OTHER`; allowed: MET_CHAR",
+            "`MET_OTHER`; expected MET_CHAR",
         ),
         (("ElementType", "-"), "no ElementType"),
         (("CompressedData", "True"), "cannot be unpacked"),
@@ -260,7 +260,7 @@ fn what_is_wrong_is_named_with_its_line() {
         (("ElementDataFile", "-"), "f.mha:9: "),
         (
             ("HeaderSize", "4"),
-            "HeaderSize: 4; allowed: 0 where the data are LOCAL",
+            "HeaderSize: 4; expected 0 where the data are LOCAL",
         ),
     ] {
         let error = read(&with(&[line])).unwrap_err();
@@ -269,7 +269,7 @@ fn what_is_wrong_is_named_with_its_line() {
     }
     let error = read(b"\x89PNG\r\n").unwrap_err().to_string();
     assert!(
-        error.contains("f.mha:1: `\u{fffd}PNG`; allowed: a MetaImage's header"),
+        error.contains("f.mha:1: `\u{fffd}PNG`; expected a MetaImage's header"),
         "{error}"
     );
     let error = read(b"").unwrap_err().to_string();
@@ -278,7 +278,7 @@ fn what_is_wrong_is_named_with_its_line() {
         .unwrap_err()
         .to_string();
     assert!(
-        channels.contains("3 numbers a voxel; allowed: one number"),
+        channels.contains("3 numbers a voxel; expected one number"),
         "{channels}"
     );
     let channels = read_field(&itk("ushort.mha")).unwrap_err().to_string();
@@ -304,7 +304,7 @@ fn packed_data_that_are_not_the_declared_ones_are_named() {
     };
     let long = changed("DimSize = 5 4 3", "DimSize = 5 4 4", 0);
     assert!(
-        long.contains("120 bytes of data; allowed: 5 x 4 x 4"),
+        long.contains("120 bytes of data; expected 5 x 4 x 4"),
         "{long}"
     );
     let short = changed("DimSize = 5 4 3", "DimSize = 5 4 2", 0);
@@ -330,7 +330,7 @@ fn numbers_that_are_none_are_named() {
     std::fs::write(dir.path().join("f.raw"), &raw).unwrap();
     let words = read_volume(&path).unwrap_err().to_string();
     assert!(
-        words.contains("f.mhd: voxel 2: NaN; allowed: finite numbers"),
+        words.contains("f.mhd: voxel 2: NaN; expected finite numbers"),
         "{words}"
     );
     // A data file with leading bytes before the data.

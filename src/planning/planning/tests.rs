@@ -90,7 +90,7 @@ fn a_file_that_no_plan_has_is_named_with_its_line() {
         (
             "reference_phase = 50",
             "reference_phase = 30",
-            "2: reference_phase: 30; allowed: one of the phases: 0, 50",
+            "2: reference_phase: 30; expected one of the phases: 0, 50",
         ),
         (
             "reference_phase",
@@ -100,7 +100,7 @@ fn a_file_that_no_plan_has_is_named_with_its_line() {
         (
             "[12, -140.0, -812.0]",
             "[12, -140.0]",
-            "3: a list of 2 numbers; allowed: 3",
+            "3: a list of 2 numbers; expected 3",
         ),
         (
             "[12, -140.0, -812.0]",
@@ -110,18 +110,18 @@ fn a_file_that_no_plan_has_is_named_with_its_line() {
         (
             "[4.0, 4, 5]",
             "[4.0, 4]",
-            "4: a list of 2 numbers; allowed: 3",
+            "4: a list of 2 numbers; expected 3",
         ),
         (
             "[4.0, 4, 5]",
             "0",
-            "4: spacing_mm: [0.0, 0.0, 0.0]; allowed: 0.1 to 50 mm",
+            "4: spacing_mm: [0.0, 0.0, 0.0]; expected 0.1 to 50 mm",
         ),
         ("[4.0, 4, 5]", "\"4\"", "a number or a list of 3 numbers"),
         (
             "\"skin.ply\"",
             "\"../skin.ply\"",
-            "5: skin: \"../skin.ply\"; allowed: the name of a file",
+            "5: skin: \"../skin.ply\"; expected the name of a file",
         ),
         (
             "\"tumour.ply\"",
@@ -132,18 +132,18 @@ fn a_file_that_no_plan_has_is_named_with_its_line() {
         (
             "percent = 0",
             "percent = -1",
-            "10: phase[0].percent: -1; allowed: 0 or more",
+            "10: phase[0].percent: -1; expected 0 or more",
         ),
         (
             "percent = 0",
             "percent = 50",
-            "phase[1].percent: 50 after 50; allowed: phases that ascend",
+            "phase[1].percent: 50 after 50; expected phases that ascend",
         ),
         ("percent = 50", "percent = 100", "phase[1].percent: 100"),
         (
             "[[phase]]\npercent = 0\nfield = \"dvf_00.mha\"\n",
             "",
-            "phase: 1 phases; allowed: 2 to 64",
+            "phase: 1 phases; expected 2 to 64",
         ),
     ] {
         let text = TEXT.replacen(from, to, 1);
@@ -183,12 +183,12 @@ fn fields_that_do_not_match_are_named() {
         "{found}"
     );
     assert!(
-        found.contains("dvf_50.mha: 12 x 10 x 12 voxels; allowed: as dvf_00.mha: 12 x 10 x 11")
+        found.contains("dvf_50.mha: 12 x 10 x 12 voxels; expected as dvf_00.mha: 12 x 10 x 11")
     );
     wrong = grid();
     wrong.spacing_mm.z = 5.5;
     assert!(
-        other(wrong).contains("a spacing of (4, 4, 5.5); allowed: as dvf_00.mha: a spacing of")
+        other(wrong).contains("a spacing of (4, 4, 5.5); expected as dvf_00.mha: a spacing of")
     );
     wrong = grid();
     wrong.origin_mm.x += 1.0;
@@ -207,7 +207,7 @@ fn fields_that_do_not_match_are_named() {
         std::fs::copy(path.join("ct_50.mha"), path.join("dvf_50.mha")).unwrap();
     });
     assert!(
-        ct.contains("1 number a voxel; allowed: three: a displacement field"),
+        ct.contains("1 number a voxel; expected three: a displacement field"),
         "{ct}"
     );
     let absent = complaint(|path| std::fs::remove_file(path.join("dvf_50.mha")).unwrap());
@@ -221,7 +221,7 @@ fn fields_that_do_not_match_are_named() {
     });
     assert!(
         spacing
-            .contains("spacing_mm: (4, 4, 4), as dvf_00.mha does not have it; allowed: (4, 4, 5)")
+            .contains("spacing_mm: (4, 4, 4), as dvf_00.mha does not have it; expected (4, 4, 5)")
     );
 }
 
@@ -266,7 +266,7 @@ fn surfaces_that_do_not_fit_are_named() {
         far.contains("skin.ply: ") && far.contains("vertices outside of the fields"),
         "{far}"
     );
-    assert!(far.contains("allowed: vertices within ("), "{far}");
+    assert!(far.contains("expected vertices within ("), "{far}");
     let open = mesh("tumour.ply", |m| m.triangles.truncate(9));
     assert!(
         open.contains("tumour.ply: an open edge between vertices"),

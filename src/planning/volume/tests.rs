@@ -104,12 +104,12 @@ fn what_cannot_be_is_named() {
     let short = Volume::new(good, Voxels::I16(vec![0; 139]), "v").unwrap_err();
     assert_eq!(
         short.to_string(),
-        "v: 139 numbers; allowed: 140, as its grid has voxels"
+        "v: 139 numbers; expected 140, as its grid has voxels"
     );
     let mut numbers = vec![0.0; 140];
     numbers[7] = f32::NAN;
     let bad = Volume::new(good, Voxels::F32(numbers), "v").unwrap_err();
-    assert_eq!(bad.to_string(), "v: voxel 7: NaN; allowed: finite numbers");
+    assert_eq!(bad.to_string(), "v: voxel 7: NaN; expected finite numbers");
     let mut vectors = vec![[0.0; 3]; 140];
     vectors[3] = [0.0, f32::INFINITY, 0.0];
     let bad = Field::new(good, vectors, "f").unwrap_err().to_string();

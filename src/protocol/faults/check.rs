@@ -8,7 +8,7 @@ use std::ops::RangeInclusive;
 
 /// A problem with a fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{field}: {found}; allowed: {allowed}")]
+#[error("{field}: {found}; expected {allowed}")]
 pub struct Flaw {
     /// The field, such as `when.nth`.
     pub field: String,

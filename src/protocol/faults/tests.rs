@@ -48,7 +48,7 @@ fn a_fault_for_a_device_that_is_not_there_is_refused_with_its_line() {
     let schedule = Schedule::from_source(&source).unwrap();
     check::devices(&schedule, &["left", "right"], &source).unwrap();
     let refused = check::devices(&schedule, &["left", "middle"], &source);
-    let words = "bad-day.toml:5: fault[1].device: \"right\"; allowed: left, middle";
+    let words = "bad-day.toml:5: fault[1].device: \"right\"; expected left, middle";
     assert_eq!(refused.unwrap_err().to_string(), words);
 }
 
@@ -58,47 +58,47 @@ fn what_it_may_not_say_is_refused_with_its_line() {
         ("what = \"torm\"", "bad-day.toml:3: unknown variant `torm`"),
         (
             "what = \"dark\"\nby_ms = 3",
-            "bad-day.toml:4: fault[0].by_ms: no parameter of dark; allowed: none",
+            "bad-day.toml:4: fault[0].by_ms: no parameter of dark; expected none",
         ),
         (
             "what = \"torn\"\nrows = 3",
-            "bad-day.toml:4: fault[0].rows: no parameter of torn; allowed: row",
+            "bad-day.toml:4: fault[0].rows: no parameter of torn; expected row",
         ),
         (
             "what = \"torn\"\nrow = 0",
-            "bad-day.toml:4: fault[0].row: 0; allowed: 1 to 65535",
+            "bad-day.toml:4: fault[0].row: 0; expected 1 to 65535",
         ),
         (
             "what = \"late\"\nby_ms = -1",
-            "bad-day.toml:4: fault[0].by_ms: -1.0; allowed: 0.0 to 3600000.0",
+            "bad-day.toml:4: fault[0].by_ms: -1.0; expected 0.0 to 3600000.0",
         ),
         (
             "what = \"late\"\non = \"port\"",
-            "bad-day.toml:4: fault[0].on: port for late; allowed: camera",
+            "bad-day.toml:4: fault[0].on: port for late; expected camera",
         ),
         (
             "what = \"nak\"\nwhen = { frames = \"all\" }",
-            "bad-day.toml:4: fault[0].when.frames: nak counts messages; allowed: only where",
+            "bad-day.toml:4: fault[0].when.frames: nak counts messages; expected only where",
         ),
         (
             "what = \"nak\"\nwhen = { nth = 0 }",
-            "bad-day.toml:4: fault[0].when.nth: 0; allowed: 1 to 18446744073709551615",
+            "bad-day.toml:4: fault[0].when.nth: 0; expected 1 to 18446744073709551615",
         ),
         (
             "what = \"nak\"\nwhen = { window_s = [2, 1] }",
-            "bad-day.toml:4: fault[0].when.window_s: 2 to 1; allowed: two times that ascend",
+            "bad-day.toml:4: fault[0].when.window_s: 2 to 1; expected two times that ascend",
         ),
         (
             "what = \"nak\"\nwhen = { probability = nan }",
-            "bad-day.toml:4: fault[0].when.probability: NaN; allowed: 0.0 to 1.0",
+            "bad-day.toml:4: fault[0].when.probability: NaN; expected 0.0 to 1.0",
         ),
         (
             "what = \"bit-errors\"\ncount = 1\nrate = 0.1",
-            "bad-day.toml:5: fault[0].rate: a rate and a count; allowed: one of them",
+            "bad-day.toml:5: fault[0].rate: a rate and a count; expected one of them",
         ),
         (
             "what = \"wrong-pattern\"\noffset = 0",
-            "bad-day.toml:4: fault[0].offset: 0; allowed: any number but 0",
+            "bad-day.toml:4: fault[0].offset: 0; expected any number but 0",
         ),
     ] {
         let error = parse(&format!("seed = 1\n[[fault]]\n{fields}\n"));
@@ -108,7 +108,7 @@ fn what_it_may_not_say_is_refused_with_its_line() {
     let many = "[[fault]]\nwhat = \"dark\"\n".repeat(MAX_FAULTS + 1);
     let error = parse(&many).unwrap_err().to_string();
     assert!(
-        error.contains("1025 of them; allowed: up to 1024"),
+        error.contains("1025 of them; expected up to 1024"),
         "{error}"
     );
 }

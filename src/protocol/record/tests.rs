@@ -156,7 +156,7 @@ fn a_record_that_is_missing_is_noticed_and_unknown_kinds_are_skipped() {
     let crc = crc32fast::hash(&head[..12]);
     head[12..].copy_from_slice(&crc.to_le_bytes());
     let said = read(&head).unwrap_err().to_string();
-    assert!(said.contains("version 2") && said.contains("allowed: version 1"));
+    assert!(said.contains("version 2") && said.contains("expected version 1"));
 }
 
 proptest! {

@@ -22,15 +22,15 @@ const SHOWN: usize = 60;
 pub(super) fn request(line: &[u8]) -> Result<Request, String> {
     let Once(value) = serde_json::from_slice(line).map_err(|e| {
         let words = e.to_string();
-        match words.contains("; allowed: ") {
+        match words.contains("; expected ") {
             true => words,
-            false => format!("{words}; allowed: a line of JSON, such as {{\"get\":\"clock\"}}"),
+            false => format!("{words}; expected a line of JSON, such as {{\"get\":\"clock\"}}"),
         }
     })?;
     let Value::Object(map) = value else {
         let found = found(&value);
         return Err(format!(
-            "{found}; allowed: an object with one of {REQUESTS}"
+            "{found}; expected an object with one of {REQUESTS}"
         ));
     };
     let names: Vec<_> = map.keys().cloned().collect();
@@ -40,7 +40,7 @@ pub(super) fn request(line: &[u8]) -> Result<Request, String> {
             0 => "no request".to_owned(),
             _ => format!("{} in one request", shortened(names.join(", "))),
         };
-        return Err(format!("{found}; allowed: one of {REQUESTS}"));
+        return Err(format!("{found}; expected one of {REQUESTS}"));
     };
     Ok(match name.as_str() {
         "get" => Request::Get(one_of(&name, &value, &Item::ALL)?),
@@ -53,13 +53,13 @@ pub(super) fn request(line: &[u8]) -> Result<Request, String> {
         "clear_faults" => Request::ClearFaults(which(&name, &value)?),
         _ => {
             let name = shortened(name);
-            return Err(format!("{name}: no request; allowed: one of {REQUESTS}"));
+            return Err(format!("{name}: no request; expected one of {REQUESTS}"));
         }
     })
 }
 
 fn refusal<T>(place: &str, value: &Value, allowed: &str) -> Result<T, String> {
-    Err(format!("{place}: {}; allowed: {allowed}", found(value)))
+    Err(format!("{place}: {}; expected {allowed}", found(value)))
 }
 
 fn one_of<T: Copy>(place: &str, value: &Value, all: &[(&str, T)]) -> Result<T, String> {
@@ -136,86 +136,86 @@ mod tests {
 
     #[test]
     fn what_is_no_request_is_told_with_what_is_allowed() {
-        let requests = format!("allowed: one of {REQUESTS}");
+        let requests = format!("expected one of {REQUESTS}");
         for (line, words) in [
-            ("{", vec!["EOF while parsing", "allowed: a line of JSON"]),
+            ("{", vec!["EOF while parsing", "expected a line of JSON"]),
             ("{}", vec!["no request", &requests]),
-            ("[]", vec!["[]; allowed: an object with one of get"]),
-            ("7", vec!["7; allowed: an object"]),
+            ("[]", vec!["[]; expected an object with one of get"]),
+            ("7", vec!["7; expected an object"]),
             (
                 "{\"get\":\"clock\",\"x\":1}",
                 vec!["get, x in one request", &requests],
             ),
             (
                 "{\"get\":\"clock\",\"get\":\"clock\"}",
-                vec!["get twice; allowed: once"],
+                vec!["get twice; expected once"],
             ),
             ("{\"moon\":1}", vec!["moon: no request", &requests]),
             (
                 "{\"get\":\"moon\"}",
-                vec!["get: \"moon\"; allowed: \"truth\", \"clock\""],
+                vec!["get: \"moon\"; expected \"truth\", \"clock\""],
             ),
-            ("{\"get\":3}", vec!["get: 3; allowed: \"truth\""]),
+            ("{\"get\":3}", vec!["get: 3; expected \"truth\""]),
             (
                 "{\"truth_at_ns\":-1}",
-                vec!["truth_at_ns: -1; allowed: a whole number, 0 to 1844"],
+                vec!["truth_at_ns: -1; expected a whole number, 0 to 1844"],
             ),
-            ("{\"do\":{}}", vec!["do: {}; allowed: \"trigger\""]),
+            ("{\"do\":{}}", vec!["do: {}; expected \"trigger\""]),
             (
                 "{\"clock\":{}}",
-                vec!["clock: {}; allowed: {\"step_ns\":N}, {\"run_until_ns\":N} or \"stop\""],
+                vec!["clock: {}; expected {\"step_ns\":N}, {\"run_until_ns\":N} or \"stop\""],
             ),
             (
                 "{\"clock\":{\"step_ns\":1.5}}",
-                vec!["clock.step_ns: 1.5; allowed: a whole number"],
+                vec!["clock.step_ns: 1.5; expected a whole number"],
             ),
             (
                 "{\"clear_faults\":\"some\"}",
-                vec!["clear_faults: \"some\"; allowed: the number of a fault, or \"all\""],
+                vec!["clear_faults: \"some\"; expected the number of a fault, or \"all\""],
             ),
             (
                 "{\"fault\":7}",
-                vec!["fault: 7; allowed: an object with what"],
+                vec!["fault: 7; expected an object with what"],
             ),
             (
                 "{\"fault\":{}}",
-                vec!["fault: missing field `what`; allowed: what"],
+                vec!["fault: missing field `what`; expected what"],
             ),
             (
                 "{\"fault\":{\"what\":\"rain\"}}",
-                vec!["fault.what: unknown variant `rain`; allowed: `dropped`"],
+                vec!["fault.what: unknown variant `rain`; expected `dropped`"],
             ),
             (
                 "{\"fault\":{\"what\":\"dark\",\"nth\":1}}",
-                vec!["fault: unknown field `nth`; allowed: `what`"],
+                vec!["fault: unknown field `nth`; expected `what`"],
             ),
             (
                 "{\"fault\":{\"what\":\"late\",\"by_ms\":\"x\"}}",
-                vec!["fault.by_ms: string \"x\"; allowed: a number"],
+                vec!["fault.by_ms: string \"x\"; expected a number"],
             ),
             (
                 "{\"fault\":{\"what\":\"dark\",\"when\":{\"nth\":\"x\"}}}",
-                vec!["fault.when.nth: string \"x\"; allowed: a whole number"],
+                vec!["fault.when.nth: string \"x\"; expected a whole number"],
             ),
             (
                 "{\"fault\":{\"what\":\"dark\",\"when\":{\"window_s\":[0,1,2]}}}",
-                vec!["fault.when.window_s: a list of 3 numbers; allowed: 2"],
+                vec!["fault.when.window_s: a list of 3 numbers; expected 2"],
             ),
             (
                 "{\"fault\":{\"what\":\"dark\",\"when\":{\"nth\":1,\"nth\":2}}}",
-                vec!["nth twice; allowed: once"],
+                vec!["nth twice; expected once"],
             ),
             (
                 "{\"place\":{\"object\":0,\"position_mm\":[0,0,1,2],\"rotation_deg\":[0,0,0]}}",
-                vec!["place.position_mm: a list of 4 numbers; allowed: 3"],
+                vec!["place.position_mm: a list of 4 numbers; expected 3"],
             ),
             (
                 "{\"place\":{\"object\":0,\"position_mm\":[0,0,1]}}",
-                vec!["place: missing field `rotation_deg`; allowed: object, position_mm"],
+                vec!["place: missing field `rotation_deg`; expected object, position_mm"],
             ),
             (
                 "{\"place\":{\"object\":-1,\"position_mm\":[0,0,1],\"rotation_deg\":[0,0,0]}}",
-                vec!["place.object: integer `-1`; allowed: a whole number"],
+                vec!["place.object: integer `-1`; expected a whole number"],
             ),
         ] {
             let told = request(line.as_bytes()).unwrap_err();

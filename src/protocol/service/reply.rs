@@ -75,7 +75,7 @@ impl Reply {
         let reply: Self = serde_json::from_slice(line).map_err(|e| bad(e.to_string()))?;
         if reply.width > MAX_SIDE_PX || reply.height > MAX_SIDE_PX || reply.maps.len() > MAX_MAPS {
             return Err(bad(format!(
-                "{} maps of {} x {}, want up to {MAX_MAPS} of up to {MAX_SIDE_PX} each",
+                "{} maps of {} x {}, expected up to {MAX_MAPS} of up to {MAX_SIDE_PX} each",
                 reply.maps.len(),
                 reply.width,
                 reply.height
@@ -84,7 +84,7 @@ impl Reply {
         let want = u64::from(reply.width) * u64::from(reply.height) * reply.bytes_per_pixel();
         if reply.bytes != want || want > MAX_PAYLOAD {
             return Err(bad(format!(
-                "{} bytes, want {want} and at most {MAX_PAYLOAD}",
+                "{} bytes, expected {want} and at most {MAX_PAYLOAD}",
                 reply.bytes
             )));
         }

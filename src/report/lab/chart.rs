@@ -1,4 +1,4 @@
-//! Charts of several series on two axes, with a legend.
+//! Draws charts of several series on two axes, with a legend.
 
 use super::labels;
 use crate::plot::{Anchor, Axis, Panel, ROOM, Sheet, curve, dots, spans};
@@ -18,7 +18,7 @@ pub enum Look {
     Dashed,
     /// Its points.
     Dots,
-    /// Its points, and a line through them.
+    /// Both its points and a line through them.
     Both,
 }
 
@@ -29,18 +29,18 @@ pub struct Series {
     pub name: String,
     /// How it is drawn.
     pub look: Look,
-    /// Values along x and y; those that are not finite are left out.
+    /// Values along x and y; values that are not finite are omitted.
     pub points: Vec<DVec2>,
-    /// What is shown where the pointer rests on a point, if anything.
+    /// Tooltip of each point; may be shorter than `points`.
     pub tips: Vec<String>,
-    /// Whether the tips are written beside the points too, where there is room.
+    /// Whether the tooltips are also written beside the points, if there is room.
     pub labelled: bool,
     /// Error bars: x, low, high.
     pub spans: Vec<[f64; 3]>,
 }
 
 impl Series {
-    /// A series without tips and bars.
+    /// Makes a series without tooltips and error bars.
     pub fn new(name: &str, look: Look, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         Self {
             name: name.to_owned(),
@@ -56,21 +56,21 @@ impl Series {
 /// A chart.
 #[derive(Debug, Clone)]
 pub struct Chart {
-    /// Above it.
+    /// Heading above the chart.
     pub heading: String,
-    /// Name of the axis to the right, with the unit.
+    /// Label of the horizontal axis, with the unit.
     pub x: String,
-    /// Name of the axis upwards, with the unit.
+    /// Label of the vertical axis, with the unit.
     pub y: String,
-    /// Whether x and y go by their logarithms.
+    /// Whether x and y are logarithmic.
     pub log: [bool; 2],
-    /// Drawn in this order.
+    /// The series, in drawing order.
     pub series: Vec<Series>,
 }
 
 impl Chart {
-    /// The drawing. Colours repeat after eight series; one that has nothing in the panel is not in the
-    /// legend.
+    /// Draws the chart. Colours repeat after eight series. The legend omits series without a point in the
+    /// panel.
     pub fn sheet(&self) -> Sheet {
         let rows = self.series.len() as f64;
         let height = (HEADING + SIZE.y + ROOM.y).max(HEADING + 20.0 * rows);

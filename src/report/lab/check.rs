@@ -1,18 +1,18 @@
-//! Checks: what a study holds its figures to.
+//! Checks: limits on the results of a study.
 
-/// A figure and what it has to be.
+/// A result and its limit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
     /// What is checked, with the unit.
     pub what: String,
-    /// The figure.
+    /// The result.
     pub found: f64,
-    /// The largest that passes.
+    /// The largest value that passes.
     pub allowed: f64,
 }
 
 impl Check {
-    /// A figure that may be at most so large.
+    /// Makes a check that a result is at most `allowed`.
     pub fn at_most(what: impl Into<String>, found: f64, allowed: f64) -> Self {
         Self {
             what: what.into(),
@@ -21,7 +21,7 @@ impl Check {
         }
     }
 
-    /// Whether it is met; a figure that is none is not.
+    /// Whether the check passes. NaN does not pass.
     pub fn passed(&self) -> bool {
         self.found <= self.allowed
     }

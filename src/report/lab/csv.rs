@@ -1,8 +1,8 @@
-//! Rows as lines of a CSV file (RFC 4180, with `\n`).
+//! Reads and writes rows as lines of a CSV file (RFC 4180, with `\n`).
 
 use super::row::Row;
 
-/// A line of cells, quoted where they have to be.
+/// Returns a line with these cells, quoted if necessary.
 pub(super) fn line<'a>(cells: impl IntoIterator<Item = &'a str>) -> String {
     let quoted = cells.into_iter().map(|cell| {
         if cell.contains(['"', ',', '\n', '\r']) {
@@ -14,7 +14,8 @@ pub(super) fn line<'a>(cells: impl IntoIterator<Item = &'a str>) -> String {
     quoted.collect::<Vec<_>>().join(",") + "\n"
 }
 
-/// The cells of a line without its end; `None` where a quote is not closed or stands in a word.
+/// Splits a line, without its end, into cells; `None` if a quote is not closed or is inside an unquoted
+/// cell.
 pub(super) fn cells(line: &str) -> Option<Vec<String>> {
     let mut cells = vec![];
     let mut rest = line;
@@ -38,7 +39,7 @@ pub(super) fn cells(line: &str) -> Option<Vec<String>> {
     }
 }
 
-/// What stands up to the closing quote, and what stands after that.
+/// Returns the text up to the closing quote, unescaped, and the rest of the line.
 fn unquoted(text: &str) -> Option<(String, &str)> {
     let mut cell = String::new();
     let mut rest = text;
@@ -56,12 +57,12 @@ fn unquoted(text: &str) -> Option<(String, &str)> {
     }
 }
 
-/// A row's cells in the order of columns.
+/// Formats a row as a line, with its cells in the order of the columns.
 pub(super) fn row_line(row: &Row, columns: &[&str]) -> String {
     line(columns.iter().map(|name| row.get(name)))
 }
 
-/// The row that a line holds; `None` where it does not have a cell for each column.
+/// Parses a line as a row; `None` if it does not have one cell per column.
 pub(super) fn row_of(text: &str, columns: &[&str]) -> Option<Row> {
     let cells = cells(text)?;
     (cells.len() == columns.len()).then(|| {

@@ -1,9 +1,9 @@
-//! What a study says: words, tables, plots, pictures, checks.
+//! The document of a study: text, tables, plots, images and checks.
 
 use super::check::Check;
 use crate::plot::Sheet;
 
-/// A study's result, as pages and tables are made of it.
+/// The result of a study, from which pages and tables are made.
 #[derive(Debug, Clone)]
 pub struct Document {
     /// The heading.
@@ -12,7 +12,7 @@ pub struct Document {
     pub sections: Vec<Section>,
 }
 
-/// A part with a heading of its own.
+/// A part of a document with its own heading.
 #[derive(Debug, Clone)]
 pub struct Section {
     /// The heading.
@@ -21,35 +21,35 @@ pub struct Section {
     pub blocks: Vec<Block>,
 }
 
-/// One thing after the other.
+/// An element of a section.
 #[derive(Debug, Clone)]
 pub enum Block {
     /// A paragraph.
     Words(String),
     /// A table.
     Table(Table),
-    /// A plot, which is a file of its own as well.
+    /// A plot, which is also written to its own file.
     Figure(Figure),
-    /// A picture that a trial left.
+    /// An image that a trial has written.
     Picture(Picture),
-    /// What the figures are held to.
+    /// Limits on results.
     Checks(Vec<Check>),
 }
 
-/// A table of words; the first column names the row.
+/// A table of text; the first column names the row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// Names it among the tables of all studies, as `paper-distances`.
+    /// Unique name among the tables of all studies, such as `paper-distances`.
     pub name: String,
     /// What it shows, with the conditions.
     pub caption: String,
     /// Names of the columns, with units.
     pub header: Vec<String>,
-    /// Cells, as many in each row as there are columns.
+    /// Rows, each with one cell per column.
     pub rows: Vec<Vec<String>>,
-    /// Whether its figures are times, which no second run repeats.
+    /// Whether it contains measured times, which differ between runs.
     pub timed: bool,
-    /// Whether it is one of many of which another gives the gist: in the files, not on the screen.
+    /// Whether it is a detail that another table summarises: written to the files, not to the terminal.
     pub detail: bool,
 }
 
@@ -64,7 +64,7 @@ pub struct Figure {
     pub sheet: Sheet,
 }
 
-/// A picture that a trial left with [`super::Folder::leave`].
+/// An image that a trial has written with [`super::Folder::leave`].
 #[derive(Debug, Clone)]
 pub struct Picture {
     /// The file's name, which ends in `.png`.
@@ -74,12 +74,12 @@ pub struct Picture {
 }
 
 impl Document {
-    /// Its blocks, one after the other.
+    /// Returns its blocks in order.
     pub fn blocks(&self) -> impl Iterator<Item = &Block> {
         self.sections.iter().flat_map(|section| &section.blocks)
     }
 
-    /// Its tables.
+    /// Returns its tables.
     pub fn tables(&self) -> impl Iterator<Item = &Table> {
         self.blocks().filter_map(|block| match block {
             Block::Table(table) => Some(table),
@@ -87,7 +87,7 @@ impl Document {
         })
     }
 
-    /// Its checks.
+    /// Returns its checks.
     pub fn checks(&self) -> impl Iterator<Item = &Check> {
         let of = self.blocks().filter_map(|block| match block {
             Block::Checks(checks) => Some(checks),
@@ -98,7 +98,7 @@ impl Document {
 }
 
 impl Table {
-    /// A table without rows.
+    /// Makes a table without rows.
     pub fn new(name: &str, caption: impl Into<String>, header: &[&str]) -> Self {
         Self {
             name: name.to_owned(),
@@ -110,19 +110,19 @@ impl Table {
         }
     }
 
-    /// A row more.
+    /// Adds a row.
     pub fn row(&mut self, cells: impl IntoIterator<Item = impl Into<String>>) {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
-    /// The same table as one of times.
+    /// Marks the table as one of measured times.
     #[must_use]
     pub fn timed(mut self) -> Self {
         self.timed = true;
         self
     }
 
-    /// The same table as one that is left to the files.
+    /// Marks the table as a detail, which is written to the files only.
     #[must_use]
     pub fn detail(mut self) -> Self {
         self.detail = true;

@@ -1,5 +1,5 @@
-//! A study's folder: `study.json` says what it is, `rows.csv` is appended trial by trial, `files/`
-//! holds what trials leave for the document.
+//! A study's folder: `study.json` identifies the study, `rows.csv` grows trial by trial, and `files/`
+//! contains what trials write for the document.
 
 use super::csv;
 use super::row::{Row, Rows};
@@ -16,10 +16,10 @@ use std::path::{Path, PathBuf};
 const ABOUT: &str = "study.json";
 const ROWS: &str = "rows.csv";
 const FILES: &str = "files";
-/// More than any study writes.
+/// Maximum size of a file that is read; more than any study writes.
 const MOST_BYTES: u64 = 256 << 20;
 
-/// What `study.json` holds.
+/// Contents of `study.json`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct About {
     /// `phasmid study` and its version.
@@ -27,23 +27,23 @@ pub(super) struct About {
     pub(super) study: String,
     #[serde(flatten)]
     pub(super) settings: Settings,
-    /// Which source the program was built from.
+    /// Revision of the source that the program was built from, and the program's checksum.
     pub(super) revision: String,
 }
 
 /// The folder of one study.
 pub struct Folder {
     path: PathBuf,
-    /// Held while a study runs in it.
+    /// Lock that is held while a study runs in the folder.
     _lock: Option<File>,
 }
 
 impl Folder {
-    /// A folder for a study: an empty or new one, or one in which the same study was begun with the
-    /// same settings by the same program.
+    /// Prepares a folder for a study: an empty or new one, or one in which the same study was started
+    /// with the same settings by the same program.
     ///
     /// # Errors
-    /// A folder with anything else in it; what the system refuses.
+    /// Returns an error if the folder contains anything else, is in use, or cannot be written.
     pub(super) fn begin(path: &Path, about: &About) -> Result<Self> {
         let place = || format!("--out {}", path.display());
         if path.exists() && !path.is_dir() {
@@ -70,7 +70,7 @@ impl Folder {
         }
         for entry in fs::read_dir(path).map_err(|e| Error::io(path, e))? {
             let entry = entry.map_err(|e| Error::io(path, e))?;
-            // What a study that was killed in its first moment has left.
+            // Left by a study that was killed at its start.
             if is_unfinished(&entry.file_name()) {
                 continue;
             }
@@ -86,7 +86,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Keeps others out until it is dropped, or the program ends however it ends.
+    /// Locks the folder until this value is dropped or the process ends, for whatever reason.
     fn lock(&mut self) -> Result<()> {
         let path = self.path.join(ABOUT);
         let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
@@ -104,10 +104,10 @@ impl Folder {
         }
     }
 
-    /// A folder in which a study was run.
+    /// Opens a folder in which a study was run.
     ///
     /// # Errors
-    /// No folder, or one without a study.
+    /// Returns an error if there is no folder or it contains no study.
     pub(super) fn open(path: &Path) -> Result<(Self, About)> {
         let folder = Self {
             path: path.to_owned(),
@@ -124,7 +124,7 @@ impl Folder {
         Ok((folder, about))
     }
 
-    /// Where it is.
+    /// Returns the path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -136,11 +136,11 @@ impl Folder {
             .map_err(|e| Error::input(path.display(), e.to_string(), "what phasmid study wrote"))
     }
 
-    /// The rows of the trials that were done, trial by trial in the order asked for; a trial is done
-    /// when all its rows are there. A last line without an end is of a run that was killed.
+    /// Reads all rows in the order of the file. Ignores a last line without an end, which a killed run
+    /// has left.
     ///
     /// # Errors
-    /// A file that holds anything else than rows with these columns.
+    /// Returns an error if the file contains anything but rows with these columns.
     pub(super) fn rows(&self, columns: &[&str]) -> Result<Vec<Row>> {
         let path = self.path.join(ROWS);
         if !path.exists() {
@@ -171,8 +171,8 @@ impl Folder {
         Ok(rows)
     }
 
-    /// The file of rows, to be appended to, with what a killed run left of a line or of a trial cut
-    /// off.
+    /// Opens the file of rows for appending, after rewriting it with only the rows in `done`, without the
+    /// partial line or trial of a killed run.
     pub(super) fn writer(&self, columns: &[&str], done: &[Row]) -> Result<Writer> {
         let mut text = csv::line(columns.iter().copied());
         for row in done {
@@ -185,38 +185,39 @@ impl Folder {
         Ok(Writer { path, file })
     }
 
-    /// Writes a file so that it is never there in part.
+    /// Writes a file atomically.
     pub(super) fn replace(&self, name: &str, bytes: &[u8]) -> Result<()> {
         replace(&self.path.join(name), |out| out.write_all(bytes))
     }
 
-    /// Where trials leave files.
+    /// Returns the folder for the files of trials.
     pub fn files(&self) -> PathBuf {
         self.path.join(FILES)
     }
 
-    /// Where a trial may put a file for itself or for the document; `name` has no folders.
+    /// Returns a path at which a trial may write a file for itself or for the document; `name` has no
+    /// folders. Creates the folder for the files of trials.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns an error if the folder cannot be created.
     pub fn place(&self, name: &str) -> Result<PathBuf> {
         let folder = self.files();
         fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
         Ok(folder.join(name))
     }
 
-    /// Leaves a file for the document; `name` has no folders.
+    /// Writes a file for the document; `name` has no folders.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns an error if the file cannot be written.
     pub fn leave(&self, name: &str, bytes: &[u8]) -> Result<()> {
         replace(&self.place(name)?, |out| out.write_all(bytes))
     }
 
-    /// A file that a trial left.
+    /// Reads a file that a trial has written.
     ///
     /// # Errors
-    /// A file that is not there or cannot be read.
+    /// Returns an error if the file does not exist or cannot be read.
     pub fn left(&self, name: &str) -> Result<Vec<u8>> {
         file::read(&self.files().join(name), MOST_BYTES)
     }
@@ -237,7 +238,8 @@ impl Writer {
     }
 }
 
-/// The rows of whole trials, in the order of the trials.
+/// Returns the rows of complete trials, in the order of the trials. A trial is complete if all its rows are
+/// present.
 pub(super) fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
     let mut all = Vec::new();
     for trial in trials {
@@ -254,8 +256,8 @@ pub(super) fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
 }
 
 impl About {
-    /// Whether rows of one may stand beside rows of the other. The same program is the same whatever the
-    /// commit that is told of it: a copy of it, or another user, may know none.
+    /// Whether rows of both may be in one file. Programs with equal checksums are the same, even if their
+    /// commits differ: a copy, or another user, may not know the commit.
     fn is_of(&self, other: &Self) -> bool {
         let program = |about: &Self| {
             let sum = about.revision.rsplit_once("program ");
@@ -309,7 +311,7 @@ mod tests {
         let mut other = at("program 3cc4da00");
         other.settings.seed = 2;
         assert!(!begun.is_of(&other));
-        // Where neither knows its program, the revision has to be the same.
+        // If the checksum is unknown, the revisions must be equal.
         assert!(at("unknown").is_of(&at("unknown")));
         assert!(!at("unknown").is_of(&at("0123456789ab")));
     }

@@ -1,22 +1,22 @@
-//! Names beside the points of a chart, where there is room for them.
+//! Places names beside the points of a chart, if there is room.
 
 use crate::plot::{Anchor, Panel, Sheet};
 use glam::DVec2;
 
-/// Width of a letter and height of a line, about.
+/// Approximate width of a letter and height of a line.
 const LETTER: DVec2 = DVec2::new(6.6, 13.0);
-/// From a point to its name.
+/// Distance from a point to its name.
 const GAP: f64 = 6.0;
 
-/// A rectangle of a sheet: its left upper and its right lower corner.
+/// A rectangle on a sheet: upper left and lower right corner.
 type Area = [DVec2; 2];
 
 fn overlap(a: &Area, b: &Area) -> bool {
     a[0].cmplt(b[1]).all() && b[0].cmplt(a[1]).all()
 }
 
-/// Places of names on a panel, none over another or over a point. Each name has as many chances as
-/// there are sides of its point; what fits nowhere has no place.
+/// Returns the places of names on a panel, without overlap between names and points. Tries the four
+/// sides of each point in turn; a name that does not fit on any of them has no place.
 pub(super) fn places(panel: &Panel, points: &[(DVec2, &str)]) -> Vec<Option<(DVec2, Anchor)>> {
     let at: Vec<Option<DVec2>> = points.iter().map(|(p, _)| panel.inside(*p)).collect();
     let dots = at.iter().flatten().map(|at| [*at - 4.0, *at + 4.0]);
@@ -26,7 +26,7 @@ pub(super) fn places(panel: &Panel, points: &[(DVec2, &str)]) -> Vec<Option<(DVe
         let at = (*at)?;
         let width = LETTER.x * name.chars().count() as f64;
         let half = 0.5 * LETTER.y;
-        // Right, left, above, below: from where the text is written, and the area's left end.
+        // Right, left, above, below: offset of the text, its anchor, and distance to the area's left edge.
         let sides = [
             (DVec2::new(GAP, 4.0), Anchor::Start, 0.0),
             (DVec2::new(-GAP, 4.0), Anchor::End, width),
@@ -53,7 +53,7 @@ pub(super) fn places(panel: &Panel, points: &[(DVec2, &str)]) -> Vec<Option<(DVe
     at.iter().zip(names).map(&mut place).collect()
 }
 
-/// Writes them.
+/// Writes the names that have a place.
 pub(super) fn draw(sheet: &mut Sheet, panel: &Panel, points: &[(DVec2, &str)]) {
     for (place, (_, name)) in places(panel, points).into_iter().zip(points) {
         if let Some((at, anchor)) = place {
@@ -82,7 +82,7 @@ mod tests {
         );
         assert_eq!(alone[0], Some((DVec2::new(216.0, 124.0), Anchor::Start)));
         assert_eq!(alone[1].unwrap().1, Anchor::End, "no room to the right");
-        // A crowd: those that fit nowhere have no place, and the others do not touch.
+        // A crowd: names that do not fit have no place, and the others do not touch.
         let crowd: Vec<_> = (0..20).map(|_| point(0.5, 0.5, "crowded")).collect();
         let placed = places(&panel, &crowd).into_iter().flatten().count();
         assert!((1..=4).contains(&placed), "{placed}");

@@ -1,11 +1,11 @@
-//! Tables as text that is Markdown and reads well on a terminal.
+//! Formats tables as Markdown that is also readable on a terminal.
 
 use super::check::Check;
 use super::document::{Block, Document, Table};
 use crate::plot::figures;
 
 impl Table {
-    /// The table in Markdown, its columns aligned.
+    /// Returns the table in Markdown, with aligned columns.
     pub fn markdown(&self) -> String {
         let all = || std::iter::once(&self.header).chain(&self.rows);
         let width = |i: usize| {
@@ -44,7 +44,8 @@ impl Table {
 }
 
 impl Document {
-    /// Tables and checks in Markdown; without times where a second run shall give the same text.
+    /// Returns tables and checks in Markdown. Without `times`, omits checks and tables of measured
+    /// times, so that a second run gives the same text.
     pub fn markdown(&self, times: bool) -> String {
         let mut out = format!("# {}\n", self.title);
         for section in &self.sections {
@@ -67,7 +68,8 @@ impl Document {
         out
     }
 
-    /// What a terminal shows: tables but for details, the checks that failed and how many passed.
+    /// Returns the text for a terminal: tables except details, failed checks, and the number of passed
+    /// checks.
     pub fn screen(&self) -> String {
         let mut out = format!("# {}\n", self.title);
         for table in self.tables().filter(|table| !table.detail) {
@@ -84,7 +86,7 @@ impl Document {
     }
 }
 
-/// Checks as a table.
+/// Returns the checks as a table.
 pub(super) fn checks_table(checks: &[Check]) -> Table {
     let mut table = Table::new("", "", &["check", "found", "at most", ""]);
     for check in checks {

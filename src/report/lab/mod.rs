@@ -1,11 +1,21 @@
-//! What all studies share: trials that run once and are written down at once, tables and plots made
-//! of what was written down, one page that holds them.
+//! The framework of all studies: trials that run once and whose results are stored at once, and the
+//! tables, plots and page made from the stored results.
 //!
-//! A [`Study`] names its [`Trial`]s, which are independent of each other, and makes a [`Document`] of
-//! their rows. [`run()`] runs those that are not in the folder yet, each on all cores or several side
-//! by side, and appends their [`Row`]s to `rows.csv`: a study that was interrupted goes on where it
-//! was, and a [`Document`] can be made anew from its folder at any time ([`read()`]). Rows come in
-//! the order in which the study names its trials, whatever the order in which they ended.
+//! A [`Study`] lists its [`Trial`]s, which are independent of each other, and makes a [`Document`] from
+//! their rows. [`run()`] runs the trials that are not in the folder yet, each on all cores or several
+//! in parallel, and appends their [`Row`]s to `rows.csv`. So an interrupted study continues where it
+//! stopped, and a [`Document`] can be rebuilt from its folder at any time ([`read()`]). A document gets
+//! its rows in the order in which the study lists its trials, regardless of the order in which they end.
+//!
+//! | file | contents |
+//! | --- | --- |
+//! | `trial`, `settings` | a trial, and what it runs with |
+//! | `row`, `csv` | rows of results, and their lines in `rows.csv` |
+//! | `folder` | the folder of a study |
+//! | `runner` | runs trials and writes the document's files |
+//! | `document`, `check` | the document: text, tables, figures, images, checks |
+//! | `chart`, `labels` | charts and the names of their points |
+//! | `markdown`, `page` | the document as Markdown and as HTML |
 
 mod chart;
 mod check;
@@ -34,32 +44,32 @@ use phasmid_core::error::Result;
 
 /// One study.
 pub trait Study: Sync {
-    /// What the command line calls it, which is the name of its folder's kind, too.
+    /// Returns its name on the command line and in `study.json`.
     fn name(&self) -> &'static str;
 
-    /// What it is about, in one sentence.
+    /// Describes it in one sentence.
     fn about(&self) -> &'static str;
 
-    /// The columns of its rows, without the ones that all studies have ([`Row::COMMON`]).
+    /// Returns the columns of its rows, without those that all studies have ([`Row::COMMON`]).
     fn columns(&self) -> &'static [&'static str];
 
-    /// Parts that make sense alone: the keys of their trials begin with the name and `/`. What a
-    /// document says of the others is then empty.
+    /// Returns the parts that can run alone: the keys of their trials begin with the part's name and
+    /// `/`. The other parts of the document are then empty.
     fn parts(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// All trials, in the order of their rows.
+    /// Returns all trials, in the order of their rows.
     ///
     /// # Errors
-    /// Profiles and scenes that cannot be read.
+    /// Returns an error if a profile or scene cannot be read.
     fn trials(&self, settings: &Settings) -> Result<Vec<Trial>>;
 
-    /// Tables, plots and checks from the rows of all trials, and from files that trials left in the
-    /// folder.
+    /// Makes tables, plots and checks from the rows of all trials, and from files that trials have
+    /// written to the folder.
     ///
     /// # Errors
-    /// Files that cannot be read, rows that lack what is needed.
+    /// Returns an error if a file cannot be read or rows lack required values.
     fn document(&self, rows: &Rows, folder: &Folder, settings: &Settings) -> Result<Document>;
 }
 

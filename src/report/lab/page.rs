@@ -1,4 +1,4 @@
-//! One self-contained page: no script, nothing from elsewhere.
+//! Writes a self-contained HTML page, without scripts or external resources.
 
 use super::document::{Block, Document, Picture, Table};
 use super::folder::Folder;
@@ -6,11 +6,11 @@ use super::markdown::checks_table;
 use crate::plot::{PAGE_STYLE, STYLE, escaped};
 use phasmid_core::error::{Error, Result};
 
-/// A page of one study, or of several with a list of them at its head. Each comes with the folder
-/// that its pictures are in and a line that says how it was made.
+/// Returns a page of one study, or of several with a table of contents. Each part has the folder with
+/// its images, and a line that says how it was made.
 ///
 /// # Errors
-/// Pictures that cannot be read.
+/// Returns an error if an image cannot be read.
 pub fn page(title: &str, parts: &[(Document, &Folder, String)]) -> Result<String> {
     let heading = escaped(title);
     let mut out = format!(
@@ -92,7 +92,7 @@ fn of_picture(picture: &Picture, folder: &Folder) -> Result<String> {
     ))
 }
 
-/// RFC 4648, section 4.
+/// Encodes bytes in Base64 (RFC 4648, section 4).
 fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
@@ -115,7 +115,7 @@ fn base64(bytes: &[u8]) -> String {
 mod tests {
     use super::base64;
 
-    /// RFC 4648, section 10.
+    /// Test vectors of RFC 4648, section 10.
     #[test]
     fn pictures_become_text() {
         let words = ["", "f", "fo", "foo", "foob", "fooba", "foobar"];

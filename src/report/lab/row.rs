@@ -1,26 +1,26 @@
-//! Rows: what a trial found, by the names of columns.
+//! Rows: the results of a trial, by column name.
 
-/// Values by name. They are kept as they are written down, so that a row that was read from a file
-/// is the row that was written: a number has as many digits as bring the same number back.
+/// Values by name. They are stored as text, so that a row read from a file equals the written one:
+/// numbers have as many digits as it takes to restore them exactly.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Row {
     values: Vec<(String, String)>,
 }
 
 impl Row {
-    /// The columns that the rows of all studies begin with: the trial, which of its rows this is and
-    /// of how many, its seed, what computed it (`cpu`, `gpu`, the adapter's name), the source's
-    /// revision, the threads, and the seconds that the trial took.
+    /// The first columns of the rows of all studies: the trial, the index of the row in the trial and
+    /// the trial's number of rows, its seed, the backend (`cpu` or `gpu`), the GPU adapter, the
+    /// program's revision, the number of threads, and the trial's duration in seconds.
     pub const COMMON: [&str; 9] = [
         "trial", "part", "parts", "seed", "backend", "adapter", "revision", "threads", "seconds",
     ];
 
-    /// A row without values.
+    /// Makes a row without values.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// With a number more; one that is not finite is left empty.
+    /// Sets a number. A number that is not finite is stored as empty text.
     #[must_use]
     pub fn number(self, name: &str, value: f64) -> Self {
         let text = if value.is_finite() {
@@ -31,7 +31,7 @@ impl Row {
         self.text(name, &text)
     }
 
-    /// With a word more. Line ends become spaces.
+    /// Sets a text. Line ends become spaces.
     #[must_use]
     pub fn text(mut self, name: &str, value: &str) -> Self {
         let value = value.replace(['\n', '\r'], " ");
@@ -42,18 +42,18 @@ impl Row {
         self
     }
 
-    /// A number; NaN where there is none.
+    /// Returns a number; NaN if it is missing or not a number.
     pub fn value(&self, name: &str) -> f64 {
         self.get(name).parse().unwrap_or(f64::NAN)
     }
 
-    /// A word; empty where there is none.
+    /// Returns a text; empty if it is missing.
     pub fn get(&self, name: &str) -> &str {
         let found = self.values.iter().find(|(known, _)| known == name);
         found.map_or("", |(_, value)| value)
     }
 
-    /// The names of its values.
+    /// Returns the names of its values.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.values.iter().map(|(name, _)| name.as_str())
     }
@@ -62,17 +62,17 @@ impl Row {
 /// The rows of a study, in the order of its trials.
 #[derive(Debug, Clone, Default)]
 pub struct Rows {
-    /// All of them.
+    /// All rows.
     pub all: Vec<Row>,
 }
 
 impl Rows {
-    /// Those of one trial.
+    /// Returns the rows of one trial.
     pub fn of<'a>(&'a self, trial: &'a str) -> impl Iterator<Item = &'a Row> {
         self.with("trial", trial)
     }
 
-    /// Those in which a column has a certain word.
+    /// Returns the rows in which a column has a given text.
     pub fn with<'a>(&'a self, name: &'a str, word: &'a str) -> impl Iterator<Item = &'a Row> {
         self.all.iter().filter(move |row| row.get(name) == word)
     }

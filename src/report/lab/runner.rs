@@ -1,4 +1,4 @@
-//! Runs the trials of a study that were not run yet, and makes files of its document.
+//! Runs the remaining trials of a study, and writes the files of its document.
 
 use super::Study;
 use super::document::{Block, Document};
@@ -13,13 +13,14 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Told of every trial that has ended: how many are done, of how many, and which it was.
+/// Called after every trial with the number of finished trials, the number of all trials, and the
+/// trial's key.
 pub type Progress<'a> = &'a (dyn Fn(usize, usize, &str) + Sync);
 
-/// Runs a study in a folder; what was run there before is not run again.
+/// Runs a study in a folder. Trials that have run there before are not run again.
 ///
 /// # Errors
-/// A folder of another study, trials that fail, what the system refuses.
+/// Returns an error if the folder belongs to another study, a trial fails, or a file cannot be written.
 pub fn run(
     study: &dyn Study,
     path: &Path,
@@ -56,10 +57,11 @@ pub fn run(
     Ok(document)
 }
 
-/// The document of a folder in which a study was run to its end, and a line that says how.
+/// Makes the document of a finished study from its folder. Also returns the folder, and a line that says
+/// how the study was run.
 ///
 /// # Errors
-/// A folder without a study, of an unknown one, or with trials to be done.
+/// Returns an error if the folder contains no study, an unknown one, or an unfinished one.
 pub fn read(studies: &[&dyn Study], path: &Path) -> Result<(Document, Folder, String)> {
     let (folder, about) = Folder::open(path)?;
     let known = studies.iter().find(|study| study.name() == about.study);
@@ -82,10 +84,10 @@ pub fn read(studies: &[&dyn Study], path: &Path) -> Result<(Document, Folder, St
     Ok((document, folder, made(&about)))
 }
 
-/// Writes `tables.md`, `report.html` and a `.svg` for each figure.
+/// Writes `tables.md`, `report.html` and an `.svg` file for each figure.
 ///
 /// # Errors
-/// What the system refuses.
+/// Returns an error if a file cannot be written or an image cannot be read.
 pub fn write(document: &Document, folder: &Folder, made: &str) -> Result<()> {
     folder.replace("tables.md", document.markdown(true).as_bytes())?;
     for block in document.blocks() {
@@ -111,7 +113,7 @@ struct Runner<'a> {
 }
 
 impl Runner<'_> {
-    /// Those that may have company first, then the others one by one.
+    /// Runs the trials that may run in parallel, then the others one by one.
     fn run(&self, trials: &[&Trial]) -> Result<()> {
         let (alone, together): (Vec<&Trial>, Vec<&Trial>) =
             trials.iter().copied().partition(|trial| trial.alone);
@@ -124,7 +126,8 @@ impl Runner<'_> {
         alone.iter().try_for_each(|trial| self.one(trial))
     }
 
-    /// Each job has its own threads, so that no trial waits for a piece of another's work.
+    /// Runs trials in parallel. Each job has its own thread pool, so that no trial waits for the work of
+    /// another.
     fn side_by_side(&self, trials: &[&Trial], jobs: usize) -> Result<()> {
         let threads = (rayon::current_num_threads() / jobs).max(1);
         let next = AtomicUsize::new(0);
@@ -154,7 +157,7 @@ impl Runner<'_> {
         failed.map_or(Ok(()), Err)
     }
 
-    /// Runs one trial and writes its rows down.
+    /// Runs one trial and writes its rows.
     fn one(&self, trial: &Trial) -> Result<()> {
         let context = Context {
             settings: self.settings,
@@ -178,7 +181,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// A row with what all rows have.
+    /// Returns a row with the common columns added.
     fn complete(&self, row: Row, trial: &Trial, of: (usize, usize), seconds: f64) -> Row {
         for name in row.names() {
             assert!(self.columns.contains(&name), "no column {name}");
@@ -198,7 +201,7 @@ impl Runner<'_> {
     }
 }
 
-/// All of them, or those of the part that is wanted.
+/// Returns all trials, or those of the requested part.
 fn trials(study: &dyn Study, settings: &Settings) -> Result<Vec<Trial>> {
     let mut trials = study.trials(settings)?;
     if let Some(only) = &settings.only {
@@ -220,7 +223,7 @@ fn columns(study: &dyn Study) -> Vec<&'static str> {
     Row::COMMON.iter().chain(study.columns()).copied().collect()
 }
 
-/// Two trials of one name would be taken for one.
+/// Checks that the keys of the trials are unique; equal ones would be taken for one trial.
 fn distinct(trials: &[Trial]) {
     let mut keys = HashSet::new();
     for trial in trials {

@@ -1,27 +1,27 @@
-//! What a study is run with.
+//! The settings and the environment of a study's run.
 
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// What decides the figures of a study: with the same settings and the same program a second run has
-/// the same rows, but for times.
+/// Settings that determine the results of a study. With the same settings and the same program, a second
+/// run has the same rows, except for times.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Settings {
-    /// The form of less than a minute.
+    /// Whether to run the short form, which takes less than a minute.
     pub quick: bool,
-    /// Seed of every noise and every drawn parameter.
+    /// Seed of all noise and all random parameters.
     pub seed: u64,
     /// Only the trials of this part; see [`Study::parts`](super::Study::parts).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub only: Option<String>,
 }
 
-/// What a study runs in; none of it changes a figure but times.
+/// The environment of a study, which does not affect its results except times.
 pub struct Surroundings<'a> {
-    /// Time since some moment, for what is timed.
+    /// Time since a fixed moment, for measured times.
     pub clock: &'a (dyn Fn() -> Duration + Sync),
-    /// Trials side by side; each has its share of the cores.
+    /// Number of trials to run in parallel, each with its share of the cores.
     pub jobs: usize,
-    /// Which source the program was built from.
+    /// Revision of the program.
     pub revision: &'a str,
 }

@@ -1,4 +1,5 @@
-//! Trials run once, are kept, and give the same document in any order and on any number of jobs.
+//! Tests that trials run once, are stored, and give the same document in any order and on any number of
+//! jobs.
 
 use super::*;
 use phasmid_core::error::Error;
@@ -7,7 +8,7 @@ use std::time::Duration;
 
 static RUNS: AtomicUsize = AtomicUsize::new(0);
 
-/// Squares of numbers; fails at a certain one.
+/// A study that computes squares of numbers, and may fail at one of them.
 struct Squares {
     fails_at: Option<usize>,
 }
@@ -96,7 +97,7 @@ fn an_interrupted_study_goes_on_where_it_was() {
     let first = go(None, &path, 3, 5).unwrap();
     assert_eq!(RUNS.swap(0, Ordering::Relaxed), 14);
     assert_eq!(std::fs::read_to_string(&rows).unwrap().lines().count(), 41);
-    // Once more there is nothing to do, and the document is the same as in one go.
+    // The next run has nothing to do, and the document is the same as that of a single run.
     let again = go(None, &path, 1, 5).unwrap();
     assert_eq!(RUNS.swap(0, Ordering::Relaxed), 0);
     let whole = go(None, &dir.path().join("other"), 1, 5).unwrap();
@@ -118,14 +119,14 @@ fn an_interrupted_study_goes_on_where_it_was() {
         made.starts_with("phasmid study squares --quick --seed 5"),
         "{made}"
     );
-    // Two do not write into one folder.
+    // Two runs cannot write to one folder.
     let (held, _) = super::Folder::open(&path).unwrap();
     let lock = std::fs::File::open(held.path().join("study.json")).unwrap();
     lock.lock().unwrap();
     let error = go(None, &path, 1, 5).unwrap_err().to_string();
     assert!(error.contains("runs now"), "{error}");
     drop(lock);
-    // Another study's folder is left as it is, and so is a stranger's.
+    // The folder of another study, or with other files, is not changed.
     let before = std::fs::read(&rows).unwrap();
     let error = go(None, &path, 1, 6).unwrap_err().to_string();
     assert!(
@@ -137,7 +138,7 @@ fn an_interrupted_study_goes_on_where_it_was() {
     std::fs::write(stranger.path().join("thesis.txt"), "mine").unwrap();
     let error = go(None, stranger.path(), 1, 5).unwrap_err().to_string();
     assert!(error.contains("thesis.txt"), "{error}");
-    // Rows that are none are named.
+    // An error about an invalid row names its line.
     std::fs::write(&rows, text.replace(",1.1,", ",")).unwrap();
     let error = go(None, &path, 1, 5).unwrap_err().to_string();
     assert!(error.contains("rows.csv, line 4"), "{error}");

@@ -9,19 +9,19 @@ use std::time::Duration;
 
 type Work = Box<dyn Fn(&Context<'_>) -> Result<Vec<Row>> + Send + Sync>;
 
-/// What is done once and written down as one row or a few.
+/// A piece of work that is done once and stored as one or several rows.
 pub struct Trial {
-    /// Names it among the trials of its study: letters, digits, `-`, `_`, `.`, `=` and `/`.
+    /// Unique key among the trials of its study: letters, digits, `-`, `_`, `.`, `=` and `/`.
     pub key: String,
-    /// Seed of its noise, as its rows say.
+    /// Seed of its noise, which is stored in its rows.
     pub seed: u64,
-    /// Whether it is timed, so that nothing else may run meanwhile.
+    /// Whether no other trial may run at the same time, because it measures times.
     pub alone: bool,
     pub(super) work: Work,
 }
 
 impl Trial {
-    /// A trial that may run beside others.
+    /// Makes a trial that may run in parallel with others.
     pub fn new(
         key: impl Into<String>,
         seed: u64,
@@ -35,7 +35,7 @@ impl Trial {
         }
     }
 
-    /// The same trial with nothing beside it.
+    /// Marks the trial as one that runs alone.
     #[must_use]
     pub fn alone(mut self) -> Self {
         self.alone = true;
@@ -43,24 +43,24 @@ impl Trial {
     }
 }
 
-/// What a trial is run with.
+/// The context in which a trial runs.
 pub struct Context<'a> {
     /// The study's settings.
     pub settings: &'a Settings,
     /// The trial's seed.
     pub seed: u64,
-    /// Where it may leave files for the study's document.
+    /// Folder in which it may write files for the study's document.
     pub folder: &'a Folder,
     pub(super) clock: &'a (dyn Fn() -> Duration + Sync),
 }
 
 impl Context<'_> {
-    /// What something gives, and the seconds that it takes.
+    /// Runs `work`; returns its result and its duration in seconds.
     pub fn timed<T>(&self, work: impl FnOnce() -> T) -> (T, f64) {
         self.stopwatch().timed(work)
     }
 
-    /// What takes times by the study's clock.
+    /// Returns a stopwatch with the study's clock.
     pub fn stopwatch(&self) -> Stopwatch<'_> {
         Stopwatch::new(self.clock)
     }

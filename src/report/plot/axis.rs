@@ -1,17 +1,17 @@
-//! An axis: from values to the unit interval.
+//! An axis: maps values to the unit interval.
 
 use super::ticks;
 
-/// How values are spread along an axis.
+/// Scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
-    /// Evenly.
+    /// Linear.
     Linear,
-    /// By their logarithm: positive values only.
+    /// Logarithmic: positive values only.
     Log,
 }
 
-/// A range of values with a name.
+/// A range of values with a label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     low: f64,
@@ -22,9 +22,9 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// From `low` to `high` exactly; from 0 to 1 where that is no range.
+    /// Makes an axis from `low` to `high`, or from 0 to 1 if they are not a valid range.
     pub fn between(label: &str, low: f64, high: f64) -> Self {
-        // The difference, too: of two huge ends it may be more than a number holds.
+        // The difference must be finite as well: that of two huge numbers may overflow.
         let fits = (high - low).is_finite() && high > low;
         let (low, high) = if fits { (low, high) } else { (0.0, 1.0) };
         Self {
@@ -36,7 +36,7 @@ impl Axis {
         }
     }
 
-    /// Around the finite ones of the values, with a little room; from 0 to 1 where all are 0.
+    /// Makes an axis around the finite values with a small margin, or from 0 to 1 if all are 0.
     pub fn around(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
         let (low, high) = extent(values.into_iter()).unwrap_or((0.0, 1.0));
         if low == 0.0 && high == 0.0 {
@@ -50,17 +50,17 @@ impl Axis {
         Self::between(label, low - room, high + room)
     }
 
-    /// From zero to just above the largest finite value: for sizes, which bars show.
+    /// Makes an axis from zero to just above the largest finite value, for bars.
     pub fn from_zero(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
         let high = extent(values.into_iter()).map_or(0.0, |(_, high)| high);
         Self::between(label, 0.0, 1.06 * high)
     }
 
-    /// Around the finite positive ones of the values, by their logarithm.
+    /// Makes a logarithmic axis around the finite positive values.
     pub fn logarithmic(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
         let positive = values.into_iter().filter(|v| *v >= f64::MIN_POSITIVE);
         let (low, high) = extent(positive).unwrap_or((1.0, 10.0));
-        // Half an octave on either side; both stay numbers.
+        // A margin of half an octave on either side; both ends stay finite and positive.
         let (low, high) = (
             (low / 1.4).max(f64::MIN_POSITIVE),
             (high * 1.4).min(f64::MAX),
@@ -74,25 +74,25 @@ impl Axis {
         }
     }
 
-    /// The same axis the other way round: an image's rows count downwards.
+    /// Reverses the axis, as for the rows of an image, which count downwards.
     #[must_use]
     pub fn reversed(mut self) -> Self {
         self.reversed = !self.reversed;
         self
     }
 
-    /// Smallest and largest value on it.
+    /// Returns the smallest and the largest value on it.
     pub fn range(&self) -> (f64, f64) {
         (self.low, self.high)
     }
 
-    /// Its name, with the unit.
+    /// Returns its label, with the unit.
     pub fn label(&self) -> &str {
         &self.label
     }
 
-    /// Where a value lies, 0 at the axis's start and 1 at its end, and beyond for values outside.
-    /// `None` for what has no place: not finite, or not positive on a logarithmic axis.
+    /// Returns the position of a value: 0 at the start of the axis and 1 at its end, and beyond these for
+    /// values outside. `None` if the value is not finite, or not positive on a logarithmic axis.
     pub fn at(&self, value: f64) -> Option<f64> {
         let t = match self.scale {
             Scale::Linear => (value - self.low) / (self.high - self.low),
@@ -105,7 +105,7 @@ impl Axis {
         t.is_finite().then_some(t)
     }
 
-    /// Round numbers on it, about `most`, with their labels.
+    /// Returns about `most` round numbers on it, with their labels.
     pub fn ticks(&self, most: usize) -> Vec<(f64, String)> {
         match self.scale {
             Scale::Linear => ticks::linear(self.low, self.high, most),
@@ -114,7 +114,7 @@ impl Axis {
     }
 }
 
-/// Smallest and largest finite value; `None` without any.
+/// Returns the smallest and the largest finite value; `None` without any.
 fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.filter(|v| v.is_finite()).fold(None, |found, v| {
         Some(found.map_or((v, v), |(low, high): (f64, f64)| (low.min(v), high.max(v))))

@@ -1,11 +1,11 @@
-//! Bars with names.
+//! Draws bar charts.
 
 use super::{Anchor, Panel, Sheet, figures};
 use glam::DVec2;
 
-/// Bars from the foot of a panel upwards, side by side over its whole width, with their names below
-/// them: upright where there is room, read upwards where there is less, and every n-th where there
-/// is none. A value that is not finite leaves its place empty. The axes' own x is not looked at.
+/// Draws vertical bars over the whole width of a panel, with their names below: horizontal if there is
+/// room, else rotated to read upwards, and only every n-th name if these would overlap. A value that is
+/// not finite leaves a gap. The panel's x axis is ignored.
 pub fn bars(sheet: &mut Sheet, panel: &Panel, class: &str, bars: &[(&str, f64)], unit: &str) {
     panel.draw_rows(sheet);
     let pitch = panel.size.x / bars.len().max(1) as f64;
@@ -47,12 +47,12 @@ pub fn bars(sheet: &mut Sheet, panel: &Panel, class: &str, bars: &[(&str, f64)],
     }
 }
 
-/// The most letters of a name that are shown below a bar; its tip has the whole.
+/// Maximum number of letters of a name below a bar; the tooltip has the whole name.
 const LETTERS: usize = 14;
-/// Width of a letter on the sheet, about; a line is 13 high.
+/// Approximate width of a letter on the sheet; a line is 13 high.
 const LETTER: f64 = 7.0;
 
-/// Room below a panel that names of bars need at most.
+/// Returns the maximum room that the names of bars need below a panel.
 pub fn room_for_names<'a>(names: impl IntoIterator<Item = &'a str>) -> f64 {
     longest(names.into_iter()) as f64 * LETTER + 16.0
 }

@@ -1,17 +1,16 @@
-//! An area divided into cells, each as dark as its count is large, with the count in it.
+//! Draws an area divided into cells, each with its count and shaded in proportion to it.
 
 use super::{Anchor, Panel, Sheet};
 use glam::DVec2;
 
-/// Draws `counts`, row by row from the one at the start of the y axis, `columns` in a row, over the
-/// whole of a panel.
+/// Draws `counts` over a whole panel, `columns` per row, row by row from the start of the y axis.
 pub fn cells(sheet: &mut Sheet, panel: &Panel, class: &str, counts: &[usize], columns: usize) {
     let columns = columns.max(1);
     let rows = counts.len().div_ceil(columns);
     let size = panel.size / DVec2::new(columns as f64, rows.max(1) as f64);
     let most = counts.iter().max().copied().unwrap_or(0).max(1);
     let (y0, y1) = panel.y.range();
-    // A reversed axis has its start above.
+    // A reversed axis starts at the top.
     let down = panel
         .y
         .at(y0)
@@ -25,7 +24,7 @@ pub fn cells(sheet: &mut Sheet, panel: &Panel, class: &str, counts: &[usize], co
         };
         let place = DVec2::new((i % columns) as f64, row as f64);
         let corner = panel.corner + place * size;
-        // Ten steps of darkness, as layers of one.
+        // Up to five layers of the translucent fill, more for larger counts.
         let layers = (*count * 5).div_ceil(most);
         for _ in 0..layers {
             sheet.rect(&format!("area {class}"), corner, size, None);

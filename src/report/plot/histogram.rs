@@ -1,18 +1,18 @@
-//! How often values fall into bins, beside the density that they should have.
+//! Histograms, drawn as densities.
 
 use super::{Panel, Sheet};
 use glam::DVec2;
 
-/// Counts of values in bins of one width.
+/// Counts of values in bins of equal width.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
-    /// Where the first bin starts.
+    /// Start of the first bin.
     pub low: f64,
     /// Width of a bin.
     pub width: f64,
-    /// Values in each; a bin holds its lower end.
+    /// Number of values in each bin; a bin includes its lower end.
     pub counts: Vec<usize>,
-    /// Values below all bins, and above them.
+    /// Numbers of values below and above all bins.
     pub outside: [usize; 2],
 }
 
@@ -40,18 +40,18 @@ impl Histogram {
         found
     }
 
-    /// Values counted, outside of the bins too.
+    /// Returns the number of counted values, including those outside the bins.
     pub fn total(&self) -> usize {
         self.counts.iter().chain(&self.outside).sum()
     }
 
-    /// Density of each bin: its share of all values over its width.
+    /// Returns the density of each bin: its fraction of all values divided by its width.
     pub fn densities(&self) -> Vec<f64> {
         let unit = self.total().max(1) as f64 * self.width;
         self.counts.iter().map(|n| *n as f64 / unit).collect()
     }
 
-    /// Draws the densities as bars in a panel whose y is a density.
+    /// Draws the densities as bars in a panel whose y axis is a density.
     pub fn draw(&self, sheet: &mut Sheet, panel: &Panel, class: &str) {
         for (i, density) in self.densities().into_iter().enumerate() {
             let from = self.low + i as f64 * self.width;
@@ -65,7 +65,7 @@ impl Histogram {
                     self.counts[i],
                     from + self.width
                 );
-                // A gap of a hair between bars.
+                // Leaves a thin gap between bars.
                 let size = b - a - DVec2::new(0.6, 0.0);
                 sheet.rect(&format!("fill {class}"), a, size, Some(&tip));
             }

@@ -1,9 +1,9 @@
-//! Curves, dots, and spans (error bars).
+//! Draws curves, dots, and spans (error bars).
 
 use super::{Panel, Sheet};
 use glam::DVec2;
 
-/// A line through points. It breaks where a point has no place or lies outside the panel.
+/// Draws a line through points, with gaps at points that are undefined or outside the panel.
 pub fn curve(sheet: &mut Sheet, panel: &Panel, class: &str, points: &[DVec2]) {
     let places: Vec<Option<DVec2>> = points.iter().map(|p| panel.inside(*p)).collect();
     for run in places.split(Option::is_none) {
@@ -14,7 +14,7 @@ pub fn curve(sheet: &mut Sheet, panel: &Panel, class: &str, points: &[DVec2]) {
     }
 }
 
-/// A disc at every point in the panel, each with a tip where `tips` has one.
+/// Draws a disc at every point in the panel, with the tooltip that `tips` has for it, if any.
 pub fn dots(
     sheet: &mut Sheet,
     panel: &Panel,
@@ -31,7 +31,8 @@ pub fn dots(
     }
 }
 
-/// Upright lines from `low` to `high` at each x, `[x, low, high]`: error bars; cut to the panel.
+/// Draws error bars `[x, low, high]`: vertical lines from `low` to `high` at each x, clipped to the
+/// panel.
 pub fn spans(sheet: &mut Sheet, panel: &Panel, class: &str, spans: &[[f64; 3]]) {
     let (floor, ceiling) = panel.y.range();
     let lines = spans.iter().filter_map(|[x, low, high]| {

@@ -1,10 +1,10 @@
-//! Plots as SVG: small parts (axes, bars, curves, arrows, cells) on a sheet, without scripts or fonts
-//! of their own, readable on light and dark ground.
+//! Plots as SVG: axes, bars, curves, arrows and cells on a sheet, without scripts or embedded fonts,
+//! readable on light and dark backgrounds.
 //!
-//! A [`Sheet`] is drawn on, and ends as an `<svg>` element; an [`Axis`] carries values to the unit
-//! interval, with ticks at round numbers; a [`Panel`] is two axes at a place of the sheet. Values
-//! that are not finite are left out, never drawn somewhere: a file holds no "NaN". [`STYLE`] says
-//! what the classes look like; put it once into a page, or take [`Sheet::into_file`], which has it.
+//! A [`Sheet`] collects the drawing and becomes an `<svg>` element. An [`Axis`] maps values to the unit
+//! interval, with ticks at round numbers. A [`Panel`] is an area of the sheet with two axes. Values that
+//! are not finite are omitted, so a file never contains "NaN". [`STYLE`] defines the look of the
+//! classes: include it once in a page, or use [`Sheet::into_file`], which contains it.
 
 mod axis;
 mod bars;

@@ -1,4 +1,4 @@
-//! Two axes at a place of a sheet.
+//! An area of a sheet with two axes.
 
 use super::{Anchor, Axis, Sheet};
 use glam::DVec2;
@@ -6,36 +6,36 @@ use glam::DVec2;
 /// The area that two axes span. Values along y grow upwards unless the axis is reversed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Panel {
-    /// Left upper corner on the sheet.
+    /// Upper left corner on the sheet.
     pub corner: DVec2,
     /// Width and height on the sheet.
     pub size: DVec2,
-    /// From left to right.
+    /// Horizontal axis, left to right.
     pub x: Axis,
-    /// From bottom to top.
+    /// Vertical axis, bottom to top.
     pub y: Axis,
 }
 
-/// Room for a tick's label, of up to seven letters, and an axis's name left of a panel, and below it.
+/// Room left of a panel and below it, for the labels of ticks (up to seven letters) and of the axis.
 pub const ROOM: DVec2 = DVec2::new(72.0, 42.0);
 
 impl Panel {
-    /// Where a pair of values lies on the sheet; `None` for what has no place on an axis.
+    /// Returns the position of a pair of values on the sheet; `None` if an axis has no position for it.
     pub fn at(&self, value: DVec2) -> Option<DVec2> {
         let (tx, ty) = (self.x.at(value.x)?, self.y.at(value.y)?);
         Some(self.corner + self.size * DVec2::new(tx, 1.0 - ty))
     }
 
-    /// Where a pair of values lies, if that is in the panel.
+    /// Returns the position of a pair of values if it is in the panel.
     pub fn inside(&self, value: DVec2) -> Option<DVec2> {
         let at = self.at(value)?;
         let far = self.corner + self.size;
-        // Edges belong to it, rounding or not.
+        // Includes the edges, despite rounding.
         let slack = DVec2::splat(1e-6);
         (at.cmpge(self.corner - slack).all() && at.cmple(far + slack).all()).then_some(at)
     }
 
-    /// Draws frame, grid, ticks with labels, and the axes' names.
+    /// Draws the frame, the grid, the labels of the ticks, and the labels of the axes.
     pub fn draw(&self, sheet: &mut Sheet) {
         self.draw_rows(sheet);
         let far = self.corner + self.size;
@@ -60,7 +60,7 @@ impl Panel {
         sheet.text("", middle, Anchor::Middle, self.x.label());
     }
 
-    /// Draws the frame and what belongs to y alone: for bars, whose x has names.
+    /// Draws the frame, and grid and labels of the y axis only: for bars, which have names along x.
     pub fn draw_rows(&self, sheet: &mut Sheet) {
         let far = self.corner + self.size;
         let ticks = self.y.ticks((self.size.y / 34.0).max(2.0) as usize);
@@ -86,7 +86,7 @@ impl Panel {
         sheet.rect("frame", self.corner, self.size, None);
     }
 
-    /// A heading above the panel.
+    /// Draws a heading above the panel.
     pub fn head(&self, sheet: &mut Sheet, words: &str) {
         let at = self.corner - DVec2::new(0.0, 8.0);
         sheet.text("name", at, Anchor::Start, words);

@@ -1,29 +1,29 @@
-//! Arrows over an area, many times their length, with one for scale.
+//! Draws enlarged arrows over an area, with a reference arrow.
 
 use super::ticks::round_step;
 use super::{Anchor, Panel, Sheet, figures};
 use glam::DVec2;
 
-/// An arrow: where it starts, and what it shows, both in the units of the axes.
+/// An arrow, in the units of the axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arrow {
-    /// Its foot.
+    /// Its start.
     pub at: DVec2,
-    /// From foot to head, before it is enlarged.
+    /// Vector from start to head, before enlargement.
     pub by: DVec2,
 }
 
-/// The most arrows that are drawn.
+/// Maximum number of arrows that are drawn.
 const MOST: usize = 12_000;
-/// Length on the sheet, least and most, of an arrow of the size that one in twenty exceeds.
+/// Minimum and maximum length on the sheet of an arrow at the 95th percentile of the lengths.
 const LENGTHS: [f64; 2] = [9.0, 30.0];
-/// Length on the sheet that the arrow for scale has at least.
+/// Minimum length of the reference arrow on the sheet.
 const SAMPLE: f64 = 25.0;
 
-/// Draws arrows in a panel whose axes have one scale, all enlarged by one factor, chosen so that they
-/// can be seen, and says so with an arrow of round length above the panel's right end. Of more than
-/// 12,000 every n-th is drawn. Returns the scale: units of the sheet for one of `by`; `None` without
-/// an arrow that has a place and a size.
+/// Draws arrows in a panel whose axes have equal scales. All are enlarged by one factor, chosen so that
+/// they are visible, which a reference arrow of round length above the panel's right end shows. Of more
+/// than 12,000 arrows, only every n-th is drawn. Returns the factor, in units of the sheet per unit of
+/// `by`; `None` if no arrow lies in the panel and has a length.
 pub fn quiver(
     sheet: &mut Sheet,
     panel: &Panel,
@@ -39,14 +39,14 @@ pub fn quiver(
     let mut sizes: Vec<f64> = placed.iter().map(|(_, by)| by.length()).collect();
     sizes.sort_unstable_by(f64::total_cmp);
     let large = *sizes.get(sizes.len() * 19 / 20)?;
-    // Many are shorter, so that they do not cover one another.
+    // Many arrows are drawn shorter, so that they do not cover one another.
     let apart = (panel.size.x * panel.size.y / placed.len() as f64).sqrt();
     let length = (2.0 * apart).clamp(LENGTHS[0], LENGTHS[1]);
     let scale = length / large;
     if !(scale.is_finite() && scale > 0.0) {
         return None;
     }
-    // Which way the axes run on the sheet.
+    // Directions of the axes on the sheet.
     let towards = |x: f64, y: f64| panel.at(DVec2::new(x, y));
     let ((x0, x1), (y0, y1)) = (panel.x.range(), panel.y.range());
     let sense = (towards(x1, y1)? - towards(x0, y0)?).signum();
@@ -66,7 +66,7 @@ pub fn quiver(
     Some(scale)
 }
 
-/// Shaft and both sides of the head.
+/// Returns the lines of an arrow: the shaft and both sides of the head.
 fn arrow(from: DVec2, by: DVec2) -> [[DVec2; 2]; 3] {
     let to = from + by;
     let back = -by.normalize_or_zero() * (0.35 * by.length()).min(4.0);
@@ -88,7 +88,7 @@ mod tests {
         }
     }
 
-    /// Shafts as they were drawn: foot and head.
+    /// Returns the drawn shafts: start and head.
     fn shafts(text: &str) -> Vec<[DVec2; 2]> {
         let path = text.split("class=\"thin c0\" d=\"").nth(1).unwrap();
         let path = path.split('"').next().unwrap();
@@ -122,11 +122,11 @@ mod tests {
         for (line, arrow) in drawn.iter().zip(&arrows) {
             let foot = DVec2::new(10.0, 20.0) + arrow.at * 0.1;
             assert!((line[0] - foot).length() < 0.02);
-            // A row further down is further down on the sheet.
+            // A larger row is further down on the sheet.
             let by = (line[1] - line[0]) / scale;
             assert!((by - arrow.by).length() < 0.02 / scale, "{by} {}", arrow.by);
         }
-        // The arrow for scale stands above the panel's right end and is as long as it says.
+        // The reference arrow ends above the panel's right end and has the length in its label.
         let sample = text.split("class=\"line c0\" d=\"M").nth(1).unwrap();
         let from: f64 = sample.split(' ').next().unwrap().parse().unwrap();
         let said = text.split(" px</text>").next().unwrap();

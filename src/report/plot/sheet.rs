@@ -5,7 +5,7 @@ use super::text::{coordinate, escaped};
 use glam::DVec2;
 use std::fmt::Write;
 
-/// Which end of a text stands at its place.
+/// The part of a text that is at its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
     /// Its start.
@@ -26,8 +26,8 @@ impl Anchor {
     }
 }
 
-/// A drawing under way: x to the right, y down, units about a pixel of a screen. Marks with a
-/// coordinate that is not finite are left out. `class` is one or more classes of the style.
+/// A drawing in progress: x to the right, y down, units of about a screen pixel. Marks with a coordinate
+/// that is not finite are omitted. `class` is one or more classes of the style.
 #[derive(Debug, Clone)]
 pub struct Sheet {
     size: DVec2,
@@ -35,7 +35,7 @@ pub struct Sheet {
 }
 
 impl Sheet {
-    /// An empty sheet of this size.
+    /// Makes an empty sheet of this size.
     pub fn new(width: f64, height: f64) -> Self {
         Self {
             size: DVec2::new(width, height),
@@ -43,7 +43,7 @@ impl Sheet {
         }
     }
 
-    /// A line through points; `closed` joins its ends. `tip` is shown where the pointer rests on it.
+    /// Draws a line through points; `closed` joins its ends. `tip` is its tooltip.
     pub fn polyline(&mut self, class: &str, points: &[DVec2], closed: bool, tip: Option<&str>) {
         if points.is_empty() || points.iter().any(|p| !p.is_finite()) {
             return;
@@ -61,7 +61,7 @@ impl Sheet {
         self.end(name, tip);
     }
 
-    /// Many separate lines as one mark.
+    /// Draws separate lines as one element.
     pub fn lines(&mut self, class: &str, lines: impl IntoIterator<Item = [DVec2; 2]>) {
         let mut path = String::new();
         for [from, to] in lines {
@@ -80,7 +80,7 @@ impl Sheet {
         }
     }
 
-    /// A box by its left upper corner and its size.
+    /// Draws a rectangle, given its upper left corner and its size.
     pub fn rect(&mut self, class: &str, corner: DVec2, size: DVec2, tip: Option<&str>) {
         if corner.is_finite() && size.is_finite() {
             self.write(format_args!(
@@ -95,7 +95,7 @@ impl Sheet {
         }
     }
 
-    /// A disc.
+    /// Draws a disc.
     pub fn disc(&mut self, class: &str, centre: DVec2, radius: f64, tip: Option<&str>) {
         if centre.is_finite() && radius.is_finite() {
             self.write(format_args!(
@@ -109,12 +109,12 @@ impl Sheet {
         }
     }
 
-    /// Words on a line; `at` is on their base line. `class` may be empty.
+    /// Draws a line of text; `at` is on its baseline. `class` may be empty.
     pub fn text(&mut self, class: &str, at: DVec2, anchor: Anchor, words: &str) {
         self.words(class, at, anchor, words, false);
     }
 
-    /// Words that read from below upwards.
+    /// Draws a line of text that reads upwards.
     pub fn text_upwards(&mut self, class: &str, at: DVec2, anchor: Anchor, words: &str) {
         self.words(class, at, anchor, words, true);
     }
@@ -137,7 +137,7 @@ impl Sheet {
         ));
     }
 
-    /// Ends an attribute and its element, which may hold a tip.
+    /// Ends an attribute and its element, with a tooltip if there is one.
     fn end(&mut self, name: &str, tip: Option<&str>) {
         match tip {
             Some(tip) => {
@@ -153,13 +153,13 @@ impl Sheet {
         let _ = self.body.write_fmt(what);
     }
 
-    /// The drawing as an element of a page that holds the style; `label` says what it shows to those
-    /// who do not see it.
+    /// Returns the drawing as an element for a page that contains [`STYLE`]; `label` is the description
+    /// for screen readers.
     pub fn into_element(self, label: &str) -> String {
         self.element(label, "", "")
     }
 
-    /// The drawing as a file of its own.
+    /// Returns the drawing as the contents of a file.
     pub fn into_file(self, label: &str) -> String {
         let style = format!("<style>{STYLE}</style>\n");
         self.element(label, " xmlns=\"http://www.w3.org/2000/svg\"", &style)

@@ -1,7 +1,7 @@
-//! What the classes of the plots look like.
+//! Style sheets of the plots and their pages.
 
-/// Style of every plot, on light and on dark ground. The colours of `c0` (blue) and `c1` (orange) are
-/// told apart by readers of any colour vision.
+/// Style of every plot, for light and dark backgrounds. The colours of `c0` (blue) and `c1` (orange) are
+/// distinguishable with any colour vision.
 pub const STYLE: &str = "\
 .plot{font:12px system-ui,sans-serif;max-width:100%;height:auto}\
 .plot text{fill:#333}\
@@ -38,7 +38,7 @@ pub const STYLE: &str = "\
 .plot .c2{stroke:#bbb}.plot .c2.fill,.plot .c2.area,.plot .c2.veil{fill:#bbb}}\
 ";
 
-/// Style of the pages that plots stand on: reports.
+/// Style of pages with plots, such as reports.
 pub const PAGE_STYLE: &str = "\
 :root{color-scheme:light dark}\
 body{font:15px/1.45 system-ui,sans-serif;max-width:1000px;margin:1.5em auto;padding:0 1em;\

@@ -1,7 +1,7 @@
-//! Text that is safe in XML and HTML, and numbers in few digits.
+//! Escapes text for XML and HTML, and formats numbers with few digits.
 
-/// Text as it may stand between tags or in a quoted attribute of XML and HTML. Characters that XML
-/// 1.0 does not have (section 2.2, "Characters"), such as most control characters, become U+FFFD.
+/// Escapes text for use between tags or in a quoted attribute of XML and HTML. Characters that XML 1.0
+/// does not allow (section 2.2, "Characters"), such as most control characters, become U+FFFD.
 pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -19,8 +19,8 @@ pub fn escaped(text: &str) -> String {
     out
 }
 
-/// A number in `digits` significant digits, without an exponent where that is short; "-" for what
-/// is not finite.
+/// Formats a number with `digits` significant digits, without an exponent if that is short; "-" if it is
+/// not finite.
 pub fn figures(value: f64, digits: usize) -> String {
     let digits = digits.clamp(1, 17);
     if !value.is_finite() {
@@ -29,7 +29,7 @@ pub fn figures(value: f64, digits: usize) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
-    // Rounding first: 0.09996 in three digits is 0.100.
+    // Rounds first: 0.09996 in three digits is 0.100.
     let rounded = format!("{value:.*e}", digits - 1);
     let exponent: i32 = rounded
         .rsplit_once('e')
@@ -43,9 +43,9 @@ pub fn figures(value: f64, digits: usize) -> String {
     }
 }
 
-/// A coordinate on a sheet: hundredths of its unit are finer than any eye.
+/// Formats a coordinate on a sheet with two decimals, which is finer than visible.
 pub(super) fn coordinate(value: f64) -> String {
-    // Far outside of any sheet, and short.
+    // The limit is far outside any sheet, and keeps the text short.
     let mut text = format!("{:.2}", value.clamp(-1e5, 1e5));
     while text.ends_with('0') {
         text.pop();

@@ -1,7 +1,7 @@
 //! Round numbers along an axis: steps of 1, 2 or 5 times a power of ten.
 
-/// The smallest of 1, 2, 5, 10 times a power of ten that is `least` or more; 1 for a `least` that is
-/// no positive number.
+/// Returns the smallest of 1, 2, 5 or 10 times a power of ten that is at least `least`; 1 if `least` is not
+/// a positive number.
 pub(super) fn round_step(least: f64) -> f64 {
     if !(least.is_finite() && least > 0.0) {
         return 1.0;
@@ -10,12 +10,12 @@ pub(super) fn round_step(least: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0]
         .into_iter()
         .map(|m| scaled(m, power))
-        // A step of 0.1 serves where 0.1 + 1e-17 was asked for.
+        // Accepts a step of 0.1 for a request of 0.1 + 1e-17.
         .find(|step| *step >= least * (1.0 - 1e-9))
         .unwrap_or_else(|| scaled(10.0, power))
 }
 
-/// `m` times ten to the power `exponent`, as the decimal number reads.
+/// Returns `m` times ten to the power `exponent`, rounded as the decimal literal is.
 fn scaled(m: f64, exponent: i32) -> f64 {
     if (-300..0).contains(&exponent) {
         m / 10f64.powi(-exponent)
@@ -24,14 +24,14 @@ fn scaled(m: f64, exponent: i32) -> f64 {
     }
 }
 
-/// Ticks at multiples of a round step within [low, high], at most about `most` of them, each with
+/// Returns ticks at multiples of a round step within [low, high], at most about `most` of them, each with
 /// its label.
 pub(super) fn linear(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
     let step = round_step((high - low) / most.max(1) as f64);
     let slack = 1e-6 * step;
     let first = ((low - slack) / step).ceil();
     let last = ((high + slack) / step).floor();
-    // Values so far from zero that steps drown in rounding have no ticks to tell apart.
+    // For values so far from zero, rounding hides the steps.
     if !(first.is_finite() && last.is_finite()) || first.abs().max(last.abs()) > 1e9 {
         return Vec::new();
     }
@@ -45,8 +45,8 @@ pub(super) fn linear(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// Ticks at powers of ten within [low, high]; where they are few also at 2 and 5 times those, and
-/// where fewer than three are left, at multiples of a round step.
+/// Returns ticks at powers of ten within [low, high]; over few decades also at 2 and 5 times those, and if
+/// there are fewer than three, at multiples of a round step instead.
 pub(super) fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let span = last - first;
@@ -57,7 +57,7 @@ pub(super) fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
         .flat_map(|e| multiples.iter().map(move |m| (scaled(*m, e), e)))
         .filter(|(value, _)| *value >= low * (1.0 - 1e-9) && *value <= high * (1.0 + 1e-9))
         .map(|(value, e)| {
-            // Longer ones would reach into the axis's name.
+            // Longer labels would reach into the label of the axis.
             let text = if (-3..=4).contains(&e) {
                 format!("{value:.*}", (-e).max(0) as usize)
             } else {
@@ -69,7 +69,7 @@ pub(super) fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
     if ticks.len() >= FEWEST {
         return ticks;
     }
-    // A step that is twice as fine has at least twice as many but one.
+    // Half the step gives at least twice as many ticks, minus one.
     let coarse = linear(low, high, 2 * FEWEST);
     match coarse.len() < FEWEST {
         true => linear(low, high, 4 * FEWEST),
@@ -77,7 +77,7 @@ pub(super) fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
     }
 }
 
-/// Ticks without which a logarithmic axis cannot be read.
+/// Minimum number of ticks that makes a logarithmic axis readable.
 const FEWEST: usize = 3;
 
 fn decimals(step: f64) -> usize {
@@ -95,7 +95,7 @@ fn label(value: f64, step: f64, decimals: usize) -> String {
         return "0".to_owned();
     }
     if size >= 1e7 || decimals > 6 {
-        // As many digits as tell neighbours apart.
+        // As many digits as distinguish neighbours.
         let place = |v: f64| (v.log10() + 1e-9).floor() as i32;
         let digits = (place(size) - place(step)).clamp(0, 12) as usize;
         return format!("{value:.digits$e}");
@@ -151,7 +151,7 @@ mod tests {
             assert!((3..12).contains(&ticks.len()), "{low} {high}: {ticks:?}");
             for (value, text) in ticks {
                 let read: f64 = text.parse().unwrap();
-                // Within rounding of the ends.
+                // Rounding may move a tick past an end.
                 let range = low * (1.0 - 1e-9)..=high * (1.0 + 1e-9);
                 assert!(range.contains(&value) && (read / value - 1.0).abs() < 1e-9);
             }

@@ -1,13 +1,21 @@
-//! Where the tumour is, from the skin: the coefficients of the motion model that fit a scan best.
+//! Fits the motion model's coefficients to a scan, which gives the tumour's position from the skin.
 //!
-//! The robust sum over points of the squared distance to the tangent plane at the foot on the moved
-//! surface, over its deviation, plus the squares of the coefficients over their prior deviation, is
-//! minimised by Gauss and Newton. It is the posterior of a Gaussian prior from planning, so its
-//! curvature is the inverse covariance, and a component that the skin does not show keeps its prior.
+//! Minimises by Gauss-Newton the robust sum over points of the squared distance to the tangent plane
+//! at the foot on the deformed surface, over its variance, plus the squares of the coefficients over
+//! their prior variance. This is the negative log posterior under a Gaussian prior from planning, so
+//! its curvature is the inverse covariance, and a component that the skin does not show keeps its
+//! prior.
 //!
-//! The tumour's covariance is that of the coefficients (and of the pose), propagated, and what planning
-//! has seen in components that the model [leaves out](MotionModel::left_out): a tumour that lags behind
-//! the skin in a way that no kept component says is uncertain by that lag.
+//! The tumour's covariance is the propagated covariance of the coefficients (and of the pose) plus
+//! the covariance that planning gives for the components which the model [leaves
+//! out](MotionModel::left_out): where the tumour lags behind the skin and no kept component describes
+//! it, the lag adds to the uncertainty.
+//!
+//! | file | content |
+//! | --- | --- |
+//! | `moved` | the deformed surface and one equation per measured point |
+//! | `system` | the normal equations |
+//! | `state`, `options` | start, result and settings |
 
 mod moved;
 mod options;
@@ -32,23 +40,24 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Pose;
 use system::Sums;
 
-/// A reference surface and a model that belong together, with what to believe of them.
+/// Fits a motion model on its reference surface to scans.
 pub struct MotionTracker<'a> {
     reference: &'a Reference,
     model: &'a MotionModel,
     options: FitOptions,
-    /// Where the patient is set up, about which [`SetUp`] holds.
+    /// Planned set-up pose; the prior [`SetUp`] is relative to it.
     set_up: Pose,
-    /// Covariance of the tumour's centroid over the phases by what the model leaves out, in square
-    /// millimetres along the reference's axes.
+    /// Covariance over the phases of the tumour's centroid due to the components that the model
+    /// leaves out, in square millimetres along the reference's axes.
     left_out: DMat3,
 }
 
 impl<'a> MotionTracker<'a> {
-    /// Of a reference, a model of its vertices, and the patient's pose at set-up.
+    /// Creates a tracker from a reference, a model of its vertices, and the patient's pose at set-up.
     ///
     /// # Errors
-    /// A model of another number of vertices; options out of range.
+    /// Returns an error if the model and the reference have different numbers of vertices, or if an
+    /// option is out of range.
     pub fn new(
         reference: &'a Reference,
         model: &'a MotionModel,
@@ -87,10 +96,10 @@ impl<'a> MotionTracker<'a> {
         })
     }
 
-    /// Fits a scan, from the state of the last one or [`MotionState::mean`].
+    /// Fits a scan, starting from the state of the previous scan or from [`MotionState::mean`].
     ///
     /// # Errors
-    /// A scan of which too little lies over the region.
+    /// Returns an error if too few points lie over the region.
     pub fn fit(&self, measured: &Measured, start: &MotionState) -> Result<MotionFit, Lost> {
         let options = &self.options;
         let components = self.model.components();
@@ -129,7 +138,7 @@ impl<'a> MotionTracker<'a> {
         self.model.components() + if self.options.set_up.is_some() { 6 } else { 0 }
     }
 
-    /// One step, where the data's variance exceeds what is claimed by a factor.
+    /// Computes one step; the data's variance is multiplied by `inflation`.
     fn step(
         &self,
         measured: &Measured,
@@ -163,7 +172,7 @@ impl<'a> MotionTracker<'a> {
             system[(k, k)] += information;
             right[k] -= information * value;
         }
-        // The prior makes it positive definite, whatever the points say.
+        // The prior makes the system positive definite, whatever the points are.
         let Some(factor) = system.cholesky() else {
             return Err(Lost::Line);
         };
@@ -180,7 +189,7 @@ impl<'a> MotionTracker<'a> {
         })
     }
 
-    /// Of each unknown how far it is from what is expected, and the deviation of that.
+    /// For each unknown, its difference from the prior mean and its prior standard deviation.
     fn prior(&self, state: &MotionState) -> Vec<(f64, f64)> {
         let deviation = self.options.prior;
         let mut found: Vec<(f64, f64)> =
@@ -189,7 +198,7 @@ impl<'a> MotionTracker<'a> {
             let pose = &state.room_from_reference;
             let shift = pose.translation_mm - self.set_up.translation_mm;
             let r = pose.rotation * self.set_up.rotation.transpose();
-            // A set-up is turned by few degrees: the sine is the angle to a thousandth.
+            // Set-up rotations are a few degrees: the sine equals the angle to about a thousandth.
             let turned = DVec3::new(
                 r.y_axis.z - r.z_axis.y,
                 r.z_axis.x - r.x_axis.z,
@@ -283,7 +292,7 @@ fn outer(v: DVec3) -> DMat3 {
 /// One step of the fit.
 struct Step {
     unknowns: DVector<f64>,
-    /// Largest of the unknowns.
+    /// Largest absolute value of the unknowns.
     size: f64,
     covariance: DMatrix<f64>,
     inflation: f64,

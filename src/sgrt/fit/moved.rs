@@ -1,9 +1,9 @@
-//! The reference surface under the model's motion, and what each measured point says about it.
+//! The reference surface deformed by the model, and one equation per measured point.
 //!
-//! Feet are not looked for on the moved mesh, for which no grid of starts exists: a point is taken
-//! back by the displacement at its last foot, and its foot on the reference carries the new one. For
-//! a point on the moved surface that ends at the very point of the triangle that it came from, because
-//! displacements are interpolated within triangles as the mesh is.
+//! Feet are not searched on the deformed mesh, which has no grid of start triangles. Instead a point
+//! is moved back by the displacement at its previous foot, and the foot found on the reference is
+//! displaced. For a point on the deformed surface this converges to the exact point of the triangle
+//! that it came from, because displacements are interpolated within triangles like positions.
 
 use super::super::measured::Measured;
 use super::super::model::{MOST_COMPONENTS, MotionModel};
@@ -12,12 +12,12 @@ use glam::{DVec3, Vec3};
 use phasmid_geometry::Pose;
 use rayon::prelude::*;
 
-/// Points that one task takes.
+/// Number of points per parallel task.
 pub(super) const CHUNK: usize = 256;
-/// Unknowns at most: components, shift and turn.
+/// Maximum number of unknowns: components, shift and turn.
 pub(super) const MOST: usize = MOST_COMPONENTS + 6;
-/// Rounds from foot to displacement and back at the first look; displacements vary slowly, so each
-/// brings the foot nearer by their gradient, a tenth or less.
+/// Iterations between foot and displacement in the first search. Displacements vary slowly: each
+/// iteration reduces the foot's error by the factor of their gradient, a tenth or less.
 const ROUNDS: usize = 3;
 
 /// A point's equation: `residual_mm = jacobian . unknowns`.
@@ -25,7 +25,7 @@ const ROUNDS: usize = 3;
 pub(super) struct Row {
     pub(super) jacobian: [f64; MOST],
     pub(super) residual_mm: f64,
-    /// Infinite for a point that takes no part.
+    /// Standard deviation along the normal; infinite if the point is ignored.
     pub(super) sigma_mm: f64,
     pub(super) triangle: u32,
     weights: [f64; 3],
@@ -37,7 +37,7 @@ impl Row {
     }
 }
 
-/// The reference moved by some coefficients.
+/// The reference deformed by given coefficients.
 pub(super) struct Moved<'a> {
     pub(super) reference: &'a Reference,
     pub(super) model: &'a MotionModel,
@@ -69,7 +69,7 @@ impl<'a> Moved<'a> {
         a * weights[0] + b * weights[1] + c * weights[2]
     }
 
-    /// The smooth normal at a foot, turned as the triangle has turned.
+    /// The smooth normal at a foot, rotated with its triangle (to first order).
     fn normal(&self, foot: &Foot) -> DVec3 {
         let t = self.reference.triangles()[foot.triangle as usize];
         let at = t.map(|v| self.reference.vertices()[v as usize]);
@@ -78,7 +78,8 @@ impl<'a> Moved<'a> {
         (foot.normal + flat(to) - flat(at)).normalize_or_zero()
     }
 
-    /// The rows of all points. `rows` holds those of the last coefficients, if any.
+    /// Computes the rows of all points. On entry, `rows` holds those of the previous coefficients, if
+    /// any.
     pub(super) fn rows(
         &self,
         rows: &mut Vec<Row>,

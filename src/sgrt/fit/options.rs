@@ -1,39 +1,41 @@
-//! How to follow a motion.
+//! Settings of the motion fit.
 
-/// What is known of a patient's set-up beside the breathing.
+/// Prior on the patient's set-up pose, fitted together with the breathing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SetUp {
-    /// Deviation of the patient's place along each axis, in millimetres.
+    /// Standard deviation of the patient's position along each axis, in millimetres.
     pub shift_sd_mm: f64,
-    /// Deviation of the rotation vector along each axis, in degrees.
+    /// Standard deviation of the rotation vector along each axis, in degrees.
     pub turn_sd_deg: f64,
 }
 
-/// What a fit does and believes.
+/// Settings of [`MotionTracker`](super::MotionTracker).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitOptions {
-    /// Steps at most.
+    /// Maximum number of steps.
     pub max_iterations: usize,
-    /// Done when no coefficient changes by more than this part of a deviation, and the patient by no
-    /// more than this in millimetres.
+    /// Convergence threshold: maximum change in one step, in standard deviations for coefficients,
+    /// millimetres for the shift and radians for the turn.
     pub step: f64,
-    /// Points farther from the surface than this take no part, in millimetres.
+    /// Points farther from the surface than this are ignored, in millimetres.
     pub capture_mm: f64,
-    /// Prior deviation of coefficients, in those of planning: patients breathe deeper on one day
-    /// than on another.
+    /// Prior standard deviation of the coefficients, in units of their standard deviation over
+    /// planning: breathing depth varies from day to day.
     pub prior: f64,
-    /// Whether the patient's pose is fitted too, and what is known of it; `None` leaves it as given.
+    /// Prior of the patient's pose, which is then fitted too; `None` keeps the start pose.
     pub set_up: Option<SetUp>,
-    /// As in [`RigidOptions`](super::super::RigidOptions): below about this distance, in
-    /// millimetres, errors of points go together.
+    /// Correlation length of the points' errors in millimetres, as in
+    /// [`RigidOptions`](super::super::RigidOptions).
     pub correlation_mm: f64,
-    /// Points over the region below which nothing is said.
+    /// Minimum number of points over the region; with fewer, the fit fails.
     pub least_points: usize,
-    /// Share of the region's area that a scan should cover.
+    /// Fraction of the region's area that a scan should cover; below it the result has a warning.
     pub least_coverage: f64,
-    /// Spread of the residuals in units of their deviations above which the surface does not fit.
+    /// Scale of the residuals, in units of their standard deviations, above which a misfit is
+    /// reported.
     pub misfit: f64,
-    /// Coefficients beyond so many deviations of planning are outside of the model.
+    /// Coefficients above this many standard deviations of planning are reported as outside the
+    /// model.
     pub outside: f64,
 }
 

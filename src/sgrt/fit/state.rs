@@ -1,4 +1,4 @@
-//! What a fit starts from and what it gives.
+//! State and result of a fit.
 
 use super::super::model::MotionModel;
 use super::super::warning::Warning;
@@ -6,17 +6,17 @@ use glam::{DMat3, DVec3};
 use nalgebra::DMatrix;
 use phasmid_geometry::{Mesh, Pose};
 
-/// A state of the patient: where a fit starts, and where it ends.
+/// A state of the patient: the start and the result of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionState {
-    /// Takes the reference's coordinates to the room's.
+    /// Maps reference coordinates to room coordinates.
     pub room_from_reference: Pose,
-    /// Coefficients of the components, in deviations of planning.
+    /// Coefficients of the components, in standard deviations of planning.
     pub coefficients: Vec<f64>,
 }
 
 impl MotionState {
-    /// The mean of planning, the patient set up as planned.
+    /// Returns the mean of planning, with the patient set up as planned.
     pub fn mean(model: &MotionModel) -> Self {
         Self {
             room_from_reference: Pose::IDENTITY,
@@ -25,34 +25,34 @@ impl MotionState {
     }
 }
 
-/// A fitted motion, and how far to trust it.
+/// A fitted motion with its uncertainty.
 #[derive(Debug, Clone)]
 pub struct MotionFit {
-    /// The state; the start of the next scan's fit.
+    /// The state; also the start for the next scan.
     pub state: MotionState,
-    /// Covariance of the coefficients, then, where the pose was fitted, of shift (mm) and rotation
+    /// Covariance of the coefficients, followed, if the pose was fitted, by shift (mm) and rotation
     /// vector (rad) along the room's axes.
     pub covariance: DMatrix<f64>,
     /// The tumour's centroid in the room frame, in millimetres.
     pub tumour_mm: DVec3,
-    /// Its covariance in square millimetres.
+    /// Covariance of the tumour's centroid, in square millimetres.
     pub tumour_covariance: DMat3,
-    /// Reasons to doubt the answer; empty for none.
+    /// Reasons to doubt the result; empty if there are none.
     pub warnings: Vec<Warning>,
-    /// Points that have had a say.
+    /// Number of points with non-zero weight.
     pub points: usize,
-    /// Share of the region's area that is measured.
+    /// Fraction of the region's area that is measured.
     pub coverage: f64,
-    /// RMS distance to the tangent planes of the points that have had a say, in millimetres.
+    /// RMS distance of the points with non-zero weight to their tangent planes, in millimetres.
     pub rms_mm: f64,
-    /// Spread of the residuals in units of their deviations.
+    /// Scale of the residuals in units of their standard deviations.
     pub spread: f64,
-    /// Steps made.
+    /// Number of steps taken.
     pub iterations: usize,
 }
 
 impl MotionFit {
-    /// The tumour's closed mesh in the room frame, in millimetres.
+    /// Computes the tumour's closed mesh in the room frame, in millimetres.
     pub fn tumour(&self, model: &MotionModel) -> Mesh {
         let mut mesh = model.tumour(&self.state.coefficients);
         for v in &mut mesh.vertices {

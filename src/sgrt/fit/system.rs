@@ -1,19 +1,20 @@
-//! The normal equations of the fit, summed in an order that no number of threads changes.
+//! The normal equations of the fit, summed in an order that does not depend on the number of threads.
 
 use super::super::robust::{Inflation, weight};
 use super::moved::{CHUNK, MOST, Row};
 use rayon::prelude::*;
 
-/// Sums over rows.
+/// Sums over rows; w is a row's biweight.
 #[derive(Debug, Clone)]
 pub(super) struct Sums {
-    /// Of w / sigma^2 J J^T, the lower triangle.
+    /// Sum of w / sigma^2 J J^T, lower triangle.
     pub(super) system: [[f64; MOST]; MOST],
     pub(super) right: [f64; MOST],
     pub(super) inflation: Inflation,
     pub(super) count: usize,
-    /// Sum of w r^2 and of w.
+    /// Sum of w r^2.
     pub(super) squares_mm2: f64,
+    /// Sum of w.
     pub(super) shares: f64,
 }
 
@@ -29,7 +30,7 @@ impl Sums {
         }
     }
 
-    /// Over all rows, of whose Jacobians the first `unknowns` are used.
+    /// Sums over all rows; only the first `unknowns` entries of each Jacobian are used.
     pub(super) fn of(rows: &[Row], scale: f64, unknowns: usize) -> Self {
         let parts: Vec<Self> = rows
             .par_chunks(CHUNK)

@@ -1,4 +1,4 @@
-//! Motions of a patient whose breathing is known come back, and uncertainties mean what they say.
+//! Tests that known breathing motions are recovered and that uncertainties match the actual errors.
 
 use super::super::model::ModelOptions;
 use super::super::six::SixDof;
@@ -63,7 +63,7 @@ fn a_tumour_is_found_between_the_phases() {
             .unwrap();
         assert!(fit.warnings.is_empty(), "{:?}", fit.warnings);
         let off = (fit.tumour_mm - truth(phase)).length();
-        // The prior pulls by next to nothing; f32 and the tumour's roundness leave some microns.
+        // The prior's pull is negligible; f32 and the tumour's roundness leave a few microns.
         assert!(off < 0.03, "{phase}: {off}");
         let mesh = fit.tumour(&CASE.model);
         let (_, centroid) = phasmid_measure::solid_moments(&mesh.vertices, &mesh.triangles);
@@ -73,8 +73,8 @@ fn a_tumour_is_found_between_the_phases() {
 
 #[test]
 fn a_deeper_breath_is_still_one() {
-    // Half as deep again: mean and deviations both grow, which the two components can follow, the
-    // mean's part along them alone.
+    // 1.5 times the depth: mean and variation both grow. The two components can follow the variation,
+    // but only the part of the mean that lies along them.
     let tracker = tracker(&options());
     let start = MotionState::mean(&CASE.model);
     let fit = tracker
@@ -82,7 +82,7 @@ fn a_deeper_breath_is_still_one() {
         .unwrap();
     let deeper = CASE.truth.tumour_shift(2.5, 1.5) - CASE.truth.tumour_shift(2.5, 1.0);
     let off = (fit.tumour_mm - truth(2.5) - deeper).length();
-    // In closed form: of the mean, half as much again, all but 0.864 goes along with the components.
+    // In closed form: 0.864 of the added half of the mean lies along the components.
     assert!((off - 0.136 * 0.5 * 6.2).abs() < 0.1, "{off}");
     assert!(deeper.length() > 2.0, "{deeper}");
 }
@@ -98,7 +98,7 @@ fn a_covariance_of_the_fit_is_honest() {
         let fit = tracker
             .fit(&measured(phase, 1.0, 800, 0.5, 50 + seed), &start)
             .unwrap();
-        // The two coefficients that make up this phase are those of a sine and a cosine.
+        // The two coefficients of this phase combine a sine and a cosine.
         let phases = CASE.model.coefficients();
         let told: Vec<f64> = (0..2)
             .map(|k| {
@@ -114,14 +114,14 @@ fn a_covariance_of_the_fit_is_honest() {
         let error = DVector::from_fn(2, |k, _| fit.state.coefficients[k] - told[k]);
         sum += error.dot(&(fit.covariance.clone().try_inverse().unwrap() * &error));
     }
-    // 100 runs of two: 2 with a deviation of 0.2.
+    // Over 100 runs of two coefficients, the mean chi-square is 2 with standard deviation 0.2.
     let square = sum / runs as f64;
     assert!((1.4..2.6).contains(&square), "{square}");
 }
 
 #[test]
 fn what_the_skin_does_not_show_stays_uncertain() {
-    // One component alone: the lag is left out, and the tumour's uncertainty has it.
+    // One component only: the lag is left out and appears in the tumour's uncertainty.
     let one = ModelOptions {
         most: 1,
         ..ModelOptions::default()
@@ -140,13 +140,13 @@ fn what_the_skin_does_not_show_stays_uncertain() {
         worst = worst.max(off.length() / told);
         squares += off.length_squared() / 10.0;
     }
-    // Prior of twice planning's deviation: no error beyond about one and a half of those.
+    // The prior is twice planning's standard deviation: no error exceeds about 1.5 of planning's.
     assert!(
         worst < 2.0 && squares.sqrt() > 0.2,
         "{worst} {}",
         squares.sqrt()
     );
-    // A region that does not breathe holds nothing: the tumour keeps its prior.
+    // A region that does not breathe determines nothing: the tumour keeps its prior.
     let flank = Region::Sphere {
         centre: DVec3::new(0.0, 0.0, -118.0),
         radius_mm: 90.0,
@@ -230,7 +230,7 @@ fn what_does_not_fit_is_said() {
         tracker.fit(&empty, &start),
         Err(Lost::Points { found: 0, .. })
     ));
-    // A cough: five times as far as any breath.
+    // A cough: five times the displacement of any breath.
     let fit = tracker
         .fit(&measured(3.1, 5.0, 5000, 0.1, 8), &start)
         .unwrap();
@@ -256,7 +256,7 @@ fn what_does_not_fit_is_said() {
 struct Snapshots2;
 
 impl Snapshots2 {
-    /// Of a skin with one vertex less.
+    /// Snapshots of a skin with one vertex fewer.
     fn of(truth: &Breathing) -> super::super::model::Snapshots {
         let mut all = truth.snapshots.clone();
         all.skin.iter_mut().for_each(|f| {

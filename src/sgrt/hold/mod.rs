@@ -1,9 +1,12 @@
-//! When the beam may be on: a machine of three states that is told times and readings.
+//! Beam hold: a state machine that decides from timed readings whether the beam may be on.
 //!
-//! A quantity counts with its uncertainty: |value| + k deviations over its tolerance. The beam is
-//! held as soon as one exceeds its tolerance, a warning comes, or readings stay away; it comes on
-//! again when all have been inside a narrower band for a while without a break. A narrower band and a
-//! while, because a target at the edge would switch the beam with every scan otherwise.
+//! A quantity is judged by its value and uncertainty: |value| + k standard deviations, relative to
+//! its tolerance. The beam is held as soon as one quantity exceeds its tolerance, a warning arrives,
+//! or readings stop. It comes on again once all quantities have been inside a narrower band without
+//! interruption for the settling time. The narrower band and the settling time prevent a target at
+//! the edge of its tolerance from switching the beam at every scan.
+//!
+//! `reading` holds the input, `reason` why the beam is held, `rules` the settings.
 
 mod reading;
 mod reason;
@@ -18,31 +21,31 @@ pub use rules::HoldRules;
 use phasmid_core::error::Result;
 use std::time::Duration;
 
-/// What the beam is to do.
+/// The state of the beam.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Beam {
     /// On.
     On,
-    /// Off, and why.
+    /// Off, for this reason.
     Held(Reason),
 }
 
-/// The machine.
+/// The state machine of the beam hold.
 #[derive(Debug, Clone)]
 pub struct Hold {
     rules: HoldRules,
     beam: Beam,
     /// Time of the last reading.
     last_ns: Option<u64>,
-    /// Since when all is within the narrower band.
+    /// Time since when all quantities have been within the narrower band.
     inside_since_ns: Option<u64>,
 }
 
 impl Hold {
-    /// Held until readings say otherwise.
+    /// Creates a state machine that holds the beam until readings allow it.
     ///
     /// # Errors
-    /// Rules out of range.
+    /// Returns an error if a rule is out of range.
     pub fn new(rules: HoldRules) -> Result<Self> {
         rules.check()?;
         Ok(Self {
@@ -53,12 +56,12 @@ impl Hold {
         })
     }
 
-    /// What the beam is to do, as far as is known.
+    /// Returns the current state of the beam.
     pub fn beam(&self) -> &Beam {
         &self.beam
     }
 
-    /// Takes the reading of a moment.
+    /// Updates the state with a reading and its time.
     pub fn update(&mut self, time_ns: u64, reading: &Reading) -> &Beam {
         if self.last_ns.is_some_and(|last| time_ns < last) {
             return self.held(Reason::Clock);
@@ -82,7 +85,7 @@ impl Hold {
         &self.beam
     }
 
-    /// Looks at the clock alone: holds when the last reading has become too old.
+    /// Checks the time only: holds the beam if the last reading is too old.
     pub fn at(&mut self, time_ns: u64) -> &Beam {
         let old = |last: u64| time_ns.saturating_sub(last) > self.rules.stale_ns;
         if self.last_ns.is_some_and(old) {
@@ -91,12 +94,12 @@ impl Hold {
         &self.beam
     }
 
-    /// Holds because readings stay away, whatever the time: of who has a clock of another kind.
+    /// Holds the beam because readings have stopped, for callers that detect this by another clock.
     pub fn silent(&mut self) -> &Beam {
         self.held(Reason::Stale)
     }
 
-    /// How old a reading may become.
+    /// Returns the maximum age of a reading.
     pub fn stale(&self) -> Duration {
         Duration::from_nanos(self.rules.stale_ns)
     }
@@ -107,7 +110,8 @@ impl Hold {
         &self.beam
     }
 
-    /// What is wrong with a reading, where quantities may fill this part of their tolerances.
+    /// Finds what is wrong with a reading, if quantities may use at most the fraction `limit` of
+    /// their tolerances.
     fn complaint(&self, reading: &Reading, limit: f64) -> Option<Reason> {
         if let Some(words) = reading.warnings.first() {
             return Some(Reason::Warning(words.clone()));
@@ -115,7 +119,7 @@ impl Hold {
         let share = |q: &Quantity| {
             (q.value.abs() + self.rules.deviations * q.deviation) / q.tolerance.max(0.0)
         };
-        // What is no number is outside.
+        // NaN counts as outside.
         let outside = |q: &&Quantity| !(share(q) <= limit);
         let found = reading.quantities.iter().find(outside);
         if reading.quantities.is_empty() {

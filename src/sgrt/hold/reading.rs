@@ -1,23 +1,23 @@
-//! What one scan says of the patient.
+//! The reading that one scan provides for the beam hold.
 
-/// Something that has to stay within a tolerance.
+/// A quantity that has to stay within a tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quantity {
-    /// What it is called.
+    /// Name, as shown to users.
     pub name: &'static str,
-    /// Its value, whose size counts.
+    /// Value; its absolute value is compared with the tolerance.
     pub value: f64,
     /// Standard deviation of the value.
     pub deviation: f64,
-    /// How large it may be, positive; the unit is that of the value.
+    /// Positive tolerance, in the unit of the value.
     pub tolerance: f64,
 }
 
-/// What one scan says.
+/// The reading of one scan.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Reading {
-    /// What has to stay within tolerance.
+    /// Quantities that have to stay within tolerance.
     pub quantities: Vec<Quantity>,
-    /// Reasons to doubt it, as a person reads them.
+    /// Reasons to doubt the reading, as text for users.
     pub warnings: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! Why the beam is held, and how that is put.
+//! Reasons for holding the beam, and their messages.
 
 use std::fmt;
 
@@ -9,20 +9,20 @@ pub enum Reason {
     NoReading,
     /// The last reading is too old.
     Stale,
-    /// Times run backwards.
+    /// A reading is older than the one before it.
     Clock,
-    /// A reading of nothing.
+    /// A reading contains no quantity.
     Nothing,
-    /// A quantity exceeds its tolerance, or, when the beam is to come on, its part of it.
+    /// A quantity exceeds its tolerance or, before the beam comes on, the narrower band.
     Outside {
-        /// What it is called.
+        /// Name of the quantity.
         name: &'static str,
-        /// Its size and deviations over its tolerance.
+        /// Absolute value plus k standard deviations, divided by the tolerance.
         share: f64,
     },
-    /// A doubt about the reading.
+    /// The reading has a warning.
     Warning(String),
-    /// All is well, but not for long enough.
+    /// All quantities are inside the narrower band, but not for long enough yet.
     Settling,
 }
 

@@ -1,17 +1,19 @@
-//! When to hold.
+//! Settings of the beam hold.
 
 use phasmid_core::error::{Error, Result};
 
-/// When to hold.
+/// Settings of [`Hold`](super::Hold).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HoldRules {
-    /// Deviations by which a quantity is taken for worse than its value.
+    /// Number of standard deviations added to the absolute value of a quantity.
     pub deviations: f64,
-    /// Part of the tolerance, above 0 to 1, within which the beam may come on.
+    /// Narrower band within which the beam may come on, as a fraction of the tolerance; above 0, at
+    /// most 1.
     pub enter: f64,
-    /// For how long, in nanoseconds.
+    /// Time that all quantities must stay within the narrower band before the beam comes on, in
+    /// nanoseconds.
     pub settle_ns: u64,
-    /// A reading older than this is none, in nanoseconds.
+    /// Maximum age of a reading in nanoseconds.
     pub stale_ns: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Bands, gaps, clocks, and that the beam is never on without a reason.
+//! Tests the bands, gaps and clocks, and that the beam is never on without grounds.
 
 use super::*;
 use proptest::prelude::*;
@@ -30,15 +30,15 @@ fn comes_on_after_a_while_inside() {
     let mut hold = on_after((0..=400).step_by(100));
     assert_eq!(hold.beam(), &Beam::Held(Reason::Settling));
     assert_eq!(hold.update(500 * MS, &reading(0.5)), &Beam::On);
-    // Between the bands it stays on: 2.3 + 0.5 of 3.
+    // Between the two bands the beam stays on: 2.3 + 0.5 of 3.
     assert_eq!(hold.update(600 * MS, &reading(-2.3)), &Beam::On);
-    // The uncertainty takes it out: 2.6 + 0.5 of 3.
+    // The uncertainty exceeds the tolerance: 2.6 + 0.5 of 3.
     let out = hold.update(700 * MS, &reading(2.6)).clone();
     assert!(matches!(
         out,
         Beam::Held(Reason::Outside { name: "tumour", .. })
     ));
-    // There it stays until it is well inside, and for long enough.
+    // The beam stays held until the quantity has been inside the narrower band for long enough.
     assert_ne!(hold.update(800 * MS, &reading(2.3)), &Beam::On);
     for t in (900..1400).step_by(100) {
         assert_eq!(
@@ -62,7 +62,7 @@ fn warnings_gaps_and_clocks_hold() {
     let mut hold = on();
     assert_eq!(hold.at(900 * MS), &Beam::On);
     assert_eq!(hold.at(901 * MS), &Beam::Held(Reason::Stale));
-    // A reading after a gap has to settle anew.
+    // After a gap the readings have to settle again.
     assert_eq!(
         hold.update(950 * MS, &reading(0.0)),
         &Beam::Held(Reason::Settling)
@@ -119,8 +119,8 @@ fn rules_out_of_range_are_named() {
 }
 
 proptest! {
-    /// Whatever comes: on only if the last reading is inside, without a warning, and everything
-    /// since `settle` ago was.
+    /// Whatever the readings, the beam is on only if every reading of the last `settle_ns` was within
+    /// tolerance and without a warning.
     #[test]
     fn on_is_never_unfounded(steps in proptest::collection::vec((0_u64..300, 0.0_f64..4.0, 0..20_u8), 1..60)) {
         let rules = HoldRules::default();

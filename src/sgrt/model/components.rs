@@ -1,4 +1,5 @@
-//! Principal components by the matrix of snapshots' products.
+//! Principal components by the method of snapshots (from the matrix of the snapshots' inner
+//! products).
 
 use super::ModelOptions;
 use glam::{DVec3, Vec3};
@@ -6,29 +7,30 @@ use nalgebra::DMatrix;
 use phasmid_core::error::{Error, Result};
 use rayon::prelude::*;
 
-/// Mean and modes of one part of the vector.
+/// Mean and modes of one part (skin or tumour) of the snapshot vector.
 pub(super) struct Field {
     pub(super) mean: Vec<Vec3>,
-    /// Of each vertex all modes, scaled to a deviation of 1 in their coefficients.
+    /// All modes of each vertex in turn, scaled so that their coefficients have standard deviation 1.
     pub(super) all_modes: Vec<Vec3>,
 }
 
-/// What snapshots are made of.
+/// The principal components of the snapshots.
 pub(super) struct Found<const N: usize> {
     pub(super) fields: [Field; N],
-    /// Modes found, and how many of them are kept.
+    /// Number of modes found.
     pub(super) all: usize,
+    /// Number of modes kept.
     pub(super) modes: usize,
     pub(super) energies: Vec<f64>,
-    /// By phase, those of the kept modes.
+    /// Coefficients of the kept modes, by phase.
     pub(super) coefficients: Vec<Vec<f64>>,
 }
 
-/// Below this part of the whole a component is rounding of the f32 that displacements come in.
+/// Components below this fraction of the total variance are rounding errors of the f32 displacements.
 const ROUNDING: f64 = 1e-10;
 
-/// Components of parts which weigh the same however many vertices each has; of each part there are
-/// as many phases, and in each as many displacements.
+/// Computes the components of parts that have equal weight whatever their number of vertices. All
+/// parts have the same number of phases, and all phases of a part the same number of displacements.
 pub(super) fn components<const N: usize>(
     parts: [&Vec<Vec<Vec3>>; N],
     options: &ModelOptions,
@@ -70,12 +72,12 @@ pub(super) fn components<const N: usize>(
         reached += energies[modes];
         modes += 1;
     }
-    // A coefficient at phase i is sqrt(n) v_i: mean 0, variance 1.
+    // The coefficient at phase i is sqrt(n) v_i: mean 0, variance 1.
     let scores: Vec<Vec<f64>> = order
         .iter()
         .map(|&k| {
             let v = eigen.eigenvectors.column(k);
-            // The sign of a component is nobody's: its largest coefficient is positive.
+            // The sign of a component is arbitrary: make its largest coefficient positive.
             let largest = v
                 .iter()
                 .fold(0.0_f64, |m, x| if x.abs() > m.abs() { *x } else { m });
@@ -107,13 +109,13 @@ fn mean(part: &[Vec<Vec3>]) -> Vec<DVec3> {
         .collect()
 }
 
-/// Scalar product of two phases less the mean, in an order that no number of threads changes.
+/// Inner product of two phases minus the mean, summed in a fixed order.
 fn product(a: &[Vec3], b: &[Vec3], mean: &[DVec3]) -> f64 {
     let each = |v: usize| (a[v].as_dvec3() - mean[v]).dot(b[v].as_dvec3() - mean[v]);
     (0..mean.len()).map(each).sum()
 }
 
-/// Of each vertex the displacement that goes with each score: its mean product with it.
+/// For each vertex, the displacement per unit of each score: the mean of displacement times score.
 fn regress(part: &[Vec<Vec3>], mean: &[DVec3], scores: &[Vec<f64>]) -> Vec<Vec3> {
     let n = part.len() as f64;
     (0..mean.len())

@@ -1,19 +1,20 @@
-//! What the components that are left out do to the tumour.
+//! Effect on the tumour of the components that the model leaves out.
 
 use super::MotionModel;
 use glam::{DVec3, Vec3};
 use nalgebra::DMatrix;
 
-/// Mean square in square millimetres of a component's displacement along the normals below which a
-/// scan, of a thousand points and 0.2 mm of noise, does not see it.
+/// Mean square displacement along the normals, in square millimetres, below which a scan of a
+/// thousand points with 0.2 mm of noise does not detect a component.
 const UNSEEN_MM2: f64 = 1e-5;
 
 impl MotionModel {
-    /// What a coefficient of 1 of each component that is left out does to the tumour's centroid when
-    /// the others are fitted to a skin of these outward normals (by vertex, the vertices of the
-    /// region alone), in millimetres. It moves the tumour itself, and it moves the skin, which the
-    /// fit takes for what the kept components do best in its place: where a tumour lags behind the
-    /// skin and no kept component says so, the latter is the larger part.
+    /// Computes, for a coefficient of 1 of each left-out component, the error of the fitted tumour
+    /// centroid, in millimetres. `region` lists the region's vertices with outward normals.
+    ///
+    /// A left-out component moves the tumour, and it moves the skin, which the fit explains by the
+    /// best combination of the kept components. Where a tumour lags behind the skin and no kept
+    /// component describes this, the second effect is the larger one.
     pub fn left_out(&self, region: &[(u32, DVec3)]) -> Vec<DVec3> {
         let (kept, rest) = (self.count, self.rest_centroid.len());
         if rest == 0 {
@@ -35,7 +36,8 @@ impl MotionModel {
                 (0..rest).for_each(|j| right[(i, j)] += a[i] * b[j]);
             }
         }
-        // A component that this skin hardly shows is held by its prior, not by another's skin.
+        // A component that this skin hardly shows is held by its prior instead of compensating for
+        // others.
         for i in 0..kept {
             system[(i, i)] += UNSEEN_MM2 * region.len().max(1) as f64;
         }

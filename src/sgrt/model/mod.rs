@@ -1,13 +1,16 @@
-//! How a patient moves: principal components of the displacements that planning has seen.
+//! Motion model of a patient: principal components of the displacements known from planning.
 //!
 //! The displacements of skin and tumour at the phases of the planning 4D-CT are snapshots of one
-//! vector; less their mean, its principal components are found from the small matrix of the
-//! snapshots' products (L. Sirovich, "Turbulence and the dynamics of coherent structures", 1987). As
-//! skin and tumour are parts of one vector, a component says how they move together. Where the tumour
-//! lags behind the skin (hysteresis), a second component has what the first cannot say.
+//! vector. The principal components of the snapshots minus their mean follow from the small matrix of
+//! the snapshots' inner products (L. Sirovich, "Turbulence and the dynamics of coherent structures",
+//! 1987). As skin and tumour are parts of one vector, a component describes how they move together.
+//! Where the tumour lags behind the skin (hysteresis), a second component describes what the first
+//! cannot.
 //!
-//! Coefficients are in deviations: over the phases each has mean 0 and variance 1, and they do not
-//! correlate. That is the prior of the [fit](super::MotionTracker).
+//! Coefficients are in standard deviations: over the phases each has mean 0 and variance 1, and they
+//! are uncorrelated. This is the prior of the [fit](super::MotionTracker).
+//!
+//! `components` computes the components, `left_out` the effect of those not kept.
 
 mod components;
 mod left_out;
@@ -20,27 +23,27 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Mesh;
 use phasmid_measure::solid_moments;
 
-/// Components at most: ten phases of breathing do not hold more than noise beyond.
+/// Maximum number of components: beyond it ten phases of breathing contain only noise.
 pub const MOST_COMPONENTS: usize = 6;
 
-/// Displacements in millimetres along the room's axes from the reference phase to each phase, phase
-/// by phase, of the vertices of the reference skin and of the tumour's mesh.
+/// Displacements from the reference phase to each phase, in millimetres along the room's axes, for
+/// the vertices of the reference skin and of the tumour's mesh. The first index is the phase.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Snapshots {
-    /// Of the skin's vertices.
+    /// Displacements of the skin's vertices.
     pub skin: Vec<Vec<Vec3>>,
-    /// Of the tumour's vertices.
+    /// Displacements of the tumour's vertices.
     pub tumour: Vec<Vec<Vec3>>,
 }
 
-/// How to choose components.
+/// Settings for choosing components.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ModelOptions {
-    /// Share of the variance over the phases that components have to make up, 0 to 1. A lag of a
-    /// tenth of a breath between skin and tumour is less than a hundredth of the variance and
-    /// millimetres of the tumour, so this is near 1.
+    /// Fraction of the variance over the phases that the kept components must explain, 0 to 1. It is
+    /// near 1 because a lag of a tenth of a breath between skin and tumour is less than a hundredth
+    /// of the variance, yet millimetres of the tumour.
     pub energy: f64,
-    /// Components at most, 1 to 6.
+    /// Maximum number of components, 1 to 6.
     pub most: usize,
 }
 
@@ -56,12 +59,14 @@ impl Default for ModelOptions {
 /// A motion model.
 #[derive(Debug, Clone)]
 pub struct MotionModel {
-    /// Components kept.
+    /// Number of components kept.
     count: usize,
-    /// Of each skin vertex the mean displacement and those of the components for a coefficient of 1.
+    /// Mean displacement of each skin vertex.
     skin_mean: Vec<Vec3>,
+    /// Displacements of each skin vertex for a coefficient of 1 of each component.
     skin_modes: Vec<Vec3>,
-    /// The same of the components that are left out, of which there are as many as `rest_centroid`.
+    /// Skin modes of the components that are left out, as many per vertex as `rest_centroid` has
+    /// entries.
     skin_rest: Vec<Vec3>,
     rest_centroid: Vec<DVec3>,
     tumour: Mesh,
@@ -69,17 +74,20 @@ pub struct MotionModel {
     tumour_modes: Vec<Vec3>,
     energies: Vec<f64>,
     coefficients: Vec<Vec<f64>>,
-    /// Where the tumour's centroid is with all coefficients 0, and what each does to it.
+    /// The tumour's centroid with all coefficients 0.
     centroid: DVec3,
+    /// Displacement of the centroid for a coefficient of 1 of each component.
     centroid_modes: Vec<DVec3>,
 }
 
 impl MotionModel {
-    /// Learns from snapshots. `tumour` is the closed mesh at the reference phase, in the room frame.
+    /// Builds a model from snapshots. `tumour` is the closed mesh at the reference phase, in the room
+    /// frame.
     ///
     /// # Errors
-    /// Fewer than two phases, phases of different lengths, a tumour of another number of vertices, a
-    /// displacement that is not finite, no motion at all, options out of range.
+    /// Returns an error if there are fewer than two phases, if phases or the tumour differ in their
+    /// number of vertices, if a displacement is not finite, if there is no motion, or if an option is
+    /// out of range.
     pub fn new(snapshots: &Snapshots, tumour: &Mesh, options: &ModelOptions) -> Result<Self> {
         check(snapshots, tumour, options)?;
         let parts = [&snapshots.skin, &snapshots.tumour];
@@ -92,8 +100,8 @@ impl MotionModel {
         };
         let at_mean = place(&moving.mean);
         let (_, centroid) = solid_moments(&at_mean, &tumour.triangles);
-        // The centroid is very nearly linear in the vertices: differences over a whole coefficient,
-        // both ways, leave a third of its cubic part.
+        // The centroid is nearly linear in the vertices: central differences over a full coefficient
+        // leave a third of its cubic part.
         let slope = |mode: usize, modes: &[Vec3], all: usize| {
             let along = |sign: f64| {
                 let moved: Vec<DVec3> = at_mean
@@ -124,28 +132,29 @@ impl MotionModel {
         })
     }
 
-    /// How many components are kept.
+    /// Returns the number of components kept.
     pub fn components(&self) -> usize {
         self.count
     }
 
-    /// How many vertices of the skin it moves.
+    /// Returns the number of skin vertices.
     pub fn skin_vertices(&self) -> usize {
         self.skin_mean.len()
     }
 
-    /// Share of the variance over the phases of each component, those left out too, the largest
-    /// first.
+    /// Returns the fraction of the variance over the phases of each component, including those left
+    /// out, largest first.
     pub fn energies(&self) -> &[f64] {
         &self.energies
     }
 
-    /// Coefficients of the kept components at each phase of planning, in deviations.
+    /// Returns the coefficients of the kept components at each phase of planning, in standard
+    /// deviations.
     pub fn coefficients(&self) -> &[Vec<f64>] {
         &self.coefficients
     }
 
-    /// Displacement of a skin vertex for some coefficients, in millimetres.
+    /// Computes the displacement of a skin vertex for given coefficients, in millimetres.
     #[inline]
     pub fn skin(&self, vertex: usize, coefficients: &[f64]) -> Vec3 {
         let modes = &self.skin_modes[vertex * self.count..(vertex + 1) * self.count];
@@ -159,7 +168,7 @@ impl MotionModel {
         &self.skin_modes[vertex * self.count..(vertex + 1) * self.count]
     }
 
-    /// The tumour's mesh for some coefficients, in the frame of the reference, in millimetres.
+    /// Computes the tumour's mesh for given coefficients, in the reference frame, in millimetres.
     pub fn tumour(&self, coefficients: &[f64]) -> Mesh {
         let mut mesh = self.tumour.clone();
         for (v, p) in mesh.vertices.iter_mut().enumerate() {
@@ -172,20 +181,21 @@ impl MotionModel {
         mesh
     }
 
-    /// The tumour's centroid for some coefficients, in the frame of the reference, in millimetres;
-    /// that of [`Self::tumour`] to the extent that a volume's centroid is linear in its vertices.
+    /// Computes the tumour's centroid for given coefficients, in the reference frame, in millimetres.
+    /// It equals the centroid of [`Self::tumour`] as far as that is linear in the vertices.
     pub fn centroid(&self, coefficients: &[f64]) -> DVec3 {
         let moved = self.centroid_modes.iter().zip(coefficients);
         moved.fold(self.centroid, |sum, (m, &c)| sum + *m * c)
     }
 
-    /// What a coefficient of 1 does to the tumour's centroid, component by component, in millimetres.
+    /// Returns the displacement of the tumour's centroid for a coefficient of 1 of each component, in
+    /// millimetres.
     pub fn centroid_modes(&self) -> &[DVec3] {
         &self.centroid_modes
     }
 }
 
-/// Some of `all` modes of each vertex.
+/// Selects some of the `all` modes of each vertex.
 fn some(modes: &[Vec3], all: usize, which: std::ops::Range<usize>) -> Vec<Vec3> {
     modes
         .chunks_exact(all)

@@ -1,4 +1,4 @@
-//! Components of motions that are known in closed form.
+//! Tests the components of motions known in closed form.
 
 use super::super::surface::{Reference, Region};
 use super::super::testing::{Random, breathing, is_front};
@@ -21,7 +21,7 @@ fn two_motions_in_quadrature_are_two_components() {
             assert!((product - f64::from(u8::from(a == b))).abs() < 1e-6);
         }
     }
-    // They give back every phase, skin and tumour.
+    // They reproduce every phase of skin and tumour.
     for (k, c) in phases.iter().enumerate() {
         for v in (0..model.skin_vertices()).step_by(17) {
             let off = model.skin(v, c) - case.snapshots.skin[k][v];
@@ -45,8 +45,8 @@ fn what_is_left_out_is_told() {
     };
     let model = MotionModel::new(&case.snapshots, &case.tumour, &one).unwrap();
     assert_eq!(model.components(), 1);
-    // Fitted to the skin along its normals by least squares, phase by phase, it misses the tumour by
-    // just what it says.
+    // Fitted to the skin along its normals by least squares at each phase, the model misses the
+    // tumour by the predicted amount.
     let mesh = &case.mesh;
     let reference = Reference::new(mesh, &Region::All).unwrap();
     let region: Vec<(u32, DVec3)> = reference
@@ -130,6 +130,6 @@ fn what_does_not_match_is_named() {
         },
         ModelOptions { most: 9, ..options },
     ] {
-        assert!(words(&case.snapshots, &options).contains("allowed"));
+        assert!(words(&case.snapshots, &options).contains("; expected "));
     }
 }

@@ -1,11 +1,11 @@
-//! Motions that a shape leaves free, in words.
+//! Undetermined motions, described as shifts and turns.
 
 use glam::{DMat3, DVec3};
 use nalgebra::{Matrix3xX, Vector6};
 use std::fmt;
 
-/// A motion of unit displacement turns by less than this part of what one about the middle of the
-/// points would, if it is a shift.
+/// A motion is a shift if its rotation times the spread of the points, per unit of RMS displacement,
+/// is less than this.
 const SHIFT: f64 = 0.25;
 
 /// A motion that the shape does not determine.
@@ -16,19 +16,20 @@ pub enum Freedom {
         /// Unit vector in the room frame.
         along: DVec3,
     },
-    /// A turn, which may go along with a shift along its axis.
+    /// A turn, possibly combined with a shift along its axis.
     Turn {
         /// Unit vector in the room frame.
         about: DVec3,
-        /// A point of the axis in millimetres.
+        /// A point on the axis, in millimetres.
         through: DVec3,
     },
 }
 
 impl Freedom {
-    /// Of the motions (shift of `origin` in mm, turn in rad) that span what is free; `centre` is the
-    /// middle of the points and `spread` their RMS distance from it, in mm. As many as motions, shifts
-    /// first, as much along the room's axes as can be.
+    /// Describes the undetermined space spanned by `motions` (shift of `origin` in mm, turn in rad).
+    /// `centre` is the mean of the points and `spread` their RMS distance from it, both in mm.
+    /// Returns as many entries as motions, shifts first, aligned with the room's axes as far as
+    /// possible.
     pub(super) fn of(
         motions: &[Vector6<f64>],
         origin: DVec3,
@@ -40,7 +41,7 @@ impl Freedom {
         }
         let shift_of = |m: &Vector6<f64>| DVec3::new(m[0], m[1], m[2]);
         let turn_of = |m: &Vector6<f64>| DVec3::new(m[3], m[4], m[5]);
-        // Combinations of the motions, by how much they turn.
+        // Orthogonal combinations of the motions; the eigenvalue is the squared rotation.
         let turns = Matrix3xX::from_fn(motions.len(), |i, k| turn_of(&motions[k])[i] * spread);
         let gram = (turns.transpose() * &turns).symmetric_eigen();
         let mut shifts = Vec::new();
@@ -74,7 +75,8 @@ impl Freedom {
     }
 }
 
-/// An orthonormal basis of what some vectors span, its vectors as near to the axes as can be.
+/// Orthonormal basis of the span of some vectors, aligned with the coordinate axes as far as
+/// possible.
 fn along_axes(vectors: &[DVec3]) -> Vec<DVec3> {
     let mut basis: Vec<DVec3> = Vec::new();
     for v in vectors {
@@ -98,9 +100,9 @@ fn along_axes(vectors: &[DVec3]) -> Vec<DVec3> {
     chosen
 }
 
-/// The combination of motions that turns about `about`, in least squares.
+/// The combination of motions that turns about `about`, by least squares.
 fn combine(motions: &[Vector6<f64>], turns: &[DVec3], about: DVec3) -> Vector6<f64> {
-    // Solved on the span of the turns; what is across gets a unit diagonal.
+    // Solved on the span of the turns; a small multiple of the identity keeps the matrix invertible.
     let mut outer = DMat3::ZERO;
     for t in turns {
         outer += DMat3::from_cols(*t * t.x, *t * t.y, *t * t.z);
@@ -115,7 +117,7 @@ fn combine(motions: &[Vector6<f64>], turns: &[DVec3], about: DVec3) -> Vector6<f
         .sum()
 }
 
-/// What shape leaves these free, where it has a name.
+/// Name of the shape that leaves these motions free, if it has one.
 pub(crate) fn shape(free: &[Freedom]) -> Option<&'static str> {
     let shifts: Vec<DVec3> = free
         .iter()

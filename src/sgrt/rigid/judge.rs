@@ -1,4 +1,4 @@
-//! What a pose is worth once it is found.
+//! Covariance and warnings of the final pose.
 
 use super::super::six::SixDof;
 use super::super::surface::Reference;
@@ -19,7 +19,7 @@ pub(super) fn lost(rows: &[Row], options: &RigidOptions) -> Lost {
     }
 }
 
-/// The answer at the last rows, with its covariance and warnings.
+/// Builds the result, with covariance and warnings, from the last step and its rows.
 pub(super) fn judged(
     last: &Step,
     rows: &[Row],
@@ -32,7 +32,7 @@ pub(super) fn judged(
     let covered = reference.covered_mm2(used);
     let density = sums.count as f64 / covered.max(1.0);
     let belief = belief(sums, density, reference, options);
-    // Correlated noise may leave more undetermined than the steps took it for.
+    // Correlated noise raises the variance, so more modes can be undetermined than in the last step.
     let free = last.modes.free(&belief).max(last.free);
     let inverse = last.modes.inverse(free);
     let mut covariance = inverse * belief.inflation;

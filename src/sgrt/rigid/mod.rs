@@ -1,16 +1,27 @@
-//! Six degrees of freedom of measured points against a reference surface.
+//! Rigid registration of measured points to a reference surface, in six degrees of freedom.
 //!
-//! Each step minimises the robust sum over points of the squared distance to the tangent plane at the
-//! foot (Y. Chen and G. Medioni, "Object Modelling by Registration of Multiple Range Images", 1992)
-//! over its deviation, by Gauss and Newton on shift and turn about the isocentre. Residuals weigh by
-//! Tukey's biweight; feet on a border of the surface or outside the region do not count, so no
-//! measured skin beyond the region pulls.
+//! Minimises, by Gauss-Newton on shift and rotation about the isocentre, the robust sum over points
+//! of the squared distance to the tangent plane at the foot (the closest point of the surface) over
+//! its variance (Y. Chen and G. Medioni, "Object Modelling by Registration of Multiple Range Images",
+//! 1992). Residuals are weighted by Tukey's biweight. Feet on a border of the surface or outside the
+//! region are ignored, so skin measured beyond the region has no influence.
 //!
-//! Motions that the shape does not determine ([`modes`]) are left as the start has them, and reported.
+//! Motions that the shape does not determine (see `modes`) keep their start values and are reported.
 //!
-//! Noise lifts points off a bent surface by a little that is the same in every scan, 2.5 um for 0.5 mm
-//! on a sphere of 100 mm. What it is on average follows from the surface's curvature and each point's
-//! deviation, and is taken off.
+//! Noise shifts points off a curved surface by a small bias that is the same in every scan: 2.5 um
+//! for 0.5 mm of noise on a sphere of 100 mm radius. The mean bias follows from the surface's
+//! curvature and each point's standard deviation, and is subtracted.
+//!
+//! | file | content |
+//! | --- | --- |
+//! | `rows` | one equation per measured point |
+//! | `sums` | the normal equations |
+//! | `modes` | which motions the shape determines |
+//! | `step` | one Gauss-Newton step |
+//! | `search` | the search for start poses far from the planned one |
+//! | `judge` | covariance and warnings of the final pose |
+//! | `freedom` | undetermined motions as shifts and turns |
+//! | `options` | the settings |
 
 mod freedom;
 mod judge;
@@ -41,42 +52,42 @@ use rows::{Limits, update};
 use search::{disagreement, starts};
 use step::advance;
 
-/// While steps are longer than this, in millimetres, scales are [wide](Spread::Wide).
+/// While steps are longer than this, in millimetres, the residual scale is [wide](Spread::Wide).
 const COARSE_MM: f64 = 0.3;
-/// A pose that disagrees by at most this factor more than the best is another answer.
+/// A pose whose disagreement is at most this factor above the best one's is reported as ambiguous.
 const RIVAL: f64 = 1.15;
-/// Poses closer than this, in millimetres, are one.
+/// Poses closer than this, in millimetres, count as the same solution.
 const SAME_MM: f64 = 2.0;
 
-/// A tracked pose, and how far to trust it.
+/// A tracked pose with its uncertainty.
 #[derive(Debug, Clone)]
 pub struct RigidFit {
-    /// Takes the reference's coordinates to the room's.
+    /// Maps reference coordinates to room coordinates.
     pub room_from_reference: Pose,
-    /// The same as six numbers.
+    /// The same pose as six numbers.
     pub six: SixDof,
-    /// Covariance of the isocentre's place (mm) and of the rotation vector (rad), both along the
-    /// room's axes. Undetermined motions have the deviation [`RigidOptions::range_mm`].
+    /// Covariance of the isocentre's position (mm) and of the rotation vector (rad), both along the
+    /// room's axes. Undetermined motions have the standard deviation [`RigidOptions::range_mm`].
     pub covariance: Matrix6<f64>,
-    /// How many of the six motions are determined.
+    /// Number of the six motions that are determined.
     pub determined: usize,
-    /// Reasons to doubt the answer; empty for none.
+    /// Reasons to doubt the result; empty if there are none.
     pub warnings: Vec<Warning>,
-    /// Points that have had a say.
+    /// Number of points with non-zero weight.
     pub points: usize,
-    /// Share of the region's area that is measured.
+    /// Fraction of the region's area that is measured.
     pub coverage: f64,
-    /// RMS distance to the tangent planes of the points that have had a say, in millimetres.
+    /// RMS distance of the points with non-zero weight to their tangent planes, in millimetres.
     pub rms_mm: f64,
-    /// Spread of the residuals in units of their deviations.
+    /// Scale of the residuals in units of their standard deviations.
     pub spread: f64,
-    /// Steps made.
+    /// Number of steps taken.
     pub iterations: usize,
 }
 
 impl RigidFit {
-    /// Standard deviations of the six numbers, in the order of [`super::six::NAMES`], in millimetres
-    /// and degrees.
+    /// Returns the standard deviations of the six numbers, in the order of [`super::six::NAMES`], in
+    /// millimetres and degrees.
     pub fn deviations(&self) -> [f64; 6] {
         self.six.deviations(&self.covariance)
     }
@@ -85,7 +96,7 @@ impl RigidFit {
 /// Finds the pose of the reference in the room from a scan.
 ///
 /// # Errors
-/// A scan of which nothing lies over the region.
+/// Returns an error if too few points lie over the region, or if they lie on a line.
 pub fn track_rigid(
     measured: &Measured,
     reference: &Reference,
@@ -118,7 +129,8 @@ pub fn track_rigid(
             wanted: options.least_points,
         }));
     };
-    // Poses that differ along free motions are one answer, which has its warning already.
+    // Poses that differ only along undetermined motions are one solution, already covered by a
+    // warning.
     if fit.determined == 6 {
         let apart = rivals
             .iter()
@@ -132,7 +144,7 @@ pub fn track_rigid(
     Ok(fit)
 }
 
-/// RMS distance between where two poses take some vertices of the region.
+/// RMS distance between the positions of a sample of the region's vertices under two poses.
 fn apart_mm(a: &Pose, b: &Pose, reference: &Reference) -> f64 {
     let chosen: Vec<DVec3> = (0..reference.triangles().len() as u32)
         .filter(|&t| reference.is_inside(t))
@@ -145,7 +157,7 @@ fn apart_mm(a: &Pose, b: &Pose, reference: &Reference) -> f64 {
     (squares.sum::<f64>() / chosen.len().max(1) as f64).sqrt()
 }
 
-/// Steps to the nearest solution; the fit and how much the points disagree with it.
+/// Iterates to the nearest local solution. Returns the fit and its [`disagreement`].
 fn refine(
     measured: &Measured,
     reference: &Reference,
@@ -159,12 +171,13 @@ fn refine(
         if free <= moved {
             return Ok((fit, cost));
         }
-        // Steps have moved along what turned out not to be determined: once more without that.
+        // The steps moved along motions that proved undetermined: repeat the descent without them.
         least_free = free;
     }
 }
 
-/// One descent in which at least `least_free` modes are left alone; and how many were in every step.
+/// Runs one descent in which at least `least_free` modes keep their start values. Returns the fit,
+/// its disagreement and the smallest number of modes held fixed in any step.
 fn descend(
     measured: &Measured,
     reference: &Reference,
@@ -194,7 +207,7 @@ fn descend(
         left_alone = left_alone.min(step.free);
         pose = step.applied(&pose);
         iterations += 1;
-        // The first look is at all of the surface; one more when the pose is nearly right.
+        // The first search covers the whole surface; repeat it once the pose is nearly right.
         afresh = spread == Spread::Wide && step.size_mm <= COARSE_MM;
         step_mm = step.size_mm;
         if spread == Spread::Wide {

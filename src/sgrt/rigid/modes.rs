@@ -1,39 +1,43 @@
-//! Which motions the shape determines, and how well.
+//! Which motions the shape determines, and how precisely.
 //!
-//! A motion x (shift and turn) moves the points of the region by sqrt(x^T M x) RMS, in millimetres,
-//! and the scan knows it with the information x^T H x. The six stationary ratios of the two,
-//! `H x = lambda M x`, do not depend on where the origin is nor on units of angle: a mode of unit
-//! displacement is known to 1 / sqrt(lambda) mm. A plane has three modes of no information, a sphere
-//! three, a cylinder two, but noise hides that: normals that are uncertain by s rad turn each slide
-//! into a slope and give s^2 of the information that a head-on surface would give, all of it false.
-//! Twice that deviation is taken off before a mode is believed.
+//! A motion x (shift and turn) displaces the points of the region by sqrt(x^T M x) RMS, in
+//! millimetres; the scan provides the information x^T H x about it. The six solutions of the
+//! generalised eigenproblem `H x = lambda M x` depend neither on the choice of origin nor on the unit
+//! of angle: a mode of unit displacement has the standard deviation 1 / sqrt(lambda) mm.
+//!
+//! Without noise a plane has three modes of zero information, a sphere three and a cylinder two.
+//! Errors in the normals hide this: normals uncertain by s rad make each tangential motion appear as
+//! a slope and add s^2 of the information that a head-on surface would give, all of it false. Four
+//! times this false information (twice the standard deviation) is subtracted before a mode is
+//! accepted.
 
 use nalgebra::{Matrix6, Vector6};
 
-/// The modes, the least determined first.
+/// The modes, least determined first.
 #[derive(Debug, Clone)]
 pub(super) struct Modes {
-    /// Shift (mm) and turn (rad) that move the region's points by 1 mm RMS.
+    /// Shift (mm) and turn (rad) of each mode, scaled to move the region's points by 1 mm RMS.
     pub(super) motions: [Vector6<f64>; 6],
-    /// Information of each in 1/mm^2, as the rows give it.
+    /// Information of each mode in 1/mm^2, before correction for false information.
     pub(super) information: [f64; 6],
 }
 
-/// What decides whether a mode is believed.
+/// Criteria for accepting a mode as determined.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Belief {
-    /// By how much the variance exceeds the inverse of the information.
+    /// Ratio of the variance to the inverse of the information.
     pub(super) inflation: f64,
-    /// Information in 1/mm^2 that the uncertainty of normals feigns.
+    /// False information caused by uncertain normals, in 1/mm^2.
     pub(super) false_information: f64,
-    /// Expected deviation from which a mode is not determined.
+    /// Expected standard deviation, in millimetres, above which a mode is undetermined.
     pub(super) tolerance_mm: f64,
 }
 
 impl Modes {
-    /// Of information and metric; `None` where points lie on a line, so that some turn moves none.
+    /// Computes the modes from information and metric; `None` if the points lie on a line, because a
+    /// rotation about that line moves no point.
     pub(super) fn new(information: &Matrix6<f64>, metric: &Matrix6<f64>) -> Option<Self> {
-        // Turns in units of the points' spread, or the factorisation loses digits.
+        // Scale rotations by the points' spread; otherwise the factorisation loses precision.
         let lever = (metric.fixed_view::<3, 3>(3, 3).trace() / 2.0).sqrt();
         if !(lever > 0.0) {
             return None;
@@ -57,8 +61,8 @@ impl Modes {
         })
     }
 
-    /// Expected RMS displacement of the region's points along mode `k`, in millimetres; infinite
-    /// where nothing is known.
+    /// Expected standard deviation of mode `k`, as RMS displacement of the region's points in
+    /// millimetres; infinite if its information does not exceed the false information.
     pub(super) fn deviation_mm(&self, k: usize, belief: &Belief) -> f64 {
         let known = self.information[k] - 4.0 * belief.false_information;
         if known > 0.0 {
@@ -68,21 +72,21 @@ impl Modes {
         }
     }
 
-    /// How many modes, the first ones, are not determined.
+    /// Number of undetermined modes; they come first.
     pub(super) fn free(&self, belief: &Belief) -> usize {
         (0..6)
             .take_while(|&k| self.deviation_mm(k, belief) > belief.tolerance_mm)
             .count()
     }
 
-    /// The step of least displacement that solves the system but for the first `free` modes.
+    /// The solution of minimum displacement, excluding the first `free` modes.
     pub(super) fn solve(&self, right: &Vector6<f64>, free: usize) -> Vector6<f64> {
         (free..6)
             .map(|k| self.motions[k] * (self.motions[k].dot(right) / self.information[k]))
             .sum()
     }
 
-    /// Inverse of the information in the determined modes.
+    /// Inverse of the information, restricted to the determined modes.
     pub(super) fn inverse(&self, free: usize) -> Matrix6<f64> {
         (free..6)
             .map(|k| self.motions[k] * self.motions[k].transpose() / self.information[k])

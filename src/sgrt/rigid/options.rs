@@ -1,32 +1,32 @@
-//! How to track a pose.
+//! Settings of rigid tracking.
 
-/// What a tracker does and believes.
+/// Settings of [`track_rigid`](super::track_rigid).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigidOptions {
-    /// Steps at most.
+    /// Maximum number of steps.
     pub max_iterations: usize,
-    /// Done when a step moves the region's points by less than this, RMS, in millimetres.
+    /// Convergence threshold: RMS displacement of the region's points in one step, in millimetres.
     pub step_mm: f64,
-    /// Points farther from the surface than this take no part, in millimetres.
+    /// Points farther from the surface than this are ignored, in millimetres.
     pub capture_mm: f64,
-    /// A motion whose expected deviation (RMS displacement of the region's points) is larger is
-    /// not determined, in millimetres.
+    /// A motion is undetermined if its expected standard deviation (RMS displacement of the region's
+    /// points) exceeds this, in millimetres.
     pub tolerance_mm: f64,
-    /// Range, as a standard deviation in millimetres, in which an undetermined motion may be.
+    /// Standard deviation assigned to an undetermined motion, in millimetres.
     pub range_mm: f64,
-    /// Errors of points nearer to each other than about this go together, in millimetres: they are
-    /// taken as a field with the correlation exp(-d^2 / 2 l^2), in which a mean over an area holds as
-    /// much as one point in 2 pi l^2. It makes variances larger by 1 + 2 pi l^2 times the density of
-    /// the points; 0 for white noise.
+    /// Correlation length l of the points' errors, in millimetres; 0 for white noise. With the
+    /// correlation exp(-d^2 / 2 l^2), the mean over an area carries as much information as one point
+    /// per 2 pi l^2, so variances grow by the factor 1 + 2 pi l^2 times the density of the points.
     pub correlation_mm: f64,
-    /// Deviation along each axis of the offset that calibration leaves in all points of a pod, in
-    /// millimetres.
+    /// Standard deviation along each axis, in millimetres, of the common offset of a pod's points
+    /// that calibration leaves.
     pub pod_sd_mm: f64,
-    /// Points over the region below which nothing is said.
+    /// Minimum number of points over the region; with fewer, tracking fails.
     pub least_points: usize,
-    /// Share of the region's area that a scan should cover.
+    /// Fraction of the region's area that a scan should cover; below it the result has a warning.
     pub least_coverage: f64,
-    /// Spread of the residuals in units of their deviations above which a surface does not fit.
+    /// Scale of the residuals, in units of their standard deviations, above which a misfit is
+    /// reported.
     pub misfit: f64,
 }
 

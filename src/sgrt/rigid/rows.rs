@@ -1,5 +1,5 @@
-//! What each measured point says about a pose: its residual along the normal of its foot, and how
-//! that changes with the six unknowns.
+//! One equation per measured point: its residual along the normal at its foot, and the derivative of
+//! the residual with respect to the six unknowns.
 
 use super::super::measured::Measured;
 use super::super::surface::Reference;
@@ -7,17 +7,17 @@ use glam::DVec3;
 use phasmid_geometry::Pose;
 use rayon::prelude::*;
 
-/// Points that one task takes.
+/// Number of points per parallel task.
 pub(super) const CHUNK: usize = 512;
 
 /// A point's equation: `residual_mm = jacobian . (shift, turn)`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
     pub(super) normal: DVec3,
-    /// From the image of the isocentre to the point.
+    /// Vector from the image of the isocentre to the point.
     pub(super) lever: DVec3,
     pub(super) residual_mm: f64,
-    /// Deviation along the normal; infinite for a point that takes no part.
+    /// Standard deviation along the normal; infinite if the point is ignored.
     pub(super) sigma_mm: f64,
     pub(super) distance_mm: f64,
     pub(super) triangle: u32,
@@ -29,8 +29,8 @@ impl Row {
         self.sigma_mm.is_finite()
     }
 
-    /// By how much the residual falls per unit of shift (mm) and of turn (rad) of the reference about
-    /// the image of the isocentre, both along the room's axes.
+    /// Decrease of the residual per unit of shift (mm) and of turn (rad) of the reference about the
+    /// image of the isocentre, both along the room's axes.
     pub(super) fn jacobian(&self) -> [f64; 6] {
         let turn = self.lever.cross(self.normal);
         let [a, b, c] = self.normal.to_array();
@@ -38,23 +38,23 @@ impl Row {
         [a, b, c, d, e, f]
     }
 
-    /// Residual in deviations.
+    /// Residual in units of its standard deviation.
     pub(super) fn whitened(&self) -> f64 {
         self.residual_mm / self.sigma_mm
     }
 }
 
-/// Which feet count.
+/// Which feet are used.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
-    /// Feet farther away are none.
+    /// Maximum distance of a point to its foot.
     pub(super) capture_mm: f64,
-    /// Whether feet outside the region of interest count.
+    /// Whether feet outside the region of interest are used.
     pub(super) anywhere: bool,
 }
 
-/// The rows of all points for a pose of the reference. `rows` holds those of the last pose, whose
-/// triangles are where feet are looked for unless `afresh`.
+/// Computes the rows of all points for a pose of the reference. On entry, `rows` holds those of the
+/// previous pose; the search for each foot starts at its previous triangle unless `afresh`.
 pub(super) fn update(
     rows: &mut Vec<Row>,
     measured: &Measured,

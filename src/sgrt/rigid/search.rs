@@ -1,4 +1,4 @@
-//! A start from far away: many starts with few points, of which the best go on.
+//! Global search: many start poses tried with few points, of which the best are refined.
 
 use super::super::measured::Measured;
 use super::super::robust::Spread;
@@ -10,31 +10,32 @@ use super::step::advance;
 use glam::DVec3;
 use phasmid_geometry::Pose;
 
-/// Points of a trial.
+/// Number of points in a trial.
 const POINTS: usize = 800;
-/// Steps of a trial.
+/// Number of steps in a trial.
 const STEPS: usize = 16;
-/// Points as near to the surface as this agree with a pose, in millimetres.
+/// Distance scale of [`disagreement`], in millimetres: points closer to the surface agree with a
+/// pose.
 const AGREE_MM: f64 = 4.0;
-/// Trials that go on.
+/// Number of trials that are refined.
 const KEPT: usize = 3;
 
-/// Where to look for a pose.
+/// Where to search for a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
-    /// Near this `room_from_reference`, as the last scan has left it.
+    /// Near this `room_from_reference`, for example the result of the previous scan.
     Near(Pose),
-    /// Up to `range_mm` from this one along each axis, and turned by up to some 15 degrees.
+    /// Up to `range_mm` from `around` along each axis, and rotated by up to about 15 degrees.
     Within {
-        /// The `room_from_reference` in the middle.
+        /// The `room_from_reference` at the centre of the search.
         around: Pose,
-        /// How far to look, in millimetres.
+        /// Search range along each axis, in millimetres.
         range_mm: f64,
     },
 }
 
-/// Poses worth refining, the best first. Trials use all of the surface, not the region alone: what
-/// lies around it tells as well where a patient is.
+/// Finds poses worth refining, best first. Trials use the whole surface instead of the region alone,
+/// because the surroundings also constrain the pose.
 pub(super) fn starts(
     measured: &Measured,
     reference: &Reference,
@@ -76,8 +77,8 @@ pub(super) fn starts(
     trials.into_iter().map(|(_, pose)| pose).collect()
 }
 
-/// Mean over all points of the squared distance in units of [`AGREE_MM`], 1 where it is larger or
-/// the point has no foot.
+/// Mean over all points of the squared distance in units of [`AGREE_MM`], limited to 1; a point
+/// without a valid foot counts as 1.
 pub(super) fn disagreement(rows: &[Row]) -> f64 {
     let cost = |row: &Row| {
         if row.counts() {
@@ -89,8 +90,8 @@ pub(super) fn disagreement(rows: &[Row]) -> f64 {
     rows.iter().map(cost).sum::<f64>() / rows.len().max(1) as f64
 }
 
-/// The middle, the points two thirds out on each axis and the corners, and turns either way about
-/// each axis.
+/// Start offsets (shift in mm, rotation vector in rad): the centre, shifts of two thirds of the range
+/// along each axis and to the corners, and rotations either way about each axis.
 fn offsets(range_mm: f64) -> Vec<(DVec3, DVec3)> {
     let out = range_mm * 2.0 / 3.0;
     let mut found = vec![(DVec3::ZERO, DVec3::ZERO)];

@@ -1,4 +1,4 @@
-//! One step towards a pose.
+//! One Gauss-Newton step.
 
 use super::super::robust::Spread;
 use super::super::six::{orthonormal, turn};
@@ -11,8 +11,8 @@ use glam::DVec3;
 use nalgebra::Vector6;
 use phasmid_geometry::Pose;
 
-/// A step that moves points by more than this is cut, in millimetres: beyond it tangent planes say
-/// little.
+/// Maximum length of a step, in millimetres of RMS displacement; longer steps are shortened, because
+/// the tangent planes are a poor approximation beyond it.
 const LONGEST_STEP_MM: f64 = 40.0;
 /// A shift and turn of the reference about the image of the isocentre.
 pub(super) struct Step {
@@ -30,14 +30,15 @@ impl Step {
         let m = &self.motion;
         let rotation = turn(DVec3::new(m[3], m[4], m[5])) * pose.rotation;
         Pose {
-            // Products of many rotations drift off; this keeps them rotations to rounding.
+            // Products of many rotations accumulate rounding errors.
             rotation: orthonormal(rotation),
             translation_mm: pose.translation_mm + DVec3::new(m[0], m[1], m[2]),
         }
     }
 }
 
-/// One step from rows, which leaves at least so many modes alone; `None` where they are too few or on a line.
+/// Computes one step from rows, holding at least `least_free` modes fixed; `None` if there are too
+/// few rows or they lie on a line.
 pub(super) fn advance(
     rows: &[Row],
     pods: usize,
@@ -60,7 +61,7 @@ pub(super) fn advance(
     let modes = Modes::new(&sums.information(), &metric)?;
     let mut belief = belief(&sums, 0.0, reference, options);
     if spread == Spread::Wide {
-        // Far away residuals are no noise: they are what the steps are to take away.
+        // Far from the solution, residuals are dominated by the pose error, not by noise.
         belief.inflation = 1.0;
     }
     let free = modes.free(&belief).max(least_free);
@@ -80,7 +81,7 @@ pub(super) fn advance(
     })
 }
 
-/// What decides which modes are believed; `density` is that of the points, per square millimetre.
+/// Criteria for accepting modes; `density` is the number of points per square millimetre.
 pub(super) fn belief(
     sums: &Sums,
     density: f64,

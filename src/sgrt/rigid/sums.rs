@@ -1,4 +1,4 @@
-//! The normal equations of a pose, summed in an order that no number of threads changes.
+//! The normal equations of a pose, summed in an order that does not depend on the number of threads.
 
 use super::super::robust::{Inflation, weight};
 use super::rows::{CHUNK, Row};
@@ -6,7 +6,7 @@ use glam::DVec3;
 use nalgebra::{Matrix6, Matrix6x3, Vector6};
 use rayon::prelude::*;
 
-/// Sums over rows, each weighted by its biweight and its variance.
+/// Sums over rows, each weighted by its biweight w and its variance.
 #[derive(Debug, Clone)]
 pub(super) struct Sums {
     /// Information: sum of w / sigma^2 J J^T.
@@ -14,16 +14,17 @@ pub(super) struct Sums {
     pub(super) right: Vector6<f64>,
     /// Sum of w / sigma^2, in 1/mm^2.
     pub(super) weight: f64,
-    /// Sum of w (r / sigma)^2 and of w r^2 with the sum of w.
+    /// Sum of w r^2.
     pub(super) squares_mm2: f64,
+    /// Sum of w.
     pub(super) shares: f64,
-    /// Rows whose weight is not zero.
+    /// Number of rows with non-zero weight.
     pub(super) count: usize,
     pub(super) levers: DVec3,
     /// Sums of products of a lever's coordinates: xx, yy, zz, xy, xz, yz.
     products: [f64; 6],
     pub(super) inflation: Inflation,
-    /// Sum of w / sigma^2 J n^T of each pod: what a common offset of its points does.
+    /// Sum of w / sigma^2 J n^T for each pod: the effect of a common offset of the pod's points.
     pub(super) pods: Vec<Matrix6x3<f64>>,
 }
 
@@ -43,7 +44,7 @@ impl Sums {
         }
     }
 
-    /// Sums over all rows, residuals beyond the biweight of this scale left out.
+    /// Sums over all rows; residuals outside the biweight of this scale have no weight.
     pub(super) fn of(rows: &[Row], scale: f64, pods: usize) -> Self {
         let parts: Vec<Self> = rows
             .par_chunks(CHUNK)
@@ -76,7 +77,7 @@ impl Sums {
         let j = row.jacobian();
         for a in 0..6 {
             let ja = information * j[a];
-            // The lower triangle alone; the sum is mirrored at the end.
+            // Lower triangle only; [`Self::information`] mirrors it.
             for b in 0..=a {
                 self.system[(a, b)] += ja * j[b];
             }
@@ -116,21 +117,22 @@ impl Sums {
         }
     }
 
-    /// The whole information matrix.
+    /// The full information matrix.
     pub(super) fn information(&self) -> Matrix6<f64> {
         let mut full = self.system;
         full.fill_upper_triangle_with_lower_triangle();
         full
     }
 
-    /// The metric of motions: x^T M x is the mean square displacement, in mm^2, of the points that
-    /// count under shift and turn x.
+    /// The metric of motions: x^T M x is the mean square displacement, in mm^2, of the points with
+    /// non-zero weight under the shift and turn x.
     pub(super) fn metric(&self) -> Matrix6<f64> {
         let n = self.count.max(1) as f64;
         let l = self.levers / n;
         let [xx, yy, zz, xy, xz, yz] = self.products.map(|p| p / n);
         let mut m = Matrix6::identity();
-        // turn . (lever x shift), twice: off the diagonal the cross matrix of the mean lever.
+        // Off-diagonal blocks, from 2 turn . (lever x shift): the cross-product matrix of the mean
+        // lever.
         let cross = [[0.0, -l.z, l.y], [l.z, 0.0, -l.x], [-l.y, l.x, 0.0]];
         for a in 0..3 {
             for b in 0..3 {

@@ -1,18 +1,18 @@
-//! Curvature of a smooth surface over a triangle, and what it does to noise.
+//! Curvature of the smooth surface over a triangle, and the bias that it gives noisy points.
 //!
-//! A point beside its true place on a surface z = 0 by a tangential error e lies over a surface that
-//! has bent away by e^T S e / 2, S the derivative of the outward normal. On average noise of
-//! covariance C so lifts points by trace(S C) / 2 off a convex surface: s^2 / R on a sphere. It is
-//! little, but the same in every scan, and it adds up to shifts along which the surface holds badly.
+//! On a surface z = 0 with the derivative S of the outward normal, a tangential error e places a
+//! point e^T S e / 2 above the surface, which curves away. Noise of covariance C thus shifts points
+//! by trace(S C) / 2 off a convex surface on average: s^2 / R on a sphere. The bias is small but the
+//! same in every scan, and it adds up to shifts in directions that the surface constrains weakly.
 
 use super::Facet;
 use glam::{DVec3, Vec3};
 
-/// No point is lifted by more than this part of its deviation; beyond it, at an edge that is sharper
-/// than the noise is wide, a quadratic surface tells nothing.
+/// Maximum bias as a fraction of the standard deviation. Beyond it, at an edge sharper than the noise
+/// is wide, the quadratic model of the surface is invalid.
 const MOST: f64 = 0.25;
 
-/// The derivative of the normal over a triangle, symmetric: xx, yy, zz, xy, xz, yz, in 1/mm.
+/// The derivative of the normal over a triangle, a symmetric matrix: xx, yy, zz, xy, xz, yz, in 1/mm.
 pub(super) struct Bend([f32; 6]);
 
 impl Bend {
@@ -27,7 +27,8 @@ impl Bend {
         let mut sums = [0.0; 6];
         let flat = normal / squared.sqrt();
         for (change, gradient) in [nb - na, nc - na].into_iter().zip(gradients) {
-            // Within the plane: what a normal gains along itself is rounding and curvature's square.
+            // Keep the part within the plane; the change of a normal along itself is rounding and
+            // second order.
             let d = change - flat * flat.dot(change);
             let g = gradient;
             sums[0] += d.x * g.x;

@@ -1,18 +1,18 @@
-//! A triangle with normals at its corners: its nearest point in barycentric coordinates, and on
-//! which of its features that lies.
+//! A triangle with normals at its corners: its closest point in barycentric coordinates, and the
+//! feature (inside, edge or corner) that contains it.
 
 use glam::{DVec3, Vec3};
 
-/// A triangle as the search reads it.
+/// A triangle in the form that the search uses.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Facet {
     pub(super) corners: [DVec3; 3],
-    /// Unit normals of the smooth surface at the corners. f32: their errors of 1e-7 weigh a
-    /// residual, they do not make one.
+    /// Unit normals of the smooth surface at the corners. f32 suffices: an error of 1e-7 changes the
+    /// weight of a residual, it does not create one.
     pub(super) normals: [Vec3; 3],
 }
 
-/// Where on its triangle a nearest point lies.
+/// The feature of a triangle that contains the closest point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Feature {
     Inside,
@@ -21,7 +21,7 @@ pub(super) enum Feature {
     Corner(usize),
 }
 
-/// The nearest point of a triangle.
+/// The closest point of a triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Nearest {
     pub(super) point: DVec3,
@@ -31,8 +31,8 @@ pub(super) struct Nearest {
 }
 
 impl Facet {
-    /// The nearest point by Voronoi regions (C. Ericson, "Real-Time Collision Detection", 2005,
-    /// section 5.1.5). The triangle is not degenerate.
+    /// Computes the closest point by Voronoi regions (C. Ericson, "Real-Time Collision Detection",
+    /// 2005, section 5.1.5). The triangle must not be degenerate.
     #[inline]
     pub(super) fn nearest(&self, p: DVec3) -> Nearest {
         let [a, b, c] = self.corners;
@@ -83,7 +83,7 @@ impl Facet {
         }
     }
 
-    /// The smooth surface's unit normal at a point given by its weights.
+    /// The smooth surface's unit normal at barycentric coordinates `weights`.
     #[inline]
     pub(super) fn normal(&self, weights: [f64; 3]) -> DVec3 {
         let [a, b, c] = self.normals.map(|n| n.as_dvec3());

@@ -1,19 +1,20 @@
-//! A grid of triangles to start a search at.
+//! A grid of start triangles for the search.
 //!
-//! Cells through which the surface passes know a triangle; the others learn from their neighbours, by
-//! sweeps over the grid in all eight directions of its diagonals (H. Zhao, "A fast sweeping method
-//! for Eikonal equations", 2005; P. Danielsson, "Euclidean distance mapping", 1980), each cell going on
-//! from its neighbour's triangle to the one that is nearest to its own centre.
+//! Cells that contain triangle centres store the closest of these triangles. The others take theirs
+//! from neighbours by sweeps over the grid in all eight diagonal directions (H. Zhao, "A fast
+//! sweeping method for Eikonal equations", 2005; P. Danielsson, "Euclidean distance mapping", 1980).
+//! Finally each cell walks from its triangle to the one closest to its own centre.
 
 use super::Reference;
 use glam::{DVec3, IVec3, UVec3};
 use rayon::prelude::*;
 
-/// Cells at most, so that a grid is made in some tenths of a second and stays in a megabyte.
+/// Maximum number of cells, so that building the grid takes a few tenths of a second and one
+/// megabyte.
 const MOST: f64 = 250_000.0;
-/// The finest cells worth having, in millimetres: about an edge of a triangle.
+/// Minimum cell size in millimetres: about the edge length of a triangle.
 const FINEST_MM: f64 = 4.0;
-/// A cell that knows no triangle yet.
+/// A cell without a triangle yet.
 const NONE: u32 = u32::MAX;
 
 /// A triangle near the centre of each cell of a box.
@@ -34,7 +35,7 @@ impl Hints {
         }
     }
 
-    /// Over a box around the reference that is not flat.
+    /// Builds the grid over a box around the reference; the box must not be flat.
     pub(super) fn new(reference: &Reference, lo: DVec3, hi: DVec3) -> Self {
         let sides = hi - lo;
         let cell = FINEST_MM.max((sides.element_product() / MOST).cbrt());
@@ -74,7 +75,7 @@ impl Hints {
         hints
     }
 
-    /// One pass over all cells, along or against each axis by the bits of `direction`.
+    /// One pass over all cells, forwards or backwards along each axis by the bits of `direction`.
     fn sweep(&mut self, reference: &Reference, distances: &mut [f64], direction: u32) {
         let size = self.size.as_ivec3();
         let against = [1, 2, 4].map(|bit| direction & bit != 0);
@@ -109,7 +110,7 @@ impl Hints {
         }
     }
 
-    /// Where to start for a finite point; beyond the box, where one would at its side.
+    /// Start triangle for a finite point; outside the box, that of the closest cell.
     #[inline]
     pub(super) fn at(&self, p: DVec3) -> u32 {
         self.triangles[self.index(self.cell(p))]

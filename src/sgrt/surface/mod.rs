@@ -1,15 +1,25 @@
-//! A reference surface made ready for tracking: nearest points with smooth normals, a region of
-//! interest, and what the mesh itself is known to.
+//! The reference surface of tracking: closest points with smooth normals, a region of interest, and
+//! the mesh's own accuracy.
 //!
-//! A scan is held against it many times, each time moved by little, so a nearest point is looked for
-//! where it was before: from its triangle across edges to the next as long as that is nearer. That
-//! ends in the nearest point of the neighbourhood. The first time a grid of triangles says where to
-//! start. A hierarchy of boxes (as [`MeshTree`](phasmid_geometry::MeshTree) is) finds the nearest point
-//! of all for certain, but takes some ten times as long; what a walk misses lies about as far on the
-//! other side of a fold, where both feet are as good as each other.
+//! A scan is compared with it many times, each time after a small motion, so the search for a closest
+//! point starts at the previous triangle and walks across edges and corners as long as the distance
+//! decreases. It ends at the closest point of the neighbourhood. The first search starts from a grid
+//! of triangles. A hierarchy of boxes (see [`MeshTree`](phasmid_geometry::MeshTree)) guarantees the
+//! global closest point but takes about ten times as long; where a walk misses it, the missed point
+//! is about as far away on the other side of a fold, and both feet are equally plausible.
 //!
-//! Feet lie on the triangles exactly; normals are interpolated, so that they do not jump at edges. A
-//! residual along a smooth normal of a point on a triangle is zero all the same.
+//! A foot (the closest point) lies exactly on its triangle. Normals are interpolated, so they do not
+//! jump at edges; the residual of a point on a triangle is still zero along a smooth normal.
+//!
+//! | file | content |
+//! | --- | --- |
+//! | `facet` | closest point of one triangle |
+//! | `hints` | the grid of start triangles |
+//! | `topology` | adjacency of triangles |
+//! | `normals` | vertex normals and their uncertainty |
+//! | `bend` | curvature, and the bias that noise causes on curved surfaces |
+//! | `patches` | coverage of the region |
+//! | `region` | the region of interest |
 
 mod bend;
 mod facet;
@@ -32,28 +42,30 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Mesh;
 use topology::{BORDER, Topology};
 
-/// How far around the mesh the grid of starts reaches, in millimetres: as far as patients are set up
-/// wrongly.
+/// Margin of the grid of start triangles around the mesh, in millimetres: the largest set-up error of
+/// a patient.
 const BAND_MM: f64 = 40.0;
-/// Steps from triangle to triangle at most: far more than a point can move between two looks.
+/// Maximum number of steps from triangle to triangle: far more than a point moves between two
+/// searches.
 const STEPS: usize = 64;
 
-/// Where the reference is nearest to a point.
+/// The closest point of the reference to a given point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Foot {
-    /// The nearest point, in millimetres in the reference's frame.
+    /// Closest point, in millimetres in the reference's frame.
     pub point: DVec3,
-    /// Unit normal of the smooth surface there, outwards.
+    /// Outward unit normal of the smooth surface there.
     pub normal: DVec3,
-    /// The triangle, counted among [`Reference::triangles`].
+    /// Index into [`Reference::triangles`].
     pub triangle: u32,
-    /// Barycentric coordinates of the foot in it.
+    /// Barycentric coordinates of the foot in the triangle.
     pub weights: [f64; 3],
-    /// Whether the surface ends there, so that the point may lie beside it, not over it.
+    /// Whether the foot lies on a border of the surface, so that the point may lie beside the surface
+    /// instead of over it.
     pub border: bool,
 }
 
-/// A surface ready for tracking. Coordinates are those of the mesh: for a patient, the room frame
+/// A surface prepared for tracking. Coordinates are those of the mesh: for a patient, the room frame
 /// with its origin at the isocentre, in millimetres.
 pub struct Reference {
     vertices: Vec<DVec3>,
@@ -68,10 +80,11 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Makes a checked mesh ready. Triangles that are degenerate are left out.
+    /// Prepares a valid mesh. Degenerate triangles are omitted.
     ///
     /// # Errors
-    /// A region that [`Region::check`] refuses, and one that holds no triangle.
+    /// Returns an error if [`Region::check`] rejects the region, or if the region contains no
+    /// triangle.
     pub fn new(mesh: &Mesh, region: &Region) -> Result<Self> {
         region.check(mesh.vertices.len())?;
         let vertices = mesh.vertices.clone();
@@ -122,22 +135,23 @@ impl Reference {
         Ok(reference)
     }
 
-    /// The vertices, in the order of the mesh.
+    /// Returns the vertices, in the order of the mesh.
     pub fn vertices(&self) -> &[DVec3] {
         &self.vertices
     }
 
-    /// The triangles that are searched: those of the mesh in its order, without degenerate ones.
+    /// Returns the triangles that are searched: those of the mesh in its order, without degenerate
+    /// ones.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Whether a triangle belongs to the region of interest.
+    /// Returns whether a triangle belongs to the region of interest.
     pub fn is_inside(&self, triangle: u32) -> bool {
         self.inside[triangle as usize]
     }
 
-    /// Vertices of the region of interest with their unit normals, outwards.
+    /// Returns the vertices of the region of interest with their outward unit normals.
     pub fn region_normals(&self) -> Vec<(u32, DVec3)> {
         let mut normals = vec![None; self.vertices.len()];
         for ((t, facet), inside) in self.triangles.iter().zip(&self.facets).zip(&self.inside) {
@@ -151,52 +165,52 @@ impl Reference {
         known.filter_map(|(n, v)| n.map(|n| (v, n))).collect()
     }
 
-    /// Area of the region of interest in square millimetres.
+    /// Returns the area of the region of interest in square millimetres.
     pub fn area_mm2(&self) -> f64 {
         self.patches.total_mm2()
     }
 
-    /// Area in square millimetres of those patches (of 20 mm) of the region in which some of these
-    /// triangles lie.
+    /// Computes the area, in square millimetres, of the region's patches (20 mm wide) that contain
+    /// any of these triangles.
     pub fn covered_mm2(&self, triangles: impl Iterator<Item = u32>) -> f64 {
         self.patches.covered_mm2(triangles)
     }
 
-    /// By how much the normals of the region are uncertain, in radians per axis: from the scatter of
-    /// the triangles' normals about the smooth ones.
+    /// Returns the standard deviation of the region's normals in radians per axis, estimated from the
+    /// scatter of the triangles' normals about the smooth ones.
     pub fn normal_sd_rad(&self) -> f64 {
         self.normal_sd_rad
     }
 
-    /// The nearest point to `p`, which is finite.
+    /// Finds the closest point to `p`, which must be finite.
     #[inline]
     pub fn closest(&self, p: DVec3) -> Foot {
         self.closest_near(p, self.hints.at(p))
     }
 
-    /// The nearest point to `p` in the neighbourhood of a triangle: where it is likely to be, when it
-    /// was there for a point that has moved little since.
+    /// Finds the closest point to `p` by a walk from a triangle. For a point that has moved little,
+    /// start at the triangle of its previous foot.
     #[inline]
     pub fn closest_near(&self, p: DVec3, triangle: u32) -> Foot {
         let (triangle, nearest) = self.walk(p, triangle);
         self.foot(triangle, &nearest)
     }
 
-    /// By how much a point whose error is isotropic with this deviation lies outside of the surface
-    /// near a triangle on average, in millimetres: half the deviation's square times the sum of the
+    /// Computes the mean distance, in millimetres, by which isotropic noise of this standard
+    /// deviation shifts points outwards near a triangle: half the variance times the sum of the
     /// principal curvatures.
     #[inline]
     pub fn lift_mm(&self, triangle: u32, sigma_mm: f64) -> f64 {
         self.bends[triangle as usize].isotropic(sigma_mm)
     }
 
-    /// The same for an error along a unit vector.
+    /// Like [`Self::lift_mm`], for noise along a unit vector.
     #[inline]
     pub fn lift_along_mm(&self, triangle: u32, sigma_mm: f64, along: DVec3) -> f64 {
         self.bends[triangle as usize].along(sigma_mm, along)
     }
 
-    /// Goes from triangle to triangle as long as that brings nearer.
+    /// Walks from triangle to triangle as long as the distance decreases.
     #[inline]
     fn walk(&self, p: DVec3, start: u32) -> (u32, Nearest) {
         let mut triangle = start;
@@ -205,7 +219,7 @@ impl Reference {
             let mut next = None;
             let mut offer = |t: u32| {
                 let found = self.facets[t as usize].nearest(p);
-                // A hair's breadth is rounding, and could lead back and forth.
+                // Ignore improvements at the rounding level: they could cause endless alternation.
                 let least = next.map_or(nearest.distance_squared, |(_, n): (u32, Nearest)| {
                     n.distance_squared
                 });

@@ -1,13 +1,13 @@
-//! Smooth normals of a mesh, and how well it knows them.
+//! Smooth normals of a mesh, and their uncertainty.
 
 use glam::DVec3;
 
-/// Triangles that meet at a vertex, about.
+/// Typical number of triangles at a vertex.
 const MEETING: f64 = 6.0;
 
-/// Unit normals at the vertices: of the triangles' normals the mean, weighted by their angles there
-/// (G. Thurmer and C. Wuthrich, "Computing vertex normals from polygonal facets", 1998), so that they
-/// do not depend on how a surface is cut into triangles. Zero at a vertex without any.
+/// Unit normals at the vertices: the mean of the triangles' normals, weighted by their angles at the
+/// vertex (G. Thurmer and C. Wuthrich, "Computing vertex normals from polygonal facets", 1998), so
+/// that they do not depend on the triangulation. Zero at a vertex without triangles.
 pub(super) fn vertex_normals(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     let mut normals = vec![DVec3::ZERO; vertices.len()];
     for t in triangles {
@@ -29,11 +29,11 @@ pub(super) fn vertex_normals(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<
     normals
 }
 
-/// By how much the smooth normals of some triangles are uncertain, in radians per axis, as the
-/// triangles themselves tell: of k facets whose normals scatter independently by s, the mean of
-/// which is the smooth normal, a facet's differs from the mean by s sqrt(1 - 1/k) and the mean from
-/// the truth by s / sqrt(k). What curvature adds to the scatter makes the figure too large, never too
-/// small. It is taken from the median, so that a few sharp edges do not count.
+/// Standard deviation of the smooth normals of some triangles, in radians per axis, estimated from
+/// the triangles. If the normals of k facets scatter independently by s and their mean is the smooth
+/// normal, a facet's normal differs from the mean by s sqrt(1 - 1/k) and the mean from the truth by s
+/// / sqrt(k). Curvature adds to the scatter, so the estimate is too large, never too small. The
+/// median ignores a few sharp edges.
 pub(super) fn deviation_rad(
     vertices: &[DVec3],
     triangles: impl Iterator<Item = [u32; 3]>,
@@ -51,6 +51,6 @@ pub(super) fn deviation_rad(
     }
     let middle = squares.len() / 2;
     let median = *squares.select_nth_unstable_by(middle, f64::total_cmp).1;
-    // The square of an angle of two normal components has the median 2 ln 2 of one's variance.
+    // The sum of the squares of two normal components has the median 2 ln 2 times their variance.
     (median / (2.0 * std::f64::consts::LN_2) / (MEETING - 1.0)).sqrt()
 }

@@ -1,10 +1,10 @@
-//! The region cut into patches, to tell how much of it a scan has covered.
+//! Divides the region into patches to measure how much of it a scan covers.
 
 use super::Facet;
 use std::collections::HashMap;
 
-/// Edge of a patch in millimetres: coarser than points are apart (a few lie in each), finer than what hides
-/// a patient.
+/// Edge of a patch in millimetres: coarser than the spacing of points (a few lie in each), finer than
+/// objects that occlude a patient.
 const PATCH_MM: f64 = 20.0;
 
 /// Patches of the region of interest.
@@ -42,7 +42,7 @@ impl Patches {
         self.area_mm2.iter().sum()
     }
 
-    /// Area in square millimetres of the patches that these triangles lie in.
+    /// Area in square millimetres of the patches that contain these triangles.
     pub(super) fn covered_mm2(&self, triangles: impl Iterator<Item = u32>) -> f64 {
         let mut seen = vec![false; self.area_mm2.len()];
         for t in triangles {

@@ -1,4 +1,4 @@
-//! Which part of a reference surface is tracked.
+//! The part of a reference surface that is tracked.
 
 use glam::{DVec2, DVec3};
 use phasmid_core::error::{Error, Result};
@@ -7,9 +7,9 @@ use phasmid_core::error::{Error, Result};
 /// isocentre, in millimetres.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Region {
-    /// All of the surface.
+    /// The whole surface.
     All,
-    /// Inside a box along the axes.
+    /// Inside an axis-aligned box.
     Box {
         /// Lowest corner.
         lo: DVec3,
@@ -18,23 +18,23 @@ pub enum Region {
     },
     /// Inside a sphere.
     Sphere {
-        /// Its centre.
+        /// Centre, in millimetres.
         centre: DVec3,
-        /// Its radius in millimetres.
+        /// Radius in millimetres.
         radius_mm: f64,
     },
-    /// Above a simple polygon on the couch (x, y; either sense of winding), where the surface looks
-    /// up: of a closed body the back does not belong to it.
+    /// Above a simple polygon on the couch (x, y; either winding), where the surface faces up:
+    /// excludes the back of a closed body.
     Polygon(Vec<DVec2>),
-    /// These vertices of the mesh, counted from 0: what a user has painted.
+    /// These vertices of the mesh, counted from 0, for example as painted by a user.
     Vertices(Vec<u32>),
 }
 
 impl Region {
-    /// Whether the numbers describe a region; `count` is the number of the mesh's vertices.
+    /// Checks that the numbers describe a region; `count` is the mesh's number of vertices.
     ///
     /// # Errors
-    /// The first that does not.
+    /// Returns an error that names the first invalid value.
     pub fn check(&self, count: usize) -> Result<()> {
         let bad = |found: String, allowed: &str| Err(Error::input("region", found, allowed));
         match self {
@@ -76,7 +76,7 @@ impl Region {
         }
     }
 
-    /// Which vertices belong to it, by their places and outward normals.
+    /// Mask of the vertices in the region, from their positions and outward normals.
     pub(super) fn mask(&self, vertices: &[DVec3], normals: &[DVec3]) -> Vec<bool> {
         if let Self::Vertices(listed) = self {
             let mut mask = vec![false; vertices.len()];
@@ -99,7 +99,7 @@ impl Region {
     }
 }
 
-/// Whether a polygon encloses a point, by the parity of the edges to its right.
+/// Whether a polygon encloses a point, by counting the edges to its right.
 fn encloses(corners: &[DVec2], p: DVec2) -> bool {
     let mut inside = false;
     let mut from = corners[corners.len() - 1];

@@ -1,4 +1,4 @@
-//! Nearest points against the measure of truth, normals against closed forms.
+//! Tests closest points against an exact search, and normals and curvature against closed forms.
 
 use super::super::testing::{Random, is_front, patient, plane, scan, sphere};
 use super::*;
@@ -10,8 +10,9 @@ fn feet_are_the_nearest_points() {
     let reference = Reference::new(&mesh, &Region::All).unwrap();
     let tree = MeshTree::new(&mesh);
     let mut random = Random::new(1);
-    // Points this far away, how many in a thousand may have another foot, and by how many
-    // millimetres it may be farther. As far as 20 mm some lie inside folds and near the other side.
+    // Noise in millimetres, the number of points per thousand that may have another foot, and the
+    // distance in millimetres by which it may be farther. At 20 mm some points lie inside folds and
+    // near the opposite side.
     for (reach, most, by) in [(0.3, 2, 0.005), (3.0, 20, 0.1), (20.0, 80, 6.0)] {
         let (mut elsewhere, mut farthest, mut all) = (0, 0.0_f64, 0);
         for p in scan(&mesh, 8000, &mut random, is_front) {
@@ -23,12 +24,12 @@ fn feet_are_the_nearest_points() {
             elsewhere += u32::from(beyond > 1e-9);
             farthest = farthest.max(beyond);
             all += 1;
-            // It lies where its weights say, and on the triangle named.
+            // The foot agrees with its weights and its triangle.
             let corners = reference.triangles()[foot.triangle as usize]
                 .map(|i| reference.vertices()[i as usize]);
             let at: DVec3 = (0..3).map(|k| corners[k] * foot.weights[k]).sum();
             assert!((at - foot.point).length() < 1e-9);
-            // After a step a walk finds the new one.
+            // After a small step a walk finds the new foot.
             let moved = q + random.vector() * 0.2;
             let near = reference.closest_near(moved, foot.triangle);
             let grid = reference.closest(moved);
@@ -57,9 +58,10 @@ fn normals_are_those_of_the_smooth_surface() {
         let out = (foot.point - centre).normalize();
         worst = worst.max(foot.normal.dot(out).min(1.0).acos());
     }
-    // Facets of 2.5 mm on 150 mm lean by up to 8 mrad; what is interpolated, by a tenth.
+    // Facets of 2.5 mm on a radius of 150 mm are tilted by up to 8 mrad; interpolated normals by a
+    // tenth of that.
     assert!(worst < 1e-3, "{worst}");
-    // What facets tell of their normals is an upper bound of that.
+    // The estimate from the facets is an upper bound.
     let told = reference.normal_sd_rad();
     assert!((1e-4..8e-3).contains(&told), "{told}");
 }
@@ -72,7 +74,7 @@ fn rough_facets_tell_how_rough() {
         v.z += 0.05 * random.normal();
     }
     let reference = Reference::new(&mesh, &Region::All).unwrap();
-    // The true normal is z: the interpolated ones' slopes at feet, per axis.
+    // The true normal is z: measure the slopes of the interpolated normals at feet, per axis.
     let mut squares = 0.0;
     let points = scan(&plane(), 4000, &mut random, |_| true);
     for &p in &points {
@@ -98,7 +100,7 @@ fn regions_choose_triangles() {
         centre: DVec3::new(0.0, 0.0, 30.0),
         radius_mm: 100.0,
     };
-    // Triangles wholly inside: less than the disc by half a cell around its edge.
+    // Only triangles wholly inside count: less than the disc by half a cell around its edge.
     let share = area(&disc) / (std::f64::consts::PI * 1e4);
     assert!((0.9..1.0).contains(&share), "{share}");
     let corners = [(-100.1, -100.1), (100.1, -100.1), (-100.1, 100.1)];
@@ -106,7 +108,7 @@ fn regions_choose_triangles() {
     let share = area(&triangle) / 20_000.0;
     assert!((0.93..1.02).contains(&share), "{share}");
     assert!((area(&Region::Vertices(vec![0, 1, 81, 82])) - 25.0).abs() < 1e-9);
-    // The back of a closed body is not below a polygon.
+    // A polygon excludes the back of a closed body.
     let body = patient(8000);
     let wide = [(-90.0, -90.0), (90.0, -90.0), (90.0, 90.0), (-90.0, 90.0)];
     let chest = Region::Polygon(wide.map(|(x, y)| glam::DVec2::new(x, y)).to_vec());
@@ -165,7 +167,7 @@ fn noise_lifts_points_off_a_bent_surface() {
     assert!((ball.lift_mm(t, 2.0) / (4.0 / 150.0) - 1.0).abs() < 0.03);
     let t = top(&tube, DVec3::new(0.0, 10.0, 20.0));
     assert!((tube.lift_mm(t, 2.0) / (4.0 / 240.0) - 1.0).abs() < 0.03);
-    // Across the cylinder it bends, along it it does not, and outwards neither.
+    // The cylinder is curved across its axis, but neither along the axis nor along the normal.
     let lift = |along| tube.lift_along_mm(t, 2.0, along);
     assert!((lift(DVec3::X) / (4.0 / 240.0) - 1.0).abs() < 0.03);
     assert!(lift(DVec3::Y).abs() < 1e-4 && lift(DVec3::Z).abs() < 1e-4);

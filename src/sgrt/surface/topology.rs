@@ -1,16 +1,16 @@
-//! Which triangles meet at edges and corners.
+//! Adjacency of triangles at edges and corners.
 
 use std::collections::HashMap;
 
-/// No triangle lies across an edge.
+/// No adjacent triangle.
 pub(super) const BORDER: u32 = u32::MAX;
 
 /// The neighbours of triangles.
 pub(super) struct Topology {
-    /// The triangle across each triangle's edge from corner k to k + 1; [`BORDER`] where there is
-    /// none, or more than one: nobody knows then on which sheet the surface goes on.
+    /// The triangle across each edge from corner k to k + 1; [`BORDER`] if there is none or more than
+    /// one, because the continuation of the surface is then ambiguous.
     pub(super) across: Vec<[u32; 3]>,
-    /// Where the triangles of each vertex start in `ring`, and one more.
+    /// Start of each vertex's triangles in `ring`, plus the end of the last.
     first: Vec<u32>,
     ring: Vec<u32>,
     /// Whether a vertex lies on a border.
@@ -25,7 +25,7 @@ impl Topology {
             let (a, b) = (t[k], t[(k + 1) % 3]);
             (a.min(b), a.max(b))
         };
-        // Sums of the two indices: what is left of one of them is the other.
+        // Sum of the two triangle indices of an edge: subtracting one gives the other.
         for (i, t) in triangles.iter().enumerate() {
             for k in 0..3 {
                 let entry = edges.entry(ends(t, k)).or_insert((0, 0));

@@ -144,7 +144,7 @@ impl Bench {
                     warned.map_or(condition.clone(), |w| format!("{condition}; warning: {w}"));
                 Case::held(name, ratio, square, chi_square_bound(SURE, freedom)).says(says)
             }
-            Err(refusal) => Case::refused(name, ratio, &refusal.to_string(), "wanted"),
+            Err(refusal) => Case::refused(name, ratio, &refusal.to_string(), "expected"),
         }
     }
 }
@@ -245,8 +245,8 @@ fn degenerate(context: &Context<'_>) -> Result<Vec<Case>> {
         ),
         refused("mirrored pictures", &mirrored, "mirrored"),
         refused("boards in the dark", &dark, "too few points"),
-        refused("all points at one place", &point, "wanted"),
-        refused("one line of points", &line, "wanted"),
+        refused("all points at one place", &point, "expected"),
+        refused("one line of points", &line, "expected"),
         refused("501 poses", &vec![point[0].clone(); 501], "too many poses"),
     ])
 }

@@ -135,7 +135,7 @@ fn coefficients() -> Vec<Case> {
         };
         rig.camera.lens = lens;
         if let Err(v) = rig.check() {
-            let says = format!("{}: {}; allowed: {}", v.field, v.found, v.allowed);
+            let says = format!("{}: {}; expected {}", v.field, v.found, v.allowed);
             cases.push(Case::refused(name, f64::INFINITY, &says, "folds over"));
             continue;
         }

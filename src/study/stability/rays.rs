@@ -202,7 +202,7 @@ fn baselines(f32_path: bool) -> Vec<Case> {
         .collect();
     if !f32_path {
         let says = match rig(1e-7, TURN).check() {
-            Err(v) => format!("{}: {}; allowed: {}", v.field, v.found, v.allowed),
+            Err(v) => format!("{}: {}; expected {}", v.field, v.found, v.allowed),
             Ok(()) => String::new(),
         };
         cases.push(Case::refused("0.0000001 mm", 1e10, &says, "zero baseline"));

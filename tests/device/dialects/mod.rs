@@ -1,5 +1,5 @@
-//! Whole scans over the shipped dialects, host and device in memory: the host has nothing but the
-//! dialect's file, and gets what it gets over SCPI.
+//! Whole scans in the shipped dialects, with host and device in memory: the host knows only the
+//! dialect's file, and gets the same result as over SCPI.
 
 mod scpi_files;
 
@@ -26,7 +26,7 @@ impl FrameSink for Sink {
     }
 }
 
-/// A scan, and the device time that it took.
+/// Scans; returns the capture and the device time that it took.
 fn scan(dialect: &str, baud: Option<u32>) -> (Captured, u64) {
     let scanned = scan_in(Dialect::load(dialect).unwrap(), baud, None);
     let (captured, now_ns, retries) = scanned.unwrap();
@@ -34,7 +34,7 @@ fn scan(dialect: &str, baud: Option<u32>) -> (Captured, u64) {
     (captured, now_ns)
 }
 
-/// [`scan`] in a dialect, which may need a manifest; with the reasons for runs that were repeated.
+/// [`scan`] in a dialect, which may need a manifest; also returns the reasons for repeated runs.
 fn scan_in(
     dialect: Dialect,
     baud: Option<u32>,
@@ -120,7 +120,7 @@ fn a_dialect_without_a_trigger_is_refused_at_once() {
         words.contains("gspark") && words.contains("no trigger"),
         "{words}"
     );
-    // One without a manifest wants one from a file.
+    // A dialect that cannot report a manifest needs one from a file.
     let gspark = Dialect::parse(&gspark(), "guide.md").unwrap();
     let error = scan_in(gspark, None, None).err().unwrap();
     assert_eq!(error.exit_code(), 2, "{error}");

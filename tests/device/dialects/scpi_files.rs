@@ -1,4 +1,4 @@
-//! Devices that speak SCPI with headers of their own, and files that say so.
+//! Devices that speak SCPI with other headers, and the dialect files that describe them.
 
 use super::Sink;
 use phasmid::emulator::{Bench, Firmware, Renderer};
@@ -9,7 +9,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
-/// What stands for a header of the emulated device in one that has others.
+/// Headers of the emulated device, and their equivalents in a device with other headers.
 const OTHERS: [(&str, &str); 8] = [
     ("SEQ:SEL", "PATT:NAME"),
     ("SEQ:LIST", "PATT:ALL"),
@@ -21,7 +21,7 @@ const OTHERS: [(&str, &str); 8] = [
     ("*IDN?", "WHO?"),
 ];
 
-/// The file of a device with other headers.
+/// Dialect file of a device with other headers.
 fn other() -> String {
     let own = Dialect::text("scpi").unwrap().to_owned();
     let text = OTHERS
@@ -34,7 +34,8 @@ fn parse(text: &str) -> Dialect {
     Dialect::parse(text, "other.toml").unwrap()
 }
 
-/// Scans a device whose headers are the emulated one's, or the others; what the host has sent.
+/// Scans a device with the emulated device's headers or the others; also returns what the host has
+/// sent.
 fn scan(
     dialect: Option<Dialect>,
     others: bool,
@@ -57,7 +58,7 @@ fn scan(
         }
         let mut text = String::from_utf8(bytes.to_vec()).unwrap();
         for (own, other) in OTHERS {
-            // It knows its own ones alone.
+            // The device knows only its own headers.
             text = text.replace(own, "NONE").replace(other, own);
         }
         bench.control(text.as_bytes())
@@ -74,7 +75,7 @@ fn scan(
         let captured = scanner.scan(&options, &mut |progress| {
             retries += usize::from(matches!(progress, phasmid::host::Progress::Retry(_)));
         });
-        // What is refused is asked for again; what succeeds does so at once.
+        // A rejected scan is retried; a successful one needs no retry.
         assert!(captured.is_err() || retries == 0, "{retries} retries");
         scanner.finish().and(captured)
     });
@@ -118,19 +119,19 @@ fn a_device_with_other_headers_is_scanned_by_its_file() {
         for (own, other) in OTHERS {
             assert!(!said.contains(own), "{own}: {said}");
             let asked = said.contains(other);
-            // Nobody needs the list where the sequence is there.
+            // The list is not needed if the sequence is there.
             assert!(
                 asked || own == "SEQ:LIST" || sequence.is_none() && own == "SEQ:SEL",
                 "{other}"
             );
         }
-        // What every instrument has is asked all the same.
+        // Commands that every instrument has are sent in any case.
         assert!(
             said.contains("*ESR?") && said.contains("SYST:ERR?"),
             "{said}"
         );
     }
-    // Without the file the host does not get far.
+    // Without the file, the host fails early.
     let (captured, _) = scan(None, true, None);
     let error = captured.err().unwrap().to_string();
     assert!(error.contains("the device refuses"), "{error}");
@@ -143,7 +144,7 @@ fn what_the_device_refuses_is_told_in_its_words_and_names_it_does_not_have_too()
     assert_eq!(error.exit_code(), 2, "{error}");
     let words = error.to_string();
     assert!(words.starts_with("--sequence moon: "), "{words}");
-    assert!(words.ends_with("allowed: quick-4, quick-4-xy"), "{words}");
+    assert!(words.ends_with("expected quick-4, quick-4-xy"), "{words}");
     let lamp = other().replace("LASER {state}", "LASER:NO {state}");
     let (captured, _) = scan(Some(parse(&lamp)), true, None);
     let words = captured.unwrap_err().to_string();

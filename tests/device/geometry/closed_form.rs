@@ -1,9 +1,10 @@
-//! A rig and two surfaces in closed form: from a camera's pixel to the projector's.
+//! Closed forms of a rig and two surfaces: from a camera pixel to the projector pixel that lights
+//! it.
 
 use glam::{DVec2, DVec3};
 use phasmid::profile::Profile;
 
-/// Camera at the origin along z; projector turned about y alone.
+/// A rig with the camera at the origin, looking along z, and the projector rotated about y only.
 pub struct Rig {
     profile: Profile,
     camera_focal_px: f64,
@@ -14,18 +15,18 @@ pub struct Rig {
     turn: f64,
 }
 
-/// A surface that a ray from the origin meets at one place.
+/// A surface that a ray from the origin meets at most once.
 pub trait Surface: Sync {
-    /// Point and unit normal towards the camera, where a ray of direction z = 1 meets it.
+    /// Point and unit normal towards the camera at the intersection with a ray of direction z = 1.
     fn meet(&self, ray: DVec3) -> Option<(DVec3, DVec3)>;
-    /// The scene with it, name and description aside.
+    /// The scene with this surface as TOML, without name and description.
     fn toml(&self) -> String;
-    /// Factor on the reference path's bar of 1e-9 px, for places where the last bit of the input
-    /// moves the point further than that; `None` if the path is not held against it.
+    /// Factor on the reference path's tolerance of 1e-9 px, for points where the last bit of the
+    /// input moves the result further than that; `None` if the path is not tested there.
     fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64>;
 }
 
-/// Endless, through (0, 0, z), turned about y.
+/// An infinite plane through (0, 0, z), rotated about y.
 pub struct Plane {
     pub tilt_deg: f64,
     pub z_mm: f64,
@@ -55,7 +56,7 @@ impl Surface for Plane {
     }
 
     fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64> {
-        // Towards the horizon a pixel covers ever more of the slide.
+        // Towards the horizon a pixel covers an increasing area of the slide.
         Some(rig.footprint(self, px).max(1.0))
     }
 }
@@ -82,7 +83,8 @@ impl Surface for Sphere {
     }
 
     fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64> {
-        // At the limb, where the surface ends within a pixel, the point moves as a square root.
+        // At the silhouette, where the surface ends within a pixel, the point moves like a square
+        // root.
         let footprint = rig.footprint(self, px);
         Some(if footprint.is_finite() {
             footprint.max(1.0)
@@ -116,11 +118,12 @@ impl Rig {
         }
     }
 
-    /// Projector pixel whose ray goes through the point that a pixel sees; NaN behind it.
+    /// Projector pixel whose ray passes through the point that a camera pixel sees; NaN behind the
+    /// projector.
     pub fn lit_from(&self, surface: &(impl Surface + ?Sized), px: DVec2) -> Option<DVec2> {
         let (point, _) = surface.meet(self.ray(px))?;
         let way = point - self.pupil;
-        // Turned by -turn about y into the projector's frame.
+        // Rotated by -turn about y into the projector's frame.
         let (sin, cos) = self.turn.sin_cos();
         let local = DVec3::new(way.x * cos - way.z * sin, way.y, way.x * sin + way.z * cos);
         if local.z <= 0.0 {
@@ -144,7 +147,7 @@ impl Rig {
         px.x >= -0.5 && px.y >= -0.5 && px.x < w - 0.5 && px.y < h - 0.5
     }
 
-    /// Whether the point that a pixel sees faces the projector.
+    /// Whether the surface at the point that a pixel sees faces the projector.
     pub fn faces(&self, surface: &(impl Surface + ?Sized), px: DVec2) -> bool {
         surface
             .meet(self.ray(px))

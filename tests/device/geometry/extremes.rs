@@ -1,4 +1,4 @@
-//! What no bench has: distances, sizes, angles and counts at the ends of what may be asked for.
+//! Extreme inputs: distances, sizes, angles and counts at the limits of the allowed ranges.
 
 use super::closed_form::{Plane, Rig, Sphere, Surface};
 use super::exact::plane;
@@ -35,7 +35,7 @@ fn near_and_far_scenes_and_a_baseline_of_a_millimetre() {
     }
 }
 
-/// A surface with the whole scene turned about y and moved far away, the rig with it.
+/// The whole scene, including the rig, rotated about y and moved far away.
 struct Far<S>(S);
 
 const FAR_MM: [f64; 3] = [6e6, -5e6, 6.2e6];
@@ -60,7 +60,7 @@ impl Surface for Far<Plane> {
     }
 
     fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64> {
-        // A coordinate of 10 km is known to 2e-9 mm.
+        // A coordinate of 10 km has a resolution of 2e-9 mm.
         self.0.condition(rig, px).map(|times| times * 100.0)
     }
 }
@@ -96,7 +96,7 @@ impl Meshed {
 impl Surface for Meshed {
     fn meet(&self, ray: DVec3) -> Option<(DVec3, DVec3)> {
         let met = self.plane.meet(ray);
-        // The meshes here end 500 m off their middle.
+        // The meshes in this file end 500 m from their centre.
         met.filter(|(point, _)| (*point - DVec3::Z * self.plane.z_mm).abs().max_element() < 4e5)
     }
 
@@ -117,7 +117,7 @@ fn corners(half: f64) -> [DVec3; 4] {
         .map(|(x, y)| DVec3::new(x * half, y * half, 0.0))
 }
 
-/// Two triangles of a kilometre.
+/// Two triangles with sides of a kilometre.
 fn giants() -> Mesh {
     Mesh {
         vertices: corners(HALF_MM).to_vec(),
@@ -126,8 +126,8 @@ fn giants() -> Mesh {
     }
 }
 
-/// A square of a nanometre in the middle, and rings of ever larger triangles around it, the last
-/// of them a kilometre wide and touching one of a millimetre.
+/// A square of a nanometre in the centre, and rings of ever larger triangles around it, the last of
+/// them a kilometre wide and adjacent to one of a millimetre.
 fn from_nanometres_to_kilometres() -> Mesh {
     let sides = [5e-7, 6e-7, 1e-3, 1.0, HALF_MM];
     let vertices: Vec<_> = sides.iter().flat_map(|&half| corners(half)).collect();
@@ -162,11 +162,11 @@ fn triangles_of_a_nanometre_beside_ones_of_a_kilometre() {
 
 #[test]
 fn a_plate_just_before_a_plane_of_a_kilometre_is_seen_and_shades() {
-    // f32 has the plane's hits to some 0.06 mm.
+    // f32 resolves the plane's hits to about 0.06 mm.
     let gap_mm = 0.01;
     let plane = plane(40.0, 1000.0);
     let mut mesh = giants();
-    // The mesh rises towards -z.
+    // The mesh extends towards -z.
     mesh.vertices
         .extend(corners(40.0).map(|c| c - DVec3::Z * gap_mm));
     mesh.triangles.extend([[4, 5, 6], [4, 6, 7]]);
@@ -217,7 +217,7 @@ fn shot(slide: Arc<Slide>, id: u64) -> Shot {
     }
 }
 
-/// Mean level under the convolution of two boxes about x, by many samples along the axis.
+/// Mean level under the convolution of two boxes centred at x, from many samples along the axis.
 fn mean_level(levels: &[u16], x: f64, boxes: [f64; 2]) -> f64 {
     let (a, b) = (boxes[0].abs(), boxes[1].abs().max(1e-6));
     let weight = |d: f64| ((a + b) / 2.0 - d.abs()).clamp(0.0, a.min(b));
@@ -253,7 +253,8 @@ fn fringes_from_two_pixels_to_the_whole_width() {
             let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
             let x = |px| rig.lit_from(&plane, px).unwrap().x;
             let by = |axis: DVec2| x(px + axis * 0.5) - x(px - axis * 0.5);
-            // This footprint has no height along x; the table gives it a height that no level shows.
+            // This footprint has no extent along the other axis; the table assigns it one, on which
+            // no level depends.
             let exact = mean_level(levels, x(px), [by(DVec2::X), by(DVec2::Y)]);
             let level = (f64::from(seen[i]) - black) / (f64::from(white[i]) - black) * 255.0;
             assert!(
@@ -304,7 +305,7 @@ fn exposures_from_a_microsecond_to_ten_seconds() {
     }
 }
 
-/// Takes 2.7 GB: `.ci/run` runs it by name, with `--ignored --nocapture`, so that it prints.
+/// Needs 2.7 GB: `.ci/run` runs it by name, with `--ignored --nocapture`, so that it prints.
 #[test]
 #[ignore = "ten million triangles: 2.7 GB, and a quarter of a minute"]
 fn ten_million_triangles() {

@@ -1,4 +1,4 @@
-//! Holds the reference path and the fast path against a surface's closed form, at every pixel.
+//! Compares the reference path and the fast path with a surface's closed form, at every pixel.
 
 use super::closed_form::{Rig, Surface};
 use glam::DVec2;
@@ -19,9 +19,9 @@ pub fn scene(surface: &dyn Surface) -> Scene {
     Scene::parse(&text, "s").unwrap()
 }
 
-/// The reference path within 1e-9 px, the fast path within the larger of 1e-3 px and 1e-4 of the
-/// footprint, at every pixel that the projector's field holds; what is seen and lit, everywhere.
-/// Counts the pixels that are held against the bars.
+/// Requires the reference path to be within 1e-9 px, and the fast path within the larger of 1e-3 px
+/// and 1e-4 of the footprint, at every pixel in the projector's field; visibility and illumination
+/// must match everywhere. Returns the number of pixels that were compared.
 pub fn hold(profile: &Profile, surface: &dyn Surface) -> usize {
     let scene = scene(surface);
     let rig = Rig::new(profile);
@@ -54,7 +54,7 @@ pub fn hold(profile: &Profile, surface: &dyn Surface) -> usize {
             let error = (fast - exact).abs().max_element();
             let bar = 1e-3f64.max(1e-4 * rig.footprint(surface, px));
             assert!(error <= bar, "{what} {px}: off by {error:e}, bar {bar:e}");
-            // Nothing shades these surfaces but themselves, where they face away.
+            // These surfaces are only in shadow where they face away.
             assert_eq!(lit, rig.faces(surface, px), "{what} {px}: lit from {exact}");
             true
         })

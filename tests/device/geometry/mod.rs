@@ -1,4 +1,4 @@
-//! The geometry pass against closed forms, at both ends of what it may be given.
+//! The geometry pass compared with closed forms, for ordinary and for extreme inputs.
 
 mod closed_form;
 mod exact;

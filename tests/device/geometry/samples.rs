@@ -1,4 +1,4 @@
-//! More rays than one a pixel, and rays through the whole of the pupil.
+//! Several rays per pixel, and rays through the whole pupil.
 
 use super::closed_form::Rig;
 use super::exact::plane;
@@ -37,14 +37,15 @@ fn renderer(profile: &Profile, scene: &Scene, samples: u32) -> Renderer {
     .unwrap()
 }
 
-/// Signal of each pixel under ambient light alone.
+/// Signal of each pixel with ambient light only.
 fn ambient(profile: &Profile, scene: &Scene, samples: u32) -> Vec<f64> {
     let dark = shot(Slide::Uniform(0), 0.0);
     let signal = renderer(profile, scene, samples).expected_dn(&dark);
     signal.into_iter().map(f64::from).collect()
 }
 
-/// A plate before a wall, both square to the camera; it covers columns from `left` to `right`.
+/// A plate in front of a wall, both perpendicular to the camera's axis; it covers columns from
+/// `left` to `right`.
 fn plate(profile: &Profile, left: f64, right: f64, [plate_mm, wall_mm]: [f64; 2]) -> Scene {
     let lens = profile.camera.view().lens;
     let x = |u: f64| (u - lens.principal_px.x) / lens.focal_px.x * plate_mm;
@@ -63,7 +64,7 @@ fn plate(profile: &Profile, left: f64, right: f64, [plate_mm, wall_mm]: [f64; 2]
 #[test]
 fn a_sliver_that_no_centre_sees_is_found_by_more_samples() {
     let profile = bench();
-    // A fifth of column 600, right of its centre.
+    // Covers a fifth of column 600, right of its centre.
     let scene = plate(&profile, 600.204, 600.396, [990.0, 1000.0]);
     let shares = |samples: u32| {
         let signal = ambient(&profile, &scene, samples);
@@ -110,8 +111,8 @@ fn where_the_closed_form_stands_more_samples_change_nothing() {
             let creases = flags.iter().filter(|&f| f & Truth::CREASE != 0).count();
             assert!(creases < 5000, "only the field's border: {creases}");
             for (i, (a, b)) in one.iter().zip(&more).enumerate() {
-                // Along the border of the field one ray misses corners, and sixty-four see more
-                // than sixteen.
+                // At the edge of the projector's field a single ray misses corners, and 64 rays see
+                // more than sixteen.
                 let crease = |flags: &[u8]| flags[i] & Truth::CREASE != 0;
                 if !crease(&flags) || (samples < 64 && crease(&few)) {
                     assert!((a - b).abs() < 0.02, "{samples} at {i}: {a} {b}");
@@ -139,7 +140,7 @@ fn numbers_of_samples_that_make_no_grid_are_refused() {
     }
 }
 
-/// A lens that blurs a lot: a pupil of 20 mm / 2 = 10 mm.
+/// A strongly blurring lens: a pupil of 20 mm / 2 = 10 mm.
 fn blurred(focus_mm: f64) -> Profile {
     let mut profile = bench();
     profile.camera.height_px = 201;
@@ -150,18 +151,18 @@ fn blurred(focus_mm: f64) -> Profile {
     profile
 }
 
-/// Radius in pixels of the disc that a point at z is imaged to: similar triangles.
+/// Radius in pixels of the blur disc of a point at z, from similar triangles.
 fn disc_px(profile: &Profile, z_mm: f64) -> f64 {
     let camera = &profile.camera;
     let pupil_mm = camera.focal_length_mm / camera.f_number;
     let focus_mm = camera.focus_mm.unwrap();
-    // Diameter on the plane in focus of the pencil from the point, and on the sensor.
+    // Diameter of the pencil of rays from the point, on the plane in focus and then on the sensor.
     let there_mm = pupil_mm * (z_mm - focus_mm).abs() / z_mm;
     let pixel_mm = camera.sensor_width_mm / f64::from(camera.width_px);
     there_mm * camera.focal_length_mm / focus_mm / pixel_mm / 2.0
 }
 
-/// Share of a unit disc to the left of t: the circular segment.
+/// Fraction of a unit disc to the left of t: the circular segment.
 fn segment(t: f64) -> f64 {
     let t = t.clamp(-1.0, 1.0);
     0.5 + (t * (1.0 - t * t).sqrt() + t.asin()) / PI
@@ -169,7 +170,7 @@ fn segment(t: f64) -> f64 {
 
 #[test]
 fn the_edge_of_a_plate_out_of_focus_spreads_as_the_disc_has_it() {
-    // In focus the wall, the plate, or neither.
+    // The wall, the plate or neither is in focus.
     for (focus_mm, plate_mm) in [(1000.0, 700.0), (1000.0, 950.0), (820.0, 700.0)] {
         let profile = blurred(focus_mm);
         let edge = 570.3;
@@ -185,7 +186,7 @@ fn the_edge_of_a_plate_out_of_focus_spreads_as_the_disc_has_it() {
             };
             let (mut worst, mut bias) = (0.0f64, 0.0f64);
             for column in 540..601 {
-                // The disc under the pixel's own width.
+                // The disc convolved with the pixel's own width.
                 let n = 100;
                 let exact = (0..n)
                     .map(|i| (f64::from(i) + 0.5) / f64::from(n) - 0.5)
@@ -197,8 +198,8 @@ fn the_edge_of_a_plate_out_of_focus_spreads_as_the_disc_has_it() {
                 bias = bias.max(mean.abs());
                 worst = errors.iter().fold(worst, |m, e| m.max(e.abs()));
             }
-            // Four dimensions, two of the pixel and two of the pupil, by so few points: single
-            // pixels scatter, their mean does not.
+            // So few points sample four dimensions, two of the pixel and two of the pupil, that
+            // single pixels scatter; their mean does not.
             let bar = if samples == 64 { 0.11 } else { 0.24 };
             assert!(
                 worst < bar && bias < 0.02,

@@ -1,4 +1,4 @@
-//! What is never added, and what changes nothing.
+//! Upper bounds of interreflected light, and options that change nothing.
 
 use crate::interreflection::*;
 use crate::photometry::scene;
@@ -10,7 +10,7 @@ use phasmid::pattern::Axis;
 use phasmid::profile::Profile;
 use std::f64::consts::{PI, TAU};
 
-/// A sphere of longitudes and latitudes.
+/// A sphere meshed by longitude and latitude.
 fn ball(center: DVec3, radius: f64, across: u32) -> Mesh {
     let (columns, rows) = (2 * across, across);
     let mut mesh = Mesh::default();
@@ -90,7 +90,7 @@ fn light_adds_up_and_no_more_comes_back_than_went_in() {
     };
     let mut of = |slide: Slide| bounced(&profile, &mut renderer, &shot(Some(slide)));
     let (dark, uniform) = (of(full(0)), of(Slide::Uniform(255)));
-    // Light at the nearest, 800 mm or so away, and what the lamp gives; albedo 0.85 at the most.
+    // Light at the nearest distance of about 800 mm plus the lamp's; the albedo is at most 0.85.
     let most = 0.85f64.powi(2) * (0.4e6 / 6.4e5 + 0.04e6 / 1e5);
     assert!(uniform.iter().all(|&e| (-1e-6..most).contains(&e)));
     assert!(uniform.iter().filter(|&&e| e > 0.01).count() > 50_000);
@@ -125,7 +125,8 @@ fn coarser_grids_are_near_and_say_the_same_of_geometry() {
     assert!(same(&truth.depth_mm, &bare.depth_mm));
     assert!(same(&truth.projector_x, &bare.projector_x));
     assert!(same(&truth.projector_y, &bare.projector_y));
-    // What sixteen rays miss differs from point to point, so means of many tell.
+    // The error of sixteen rays differs from point to point, so means over many points are
+    // compared.
     for (step, [relative, absolute]) in [(4, [0.01, 1e-4]), (16, [0.03, 5e-4])] {
         let (coarse, _) = image(step);
         for block in 0..9 {

@@ -1,4 +1,4 @@
-//! Energy: inside of a sphere, with highlights and pictures.
+//! Conservation of energy inside a sphere, with highlights and textures.
 
 use crate::interreflection::*;
 use crate::photometry::{dn_per_irradiance, scene};
@@ -6,9 +6,9 @@ use phasmid::emulator::render::Renderer;
 use phasmid::profile::Profile;
 use std::path::Path;
 
-/// Inside of a sphere every place sees every other in proportion to its area, whatever the angles
-/// (e.g. Howell, Menguc, Siegel, "Thermal Radiation Heat Transfer"): one bounce brings everywhere
-/// the albedo times the mean irradiance, that of the lamp's whole power.
+/// Inside a sphere every point sees every other in proportion to its area, whatever the angles
+/// (e.g. Howell, Menguc, Siegel, "Thermal Radiation Heat Transfer"): one reflection adds everywhere
+/// the albedo times the mean irradiance, which follows from the lamp's total power.
 #[test]
 fn inside_of_a_sphere_all_power_comes_back_evenly() {
     let profile = Profile::load("pmp-bench").unwrap();
@@ -29,8 +29,8 @@ fn inside_of_a_sphere_all_power_comes_back_evenly() {
     }
 }
 
-/// The same with surfaces that absorb nothing, whatever their highlights take of it, and with a
-/// fine chequered picture, of which each place has its own share.
+/// The same with surfaces that absorb nothing, whatever fraction their highlights reflect, and with
+/// a fine chequered texture, of which each point has its own mean.
 #[test]
 fn highlights_and_pictures_keep_the_energy() {
     let profile = Profile::load("pmp-bench").unwrap();
@@ -60,7 +60,7 @@ fn highlights_and_pictures_keep_the_energy() {
              intensity_w_sr = {intensity}\n"
         );
         let found = bounced(&profile, &mut inside(&lamp), &shot(None));
-        // What each pixel makes of 0.5 W/m^2 from everywhere.
+        // Response of each pixel to 0.5 W/m^2 of uniform light.
         let even = inside("ambient = { irradiance_w_m2 = 0.5 }\n").expected_dn(&shot(None));
         let (black, scale) = (4.0, dn_per_irradiance(&profile, 8e-3));
         let exact = mean_share * intensity * 1e6 / (radius * radius);

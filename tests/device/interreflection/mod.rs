@@ -1,4 +1,4 @@
-//! Light that surfaces throw on each other, against form factors and direct integration.
+//! Interreflections compared with form factors and direct integration.
 
 mod bounds;
 mod energy;
@@ -18,18 +18,18 @@ use std::sync::Arc;
 
 /// Albedos of the two walls of the wedges.
 const ALBEDO: [f64; 2] = [0.8, 0.6];
-/// Where the walls meet: a line along y.
+/// Line along which the walls meet, parallel to y.
 const CREASE: DVec3 = DVec3::new(0.0, 0.0, 1050.0);
-/// Directions in which the walls leave the crease; each is the other's normal.
+/// Directions in which the walls extend from the crease; each is the other's normal.
 const OUT: [DVec3; 2] = [
     DVec3::new(-FRAC_1_SQRT_2, 0.0, -FRAC_1_SQRT_2),
     DVec3::new(FRAC_1_SQRT_2, 0.0, -FRAC_1_SQRT_2),
 ];
-/// Their widths and their length in millimetres.
+/// Widths and length of the walls in millimetres.
 const WIDTH: [f64; 2] = [300.0, 200.0];
 const LENGTH: f64 = 20_000.0;
 
-/// The walls as closed forms.
+/// The walls as solids.
 fn solid_walls() -> String {
     let wall = |i: usize| {
         let at = CREASE + OUT[i] * (WIDTH[i] / 2.0);
@@ -69,7 +69,7 @@ fn mesh_walls(folder: &Path, scale: f64) -> String {
     text
 }
 
-/// Light from far away that meets the second wall squarely and the first one edge-on.
+/// A distant light perpendicular to the second wall and parallel to the first.
 fn lamp() -> String {
     format!(
         "[[light]]\nkind = \"directional\"\ndirection = [{}, 0, {}]\nirradiance_w_m2 = 1.0\n",
@@ -90,7 +90,7 @@ fn shot(slide: Option<Slide>) -> Shot {
     }
 }
 
-/// Irradiance in W/m^2 that bounces, times albedo, of all pixels: what the term adds.
+/// Interreflected irradiance in W/m^2, times albedo, of all pixels: the contribution of the term.
 fn bounced(profile: &Profile, renderer: &mut Renderer, shot: &Shot) -> Vec<f64> {
     assert!(renderer.plan().has(Term::Interreflection));
     let with = renderer.expected_dn(shot);
@@ -104,8 +104,8 @@ fn bounced(profile: &Profile, renderer: &mut Renderer, shot: &Shot) -> Vec<f64> 
         .collect()
 }
 
-/// Points in the rig's frame that pixels see, with the wall that they are on, pixels on edges
-/// excepted.
+/// Points, in the rig's frame, that pixels see, with the index of their wall; without pixels on
+/// edges.
 fn on_walls(profile: &Profile, truth: &Truth) -> Vec<(usize, usize, DVec3)> {
     let view = profile.camera.view();
     (0..truth.flags.len())
@@ -133,7 +133,7 @@ fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
-/// A box about a ball, in front of a wall: everything sees something.
+/// A box around a ball, in front of a wall: every surface sees another.
 fn clutter(samples: u32, step_px: u32) -> Scene {
     let text = format!(
         "{}ambient = {{ irradiance_w_m2 = 0.02 }}\n[[light]]\nkind = \"point\"\n\

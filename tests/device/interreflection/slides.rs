@@ -1,4 +1,4 @@
-//! Slides against direct integration.
+//! Projected slides compared with direct integration.
 
 use crate::interreflection::*;
 use crate::photometry::scene;
@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// What the second wall throws on a point of the first under a row slide along x, in W/m^2: the
-/// midpoint rule over the wall's lit part, in f64.
+/// Irradiance in W/m^2 of a point of the first wall by the second one under a row slide along x:
+/// the midpoint rule over the wall's lit part, in f64.
 fn integrated(profile: &Profile, point: DVec3, levels: &[u16]) -> f64 {
     let view = profile.projector.view();
     let pupil = view.center();

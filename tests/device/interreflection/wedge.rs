@@ -1,4 +1,4 @@
-//! A right-angled wedge against form factors.
+//! A right-angled wedge compared with form factors.
 
 use crate::interreflection::*;
 use crate::photometry::scene;
@@ -9,8 +9,8 @@ use phasmid::profile::Profile;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// Share of the sky of a point of the first wall that the second one fills: twice the form factor
-/// of an element to a perpendicular rectangle, with a corner across from it (Howell, "A Catalog of
+/// Form factor between a point of the first wall and the second wall: the sum of those of an
+/// element to two perpendicular rectangles, each with a corner opposite it (Howell, "A Catalog of
 /// Radiation Heat Transfer Configuration Factors", B-5).
 fn wedge_factor(point: DVec3) -> f64 {
     let d = OUT[0].dot(point - CREASE);
@@ -19,7 +19,8 @@ fn wedge_factor(point: DVec3) -> f64 {
     corner(LENGTH / 2.0 - point.y) + corner(LENGTH / 2.0 + point.y)
 }
 
-/// A renderer's errors in the wedge, scaled about the camera and lit by the lamp, in form factors.
+/// Errors of the renderer in the wedge, scaled about the camera and lit by the lamp, in units of
+/// form factors.
 fn wedge_errors(walls: &str, folder: &Path, samples: u32, scale: f64) -> Vec<f64> {
     let profile = Profile::load("pmp-bench").unwrap();
     let text = format!("{}{}{walls}", wanted(samples, 8), lamp());
@@ -29,13 +30,14 @@ fn wedge_errors(walls: &str, folder: &Path, samples: u32, scale: f64) -> Vec<f64
     let mut errors = Vec::new();
     for (i, wall, point) in on_walls(&profile, &truth) {
         if wall == 1 {
-            // The first wall is dark: nothing comes back.
+            // The first wall is dark, so it reflects nothing back.
             assert!(found[i].abs() < 1e-6, "{i}: {}", found[i]);
         } else if i % 1138 % 8 == 0 && i / 1138 % 8 == 0 {
             errors.push(found[i] / (ALBEDO[0] * ALBEDO[1]) - wedge_factor(point / scale));
         }
     }
-    // Light along the first wall may or may not light it, by rounding: its edges do not count.
+    // Light parallel to the first wall may light it or not, depending on rounding: its edges are
+    // excluded.
     assert!(errors.len() > 500, "{}", errors.len());
     errors
 }
@@ -49,21 +51,21 @@ fn a_right_angled_wedge_has_the_form_factors_profile() {
         let (few, many) = (of(64), of(1024));
         let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
         let worst = many.iter().fold(0.0f64, |w, e| w.max(e.abs()));
-        // Half of the sky at the most is the other wall's.
+        // The other wall covers at most half of the hemisphere.
         assert!(rms(&many) < 0.0025 && worst < 0.01);
         assert!(mean(&many).abs() < 5e-4 && mean(&few).abs() < 2e-3);
         assert!(rms(&few) > 4.0 * rms(&many), "errors fall with the samples");
     }
 }
 
-/// Under a rolling shutter each row sees moving walls at its own time; the light between them is
-/// that of walls that stand still, for they stay what they are to each other.
+/// Under a rolling shutter each row sees moving walls at its own time; the light between them
+/// equals that of still walls, because they do not move relative to each other.
 #[test]
 fn walls_that_move_while_rows_start_bounce_as_still_ones_do() {
     let profile = Profile::load("pmp-bench").unwrap();
     let folder = tempfile::tempdir().unwrap();
     let walls = mesh_walls(folder.path(), 1.0);
-    // Toward the camera by 1.5 mm while the rows start.
+    // Moves towards the camera by 1.5 mm between the first row's start and the last's.
     let motion = "motion = { keyframes = [{ time_s = 0.0, position_mm = [0, 0, 0] }, \
                   { time_s = 10.0, position_mm = [0, 0, -1000] }] }\nalbedo";
     let text = format!("{}{}{walls}", wanted(64, 8), lamp());
@@ -105,8 +107,8 @@ fn the_mean_over_a_strip_is_its_view_factor() {
     let mut renderer = Renderer::new(&profile, &scene(&text, Path::new("")), 1).unwrap();
     let found = bounced(&profile, &mut renderer, &shot(None));
     let truth = renderer.truth(&[]);
-    // Along the image's middle row, by the trapezoid rule over the distance from the crease; the
-    // ends as they are next to them.
+    // Along the image's central row, by the trapezoidal rule over the distance from the crease; the
+    // ends are extrapolated with the nearest value.
     let mut profile_of: Vec<(f64, f64)> = on_walls(&profile, &truth)
         .into_iter()
         .filter(|(i, wall, _)| *wall == 0 && i / 1138 == 244)
@@ -121,7 +123,7 @@ fn the_mean_over_a_strip_is_its_view_factor() {
         .sum();
     let ends = first.0 * first.1 + (WIDTH[0] - last.0) * last.1;
     let mean = (inner + ends) / WIDTH[0] / (ALBEDO[0] * ALBEDO[1]);
-    // Hottel's crossed strings, for strips without end.
+    // Hottel's crossed-strings method, for infinitely long strips.
     let h = WIDTH[1] / WIDTH[0];
     let exact = (1.0 + h - (1.0 + h * h).sqrt()) / 2.0;
     assert!((mean / exact - 1.0).abs() < 0.01, "{mean} {exact}");

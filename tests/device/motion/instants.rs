@@ -1,4 +1,4 @@
-//! Lengths of exposures, other terms of them, and what is refused.
+//! Exposure lengths, combination with other terms, and rejected requests.
 
 use crate::motion::still::{room, write_sheet};
 use crate::motion::{MS, bench, fringe, instants, scene, shot};
@@ -14,7 +14,7 @@ fn exposures_from_a_microsecond_to_ten_seconds() {
     let mut profile = bench();
     profile.projector.radiant_intensity_w_sr = 0.8;
     let (_, slide) = fringe(&profile, 16.0, 0.4);
-    // Up and down by 20 mm within a second.
+    // Moves up and down by 20 mm within a second.
     let object = "shape = { kind = \"sphere\", radius_mm = 60.0 }\nalbedo = 0.5\n\
                   position_mm = [0, 0, 980]\nmotion = { period_s = 1.0, keyframes = [\n\
                   { time_s = 0.0 }, { time_s = 0.5, position_mm = [0, 0, -20] } ] }\n";
@@ -22,7 +22,7 @@ fn exposures_from_a_microsecond_to_ten_seconds() {
     let white = Arc::new(Slide::Uniform(255));
     for exposure_ns in [1000, 50_000, 8 * MS, 200 * MS, 10_000 * MS] {
         let mut renderer = instants(&profile, &moving, 5);
-        // Full light all the time would fill the wells.
+        // Constant full light would saturate the pixels.
         let light = 4e6 / exposure_ns as f64;
         let exposure = Shot {
             light: light.min(1.0),
@@ -30,7 +30,7 @@ fn exposures_from_a_microsecond_to_ten_seconds() {
         };
         let found = renderer.expected_dn(&exposure);
         assert!(found.iter().all(|v| v.is_finite()));
-        // The mean over as many renderers that stand still, each a fifth of the time.
+        // The mean over as many renderers of still scenes, each for a fifth of the time.
         let middle = (77.0 + exposure_ns as f64 / 2.0) * 1e-9;
         let bright = found.iter().filter(|v| **v > 8.0).count();
         if exposure_ns >= 8 * MS {
@@ -45,7 +45,7 @@ fn exposures_from_a_microsecond_to_ten_seconds() {
         });
         assert_eq!(frame.exposure_end_ns - frame.exposure_start_ns, exposure_ns);
     }
-    // The last moment of device time is a moment like any other.
+    // The last instant of device time needs no special treatment.
     let mut renderer = instants(&profile, &moving, 4);
     let late = renderer.expected_dn(&shot(&white, u64::MAX - 5, 8 * MS));
     assert!(late.iter().all(|v| v.is_finite()));
@@ -57,7 +57,7 @@ fn flicker_and_glare_go_through_the_instants() {
     let lit = "ambient = { irradiance_w_m2 = 0.3, \
                flicker = { frequency_hz = 100, depth = 0.8, phase_deg = 40 } }\n\
                [[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0, 0, 1100]\nalbedo = 0.4\n";
-    // Behind the camera, where nobody sees it.
+    // Behind the camera, where it is invisible.
     let behind = "[[object]]\nshape = { kind = \"sphere\", radius_mm = 5.0 }\nalbedo = 0.5\n\
                   motion = { keyframes = [ { time_s = 0.0, position_mm = [0, 0, -900] }, \
                   { time_s = 1.0, position_mm = [0, 0, -950] } ] }\n";
@@ -150,9 +150,10 @@ fn meshes_that_do_not_fit_are_refused() {
     }
 }
 
-/// What goes no farther than an eighth of a pixel is looked at once, whatever is asked for, and is a
-/// mean over many parts of the exposure all the same; what goes farther is not. Rows that follow count
-/// too: what rests while the first row is exposed may go while the last one is.
+/// Motion of up to an eighth of a pixel is rendered at one instant, whatever number is requested,
+/// yet is still a mean over many parts of the exposure; larger motion is rendered at several
+/// instants. Later rows count too: an object at rest during the first row's exposure may move
+/// during the last one's.
 #[test]
 fn what_hardly_goes_is_looked_at_once() {
     let profile = bench();
@@ -170,7 +171,7 @@ fn what_hardly_goes_is_looked_at_once() {
     let expected = |scene: &Scene, time_samples, shot: &Shot| {
         instants(&profile, scene, time_samples).expected_dn(shot)
     };
-    // A pixel sees 1.45 mm there.
+    // A pixel covers 1.45 mm there.
     let slow = mean(0.15, 1e-5);
     let once = expected(&slow, 1, &exposure);
     assert_eq!(once, expected(&slow, 8, &exposure), "a tenth of a pixel");
@@ -195,7 +196,7 @@ fn what_hardly_goes_is_looked_at_once() {
         expected(&quick, 1, &exposure),
         expected(&quick, 8, &exposure)
     );
-    // It rests for 20 ms, and the last rows are exposed while it goes.
+    // The object rests for 20 ms and moves during the last rows' exposure.
     let late = mean(3.0, 0.02);
     let mut rolling = exposure.clone();
     rolling.shutter.line_time_ns = 40_000;

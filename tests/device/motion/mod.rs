@@ -1,4 +1,4 @@
-//! Scenes that move: against closed forms, and against the same scene standing still where it is.
+//! Moving scenes compared with closed forms, and with still scenes in the same position.
 
 mod closed_form;
 mod instants;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 const MS: u64 = 1_000_000;
 
-/// A scene of a few lines; its files are in `folder`.
+/// Parses a scene from a few lines of TOML; its files are in `folder`.
 fn scene(lines: &str, folder: &Path) -> Scene {
     let text = format!("name = \"s\"\ndescription = \"\"\n{lines}");
     let mut scene = Scene::parse(&text, "s").unwrap();

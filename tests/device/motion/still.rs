@@ -1,4 +1,4 @@
-//! What moves, against the same scene standing still as it is at that time.
+//! Moving scenes compared with the same scene standing still in its position at that time.
 
 use crate::motion::{MS, bench, fringe, instants, renderer, scene, shot};
 use phasmid::emulator::render::{Options, Renderer, Term};
@@ -7,7 +7,7 @@ use phasmid::profile::{Profile, Scene};
 use std::fmt::Write;
 use std::path::Path;
 
-/// A sheet that bulges towards the camera, with colours.
+/// Writes a sheet that bulges towards the camera, with vertex colours.
 pub fn write_sheet(path: &Path, bulge: f64) {
     let n = 40;
     let mut text = String::new();
@@ -29,7 +29,7 @@ pub fn write_sheet(path: &Path, bulge: f64) {
     std::fs::write(path, text).unwrap();
 }
 
-/// Lamps, a floor and something that stands in front of it.
+/// Lamps, a floor and an object in front of it.
 pub fn room(object: &str, folder: &Path) -> Scene {
     scene(
         &format!(
@@ -45,19 +45,19 @@ pub fn room(object: &str, folder: &Path) -> Scene {
     )
 }
 
-/// A checker of squares.
+/// Writes a chequered image.
 fn write_checker(path: &Path) {
     let level = |x: u32, y: u32| image::Luma([if (x + y).is_multiple_of(2) { 230u8 } else { 90 }]);
     image::GrayImage::from_fn(8, 8, level).save(path).unwrap();
 }
 
-/// Bytes that differ between two frames.
+/// Number of bytes that differ between two frames.
 fn apart(a: &[u8], b: &[u8]) -> usize {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).filter(|(a, b)| a != b).count()
 }
 
-/// Frame and truth of an instant in which `moving` looks as `still` does, and is moving.
+/// Compares frame and truth at an instant at which the moving scene coincides with the still one.
 fn same(profile: &Profile, still: &Scene, moving: &Scene, time_ns: u64, what: &str) {
     let (_, slide) = fringe(profile, 16.0, 0.4);
     let exposure = shot(&slide, time_ns - 4 * MS, 8 * MS);
@@ -65,7 +65,8 @@ fn same(profile: &Profile, still: &Scene, moving: &Scene, time_ns: u64, what: &s
     let mut moved = instants(profile, moving, 1);
     assert!(moved.plan().has(Term::Motion) && !rest.plan().has(Term::Motion));
     let (a, b) = (rest.expose(&exposure).data, moved.expose(&exposure).data);
-    // f64 has the same triangle in two frames, to its last digits; f32 rounds some of them apart.
+    // In two frames of reference, f64 gives the same triangle except in its last digits; f32 rounds
+    // some of them differently.
     let off = apart(&a, &b);
     assert!(off <= 3, "{what}: {off} bytes");
     assert!(a.iter().collect::<std::collections::HashSet<_>>().len() > 100);
@@ -107,7 +108,7 @@ fn what_moves_looks_like_what_stands_there() {
             let text = format!("shape = {{ {shape} }}\n{looks}{more}{place}\n");
             room(&text, dir.path())
         };
-        // Half way of an even turn and shift about its own origin.
+        // Half way through a uniform rotation and translation about its own origin.
         let still = object("position_mm = [30, -20, 1000]\nrotation_deg = [0, 0, 30]");
         let moving = object(
             "position_mm = [0, 0, 1000]\nmotion = { keyframes = [\n\
@@ -115,7 +116,7 @@ fn what_moves_looks_like_what_stands_there() {
              { time_s = 3.0, position_mm = [50, -60, -40], rotation_deg = [0, 0, 50] } ] }",
         );
         same(&profile, &still, &moving, 2_000_000_000, shape);
-        // A pose of its own, then where it rests, one after the other.
+        // First its own pose, then its rest position.
         let still = object("position_mm = [30, -20, 1000]\nrotation_deg = [20, 0, 0]");
         let moving = object(
             "position_mm = [30, -20, 980]\nmotion = { period_s = 4.0, keyframes = [\n\
@@ -156,8 +157,8 @@ fn a_row_of_a_rolling_shutter_is_that_of_a_global_one_at_its_time() {
         ..shot(&slide, 20 * MS, 8 * MS)
     };
     let width = profile.camera.width_px as usize;
-    // What deforms has sixteen shapes in the 15 ms of a frame: half a millisecond off at most, or
-    // 0.15 mm at the top of the bulge.
+    // A deforming mesh has sixteen shapes in the 15 ms of a frame: an error of at most half a
+    // millisecond, or 0.15 mm at the top of the bulge.
     for (more, samples, bar) in [(way, 1, 2e-3), (way, 16, 2e-3), (breath, 1, 6.0)] {
         let options = Options {
             samples,
@@ -181,7 +182,7 @@ fn a_row_of_a_rolling_shutter_is_that_of_a_global_one_at_its_time() {
                 let pairs = of(&rolled).into_iter().zip(of(other));
                 pairs.filter(|(a, b)| (a - b).abs() > bar).count()
             };
-            // On edges, neighbouring rows decide what is sampled.
+            // On edges, neighbouring rows decide which pixels are sampled.
             assert!(off(&all) <= 6, "{more} {samples} {row}: {}", off(&all));
             if row == 243 && bar < 1.0 {
                 assert!(off(&early) > 100, "{row}: it has moved: {}", off(&early));
@@ -214,7 +215,7 @@ fn a_mesh_that_deforms_is_its_keyframe_and_half_way_their_mean() {
         let still = object(file, "");
         same(&profile, &still, &breathing, time_s * 1_000_000_000, file);
     }
-    // It may move as well; what is laid over it moves along with its triangles.
+    // The mesh may also move as a whole; its texture moves with the triangles.
     write_checker(&dir.path().join("checker.png"));
     let laid = "texture = \"checker.png\"\ntexture_size_mm = [160.0, 160.0]\n";
     let still = object(
@@ -233,7 +234,7 @@ fn a_mesh_that_deforms_is_its_keyframe_and_half_way_their_mean() {
     let exposure = shot(&slide, 2_996 * MS, 8 * MS);
     let a = instants(&profile, &still, 1).expose(&exposure).data;
     let b = instants(&profile, &both, 1).expose(&exposure).data;
-    // The sheet bulges along z alone, and so the picture thrown along z stays where it was.
+    // The sheet deforms only along z, so a texture projected along z stays in place.
     let off = apart(&a, &b);
     assert!(off < 20, "{off} bytes");
 }
@@ -255,7 +256,8 @@ fn what_has_a_way_but_stands_still_keeps_every_byte() {
     let still = Renderer::new(&profile, &object(place), 3)
         .unwrap()
         .expose(&exposure);
-    // Held after its last keyframe, every instant of the exposure is the same: it costs one.
+    // After its last keyframe the object rests: all instants of the exposure are the same, so only
+    // one is rendered.
     let held = object(
         "motion = { keyframes = [ { time_s = 0.1 }, \
          { time_s = 0.4, position_mm = [10, 0, 1080] } ] }",
@@ -264,7 +266,7 @@ fn what_has_a_way_but_stands_still_keeps_every_byte() {
     let off = apart(&still.data, &held.expose(&exposure).data);
     assert!(off <= 3, "{off}");
     assert!(!held.prepare(), "its geometry is at hand");
-    // And a scene in which nothing moves has one instant, though it is asked for more.
+    // A scene without motion is rendered at one instant even if more are requested.
     let mut forced = renderer(&profile, &object(place), 7, 3);
     forced.force(Term::Motion, true);
     assert_eq!(still.data, forced.expose(&exposure).data);

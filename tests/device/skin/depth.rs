@@ -1,4 +1,4 @@
-//! How skin biases a measured depth.
+//! Bias of measured depth on skin.
 
 use crate::skin::wall::{PLANE, Seen, bench, is_even, shot, slide, wall};
 use glam::{DVec2, DVec3};
@@ -45,11 +45,11 @@ fn oblique_light_biases_depth_as_the_closed_form_says() {
         let off = (turns - turns.round()) * period;
         let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
         let seen = Seen::new(&profile, DVec3::Z, px);
-        // Both axes look along z: z = baseline / (X/z - (X - baseline)/z), the second term read off
-        // the fringe.
+        // Both optical axes point along z: z = baseline / (X/z - (X - baseline)/z), where the
+        // second term is read off the fringe.
         let measured = baseline / (baseline / z - off / focal);
-        // Light goes towards -x where the point is left of the projector, and comes out s further
-        // that way: the point is taken for one that light reaches s earlier.
+        // Left of the projector, light travels towards -x and emerges s further in that direction:
+        // the point appears to be lit by light that arrives s earlier.
         let to_light = seen.point - DVec3::new(baseline, 0.0, 0.0);
         let s = to_light.x / to_light.length() / 1.4 / (0.35 * 0.005 + 1.5);
         let expected = baseline / (baseline / z + s / z);

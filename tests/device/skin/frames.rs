@@ -1,4 +1,4 @@
-//! Frames of skin.
+//! Frames of skin compared with closed forms.
 
 use crate::skin::wall::{PLANE, Seen, bench, is_even, levels, shot, slide, wall};
 use glam::{DVec2, DVec3};
@@ -18,9 +18,9 @@ const TISSUE: Tissue = Tissue {
     refractive_index: 1.4,
 };
 
-/// Level of a periodic row of held pixels at x under a trapezoid and a transfer function of the
-/// frequency in cycles a slide pixel: its Fourier series. The transfer falls fast enough for 40
-/// harmonics a pixel.
+/// Level of a periodic row of held pixels at x, under a trapezoid and a transfer function of the
+/// frequency in cycles per slide pixel: its Fourier series. The transfer function decays fast
+/// enough for 40 harmonics per pixel.
 fn series(row: &[f64], x: f64, slope: DVec2, transfer: impl Fn(f64) -> f64) -> f64 {
     let period = row.len() as f64;
     let sinc = |w: f64| {
@@ -104,7 +104,7 @@ fn fringes_and_gray_code_go_through_one_transfer() {
                 let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
                 let seen = Seen::new(&profile, normal, px);
                 assert!((seen.x - f64::from(truth.projector_x[i])).abs() < 2e-3);
-                // A few reaches of the light from the slide's ends.
+                // Keeps a few scattering lengths away from the slide's ends.
                 if !(100.0..1820.0).contains(&seen.x) {
                     continue;
                 }
@@ -128,7 +128,7 @@ fn fringes_and_gray_code_go_through_one_transfer() {
             println!("{pattern:?} {rotation:?}: {count} pixels, {worst:.3} {theory:.3}");
             assert!(count > 100, "{count}");
             assert!(worst < 0.05, "{pattern:?} {rotation:?}: {worst}");
-            // And the mixture's distance from the published curve.
+            // The difference between the mixture of Gaussians and the published curve.
             assert!(theory < 0.5, "{pattern:?} {rotation:?}: {theory}");
         }
     }
@@ -136,9 +136,9 @@ fn fringes_and_gray_code_go_through_one_transfer() {
 
 #[test]
 fn an_edge_of_skin_has_the_levels_of_its_inside() {
-    // A horizontal edge: patterns along x look the same in the pixels that it cuts.
+    // A horizontal edge: patterns along x look the same in the pixels that it crosses.
     let profile = bench();
-    // It cuts a pixel where it cuts no cell of the samples' grid: a quarter below its middle.
+    // It crosses a pixel between the cells of the sample grid: a quarter below its centre.
     let lens = profile.camera.view().lens;
     let edge = (lens.principal_px.y - 190.25) * 1000.0 / lens.focal_px.y;
     let size = [400.0, 2.0 * edge];
@@ -160,7 +160,7 @@ fn an_edge_of_skin_has_the_levels_of_its_inside() {
             let whole = Truth::LIT | Truth::CREASE;
             let x = truth.projector_x[i + 1138];
             if cut && inside & whole == Truth::LIT && (100.0..1820.0).contains(&x) {
-                // The four samples below the edge lie 3/32 of a pixel beside its middle.
+                // The mean of the four samples below the edge is 3/32 of a pixel beside the centre.
                 let (here, next) = (found[i + 1138], found[i + 1139]);
                 let expected = here + (next - here) * 3.0 / 32.0;
                 worst = worst.max(255.0 * (found[i] - expected).abs());
@@ -276,7 +276,7 @@ fn opaque_skin_is_a_lambertian_surface() {
             .fold(0.0, f32::max);
         assert!(worst < 0.05, "{pattern:?}: {worst}");
     }
-    // And without the term, skin of any kind is one too.
+    // Without the term, skin of any kind is Lambertian too.
     let scene = wall([0.0; 3], &format!("{PLANE}{SKIN}"));
     let plain = PLANE.replace("0.9", &format!("{:?}", 0.9 * TISSUE.reflectance(0.0)));
     let mut left_out = Renderer::new(&profile, &scene, 1).unwrap();

@@ -1,5 +1,5 @@
-//! Skin: its optics against diffusion theory solved otherwise and against a Monte Carlo of photons,
-//! and what it does to frames against closed forms.
+//! Skin: its optics compared with an independent solution of diffusion theory and with a Monte
+//! Carlo simulation of photons, and its effect on frames compared with closed forms.
 
 mod depth;
 mod frames;

@@ -1,11 +1,12 @@
-//! The model of skin by itself.
+//! The skin model on its own.
 
 use phasmid::emulator::render::skin::{Layers, Tissue};
 use phasmid::profile::Skin;
 use std::f64::consts::TAU;
 
-/// Reflectance by finite differences of what Cuccia's formula solves: the diffusion equation in
-/// depth under a source that light let in leaves on its way, with partial current at the boundary.
+/// Reflectance by finite differences of the equation that Cuccia's formula solves: the diffusion
+/// equation in depth, with the exponentially decaying source of incident light and a
+/// partial-current boundary.
 fn solved(tissue: &Tissue, k: f64) -> f64 {
     let transport = tissue.absorption_per_mm + tissue.reduced_scattering_per_mm;
     let diffusion = 1.0 / (3.0 * transport);
@@ -16,8 +17,8 @@ fn solved(tissue: &Tissue, k: f64) -> f64 {
     let slowest = (decay / diffusion).sqrt().min(transport);
     let (cells, depth) = (200_000, 20.0 / slowest);
     let h = depth / f64::from(cells);
-    // Of cell i, between its borders: flux in from both sides, decay, source. Thomas's algorithm
-    // from the bottom, phi[i] = c phi[i-1] + d.
+    // For cell i, between its faces: flux in from both sides, absorption, source. Thomas's
+    // algorithm from the bottom, phi[i] = c phi[i-1] + d.
     let source = |i: i32| {
         let at = |border: i32| (-transport * f64::from(border) * h).exp();
         tissue.reduced_scattering_per_mm / transport * (at(i) - at(i + 1))
@@ -29,7 +30,7 @@ fn solved(tissue: &Tissue, k: f64) -> f64 {
         let own = g + below + decay * h - below * c;
         (c, d) = (g / own, (source(i) + below * d) / own);
     }
-    // From the first cell's middle to the boundary half a cell, where leaves x phi goes out.
+    // Half a cell from the first cell's centre to the boundary, where the flux leaves x phi exits.
     let out = 1.0 / (1.0 / leaves + 1.0 / (2.0 * g));
     let phi = (source(0) + g * d) / (out + g + decay * h - g * c);
     out * phi
@@ -61,7 +62,7 @@ fn the_published_formula_solves_the_diffusion_equation() {
 
 #[test]
 fn what_the_formulas_give_at_a_few_places() {
-    // Worked out by hand from the papers: n = 1.4 gives Reff = 0.5295 and A = 0.1538.
+    // Computed by hand from the papers: n = 1.4 gives Reff = 0.5295 and A = 0.1538.
     let tissue = Tissue {
         absorption_per_mm: 0.02,
         reduced_scattering_per_mm: 2.0,
@@ -98,7 +99,7 @@ fn darker_classes_reflect_less_and_spread_light_alike() {
             assert!(pair[0].reflectance() > pair[1].reflectance());
             assert_eq!(pair[0].tissue, pair[1].tissue);
         }
-        // Reflectance of the fairest and of the darkest skin in life.
+        // Measured reflectance of the lightest and the darkest human skin.
         assert!(palest.contains(&all[0].reflectance()) && darkest.contains(&all[5].reflectance()));
     }
 }

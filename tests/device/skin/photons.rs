@@ -1,15 +1,15 @@
 //! A Monte Carlo of photons in a half-space: Henyey-Greenstein scattering, Fresnel's boundary,
 //! weights and roulette as in Wang, Jacques, Zheng: "MCML", Computer Methods and Programs in
-//! Biomedicine 47 (1995). It knows nothing of diffusion.
+//! Biomedicine 47 (1995). It does not use diffusion theory.
 
 use phasmid::emulator::render::skin::Tissue;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Mean cosine of scattering in skin (Jacques 2013: 0.7 to 0.95).
+/// Mean scattering cosine (anisotropy) of skin (Jacques 2013: 0.7 to 0.95).
 const G: f64 = 0.8;
 const PHOTONS: u64 = 120_000;
-/// Cycles a millimetre.
+/// Cycles per millimetre.
 const FREQUENCIES: [f64; 5] = [0.05, 0.1, 0.15, 0.2, 0.3];
 
 /// SplitMix64 (Steele, Lea, Flood 2014).
@@ -26,8 +26,8 @@ impl Random {
     }
 }
 
-/// Sums over photons, of what each brings back: weight, and weight times cosine and sine of the
-/// phase at which it emerges; squares for the errors.
+/// Sums over photons of what each returns: weight, and weight times cosine and sine of the phase at
+/// which it emerges; and their squares, for the errors.
 #[derive(Clone, Copy, Default)]
 struct Tally {
     back: f64,
@@ -68,7 +68,7 @@ impl Tally {
     }
 }
 
-/// Unpolarized reflectance from inside, at a cosine to the normal.
+/// Unpolarised Fresnel reflectance from inside, at a cosine to the normal.
 fn fresnel(n: f64, cos: f64) -> f64 {
     let sin2 = n * n * (1.0 - cos * cos);
     if sin2 >= 1.0 {
@@ -80,7 +80,7 @@ fn fresnel(n: f64, cos: f64) -> f64 {
     (across * across + along * along) / 2.0
 }
 
-/// One photon that has just been let in at the origin, its way tilted along x.
+/// Traces one photon that has just entered at the origin, its direction tilted along x.
 fn photon(tissue: &Tissue, sin: f64, random: &mut Random) -> Tally {
     let scattering = tissue.reduced_scattering_per_mm / (1.0 - G);
     let total = tissue.absorption_per_mm + scattering;
@@ -124,9 +124,9 @@ fn scattered([ux, uy, uz]: [f64; 3], random: &mut Random) -> [f64; 3] {
     ]
 }
 
-/// Diffusion theory has to agree with the photons within what it is known to be good for, and four
-/// standard errors of their mean. It is off where a pattern is not much coarser than a step of
-/// scattering: the bars say how far, frequency by frequency.
+/// Diffusion theory must agree with the photons within its known accuracy plus four standard errors
+/// of their mean. It deviates where a pattern is not much coarser than a scattering length: the
+/// tolerances give the difference for each frequency.
 #[test]
 fn reflectance_contrast_and_shift_are_those_of_photons() {
     let tissue = |absorption_per_mm, reduced_scattering_per_mm| Tissue {
@@ -164,7 +164,7 @@ fn reflectance_contrast_and_shift_are_those_of_photons() {
                 assert!((theory - contrast).abs() < contrast_bars[i] * contrast + noise);
                 let noise = 4.0 * error(sum.sin[i], sum.sin2[i]) / (length * k);
                 assert!((lin - shift).abs() < shift_bars[i] * lin + noise);
-                // The errors of the photons are small against the bars.
+                // The photons' statistical errors are small compared with the tolerances.
                 assert!(noise < 0.06 + 0.03 / k, "{noise} mm");
             }
         }

@@ -1,5 +1,5 @@
-//! A flat piece of skin before a scanner, and what its frames have to be, worked out from the
-//! geometry by differences.
+//! A flat piece of skin in front of a scanner, and its expected frames, computed from the geometry
+//! by finite differences.
 
 use glam::{DVec2, DVec3};
 use phasmid::emulator::render::Renderer;
@@ -13,7 +13,7 @@ pub fn bench() -> Profile {
     Profile::load("pmp-bench").unwrap()
 }
 
-/// A plane through z = 1000 mm with what the lines say of it.
+/// A plane through z = 1000 mm with additional fields.
 pub fn wall(rotation_deg: [f64; 3], lines: &str) -> Scene {
     let text = format!(
         "name = \"wall\"\ndescription = \"\"\nambient = {{ irradiance_w_m2 = 0.05 }}\n[[object]]\n\
@@ -39,7 +39,7 @@ pub fn shot(slide: &Arc<Slide>) -> Shot {
     }
 }
 
-/// Levels of a slide at each pixel, 0 to 1 of full white, NaN where that is dark.
+/// Levels of a slide at each pixel, 0 to 1 of full white; NaN for pixels dark under full white.
 pub fn levels(renderer: &mut Renderer, profile: &Profile, slide: &Arc<Slide>) -> Vec<f64> {
     let [black, white] = [Pattern::Black {}, Pattern::White {}]
         .map(|pattern| renderer.expected_dn(&shot(&self::slide(&pattern, profile))));
@@ -53,17 +53,17 @@ pub fn is_even(truth: &Truth, i: usize) -> bool {
     truth.flags[i] & (Truth::LIT | Truth::CREASE) == Truth::LIT
 }
 
-/// What a pixel of a flat wall sees, in f64 and by central differences.
+/// Geometry of the point of a flat wall that a pixel sees, in f64 and by central differences.
 pub struct Seen {
     /// Slide column that lights the point.
     pub x: f64,
-    /// Derivatives of it by the camera's pixel.
+    /// Derivatives of `x` by the camera's pixel coordinates.
     pub slope: DVec2,
-    /// Its gradient along the wall in 1/mm.
+    /// Gradient of `x` along the wall in 1/mm.
     pub gradient: DVec3,
-    /// Unit direction of the light, and the part of it along the wall.
+    /// Tangential component of the light's unit direction.
     pub along: DVec3,
-    /// Depth before the projector in millimetres.
+    /// Depth in the projector's frame in millimetres.
     pub depth: f64,
     pub point: DVec3,
 }

@@ -1,4 +1,4 @@
-//! TOML examples of the README and the book parse.
+//! Checks that the TOML examples of the README and the book parse.
 
 use super::{Block, blocks, pages};
 use phasmid::pattern::Manifest;

@@ -10,7 +10,7 @@ use syn::{
     Stmt, Type,
 };
 
-/// Folders and files whose types the documents consist of.
+/// Folders and files that define the types of the documents.
 const SOURCES: [&str; 8] = [
     "src/profile",
     "src/pattern",

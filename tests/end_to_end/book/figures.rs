@@ -1,4 +1,4 @@
-//! Figures in the README and the book equal the output of a study or a command.
+//! Checks that figures in the README and the book equal the output of a study or a command.
 
 use super::{pages, text};
 use serde_json::Value;
@@ -32,13 +32,13 @@ fn tables() -> Vec<(String, String)> {
     tables
 }
 
-/// Cells of a table's row.
+/// Returns the cells of a table's row.
 fn cells(line: &str) -> Vec<&str> {
     line.trim_matches('|').split('|').map(str::trim).collect()
 }
 
-/// A table below `<!-- study NAME -->` is one that `phasmid study NAME` has printed, as
-/// `tests/studies/NAME.md` holds it; a name that ends in `.quick` is of the quick form.
+/// A table below `<!-- study NAME -->` equals the output of `phasmid study NAME` in
+/// `tests/studies/NAME.md`; a name that ends in `.quick` refers to the quick form.
 #[test]
 fn tables_are_those_of_the_studies() {
     let found = tables();
@@ -51,7 +51,7 @@ fn tables_are_those_of_the_studies() {
     }
 }
 
-/// The second cell of the row that begins with a name.
+/// Returns the second cell of the row that begins with a name.
 fn figure(name: &str) -> &'static str {
     let start = format!("| {name} |");
     let mut rows = README.lines().filter(|line| line.starts_with(&start));
@@ -60,7 +60,7 @@ fn figure(name: &str) -> &'static str {
     cells(row)[1]
 }
 
-/// What `phasmid demo --json` says of the trapezoid.
+/// Returns the figures of `phasmid demo --json` for the trapezoid.
 fn demo(options: &[&str]) -> Value {
     let folder = tempfile::tempdir().unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_phasmid"))
@@ -73,7 +73,7 @@ fn demo(options: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// "110,000" of 109,530.
+/// Rounds and formats a count: "110,000" for 109,530.
 fn thousands(count: u64) -> String {
     format!("{},000", (count + 500) / 1000)
 }
@@ -92,7 +92,7 @@ fn how_good_it_is() {
         figure("points more than 1 mm off"),
         format!("none of {}", thousands(points))
     );
-    // Downwards: what is not all is not said to be.
+    // Rounds down, so that incomplete coverage never reads as 100 %.
     let coverage = (number("coverage") * 1e4).floor() / 100.0;
     assert_eq!(
         figure("lit and visible pixels measured"),
@@ -109,7 +109,7 @@ fn how_good_it_is() {
     );
 }
 
-/// What `--weighted` wins in depth, over the scenes before the bench in full light.
+/// Improvement of depth by `--weighted`, over the scenes in front of the bench in full light.
 #[test]
 fn weights_win_what_the_study_of_noise_says() {
     let study = snapshot("noise.md");

@@ -1,4 +1,4 @@
-//! Links of the README and the book lead to files and headings that exist.
+//! Checks that links of the README and the book lead to existing files and headings.
 
 use super::{pages, parser, root, text};
 use pulldown_cmark::{Event, Tag, TagEnd};
@@ -85,7 +85,7 @@ fn links_and_anchors_resolve() {
     let mut broken = Vec::new();
     for page in pages() {
         for target in targets(&expanded(&page)) {
-            // Included documentation of the code also has links to items.
+            // Included code documentation also has links to items.
             if target.starts_with("https://") || target.starts_with("crate::") {
                 continue;
             }

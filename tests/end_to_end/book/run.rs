@@ -38,7 +38,7 @@ fn run(page: &str, more: &[&str]) -> (TempDir, String) {
     (folder, out)
 }
 
-/// A test for each page with commands; a constant lists the pages.
+/// Defines a test for each page with commands, and a constant that lists the pages.
 macro_rules! pages_run {
     ($($name:ident: $page:literal, [$($file:literal),*];)*) => {
         const RUN: &[&str] = &[$($page),*];
@@ -55,7 +55,7 @@ macro_rules! pages_run {
     };
 }
 
-// Name of the test, page, files that its commands leave.
+// Name of the test, page, files that its commands create.
 pages_run! {
     readme: "README.md", ["phasmid-demo/overview.png", "scan/cloud.ply", "decoded/cloud.ply", "mine/summary.json"];
     install: "docs/src/start/install.md", [];

@@ -1,4 +1,4 @@
-//! The CT as DICOM: a series, one that is not whole, one among others, and a 4D-CT.
+//! The CT as DICOM: a complete series, an incomplete one, one among others, and a 4D-CT.
 
 use super::{Import, from};
 use phasmid::geometry::Mesh;
@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 use tempfile::tempdir;
 
-/// A CT's slices as DICOM, explicit VR, whole numbers from -1024.
+/// Writes a CT's slices as DICOM, explicit VR, integers from -1024.
 fn dicom(ct: &Volume, series: &str, description: &str, folder: &Path) {
     fs::create_dir_all(folder).unwrap();
     let grid = ct.grid();
@@ -85,20 +85,20 @@ fn a_series_of_dicom_shows_the_same_skin() {
     for (a, b) in image.vertices.iter().zip(&one.vertices) {
         assert!((*a - *b).length() < 1e-6, "{a} {b}");
     }
-    // A slice missing; images of another series among them.
+    // A slice is missing, and the folder also holds images of another series.
     fs::remove_file(import.ct.join("020.dcm")).unwrap();
     import.refused(&[
         "021.dcm: a slice missing between it and ",
-        "019.dcm; allowed: a slice each 12.000 mm",
+        "019.dcm; expected a slice each 12.000 mm",
     ]);
     dicom(&ct, "1.5.2", "Thorax", &path("other"));
     fs::rename(path("other").join("020.dcm"), import.ct.join("020.dcm")).unwrap();
     import.refused(&[
         "series: series without a phase: `Thorax` (1.5.1), ",
-        "`Thorax` (1.5.2), 1 images; allowed: one series",
+        "`Thorax` (1.5.2), 1 images; expected one series",
     ]);
 
-    // Of a 4D-CT the reference phase is taken, whatever else lies there.
+    // The reference phase of a 4D-CT is used, whatever else the folder holds.
     let four = path("four");
     let far = Voxels::I16(vec![-1000; ct.voxels().len()]);
     let air = Volume::new(*ct.grid(), far, "air").unwrap();
@@ -112,6 +112,6 @@ fn a_series_of_dicom_shows_the_same_skin() {
     let import = import.with(&["--reference-phase", "30"]);
     import.refused(&[
         "four: phases 0, 50 %, and `Average` (1.6.9), ",
-        "allowed: phase 30 %",
+        "expected phase 30 %",
     ]);
 }

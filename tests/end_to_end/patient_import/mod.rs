@@ -1,5 +1,5 @@
-//! `phasmid patient import` as a user runs it: a phantom's planning folder, made again of its own CT,
-//! fields and tumour.
+//! `phasmid patient import` as a user runs it: reproduces a phantom's planning folder from its own
+//! CT, displacement fields and tumour.
 
 mod dicom;
 mod refused;
@@ -28,7 +28,7 @@ fn words(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// What the phantom's planning wrote, once for all tests.
+/// The phantom's planning folder, written once for all tests.
 fn from() -> PathBuf {
     static MADE: OnceLock<TempDir> = OnceLock::new();
     let folder = MADE.get_or_init(|| {
@@ -51,7 +51,7 @@ fn from() -> PathBuf {
     folder.path().join("from")
 }
 
-/// Arguments of an import of the phantom's own files.
+/// Arguments for importing the phantom's own files.
 #[derive(Clone)]
 struct Import {
     ct: PathBuf,
@@ -98,7 +98,7 @@ impl Import {
         patient(&arguments)
     }
 
-    /// Runs it well; what it says.
+    /// Runs the import, which must succeed; returns its output.
     fn made(&self, out: &Path) -> String {
         let output = self.run(out);
         let complaint = words(&output.stderr);
@@ -107,7 +107,8 @@ impl Import {
         words(&output.stdout)
     }
 
-    /// Refused as a user's mistake, in one line with these words, and nothing is left behind.
+    /// Requires that the import is rejected as a user's mistake, in one line that contains these
+    /// words, and leaves no files behind.
     fn refused(&self, needles: &[&str]) {
         let folder = tempdir().unwrap();
         let out = folder.path().join("planning");
@@ -145,7 +146,8 @@ fn a_phantom_is_imported_as_it_was_planned() {
     assert_eq!(again.phases, planned.phases);
     let [a, b] = [&from(), &out].map(|path| Folder::open(path).unwrap().ct().unwrap());
     assert_eq!(a, b);
-    // Skin over fat shows to within a sixth of a voxel at this level, away from the flat ends.
+    // At this level, skin over fat is located to within a sixth of a voxel, away from the flat
+    // ends.
     let phantom = Phantom::new(&Patient::load(PATIENT).unwrap());
     let between = |v: &&DVec3| (-200.0..150.0).contains(&v.z);
     let mut count = 0;
@@ -155,7 +157,7 @@ fn a_phantom_is_imported_as_it_was_planned() {
         count += 1;
     }
     assert!(count > 1000, "{count}");
-    // What tracking makes of it.
+    // The tracking model built from the folder.
     let options = ModelOptions::default();
     let [of_plan, of_import] =
         [&planned, &again].map(|p| Planned::new(p, &Region::chest(), &options).unwrap());
@@ -177,7 +179,7 @@ fn the_isocentre_is_the_tumours_middle_and_the_reference_at_rest() {
     assert_eq!(planning.phases[5].1.longest_mm(), 0.0);
     let isocentre = Folder::open(&out).unwrap().file().isocentre_mm;
     assert!(isocentre.length() < 0.05, "{isocentre}");
-    // A planning is not written over.
+    // An existing planning folder is not overwritten.
     let twice = import.run(&out);
     let complaint = words(&twice.stderr);
     assert_eq!(twice.status.code(), Some(2), "{complaint}");

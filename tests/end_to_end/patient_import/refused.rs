@@ -1,4 +1,4 @@
-//! What does not fit, one message each.
+//! Inconsistent inputs, each with its own error message.
 
 use super::{Import, from};
 use glam::DVec3;
@@ -19,20 +19,20 @@ fn what_does_not_fit_is_named() {
         path(name).display().to_string()
     };
 
-    // Words that are none.
+    // Invalid words.
     let mut import = Import::new();
     import.phases[2] = "twenty=dvf_20.mha".to_owned();
-    import.refused(&["--phase twenty=dvf_20.mha: no phase; allowed: PERCENT=FILE"]);
+    import.refused(&["--phase twenty=dvf_20.mha: no phase; expected PERCENT=FILE"]);
     Import::new()
         .with(&["--isocentre", "1,2"])
-        .refused(&["--isocentre 1,2: not three numbers; allowed: X,Y,Z in millimetres"]);
+        .refused(&["--isocentre 1,2: not three numbers; expected X,Y,Z in millimetres"]);
     Import::new().with(&["--isocentre", "0,-900,0"]).refused(&[
         "isocentre in ",
-        ": (0, -900, 0) mm; allowed: a point in the CT's LPS",
+        ": (0, -900, 0) mm; expected a point in the CT's LPS",
     ]);
     Import::new()
         .with(&["--name", "J. Doe"])
-        .refused(&["patient's name: \"J. Doe\"; allowed: 1 to 64 letters"]);
+        .refused(&["patient's name: \"J. Doe\"; expected 1 to 64 letters"]);
 
     // Fields that do not match each other, the CT or the body.
     let mut coarse = grid;
@@ -41,13 +41,13 @@ fn what_does_not_fit_is_named() {
     import.phases[3] = format!("30={}", field(coarse, "coarse.mha"));
     import.refused(&[
         "phase 30 %: ",
-        "coarse.mha: a spacing of (12.5, 12.5, 12.5); allowed: as ",
+        "coarse.mha: a spacing of (12.5, 12.5, 12.5); expected as ",
     ]);
     let mut import = Import::new();
     import.phases.push(import.phases[3].clone());
     import.refused(&[
         "phase 30 %: ",
-        "dvf_30.mha: a second field; allowed: one field a phase",
+        "dvf_30.mha: a second field; expected one field a phase",
     ]);
     let of_all = |grid: Grid, name: &str| {
         let mut import = Import::new();
@@ -57,36 +57,36 @@ fn what_does_not_fit_is_named() {
     };
     of_all(grid.shifted(DVec3::new(0.0, 0.0, 900.0)), "elsewhere.mha").refused(&[
         "ct_50.mha: a CT of (",
-        "allowed: one around the fields, which have (",
+        "expected one around the fields, which have (",
     ]);
     let mut short = grid;
     short.size[2] /= 2;
     of_all(short, "short.mha").refused(&[
         "short.mha: skin: ",
         " vertices outside of the fields, (",
-        "allowed: vertices within (",
+        "expected vertices within (",
     ]);
     Import::new().with(&["--reference-phase", "0"]).refused(&[
         "dvf_00.mha: displacements of up to ",
         "none above 0.5 mm from the reference phase to itself",
     ]);
 
-    // A CT that is none.
+    // A file that is not a CT.
     let mut import = Import::new();
     import.ct = path("absent.mha");
     import.refused(&["absent.mha: "]);
     import.ct = from().join("dvf_00.mha");
-    import.refused(&["dvf_00.mha: 3 numbers a voxel; allowed: one number a voxel"]);
+    import.refused(&["dvf_00.mha: 3 numbers a voxel; expected one number a voxel"]);
     let raised = (0..ct.voxels().len()).map(|n| ct.voxels().get(n) as i16 + 1000);
     let raised = Volume::new(grid, Voxels::I16(raised.collect()), "ct").unwrap();
     import.ct = path("raised.mha");
     write_volume(&import.ct, &raised, Packing::Zlib).unwrap();
-    import.refused(&["raised.mha: 100 % of the voxels at -500 or more; allowed: Hounsfield units"]);
+    import.refused(&["raised.mha: 100 % of the voxels at -500 or more; expected Hounsfield units"]);
     Import::new()
         .with(&["--skin-hu", "5000"])
-        .refused(&["ct_50.mha: skin: no voxel of 5000 or more; allowed: a level up to "]);
+        .refused(&["ct_50.mha: skin: no voxel of 5000 or more; expected a level up to "]);
 
-    // A tumour that is not closed, or not in the body.
+    // A tumour whose mesh is not closed, or that lies outside of the body.
     let mesh = Mesh::read(&from().join("tumour.ply")).unwrap();
     let mut import = Import::new();
     import.tumour = path("tumour.ply");
@@ -100,8 +100,8 @@ fn what_does_not_fit_is_named() {
     import.refused(&[
         "tumour.ply: ",
         " vertices outside of the skin, (",
-        "allowed: a tumour in the body",
+        "expected a tumour in the body",
     ]);
     import.tumour = path("tumour.step");
-    import.refused(&["tumour.step: extension `step`; allowed: .stl, .obj or .ply, or a mask"]);
+    import.refused(&["tumour.step: extension `step`; expected .stl, .obj or .ply, or a mask"]);
 }

@@ -13,7 +13,7 @@ fn clients_that_misbehave_do_no_harm() {
     let served = Served::start(&["--tcp", "0"]);
     let camera = served.at.camera.strip_prefix("socket:").unwrap();
 
-    // Connect and go; connect, talk garbage and go; on every channel.
+    // Connect and disconnect, and the same with garbage in between, on every channel.
     for garbage in [
         &b""[..],
         b"\xff\x00garbage\n#9999999999\n",
@@ -51,7 +51,7 @@ fn clients_that_misbehave_do_no_harm() {
         control.write_all(b"SEQ:IMAG 'x',#6100000abc").unwrap();
     }
 
-    // And still: a conversation, and a scan with every frame in order.
+    // The device still answers commands, and a scan returns every frame in order.
     let mut instrument = served.instrument();
     assert_eq!(instrument.query("*IDN?").unwrap(), served.at.name);
     drop(instrument);
@@ -72,8 +72,8 @@ fn a_client_that_stops_reading_replies_is_told_of_it() {
     let mut buffer = vec![0; 1 << 16];
     let idn = port.receive(&mut buffer, LONG).unwrap();
     assert_eq!(buffer[..idn], *format!("{}\n", served.at.name).as_bytes());
-    // The kernel holds some 6500 of these lines, so the device has answered the others by the time
-    // the last one is sent: with far more than the 1 MiB that it keeps.
+    // The kernel buffers about 6500 of these lines, so by the time the last one is sent, the device
+    // has answered the rest, with far more than the 1 MiB that it keeps.
     const LINES: usize = 9000;
     let one = {
         port.send(b"SEQ:DATA?\n", LONG).unwrap();

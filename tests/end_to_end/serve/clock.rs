@@ -1,4 +1,4 @@
-//! Device time: stepped from outside, to the nanosecond, and on the wall's time with its lateness.
+//! Device time: stepped by a client to the nanosecond, and real time with its lateness.
 
 use crate::served::{LONG, Served, serve};
 use phasmid::host::{Capture, open_camera};
@@ -36,14 +36,14 @@ fn a_step_exposes_what_falls_into_it() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
     let mut instrument = served.instrument();
-    // Before somebody reads, as the camera would run free.
+    // Before anyone reads, because the camera would run free.
     instrument.order("TRIG:SOUR BUS").unwrap();
     let mut camera = open_camera(&served.at.camera, Capture::Auto, LONG).unwrap();
     instrument.order("INIT;*TRG").unwrap();
     let about = clock(&mut stream, Request::Get(Item::Clock));
     assert_eq!((about.pace, about.now_ns), (ClockPace::Stepped, 0));
     assert_eq!(device(&mut stream).state, "running");
-    // Exposures of 12 ms, one every 16 ms: nothing is complete a nanosecond before the first ends.
+    // Exposures of 12 ms, one every 16 ms: no frame is complete a nanosecond before the first ends.
     let to = |stream: &mut UnixStream, ns| {
         let about = clock(stream, Request::Clock(Step::RunUntilNs(ns)));
         assert_eq!(about.now_ns, ns);
@@ -56,7 +56,7 @@ fn a_step_exposes_what_falls_into_it() {
     assert_eq!(clock(&mut stream, step).now_ns, 28_000_000);
     assert_eq!(device(&mut stream).frames, 2);
     assert_eq!(to(&mut stream, 1_000_000_000), 13);
-    // All of them have been rendered and handed on when the step is answered.
+    // All frames have been rendered and sent when the step is answered.
     let idle = device(&mut stream);
     assert_eq!((idle.in_flight, idle.backlog), (0, 0));
     assert_eq!((idle.state.as_str(), idle.camera_clients), ("idle", 1));
@@ -75,7 +75,7 @@ fn a_step_exposes_what_falls_into_it() {
 fn a_step_of_a_day_is_called_off() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
-    // Somebody reads, and so each of three million frames is to be rendered.
+    // With a reader, each of the three million frames must be rendered.
     let address = served.at.camera.clone();
     std::thread::spawn(move || {
         let mut camera = open_camera(&address, Capture::Auto, LONG).unwrap();
@@ -106,7 +106,7 @@ fn a_step_of_a_day_is_called_off() {
         "{words}"
     );
     assert_eq!(now(&mut stream), stopped);
-    // An asker who leaves takes the step back, and the next one has not to wait for it.
+    // A client that disconnects cancels its step, and the next client need not wait for it.
     let mut asker = service(&served);
     asker.write_all(day().to_line().as_bytes()).unwrap();
     under_way(&mut stream, stopped);

@@ -1,4 +1,4 @@
-//! Dialects over a real pty, host and device in processes of their own.
+//! Dialects over a real pty, with host and device in separate processes.
 
 use crate::served::{Served, phasmid, serve, text};
 use phasmid::host::{CommandPort, SerialPort};
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 const WEBCAM: &str = include_str!("../../../device-profiles/webcam-grey.toml");
 const DLP: &str = include_str!("../../../device-profiles/dlp-evm.toml");
 
-/// The profile of the tests with a `[control]`.
+/// The tests' profile with a `[control]` table.
 fn profile(folder: &Path, control: &str) -> String {
     let path = folder.join("mine.toml");
     fs::write(&path, format!("{WEBCAM}\n[control]\n{control}\n")).unwrap();
@@ -22,7 +22,7 @@ fn check(file: &str) -> Output {
     phasmid().args(["profile", "check", file]).output().unwrap()
 }
 
-/// On the wall's time and at once: the device says its last words of power-on in mid-scan.
+/// With real time and with the fast clock: the device finishes its power-on messages during a scan.
 #[test]
 fn a_scan_speaks_what_the_device_s_file_says() {
     for dialect in ["okline", "dlpc350"] {
@@ -37,7 +37,8 @@ fn a_scan_speaks_what_the_device_s_file_says() {
         assert!(!said.contains("once more"), "{dialect}: {said}");
         let summary: serde_json::Value = serde_json::from_slice(&scan.stdout).unwrap();
         assert_eq!(summary["frames"], 13, "{dialect}");
-        // What is asked for counts; and who does not answer may speak something else.
+        // Options on the command line take precedence; and a device that does not answer may use
+        // another dialect.
         let more = [
             "--no-decode",
             "--force",
@@ -57,7 +58,7 @@ fn a_scan_speaks_what_the_device_s_file_says() {
     }
 }
 
-/// The guide's example from its file, with what it does not tell from files too.
+/// The guide's example from its file; what it cannot report is read from files as well.
 #[test]
 fn a_dialect_of_one_s_own_scans() {
     let base = tempfile::tempdir().unwrap();
@@ -91,7 +92,7 @@ fn a_dialect_of_one_s_own_scans() {
     served.stop(rustix::process::Signal::TERM);
 }
 
-/// A long answer at 9600 baud takes no less than its bytes do, nor does the question.
+/// A long answer at 9600 baud takes at least as long as its bytes need, and so does the question.
 #[test]
 fn bytes_take_their_time_on_the_wall() {
     let base = tempfile::tempdir().unwrap();
@@ -105,7 +106,7 @@ fn bytes_take_their_time_on_the_wall() {
         let begin = Instant::now();
         port.send(request, Duration::from_secs(5)).unwrap();
         let mut said = Vec::new();
-        // Among what is said at power-on.
+        // Within the power-on messages.
         let answer = |said: &[u8]| {
             let lines = String::from_utf8_lossy(said).into_owned();
             let mut lines = lines.split_inclusive('\n');
@@ -133,7 +134,7 @@ fn bytes_take_their_time_on_the_wall() {
     );
 }
 
-/// A control port that cannot be is refused with its line, by both alike.
+/// An invalid control port is rejected with its line, by host and device alike.
 #[test]
 fn profile_check_judges_a_port_as_serve_does() {
     let base = tempfile::tempdir().unwrap();
@@ -154,7 +155,7 @@ fn profile_check_judges_a_port_as_serve_does() {
             "data_bits = 7\ndialect = \"dlpc350\"",
             vec![
                 format!("mine.toml:{line}: control.data_bits: 7"),
-                "allowed: 8".into(),
+                "expected 8".into(),
             ],
         ),
         (
@@ -187,7 +188,7 @@ fn profile_check_judges_a_port_as_serve_does() {
             );
         }
     }
-    // A station's word counts before that of its profiles.
+    // The station's setting overrides that of its profiles.
     profile(base.path(), "data_bits = 7");
     for (dialect, place) in [
         ("nope", "station.toml:6: device[0].dialect"),
@@ -238,7 +239,7 @@ fn profile_check_says_what_decides_the_time() {
     fs::write(&file, format!("{DLP}\n{light}")).unwrap();
     let said = text(&check(file.to_str().unwrap()));
     for line in [
-        "control     scpi on a line that takes no time",
+        "control     scpi on a line without delay",
         "readout     1200 us of a frame",
         "timing      steps of 1 us",
         "light       rises in 5 us, loses 10 %",

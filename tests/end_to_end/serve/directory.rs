@@ -1,4 +1,4 @@
-//! The run directory: one device at a time, and what a killed one leaves.
+//! The run directory: one device at a time, and reuse of what a killed device leaves behind.
 
 use crate::served::{Served, serve, text};
 use std::io::Read;

@@ -1,4 +1,4 @@
-//! Objects of the scene at another place, over the service socket.
+//! Moving objects of the scene over the service socket.
 
 use crate::served::{LONG, Served};
 use phasmid::protocol::service::{self, Item, Maps, Placement, Request};
@@ -38,7 +38,8 @@ fn a_plane_goes_where_it_is_told() {
     let done = ask(&mut stream, place(0, f64::from(rest) - 100.0, 0.0)).unwrap();
     assert!(done.maps.is_empty() && done.flags.is_empty());
     assert_eq!(depth(&mut stream), rest - 100.0);
-    // Refused with words; the conversation goes on, and the plane stays.
+    // Invalid requests get an error message; the connection stays open, and the plane does not
+    // move.
     for (request, needle) in [
         (place(1, 900.0, 0.0), "place.object: 1"),
         (place(0, 2e9, 0.0), "place.position_mm"),
@@ -53,7 +54,7 @@ fn a_plane_goes_where_it_is_told() {
     assert!(served.scan(&moved, &["--no-decode"]).status.success());
     served.stop(rustix::process::Signal::TERM);
 
-    // A device that was started with that scene gives the same bytes.
+    // A device started with that scene returns the same bytes.
     let scene = include_str!("../../../device-profiles/scenes/plane.toml");
     let mut table: toml::Table = scene.parse().unwrap();
     let object = table["object"].as_array_mut().unwrap()[0].as_table_mut();

@@ -1,4 +1,4 @@
-//! The pods of a treatment room by their ports: where they stand, and a patient who is followed.
+//! The pods of a treatment room over their ports: locating them, and tracking a patient.
 
 use crate::served::{phasmid, text};
 use phasmid::geometry::Pose;
@@ -10,11 +10,11 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 const PODS: [&str; 3] = ["left", "right", "foot"];
-/// Ends a wait for what will never come. Three pods that render a moving patient take 4 s a scan on
-/// two idle cores.
+/// Limit for a wait that would otherwise hang. Three pods that render a moving patient take 4 s per
+/// scan on two idle cores.
 const HANG: Duration = Duration::from_secs(900);
 
-/// The pods of a station before a scene; gone with the test.
+/// The pods of a station in front of a scene; stopped when dropped.
 struct Room {
     child: Child,
     run: PathBuf,
@@ -72,7 +72,7 @@ fn station(name: &str) -> Station {
     }
 }
 
-/// Where each pod stands.
+/// Pose of each pod.
 fn places(station: &Station) -> Vec<Pose> {
     let rigs = station.device.iter().map(|device| device.rig().unwrap());
     let place = |rig: phasmid::profile::RigPlace| {
@@ -119,7 +119,7 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
     let found = station(out.to_str().unwrap());
     assert_eq!(found.scene().as_deref(), Some("treatment-room"));
     for (place, truth) in places(&found).iter().zip(&places(&station(file))) {
-        // What is wrong of a point at the isocentre, and of a direction.
+        // Error of a point at the isocentre, and of a direction.
         let off = *place * truth.inverse();
         assert!(off.translation_mm.length() < 0.01, "{off:?}");
         let turned = off.rotation - glam::DMat3::IDENTITY;
@@ -140,7 +140,7 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
         assert!((0.7..1.4).contains(&whitened), "{whitened}");
     }
 
-    // The pods show again what they showed before.
+    // The pods show the same patterns again.
     let scanned = phasmid()
         .args(["scan", "--no-decode", "--timeout", "60", "--control"])
         .arg(room.run.join("left/control"))
@@ -156,7 +156,7 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
     let manifest = fs::read_to_string(room.place("scan").join("sequence.toml")).unwrap();
     assert_eq!(manifest.matches("[[frame]]").count(), 9, "{manifest}");
 
-    // A calibration of a rig that has another baseline shows.
+    // A calibration of a rig with another baseline is detected.
     let calibration = fs::read_to_string(room.place("scan").join("calibration.toml")).unwrap();
     let grown = calibration.replace("550.0", "551.0");
     assert_ne!(calibration, grown);
@@ -170,8 +170,11 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
         .output()
         .unwrap();
     let warned = succeeded(&warned);
-    assert!(warned.contains("left: the board's points are "), "{warned}");
-    assert!(!warned.contains("right: the board's"), "{warned}");
+    assert!(
+        warned.contains("left: the residuals of the board's points are "),
+        "{warned}"
+    );
+    assert!(!warned.contains("right: the residuals"), "{warned}");
 
     let mut again = room.command("locate");
     refused(
@@ -192,7 +195,7 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
     with(
         "--calibration",
         "left",
-        &["no calibration; allowed: NAME=FILE"],
+        &["no calibration; expected NAME=FILE"],
     );
     with(
         "--board-position",
@@ -213,26 +216,26 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
     one_twice.args(["locate", "--device", &left, "--device", &right, "--out"]);
     refused(
         one_twice.arg(&new),
-        &["--device: left and right by the same port; allowed: ports of its own"],
+        &["--device: left and right by the same port; expected ports of its own"],
     );
-    // A pod by another's name, and a board that lies elsewhere.
+    // A pod with another pod's name, and a board at another position.
     let mut other = phasmid();
     other.args(["locate", "--timeout", "60", "--device", &right, "--out"]);
     let far = succeeded(&other.arg(room.place("other.toml")).output().unwrap());
     assert!(
-        far.contains("right: more than 50 mm or 5 degrees from where"),
+        far.contains("right: more than 50 mm or 5 degrees from the pose"),
         "{far}"
     );
-    // A board of nearly the size that was said.
+    // A board whose size differs slightly from the stated one.
     let mut nearly = room.command("locate");
     nearly.args(["--scale", "4.99", "--out"]);
     let nearly = succeeded(&nearly.arg(room.place("nearly.toml")).output().unwrap());
     assert!(
-        nearly.contains("the board is not of the size that was said"),
+        nearly.contains("the board does not have the given size, or is not flat"),
         "{nearly}"
     );
 
-    // A board of another size than it is.
+    // A board whose size differs from the stated one.
     let mut command = room.command("locate");
     let output = command
         .arg("--out")
@@ -249,7 +252,7 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
     );
 }
 
-/// Lines that are whole, without the first.
+/// Complete lines, without the first.
 fn lines(path: &Path) -> Vec<String> {
     let text = fs::read_to_string(path).unwrap_or_default();
     let whole = text
@@ -258,8 +261,8 @@ fn lines(path: &Path) -> Vec<String> {
     whole.skip(1).map(str::to_owned).collect()
 }
 
-/// A station file in `folder` like `sgrt-ceiling`, of pods that see the middle quarter of their image:
-/// the surface is as finely resolved, at half the time.
+/// Writes a station file to `folder` like `sgrt-ceiling`, with pods cropped to the central quarter
+/// of their image: the surface has the same resolution, in half the time.
 fn cropped_pods(folder: &Path) -> PathBuf {
     let pod = include_str!("../../../device-profiles/sgrt-pod.toml")
         .replace("width_px = 640 ", "width_px = 320 ")
@@ -306,13 +309,13 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     command.arg("track").arg("--planning").arg(&planning);
     refused(
         command.args(["--device", &twice, "--device", &twice]),
-        &["--device: \"left\" a second time; allowed: each pod once"],
+        &["--device: \"left\" a second time; expected each pod once"],
     );
     let mut command = phasmid();
     command.arg("track").arg("--planning").arg(&planning);
     refused(
         command.args(["--device", &twice.replacen("left", "up", 1)]),
-        &["\"up\", which sgrt-ceiling does not have; allowed: left, right, foot"],
+        &["\"up\", which sgrt-ceiling does not have; expected left, right, foot"],
     );
 
     let out = room.place("track.csv");
@@ -333,7 +336,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     }
     let server = Pid::from_child(&room.child);
     kill_process(server, Signal::STOP).unwrap();
-    // What had come is looked at, then nothing comes.
+    // Data that has arrived is processed, then nothing more arrives.
     let held = |lines: &[String]| {
         let last = lines.last().is_some_and(|line| line.contains(",held,"));
         last && lines.last().unwrap().split(',').nth(4) == Some("")
@@ -361,7 +364,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     for line in lines(&out) {
         let fields: Vec<&str> = line.trim_end().split(',').collect();
         assert!(fields.len() >= names.len(), "{line}");
-        // A line of silence has no points.
+        // A line written during silence has no points.
         if fields[column("points")].is_empty() {
             continue;
         }

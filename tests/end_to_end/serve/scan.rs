@@ -1,4 +1,4 @@
-//! `phasmid scan` of a device that is served, or is not.
+//! `phasmid scan` with and without a served device.
 
 use crate::served::{Served, phasmid, serve, text};
 use std::fs;
@@ -72,7 +72,8 @@ fn a_sequence_from_a_file_is_projected() {
         .unwrap();
     let served = Served::start(&["--sequence", file.to_str().unwrap()]);
     let out = base.path().join("out");
-    // Nothing in it can be decoded: said so, with the frames kept, unless it is not asked for.
+    // The sequence cannot be decoded: the scan reports this and keeps the frames, unless decoding
+    // was not requested.
     let scan = served.scan(&out, &["--sequence", "mine"]);
     assert_eq!(scan.status.code(), Some(2), "{}", text(&scan));
     assert!(text(&scan).contains("neither fringes nor Gray code"));

@@ -1,4 +1,4 @@
-//! The service channel: every request that its documentation shows, and whose it is.
+//! The service channel: every request shown in its documentation, and access control.
 
 use crate::serve::clock::{ask, refused, service};
 use crate::served::{LONG, Served, serve};
@@ -15,7 +15,7 @@ use std::process::Command;
 
 const DOCUMENTED: &str = include_str!("../../../src/protocol/service/requests.md");
 
-/// A stepped device that has exposed its sequence once.
+/// A device with a stepped clock that has exposed its sequence once.
 fn exposed() -> (Served, UnixStream) {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
@@ -77,7 +77,7 @@ fn a_frame_s_truth_is_that_of_its_time() {
     let (served, mut stream) = exposed();
     let depth = |stream: &mut UnixStream, id| {
         let (reply, maps) = call(stream, &Request::TruthOfFrame(id)).unwrap();
-        // Of geometry alone: levels would be those of settings of another time.
+        // Geometry maps only: levels would depend on settings that may have changed since.
         let names: Vec<_> = maps.maps.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["depth_mm", "projector_x", "projector_y"]);
         (reply.frame.unwrap(), maps.maps[0].1[240 * 640 + 320])
@@ -95,7 +95,7 @@ fn a_frame_s_truth_is_that_of_its_time() {
         matches!(shown.pattern, Some(Pattern::Fringe { .. })),
         "{shown:?}"
     );
-    // It is what it was, wherever the wall is now.
+    // The maps are unchanged when the wall is moved.
     let place = |z| {
         Request::Place(Placement {
             object: 0,
@@ -120,8 +120,8 @@ fn a_frame_s_truth_is_that_of_its_time() {
     let faults = ask(&mut stream, Request::Get(Item::Faults)).faults.unwrap();
     assert_eq!((faults.standing.len(), faults.struck_in_all), (1, 1));
     for (request, needle) in [
-        (Request::TruthOfFrame(26), "allowed: 0 to 25"),
-        (Request::ClearFaults(Which::One(7)), "allowed: 1"),
+        (Request::TruthOfFrame(26), "expected 0 to 25"),
+        (Request::ClearFaults(Which::One(7)), "expected 1"),
         (
             Request::parse(br#"{"fault":{"what":"dark","by_ms":3}}"#).unwrap(),
             "fault.by_ms",
@@ -135,7 +135,8 @@ fn a_frame_s_truth_is_that_of_its_time() {
 
 const SOCKET: &str = "PHASMID_TEST_SERVICE_SOCKET";
 
-/// Its mode keeps others out, and so does the device where the mode has been opened.
+/// The socket's file mode excludes other users; if the mode has been relaxed, the device itself
+/// does.
 #[test]
 fn it_is_its_owner_s_alone() {
     let served = Served::start(&[]);
@@ -155,7 +156,7 @@ fn it_is_its_owner_s_alone() {
     ] {
         fs::set_permissions(path, Permissions::from_mode(mode)).unwrap();
     }
-    // This program again, as another user, where that user can run it.
+    // Runs this program as another user, if that user can run it.
     let program = base.join("another");
     fs::copy(std::env::current_exe().unwrap(), &program).unwrap();
     fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
@@ -168,7 +169,7 @@ fn it_is_its_owner_s_alone() {
         .unwrap();
     assert!(output.status.success(), "{}", crate::served::text(&output));
     fs::remove_file(program).unwrap();
-    // The owner is served as before.
+    // The owner is still served.
     ask(&mut service(&served), Request::Get(Item::Clock));
     served.stop(Signal::TERM);
 }
@@ -183,12 +184,12 @@ fn another_user_asks() {
     stream.set_read_timeout(Some(LONG)).unwrap();
     let _ = stream.write_all(b"{\"get\":\"clock\"}\n");
     let mut answer = Vec::new();
-    // What has not been read resets the connection behind the answer.
+    // Unread data resets the connection after the answer.
     let _ = stream.read_to_end(&mut answer);
     let line = answer.split(|&byte| byte == b'\n').next().unwrap();
     let words = Reply::parse(line).unwrap().error.unwrap();
     assert!(
-        words.contains("user 65534; allowed: its owner, user 0"),
+        words.contains("user 65534; expected its owner, user 0"),
         "{words}"
     );
 }

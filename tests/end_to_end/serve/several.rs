@@ -1,4 +1,4 @@
-//! Several devices of one `phasmid serve`.
+//! Several devices served by one `phasmid serve`.
 
 use crate::served::{LONG, phasmid, text};
 use phasmid::host::usb::Client;
@@ -28,7 +28,7 @@ fn serve(options: &[&str]) -> Command {
     command
 }
 
-/// Starts, and gives what was said until all were up.
+/// Starts the command and returns its output up to the point where all devices are ready.
 fn start(command: &mut Command) -> (Child, String) {
     let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
     let mut said = String::new();
@@ -116,7 +116,7 @@ fn one_usb_server_has_them_all() {
     let listed = Client::list(host, LONG).unwrap();
     let bus_ids: Vec<&str> = listed.iter().map(|device| device.bus_id.as_str()).collect();
     assert_eq!(bus_ids, ["1-1", "1-2"]);
-    // Both at a time, by hosts of their own.
+    // Both at the same time, by separate hosts.
     let scans = addresses.each_ref().map(|address| {
         let out = base.path().join(&address[address.len() - 1..]);
         let mut scan = phasmid();
@@ -132,7 +132,7 @@ fn one_usb_server_has_them_all() {
         assert_eq!(output.status.code(), Some(0), "{}", text(&output));
         assert!(text(&output).contains(serial), "{}", text(&output));
     }
-    // Several and no name is a choice that nobody has made.
+    // With several devices, a name is required.
     let output = phasmid()
         .args(["scan", "--device", &format!("usb:{host}"), "--out"])
         .arg(base.path().join("neither"))
@@ -159,7 +159,7 @@ fn what_does_not_go_together_is_refused_before_anything_is_made() {
         ),
         (
             &["--scene", "plane", "--scene", "plane", "--scene", "plane"],
-            &["3 of them for 2"],
+            &["3 scenes for 2"],
         ),
         (&["--scene", "plane", "--scene", "no-such"], &["no-such"]),
     ];
@@ -215,11 +215,11 @@ fn a_fault_is_for_a_device_that_is_there() {
     ] {
         let output = with_faults(profiles).output().unwrap();
         assert_eq!(output.status.code(), Some(2), "{}", text(&output));
-        let words = format!("bad.toml:3: fault[0].device: \"right\"; allowed: {allowed}\n");
+        let words = format!("bad.toml:3: fault[0].device: \"right\"; expected {allowed}\n");
         assert!(text(&output).ends_with(&words), "{}", text(&output));
         assert!(!run.exists());
     }
-    // A channel is one device's.
+    // A channel can belong to one device only.
     std::fs::write(
         &bad,
         "[[fault]]\nwhat = \"dark\"\ndevice = \"webcam-grey-2\"\n",
@@ -240,7 +240,7 @@ fn a_fault_is_for_a_device_that_is_there() {
             }))
         };
         let refused = call(&mut stream, &fault(other)).unwrap_err().to_string();
-        let words = format!("fault.device: \"{other}\"; allowed: {name}");
+        let words = format!("fault.device: \"{other}\"; expected {name}");
         assert!(refused.ends_with(&words), "{refused}");
         let (reply, _) = call(&mut stream, &fault(name)).unwrap();
         assert_eq!(reply.fault, Some(2));

@@ -1,4 +1,4 @@
-//! Several devices that a station lists: one clock, one scene.
+//! Several devices listed in a station file, with one clock and one scene.
 
 use crate::serve::clock::{ask, device};
 use crate::served::{LONG, phasmid, text};
@@ -16,7 +16,7 @@ const STATION: &str = "name = \"pair\"\ndescription = \"Two before a wall\"\nsce
     [[device]]\nname = \"near\"\nprofile = \"webcam-grey\"\nseed = 5\n\
     [[device]]\nname = \"far\"\nprofile = \"webcam-grey\"\nposition_mm = [0.0, 0.0, -200.0]\n";
 
-/// Two devices; gone with the test.
+/// Two devices, stopped when dropped.
 struct Pair {
     child: Child,
     at: [Endpoints; 2],
@@ -68,7 +68,7 @@ impl Drop for Pair {
     }
 }
 
-/// A station's file with its scene beside it.
+/// Writes a station file with its scene.
 fn station(folder: &Path) -> PathBuf {
     let wall = include_str!("../../../device-profiles/scenes/plane.toml");
     fs::write(folder.join("wall.toml"), wall).unwrap();
@@ -81,7 +81,7 @@ fn truth(stream: &mut UnixStream) -> Maps {
     call(stream, &Request::Get(Item::Truth)).unwrap().1
 }
 
-/// Depth before the middle of the camera.
+/// Depth at the centre of the camera's image.
 fn depth(stream: &mut UnixStream) -> f32 {
     truth(stream).maps[0].1[240 * 640 + 320]
 }
@@ -100,7 +100,8 @@ fn one_steps_the_clock_of_both() {
     assert_eq!(to(5_000_000), [0, 0]);
     let mut instrument = pair.instrument(1);
     instrument.order("TRIG:SOUR BUS;:INIT;*TRG").unwrap();
-    // Exposures end at 12 ms and every 16 ms after it, and 5 ms later.
+    // The exposures of one device end at 12 ms and every 16 ms after it; those of the other, 5 ms
+    // later.
     assert_eq!(to(16_999_999), [1, 0]);
     assert_eq!(to(17_000_000), [1, 1]);
     assert_eq!(to(92_000_000), [6, 5]);
@@ -122,8 +123,8 @@ fn time_is_one_where_it_goes_by_itself_too() {
         assert_eq!(instrument.query("*OPC?").unwrap(), "1");
     }
     let frame = |stream: &mut UnixStream, id| ask(stream, Request::TruthOfFrame(id)).frame.unwrap();
-    // The second began where the first had come to: at the end of its last exposure, or of the
-    // last pattern's time.
+    // The second sequence begins at the end of the first one's last exposure, or of the last
+    // pattern's time.
     let last = frame(&mut near, 12);
     assert_eq!(last.end_ns, 12 * 16_000_000 + 12_000_000);
     let first = frame(&mut far, 0);
@@ -188,7 +189,7 @@ fn a_station_is_listed_and_checked() {
     let listed = phasmid().args(["profile", "list"]).output().unwrap();
     assert!(text(&listed).contains("two-pods"), "{}", text(&listed));
     assert_eq!(check(Path::new("two-pods")).status.code(), Some(0));
-    // What it names has to be there.
+    // The files that the station names must exist.
     fs::remove_file(base.path().join("wall.toml")).unwrap();
     let output = check(&file);
     assert_eq!(output.status.code(), Some(2));

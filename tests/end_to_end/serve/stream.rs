@@ -78,7 +78,7 @@ fn truth_comes_on_a_channel_of_its_own() {
         assert_eq!(maps.maps[0].0, "depth_mm");
         phasmid::emulator::Truth::from_maps(maps).unwrap();
     }
-    // A mistake is answered and the conversation goes on.
+    // An invalid request gets an error, and the connection stays open.
     stream.write_all(b"{\"get\":\"moon\"}\n").unwrap();
     let mut byte = [0];
     let mut line = Vec::new();
@@ -86,12 +86,12 @@ fn truth_comes_on_a_channel_of_its_own() {
         line.push(byte[0]);
     }
     assert!(service::Reply::parse(&line).unwrap().error.is_some());
-    // The external trigger is a wire, not a command.
+    // The external trigger is a signal line, not a command.
     let mut instrument = served.instrument();
     instrument.order("TRIG:SOUR EXT;:INIT").unwrap();
     service::ask(&mut stream, service::Request::Do(service::Action::Trigger)).unwrap();
     assert_eq!(instrument.query("*OPC?;:DIAG:FRAM?").unwrap(), "1;13");
-    // The control port knows nothing of it.
+    // The control port is not affected.
     assert!(
         instrument
             .order("DIAG:TRUT?")

@@ -1,4 +1,4 @@
-//! The device as a USB device, between processes: `phasmid serve --usb` and `phasmid scan --device`,
+//! The device over USB/IP between processes: `phasmid serve --usb` and `phasmid scan --device`,
 //! without a kernel in between.
 
 use crate::served::{LONG, Served, phasmid, text};
@@ -14,7 +14,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// A built-in profile with something changed and something added, in a file.
+/// Writes a built-in profile with one replacement and one addition to a file.
 fn profile(dir: &Path, name: &str, change: (&str, &str), usb: &str) -> PathBuf {
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("device-profiles");
     let text = fs::read_to_string(shipped.join(format!("{name}.toml"))).unwrap();
@@ -34,7 +34,7 @@ fn serve(profile: &Path) -> Command {
     command
 }
 
-/// The same, exported on a free port.
+/// `phasmid serve` with the device exported over USB/IP on a free port.
 fn serve_usb(profile: &Path) -> Command {
     let mut command = serve(profile);
     command.args(["--usb", "export", "--usb-listen", "127.0.0.1:0"]);
@@ -49,7 +49,7 @@ fn scan(address: &str, out: &Path) -> Command {
     command
 }
 
-/// Files of a folder and what is in them.
+/// Files of a folder and their contents.
 fn contents(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(dir).unwrap().map(Result::unwrap);
     entries
@@ -60,8 +60,8 @@ fn contents(dir: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// Two devices with the same profile, scene and seed, one scanned over USB and one over pty and
-/// frame socket, leave the same bytes: frames, maps, cloud, manifest and calibration.
+/// Two devices with the same profile, scene and seed, one scanned over USB and the other over pty
+/// and frame socket, produce identical bytes: frames, maps, cloud, manifest and calibration.
 fn leaves_what_the_socket_leaves(name: &str, usb: &str) {
     let dir = tempfile::tempdir().unwrap();
     let profile = profile(dir.path(), name, AS_IT_IS, usb);
@@ -102,14 +102,14 @@ fn superspeed_isochronous_leaves_what_the_socket_leaves() {
     leaves_what_the_socket_leaves("pmp-bench", "speed = 'super'\ntransfer = 'isochronous'");
 }
 
-/// `HOST:PORT` of a device that is served.
+/// `HOST:PORT` of a served device.
 fn host(served: &Served) -> String {
     UsbAddress::parse(&served.at.camera, "device.json")
         .unwrap()
         .host
 }
 
-/// Runs to its end, which has to come soon, and with a single line for the user.
+/// Runs a command that must exit soon, with this status and a single line for the user.
 fn refusal(command: &mut Command, status: i32, says: &str) {
     let start = Instant::now();
     let output = command.stdin(Stdio::null()).output().unwrap();
@@ -121,7 +121,7 @@ fn one_message(output: &Output, status: i32, says: &str) {
     let words = String::from_utf8(output.stderr.clone()).unwrap();
     assert_eq!(output.status.code(), Some(status), "{words}");
     assert_eq!(words.lines().count(), 1, "{words}");
-    assert!(words.contains(says), "{words:?}, want {says:?}");
+    assert!(words.contains(says), "{words:?}, expected {says:?}");
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn addresses_ports_and_devices_that_cannot_be_had() {
     let out = dir.path().join("out");
     let host = host(&served);
 
-    // Nobody can listen where somebody does, and nothing is left behind.
+    // A second server cannot listen on a used address, and leaves no files behind.
     let run = dir.path().join("second");
     let second = |listen: &str| {
         let mut command = serve(&profile);
@@ -145,7 +145,7 @@ fn addresses_ports_and_devices_that_cannot_be_had() {
         1,
         &format!("{host}: something else listens there"),
     );
-    // An address of RFC 5737 that no machine has.
+    // An address of RFC 5737, which no machine has.
     refusal(&mut second("192.0.2.1:3240"), 1, "192.0.2.1:3240");
     assert!(!run.exists());
 
@@ -157,12 +157,12 @@ fn addresses_ports_and_devices_that_cannot_be_had() {
         ("/dev/video0", 2, "usb:HOST:PORT"),
         (&format!("usb:{host}/"), 2, "usb:HOST:PORT/BUSID"),
         (&format!("usb:{host}/7-7"), 1, "no such device"),
-        // Closed for as long as nobody has the privilege to open it.
+        // A privileged port, closed unless a privileged process opens it.
         ("usb:127.0.0.1:1", 1, "usb:127.0.0.1:1: Connection refused"),
     ] {
         refusal(&mut scan(address, &out), status, says);
     }
-    // Another service than USB/IP: a listener that greets as web servers do.
+    // A service that does not speak USB/IP: a listener that greets as web servers do.
     let other = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("usb:{}", other.local_addr().unwrap());
     let greeter = std::thread::spawn(move || {
@@ -173,7 +173,7 @@ fn addresses_ports_and_devices_that_cannot_be_had() {
     refusal(&mut scan(&address, &out), 1, "no USB/IP server");
     greeter.join().unwrap().unwrap();
 
-    // One host at a time; the next one when that has left.
+    // One host at a time; the next one can connect after the first has disconnected.
     let first = Client::import(&host, None, LONG).unwrap();
     refusal(&mut scan(&served.at.camera, &out), 1, "another host");
     assert!(!out.exists(), "refused before anything is captured");
@@ -181,7 +181,7 @@ fn addresses_ports_and_devices_that_cannot_be_had() {
     scan_when_free(&served.at.camera, &out);
 }
 
-/// A scan that succeeds as soon as the server has noticed that the last host has gone.
+/// Retries a scan until the server has noticed that the previous host has disconnected.
 fn scan_when_free(address: &str, out: &Path) -> Output {
     let end = Instant::now() + LONG;
     loop {
@@ -239,23 +239,23 @@ fn an_address_that_others_reach_is_warned_of() {
     }
 }
 
-/// A device with real time and a sequence of two seconds, to be disturbed in its middle.
+/// A real-time device with a sequence of two seconds, to be interrupted in the middle.
 fn slow(dir: &Path) -> Served {
     let period = ("period_us = 16000.0", "period_us = 150000.0");
     let profile = profile(dir, "webcam-grey", period, "");
     Served::spawn_as_it_is(serve_usb(&profile).args(["--clock", "real"]))
 }
 
-/// A scan that has begun and is far from its end.
+/// Starts a scan and returns while it is far from finished.
 fn begun(served: &Served, out: &Path) -> Child {
     let mut scan = scan(&served.at.camera, out)
-        // Far longer than the tests wait.
+        // Much longer than the tests wait.
         .args(["--timeout", "600"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // Frames are rendered only for a reader.
+    // Frames are rendered only for a connected reader.
     while rendering_us(served) == 0 {
         assert!(scan.try_wait().unwrap().is_none(), "the scan has ended");
         std::thread::sleep(Duration::from_millis(5));
@@ -309,13 +309,13 @@ fn nothing_is_rendered_for_a_camera_that_nobody_reads() {
     let address = UsbAddress::parse(&served.at.camera, "device.json").unwrap();
     let device = Arc::new(UsbDevice::open(&address, LONG).unwrap());
     let mut instrument = Instrument::open(UsbPort::open(&device).unwrap(), LONG).unwrap();
-    // Some five frames' time.
+    // About five frame times.
     let a_while = || std::thread::sleep(Duration::from_millis(170));
 
-    // Attached and configured, a program has the port open.
+    // The device is attached and configured, and a program has opened the port.
     a_while();
     assert_eq!(instrument.query("DIAG:FRAM?").unwrap(), "0");
-    // A sequence exposes whoever reads it, but nobody has to see it.
+    // A sequence is exposed for any reader, but needs none.
     let exposed = instrument.query("TRIG:SOUR BUS;:INIT;*TRG;*OPC?;:DIAG:FRAM?");
     assert_eq!(exposed.unwrap(), "1;13");
     assert_eq!(rendering_us(&served), 0);
@@ -328,7 +328,7 @@ fn nothing_is_rendered_for_a_camera_that_nobody_reads() {
     assert!(rendering_us(&served) > 0);
 
     drop(camera);
-    // What was under way comes to its end.
+    // The running sequence finishes.
     a_while();
     let state = |instrument: &mut Instrument<UsbPort>| {
         (
@@ -341,13 +341,13 @@ fn nothing_is_rendered_for_a_camera_that_nobody_reads() {
     assert_eq!(state(&mut instrument), before);
 }
 
-/// Sends a line over a port and gives the line that comes back.
+/// Sends a line over a port and returns the reply line.
 fn ask(port: &mut impl CommandPort, words: &str) -> String {
     port.send(format!("{words}\n").as_bytes(), LONG).unwrap();
     line(port)
 }
 
-/// The next line that comes over a port.
+/// Reads the next line from a port.
 fn line(port: &mut impl CommandPort) -> String {
     let mut answer = Vec::new();
     while answer.last() != Some(&b'\n') {
@@ -388,7 +388,7 @@ fn line_coding_breaks_and_lines_reach_the_firmware() {
         assert_eq!(ask(&mut port, asked), told);
     }
 
-    // A break, and a terminal that goes, end a line in its middle.
+    // A break, or a closed terminal, discards an unfinished line.
     port.send(b"nonsense, and without an end", LONG).unwrap();
     port.send_break(0xFFFF).unwrap();
     port.send_break(0).unwrap();
@@ -398,7 +398,8 @@ fn line_coding_breaks_and_lines_reach_the_firmware() {
     let mut port = UsbPort::open(&device).unwrap();
     assert_eq!(ask(&mut port, "SYST:ERR:COUN?"), "0");
 
-    // RTS that rises is a trigger, one that stays or falls is none; DSR is high while exposing.
+    // A rising edge of RTS is a trigger; a constant or falling RTS is not. DSR is high during
+    // exposure.
     let count = ask(&mut port, "TRIG:SOUR EXT;MODE STEP;:INIT;:DIAG:FRAM?");
     assert_eq!(count, "0");
     for (rts, frames) in [
@@ -410,8 +411,9 @@ fn line_coding_breaks_and_lines_reach_the_firmware() {
         (false, "2"),
     ] {
         port.set_rts(rts).unwrap();
-        // The exposure begins when the last one's period is over, and a trigger in its middle would
-        // be none. Fewer triggers are seen here, more at the next change.
+        // An exposure starts only after the previous period, and a trigger during it is ignored:
+        // wait until the device is ready. A missed trigger fails here, an extra one at the next
+        // change of RTS.
         let end = Instant::now() + LONG;
         while ask(&mut port, "DIAG:FRAM?") != frames || ask(&mut port, "STAT:OPER:COND?") != "32" {
             assert!(
@@ -424,8 +426,7 @@ fn line_coding_breaks_and_lines_reach_the_firmware() {
     assert!(port.wait_for_lines(|lines| !lines.dsr, LONG).unwrap());
 }
 
-/// The pty and the USB port are two ends of one: who closes the one does not disturb whoever speaks
-/// at the other.
+/// The pty and the USB port are two endpoints of one port: closing one does not disturb the other.
 #[test]
 fn an_end_of_the_port_that_closes_leaves_the_other_alone() {
     let dir = tempfile::tempdir().unwrap();

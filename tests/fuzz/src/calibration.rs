@@ -1,9 +1,9 @@
-//! A calibration file of any kind, from anybody: reading it ends with a rig or with words.
+//! Arbitrary calibration files: reading ends with a rig or with an error message.
 
 use phasmid::calibrate::files::{Format, Reprojection, Sizes, rig_from_bytes, to_opencv};
 
-/// Reads bytes as a calibration. A rig that comes out is one, and what is written of it reads back
-/// with the same lenses.
+/// Reads bytes as a calibration. A resulting rig must be valid, and must have the same lenses after
+/// being written and read again.
 pub fn run(bytes: &[u8]) {
     let sizes = Sizes {
         camera: Some([640, 480]),
@@ -16,7 +16,7 @@ pub fn run(bytes: &[u8]) {
     rig.check().unwrap();
     for format in [Format::Yaml, Format::Xml] {
         let text = to_opencv(&rig, &Reprojection::default(), format);
-        // Of a camera far from the rig's origin, rounding may take the whole baseline.
+        // If the camera is far from the rig's origin, rounding may lose the whole baseline.
         let Ok(back) = rig_from_bytes(text.as_bytes(), "fuzz", Sizes::default()) else {
             let (a, b) = (rig.camera.center(), rig.projector.center());
             let baseline = a.distance(b);

@@ -1,9 +1,9 @@
-//! Scripts for the ordinary tests: seeds and what comes of changing them, the same in every run.
+//! Scripts for the ordinary tests: seeds and mutations of them, the same in every run.
 
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// SplitMix64 (Steele, Lea, Flood 2014): the tests need variety, not quality.
+/// SplitMix64 (Steele, Lea, Flood 2014): the tests need variety, not statistical quality.
 struct Numbers(u64);
 
 impl Numbers {
@@ -29,7 +29,7 @@ impl Numbers {
     }
 }
 
-/// Runs cases; `PHASMID_FUZZ_CASES=FIRST..END` names others than the usual ones.
+/// Runs the first `usual` cases; `PHASMID_FUZZ_CASES=FIRST..END` selects others.
 pub fn each(usual: u64, seeds: &[Vec<u8>], run: impl Fn(&[u8])) {
     let named = std::env::var("PHASMID_FUZZ_CASES").ok();
     let range: Range<u64> = named.map_or(0..usual, |named| {
@@ -43,7 +43,8 @@ pub fn each(usual: u64, seeds: &[Vec<u8>], run: impl Fn(&[u8])) {
     }
 }
 
-/// A case by its number: every fourth is noise, the others are seeds with a few changes.
+/// Returns a case by its number: every fourth is random bytes, the others are seeds with a few
+/// changes.
 pub fn case(seeds: &[Vec<u8>], number: u64) -> Vec<u8> {
     let mut numbers = Numbers(number);
     if number % 4 == 3 || seeds.is_empty() {

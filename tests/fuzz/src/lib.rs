@@ -1,5 +1,5 @@
-//! What is thrown at the wire of USB/IP, and at every parser. libFuzzer runs the targets for as
-//! long as one likes; the ordinary tests run them over cases of [`cases`].
+//! Fuzz targets for the USB/IP protocol and for every parser. libFuzzer runs the targets for an
+//! unlimited time; the ordinary tests run them over the cases of [`cases`].
 
 pub mod cases;
 pub mod parsers;

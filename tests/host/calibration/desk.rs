@@ -1,4 +1,4 @@
-//! A board before an emulated scanner, in one process: poses, frames, pictures and maps.
+//! A board in front of an emulated scanner, in one process: poses, frames, images and decoded maps.
 
 use phasmid::calibrate::board::Picture;
 use phasmid::calibrate::poses::{Wanted, poses};
@@ -12,7 +12,7 @@ use phasmid::pattern::Manifest;
 use phasmid::profile::{Profile, Scene};
 use std::sync::Arc;
 
-/// A scanner and what it looks at.
+/// A scanner and the board in front of it.
 pub struct Desk {
     pub profile: Profile,
     pub rig: Rig,
@@ -48,12 +48,12 @@ impl Desk {
         }
     }
 
-    /// The poses that a calibration shows, as `camera_from_board`.
+    /// Poses of the board for a calibration, as `camera_from_board`.
     pub fn poses(&self, wanted: &Wanted) -> Vec<Pose> {
         poses(&self.board, &self.rig, wanted).unwrap()
     }
 
-    /// The picture and the maps of the board in one pose.
+    /// Captures the image and the decoded maps of the board in one pose.
     pub fn shoot(&self, pose: &Pose, seed: u64) -> (Picture, Decoded) {
         let mut renderer = Renderer::new(&self.profile, &self.scene(pose), seed).unwrap();
         let frames: Vec<_> = self.shots.iter().map(|s| renderer.expose(s).data).collect();
@@ -66,7 +66,7 @@ impl Desk {
         (picture, self.decoder.decode(&stack).unwrap())
     }
 
-    /// Everything that is seen in poses; every pose has noise of its own.
+    /// Captures all poses, each with its own noise.
     pub fn sight(&self, poses: &[Pose], seed: u64) -> Vec<PoseData> {
         let sight = |(i, pose): (usize, &Pose)| {
             let (picture, decoded) = self.shoot(pose, seed * 1000 + i as u64);
@@ -76,7 +76,7 @@ impl Desk {
         poses.iter().enumerate().map(sight).collect()
     }
 
-    /// A calibration from such poses.
+    /// Calibrates from captured poses.
     pub fn calibrate(&self, seen: &[PoseData], choice: Choice) -> Calibration {
         let [camera_px, projector_px] = [&self.rig.camera, &self.rig.projector]
             .map(|view| [view.lens.width_px, view.lens.height_px]);

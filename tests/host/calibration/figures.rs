@@ -1,4 +1,4 @@
-//! What a calibration is worth, by the truth.
+//! Accuracy of a calibration, compared with the truth.
 
 use crate::calibration::desk::Desk;
 use phasmid::calibrate::rig::Calibration;
@@ -14,19 +14,19 @@ pub struct Figures {
     pub points: usize,
     /// Root mean square distance of the dots' centres from the truth, in pixels of the camera.
     pub dots_px: f64,
-    /// The same by their standard deviations.
+    /// The same, divided by their standard deviations.
     pub dots_whitened: f64,
     /// Mean reprojection errors in pixels.
     pub camera_px: f64,
     pub projector_px: f64,
     /// Root mean square of the whitened residuals of camera and projector.
     pub whitened: [f64; 2],
-    /// Root mean square of the errors of the projector's coordinates at the points' own places, by
-    /// their standard deviations, and in pixels.
+    /// Root mean square of the errors of the projector's coordinates at the points' exact
+    /// positions, divided by their standard deviations, and in pixels.
     pub lit_whitened: f64,
     pub lit_px: f64,
-    /// Squared Mahalanobis distance from the truth and its degrees of freedom, of all parameters and
-    /// of the rig's.
+    /// Squared Mahalanobis distance from the truth and its degrees of freedom: for all parameters,
+    /// and for those of the rig.
     pub distance: f64,
     pub freedom: usize,
     pub rig_distance: f64,
@@ -39,7 +39,7 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// `poses` are the true ones, all that were shown.
+    /// `poses` holds the true poses of all captures.
     pub fn new(desk: &Desk, calibration: &Calibration, poses: &[Pose]) -> Self {
         let solution = &calibration.solution;
         let (mut squares, mut whitened, mut points) = (0.0, 0.0, 0);
@@ -55,7 +55,7 @@ impl Figures {
                 let Some(there) = sighting.projector else {
                     continue;
                 };
-                // The projector's pixel at the point itself.
+                // Projector pixel at the exact point.
                 let own = there.px - there.slope * off;
                 let off = own - desk.rig.projector.project(point).unwrap();
                 lit_squares += off.length_squared();

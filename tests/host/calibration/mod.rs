@@ -1,4 +1,5 @@
-//! The emulated scanner calibrated from what it sees of a board, in one process, against the truth.
+//! Calibrates the emulated scanner from its captures of a board, in one process, and compares the
+//! result with the truth.
 //!
 //! `--nocapture` prints the figures.
 
@@ -89,7 +90,7 @@ fn the_papers_own_board_at_half_the_distance() {
     let figures = Figures::new(&desk, &calibration, &poses);
     println!("{figures}");
     assert_eq!(figures.poses, 20);
-    // Dots that only ambient light shows are noisy in so short an exposure.
+    // Dots lit only by ambient light are noisy in such a short exposure.
     assert!(figures.dots_px <= 0.03, "{figures}");
     assert!(
         figures.distance <= chi_square_bound(0.99, figures.freedom),
@@ -101,7 +102,7 @@ fn the_papers_own_board_at_half_the_distance() {
     );
 }
 
-/// Lenses that distort and blur, glare, a sensor whose pixels differ.
+/// Distorting, blurring lenses, glare, and a sensor with fixed-pattern noise.
 #[test]
 #[ignore = "a minute: every dot has a blur of its own"]
 fn a_scanner_with_real_parts() {

@@ -1,4 +1,4 @@
-//! Whether the covariance is honest: many calibrations, each with poses and noise of its own.
+//! Checks that the covariance is realistic: many calibrations, each with its own poses and noise.
 
 use crate::calibration::desk::Desk;
 use crate::calibration::figures::Figures;
@@ -42,7 +42,8 @@ fn distances_of_fifty_seeds_follow_chi_square() {
     ] {
         let (sum, freedom) = of.iter().fold((0.0, 0), |(s, n), (d, f)| (s + d, n + f));
         let ratio = sum / freedom as f64;
-        // The sum of independent chi-square numbers is one too: mean and standard deviation.
+        // The sum of independent chi-square variables is chi-square distributed; its mean and
+        // standard deviation:
         let sd = (2.0 / freedom as f64).sqrt();
         let beyond = of
             .iter()

@@ -1,4 +1,4 @@
-//! Captures one frame of which has damaged pixels.
+//! Captures in which one frame has damaged pixels.
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
@@ -6,9 +6,10 @@ use phasmid::decode::{Decoded, Decoder, FrameStack, Samples, Verdict};
 use phasmid::pattern::{Axis, Manifest};
 use std::f64::consts::TAU;
 
-/// What a wrong coordinate is, in projector pixels: beyond noise, about 1 mm on the bench.
+/// Error beyond which a coordinate is wrong, in projector pixels: beyond noise, about 1 mm on the
+/// bench.
 const WRONG_PX: f64 = 2.0;
-/// Damaged pixels of a frame, apart from each other.
+/// Number of damaged, non-adjacent pixels of a frame.
 const DAMAGED: usize = 150;
 
 fn capture(steps: usize) -> Manifest {
@@ -33,7 +34,7 @@ fn decode(scene: &Scene, manifest: &Manifest, frames: &[Vec<u8>]) -> Decoded {
         .unwrap()
 }
 
-/// Pixels told wrongly, and those refused as contradictory.
+/// Number of wrongly decoded pixels, and of those rejected as contradictory.
 fn wrong(decoded: &Decoded, positions: &[[f64; 2]]) -> (usize, usize) {
     let map = decoded.axis(Axis::X).unwrap();
     let off = |(x, p): &(&f32, &[f64; 2])| (f64::from(**x) - p[0]).abs() > WRONG_PX;
@@ -42,9 +43,9 @@ fn wrong(decoded: &Decoded, positions: &[[f64; 2]]) -> (usize, usize) {
     (wrong, odd)
 }
 
-/// Every bit of pixels of every frame is flipped in turn. What remains wrong is a Gray bit flipped
-/// where another bit is on its edge: the mirrored edge is as good a place for the phase, and only
-/// neighbours can tell; they do, save where the damaged pixels are neighbours themselves.
+/// Flips every bit of the damaged pixels of every frame in turn. The remaining errors are Gray bits
+/// flipped where another bit is on its edge: the mirrored edge fits the phase equally well, and
+/// only neighbours can reveal the error, unless they are damaged themselves.
 #[test]
 fn flipped_bits_make_no_wrong_coordinates() {
     let scene = Scene::default();
@@ -53,7 +54,7 @@ fn flipped_bits_make_no_wrong_coordinates() {
         let manifest = capture(steps);
         let sound = scene.frames_u8(&manifest, &positions);
         let (before, odd) = wrong(&decode(&scene, &manifest, &sound), &positions);
-        // Beyond four deviations are 6 of 100,000.
+        // 6 of 100,000 lie beyond four standard deviations.
         assert_eq!(before, 0, "{steps} steps");
         assert!(odd * 2000 <= positions.len(), "{steps} steps: {odd}");
         let (mut left, mut refused) = (0, 0);
@@ -76,8 +77,8 @@ fn flipped_bits_make_no_wrong_coordinates() {
     }
 }
 
-/// Three periods of three steps: each set's mean is the others', so a flipped bit that moves the phase is
-/// told, but for the lower ones, which move it by no more than noise does a few times over.
+/// Three periods of three steps: all sets have the same mean, so a flipped bit that moves the phase
+/// is detected, except for the lower bits, which move it by no more than a few times the noise.
 #[test]
 fn flipped_bits_of_three_steps_are_refused() {
     let scene = Scene::default();
@@ -109,7 +110,7 @@ fn flipped_bits_of_three_steps_are_refused() {
     }
 }
 
-/// A response curve and flickering light leave residuals in every pixel: they are usual there.
+/// A response curve and flickering light leave residuals in every pixel, which are then normal.
 #[test]
 fn curved_responses_and_flicker_are_not_damage() {
     let positions = sweep(100);

@@ -1,4 +1,4 @@
-//! What frames hold: too much light or none, another number or size, pictures between them.
+//! Unusual frames: saturated or dark, of the wrong number or size, or with other images in between.
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;

@@ -1,5 +1,5 @@
-//! The decoder against frames made here from the patterns' formulas, in f64 and without any of the
-//! decoder's code. Inliers' error, gross errors and coverage are judged apart.
+//! The decoder on frames computed here from the patterns' formulas, in f64 and without any of the
+//! decoder's code. Error of the inliers, gross errors and coverage are tested separately.
 
 mod damage;
 mod frames;

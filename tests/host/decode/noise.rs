@@ -1,4 +1,4 @@
-//! Errors sit where the noise of the samples puts them, and that noise is found.
+//! Errors have the size predicted by the samples' noise, and the decoder estimates that noise.
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
@@ -35,8 +35,8 @@ fn phase_noise_sits_on_the_bound() {
     }
 }
 
-/// Frames of 16 bits, a hundred numbers a grey level, whose noise has the variance 0.5 + 0.05 I; and
-/// that noise.
+/// 16-bit frames with a hundred DN per grey level, whose noise has the variance 0.5 + 0.05 I; also
+/// returns that noise model.
 fn with_shot_noise(manifest: &Manifest, positions: &[[f64; 2]]) -> (Vec<Vec<u16>>, NoiseModel) {
     let scene = Scene {
         noise: 0.0,
@@ -51,7 +51,7 @@ fn with_shot_noise(manifest: &Manifest, positions: &[[f64; 2]]) -> (Vec<Vec<u16>
                 .map(|(i, v)| {
                     let sigma = (0.5 + 0.05 * v).sqrt();
                     let noisy = v + sigma * normal((k as u64) << 32 | i as u64);
-                    // Sixteen bits, so that rounding is nothing.
+                    // Sixteen bits, so that rounding is negligible.
                     (100.0 * noisy).round().clamp(0.0, 65535.0) as u16
                 })
                 .collect()
@@ -85,7 +85,7 @@ fn shot_noise_is_carried_pixel_by_pixel_even_with_three_steps() {
         ..Options::default()
     };
     let decoded = decoded_16(&manifest, &frames, options);
-    // Apart by where in the period the pixel is: the third harmonic shows there.
+    // Evaluated separately by the position in the period: the third harmonic shows there.
     for third in 0..3 {
         let here: Vec<usize> = (0..positions.len())
             .filter(|&i| (positions[i][0] / 16.0 * 9.0).rem_euclid(3.0).floor() as i32 == third)
@@ -104,8 +104,9 @@ fn shot_noise_is_carried_pixel_by_pixel_even_with_three_steps() {
     }
 }
 
-/// With variances that swing by m, weights make errors smaller by sqrt(1 - t^2 / (1 - t^2)), t = m / 2,
-/// of eight steps or more, by sqrt(1 - t^2) of six, and say so.
+/// With variances that vary by a factor m, weights reduce errors by sqrt(1 - t^2 / (1 - t^2)), t =
+/// m / 2, for eight or more steps, and by sqrt(1 - t^2) for six; the stated errors shrink
+/// accordingly.
 #[test]
 fn weights_make_use_of_shot_noise() {
     let positions = sweep(128);
@@ -173,7 +174,7 @@ fn noise_is_estimated_from_redundancy() {
             assert!((f.ratio - 1.0).abs() < 0.06, "{f:?}");
         }
     }
-    // Three steps and plain bits tell nothing; that is said.
+    // Three steps and plain bits determine no noise; a note says so.
     let (_, _, notes) = estimate(
         [
             equal(Axis::X, 16.0, 3),
@@ -189,8 +190,8 @@ fn noise_is_estimated_from_redundancy() {
     );
 }
 
-/// Five pixels in six are unlit and round to one value again and again; what noise the rest has is in
-/// the rest alone. As 8 bits, and stretched to 16.
+/// Five pixels in six are unlit and always round to one value; the noise must be estimated from the
+/// others alone. Tested with 8 bits, and stretched to 16.
 #[test]
 fn the_noise_of_a_board_in_a_dark_room_is_that_of_the_board() {
     const HEIGHT: usize = 256;
@@ -218,7 +219,7 @@ fn the_noise_of_a_board_in_a_dark_room_is_that_of_the_board() {
             .map(|k| {
                 let levels = scene.frame(k, &manifest.frame[k].pattern, &positions);
                 let dn = |(i, level): (usize, &f64)| {
-                    // Ink and paper, and light that falls off.
+                    // Ink and paper, and a light gradient.
                     let white = if i % 7 < 2 { 14.0 } else { 40.0 } + 0.15 * (i % WIDTH) as f64;
                     let clean = if lit(i) {
                         4.0 + 3.0 + white * level
@@ -286,7 +287,8 @@ fn rounding_of_twelve_steps_leaves_no_bias() {
     let manifest = manifest([equal(Axis::X, 16.0, 12), gray(Axis::X, 8.0, 0..8, true)].concat());
     let decoded = scene.decode(&manifest, &positions, scene.options());
     let f = figures(&decoded, Axis::X, &positions, 1.0);
-    // The bound with a variance of 1/12; rounding is not white, so only nearly.
+    // The bound for a variance of 1/12; it holds only approximately, because rounding errors are
+    // not white.
     let bound = 16.0 / TAU * (2.0f64 / 12.0).sqrt() * (1.0f64 / 12.0).sqrt() / 90.0;
     assert!(f.coverage > 0.99 && f.rms < 1.5 * bound, "{f:?} {bound}");
     let map = decoded.x.as_ref().unwrap();

@@ -1,4 +1,4 @@
-//! Whole periods are counted right, or the pixel is masked.
+//! The fringe order is right, or the pixel is masked.
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
@@ -271,7 +271,7 @@ fn a_lone_period_is_wrapped_or_unwrapped_along_space() {
     for (i, p) in positions.iter().enumerate() {
         let (a, b) = (f64::from(w.coordinate[i]), f64::from(s.coordinate[i]));
         if a.is_nan() {
-            // One whose noise looks like a damaged frame.
+            // A pixel whose noise resembles a damaged frame is masked.
             refused += 1;
             continue;
         }

@@ -1,4 +1,4 @@
-//! Sequences of patterns.
+//! Decoding of different pattern sequences.
 
 use phasmid::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
 use std::f64::consts::TAU;

@@ -1,4 +1,4 @@
-//! Sequences drawn at random: sensible ones come back, and none whatever panics.
+//! Random sequences: valid ones are decoded correctly, and no sequence causes a panic.
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
@@ -34,7 +34,7 @@ proptest! {
             references(),
         ]
         .concat();
-        // Any order of frames will do.
+        // Frames may come in any order.
         patterns.sort_by_key(|p| uniform(shuffle ^ format!("{p:?}").len() as u64).to_bits());
         let scene = Scene { noise: 0.5, footprint, seed, ..Scene::default() };
         let positions = sweep(8);
@@ -48,7 +48,7 @@ proptest! {
 fn any_pattern() -> impl Strategy<Value = Pattern> {
     let axis = || prop_oneof![Just(Axis::X), Just(Axis::Y)];
     prop_oneof![
-        // Few values, so that sets and codes come about.
+        // Few values, so that the draws form sets and codes.
         6 => (axis(), prop_oneof![Just(2.5), Just(16.0), Just(24.0), Just(1e6)], 0u8..6).prop_map(
             |(axis, period_px, step)| Pattern::Fringe {
                 axis,

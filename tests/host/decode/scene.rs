@@ -1,4 +1,4 @@
-//! Frames of a scene that is known, and how far what they decode to is off.
+//! Frames of a known scene, and the errors of the decoded result.
 
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
 use phasmid::geometry::NoiseModel;
@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 pub const WIDTH: usize = 256;
 
-/// What a camera sees of patterns: `floor + swing * level`, Gaussian noise, rounding.
+/// A camera's response to patterns: `floor + swing * level`, Gaussian noise, rounding.
 #[derive(Clone, Copy)]
 pub struct Scene {
     pub floor: f64,
@@ -45,8 +45,8 @@ pub fn normal(counter: u64) -> f64 {
 }
 
 impl Scene {
-    /// Level of a pattern at a position: fringes as they are, Gray code as held pixels averaged
-    /// over the footprint.
+    /// Level of a pattern at a position: fringes as a continuous function, Gray code as held pixels
+    /// averaged over the footprint.
     fn level(&self, pattern: &Pattern, position: [f64; 2]) -> f64 {
         match *pattern {
             Pattern::Fringe {
@@ -126,7 +126,7 @@ impl Scene {
     }
 }
 
-/// A smooth surface that sweeps x over its range, with every sub-pixel phase.
+/// Positions of a smooth surface on which x runs over its range, with every sub-pixel phase.
 pub fn sweep(height: usize) -> Vec<[f64; 2]> {
     (0..WIDTH * height)
         .map(|i| {
@@ -137,8 +137,8 @@ pub fn sweep(height: usize) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Error figures apart: coverage, rate of errors above `gross` among the valid, RMS of the others,
-/// RMS of the others over their own standard deviation.
+/// Separate error figures: coverage, rate of errors above `gross` among the valid pixels, RMS of
+/// the others, and RMS of the others relative to their own standard deviation.
 #[derive(Debug)]
 pub struct Figures {
     pub coverage: f64,

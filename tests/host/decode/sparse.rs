@@ -1,11 +1,11 @@
-//! Some of the pixels decoded, beside all of them.
+//! Decoding a subset of the pixels, compared with decoding all of them.
 
 use phasmid::decode::{Decoded, FrameStack, Options, SparseDecoder};
 use phasmid::emulator::render;
 use phasmid::profile::{Profile, Scene};
 use phasmid::study::scanned::Stage;
 
-/// Points of pixels that both have are the same to rounding.
+/// Points of pixels in both results agree to rounding.
 #[test]
 fn sees_the_same_points_as_a_decoder_of_all_pixels() {
     let mut profile = Profile::load("sgrt-pod").unwrap();

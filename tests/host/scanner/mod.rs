@@ -1,4 +1,4 @@
-//! The scanner against a device in memory: a good scan, and every way in which frames or replies
+//! The scanner against an in-memory device: a good scan, and every way in which frames or replies
 //! can be wrong.
 
 mod unplugged;
@@ -14,7 +14,7 @@ use std::time::Duration;
 
 const SHORT: Duration = Duration::from_millis(20);
 
-/// What happens to the frame that shows pattern 4.
+/// Fault of the frame that shows pattern 4.
 #[derive(Clone, Copy, Debug)]
 enum Fault {
     None,
@@ -23,12 +23,12 @@ enum Fault {
     Foreign,
     Stray,
     WrongSize,
-    /// The last id there is, in the place of pattern 0 already.
+    /// The largest possible id, starting at pattern 0.
     LastId,
     Damaged,
 }
 
-/// A camera that finds the frame of pattern 4 damaged in the first runs.
+/// A camera that reports the frame of pattern 4 as damaged in the first runs.
 struct Receiver {
     camera: MemoryCamera,
     bad_runs: u32,
@@ -56,7 +56,7 @@ impl Camera for Receiver {
     }
 }
 
-/// The way from the device to the camera, with a fault in the first runs.
+/// The link from the device to the camera, with a fault in the first runs.
 struct Way {
     camera: MemoryCamera,
     fault: Fault,
@@ -123,7 +123,7 @@ fn scan(
     scan_with(None, fault, bad_runs, options)
 }
 
-/// [`scan`] with a calibration in place of the device's own.
+/// [`scan`] with a calibration that replaces the device's own.
 fn scan_with(
     given: Option<Rig>,
     fault: Fault,
@@ -313,7 +313,7 @@ fn a_sequence_that_is_not_there_is_refused_with_those_that_are() {
     let message = error.to_string();
     assert!(message.starts_with("--sequence moon: "), "{message}");
     assert!(
-        message.ends_with("allowed: quick-4, quick-4-xy"),
+        message.ends_with("expected quick-4, quick-4-xy"),
         "{message}"
     );
 }
@@ -333,7 +333,7 @@ fn a_device_that_is_none_is_told_apart() {
         (
             true,
             b"0,\"No error\"\n",
-            "want manufacturer,model,serial,version",
+            "expected manufacturer,model,serial,version",
         ),
     ] {
         let port = MemoryPort::new(move |bytes: &[u8]| {
@@ -345,7 +345,7 @@ fn a_device_that_is_none_is_told_apart() {
                 return Vec::new();
             };
             match answer {
-                // It knows the number of the question.
+                // The question's number is valid.
                 [b'0', ..] => {
                     let number = number.trim_start_matches("*ESE ");
                     [number.as_bytes(), b";", answer].concat()

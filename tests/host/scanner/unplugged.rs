@@ -1,4 +1,5 @@
-//! A device whose cable is pulled in a scan: camera and port go at once, and come back or do not.
+//! A device whose cable is pulled during a scan: camera and port disappear at once, and come back
+//! or do not.
 
 use super::{SHORT, options};
 use phasmid::emulator::{Bench, Firmware, FrameSink, Renderer};
@@ -13,27 +14,27 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// When the cable is pulled: as the host asks for its nth frame, or sends its nth line.
+/// When the cable is pulled: when the host asks for its nth frame, or sends its nth line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Pulled {
     Frame(usize),
     Line(usize),
-    /// The camera's cable alone, at a frame.
+    /// Only the camera's cable, at the nth frame.
     Camera(usize),
 }
 
-/// What both ends of the cable know.
+/// State shared by both ends of the cable.
 struct Cable {
     plugged: bool,
     pulled: Pulled,
-    /// How often it is pulled, the same way each time, and how often it is plugged in again.
+    /// Number of times it is pulled, at the same point each time, and plugged in again.
     pulls: u32,
     returns: u32,
     frames: usize,
     lines: usize,
-    /// What the host has opened again, in order.
+    /// What the host has reopened, in order.
     opened: Vec<&'static str>,
-    /// Frames that the host has not taken.
+    /// Frames that the host has not taken yet.
     waiting: MemoryCamera,
 }
 
@@ -157,12 +158,12 @@ impl FrameSink for Sink {
     }
 }
 
-/// What came of a scan.
+/// Result of a scan.
 struct Outcome {
     captured: Result<Captured, Error>,
     retries: Vec<String>,
     opened: Vec<&'static str>,
-    /// The cable was pulled as often as wanted.
+    /// Whether the cable was pulled as often as intended.
     pulled: bool,
 }
 
@@ -209,7 +210,7 @@ fn scan(pulled: Pulled, pulls: u32, returns: u32) -> Outcome {
     let opened = cable.borrow().opened.clone();
     let finished = scanner.finish();
     if captured.is_err() && returns == 0 {
-        // It has been waited for once; one that comes back is left as it was found.
+        // The host waited for it once; a device that comes back is left as it was found.
         assert_eq!(cable.borrow().opened, opened, "{pulled:?}");
     }
     let captured = captured.and_then(|captured| finished.map(|()| captured));
@@ -234,7 +235,7 @@ fn unplugged_at_any_frame_and_back_in_time_the_scan_is_whole() {
         assert!(outcome.pulled, "{at}");
         assert_eq!(indices(&outcome.captured.unwrap()), all, "{at}");
         assert_eq!(outcome.retries, ["camera on a cable: the device has gone"]);
-        // The device is quiet before its camera is opened.
+        // The device is stopped before its camera is opened.
         assert_eq!(outcome.opened, ["port", "camera"], "{at}");
     }
 }
@@ -251,7 +252,8 @@ fn unplugged_at_any_line_and_back_in_time_the_scan_is_whole() {
         }
         lines += 1;
     }
-    // Who are you, orders, settings, documents twice each, arming: less were no scan.
+    // Identification, commands, settings, both documents twice, arming: with fewer lines it would
+    // not be a scan.
     assert!(lines > 10, "{lines}");
 }
 

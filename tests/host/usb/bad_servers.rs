@@ -1,4 +1,5 @@
-//! Servers that are none, lie, break off or fall silent: one clear error each, and no waiting.
+//! Servers that do not speak the protocol, send false data, disconnect or stay silent: each gives
+//! one clear error without waiting.
 
 use phasmid::host::usb::{Client, UsbAddress, UsbDevice};
 use phasmid::protocol::usb::usbip::{
@@ -25,7 +26,7 @@ fn info(bus_id: &str) -> DeviceInfo {
     }
 }
 
-/// A server that treats each connection so.
+/// Starts a server that handles each connection with a function; returns its address.
 fn server(serve: impl Fn(TcpStream) + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let host = listener.local_addr().unwrap().to_string();
@@ -54,14 +55,15 @@ fn grant(stream: &mut TcpStream) -> Option<()> {
     stream.write_all(&granted).ok()
 }
 
-/// Answers the first command of an imported device with these bytes, and then nothing.
+/// A client of an imported device that answers the first command with these bytes and then stays
+/// silent.
 fn answers(reply: impl Fn(u32) -> Vec<u8> + Send + 'static) -> Client {
     let host = server(move |mut stream| {
         let _ = grant(&mut stream).and_then(|()| {
             let command = take::<HEADER_LEN>(&mut stream)?;
             let seqnum = u32::from_be_bytes(command[4..8].try_into().unwrap());
             let _ = stream.write_all(&reply(seqnum));
-            // The client hangs up in the end.
+            // The client disconnects in the end.
             take::<1>(&mut stream)
         });
     });
@@ -181,7 +183,7 @@ fn replies_that_nobody_can_mean() {
         ),
         (
             |_| vec![9; HEADER_LEN],
-            "want 3 (submitted) or 4 (unlinked)",
+            "expected 3 (submitted) or 4 (unlinked)",
         ),
         (
             |n| {
@@ -221,7 +223,7 @@ fn replies_that_nobody_can_mean() {
         let client = answers(reply);
         let error = client.control(GET, &[], TIMEOUT).unwrap_err();
         assert_eq!(error.exit_code(), 1);
-        assert!(error.to_string().contains(says), "{error}, want {says}");
+        assert!(error.to_string().contains(says), "{error}, expected {says}");
     }
 }
 
@@ -231,7 +233,7 @@ fn silence_and_a_break_in_the_middle() {
     let start = Instant::now();
     let error = silent.control(GET, &[], TIMEOUT).unwrap_err().to_string();
     assert!(error.contains("no answer for 0.4 s"), "{error}");
-    // In the middle of the data.
+    // The connection ends in the middle of the data.
     let cut = answers(|n| [&submitted(n, 0, 18).encode()[..], &[18, 1, 0]].concat());
     let error = cut.control(GET, &[], TIMEOUT).unwrap_err().to_string();
     assert!(error.contains("no answer"), "{error}");

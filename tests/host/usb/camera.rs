@@ -1,4 +1,4 @@
-//! Frames: in order, without loss, as often as one likes, and what faults do to them.
+//! Frames: in order, without loss, over repeated streams, and with faults.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
 use phasmid::host::Camera;
@@ -44,7 +44,7 @@ fn isochronous() {
     streams(Speed::High, Transfer::Isochronous, 20);
 }
 
-/// Isochronous transfers end by the clock, so some end while others are being taken back.
+/// Isochronous transfers end by the clock, so some end while others are being unlinked.
 #[test]
 fn an_isochronous_stream_that_is_ended_at_any_moment_leaves_the_device() {
     let served = Served::new(Speed::High, Transfer::Isochronous);
@@ -70,7 +70,7 @@ fn time_of_transfers_that_were_taken_back_is_not_waited_for() {
     let mut camera = UsbCamera::open(&device, None).unwrap();
     let start = Instant::now();
     camera.next_frame(TIMEOUT).unwrap().expect("a frame");
-    // Some 130 ms of transfers were under way each time.
+    // About 130 ms of transfers were in flight each time.
     let waited = start.elapsed();
     assert!(waited < Duration::from_secs(2), "{waited:?}");
 }
@@ -171,7 +171,7 @@ fn faults_damage_their_frame_and_the_stream_goes_on() {
         assert!(camera.has_skipped(), "{fault:?}");
         let next = camera.next_frame(TIMEOUT).unwrap().expect("a frame");
         assert!(!camera.has_skipped());
-        // The damaged frame has a number, too.
+        // The damaged frame also has a number.
         assert_eq!(next.id, before + 2, "{fault:?}");
         let number = u64::from_le_bytes(next.data[..8].try_into().unwrap());
         assert!(

@@ -1,6 +1,6 @@
-//! Every descriptor against the specifications: lengths, totals and cross-references, read here from
-//! USB 2.0 (chapter 9), USB 3.2 (9.6), UVC 1.1 (chapter 3), CDC 1.2 (5.2) and PSTN 1.2 (5.3) by a
-//! reader of its own.
+//! Checks every descriptor against the specifications: lengths, totals and cross-references. An
+//! independent parser reads them according to USB 2.0 (chapter 9), USB 3.2 (9.6), UVC 1.1 (chapter
+//! 3), CDC 1.2 (5.2) and PSTN 1.2 (5.3).
 
 use crate::usb::served::{HEIGHT, Served, WIDTH};
 use phasmid::host::usb::UsbDevice;
@@ -23,7 +23,7 @@ fn u32_at(bytes: &[u8], at: usize) -> usize {
     u16_at(bytes, at) | u16_at(bytes, at + 2) << 16
 }
 
-/// Cuts a sequence into descriptors; each length has to lead to the next one.
+/// Splits a sequence into descriptors; each length must lead to the next one.
 fn cut(mut bytes: &[u8]) -> Vec<&[u8]> {
     let mut pieces = Vec::new();
     while !bytes.is_empty() {
@@ -40,11 +40,11 @@ fn cut(mut bytes: &[u8]) -> Vec<&[u8]> {
     pieces
 }
 
-/// What a walk over a configuration remembers.
+/// State collected while walking over a configuration.
 struct Checker {
     superspeed: bool,
     strings: BTreeSet<u8>,
-    /// (number, setting) of interfaces, and how many endpoints each has told and has.
+    /// Interfaces: number, setting, class triple, and the numbers of endpoints declared and found.
     interfaces: Vec<(u8, u8, [u8; 3], u8, u8)>,
     endpoints: BTreeSet<(u8, u8)>,
     companion_due: bool,
@@ -133,7 +133,8 @@ impl Checker {
     }
 }
 
-/// The class-specific descriptors of one interface behind its head, whose total is given.
+/// Class-specific descriptors of one interface after its header, and the total that the header
+/// declares.
 fn class_total(pieces: &[&[u8]], number: u8) -> (Vec<Vec<u8>>, usize) {
     let begin = pieces
         .iter()
@@ -348,7 +349,7 @@ fn check(speed: Speed, transfer: Transfer) {
     );
 }
 
-/// The configuration at full speed: the same but for its type, its total and its endpoints.
+/// The full-speed configuration: the same except for its type, its total length and its endpoints.
 fn check_other_speed(whole: &[u8], high: &[&[u8]]) {
     assert_eq!(u16_at(whole, 2), whole.len());
     let full = cut(whole);
@@ -365,7 +366,7 @@ fn check_other_speed(whole: &[u8], high: &[&[u8]]) {
         match full[3] & 3 {
             1 => assert!(u16_at(full, 4) <= 1023 && full[6] == 1),
             2 => assert_eq!(u16_at(full, 4), 64),
-            // Milliseconds there, a power of two of 125 us here.
+            // Milliseconds at full speed, a power of two of 125 us at high speed.
             3 => {
                 assert!(u16_at(full, 4) <= 64);
                 assert_eq!(u32::from(full[6]) * 8, 1 << (high[6] - 1));

@@ -1,4 +1,4 @@
-//! Transfers taken back at random, devices let go of at any moment.
+//! Transfers unlinked at random, and devices detached at any moment.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
 use phasmid::host::usb::{Client, Transfer, UsbAddress, UsbCamera, UsbDevice, UsbPort};
@@ -11,7 +11,7 @@ use phasmid::protocol::usb::{Setup, request};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A small generator with a seed of its own.
+/// A small random number generator with its own seed.
 pub struct Random(pub u64);
 
 impl Random {
@@ -40,7 +40,7 @@ fn transfers_taken_back_at_random_end_once_each() {
     for seed in 0..4 {
         let served = Served::new(Speed::High, Way::Bulk);
         let device = served.open();
-        // Agrees on a stream and ends it; what is committed stays.
+        // Negotiates a stream and ends it; the committed format remains.
         drop(UsbCamera::open(&device, None).unwrap());
         let client = device.client();
         let mut random = Random(seed);
@@ -77,9 +77,9 @@ fn transfers_taken_back_at_random_end_once_each() {
         }
         assert!(ends[0] > 0 && ends[1] > 0, "{ends:?} with seed {seed}");
         drop(transfers);
-        // What is left of a frame is not the next stream's.
+        // The remainder of a frame must not appear in the next stream.
         device.clear_halt(0x81).unwrap();
-        // The device is as it was.
+        // The device is unchanged.
         let mut camera = UsbCamera::open(&device, None).unwrap();
         for _ in 0..3 {
             camera.next_frame(TIMEOUT).unwrap().expect("a frame");
@@ -112,7 +112,7 @@ fn a_device_let_go_of_at_any_moment_can_be_had_again() {
         match random.below(3) {
             0 => drop(device),
             1 => drop((port, device)),
-            // The connection breaks under both.
+            // The connection is lost for both.
             _ => {
                 served.device().unplug(true);
                 let gone = loop {

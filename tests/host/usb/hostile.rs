@@ -1,4 +1,4 @@
-//! The targets of the fuzzer over cases of our own, the same in every run.
+//! Runs the USB fuzz targets over fixed cases, the same in every run.
 
 use crate::cases::each;
 use crate::usb::fuzz::{device, host};
@@ -20,7 +20,7 @@ fn a_hostile_server_gets_the_host_to_give_up_in_time() {
     });
 }
 
-/// Otherwise the cases above would show little.
+/// Scripts without damage reach the end; otherwise the cases above would test little.
 #[test]
 fn a_server_without_harm_gives_frames_and_an_echo() {
     for script in [&[][..], &[1], &[0, 1], &[1, 1]] {

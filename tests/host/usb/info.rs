@@ -1,4 +1,4 @@
-//! `phasmid camera info` of a device that no kernel has attached.
+//! `phasmid camera info` for a USB device that is not attached through a kernel.
 
 use crate::usb::served::Served;
 use phasmid::link::usb::Event;

@@ -1,4 +1,4 @@
-//! Probe and commit with requests that are odd: the answer is always something that the camera does.
+//! Probe and commit with unusual requests: the answer is always a format that the camera supports.
 
 use crate::usb::detach::Random;
 use crate::usb::served::{HEIGHT, Served, WIDTH};
@@ -41,7 +41,7 @@ fn odd_wishes_become_what_the_camera_does() {
         );
         // One payload of 32 packets.
         assert_eq!(long(22), 32 * 512);
-        // What was agreed on is agreed to.
+        // A negotiated format can be committed.
         set(COMMIT, &agreed).unwrap();
         assert_eq!(get(request::GET_CUR, COMMIT).unwrap(), agreed);
         let event = served.wait(|event| matches!(event, Event::Committed(_)));

@@ -13,13 +13,13 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-/// Sends bytes, and reads what comes until the server hangs up or is silent for a while.
+/// Sends bytes, and reads until the server disconnects or is silent for a while.
 fn talk(host: &str, bytes: &[u8]) {
     let mut stream = TcpStream::connect(host).unwrap();
     stream
         .set_read_timeout(Some(Duration::from_millis(3)))
         .unwrap();
-    // The server may have had enough before the end.
+    // The server may disconnect before the end.
     let _ = stream.write_all(bytes);
     let _ = stream.read_to_end(&mut Vec::new());
 }
@@ -54,7 +54,7 @@ fn a_stream_goes_on_beside_nonsense() {
             let bytes: Vec<u8> = match kind {
                 0 => noise,
                 1 => import.iter().copied().chain(noise).collect(),
-                // Commands that are nearly sound.
+                // Almost valid commands.
                 _ => import.iter().copied().chain(commands).collect(),
             };
             talk(&served.host, &bytes);
@@ -70,7 +70,7 @@ fn a_stream_goes_on_beside_nonsense() {
 #[test]
 fn silent_sockets_keep_nobody_out() {
     let served = Served::new(Speed::High, Transfer::Bulk);
-    // Many more than the server lets open at a time; each may be silent for 10 s.
+    // Many more connections than the server keeps open at a time; each may be silent for 10 s.
     let silent: Vec<_> = (0..200)
         .map(|_| TcpStream::connect(&served.host).unwrap())
         .collect();
@@ -83,7 +83,7 @@ fn silent_sockets_keep_nobody_out() {
         "{:?}",
         start.elapsed()
     );
-    // The oldest were let go, the newest still have their time.
+    // The oldest connections were closed; the newest still have time.
     let ended = |mut stream: &TcpStream| {
         stream.set_nonblocking(true).unwrap();
         !matches!(stream.read(&mut [0]), Err(e) if e.kind() == ErrorKind::WouldBlock)

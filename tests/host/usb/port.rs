@@ -48,7 +48,7 @@ fn much_data_comes_back_whole() {
         .map(|i| b'a' + (i.wrapping_mul(i) >> 5) as u8 % 26)
         .collect();
     port.send(&bytes, TIMEOUT).unwrap();
-    // More than the port keeps: the device has to wait.
+    // More than the port buffers: the device must wait.
     std::thread::sleep(Duration::from_millis(50));
     assert!(read(&mut port, bytes.len()) == bytes.to_ascii_uppercase());
 }
@@ -90,7 +90,7 @@ fn lines_and_breaks_reach_the_other_side() {
     );
     drop(port);
     served.wait(|event| *event == lines(false, false));
-    // Another one opens where the first has closed.
+    // The port can be reopened after the first user has closed it.
     let mut port = UsbPort::open(&device).unwrap();
     port.send(b"again", TIMEOUT).unwrap();
     assert_eq!(read(&mut port, 5), b"AGAIN");

@@ -1,5 +1,5 @@
-//! Requests on the control endpoint one by one: what USB 2.0 (chapter 9) and UVC 1.1 (chapter 4)
-//! want answered, and what they want refused.
+//! Single requests on the control endpoint: those that USB 2.0 (chapter 9) and UVC 1.1 (chapter 4)
+//! require to be answered, and those that they require to be rejected.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
 use phasmid::host::usb::{UsbCamera, UsbDevice, UsbPort, VideoFunction};
@@ -23,7 +23,7 @@ fn halt(device: &UsbDevice, request: u8, endpoint: u8) -> bool {
         .is_ok()
 }
 
-/// The first byte of an endpoint's status; `None` where there is no such endpoint.
+/// First byte of an endpoint's status; `None` if there is no such endpoint.
 fn endpoint_status(device: &UsbDevice, endpoint: u8) -> Option<u8> {
     let get = request::GET_STATUS;
     let status = device
@@ -42,7 +42,7 @@ fn endpoints_halt_with_what_waits_on_them_and_go_on() {
         let input = endpoint & 0x80 != 0;
         let waiting = input.then(|| device.client().submit(endpoint, 512, &[]).unwrap());
         if endpoint == NOTIFY_IN {
-            // It tells the lines once, whoever asks; the next one waits.
+            // It reports the lines once, whoever asks; the next request waits.
             waiting.unwrap().wait(TIMEOUT).unwrap().unwrap();
             drop(device.client().submit(endpoint, 512, &[]).unwrap());
         } else if let Some(waiting) = waiting {
@@ -92,7 +92,7 @@ fn what_the_device_does_not_have_is_refused() {
         [0]
     );
     assert!(get(interface_in, request::GET_INTERFACE, 0, 4).is_err());
-    // Descriptors: the second configuration, a string too many, a type that nobody knows.
+    // Descriptors: the second configuration, one string too many, an unknown type.
     for value in [0x0201, 0x0306, 0x03FF, 0x0F00, 0x4200] {
         let descriptor = get(device_in, request::GET_DESCRIPTOR, value, 0);
         assert!(descriptor.is_err(), "{value:#06x}");
@@ -147,7 +147,7 @@ fn settings_of_an_isochronous_stream_start_and_end_it() {
     }
 }
 
-/// Transfers that have no room for a payload's header are the host's mistake, and its alone.
+/// Transfers too small for a payload header are the host's mistake and affect only that host.
 #[test]
 fn transfers_without_room_for_a_header_end_with_an_overflow() {
     let served = Served::new(Speed::High, BULK);
@@ -208,7 +208,7 @@ fn controls_tell_their_length_abilities_step_and_bounds() {
         });
         assert!(min <= default && default <= max && min < max && step == 1);
         assert!((min..=max).contains(&current));
-        // Both ends can be set and are what is read; beyond them nothing changes.
+        // Both ends of the range can be set and are read back; values beyond them change nothing.
         let set = |value: u64| {
             let bytes = &value.to_le_bytes()[..usize::from(len)];
             let (value, index) = (u16::from(selector) << 8, u16::from(entity) << 8);
@@ -280,6 +280,6 @@ fn the_nearest_interval_is_agreed_on() {
     }
     assert_eq!(agreed(0), offered[0], "no wish: the fastest");
     assert_eq!(agreed(u32::MAX), offered[2]);
-    // No field of the structure has a step: each value is one of a list.
+    // No field of the structure has a resolution (GET_RES): each value is one of a list.
     assert_eq!(get(uvc::request::GET_RES), [0; 34]);
 }

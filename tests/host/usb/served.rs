@@ -18,7 +18,7 @@ use tokio::sync::oneshot;
 pub const SENT: u64 = 5000;
 pub const TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Devices on a port of their own, until it is dropped.
+/// Devices served on their own port until dropped.
 pub struct Served {
     pub host: String,
     pub devices: Vec<Emulated>,
@@ -76,10 +76,10 @@ impl Served {
         &self.devices[0]
     }
 
-    /// The first device, as a host has it.
+    /// Opens the first device as a host does.
     pub fn open(&self) -> Arc<UsbDevice> {
         let address = UsbAddress::parse(&format!("usb:{}/1-1", self.host), "test").unwrap();
-        // The server learns a moment later that the last host has gone.
+        // The server notices with a delay that the last host has disconnected.
         let until = Instant::now() + TIMEOUT;
         loop {
             match UsbDevice::open(&address, TIMEOUT) {
@@ -117,7 +117,7 @@ impl Drop for Served {
     }
 }
 
-/// Echoes lines in upper case, and sends frames as long as somebody reads.
+/// Echoes lines in upper case, and sends frames while a host reads them.
 async fn firmware(device: Emulated, start: Instant, events: Sender<Event>) {
     let mut id = 0;
     let mut format = PixelFormat::Grey;
@@ -136,10 +136,10 @@ async fn firmware(device: Emulated, start: Instant, events: Sender<Event>) {
                 Event::Committed(_) => format = PixelFormat::Grey,
                 _ => {}
             }
-            // The test may be over.
+            // The test may have ended.
             let _ = events.send(event);
         }
-        // What does not fit now fits later.
+        // Frames that do not fit now are sent later.
         while id < SENT && device.put(Arc::new(frame(id, format)), start.elapsed()) {
             id += 1;
         }

@@ -1,9 +1,9 @@
-//! Random but sensible devices and scenes, as the TOML that a user would write.
+//! Random but realistic devices and scenes, as the TOML that a user would write.
 
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
-/// Cameras and projectors that are sold, in pixels.
+/// Resolutions of cameras and projectors on the market, in pixels.
 const CAMERAS: [[u32; 2]; 5] = [
     [640, 480],
     [800, 600],
@@ -19,12 +19,12 @@ const PROJECTORS: [[u32; 2]; 6] = [
     [1280, 800],
     [1920, 1080],
 ];
-/// Columns that a camera is reduced to, so that many devices render in little time. The projector is
-/// reduced by the same factor: projector pixels per camera pixel stay.
+/// Columns to which a camera is reduced, so that many devices render quickly. The projector is
+/// reduced by the same factor, which preserves projector pixels per camera pixel.
 const QUICK_COLUMNS: u32 = 512;
-/// One device in twenty keeps its size.
+/// One device in twenty keeps its full size.
 const FULL_SIZE_EVERY: u64 = 20;
-/// Nearest surface over the distance of the scene's middle.
+/// Distance of the nearest surface divided by that of the scene's centre.
 const NEAREST: f64 = 0.85;
 /// Photon energy at 530 nm in joules: h c / wavelength.
 const PHOTON_J: f64 = 3.748e-19;
@@ -52,7 +52,7 @@ impl Draw {
         low + (high - low) * self.unit()
     }
 
-    /// Evenly spread logarithms.
+    /// Draws with uniformly distributed logarithm.
     fn scale(&mut self, low: f64, high: f64) -> f64 {
         self.range(low.ln(), high.ln()).exp()
     }
@@ -74,32 +74,32 @@ impl Draw {
     }
 }
 
-/// A device before a scene.
+/// A device in front of a scene.
 pub struct Device {
-    /// What a device profile's file holds.
+    /// Contents of the device profile's file.
     pub profile: String,
-    /// What a scene's file holds.
+    /// Contents of the scene's file.
     pub scene: String,
-    /// What sets it apart, for one line.
+    /// One-line summary of what distinguishes the device.
     pub label: String,
 }
 
 impl Device {
-    /// The device of a seed.
+    /// Generates the device of a seed.
     pub fn new(seed: u64) -> Self {
         let mut draw = Draw(seed.wrapping_mul(0xD134_2543_DE82_EF95));
-        // What the rest depends on.
+        // Parameters that the others depend on.
         let full = seed % FULL_SIZE_EVERY == FULL_SIZE_EVERY - 1;
         let ([wc, hc], [wp, hp]) = (draw.pick(&CAMERAS), draw.pick(&PROJECTORS));
         let factor = if full { 1 } else { wc.div_ceil(QUICK_COLUMNS) };
         let [wc, hc, wp, hp] = [wc, hc, wp, hp].map(|side| side / factor);
         let distance = draw.scale(150.0, 1500.0);
         let focal_mm = draw.pick(&[4.0, 6.0, 8.0, 12.0, 16.0]);
-        // Focal length over the sensor's width: 53 to 26 degrees across.
+        // Focal length divided by the sensor's width: 53 to 26 degrees horizontally.
         let tele = draw.range(1.0, 2.2);
         let sensor_mm = focal_mm / tele;
         let camera_focal_px = tele * f64::from(wc);
-        // The projector's picture covers the camera's.
+        // The projector's image covers the camera's.
         let cover = draw.range(1.0, 1.35);
         let throw = tele / cover;
         let projector_focal_px = throw * f64::from(wp);
@@ -114,7 +114,7 @@ impl Device {
         let camera_bend = bend(&mut draw, 0.05, [wc, hc], 0.0, camera_focal_px);
         let projector_bend = bend(&mut draw, 0.03, [wp, hp], shift, projector_focal_px);
 
-        // Blur at the nearest surface in pixels, and the apertures that make it.
+        // Blur at the nearest surface in pixels, and the apertures that produce it.
         let off_focus = (1.0 / NEAREST - 1.0) / distance;
         let camera_blur = draw.chance(0.5).then(|| draw.range(0.3, 2.0));
         let projector_blur = draw.chance(0.6).then(|| draw.range(0.3, 3.0));
@@ -123,7 +123,7 @@ impl Device {
             None => draw.range(2.0, 11.0),
         };
 
-        // The sensor, and the light that fills a part of its well.
+        // The sensor, and light that fills a fraction of its full well.
         let bits = draw.pick(&[8, 10, 12]);
         let full_scale = f64::from((1u32 << bits) - 1);
         let full_well_e = draw.scale(5000.0, 40_000.0);
@@ -219,7 +219,7 @@ impl Device {
     }
 }
 
-/// Distortion that moves a point by at most a share of its distance from the principal point.
+/// Distortion that moves a point by at most a fraction of its distance from the principal point.
 fn bend(draw: &mut Draw, most: f64, [w, h]: [u32; 2], shift: f64, focal_px: f64) -> [f64; 5] {
     let corner = (f64::from(w) / 2.0 + shift.abs()).hypot(f64::from(h) / 2.0) / focal_px;
     let share = draw.range(-most, most);
@@ -245,7 +245,7 @@ fn sequence(text: &mut String, code: &str, [steps, period]: [u32; 2], columns: u
     let fine = f64::from(period);
     fringes(fine, steps);
     if code == "periods" {
-        // A coarse period that covers the picture, and one between in equal ratios.
+        // A coarse period that covers the image, and one in between at equal ratios.
         let whole = 1.1 * f64::from(columns);
         let middle = (fine * whole).sqrt();
         for coarse in [middle, whole] {
@@ -266,13 +266,13 @@ fn sequence(text: &mut String, code: &str, [steps, period]: [u32; 2], columns: u
     for bit in (0..bits).rev() {
         gray(fine, bits, bit);
     }
-    // Its edges lie half a cell off those of the fringes.
+    // The code's edges are half a cell off those of the fringes.
     gray(fine / 2.0, bits + 1, 0);
     frame("kind = \"white\"".to_owned());
     frame("kind = \"black\"".to_owned());
 }
 
-/// A tilted plane; mostly with a sphere or a torso before it.
+/// A tilted plane, in most cases with a sphere or a torso in front of it.
 fn scene(draw: &mut Draw, distance: f64, field_mm: f64) -> String {
     let tilt = [0; 2].map(|_| draw.sign() * draw.range(3.0, 18.0));
     let mut text = format!(

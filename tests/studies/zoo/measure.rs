@@ -1,4 +1,5 @@
-//! One scan of a device, held against the truth in units of the deviation that the decoder states.
+//! Scans a device once and compares the result with the truth, in units of the standard deviation
+//! that the decoder states.
 
 use crate::zoo::device::Device;
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
@@ -9,35 +10,37 @@ use phasmid::profile::{Profile, Scene};
 use std::fmt;
 use std::sync::Arc;
 
-/// Deviations beyond which an error is gross.
+/// Number of standard deviations beyond which an error is gross.
 pub const FEW: f64 = 5.0;
-/// Parts of each quantity that are held apart.
+/// Number of groups of points, by each quantity, that are evaluated separately.
 const PARTS: usize = 5;
-/// Of the decoder's thresholds for modulation, so that noise decides nowhere what is wanted.
+/// Factor on the decoder's modulation thresholds. Only pixels above it must be decoded, so that
+/// noise does not decide which ones count.
 const ABOVE_THRESHOLD: f64 = 1.5;
 
-/// What a scan is worth.
+/// Accuracy of a scan.
 pub struct Measured {
     /// Projector pixels per camera pixel: deciles 1, 5 and 9.
     pub w: [f64; 3],
-    /// Share of the pixels that are lit and resolved that became points.
+    /// Fraction of the lit, resolved pixels that became points.
     pub coverage: f64,
-    /// Why the others did not, in pixels.
+    /// Reasons for which the other pixels were dropped, with their numbers.
     pub dropped: Vec<(&'static str, usize)>,
-    /// RMS of error over stated deviation, of errors within [`FEW`].
+    /// RMS of error / stated standard deviation, over errors within [`FEW`].
     pub ratio: f64,
-    /// Least and greatest of the same in parts by deviation, by w and by modulation.
+    /// Minimum and maximum of the same ratio over groups by standard deviation, by w and by
+    /// modulation.
     pub parts: [[f64; 2]; 3],
-    /// Share of points beyond [`FEW`].
+    /// Fraction of points beyond [`FEW`].
     pub beyond: f64,
-    /// RMS over bins of the mean of error over deviation, by the coordinate modulo one pixel, and
-    /// modulo one period: what is a bias and no noise.
+    /// RMS over bins of the mean of error / standard deviation, by the coordinate modulo one pixel
+    /// and modulo one period: systematic errors as opposed to noise.
     pub bias: [f64; 2],
     /// The decoder's notes.
     pub notes: Vec<String>,
 }
 
-/// Scans a device's scene with noise, and decodes with its exact calibration.
+/// Scans a device's scene with noise, and decodes it with the exact calibration.
 pub fn measure(device: &Device, seed: u64) -> Measured {
     let profile = Profile::parse(&device.profile, "zoo").unwrap_or_else(|e| panic!("{e}"));
     let scene = Scene::parse(&device.scene, "zoo").unwrap_or_else(|e| panic!("{e}"));
@@ -81,7 +84,8 @@ pub fn measure(device: &Device, seed: u64) -> Measured {
     let steps = (manifest.frame.iter())
         .filter(|f| finest_fringe(std::iter::once(&f.pattern)) == fringe)
         .count();
-    // The least modulation over the deviation of a sample that the default options take.
+    // Minimum modulation, relative to a sample's standard deviation, that the default options
+    // accept.
     let least = (2.0 / steps as f64).sqrt() / f64::from(Options::default().max_phase_sigma_rad);
     let noise = rig.noise.unwrap();
     let is_wanted = |i: usize| {
@@ -103,9 +107,9 @@ fn words(frame: &[u8]) -> Vec<u16> {
 
 /// A point of the scan.
 struct Point {
-    /// Error over deviation.
+    /// Error divided by its stated standard deviation.
     error: f64,
-    /// What the parts go by: deviation in projector pixels, w, modulation.
+    /// Quantities that define the groups: standard deviation in projector pixels, w, modulation.
     by: [f64; 3],
     /// True projector coordinate in pixels.
     x: f64,
@@ -136,7 +140,7 @@ fn tally(
         all += 1;
         let error =
             f64::from(decoded.depth[i] - truth.depth_mm[i]) / f64::from(decoded.depth_sigma[i]);
-        // A point without a true one counts as beyond.
+        // A point without a true value counts as gross.
         if !(error.abs() <= FEW) {
             beyond += 1;
             continue;
@@ -188,7 +192,7 @@ fn rms(errors: impl Iterator<Item = f64>) -> f64 {
     f64::sqrt(sum / n)
 }
 
-/// The least and the greatest RMS of the points' parts by one of the quantities.
+/// Minimum and maximum RMS over groups of points by one of the quantities.
 fn extremes(points: &[Point], by: usize) -> [f64; 2] {
     let mut order: Vec<_> = points.iter().filter(|p| p.by[by].is_finite()).collect();
     order.sort_by(|a, b| a.by[by].total_cmp(&b.by[by]));
@@ -201,7 +205,7 @@ fn extremes(points: &[Point], by: usize) -> [f64; 2] {
     })
 }
 
-/// RMS over bins of a coordinate from 0 to 1 of the mean error over deviation.
+/// RMS over bins of a coordinate, from 0 to 1, of the mean of error / standard deviation.
 fn bias(points: &[Point], of: impl Fn(&Point) -> f64) -> f64 {
     const BINS: usize = 20;
     let mut bins = [(0.0, 0.0); BINS];

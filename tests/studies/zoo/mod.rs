@@ -1,5 +1,5 @@
-//! Random but sensible devices, which nobody tuned for: what decoding states of its errors has to
-//! hold on any of them.
+//! Random but realistic devices that nobody tuned for: the decoder's stated errors must hold on any
+//! of them.
 
 mod device;
 mod measure;
@@ -10,19 +10,20 @@ use phasmid::profile::{Profile, Scene};
 use std::ops::Range;
 use std::path::Path;
 
-/// Of the pixels that are lit and resolved, the least share that becomes points.
+/// Minimum fraction of the lit, resolved pixels that become points.
 const COVERAGE: f64 = 0.97;
-/// RMS of error over stated deviation, over errors within five deviations.
+/// Allowed range of the RMS of error / stated standard deviation, over errors within five standard
+/// deviations.
 const RATIO: [f64; 2] = [0.9, 1.15];
-/// The same in each fifth of the points by deviation, by projector pixels per camera pixel, and by
-/// modulation.
+/// The same range for each fifth of the points by standard deviation, by projector pixels per
+/// camera pixel, and by modulation.
 const RATIO_OF_PARTS: [f64; 2] = [0.8, 1.3];
-/// Largest share of points beyond five deviations.
+/// Maximum fraction of points beyond five standard deviations.
 const BEYOND: f64 = 0.001;
-/// One device in twenty may miss a bar if a note names the cause.
+/// One device in twenty may fail a criterion if a note names the cause.
 const EXCUSED: u64 = 20;
 
-/// The bars that a device misses.
+/// Returns the criteria that a device fails.
 fn missed(m: &Measured) -> Vec<&'static str> {
     let within = |[low, high]: [f64; 2], [least, most]: [f64; 2]| least >= low && most <= high;
     let part = |by: usize| within(RATIO_OF_PARTS, m.parts[by]);
@@ -63,7 +64,8 @@ fn hold(seeds: Range<u64>) {
     );
 }
 
-/// The bar that holds today; the others wait for the error of held projector pixels to be stated.
+/// Tests the criterion that holds today; the others require the decoder to state the error due to
+/// held projector pixels.
 #[test]
 fn forty_devices_lose_no_sound_pixels() {
     for seed in 0..40 {

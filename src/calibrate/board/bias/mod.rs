@@ -1,17 +1,18 @@
-//! Why the centroid of a dot's image is not the image of its centre, and by how much.
+//! Computes the offset between the centroid of an imaged dot and the image of its centre.
 //!
-//! Perspective draws the nearer half of a tilted disc larger, and a lens bends the rest (Heikkila,
-//! "Geometric camera calibration using circular control points", IEEE PAMI 22, 2000). The centroid
-//! of the image's area is the integral of the image point times the map's Jacobian determinant over
-//! the disc, by the integral of the determinant. In polar coordinates the integrand is smooth and,
-//! along the angle, periodic: equal steps of the angle and Gauss-Legendre nodes in the squared radius
-//! are exact to rounding for any disc that is small against its distance, with any pose and lens.
+//! Perspective enlarges the nearer half of a tilted disc, and lens distortion adds to the offset
+//! (Heikkila, "Geometric camera calibration using circular control points", IEEE PAMI 22, 2000).
+//! The centroid of the imaged area is the integral over the disc of the image point times the
+//! Jacobian determinant of the projection, divided by the integral of the determinant. In polar
+//! coordinates the integrand is smooth and, in the angle, periodic. Equal steps of the angle and
+//! Gauss-Legendre nodes in the squared radius are exact to rounding for any disc that is small
+//! compared to its distance, with any pose and lens.
 
 use glam::{DMat2, DVec2};
 use phasmid_geometry::{Lens, Pose};
 use std::f64::consts::TAU;
 
-/// Nodes and weights of Gauss-Legendre on [0, 1], 5 of them (Abramowitz and Stegun, table 25.4).
+/// Five Gauss-Legendre nodes on [0, 1] and their weights (Abramowitz and Stegun, table 25.4).
 const NODES: [(f64, f64); 5] = [
     (0.046_910_077_030_668_0, 0.118_463_442_528_094_5),
     (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),
@@ -19,13 +20,13 @@ const NODES: [(f64, f64); 5] = [
     (0.769_234_655_052_841_5, 0.239_314_335_249_683_2),
     (0.953_089_922_969_332, 0.118_463_442_528_094_5),
 ];
-/// Steps of the angle.
+/// Number of steps of the angle.
 const STEPS: usize = 24;
 
-/// Centroid of the image of a disc minus the image of its centre, in pixels.
+/// Computes the centroid of a disc's image minus the image of its centre, in pixels.
 ///
-/// `centre_mm` and `radius_mm` are in the board's frame. `None` where a part of the disc is not in
-/// front of the lens or the distortion cannot show it.
+/// `centre_mm` and `radius_mm` are in the board's frame. Returns `None` if a part of the disc is
+/// not in front of the lens, or is outside the valid range of the distortion.
 pub fn of_disc(
     lens: &Lens,
     camera_from_board: &Pose,
@@ -48,7 +49,8 @@ pub fn of_disc(
     bias.is_finite().then_some(bias)
 }
 
-/// Image of a board's point and its derivative by the point in millimetres; `None` where there is no image.
+/// Image of a board point in pixels and its derivative by the point in millimetres; `None` if the
+/// point cannot be projected.
 pub(crate) fn image(lens: &Lens, camera_from_board: &Pose, mm: DVec2) -> Option<(DVec2, DMat2)> {
     let p = camera_from_board.point(mm.extend(0.0));
     let px = lens.project(p)?;

@@ -1,4 +1,4 @@
-//! The bias against the conic of a projected circle, and against a count of points.
+//! The bias compared with the conic of a projected circle and with a count of sampled points.
 
 use super::*;
 use glam::{DMat3, DVec3};
@@ -17,7 +17,7 @@ fn pose(tilt: DVec3) -> Pose {
     Pose::from_xyz_deg(DVec3::new(40.0, -30.0, 1000.0), tilt)
 }
 
-/// Middle of the ellipse that is a circle's image: its conic is H^-T C H^-1 (Hartley and Zisserman,
+/// Centre of the ellipse that is a circle's image: its conic is H^-T C H^-1 (Hartley and Zisserman,
 /// "Multiple View Geometry", result 2.13).
 fn conic_middle(lens: &Lens, pose: &Pose, centre: DVec2, radius: f64) -> DVec2 {
     let r = pose.rotation;
@@ -49,7 +49,8 @@ fn without_distortion_it_is_the_conics() {
     }
 }
 
-/// Points of a fine grid of the image whose rays meet the disc, by the other way through the lens.
+/// Reference: samples a fine grid of the image and keeps the points whose rays, by the inverse lens
+/// model, meet the disc.
 #[test]
 fn with_distortion_it_is_the_counts() {
     let lens = lens([-0.3, 0.2, 2e-3, -3e-3, 0.05]);

@@ -1,34 +1,34 @@
-//! What the corners of a picture tell of its blur together.
+//! Estimates the image's blur from all its corners together.
 //!
-//! A corner whose edges run along the pixels' rows, sharper than a pixel, says nothing of it, and
-//! where it lies hangs on the blur that is assumed. A picture has one blur, or one that varies with
-//! the board's distance; the corners that see it tell it for those that do not.
+//! A corner sharper than a pixel whose edges run along the pixel rows contains no information on
+//! the blur, yet its fitted position depends on the blur assumed. An image has one blur, or one
+//! that varies with the board's distance; the corners that determine it provide it for those that
+//! do not.
 
-/// The blur's variance in pixels squared as it is known, and a standard deviation of that; 0 takes it
-/// as it is.
+/// The blur's variance in pixels squared, and the standard deviation of that variance (0 fixes it).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Blur {
     pub(super) variance: f64,
     pub(super) spread: f64,
 }
 
-/// A variance of the blur below this is none.
+/// A variance of the blur below this is treated as no blur.
 const NONE: f64 = 1e-4;
-/// Upper quartile of the deviations from the median in standard deviations (1.15 by noise alone) above
-/// which corners differ.
+/// Threshold above which corners are taken to have different blurs: upper quartile of their
+/// differences from the median, in standard deviations. Noise alone gives 1.15.
 const VARIES: f64 = 3.0;
 
 impl Blur {
-    /// Before anything is known: an ordinary one, with next to no weight.
+    /// Prior before anything is known: a typical blur, with almost no weight.
     pub(super) const UNKNOWN: Self = Self {
         variance: 0.3,
         spread: 3.0,
     };
-    /// Variance of a blur that edges in any place show.
+    /// Minimum variance of a blur that an edge shows wherever it lies relative to the pixels.
     pub(super) const SEEN: f64 = 0.01;
 
-    /// What corners tell by their blurs' variances and the standard deviations of those: the weighted
-    /// median, with a spread where they differ by more than noise.
+    /// Combines the corners' blur variances and their standard deviations: the weighted median,
+    /// with a spread if the corners differ by more than noise.
     pub(super) fn told_by(corners: impl Iterator<Item = [f64; 2]>) -> Self {
         let mut told: Vec<[f64; 2]> = corners
             .filter(|[variance, sigma]| variance.is_finite() && *sigma > 0.0)

@@ -1,26 +1,26 @@
-//! How a straight edge looks after blur and in square pixels.
+//! Profile of a straight edge under blur, integrated over square pixels.
 //!
-//! A pixel whose centre lies t from the edge takes up the share F(t) of the edge's far side: the
-//! distribution of (a box as wide as |nx|) + (a box as wide as |ny|) + (a Gaussian of the blur), n
-//! the edge's unit normal. With H'' the normal distribution's own distribution function, F is a
-//! second difference of H:
+//! F(t) is the share of a pixel on the edge's positive side if the pixel's centre is at signed
+//! distance t from the edge. It is the distribution function of (a box of width |nx|) + (a box of
+//! width |ny|) + (the Gaussian of the blur), n being the edge's unit normal. With H the second
+//! integral of the normal distribution function, F is a second difference of H:
 //!
 //! ```text
 //! F(t) = [H(t + (a + b) / 2) - H(t + (a - b) / 2) - H(t - (a - b) / 2) + H(t - (a + b) / 2)] / (a b)
 //! H(t) = ((t^2 + s^2) Phi(t / s) + t s phi(t / s)) / 2,   a = |nx|, b = |ny|
 //! ```
 //!
-//! Exact for any direction and any blur, none included.
+//! This is exact for any direction and any blur, including none.
 
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// A box narrower than this counts by its variance alone.
+/// A box narrower than this is replaced by its variance.
 const NARROW: f64 = 0.03;
-/// Least blur in pixels; below it nothing changes.
+/// Minimum blur in pixels; a smaller one makes no difference.
 const LEAST: f64 = 1e-3;
 
-/// An edge's profile across it.
+/// Profile perpendicular to an edge.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Edge {
     wide: f64,
@@ -29,7 +29,7 @@ pub(super) struct Edge {
     reach: f64,
 }
 
-/// Share of the far side, its derivative by the distance and by the blur's variance.
+/// Share of the positive side, and its derivatives by the distance and by the blur's variance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Share {
     pub(super) share: f64,
@@ -38,8 +38,8 @@ pub(super) struct Share {
 }
 
 impl Edge {
-    /// Of an edge with unit normal (`nx`, `ny`), blurred by a Gaussian of this variance in pixels
-    /// squared.
+    /// Creates the profile of an edge with unit normal (`nx`, `ny`) under Gaussian blur of this
+    /// variance in pixels squared.
     pub(super) fn new(nx: f64, ny: f64, variance: f64) -> Self {
         let (wide, mut narrow) = (nx.abs().max(ny.abs()), nx.abs().min(ny.abs()));
         let mut variance = variance;
@@ -56,7 +56,7 @@ impl Edge {
         }
     }
 
-    /// At a signed distance in pixels from the edge.
+    /// Evaluates the profile at a signed distance in pixels from the edge.
     pub(super) fn at(&self, t: f64) -> Share {
         if t.abs() > self.reach {
             return Share {
@@ -66,7 +66,7 @@ impl Edge {
             };
         }
         let (a, b, s) = (self.wide, self.narrow, self.sigma);
-        // Phi, its integral, its second integral, and phi, at a distance.
+        // Phi's second and first integral, Phi, and phi.
         let terms = |t: f64| {
             let (cdf, pdf) = normal(t / s);
             let first = t * cdf + s * pdf;
@@ -92,18 +92,17 @@ impl Edge {
     }
 }
 
-/// Steps of the table per standard deviation, and how far it goes.
+/// Table steps per standard deviation, and end of the table in standard deviations.
 const STEPS: usize = 64;
 const END: usize = 8;
 
-/// The distribution function and the density at 0, 1 / STEPS and so on.
+/// Normal distribution function and density at 0, 1 / STEPS, 2 / STEPS and so on.
 static TABLE: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
     let at = |i: usize| exact(i as f64 / STEPS as f64);
     (0..=STEPS * END + 1).map(at).collect()
 });
 
-/// The normal distribution's distribution function and density, to 1e-9: by Hermite's cubics between
-/// the values of a table, whose derivatives are known.
+/// Normal distribution function and density, to 1e-9: cubic Hermite interpolation of a table.
 pub(super) fn normal(x: f64) -> (f64, f64) {
     let scaled = x.abs() * STEPS as f64;
     if scaled >= (STEPS * END) as f64 {
@@ -122,8 +121,8 @@ pub(super) fn normal(x: f64) -> (f64, f64) {
     (if x > 0.0 { cdf } else { 1.0 - cdf }, pdf)
 }
 
-/// The same for x >= 0: by the Taylor series of the error function below 3 (Abramowitz and Stegun,
-/// 26.2.11), by a continued fraction above (26.2.14).
+/// Normal distribution function and density for x >= 0: a Taylor series below 3 (Abramowitz and
+/// Stegun, 26.2.11), a continued fraction above (26.2.14).
 fn exact(x: f64) -> (f64, f64) {
     let pdf = (-0.5 * x * x).exp() / (2.0 * PI).sqrt();
     if x < 3.0 {

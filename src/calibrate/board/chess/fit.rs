@@ -1,24 +1,26 @@
-//! The place of a corner by an area model of the intensities about it.
+//! Measures a corner by fitting an area model to the pixel levels around it.
 //!
-//! Two straight edges cross at c. With u1, u2 the distances of a pixel from them, it has the level
+//! Two straight edges cross at c. A pixel at distances u1, u2 from them has the level
 //!
 //! ```text
 //! I = (1 + g . d) (m + k S),   S = E1 E2 + 4 integral from 0 to rho of phi2(u1 / s, u2 / s; r) dr
 //! ```
 //!
-//! where d is its place in the window, E = 2 F - 1 with F an [`Edge`]'s share, rho the cosine
-//! between the edges' normals, s the blur with a square's own variance and phi2 the density of the
-//! bivariate normal distribution: S is the mean of sign(u1) sign(u2) under the blur. The product
-//! alone holds for edges at right angles; the integral is what correlation adds (Plackett,
-//! "A reduction formula for normal multivariate integrals", Biometrika 41, 1954). It matters to the
-//! few pixels next to the corner. Where the blur is no wider than they are, they are cut into smaller
-//! squares for it, so that a Gaussian is good enough for each; what those have in common beside E1 E2
-//! of the whole is then also the signs' covariance within the pixel. Light that
-//! changes as (1 + g . d) does so before the blur, which moves S by -g s^2, to the first order.
+//! where d is the pixel's position in the window, E = 2 F - 1 with F an [`Edge`]'s share, rho the
+//! cosine between the edges' normals, s the standard deviation of the blur and the pixel's box
+//! together, and phi2 the density of the bivariate normal distribution. S is the mean of sign(u1)
+//! sign(u2) under the blur. E1 E2 alone is exact for edges at right angles; the integral is the
+//! contribution of correlation (Plackett, "A reduction formula for normal multivariate integrals",
+//! Biometrika 41, 1954). It matters only for the few pixels next to the corner. If the blur is
+//! narrower than a pixel, these pixels are divided into subpixels small enough for a Gaussian to
+//! approximate each; the difference to E1 E2 of the whole pixel then also includes the covariance
+//! of the signs within the pixel. The light gradient (1 + g . d) acts before the blur, which shifts
+//! S by -g s^2, to first order.
 //!
-//! The nine unknowns (c, two angles, the blur's variance, m, k, g) are fitted by least squares with
-//! each pixel's variance, by Levenberg's and Marquardt's method. A sharp edge along the pixels' rows
-//! says nothing of the blur, so that it takes what is known of it; see [`super::blur`].
+//! The nine unknowns (c, two angles, the blur's variance, m, k, g) are fitted by
+//! Levenberg-Marquardt least squares, weighted by one over each pixel's variance. A sharp edge
+//! along the pixel rows contains no information on the blur, so the fit uses a prior for it; see
+//! [`super::blur`].
 
 use super::blur::Blur;
 use super::edge::{Edge, normal};
@@ -28,18 +30,18 @@ use nalgebra::{SMatrix, SVector};
 use std::f64::consts::PI;
 
 const UNKNOWNS: usize = 9;
-/// The blur's place among them.
+/// Index of the blur's variance among the unknowns.
 const BLUR: usize = 4;
 type Square = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Column = SVector<f64, UNKNOWNS>;
 
-/// Variance of a pixel's square along any direction.
+/// Variance of a pixel's box along any direction.
 const PIXEL: f64 = 1.0 / 12.0;
-/// Half a window's side at most, in pixels, unless blur asks for more.
+/// Maximum half side of a window in pixels, unless the blur needs more.
 const REACH: f64 = 8.0;
-/// Distances from both edges, in standard deviations, within which a pixel is next to the corner.
+/// Distance from both edges, in standard deviations, within which a pixel is next to the corner.
 const NEAR: f64 = 4.0;
-/// Gauss and Legendre's nodes on [0, 1] and their weights.
+/// Gauss-Legendre nodes on [0, 1] and their weights.
 const NODES: [(f64, f64); 4] = [
     (0.069_431_844_202_973_71, 0.173_927_422_568_726_9),
     (0.330_009_478_207_571_9, 0.326_072_577_431_273_1),
@@ -47,8 +49,8 @@ const NODES: [(f64, f64); 4] = [
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_9),
 ];
 
-/// Where a corner is thought to be: its place and the steps to the next corners along the board's
-/// x and y, in pixels.
+/// Predicted position of a corner and the steps to the next corners along the board's x and y, in
+/// pixels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Guess {
     pub(super) px: DVec2,
@@ -58,24 +60,24 @@ pub(super) struct Guess {
     pub(super) dark: bool,
 }
 
-/// A corner as measured.
+/// A measured corner.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Corner {
     pub(super) px: DVec2,
-    /// From the picture's noise, or from the residuals where those are larger.
+    /// Covariance from the image noise, scaled up if the residuals are larger.
     pub(super) covariance: DMat2,
-    /// Variance of the blur in pixels squared, and the standard deviation of that.
+    /// Variance of the blur in pixels squared, and the standard deviation of that variance.
     pub(super) blur: [f64; 2],
 }
 
-/// Measures a corner in a picture of which this much is known; `None` where there is none of that
-/// kind.
+/// Measures a corner, with `blur` as the prior of the image's blur. Returns `None` if there is no
+/// corner of that polarity, or if the fit is poor.
 pub(super) fn fit(picture: &Picture, guess: &Guess, blur: &Blur) -> Option<Corner> {
     let turn = guess.along_x.perp_dot(guess.along_y);
     if !(turn.is_finite() && guess.px.is_finite() && turn > 1.0) {
         return None;
     }
-    // First with a window for an ordinary blur, then for the blur that was found.
+    // First with a window for a typical blur, then with one for the estimated blur.
     let mut state = State::first(guess, blur);
     let window = Window::cut(picture, guess, guess.px, blur, 0.7)?;
     state.level(&window)?;
@@ -86,7 +88,7 @@ pub(super) fn fit(picture: &Picture, guess: &Guess, blur: &Blur) -> Option<Corne
     state.accept(&window, &fit, guess)
 }
 
-/// The unknowns.
+/// Values of the unknowns.
 #[derive(Debug, Clone, Copy)]
 struct State {
     centre: DVec2,
@@ -110,10 +112,10 @@ struct Window {
     pixels: Vec<Pixel>,
 }
 
-/// What least squares leaves.
+/// Normal equations and cost at one set of unknowns.
 struct Fit {
     squares: f64,
-    /// The same with what is known of the blur, which the normal equations hold too.
+    /// `squares` plus the cost of the blur's prior, which `normal` and `right` include too.
     cost: f64,
     normal: Square,
     right: Column,
@@ -133,7 +135,7 @@ impl State {
         }
     }
 
-    /// Mean and contrast by linear least squares with all else as it is.
+    /// Estimates mean and contrast by linear least squares, with all other unknowns fixed.
     fn level(&mut self, window: &Window) -> Option<()> {
         (self.mean, self.contrast) = (0.0, 1.0);
         let (mut sums, mut right) = ([0.0; 3], [0.0; 2]);
@@ -165,7 +167,7 @@ impl State {
         }
     }
 
-    /// Level at a pixel and its derivatives by the unknowns.
+    /// Computes the level at a pixel and its derivatives by the unknowns.
     fn at(&self, model: &Model, origin: DVec2, place: DVec2) -> (f64, Column) {
         let d = place - origin;
         let spread = self.variance + PIXEL;
@@ -201,7 +203,7 @@ impl State {
         }
     }
 
-    /// Whether these are unknowns of the corner that was guessed.
+    /// Whether the unknowns are plausible for the predicted corner.
     fn is_near(&self, guess: &Guess) -> bool {
         let shortest = guess.along_x.length().min(guess.along_y.length());
         let open = self.angles[1] - self.angles[0];
@@ -210,8 +212,8 @@ impl State {
             && self.variance <= shortest * shortest / 9.0
     }
 
-    /// Standard deviation of the blur's variance: of one that can be seen, since the slope by one
-    /// that cannot is 0 nearly everywhere.
+    /// Standard deviation of the blur's variance. Evaluated at a variance of at least `Blur::SEEN`,
+    /// because below it the derivative by the variance is zero almost everywhere.
     fn blur_sigma(&self, window: &Window) -> f64 {
         let variance = self.variance.max(Blur::SEEN);
         let fit = window.fit(&Self { variance, ..*self });
@@ -229,7 +231,7 @@ impl State {
             inverse[(0, 1)],
             inverse[(1, 1)],
         ]) * excess;
-        // Of the wrong sign, in the noise, or a poor likeness.
+        // Reject the wrong polarity, contrast within the noise, and poor fits.
         let error = (inverse[(6, 6)] * excess).sqrt();
         let weights: f64 = window.pixels.iter().map(|p| p.weight).sum();
         let misfit = (fit.squares / weights).sqrt();
@@ -251,7 +253,7 @@ struct Model {
     normals: [DVec2; 2],
     along: [DVec2; 2],
     edges: [Edge; 2],
-    /// Pieces across a pixel.
+    /// Number of subpixels along a pixel's side.
     pieces: u32,
     variance: f64,
     /// Arc sine of the correlation of the two distances.
@@ -259,7 +261,7 @@ struct Model {
 }
 
 impl Model {
-    /// S, its derivatives by both distances and by the blur's variance.
+    /// S and its derivatives by both distances and by the blur's variance.
     fn at(&self, d: DVec2) -> (f64, [f64; 2], f64) {
         let u = self.normals.map(|n| n.dot(d));
         let [p, q] = [self.edges[0].at(u[0]), self.edges[1].at(u[1])];
@@ -278,7 +280,7 @@ impl Model {
         (s, by, by_variance)
     }
 
-    /// Covariance of the signs of both distances in a pixel and its derivatives.
+    /// Covariance of the signs of both distances within a pixel, and its derivatives.
     fn common(&self, d: DVec2) -> Signs {
         let n = f64::from(self.pieces);
         let place = |i: u32| (f64::from(i) + 0.5) / n - 0.5;
@@ -287,7 +289,7 @@ impl Model {
         for (i, j) in (0..self.pieces).flat_map(|i| (0..self.pieces).map(move |j| (i, j))) {
             let d = d + DVec2::new(place(i), place(j));
             let u = self.normals.map(|n| n.dot(d) / sigma);
-            // Mean of the sign, its derivatives by distance and by variance.
+            // Mean of the sign, and its derivatives by distance and by variance.
             let signs = u.map(|u| {
                 let (share, density) = normal(u);
                 let slope = 2.0 * density / sigma;
@@ -314,11 +316,11 @@ impl Model {
         }
     }
 
-    /// What correlation adds at distances in standard deviations.
+    /// Contribution of the correlation, at distances in standard deviations.
     fn correlated(&self, [h, k]: [f64; 2], sigma: f64) -> Signs {
         let mut signs = Signs::default();
         if h * h + k * k < 36.0 && self.lean.abs() > 1e-3 {
-            // With r = sin(x), dr / sqrt(1 - r^2) is dx.
+            // Substituting r = sin(x) turns dr / sqrt(1 - r^2) into dx.
             for (node, weight) in NODES {
                 let (r, c) = (self.lean * node).sin_cos();
                 let squares = (h * h - 2.0 * r * h * k + k * k) / (c * c);
@@ -334,7 +336,8 @@ impl Model {
     }
 }
 
-/// A mean of two signs' product, its derivatives by both distances and by the blur's variance.
+/// Mean of the product of two signs, and its derivatives by both distances and by the blur's
+/// variance.
 #[derive(Default)]
 struct Signs {
     s: f64,
@@ -342,7 +345,7 @@ struct Signs {
     by_variance: f64,
 }
 
-/// Pieces across a pixel that are smooth enough under a blur of this variance.
+/// Subpixels along a pixel's side for which this blur is wide enough to be Gaussian.
 fn pieces(variance: f64) -> u32 {
     match variance {
         v if v < 0.06 => 4,
@@ -352,7 +355,8 @@ fn pieces(variance: f64) -> u32 {
 }
 
 impl Window {
-    /// The pixels that two edges alone decide, for a corner at `centre` and a blur in pixels.
+    /// Collects the pixels that depend only on the corner's own two edges, for a corner at `centre`
+    /// and a blur (standard deviation) of `blur` pixels.
     fn cut(
         picture: &Picture,
         guess: &Guess,
@@ -362,7 +366,7 @@ impl Window {
     ) -> Option<Self> {
         let turn = guess.along_x.perp_dot(guess.along_y);
         let along = [guess.along_x, guess.along_y];
-        // How far the next edges are, and how near one may go to them.
+        // Perpendicular distance to the next edges, and how close to them a pixel may be.
         let reach = along.map(|a| {
             let next = turn / a.length();
             (next - 0.75 - 2.0 * blur).min(0.75 * next).max(0.45 * next)
@@ -435,7 +439,8 @@ impl Window {
         }
     }
 
-    /// Moves the unknowns to the least squares, within `enough` pixels.
+    /// Minimises the cost. Stops once a step moves the centre by less than `enough` pixels and the
+    /// cost hardly falls.
     fn solve(&self, state: &mut State, guess: &Guess, enough: f64) -> Option<Fit> {
         let mut fit = self.fit(state);
         let mut damping = 1e-4;

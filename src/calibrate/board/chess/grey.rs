@@ -1,23 +1,24 @@
-//! Pictures as the search for corners needs them: without holes, smoothed, at half the size.
+//! Greyscale images for the corner search: invalid pixels filled in, smoothed, or halved in size.
 
 use crate::board::Picture;
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// A picture without holes and the noise of one of its pixels.
+/// A greyscale image with invalid pixels filled in, and its per-pixel noise.
 pub(super) struct Grey {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) level: Vec<f32>,
-    /// Standard deviation.
+    /// Standard deviation of a pixel's noise.
     pub(super) noise: f32,
 }
 
-/// Standard deviation of white noise after [`Grey::smoothed`].
+/// Factor by which [`Grey::smoothed`] reduces the standard deviation of white noise.
 pub(super) const SMOOTHED: f32 = 70.0 / 256.0;
 
 impl Grey {
-    /// What is unknown is as light as the lightest: it is so because it is saturated.
+    /// Converts an image. Invalid pixels become as light as the lightest, because they are
+    /// saturated. The noise is the 90th percentile of the pixels' noise.
     pub(super) fn of(picture: &Picture) -> Self {
         let size = picture.width.saturating_mul(picture.height);
         if picture.level.len() != size || picture.variance.len() != size {
@@ -50,7 +51,7 @@ impl Grey {
         }
     }
 
-    /// Half as many columns and rows, each pixel the mean of four.
+    /// Halves the numbers of columns and rows; each pixel is the mean of four.
     pub(super) fn halved(&self) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
         let mut level = vec![0.0; width * height];
@@ -74,7 +75,7 @@ impl Grey {
         }
     }
 
-    /// Smoothed by the binomial 1 4 6 4 1 both ways: a Gaussian of one pixel.
+    /// Smooths by the binomial kernel 1 4 6 4 1 in both directions: a Gaussian of one pixel.
     pub(super) fn smoothed(&self) -> Self {
         let (w, h) = (self.width, self.height);
         let mut across = vec![0.0; w * h];
@@ -112,7 +113,7 @@ impl Grey {
         }
     }
 
-    /// The level between pixels, linearly; `None` outside.
+    /// Interpolates the level bilinearly; `None` outside the image.
     pub(super) fn between(&self, p: DVec2) -> Option<f32> {
         let inside = p.x >= 0.0
             && p.y >= 0.0

@@ -1,21 +1,23 @@
-//! Corners that hang together, with their places in a grid of its own.
+//! Arranges linked corners into grids, each with its own numbering.
 
 use super::links::Links;
 use super::saddles::Saddle;
 use std::collections::{BTreeMap, VecDeque};
 
-/// Saddles by row and column, as (y, x): x and y are two of the edges' directions, y clockwise of x.
+/// Saddle indices by (row, column), written (y, x). The axes x and y follow two of the edges'
+/// directions, with y clockwise of x.
 #[derive(Debug, Clone)]
 pub(super) struct Grid {
     pub(super) at: BTreeMap<[i32; 2], usize>,
     /// Whether the square between -x and -y of the corner (0, 0) is dark.
     pub(super) dark: bool,
-    /// Corners that the links would put into two places, or two into one.
+    /// Number of links that contradict the grid: two positions for one corner, or two corners at
+    /// one.
     pub(super) conflicts: usize,
 }
 
 impl Grid {
-    /// First column and row, and how many of each.
+    /// First column and row, and the number of columns and rows.
     pub(super) fn bounds(&self) -> ([i32; 2], [u32; 2]) {
         let mut low = [i32::MAX; 2];
         let mut high = [i32::MIN; 2];
@@ -31,10 +33,10 @@ impl Grid {
     }
 }
 
-/// The grids of a picture, the one with the most corners first.
+/// Builds the grids of an image, the one with the most corners first.
 pub(super) fn grids(saddles: &[Saddle], links: &Links) -> Vec<Grid> {
-    // Place and turn of each saddle: its edge k points in the grid's direction k + turn, of x, y,
-    // -x, -y.
+    // Position and rotation of each saddle: its edge k points in the grid's direction k + rotation
+    // (modulo 4), of x, y, -x, -y.
     let mut placed: Vec<Option<([i32; 2], usize)>> = vec![None; saddles.len()];
     let mut grids = Vec::new();
     for seed in 0..saddles.len() {
@@ -42,7 +44,7 @@ pub(super) fn grids(saddles: &[Saddle], links: &Links) -> Vec<Grid> {
             continue;
         }
         placed[seed] = Some(([0, 0], 0));
-        // Behind edge 0 it is dark: between x and y, and between -x and -y.
+        // The sector after edge 0 is dark: between x and y and, opposite, between -x and -y.
         let mut grid = Grid {
             at: BTreeMap::from([([0, 0], seed)]),
             dark: true,

@@ -1,18 +1,19 @@
-//! Which corner of a grid is the board's first.
+//! Determines which corner of a grid is the board's first.
 //!
-//! The board's x and y go round clockwise on the screen, as they do for somebody in front of it, so
-//! four turns are left. Where columns and rows differ in number, two of them fit; the square before
-//! the first corner, which is dark, decides between those, if columns and rows together are an odd
-//! number. If they are an even one, half a turn takes the board to itself, colours and all. Then the
-//! turn is taken that has the first corner uppermost (of two as high, leftmost): either way round
-//! the points lie where they would on the same board, so that it makes no difference to a
-//! calibration, which has each pose of the board to itself. For the same reason a mirrored picture
-//! of a chessboard cannot be told from a true one.
+//! Seen from the front, the board's y axis is clockwise of its x axis in the image, which leaves
+//! four rotations. If the numbers of columns and rows differ, two of them fit. If their sum is odd,
+//! the square before the first corner, which is dark, decides between the two. If the sum is even,
+//! half a turn maps the board to itself, colours included; then the first corner is the uppermost
+//! candidate (of equally high ones, the leftmost). Either way the points lie at positions of the
+//! same board, so the choice does not affect a calibration, which estimates each pose of the board
+//! separately. For the same reason a mirrored image of a chessboard cannot be distinguished from a
+//! true one.
 
 use super::grid::Grid;
 use glam::DVec2;
 
-/// Row and column in the grid of the board's first corner and of steps along its columns and rows.
+/// First corner of the board in the grid, and the steps along the board's columns and rows, as
+/// (row, column) of the grid.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Labels {
     first: [i32; 2],
@@ -22,13 +23,14 @@ pub(super) struct Labels {
 }
 
 impl Labels {
-    /// Place in the grid of a corner of the board.
+    /// Returns the grid position of a corner of the board.
     pub(super) fn place(&self, [column, row]: [i32; 2]) -> [i32; 2] {
         [0, 1].map(|i| self.first[i] + self.steps[0][i] * column + self.steps[1][i] * row)
     }
 }
 
-/// The labels for a grid with `columns` and `rows` (in any order); `px` gives the place of its corners.
+/// Returns the labels for a grid, or `None` if its size is not that of the board in either order;
+/// `px` gives the positions of the grid's corners.
 pub(super) fn labels(
     grid: &Grid,
     board: [u32; 2],
@@ -36,7 +38,7 @@ pub(super) fn labels(
 ) -> Option<Labels> {
     let (low, size) = grid.bounds();
     let last = [0, 1].map(|i| low[i] + size[i] as i32 - 1);
-    // Turned by quarters: x of the board along x, y, -x, -y of the grid.
+    // Rotations by quarter turns: the board's x along x, y, -x, -y of the grid.
     let turns = [
         ([low[1], low[0]], [[0, 1], [1, 0]]),
         ([low[1], last[0]], [[1, 0], [0, -1]]),
@@ -52,7 +54,8 @@ pub(super) fn labels(
             } else {
                 [size[1], size[0]]
             };
-            // A quarter turn has another pair of squares before a corner; so has a step.
+            // A quarter turn swaps dark and light around a corner; so does a step to the next
+            // corner.
             let odd = (first[0] + first[1]).rem_euclid(2) + quarters as i32;
             let dark = grid.dark == (odd % 2 == 0);
             (along == board).then_some(Labels { first, steps, dark })

@@ -1,21 +1,22 @@
-//! Which corners are next to each other: at the other end of an edge that is dark on one side all
-//! along, the one of the other as well.
+//! Links neighbouring corners: those joined by an edge with one side dark along its whole length,
+//! where each is the other's neighbour.
 
 use super::grey::Grey;
 use super::saddles::Saddle;
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// How far a neighbour may be off an edge's direction (cosine), and its edge off the same.
+/// Minimum cosine between an edge and the direction to the neighbour, and between that direction
+/// and the neighbour's own edge.
 const AHEAD: f64 = 0.965;
 const ALIKE: f64 = 0.9;
-/// Neighbours that are looked at along an edge.
+/// Maximum number of neighbours that are tried along an edge.
 const TRIED: usize = 6;
 
-/// By corner and edge: the neighbour and its edge that comes back.
+/// By corner and edge: the neighbour, and the neighbour's edge that leads back.
 pub(super) type Links = Vec<[Option<(usize, usize)>; 4]>;
 
-/// The links of all saddles that both ends agree on.
+/// Computes the links on which both ends agree.
 pub(super) fn links(grey: &Grey, saddles: &[Saddle]) -> Links {
     let one_way: Links = saddles
         .par_iter()
@@ -29,7 +30,7 @@ pub(super) fn links(grey: &Grey, saddles: &[Saddle]) -> Links {
         .collect()
 }
 
-/// The nearest saddle along an edge.
+/// Finds the nearest saddle along an edge, and its edge that leads back.
 fn next(grey: &Grey, saddles: &[Saddle], from: &Saddle, edge: usize) -> Option<(usize, usize)> {
     let direction = from.edges[edge];
     let mut ahead: Vec<(f64, usize)> = saddles
@@ -49,8 +50,9 @@ fn next(grey: &Grey, saddles: &[Saddle], from: &Saddle, edge: usize) -> Option<(
     ahead.into_iter().find_map(|(length, i)| {
         let to = &saddles[i];
         let back = (from.px - to.px) / length;
-        // Behind an edge of an even number it is dark, seen from either end; dark on the same side
-        // seen from there is an odd number's.
+        // The sector after an even-numbered edge is dark, after an odd-numbered one light. Seen
+        // from the other end, the dark side is on the opposite hand, so the edge that leads back
+        // has the other parity.
         let returning = [0, 1, 2, 3]
             .into_iter()
             .find(|&k| to.edges[k].dot(back) > ALIKE)?;
@@ -59,7 +61,7 @@ fn next(grey: &Grey, saddles: &[Saddle], from: &Saddle, edge: usize) -> Option<(
     })
 }
 
-/// Whether it is dark on one side from one corner to the other: clockwise of the direction, or not.
+/// Whether one side of the line between two corners is dark: the clockwise one if `dark_clockwise`.
 fn is_edge(grey: &Grey, from: &Saddle, to: &Saddle, dark_clockwise: bool) -> bool {
     let step = to.px - from.px;
     let length = step.length();

@@ -1,11 +1,17 @@
-//! Corners of a chessboard.
+//! Finds a chessboard in an image and measures its inner corners.
 //!
-//! Saddles of the picture (`saddles`) are linked along edges (`links`) into grids (`grid`), at
-//! full size first and then, for large squares out of focus or in noise, at half, a quarter and an
-//! eighth of it. A grid of all the board's corners is labelled (`label`) and each corner measured
-//! in the full picture (`fit`), under a blur that they tell together (`blur`). The whole board has to
-//! be seen, since part of a chessboard does not say which part it is; a few of its corners may still
-//! be too poor to be measured.
+//! - `grey`: image with invalid pixels filled in, smoothed and halved.
+//! - `saddles`: finds candidate corners.
+//! - `links`: links candidates along edges.
+//! - `grid`: arranges linked candidates into grids.
+//! - `label`: determines the board's first corner in a grid.
+//! - `fit`, `edge`: measure each corner in the full-size image.
+//! - `blur`: estimates the blur from all corners together.
+//!
+//! The search runs at full size first. If it fails, as with large squares that are out of focus or
+//! noisy, it continues at a half, a quarter and an eighth of the size. The grid must contain all
+//! corners of the board, because part of a chessboard does not show which part it is. A few corners
+//! may still be too poor to measure.
 
 mod blur;
 mod edge;
@@ -28,21 +34,23 @@ use phasmid_geometry::Board;
 use rayon::prelude::*;
 use saddles::Saddle;
 
-/// Pictures of half the size that are looked at after the full one.
+/// Number of times the image is halved if the search at full size fails.
 const HALVINGS: u32 = 3;
-/// Corners that make a grid worth a word.
+/// Minimum number of corners in the best grid for an error to describe that grid.
 const WORTH_A_WORD: usize = 6;
-/// Least distance of corners in pixels.
+/// Minimum distance between corners in pixels.
 const LEAST_PX: f64 = 5.0;
-/// Corners of a whole board that may not be measured: one of so many.
+/// One in this many corners of a complete board may fail to be measured.
 const SPARE: usize = 10;
 
-/// The corners of a chessboard in a picture, row by row, labelled as the board's are seen from the
-/// front; see the module's page for which of its turns. Of the whole board's corners up to a tenth
-/// may be left out, those that cannot be measured.
+/// Finds the corners of a chessboard in an image and returns them row by row, labelled as seen from
+/// the front. If the corners that could be first differ in their outer square, the first corner is
+/// one with a dark square; among equal candidates it is the uppermost. Up to a tenth of the corners
+/// may be missing from the result, because they could not be measured.
 ///
 /// # Errors
-/// No board, a part of it, another one, or more than one; with what was found.
+/// Returns an error with a description of what was found if there is no board, only a part of one,
+/// a different one, or more than one.
 pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
     let wanted = board.grid();
     if wanted.iter().any(|&n| n < 3) {
@@ -86,7 +94,7 @@ fn is_whole(grid: &Grid, [columns, rows]: [u32; 2]) -> bool {
         && grid.at.len() as u64 == u64::from(columns) * u64::from(rows)
 }
 
-/// The most that any size of the picture shows.
+/// Best partial result over all image sizes.
 #[derive(Default)]
 struct Best {
     saddles: usize,
@@ -135,7 +143,7 @@ impl Best {
     }
 }
 
-/// Labels and measures a whole grid that was found in a picture of `scale` times as large pixels.
+/// Labels and measures a complete grid found in an image whose pixels are `scale` times as large.
 fn measure(
     board: &Board,
     picture: &Picture,

@@ -1,35 +1,37 @@
-//! Places where two dark and two light sectors meet.
+//! Finds saddle points, where two dark and two light sectors meet.
 //!
-//! The Hessian's determinant is most negative at a saddle of the smoothed picture (Chen and Zhang,
-//! "A new sub-pixel detector for X-corners in camera calibration targets", WSCG 2005); a ring of
-//! samples about it then has to go from dark to light and back exactly twice, with opposite sectors
-//! of like width. Only the ring's own contrast counts, so that uneven light does no harm.
+//! The Hessian's determinant is most negative at a saddle of the smoothed image (Chen and Zhang, "A
+//! new sub-pixel detector for X-corners in camera calibration targets", WSCG 2005). A ring of
+//! samples around it must then change between dark and light exactly four times, with opposite
+//! sectors of similar width. The threshold comes from the ring's own levels, so that uneven light
+//! has little effect.
 
 use super::grey::Grey;
 use glam::DVec2;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Saddles at most; the strongest are kept.
+/// Maximum number of saddles; the strongest are kept.
 const MOST: usize = 4000;
 const RING: usize = 32;
 /// Radius of the ring in pixels.
 const RADIUS: f64 = 3.0;
-/// Least width of a sector, and how unlike opposite ones may be, in radians.
+/// Minimum width of a sector, and maximum difference of opposite sectors, in radians.
 const NARROWEST: f64 = 0.4;
 const UNLIKE: f64 = 0.5;
 
-/// A place like a corner.
+/// A candidate corner.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Saddle {
     pub(super) px: DVec2,
-    /// Directions of the four edges, clockwise on the screen; the sector behind the first is dark.
+    /// Directions of the four edges, clockwise in the image; the sector from the first to the
+    /// second is dark.
     pub(super) edges: [DVec2; 4],
-    /// Light less dark.
+    /// Level of the light sectors minus that of the dark ones.
     pub(super) contrast: f32,
 }
 
-/// All of a smoothed picture.
+/// Finds the saddles of a smoothed image.
 pub(super) fn saddles(grey: &Grey) -> Vec<Saddle> {
     let mut found = peaks(grey);
     found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -42,7 +44,7 @@ pub(super) fn saddles(grey: &Grey) -> Vec<Saddle> {
     judged.collect()
 }
 
-/// fxx, fyy, fxy.
+/// Second derivatives fxx, fyy, fxy.
 fn hessian(level: &[f32], width: usize, at: usize) -> [f32; 3] {
     let (up, down) = (at - width, at + width);
     let twice = 2.0 * level[at];
@@ -53,7 +55,8 @@ fn hessian(level: &[f32], width: usize, at: usize) -> [f32; 3] {
     ]
 }
 
-/// Pixels where the determinant is the most negative of 5 x 5, and how negative.
+/// Pixels with the largest negative determinant of their 5 x 5 neighbourhood, and its absolute
+/// value.
 fn peaks(grey: &Grey) -> Vec<(usize, f32)> {
     let (w, h) = (grey.width, grey.height);
     if w < 9 || h < 9 {
@@ -67,7 +70,7 @@ fn peaks(grey: &Grey) -> Vec<(usize, f32)> {
             out[x] = xy * xy - xx * yy;
         }
     });
-    // White noise of the unsmoothed picture hardly ever comes to its own variance.
+    // In pure noise, the determinant rarely reaches the unsmoothed noise variance.
     let unsmoothed = grey.noise / super::grey::SMOOTHED;
     let least = (unsmoothed * unsmoothed).max(1e-12);
     let rows = (4..h - 4).into_par_iter().flat_map_iter(|y| {
@@ -78,7 +81,7 @@ fn peaks(grey: &Grey) -> Vec<(usize, f32)> {
             if !(here > least && here >= strength[at - 1] && here >= strength[at + 1]) {
                 return None;
             }
-            // Of equals, the last counts.
+            // The last of several equal values is the peak.
             let peak = (0..5).all(|j| {
                 let from = (y + j - 2) * w + x - 2;
                 (from..from + 5).all(|i| strength[i] < here || (strength[i] == here && i <= at))
@@ -89,7 +92,7 @@ fn peaks(grey: &Grey) -> Vec<(usize, f32)> {
     rows.collect()
 }
 
-/// The saddle's place by the quadratic through the pixel's neighbours.
+/// Refines a saddle to subpixel position by a quadratic through the pixel's neighbours.
 fn refine(grey: &Grey, x: usize, y: usize) -> Option<DVec2> {
     let at = y * grey.width + x;
     let [xx, yy, xy] = hessian(&grey.level, grey.width, at).map(f64::from);
@@ -108,7 +111,7 @@ fn ring(grey: &Grey, px: DVec2) -> Option<Saddle> {
     for (i, sample) in samples.iter_mut().enumerate() {
         *sample = grey.between(px + DVec2::from_angle(TAU * i as f64 / RING as f64) * RADIUS)?;
     }
-    // Between the mean of the lighter half and that of the darker.
+    // Threshold half-way between the means of the lighter and of the darker half.
     let mut sorted = samples;
     sorted.sort_by(f32::total_cmp);
     let mean = |s: &[f32]| s.iter().sum::<f32>() / s.len() as f32;
@@ -131,7 +134,7 @@ fn ring(grey: &Grey, px: DVec2) -> Option<Saddle> {
     if count != 4 {
         return None;
     }
-    // The first is one that goes into the dark.
+    // Start with a transition from light to dark.
     if !crossings[0].1 {
         crossings.rotate_left(1);
     }
@@ -142,7 +145,7 @@ fn ring(grey: &Grey, px: DVec2) -> Option<Saddle> {
     if !(widths.iter().all(|&w| w > NARROWEST) && like(0) && like(1)) {
         return None;
     }
-    // Opposite edges lie on one line: the mean of both says where.
+    // Opposite edges lie on one line, whose direction is the mean of both.
     let line = |i: usize| {
         let off = (angles[i + 2] - angles[i]).rem_euclid(TAU) - PI;
         DVec2::from_angle(angles[i] + 0.5 * off)

@@ -1,27 +1,27 @@
-//! Dark blobs on lighter ground: what may be dots.
+//! Finds dark blobs on a lighter background: the candidate dots.
 //!
-//! A pixel is dark if it is well below the mean of a square about it that is somewhat larger than
-//! the grid's pitch: uneven light changes little over that. Dark pixels that touch are one blob; its
-//! moments, weighted by darkness, give the ellipse to start from.
+//! A pixel is dark if it is well below the mean of a square around it. The square is somewhat
+//! larger than the grid's pitch, a distance over which uneven light changes little. Connected dark
+//! pixels form a blob; its moments, weighted by darkness, give the initial ellipse of the fit.
 
 use super::ellipse::{Ellipse, root};
 use crate::board::Picture;
 use glam::{DMat2, DVec2};
 
-/// Darkness of a pixel in standard deviations of its noise, at least.
+/// Minimum difference of a dark pixel from the mean, in standard deviations of its noise.
 const SURE: f64 = 5.0;
-/// Pixels of a blob, at least.
+/// Minimum number of pixels of a blob.
 const SMALLEST: u32 = 4;
-/// Longer over shorter axis: 60 degrees of tilt make 2, a wide lens adds to it.
+/// Maximum ratio of a blob's axes: 60 degrees of tilt give 2, and a wide-angle lens adds to it.
 const LONGEST: f64 = 6.0;
-/// Most blobs that are looked at; the largest board has fewer dots.
+/// Maximum number of blobs kept, the heaviest first; the largest board has fewer dots.
 const MOST: usize = 60_000;
 
-/// What may be a dot.
+/// A candidate dot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Blob {
     pub ellipse: Ellipse,
-    /// Sum of darkness: area in pixels times contrast.
+    /// Sum of darkness over the pixels: area in pixels times contrast.
     pub mass: f64,
 }
 
@@ -32,7 +32,7 @@ struct Run {
     parent: u32,
 }
 
-/// Moments of a blob's darkness about the picture's first pixel.
+/// Moments of a blob's darkness, relative to the image's first pixel.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     count: u32,
@@ -45,7 +45,7 @@ struct Sums {
     cut: bool,
 }
 
-/// Blobs that are darker than `part` of the mean of the square of `side` pixels about them.
+/// Finds blobs darker than `part` times the mean of the square of `side` pixels around them.
 pub(super) fn find(picture: &Picture, side: usize, part: f64) -> Vec<Blob> {
     let (width, height) = (picture.width, picture.height);
     let mut columns = ColumnSums::new(picture, side / 2);
@@ -92,7 +92,7 @@ pub(super) fn find(picture: &Picture, side: usize, part: f64) -> Vec<Blob> {
     gather(&mut runs, &sums)
 }
 
-/// Joins the runs from `first` on with those of the row above that they touch.
+/// Merges the runs from `first` on with the runs of the row above that they touch.
 fn join(runs: &mut [Run], above: std::ops::Range<usize>, first: usize) {
     let mut up = above.start;
     for at in first..runs.len() {
@@ -109,7 +109,7 @@ fn join(runs: &mut [Run], above: std::ops::Range<usize>, first: usize) {
     }
 }
 
-/// The run that stands for a blob; paths are halved on the way.
+/// Returns the root run of a blob (union-find with path halving).
 fn top(runs: &mut [Run], mut at: u32) -> u32 {
     while runs[at as usize].parent != at {
         let up = runs[at as usize].parent;
@@ -150,7 +150,7 @@ fn blob(sum: &Sums) -> Option<Blob> {
         sum.xy / sum.mass - centre.x * centre.y,
         sum.yy / sum.mass - centre.y * centre.y,
     );
-    // Second moments of a disc are a quarter of its radius squared, of a pixel a twelfth.
+    // The second moment of a disc is a quarter of its radius squared; that of a pixel, 1/12.
     let moments = DMat2::from_cols(DVec2::new(xx, xy), DVec2::new(xy, yy));
     let ellipse = Ellipse {
         centre,
@@ -162,7 +162,7 @@ fn blob(sum: &Sums) -> Option<Blob> {
     };
     let [small, large] = ellipse.half_axes();
     let filled = f64::from(sum.count) / (std::f64::consts::PI * ellipse.size());
-    // Pixels that are dark in part make small blobs fuller than their ellipse.
+    // Partly dark pixels make small blobs fuller than their ellipse.
     let fullest = 1.5 + 2.0 / small;
     (ellipse.is_sound() && large <= LONGEST * small && filled > 0.6 && filled < fullest).then_some(
         Blob {
@@ -172,13 +172,13 @@ fn blob(sum: &Sums) -> Option<Blob> {
     )
 }
 
-/// Sums of columns over a band of rows that moves down the picture.
+/// Column sums over a band of rows that moves down the image.
 struct ColumnSums<'a> {
     picture: &'a Picture,
     half: usize,
     sums: Vec<f64>,
     counts: Vec<f64>,
-    /// Rows that are in the sums.
+    /// Rows included in the sums.
     band: std::ops::Range<usize>,
 }
 
@@ -203,7 +203,8 @@ impl<'a> ColumnSums<'a> {
         }
     }
 
-    /// Darkness of a row's pixels as part of the paper's level; 0 where they are not dark.
+    /// Computes the darkness of a row's pixels relative to the paper's level; 0 where a pixel is
+    /// not dark.
     fn row(&mut self, v: usize, part: f64, darkness: &mut [f32]) {
         let (width, height) = (self.picture.width, self.picture.height);
         while self.band.end < (v + self.half + 1).min(height) {
@@ -234,7 +235,7 @@ impl<'a> ColumnSums<'a> {
             let level = f64::from(levels[u]);
             let below = mean * part - level;
             let noise = SURE * SURE * f64::from(variances[u]);
-            // Dots take about a tenth of the mean away.
+            // Dots lower the mean to about 1 / 1.15 of the paper's level.
             let paper = 1.15 * mean;
             let dark = below > 0.0 && (mean - level) * (mean - level) > noise;
             darkness[u] = if dark {

@@ -1,4 +1,4 @@
-//! Dots that the search for blobs has missed, looked for where their neighbours say they are.
+//! Finds dots that the blob search missed, at the positions their neighbours predict.
 
 use super::ellipse::Ellipse;
 use super::judge::Judge;
@@ -8,7 +8,7 @@ use super::measure::Measure;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// Adds dots around those that are known until there are no more.
+/// Adds dots next to known ones until no more are found.
 pub(super) fn complete(measure: &Measure, judge: &Judge, dots: &mut Dots) {
     let mut tried = BTreeSet::new();
     loop {

@@ -1,35 +1,35 @@
-//! How much of each pixel an ellipse covers, and how that changes with the ellipse.
+//! Fraction of each pixel that an ellipse covers, and its derivatives by the ellipse's parameters.
 //!
-//! By Green's theorem a pixel's covered area is an integral along the outline e(t): of the part of
-//! the pixel that lies to the left of e, times dy. Its derivative by a parameter q of the outline is
-//! the integral of (de/dq x de/dt) over the part of the outline that runs through the pixel.
+//! By Green's theorem, a pixel's covered area is an integral along the outline e(t): the extent of
+//! the pixel to the left of e, times dy. Its derivative by a parameter q of the outline is the
+//! integral of (de/dq x de/dt) over the part of the outline inside the pixel.
 //!
-//! Without blur the outline is cut where it crosses from pixel to pixel, and each piece is
-//! integrated by Gauss's rule of three points: exact to about 1e-7 of a pixel. Under a Gaussian
-//! blur, the pixel's box becomes the box's convolution with it, a difference of normal distribution
-//! functions, and the integrand a smooth and periodic function of t, for which the trapezoid rule
-//! converges exponentially: nodes h standard deviations apart err by about exp(-2 pi^2 / h^2).
-//! The derivative by the blur's variance is half the Laplacian (the heat equation).
+//! Without blur, the outline is split where it crosses pixel borders, and each piece is integrated
+//! by three-point Gauss quadrature: exact to about 1e-7 of a pixel. With Gaussian blur, the pixel's
+//! box is convolved with the Gaussian, which gives a difference of normal distribution functions.
+//! The integrand is then a smooth and periodic function of t, for which the trapezoid rule
+//! converges exponentially: nodes h standard deviations apart err by about exp(-2 pi^2 / h^2). The
+//! derivative by the blur's variance is half the Laplacian (the heat equation).
 
 use super::ellipse::{Ellipse, Window};
 use super::step::Steps;
 use std::f64::consts::{FRAC_PI_4, TAU};
 
-/// Of a pixel: the covered share; its derivatives by centre x, y, shape xx, xy, yy (both
-/// off-diagonal elements at once) and the blur's variance; and what all pixels to the left are
-/// covered by through the outline in this one.
+/// Values of one pixel: 0: covered fraction; 1 to 5: its derivatives by centre x, y, shape xx, xy
+/// (both off-diagonal elements together), yy; 6: derivative by the blur's variance; 7: coverage
+/// that the outline inside this pixel adds to every pixel to its left in the row.
 pub(super) type Cell = [f64; 8];
 
-/// Blur of a variance below this (in pixels squared) is none.
+/// Blur with a variance below this (in pixels squared) is treated as no blur.
 pub(super) const SHARP: f64 = 0.01;
 
-/// Distance of nodes along the outline in standard deviations of the blur.
+/// Spacing of nodes along the outline, in standard deviations of the blur.
 const SPACING: f64 = 1.2;
 
-/// Standard deviations after which the blur has ended.
+/// Distance in standard deviations beyond which the blur is neglected.
 const TAIL: f64 = 4.0;
 
-/// Fills `cells`, one for each pixel of the window.
+/// Computes the coverage of each pixel of the window, row by row, into `cells`.
 pub(super) fn cover(
     ellipse: &Ellipse,
     variance: f64,
@@ -53,8 +53,8 @@ pub(super) fn cover(
     }
 }
 
-/// One node of the outline: its place relative to the window's first pixel, and what it adds to the
-/// derivatives by the five parameters.
+/// One quadrature node of the outline: position relative to the window's first pixel, and
+/// contribution to the derivatives by centre x, y and shape xx, xy, yy.
 struct Node {
     x: f64,
     y: f64,
@@ -79,7 +79,7 @@ fn node(ellipse: &Ellipse, window: &Window, t: f64, dt: f64) -> Node {
 
 fn sharp(ellipse: &Ellipse, window: &Window, cells: &mut [Cell]) {
     let mut cuts: Vec<f64> = (0..8).map(|k| f64::from(k) * FRAC_PI_4).collect();
-    // x(t) = centre + reach cos(t - ahead), and y alike.
+    // x(t) = centre + reach cos(t - ahead), and y likewise.
     let (a, b, d) = (
         ellipse.shape.x_axis.x,
         ellipse.shape.x_axis.y,
@@ -101,7 +101,8 @@ fn sharp(ellipse: &Ellipse, window: &Window, cells: &mut [Cell]) {
     cross(ellipse.centre.y, reach.y, d.atan2(b));
     cuts.sort_unstable_by(f64::total_cmp);
     cuts.push(TAU);
-    /// Half the distance of Gauss's outer points, sqrt(3/5) / 2.
+    /// Offset of the outer Gauss points from the middle, as a fraction of the interval:
+    /// sqrt(3/5) / 2.
     const OUT: f64 = 0.387_298_334_620_741_7;
     for pair in cuts.windows(2) {
         let (from, length) = (pair[0], pair[1] - pair[0]);
@@ -142,16 +143,19 @@ fn sharp(ellipse: &Ellipse, window: &Window, cells: &mut [Cell]) {
     }
 }
 
-/// Most pixels that a node's blur reaches along an axis; the fit keeps the blur below that.
+/// Maximum number of pixels that a node's blur reaches along an axis; the fit limits the blur
+/// accordingly.
 const SPAN: usize = 64;
 
-/// The box of a pixel under the blur, seen from a node, for each pixel along one axis.
+/// A pixel's box convolved with the blur, evaluated at a node, for each pixel along one axis.
 struct Profile {
-    /// First and one past the last pixel that the node reaches and the window has.
+    /// Pixels of the window that the node's blur reaches.
     range: std::ops::Range<usize>,
-    /// Whether the pixels that are wholly to the left end beyond the window.
+    /// Whether the blur starts past the window's last pixel, so that the whole row lies to the
+    /// node's left.
     beyond: bool,
-    /// By pixel of the range: share of the pixel before the node, density, slope of the density.
+    /// Per pixel of `range`: length of the pixel that lies before the node, value of the blurred
+    /// box at the node, and its derivative.
     values: [[f64; 3]; SPAN],
 }
 
@@ -166,13 +170,14 @@ impl Profile {
         let edge = |pixel: f64| {
             let u = (at - pixel) / sigma;
             let [f, d] = steps.at(u);
-            // The mean of max(0, place - edge) is sigma (u Phi + phi).
+            // The mean of max(0, x - edge), x blurred, is sigma (u Phi + phi).
             [sigma * (u * f + d), f, d / sigma]
         };
         let mut before = edge(begin as f64 - 0.5);
         for (k, value) in self.range.clone().zip(&mut self.values) {
             let after = edge(k as f64 + 0.5);
-            // Slope by the pixel's place: the density at the edge after less that before.
+            // Derivative by the pixel's position: density at its far edge minus density at its near
+            // edge.
             *value = [
                 before[0] - after[0],
                 before[1] - after[1],
@@ -205,7 +210,7 @@ fn blurred(ellipse: &Ellipse, sigma: f64, window: &Window, steps: &Steps, cells:
                 last[7] += ky * dy;
                 continue;
             }
-            // Half the Laplacian, -1/2 of the outline's integral of grad k . n.
+            // Half the Laplacian: -1/2 times the integral of grad k . n along the outline.
             let [a, b, c, d, e] = n.by.map(|by| by * ky);
             let lanes = [0.0, a, b, c, d, e, -0.5 * sy * mdx, 0.0];
             let bend = -0.5 * ky * dy;
@@ -265,7 +270,7 @@ mod tests {
         let ellipse = ellipse();
         let cells = covered(&ellipse, 0.0);
         for (px, cell) in WINDOW.pixels().zip(&cells) {
-            // The chords of thin strips, cut by the pixel's sides.
+            // Reference: chords of thin strips, clipped to the pixel's sides.
             let strips = 20_000;
             let counted: f64 = (0..strips)
                 .map(|k| {
@@ -278,7 +283,7 @@ mod tests {
         }
     }
 
-    /// Where a row's line enters and leaves the ellipse.
+    /// x at which the horizontal line at `y` enters and leaves the ellipse.
     fn chord(ellipse: &Ellipse, y: f64) -> [f64; 2] {
         // |A^-1 (p - c)| = 1 is quadratic in x.
         let inverse = ellipse.shape.inverse();
@@ -297,7 +302,7 @@ mod tests {
             let cells = covered(&ellipse(), variance);
             let h = 1e-5;
             for parameter in 0..6 {
-                // Without blur there is no derivative by it.
+                // Without blur, the derivative by the variance is not computed.
                 if parameter == 5 && variance == 0.0 {
                     continue;
                 }

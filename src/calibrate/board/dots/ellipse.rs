@@ -1,8 +1,8 @@
-//! The outline of a dot's image, and the pixels about it.
+//! Ellipse that outlines an imaged dot, and the window of pixels around it.
 
 use glam::{DMat2, DVec2};
 
-/// An ellipse: the unit circle taken by a symmetric, positive matrix to its outline about a centre.
+/// An ellipse: the unit circle transformed by a symmetric, positive matrix, about a centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ellipse {
     /// In pixels.
@@ -12,12 +12,12 @@ pub(super) struct Ellipse {
 }
 
 impl Ellipse {
-    /// Half the width and height of the box about it.
+    /// Half the width and height of the bounding box.
     pub fn reach(&self) -> DVec2 {
         DVec2::new(self.shape.x_axis.length(), self.shape.y_axis.length())
     }
 
-    /// Half axes, the smaller first.
+    /// Semi-axes in pixels, the smaller first.
     pub fn half_axes(&self) -> [f64; 2] {
         let (mean, half, off) = (
             0.5 * (self.shape.x_axis.x + self.shape.y_axis.y),
@@ -33,7 +33,7 @@ impl Ellipse {
         self.shape.determinant()
     }
 
-    /// The ellipse whose axes are longer by `px` on either side.
+    /// Returns the ellipse with both semi-axes longer by `px`.
     pub fn wider(&self, px: f64) -> Self {
         Self {
             centre: self.centre,
@@ -41,21 +41,21 @@ impl Ellipse {
         }
     }
 
-    /// Whether it is one.
+    /// Whether the ellipse is finite and not degenerate.
     pub fn is_sound(&self) -> bool {
         let [small, large] = self.half_axes();
         self.centre.is_finite() && small > 0.05 && large.is_finite()
     }
 
-    /// Takes the place of a pixel to a vector that is shorter than 1 inside.
+    /// Returns a function that maps a pixel position to a value below 1 inside and above 1 outside.
     pub fn inward(&self) -> impl Fn(DVec2) -> f64 + use<> {
         let (centre, inverse) = (self.centre, self.shape.inverse());
         move |px| (inverse * (px - centre)).length_squared()
     }
 }
 
-/// The symmetric square root of a symmetric, positive matrix (its axes' square roots), by
-/// Cayley and Hamilton; axes below `least` are taken for it.
+/// Symmetric square root of a symmetric, positive matrix, by the Cayley-Hamilton theorem. Adds a
+/// multiple of the identity if needed, so that the root's eigenvalues are at least `least`.
 pub(super) fn root(m: DMat2, least: f64) -> DMat2 {
     let m = {
         let [small, _] = Ellipse {
@@ -71,7 +71,7 @@ pub(super) fn root(m: DMat2, least: f64) -> DMat2 {
     (m + DMat2::from_diagonal(DVec2::splat(product))) * (1.0 / sum)
 }
 
-/// Some pixels of a picture: columns from `left`, rows from `top`.
+/// A rectangle of pixels: columns from `left`, rows from `top`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Window {
     pub left: usize,
@@ -81,8 +81,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// The pixels of a picture of `width` x `height` within `reach` of a place; `None` where there
-    /// are none.
+    /// Pixels within `reach` of `centre`, clipped to an image of `width` x `height`; `None` if
+    /// there are none.
     pub fn about(centre: DVec2, reach: DVec2, width: usize, height: usize) -> Option<Self> {
         if !(centre.is_finite() && reach.is_finite()) {
             return None;
@@ -102,7 +102,7 @@ impl Window {
         })
     }
 
-    /// Places of its pixels, row by row.
+    /// Positions of the window's pixels, row by row.
     pub fn pixels(&self) -> impl Iterator<Item = DVec2> + use<> {
         let Self {
             left,

@@ -1,14 +1,15 @@
-//! A dot's area model, fitted to the intensities about it.
+//! Fits an area model of a dot to the pixel levels around it.
 //!
 //! ```text
 //! level(p) = paper(p) (1 - contrast coverage(p))
 //! ```
 //!
-//! `paper` is a plane, so that uneven light falls on ink as it does on paper; `coverage` is the exact
-//! share of the pixel that an ellipse covers, under the picture's blur. Least squares weighted by
-//! the picture's variance, by Gauss and Newton. Once near, pixels that stray by more than four
-//! standard deviations lose weight and by eight have none (Hampel's three-part function), so that
-//! specks do no harm; the standard deviation is then that of the residuals, if larger.
+//! `paper` is a plane, so that uneven light affects ink and paper alike. `coverage` is the exact
+//! fraction of the pixel that an ellipse covers, under the image's blur. The fit is Gauss-Newton
+//! least squares, weighted by one over the pixel variance. Near convergence, pixels with residuals
+//! above four standard deviations lose weight and those above eight have none (Hampel's three-part
+//! function with a = b = 4, c = 8), so that dirt does not shift the dot. From then on the standard
+//! deviation is that of the residuals, if larger than the predicted one.
 
 use super::coverage::{self, Cell};
 use super::ellipse::{Ellipse, Window};
@@ -16,14 +17,15 @@ use super::step::Steps;
 use glam::{DMat2, DVec2};
 use nalgebra::{SMatrix, SVector};
 
-/// Centre, shape, paper's plane, contrast, blur.
+/// Number of unknowns: centre (2), shape (3), paper plane (3), contrast, blur.
 const UNKNOWNS: usize = 10;
 type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Vector = SVector<f64, UNKNOWNS>;
 
-/// Steps until a fit has failed; good ones need three to six.
+/// Maximum number of iterations. Good fits need three to six.
 const ROUNDS: usize = 16;
-/// Residuals in standard deviations from where on a pixel counts less, and not at all.
+/// Hampel weights: residuals above `DOUBTED` standard deviations lose weight, above `REFUSED` have
+/// none.
 const DOUBTED: f64 = 4.0;
 const REFUSED: f64 = 8.0;
 
@@ -32,31 +34,31 @@ const REFUSED: f64 = 8.0;
 pub(super) struct Patch {
     pub window: Window,
     pub level: Vec<f64>,
-    /// One over the variance; 0 leaves a pixel out.
+    /// One over the variance; 0 excludes the pixel.
     pub weight: Vec<f64>,
-    /// Share that other dots cover.
+    /// Fraction of each pixel that neighbouring dots cover.
     pub others: Vec<f64>,
 }
 
-/// What a fit finds out.
+/// Fitted parameters of a dot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Model {
     pub ellipse: Ellipse,
     /// Level of the paper at the patch's origin and its slopes per pixel.
     pub paper: [f64; 3],
-    /// What ink takes away: 1 is black.
+    /// Fraction of the light that ink absorbs, relative to paper; 1 is black.
     pub contrast: f64,
     /// Variance of the blur in pixels squared.
     pub blur: f64,
 }
 
-/// What is known of a dot before its fit.
+/// Prior knowledge for a fit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known {
-    /// The blur's variance and a standard deviation of that; 0 takes it as it is, `None` knows
-    /// nothing of it.
+    /// Variance of the blur in pixels squared and the standard deviation of that variance. A
+    /// standard deviation of 0 fixes the blur; `None` means no prior.
     pub blur: Option<[f64; 2]>,
-    /// Contrast of the picture's ink and a standard deviation.
+    /// Ink contrast of the image and its standard deviation; `None` means no prior.
     pub contrast: Option<[f64; 2]>,
 }
 
@@ -64,22 +66,22 @@ pub(super) struct Known {
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
     pub model: Model,
-    /// Of the centre, in pixels squared.
+    /// Covariance of the centre, in pixels squared.
     pub covariance: DMat2,
-    /// Slope of the light by place over the light, at the centre, per pixel.
+    /// Relative gradient of the light at the centre (gradient over level), per pixel.
     pub slope: DVec2,
     /// Sum of squared weighted residuals per degree of freedom.
     pub chi2: f64,
-    /// Part of what the patch could tell of the centre that usable pixels have told.
+    /// Fraction of the patch's information on the centre that lies in pixels the fit used.
     pub told: f64,
-    /// Of the contrast, in standard deviations.
+    /// Contrast over its standard deviation, without the prior's contribution.
     pub strength: f64,
-    /// Variance of the blur's variance, where that was estimated.
+    /// Variance of the blur's variance; meaningful only if the blur was not fixed.
     pub blur_variance: f64,
 }
 
 impl Patch {
-    /// Where the paper's plane has its origin.
+    /// Origin of the paper plane.
     pub fn origin(&self) -> DVec2 {
         let Window {
             left,
@@ -91,7 +93,7 @@ impl Patch {
     }
 }
 
-/// Least squares of one state.
+/// Normal equations at one set of parameters.
 struct Normals {
     matrix: Normal,
     gradient: Vector,
@@ -100,7 +102,7 @@ struct Normals {
     told: f64,
 }
 
-/// Fits a dot; `None` where nothing like one is there.
+/// Fits a dot. Returns `None` if there is no dot or the fit does not converge.
 pub(super) fn fit(
     patch: &Patch,
     start: Ellipse,
@@ -134,7 +136,7 @@ pub(super) fn fit(
         if settled == 2 {
             return finish(patch, model, &normals, &inverse, known);
         }
-        // Long steps are shortened: a dot neither leaves its place nor turns inside out at once.
+        // Limit long steps, so that the dot can neither jump away nor turn inside out in one step.
         let half = 0.5 * model.ellipse.half_axes()[0];
         let factor = (half.max(0.25) / step.rows(0, 5).amax())
             .min(0.3 / step[8].abs())
@@ -149,13 +151,14 @@ pub(super) fn fit(
         if least < 0.1 {
             scale = Some(spread(patch, &model, cells));
         }
-        // Steps shrink as their squares: after one this short, what is left does not count.
+        // Steps shrink about quadratically: after one this short, the remaining error is
+        // negligible.
         settled = if least < 2e-3 && factor == 1.0 { 2 } else { 0 };
     }
     None
 }
 
-/// Level of the paper and contrast that suit a coverage: a straight line through the levels.
+/// Estimates the paper's level and the contrast by linear regression of level on coverage.
 fn first_levels(patch: &Patch, cells: &[Cell]) -> Option<(f64, f64)> {
     let (mut n, mut c, mut cc, mut l, mut cl) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for ((&level, &weight), (cell, &others)) in patch
@@ -191,7 +194,7 @@ fn apply(model: &mut Model, step: &Vector) {
     model.blur = (model.blur + step[9]).clamp(coverage::SHARP.min(model.blur), 25.0);
 }
 
-/// Standard deviation of the weighted residuals by their median, or 1 where that is less.
+/// Robust standard deviation of the weighted residuals, from their median; at least 1.
 fn spread(patch: &Patch, model: &Model, cells: &[Cell]) -> f64 {
     let mut sizes: Vec<f64> = residuals(patch, model, cells)
         .filter(|r| r.weight > 0.0)
@@ -205,7 +208,7 @@ fn spread(patch: &Patch, model: &Model, cells: &[Cell]) -> f64 {
     (1.482_602 * median.sqrt()).max(1.0)
 }
 
-/// A pixel of the patch against the model.
+/// A pixel's residual and the model terms at that pixel.
 struct Residual {
     residual: f64,
     weight: f64,
@@ -247,7 +250,7 @@ fn normals(
     cells: &[Cell],
     scale: Option<f64>,
 ) -> Normals {
-    // The upper triangle, by rows.
+    // Upper triangle of the normal matrix, by rows.
     let mut sums = [[0.0; UNKNOWNS]; UNKNOWNS];
     let mut gradient = [0.0; UNKNOWNS];
     let (mut chi2, mut count) = (0.0, 0.0);
@@ -320,7 +323,7 @@ fn normals(
     }
 }
 
-/// Inverse of the normal matrix, by Cholesky after its diagonal is made 1.
+/// Inverts the normal matrix by Cholesky decomposition, after scaling its diagonal to 1.
 fn invert(matrix: &mut Normal) -> Option<Normal> {
     let scale: Vector = matrix.diagonal().map(|d| 1.0 / d.sqrt());
     if !scale.iter().all(|s| s.is_finite()) {
@@ -349,7 +352,7 @@ fn finish(
     let slope = DVec2::new(right, down);
     let slope = slope / (level + slope.dot(away));
     let strength = match known.contrast {
-        // What the prior said is not the dot's.
+        // Remove the prior's information: only the dot's own pixels count.
         Some([_, sigma]) => {
             let own = (1.0 / inverse[(8, 8)] - 1.0 / (sigma * sigma)).max(0.0);
             model.contrast * own.sqrt()

@@ -1,4 +1,4 @@
-//! Which fitted dots are trusted, and whether they are the board's that was said.
+//! Rejects unreliable dots, and boards that do not match the specified one.
 
 use super::ellipse::Ellipse;
 use super::known::{Dot, Dots, median};
@@ -8,29 +8,30 @@ use crate::board::{NotFound, Picture};
 use glam::DVec2;
 use phasmid_geometry::Board;
 
-/// Part of what its pixels could tell of a dot's centre that must have been told.
+/// Minimum fraction of the information on a dot's centre that must lie in usable pixels.
 const TOLD: f64 = 0.8;
-/// Times the usual sum of squared residuals.
+/// Maximum ratio of a fit's chi-square per degree of freedom to the median of all fits.
 const WORSE: f64 = 25.0;
-/// Ratio of contrast and of radius to the usual, either way.
+/// Maximum ratio of a dot's contrast to the median, and of its radius to the predicted one, either
+/// way.
 const CONTRAST: f64 = 1.4;
 const RADIUS: f64 = 1.2;
-/// Deviation from where its neighbours put it, in pitches.
+/// Maximum distance from the position that the neighbours predict, in pitches.
 const STRAY: f64 = 0.25;
-/// Standard deviations that a dot must stand out.
+/// Minimum ratio of a dot's contrast to its standard deviation.
 const STRENGTH: f64 = 10.0;
-/// Standard deviation of a centre that is of use, in pixels.
+/// Maximum standard deviation of a dot's centre, in pixels.
 const LEAST_SURE: f64 = 0.1;
-/// Ratio of measured to said proportions, either way: ink spreads on paper.
+/// Maximum ratio of measured to specified proportions, either way: ink spreads on paper.
 const PROPORTION: f64 = 1.15;
-/// Part of the paper's level above which paper is lit.
+/// Fraction of the paper's level above which a pixel counts as lit paper.
 const LIT: f64 = 0.6;
 
-/// What dots of this picture have in common.
+/// Properties that the dots of an image share.
 pub(super) struct Judge<'a> {
     picture: &'a Picture,
     sigma: f64,
-    /// Medians of the sum of squares per degree of freedom (at least 1), and of the contrast.
+    /// Medians of chi-square per degree of freedom (at least 1) and of the contrast.
     pub chi2: f64,
     contrast: f64,
 }
@@ -53,7 +54,7 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Whether a dot lies wholly on the picture, its blurred edge too.
+    /// Whether a dot lies completely inside the image, including its blurred edge.
     pub fn fits_in(&self, dot: &Ellipse) -> bool {
         let reach = dot.reach() + 0.5 + 2.0 * self.sigma;
         let (low, high) = (dot.centre - reach, dot.centre + reach);
@@ -62,7 +63,7 @@ impl<'a> Judge<'a> {
             && high.y <= self.picture.height as f64 - 0.5
     }
 
-    /// Whether a dot is one of the board's, whole and measured well.
+    /// Whether a dot fits the grid and is complete and well measured.
     pub fn accepts(&self, dots: &Dots, cell: Cell, dot: &Dot) -> bool {
         let Some(fit) = &dot.fit else { return false };
         let ellipse = &fit.model.ellipse;
@@ -87,7 +88,7 @@ impl<'a> Judge<'a> {
             && expected.is_some_and(|(off, ratio)| off < STRAY && alike(ratio, RADIUS))
     }
 
-    /// Leaves only dots that are accepted.
+    /// Removes all dots that are not accepted.
     pub fn sift(&self, dots: &mut Dots) {
         let refused: Vec<Cell> = dots
             .known
@@ -101,7 +102,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Whether dots and markers have the sizes that the board's have for its pitch.
+/// Checks the sizes of dots and markers, relative to the pitch, against the specified board.
 pub(super) fn proportions(dots: &Dots) -> Result<(), NotFound> {
     let Board::Dots {
         dot_mm,
@@ -145,7 +146,7 @@ pub(super) fn proportions(dots: &Dots) -> Result<(), NotFound> {
     })
 }
 
-/// Whether an outer row or column is missing where lit paper is in its place.
+/// Returns an error if lit paper lies where an outer row or column of the board should be.
 pub(super) fn extent(dots: &Dots, judge: &Judge) -> Result<(), NotFound> {
     let [columns, rows] = dots.board.grid().map(|n| n as i32);
     let range = |axis: usize| {
@@ -188,8 +189,8 @@ pub(super) fn extent(dots: &Dots, judge: &Judge) -> Result<(), NotFound> {
 }
 
 impl Judge<'_> {
-    /// Whether paper is seen where a cell's dot would be, with the light on it that its neighbours
-    /// have; `None` where the picture does not reach.
+    /// Whether lit paper is visible where a cell's dot should be, compared with the paper around
+    /// the neighbouring dots; `None` if that position is outside the image.
     fn is_blank(&self, dots: &Dots, cell: Cell) -> Option<bool> {
         let place = dots.place(cell)?;
         let outline = dots.outline(cell, place.at)?;
@@ -200,7 +201,7 @@ impl Judge<'_> {
         if !self.fits_in(&outline) {
             return None;
         }
-        // Half way out from the middle of the dot, which would be ink.
+        // Sample half-way between the dot's centre and outline, where there should be ink.
         let lit = [DVec2::X, -DVec2::X, DVec2::Y, -DVec2::Y]
             .map(|towards| (place.at + 0.5 * (outline.shape * towards)).round())
             .iter()

@@ -1,4 +1,4 @@
-//! The board's dots as they are known so far, by their columns and rows.
+//! The dots found so far, by column and row on the board.
 
 use super::ellipse::Ellipse;
 use super::fit::Fit;
@@ -7,17 +7,17 @@ use glam::{DMat2, DVec2};
 use phasmid_geometry::Board;
 use std::collections::BTreeMap;
 
-/// What is known of a dot.
+/// A dot found so far.
 #[derive(Debug, Clone)]
 pub(super) struct Dot {
-    /// Where it seems to be.
+    /// Initial outline, from the blob or the neighbours.
     pub start: Ellipse,
-    /// Where it is.
+    /// Fitted outline; `None` if not fitted yet or if the fit failed.
     pub fit: Option<Fit>,
 }
 
 impl Dot {
-    /// The best that is known.
+    /// The fitted outline if there is one, else the initial one.
     pub fn ellipse(&self) -> Ellipse {
         self.fit
             .as_ref()
@@ -25,7 +25,7 @@ impl Dot {
     }
 }
 
-/// All dots that are known.
+/// All dots found so far.
 #[derive(Debug, Clone)]
 pub(super) struct Dots<'a> {
     pub board: &'a Board,
@@ -33,7 +33,7 @@ pub(super) struct Dots<'a> {
 }
 
 impl Dots<'_> {
-    /// The board's point with a column and row, if it has it.
+    /// Returns the board index of a cell, or `None` if the cell is outside the board.
     pub fn index(&self, cell: Cell) -> Option<[u32; 2]> {
         index(self.board, cell)
     }
@@ -42,18 +42,19 @@ impl Dots<'_> {
         self.index(cell).map(|index| self.board.radius_mm(index))
     }
 
-    /// Where a dot should be by those around it.
+    /// Predicts a dot's position from the dots around it.
     pub fn place(&self, cell: Cell) -> Option<Place> {
         predict(cell, |c| self.known.get(&c).map(|dot| dot.ellipse().centre))
     }
 
-    /// The outline that a dot should have by those around it, about a centre: the mean of theirs.
+    /// Predicts a dot's outline about `centre`: the mean of the dots around it, scaled to its
+    /// radius.
     pub fn outline(&self, cell: Cell, centre: DVec2) -> Option<Ellipse> {
         let radius = self.radius_mm(cell)?;
         let (mut sum, mut count) = (DMat2::ZERO, 0.0);
         let fitted = self.around(cell, 2).any(|(_, dot)| dot.fit.is_some());
         for (c, dot) in self.around(cell, 2) {
-            // Those that are measured, if there are any.
+            // Use only measured dots if there are any.
             if fitted && dot.fit.is_none() {
                 continue;
             }
@@ -67,7 +68,7 @@ impl Dots<'_> {
         })
     }
 
-    /// Known dots around a cell, without its own.
+    /// Known dots within `steps` cells of a cell, without the cell's own.
     pub fn around(&self, [u, v]: Cell, steps: i32) -> impl Iterator<Item = (Cell, &Dot)> {
         (v - steps..=v + steps)
             .flat_map(move |row| (u - steps..=u + steps).map(move |column| [column, row]))
@@ -76,14 +77,14 @@ impl Dots<'_> {
     }
 }
 
-/// The board's point with a column and row, if it has it.
+/// Returns the board index of a cell, or `None` if the cell is outside the board.
 pub(super) fn index(board: &Board, [column, row]: Cell) -> Option<[u32; 2]> {
     let index = [u32::try_from(column).ok()?, u32::try_from(row).ok()?];
     let [columns, rows] = board.grid();
     (index[0] < columns && index[1] < rows).then_some(index)
 }
 
-/// The median, if there is any.
+/// Median of the finite values; `None` if there are none.
 pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     values.retain(|v| v.is_finite());
     let middle = values.len() / 2;

@@ -1,4 +1,4 @@
-//! Which of a grid's dots are markers, and which way round the board is by them.
+//! Identifies a grid's markers and, from them, the board's orientation.
 
 use super::blobs::Blob;
 use super::known;
@@ -7,13 +7,13 @@ use crate::board::NotFound;
 use phasmid_geometry::{Board, MARKERS};
 use std::collections::BTreeSet;
 
-/// Markers that must be seen in their places.
+/// Minimum number of markers that must be found at their positions.
 pub(super) const ENOUGH: usize = 4;
-/// Large dots that may be markers; more of them are no board's.
+/// Maximum number of large dots that are tried as markers.
 const MOST_LARGE: usize = 32;
 
-/// How a grid's own numbers become the board's: a turn by quarters, or a reflection of one, and
-/// where the grid's cell [0, 0] goes.
+/// Transformation from grid to board numbering: a rotation by quarter turns, possibly with a
+/// reflection, and an offset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Labels {
     turn: [[i32; 2]; 2],
@@ -21,14 +21,14 @@ pub(super) struct Labels {
 }
 
 impl Labels {
-    /// The grid's cell of a column and row on the board.
+    /// Returns the grid cell of a column and row on the board.
     fn cell(&self, [column, row]: [i32; 2]) -> Cell {
         let [[a, b], [c, d]] = self.turn;
         let away = [column - self.offset[0], row - self.offset[1]];
         [a * away[0] + c * away[1], b * away[0] + d * away[1]]
     }
 
-    /// Column and row on the board, perhaps beyond its edge.
+    /// Returns the column and row on the board of a grid cell; may be outside the board.
     pub fn index(&self, cell: Cell) -> [i32; 2] {
         let [[a, b], [c, d]] = self.turn;
         [
@@ -38,7 +38,7 @@ impl Labels {
     }
 }
 
-/// The four turns and their reflections; the first four have a positive determinant.
+/// The four rotations and the four reflections; the first four have a positive determinant.
 const TURNS: [[[i32; 2]; 2]; 8] = [
     [[1, 0], [0, 1]],
     [[0, -1], [1, 0]],
@@ -50,10 +50,10 @@ const TURNS: [[[i32; 2]; 2]; 8] = [
     [[0, -1], [-1, 0]],
 ];
 
-/// The one way round in which the grid's large dots are the board's markers.
+/// Returns the only orientation in which the grid's large dots are the board's markers.
 ///
 /// # Errors
-/// None, several, or only that of a mirror.
+/// Returns an error if no orientation or several fit, or if only a mirrored one does.
 pub(super) fn label(board: &Board, blobs: &[Blob], grid: &Grid) -> Result<Labels, NotFound> {
     let large = markers(board, blobs, grid);
     let ways: Vec<(usize, Labels)> = TURNS
@@ -95,7 +95,7 @@ fn count(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
-/// Cells whose dots are larger than their neighbours as markers are.
+/// Cells whose dots are larger than their neighbours by the ratio expected of markers.
 fn markers(board: &Board, blobs: &[Blob], grid: &Grid) -> Vec<Cell> {
     let Board::Dots {
         dot_mm, marker_mm, ..
@@ -103,7 +103,7 @@ fn markers(board: &Board, blobs: &[Blob], grid: &Grid) -> Vec<Cell> {
     else {
         return Vec::new();
     };
-    // Half way, by ratio, between the areas of a dot and of a marker.
+    // Ratio of areas above which a dot is a marker: the geometric mean of 1 and a marker's ratio.
     let limit = marker_mm / dot_mm;
     grid.iter()
         .filter(|&(&cell, &k)| {
@@ -114,7 +114,7 @@ fn markers(board: &Board, blobs: &[Blob], grid: &Grid) -> Vec<Cell> {
         .collect()
 }
 
-/// Offsets that take a large dot to a marker.
+/// Candidate offsets: those that map a large dot to a marker.
 fn offsets(board: &Board, large: &[Cell], turn: [[i32; 2]; 2]) -> BTreeSet<[i32; 2]> {
     let unmoved = Labels {
         turn,
@@ -130,14 +130,14 @@ fn offsets(board: &Board, large: &[Cell], turn: [[i32; 2]; 2]) -> BTreeSet<[i32;
         .collect()
 }
 
-/// Columns and rows of the markers.
+/// Columns and rows of the board's markers.
 fn places(board: &Board) -> impl Iterator<Item = [i32; 2]> + use<> {
     let [columns, rows] = board.grid().map(|n| (n / 2) as i32);
     MARKERS.iter().map(move |m| [columns + m[0], rows + m[1]])
 }
 
-/// Whether enough markers are large dots and none a small one, and no other dot of the board is
-/// large. Beyond the board's edge there may be anything.
+/// Whether at least `ENOUGH` markers are large dots, no marker that was found is small, and no
+/// other dot on the board is large. Dots outside the board are ignored.
 fn agrees(board: &Board, grid: &Grid, large: &[Cell], labels: &Labels) -> bool {
     let markers: Vec<Cell> = places(board).map(|place| labels.cell(place)).collect();
     let seen = markers.iter().filter(|cell| grid.contains_key(*cell));

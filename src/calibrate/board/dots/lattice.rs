@@ -1,35 +1,36 @@
-//! From blobs to a grid of them.
+//! Arranges blobs into grids.
 //!
-//! A dot's own ellipse tells how its surroundings are foreshortened: in the metric that makes it a
-//! circle, its four neighbours lie at equal distances and right angles, which tells them from the
-//! diagonals at any tilt. A dot with eight neighbours in their places is a seed; from there the grid
-//! grows, each place predicted by the affine map that fits the dots already placed around it. The
-//! remainder, a few percent of a pitch, is perspective and distortion.
+//! A dot's own ellipse shows how its surroundings are foreshortened: in the metric that makes the
+//! ellipse a circle, the four nearest dots lie at equal distances and right angles, which separates
+//! them from the diagonal ones at any tilt. A dot with all eight neighbours at their expected
+//! positions is a seed. The grid grows from it, with each position predicted by an affine map
+//! fitted to the dots already placed around it. The remaining error, a few percent of a pitch, is
+//! perspective and distortion.
 
 use super::blobs::Blob;
 use glam::{DMat2, DVec2};
 use std::collections::{BTreeMap, VecDeque};
 
-/// Column and row in a grid's own numbers.
+/// Column and row in a grid's own numbering.
 pub(super) type Cell = [i32; 2];
 
-/// Neighbours are looked for within this many half axes of a blob: pitch over radius is near 5.
+/// Search radius for a blob's neighbours, in semi-axes; a grid's pitch is about 5 dot radii.
 const FAR: f64 = 14.0;
-/// Deviation of a seed's neighbours from its parallelograms, in pitches.
+/// Maximum distance of a seed's neighbours from a regular grid, in pitches.
 const SEED: f64 = 0.2;
-/// Deviation of a dot from where it was predicted, in pitches.
+/// Maximum distance of a dot from its predicted position, in pitches.
 const STRAY: f64 = 0.25;
-/// How much larger or smaller than the dots around it a dot may be by area.
+/// Allowed ratio of a dot's area to that of the dots around it.
 const SIZES: std::ops::Range<f64> = 0.2..9.0;
-/// Cells around a cell that say where it is.
+/// Radius, in cells, of the neighbourhood that predicts a cell's position.
 const AROUND: i32 = 2;
-/// Seeds that are tried, and grids that are grown.
+/// Maximum number of grids that are grown.
 const TRIES: usize = 64;
 
-/// Blobs by their places in a grid.
+/// Blob indices by cell.
 pub(super) type Grid = BTreeMap<Cell, usize>;
 
-/// Blobs sorted by their x, to find those near a place.
+/// Blobs sorted by x, to find those near a position.
 struct Finder<'a> {
     blobs: &'a [Blob],
     by_x: Vec<(f64, usize)>,
@@ -46,7 +47,7 @@ impl<'a> Finder<'a> {
         Self { blobs, by_x }
     }
 
-    /// Blobs whose x and y are within `reach` of a place.
+    /// Blobs whose x and y are within `reach` of a position.
     fn near(&self, place: DVec2, reach: DVec2) -> impl Iterator<Item = usize> + '_ {
         let first = self.by_x.partition_point(|&(x, _)| x < place.x - reach.x);
         self.by_x[first..]
@@ -57,7 +58,7 @@ impl<'a> Finder<'a> {
     }
 }
 
-/// Grids among the blobs, the largest first; no blob is in two.
+/// Finds grids among the blobs, the largest first. No blob belongs to two grids.
 pub(super) fn grids(blobs: &[Blob]) -> Vec<Grid> {
     let finder = Finder::new(blobs);
     let mut seeds: Vec<(f64, Seed)> = (0..blobs.len())
@@ -80,7 +81,7 @@ pub(super) fn grids(blobs: &[Blob]) -> Vec<Grid> {
     found
 }
 
-/// Nine blobs that are a grid of three by three.
+/// Nine blobs that form a 3 x 3 grid.
 struct Seed {
     middle: usize,
     cells: Vec<(Cell, usize)>,
@@ -100,7 +101,7 @@ fn seed(blobs: &[Blob], finder: &Finder, middle: usize) -> Option<(f64, Seed)> {
         .filter(|n| n.0 <= FAR)
         .collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // Eight neighbours, and as many that may be none.
+    // Eight neighbours, and up to 16 blobs that are not dots.
     near.truncate(24);
     let &(length, one, right) = near.first()?;
     let closest = |to: DVec2, within: f64| {
@@ -117,7 +118,7 @@ fn seed(blobs: &[Blob], finder: &Finder, middle: usize) -> Option<(f64, Seed)> {
     let at = |k: usize| blobs[k].ellipse.centre;
     let (across, along) = (0.5 * (at(right) - at(left)), 0.5 * (at(down) - at(up)));
     let basis = DMat2::from_cols(across, along);
-    // y of the grid is clockwise of x on the picture, as on the board.
+    // The grid's y axis is clockwise of its x axis in the image, as on the board.
     if !(basis.determinant() > 0.0) {
         return None;
     }
@@ -184,19 +185,19 @@ fn grow(blobs: &[Blob], finder: &Finder, seed: &Seed, taken: &mut [bool]) -> Gri
     grid
 }
 
-/// Where a cell should be.
+/// Predicted position of a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Place {
     /// In pixels.
     pub at: DVec2,
-    /// Steps to the next column and row in pixels.
+    /// Steps to the next column and to the next row, in pixels.
     pub basis: DMat2,
 }
 
-/// Where a cell is by the affine map that fits the known cells around it best, near ones more than
-/// far ones; `None` where they do not tell.
+/// Predicts a cell's position by an affine map fitted to the known cells around it, with weights
+/// that fall with distance; `None` if those cells do not determine the map.
 pub(super) fn predict(cell: Cell, known: impl Fn(Cell) -> Option<DVec2>) -> Option<Place> {
-    // Sums of weight times (1, u, v) (1, u, v) and times place.
+    // Weighted sums of (1, u, v)^T (1, u, v) and of (1, u, v) times position.
     let mut n = [0.0f64; 6];
     let mut p = [DVec2::ZERO; 3];
     for dv in -AROUND..=AROUND {
@@ -219,7 +220,7 @@ pub(super) fn predict(cell: Cell, known: impl Fn(Cell) -> Option<DVec2>) -> Opti
     }
     let [s, u, v, uu, uv, vv] = n;
     let matrix = glam::DMat3::from_cols_array(&[s, u, v, u, uu, uv, v, uv, vv]);
-    // Three dots that are no line have a determinant of about 1e-2 with the least of the weights.
+    // Three cells of the neighbourhood that are not collinear give at least 2.5e-5.
     if !(matrix.determinant() > 1e-6) {
         return None;
     }
@@ -235,7 +236,7 @@ pub(super) fn predict(cell: Cell, known: impl Fn(Cell) -> Option<DVec2>) -> Opti
     (place.at.is_finite() && place.basis.determinant() > 0.0).then_some(place)
 }
 
-/// The median of what is known of the cells around a cell.
+/// Median of the known values of the cells around a cell.
 pub(super) fn typical(cell: Cell, known: impl Fn(Cell) -> Option<f64>) -> Option<f64> {
     let mut values: Vec<f64> = (-AROUND..=AROUND)
         .flat_map(|dv| (-AROUND..=AROUND).map(move |du| [du, dv]))

@@ -1,4 +1,4 @@
-//! Dots measured: the picture's blur and contrast by some of them, then each by its fit.
+//! Measures dots: first estimates the image's blur and contrast from a sample, then fits every dot.
 
 use super::coverage::{self, Cell as Covered};
 use super::ellipse::{Ellipse, Window};
@@ -9,19 +9,19 @@ use super::step::Steps;
 use crate::board::Picture;
 use rayon::prelude::*;
 
-/// Paper around a dot that its fit sees, in pixels on top of the blur.
+/// Width of the ring of paper around a dot that its fit uses, in pixels, in addition to the blur.
 const RING: f64 = 3.0;
-/// Dots that tell the blur.
+/// Approximate number of dots that the blur is estimated from.
 const SAMPLES: usize = 32;
-/// Standard deviation of ink's contrast over a board.
+/// Assumed standard deviation of the ink's contrast across a board.
 const INK_SPREAD: f64 = 0.1;
-/// Upper quartile of the deviations of dots' blurs in standard deviations (1.15 by noise alone) above
-/// which they differ.
+/// Threshold above which dots are taken to have different blurs: upper quartile of their
+/// differences from the median blur, in standard deviations. Noise alone gives 1.15.
 const VARIES: f64 = 3.0;
-/// A blur (variance in pixels squared) above which dots reach into their neighbours' paper.
+/// Blur variance, in pixels squared, above which dots darken the paper around their neighbours.
 const WIDE: f64 = 0.1;
 
-/// A picture with what all its dots share.
+/// An image and the blur and contrast that all its dots share.
 pub(super) struct Measure<'a> {
     pub picture: &'a Picture,
     pub steps: Steps,
@@ -31,7 +31,8 @@ pub(super) struct Measure<'a> {
 }
 
 impl<'a> Measure<'a> {
-    /// Fits every known dot, after blur and contrast have been told by markers and some others.
+    /// Estimates blur and contrast from the markers and a sample of other dots, then fits every
+    /// known dot.
     pub fn new(picture: &'a Picture, dots: &mut Dots) -> Self {
         let mut this = Self {
             picture,
@@ -46,7 +47,7 @@ impl<'a> Measure<'a> {
         this.estimate(dots, false);
         this.take(dots, &cells, false);
         if this.blur > WIDE {
-            // With what is known of the neighbours now, their blurred edges are no riddle.
+            // The neighbours' outlines are known now, so that their blurred edges can be modelled.
             this.estimate(dots, true);
             let crowded: Vec<Cell> = cells
                 .into_iter()
@@ -59,7 +60,7 @@ impl<'a> Measure<'a> {
         this
     }
 
-    /// Whether blur brings a neighbour into a dot's patch, or the dot has no fit yet.
+    /// Whether a neighbour's blur reaches into a dot's patch, or the dot has no fit yet.
     fn is_crowded(&self, dots: &Dots, cell: Cell) -> bool {
         dots.known.get(&cell).is_some_and(|dot| {
             let field = self.field(&dot.ellipse());
@@ -69,13 +70,14 @@ impl<'a> Measure<'a> {
         })
     }
 
-    /// What a patch shows of a dot's surroundings.
+    /// Region that a dot's patch covers.
     fn field(&self, dot: &Ellipse) -> Ellipse {
         dot.wider(RING + 3.0 * self.blur.sqrt())
     }
 
-    /// How far beyond its outline a dot darkens paper so much that it matters: what of it is left
-    /// can be neglected, or is no more than the model of the dot can bear.
+    /// Distance in pixels beyond a dot's outline within which it darkens the paper noticeably.
+    /// Beyond it, the remaining effect is negligible (`overlapping`) or small enough for the
+    /// neighbour's fit to tolerate.
     fn reach(&self, overlapping: bool) -> f64 {
         let sigma = self.blur.sqrt();
         if overlapping {
@@ -108,7 +110,7 @@ impl<'a> Measure<'a> {
             .map(|fit| (fit.model.blur, 1.0 / fit.blur_variance.sqrt()))
             .collect();
         self.blur = weighted_median(blurs).unwrap_or(0.0);
-        // Out of focus in part: each dot has a blur of its own.
+        // Parts of the image may be out of focus, so that each dot has its own blur.
         let off = |fit: &Fit| (fit.model.blur - self.blur).abs();
         let beyond_noise = |fit: &Fit| off(fit) / (fit.blur_variance * fit.chi2.max(1.0)).sqrt();
         let upper = |value: &dyn Fn(&Fit) -> f64| {
@@ -139,15 +141,16 @@ impl<'a> Measure<'a> {
         }
     }
 
-    /// Fits dots from where they are known to be; with `overlapping`, what their neighbours' blur
-    /// takes from their paper is part of the model, else such pixels are left out.
+    /// Fits dots, starting from their known outlines. With `overlapping`, the model includes the
+    /// darkening by neighbours' blurred edges; without, such pixels are excluded.
     fn fits(&self, dots: &Dots, cells: &[Cell], overlapping: bool) -> Vec<Option<Fit>> {
         cells
             .par_iter()
             .with_min_len(8)
             .map_init(Vec::new, |scratch, cell| {
                 let dot = dots.known.get(cell)?;
-                // A blob that could not be fitted is as large as its blur.
+                // The outline of a blob that could not be fitted includes its blur, so take the
+                // neighbours'.
                 let start = match (&dot.fit, overlapping) {
                     (None, true) => dots.outline(*cell, dot.start.centre)?,
                     _ => dot.ellipse(),
@@ -157,7 +160,7 @@ impl<'a> Measure<'a> {
             .collect()
     }
 
-    /// Fits what should be a dot.
+    /// Fits a dot at the position where one is expected.
     pub fn try_at(&self, dots: &Dots, cell: Cell, start: Ellipse) -> Option<Dot> {
         let mut scratch = Vec::new();
         let fit = self.one(dots, cell, start, false, &mut scratch)?;
@@ -180,7 +183,7 @@ impl<'a> Measure<'a> {
         fit(&patch, start, &self.known, &self.steps, scratch)
     }
 
-    /// The pixels of a dot and of the paper around it.
+    /// Cuts out the pixels of a dot and of the paper around it.
     fn patch(
         &self,
         dot: Ellipse,
@@ -203,10 +206,10 @@ impl<'a> Measure<'a> {
             .collect();
         let variance = rows().flat_map(|from| &variance[from..from + window.width]);
         let highest = level.iter().copied().fold(0.0, f64::max);
-        // Below this the model's own errors (its blur is a Gaussian, its light a plane) are larger.
+        // Below this, errors of the model dominate (Gaussian blur, light as a plane).
         let least = (3e-4 * highest).powi(2).max(f64::MIN_POSITIVE);
         let inside = field.inward();
-        // Where neighbours are part of the model, only their ink is left out.
+        // If neighbours are part of the model, only their ink itself is excluded.
         let reach = self.reach(overlapping);
         let margin = if overlapping { 0.3 } else { reach };
         let near: Vec<_> = neighbours
@@ -245,7 +248,7 @@ impl<'a> Measure<'a> {
     }
 }
 
-/// Whether a dot that is `reach` wider may touch a field.
+/// Whether a dot widened by `reach` may touch a field; compares bounding boxes.
 fn near(field: &Ellipse, dot: &Ellipse, reach: f64) -> bool {
     let gap = (dot.centre - field.centre).abs() - dot.reach() - field.reach();
     gap.max_element() < reach

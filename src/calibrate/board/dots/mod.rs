@@ -1,9 +1,14 @@
-//! A board of dots found in a picture.
+//! Finds a dot board in an image and measures its dots.
 //!
-//! Dark blobs make grids (`lattice`); the large ones among a grid's dots tell which way round it is
-//! (`label`); an area model of each dot (`fit`) gives its centroid and outline, to a hundredth of a
-//! pixel and better; dots that were missed are looked for where they should be (`complete`); and what
-//! does not look like the board that was said is refused (`judge`).
+//! - `blobs`: finds dark blobs, the candidate dots.
+//! - `lattice`: arranges blobs into grids.
+//! - `label`: identifies the large dots (markers) of a grid, which give the board's orientation.
+//! - `known`: holds the dots found so far.
+//! - `measure`: estimates the image's blur and contrast, then fits every dot.
+//! - `fit`, `coverage`, `ellipse`, `step`: area model of a dot, which gives its centroid and
+//!   outline to a hundredth of a pixel or better.
+//! - `complete`: searches for missed dots at the positions their neighbours predict.
+//! - `judge`: rejects unreliable dots, and boards that do not match the specified one.
 
 mod blobs;
 mod complete;
@@ -27,9 +32,9 @@ use lattice::Grid;
 use phasmid_geometry::Board;
 use std::collections::BTreeMap;
 
-/// Sides in pixels of the square that a pixel is compared with, and the part of its mean below
-/// which a pixel is dark, in the order of trial. A square suits grids whose pitch is a sixth of it
-/// up to two thirds.
+/// Dark-pixel thresholds, in the order of trial: side in pixels of the square around a pixel, and
+/// fraction of the square's mean below which the pixel is dark. A square suits grids whose pitch is
+/// between a sixth and two thirds of its side.
 const TRIALS: [(usize, f64); 7] = [
     (48, 0.7),
     (96, 0.7),
@@ -39,19 +44,21 @@ const TRIALS: [(usize, f64); 7] = [
     (384, 0.7),
     (768, 0.7),
 ];
-/// Dots of a grid that is looked at, and how many grids are.
+/// Minimum number of blobs for a grid search, and maximum number of grids examined, largest first.
 const LEAST: usize = 9;
 const GRIDS: usize = 6;
-/// Points of a board along a side.
+/// Allowed number of dots along a side of the board.
 const SIDES: std::ops::RangeInclusive<u32> = 5..=199;
 
-/// The board's dots in a picture, row by row: those that are whole and measured well.
+/// Finds the board's dots in an image and returns those that are complete and well measured, row by
+/// row.
 ///
-/// `px` of each is the centroid of its image's area, free of the light's slope; its covariance is of
-/// the picture's noise, enlarged where the residuals are larger than it says.
+/// Each `px` is the centroid of the imaged dot's area, corrected for the gradient of the light. Its
+/// covariance follows from the image noise, scaled up where the fits' residuals exceed that noise.
 ///
 /// # Errors
-/// No board of dots, one that cannot be told which way round it is, a mirrored one, another one.
+/// Returns an error if no dot board is found, its orientation is ambiguous, the image is mirrored,
+/// or the board differs from the specified one.
 pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
     let [columns, rows] = board.grid();
     let nothing = |found: String| NotFound::Nothing {
@@ -114,7 +121,7 @@ pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
     }
 }
 
-/// Measures the dots of a grid that has been labelled.
+/// Measures the dots of a labelled grid.
 fn seen(
     board: &Board,
     picture: &Picture,
@@ -146,8 +153,9 @@ fn seen(
     judge.sift(&mut dots);
     complete::complete(&measure, &judge, &mut dots);
     judge::extent(&dots, &judge)?;
-    // Blur carries light along its slope: an image blurred by variance s under light whose relative
-    // slope is g lies s g from where it would be under even light. The pixel is a blur too.
+    // Blur under a light gradient shifts an image: with blur variance s and relative light gradient
+    // g, it appears at a distance of s g from its position under even light. The pixel's box adds
+    // 1/12 to s.
     let blur = measure.blur + 1.0 / 12.0;
     let mut seen: Vec<Seen> = dots
         .known
@@ -166,8 +174,8 @@ fn seen(
     Ok(seen)
 }
 
-/// Whether rows or columns of dots go on beyond the board's: at least half of one does. Less is
-/// clutter.
+/// Returns an error if the grid continues beyond the board: if one row or column outside it is at
+/// least half full. Fewer dots are taken as clutter.
 fn larger(
     board: &Board,
     known: &BTreeMap<lattice::Cell, Dot>,

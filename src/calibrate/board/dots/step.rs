@@ -1,17 +1,17 @@
-//! A step that a Gaussian has blurred: the normal distribution's function and density, from a table.
+//! Blurred step function: normal distribution function and density, from a table.
 //!
-//! Nodes are 1/32 apart and joined by cubic Hermite polynomials, whose error is at most
+//! Nodes are h = 1/32 apart and interpolated by cubic Hermite polynomials, whose error is at most
 //! h^4 / 384 max|f''''|, below 1e-8 here.
 
 /// Nodes per standard deviation.
 const FINE: f64 = 32.0;
-/// Beyond this many standard deviations a step is over: 1e-9 of it is left.
+/// Range of the table in standard deviations; the function differs from 0 or 1 by 1e-9 there.
 const END: f64 = 6.0;
 
-/// Table of the normal distribution.
+/// Table of the normal distribution function and density.
 #[derive(Debug, Clone)]
 pub(super) struct Steps {
-    /// Function and density at a node.
+    /// Function and density at each node.
     nodes: Vec<[f64; 2]>,
 }
 
@@ -25,7 +25,7 @@ impl Steps {
             .map(|node| {
                 let u = node as f64 * h - END;
                 let here = [sum, density(u)];
-                // Simpson's rule to the next node, exact to 1e-12.
+                // Simpson's rule up to the next node, exact to 1e-12.
                 sum += h / 6.0 * (here[1] + 4.0 * density(u + 0.5 * h) + density(u + h));
                 here
             })
@@ -33,7 +33,7 @@ impl Steps {
         Self { nodes }
     }
 
-    /// Function and density at `u`.
+    /// Returns function and density at `u`.
     pub fn at(&self, u: f64) -> [f64; 2] {
         let place = (u + END) * FINE;
         if !(place > 0.0) {
@@ -51,7 +51,7 @@ impl Steps {
             let rise = y1 - y0;
             y0 + t * (s0 + t * ((3.0 * rise - 2.0 * s0 - s1) + t * (s0 + s1 - 2.0 * rise)))
         };
-        // The density's slope is -u times it.
+        // The density's derivative is -u times the density.
         [
             cubic(f0, h * d0, f1, h * d1),
             cubic(d0, -h * u0 * d0, d1, -h * (u0 + h) * d1),

@@ -1,9 +1,10 @@
-//! A picture with what was found in it, for people.
+//! Draws the points that were found on the image, for inspection.
 //!
-//! Each row of the board has a colour of its own. A dot has its outline and a cross at its middle, a
-//! marker a second outline in white; a corner has a cross. A line goes along each row. From the
-//! first point, which says its column and row, arrows show where columns (x) and rows (y) count up;
-//! the upper left corner of the picture says how many points there are.
+//! Each row of the board has its own colour and a line through its points. A dot is marked by its
+//! outline and a cross at its centroid, a marker also by a white outline, and a corner by a cross
+//! in a circle. At the first point, labelled with its column and row, arrows show the directions of
+//! increasing column (x) and row (y). The caption in the upper left corner gives the number of
+//! points.
 
 mod pen;
 
@@ -15,16 +16,16 @@ use phasmid_geometry::Board;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Pixels that have no level: saturated.
+/// Colour of saturated pixels, which have no level.
 const SATURATED: [u8; 3] = [255, 236, 170];
 const INK: [u8; 3] = [240, 240, 240];
 const X: [u8; 3] = [255, 70, 60];
 const Y: [u8; 3] = [60, 230, 90];
-/// A picture is enlarged while its longer side is no longer than this, four times at most.
+/// Images are enlarged by an integer factor of at most 4 while the longer side stays within this.
 const SIDE: usize = 1000;
 
-/// Draws what was found on the picture, enlarged where it is small. Saturated pixels are yellowish.
-/// A picture whose levels are not as many as its pixels is empty.
+/// Draws the points on the image, enlarged if it is small. Saturated pixels are yellowish. Returns
+/// an empty image if the number of levels differs from the number of pixels.
 pub fn draw(picture: &Picture, board: &Board, seen: &[Seen]) -> RgbImage {
     let sizes = u32::try_from(picture.width)
         .ok()
@@ -67,7 +68,7 @@ pub fn draw(picture: &Picture, board: &Board, seen: &[Seen]) -> RgbImage {
     image
 }
 
-/// Levels as the eye wants them: the lightest hundredth is white, gamma 2.2.
+/// Converts levels for display: the 99th percentile is white, with a gamma of 2.2.
 fn tones(level: &[f32]) -> Vec<[u8; 3]> {
     let stride = (level.len() / 20_000).max(1);
     let mut some: Vec<f32> = level.iter().step_by(stride).copied().collect();
@@ -88,7 +89,7 @@ fn tones(level: &[f32]) -> Vec<[u8; 3]> {
     level.iter().map(tone).collect()
 }
 
-/// Far apart on the wheel of colours for rows side by side.
+/// Colour of a row: the hues of all rows span 0.9 of the colour wheel.
 fn colour_of(row: u32, rows: u32) -> [u8; 3] {
     let turn = 0.9 * f64::from(row) / f64::from(rows.max(1));
     [0.0, 1.0 / 3.0, 2.0 / 3.0].map(|phase| {
@@ -97,7 +98,7 @@ fn colour_of(row: u32, rows: u32) -> [u8; 3] {
     })
 }
 
-/// To the nearest neighbour in the row or column.
+/// Distance to the nearest neighbour in the row or column.
 fn spacing(at: &BTreeMap<[u32; 2], DVec2>, s: &Seen) -> Option<f64> {
     let [column, row] = s.index;
     let beside = [
@@ -117,7 +118,7 @@ fn is_corner(s: &Seen) -> bool {
     s.outline.x_axis == DVec2::ZERO && s.outline.y_axis == DVec2::ZERO
 }
 
-/// The image of the unit circle about a place.
+/// Draws the unit circle, transformed by `of_circle`, about `middle`.
 fn outline(pen: &mut Pen<'_>, middle: DVec2, of_circle: DMat2, colour: [u8; 3]) {
     const SIDES: u32 = 48;
     let at = |i: u32| {
@@ -129,7 +130,7 @@ fn outline(pen: &mut Pen<'_>, middle: DVec2, of_circle: DMat2, colour: [u8; 3]) 
     }
 }
 
-/// Arrows from the first point (the first of the first row of which two are seen, if there is one).
+/// Draws arrows from the first point, row by row, whose right and lower neighbours were found too.
 fn axes(pen: &mut Pen<'_>, at: &BTreeMap<[u32; 2], DVec2>) {
     let mut by_row: Vec<(&[u32; 2], &DVec2)> = at.iter().collect();
     by_row.sort_by_key(|(index, _)| (index[1], index[0]));
@@ -196,7 +197,7 @@ mod tests {
         let image = draw(&picture, &board, &found);
         assert_eq!((image.width(), image.height()), (1000, 500));
         let colour = |row| colour_of(row, 19);
-        // A cross and an outline in the row's colour, away from its line.
+        // A cross and an outline in the row's colour, away from the row's line.
         for s in &found {
             let [column, row] = s.index;
             let (x, y) = (60 + 20 * column, 50 + 20 * row);
@@ -210,7 +211,7 @@ mod tests {
         for row in 1..19 {
             assert_ne!(colour(row), colour(row - 1));
         }
-        // The caption and the first point's arrows.
+        // The caption's background and the arrows of the first point.
         assert_eq!(image.get_pixel(0, 0).0, pen::PAPER);
         assert!(image.pixels().any(|p| p.0 == X) && image.pixels().any(|p| p.0 == Y));
         let changed = image

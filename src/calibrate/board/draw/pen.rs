@@ -1,10 +1,10 @@
-//! Lines, crosses, arrows and words at places of a picture that may be enlarged.
+//! Draws lines, crosses, arrows and text at positions of an image that may be enlarged.
 
 use glam::DVec2;
 use image::{Rgb, RgbImage};
 use phasmid_report::font;
 
-/// What words stand on.
+/// Background of text.
 pub(super) const PAPER: [u8; 3] = [22, 22, 24];
 
 pub(super) struct Pen<'a> {
@@ -17,7 +17,7 @@ impl<'a> Pen<'a> {
         Self { image, zoom }
     }
 
-    /// Place on the enlarged picture; whole numbers are pixels' centres on both.
+    /// Converts to coordinates of the enlarged image; integers are pixel centres in both.
     fn place(&self, px: DVec2) -> DVec2 {
         (px + 0.5) * self.zoom - 0.5
     }
@@ -30,7 +30,7 @@ impl<'a> Pen<'a> {
         }
     }
 
-    /// A line between two places of the picture; none where an end is far outside of it.
+    /// Draws a line between two positions; draws nothing if an end is far outside the image.
     pub(super) fn line(&mut self, from: DVec2, to: DVec2, colour: [u8; 3]) {
         let (from, to) = (self.place(from), self.place(to));
         let far = 3.0 * f64::from(self.image.width().max(self.image.height()));
@@ -49,7 +49,7 @@ impl<'a> Pen<'a> {
         }
     }
 
-    /// A line three pixels wide with a head.
+    /// Draws a line three pixels wide with an arrowhead.
     pub(super) fn arrow(&mut self, from: DVec2, to: DVec2, colour: [u8; 3]) {
         let along = (to - from).normalize_or_zero();
         let aside = along.perp() / self.zoom;
@@ -62,13 +62,14 @@ impl<'a> Pen<'a> {
         }
     }
 
-    /// A word with its middle at a place.
+    /// Draws text centred at a position.
     pub(super) fn text(&mut self, at: DVec2, text: &str, colour: [u8; 3]) {
         let dot = (self.image.height() / 240).clamp(1, 4);
         let (wide, tall) = font::size(text, dot);
         let corner = self.place(at) - DVec2::new(wide.into(), tall.into()) / 2.0;
         let size = DVec2::new(self.image.width().into(), self.image.height().into());
-        // The font draws from whole pixels on; what would begin outside is moved to the edge.
+        // The font takes unsigned pixel positions: text that would start outside moves to the
+        // border.
         let corner = corner.max(DVec2::ZERO).round();
         if corner.cmplt(size).all() {
             font::draw(
@@ -82,7 +83,7 @@ impl<'a> Pen<'a> {
     }
 }
 
-/// A word on a dark plate, its upper left corner at (x, y) and the plate two dots beyond.
+/// Draws text with its upper left corner at (x, y), on a dark plate two dots larger on each side.
 pub(super) fn label(
     image: &mut RgbImage,
     text: &str,

@@ -1,8 +1,8 @@
-//! One axis about one point: a plane through what the smooth map leaves.
+//! Fits one projector axis around one point: a plane through the residuals of the smooth map.
 //!
-//! The first weights are the biweight's, which a third of wrong pixels does not mislead. Then what
-//! lies within five standard deviations counts in full and the rest not at all: with normal noise
-//! that is least squares, whose covariance is known.
+//! The first iterations use biweights, which tolerate a third of wrong pixels. Later ones give
+//! equal trust to all pixels within five standard deviations and exclude the rest. With normal
+//! noise this is least squares, whose covariance is known.
 
 use super::super::biweight::{biweight, scale};
 use super::super::smooth::Smooth;
@@ -10,31 +10,31 @@ use super::cell::Sample;
 use super::unread::Unread;
 use glam::{DMat3, DVec2, DVec3};
 
-/// Fewest pixels of a fit.
+/// Minimum number of pixels of a fit.
 pub(super) const PIXELS: usize = 12;
-/// Standard deviations within which a pixel counts.
+/// Maximum residual of a pixel that counts, in standard deviations.
 const KEEP: f64 = 5.0;
-/// The variance at the point over that of a mean of as many pixels, at most: 1 in the middle of
-/// evenly spread pixels, 4 at their edge.
+/// Maximum ratio of the variance at the point to that of a mean of the same pixels: 1 in the middle
+/// of evenly spread pixels, 4 at their edge.
 const UNEVEN: f64 = 4.0;
-/// The residuals' mean square over what the pixels' standard deviations say, at most. An estimate of
-/// the noise may be off threefold; frames in another order are off by more.
+/// Maximum ratio of the residuals' mean square to the predicted variance. An estimate of the noise
+/// may be off by a factor of three; frames in the wrong order cause more.
 const MISFIT: f64 = 25.0;
-/// Rounds of reweighting, then of trimming.
+/// Number of reweighting iterations, then of trimming iterations.
 const ROUNDS: [usize; 2] = [5, 3];
 
 /// A plane over camera pixels, with the covariance of its coefficients.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct AxisFit {
     middle: DVec2,
-    /// Pixels to the unit of the coefficients.
+    /// Camera pixels per unit of the plane's coordinates.
     size: f64,
     terms: DVec3,
     covariance: DMat3,
     pub(super) pixels: usize,
 }
 
-/// The plane at a pixel.
+/// Values of the plane at a pixel.
 pub(super) struct At {
     pub(super) value: f64,
     pub(super) slope: DVec2,
@@ -44,12 +44,13 @@ pub(super) struct At {
 struct Row {
     basis: DVec3,
     left: f64,
-    /// One over the standard deviation.
+    /// One over the standard deviation of the pixel.
     certainty: f64,
 }
 
 impl AxisFit {
-    /// A reason where the pixels are too few or too uneven about `middle`, or astray.
+    /// Fits the plane. Returns an error if the pixels around `middle` are too few, one-sided or
+    /// inconsistent.
     pub(super) fn new(
         middle: DVec2,
         samples: &[Sample],
@@ -87,12 +88,12 @@ impl AxisFit {
         if !(variance * weight <= UNEVEN && variance > 0.0) {
             return Err(Unread::OneSided);
         }
-        // Standard deviations that are all too small say nothing of where the pixels lie.
+        // Scale only now: the test above is about where the pixels lie, not how noisy they are.
         fit.covariance *= ratio;
         Ok(fit)
     }
 
-    /// Value, slope and variance at a pixel.
+    /// Evaluates the plane at a camera pixel.
     pub(super) fn at(&self, px: DVec2) -> At {
         let basis = ((px - self.middle) / self.size).extend(1.0);
         At {
@@ -103,14 +104,15 @@ impl AxisFit {
     }
 }
 
-/// A fit by the rows that agree.
+/// A robust fit.
 struct Robust {
     terms: DVec3,
-    /// By the rows' standard deviations.
+    /// Covariance predicted from the pixels' standard deviations.
     covariance: DMat3,
-    /// Which rows counted.
+    /// Indices of the rows that were used.
     kept: Vec<usize>,
-    /// By how much the rows scatter more than their variances say; 1 where that may be chance.
+    /// Ratio of the residuals' mean square to the predicted variance; 1 if the excess may be
+    /// chance.
     ratio: f64,
 }
 
@@ -120,7 +122,7 @@ fn robust(rows: &[Row]) -> Result<Robust, Unread> {
             .map(|r| (r.left - terms.dot(r.basis)) * r.certainty)
             .collect()
     };
-    // From the median, so that a fit through wrong pixels is never where it starts.
+    // Start from the median, so that wrong pixels do not determine the initial fit.
     let mut lefts: Vec<f64> = rows.iter().map(|r| r.left).collect();
     let half = lefts.len() / 2;
     let median = *lefts.select_nth_unstable_by(half, f64::total_cmp).1;
@@ -157,7 +159,7 @@ fn robust(rows: &[Row]) -> Result<Robust, Unread> {
     if !(ratio <= MISFIT) {
         return Err(Unread::Scattered);
     }
-    // Three standard deviations of a chi-square distribution over its mean: more is not chance.
+    // Upper limit of chance: three standard deviations of chi-square per degree of freedom.
     let chance = 1.0 + 3.0 * (2.0 / freedom).sqrt();
     Ok(Robust {
         terms,
@@ -167,7 +169,7 @@ fn robust(rows: &[Row]) -> Result<Robust, Unread> {
     })
 }
 
-/// Weighted least squares and its covariance.
+/// Solves weighted least squares; returns the terms and their covariance.
 fn solve<'a>(rows: impl Iterator<Item = (&'a Row, f64)>) -> Option<(DVec3, DMat3)> {
     let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
     for (row, weight) in rows {
@@ -180,7 +182,7 @@ fn solve<'a>(rows: impl Iterator<Item = (&'a Row, f64)>) -> Option<(DVec3, DMat3
         );
         right += basis * row.left;
     }
-    // Scale-free: the determinant over its largest possible value.
+    // Ratio of the determinant to its largest possible value, which does not depend on scale.
     let diagonal = normal.x_axis.x * normal.y_axis.y * normal.z_axis.z;
     if !(normal.determinant() > 1e-9 * diagonal) {
         return None;

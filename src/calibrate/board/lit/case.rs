@@ -1,4 +1,4 @@
-//! For tests: maps whose truth is a rig and a pose of a board.
+//! Test helper: synthetic decoded maps with ground truth from a rig and a board's pose.
 
 use super::super::Seen;
 use super::super::bias::image;
@@ -7,7 +7,7 @@ use glam::{DMat2, DVec2, DVec3};
 use phasmid_decode::{AxisMap, Decoded, Verdict};
 use phasmid_geometry::{Board, Lens, Pose, Rig, View};
 
-/// Uniform numbers in [0, 1) by SplitMix64, and normal ones of them.
+/// Pseudo-random numbers: uniform in [0, 1) by SplitMix64, normal by Box-Muller.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -27,7 +27,8 @@ impl Random {
 const PAPER: f64 = 0.025;
 const INK: f64 = 0.12;
 
-/// A rig with both lenses distorted, 1000 mm from a board: a camera of this focal length and size, and a projector.
+/// A rig with two distorted lenses: a camera of this focal length and size, and a projector, for a
+/// board 1000 mm away.
 pub(crate) fn rig(focal_px: f64, [width_px, height_px]: [u32; 2]) -> Rig {
     let camera = Lens {
         width_px,
@@ -54,7 +55,7 @@ pub(crate) fn rig(focal_px: f64, [width_px, height_px]: [u32; 2]) -> Rig {
     }
 }
 
-/// A board before a rig, and what is seen of it.
+/// A board in front of a rig, and the points that the camera sees.
 pub(crate) struct Case {
     pub(crate) rig: Rig,
     pub(crate) pose: Pose,
@@ -87,7 +88,7 @@ impl Case {
         }
     }
 
-    /// Where a camera pixel's ray meets the board.
+    /// Intersection of a camera pixel's ray with the board, in millimetres in the board's frame.
     pub(crate) fn on_board(&self, px: DVec2) -> DVec3 {
         let board_from_camera = self.pose.inverse();
         let (origin, ray) = (
@@ -97,13 +98,13 @@ impl Case {
         origin - ray * (origin.z / ray.z)
     }
 
-    /// The projector's pixel there.
+    /// True projector coordinates at a camera pixel.
     pub(crate) fn truth(&self, px: DVec2) -> DVec2 {
         let p = self.pose.point(self.on_board(px));
         self.rig.projector.project(p).unwrap_or(DVec2::NAN)
     }
 
-    /// Whether the projector lights the pixels about one, and not just one side of it.
+    /// Whether the projector lights the surroundings of a camera pixel on all sides.
     pub(crate) fn is_lit(&self, px: DVec2) -> bool {
         let lens = &self.rig.projector.lens;
         [-8.0, 8.0].iter().all(|&u| {
@@ -113,7 +114,7 @@ impl Case {
         })
     }
 
-    /// Distance in pixels, nearly, from the outline of a dot, negative within.
+    /// Approximate distance in camera pixels from the outline of the nearest dot, negative inside.
     pub(crate) fn past_outline(&self, px: DVec2) -> f64 {
         let mm = self.on_board(px).truncate();
         let [columns, rows] = self.board.grid();
@@ -125,7 +126,7 @@ impl Case {
             * (self.rig.camera.lens.focal_px.x / 1000.0)
     }
 
-    /// Maps with white noise and what `spoil` does to a pixel's coordinates.
+    /// Decoded maps with white noise; `spoil` may change a pixel's coordinates.
     pub(crate) fn decoded(
         &self,
         noise: f64,
@@ -172,7 +173,7 @@ impl Case {
         }
     }
 
-    /// Errors of the fits in pixels, and by their standard deviations.
+    /// Errors of the fits in pixels, and the same divided by their standard deviations.
     pub(crate) fn errors(&self, decoded: &Decoded) -> Vec<Option<(DVec2, DVec2)>> {
         let fits = local_fits(&self.board, &self.seen, decoded);
         assert_eq!(fits.len(), self.seen.len());

@@ -1,4 +1,5 @@
-//! The decoded pixels of a point's cell of the board, without those that an outline crosses.
+//! Selects the decoded pixels in a point's cell of the board, without those that an outline
+//! crosses.
 
 use super::super::Seen;
 use super::super::smooth::Smooth;
@@ -6,28 +7,28 @@ use glam::{DMat2, DVec2};
 use phasmid_decode::{AxisMap, Decoded, Verdict};
 use phasmid_geometry::Board;
 
-/// Camera pixels between an outline and the square of a pixel that counts: blur reaches that far.
+/// Minimum gap in camera pixels between an outline and the square of a used pixel, for blur.
 const MARGIN_PX: f64 = 1.0;
-/// Half the side of a cell in camera pixels at most, where dots leave that much: the plane of a fit
-/// is meant for no larger one.
+/// Limit of a cell's half side in camera pixels, unless the dot needs a larger cell: the fitted
+/// plane is not accurate over larger areas.
 const HALF_PX: f64 = 16.0;
-/// Pixels that a cell gives at most.
+/// Approximate maximum number of pixels per cell.
 const PIXELS: f64 = 4096.0;
 
-/// One pixel, decoded on both axes.
+/// A pixel decoded on both axes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sample {
-    /// Its middle in camera pixels.
+    /// Centre in camera pixels.
     pub(super) at: DVec2,
     /// Projector column and row, in pixels.
     pub(super) value: [f64; 2],
-    /// Their standard deviations.
+    /// Standard deviations of `value`, in pixels.
     pub(super) sigma: [f64; 2],
-    /// Whether it lies on ink.
+    /// Whether the pixel lies on a dot.
     pub(super) ink: bool,
 }
 
-/// Where cells lie and what was decoded.
+/// The cells of a board and the decoded maps.
 pub(super) struct Cells<'a> {
     board: &'a Board,
     camera: &'a Smooth,
@@ -36,7 +37,7 @@ pub(super) struct Cells<'a> {
 }
 
 impl<'a> Cells<'a> {
-    /// `None` where the sequence does not resolve both axes.
+    /// Returns `None` if the sequence does not resolve both axes.
     pub(super) fn new(board: &'a Board, camera: &'a Smooth, decoded: &'a Decoded) -> Option<Self> {
         let pixels = decoded.width.checked_mul(decoded.height)?;
         let resolved = |map: &'a Option<AxisMap>| {
@@ -53,7 +54,7 @@ impl<'a> Cells<'a> {
         })
     }
 
-    /// The pixels of one point's cell.
+    /// Collects the pixels of one point's cell.
     pub(super) fn samples(&self, seen: &Seen) -> Vec<Sample> {
         let middle = self.board.point(seen.index);
         let px_per_mm = self.camera.slope(middle);
@@ -62,7 +63,7 @@ impl<'a> Cells<'a> {
             return Vec::new();
         }
         let half_mm = self.half_mm(seen.index, px_per_mm);
-        // The cell's corners in the picture, and a pixel for its curvature.
+        // Bounding box of the cell in the image, with a pixel of margin for curvature.
         let reach = (px_per_mm.x_axis.abs() + px_per_mm.y_axis.abs()) * half_mm + 1.0;
         let size = DVec2::new(self.decoded.width as f64, self.decoded.height as f64);
         let low = (seen.px - reach).ceil().max(DVec2::ZERO);
@@ -87,7 +88,7 @@ impl<'a> Cells<'a> {
         samples
     }
 
-    /// Half the side of a cell: half a pitch, or less where that is many pixels.
+    /// Half the side of a cell: half a pitch, or less if that spans many pixels.
     fn half_mm(&self, index: [u32; 2], px_per_mm: DMat2) -> f64 {
         let scale = px_per_mm.x_axis.length().max(px_per_mm.y_axis.length());
         let needed = (2.0 * self.board.radius_mm(index)).max(HALF_PX / scale);
@@ -108,8 +109,8 @@ impl<'a> Cells<'a> {
         })
     }
 
-    /// Distance in millimetres to the nearest outline, negative within a dot, and its gradient; of a
-    /// chessboard both families of edges.
+    /// Signed distance in millimetres to the nearest outline (negative inside a dot) and its
+    /// gradient. For a chessboard, the same for both families of edges.
     fn outlines(&self, mm: DVec2) -> [(f64, DVec2); 2] {
         let index = self.nearest(mm);
         let from = mm - self.board.point(index);
@@ -123,10 +124,10 @@ impl<'a> Cells<'a> {
         }
     }
 
-    /// Whether the pixel's square, or the margin about it, meets an outline.
+    /// Whether an outline crosses the pixel's square or the margin around it.
     fn crossed(&self, mm: DVec2, mm_per_px: DMat2) -> bool {
         self.outlines(mm).iter().any(|&(distance, gradient)| {
-            // By camera pixels; a square reaches half a pixel along both axes.
+            // Gradient per camera pixel; a square extends half a pixel along both axes.
             let by_px = mm_per_px.transpose() * gradient;
             let square = 0.5 * (by_px.x.abs() + by_px.y.abs());
             !(distance.abs() > square + MARGIN_PX * by_px.length())
@@ -136,12 +137,12 @@ impl<'a> Cells<'a> {
     fn on_ink(&self, mm: DVec2) -> bool {
         match self.board {
             Board::Dots { .. } => self.outlines(mm)[0].0 < 0.0,
-            // Which squares are black does not matter to the fit that asks.
+            // The fit of the whole map skips ink; on a chessboard it uses squares of both colours.
             Board::Chess { .. } => false,
         }
     }
 
-    /// The grid's point that is nearest, as far as the grid goes.
+    /// Nearest point of the grid, clamped to the grid.
     fn nearest(&self, mm: DVec2) -> [u32; 2] {
         let first = self.board.point([0, 0]);
         let at = ((mm - first) / self.board.pitch_mm()).round();

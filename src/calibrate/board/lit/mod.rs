@@ -1,18 +1,24 @@
-//! The projector's coordinates at a board's points, from the decoded phase around each.
+//! Projector coordinates at a board's points, from the decoded phase around each.
 //!
-//! The map from camera pixels to projector pixels on a plane is a homography and what two lenses
-//! bend of it, so one smooth map (`Smooth`) predicts a whole pose to a fraction of a pixel. What is left is fitted
-//! about each point by a plane in both coordinates, each axis by itself, weighted by the decoder's
-//! standard deviations and trimmed of what does not fit. Three things matter for what it is worth:
+//! - `cell`: selects the decoded pixels around a point.
+//! - `axis`: fits one projector coordinate around a point.
+//! - `unread`: reasons why a point has no projector coordinates.
 //!
-//! - A pixel that the outline of a dot or an edge between squares crosses is lit unevenly, and its
-//!   phase is that of its brighter part. Such pixels are left out, with a margin for blur. Ink
-//!   itself is dark, its coordinates are known badly, and count for as much.
-//! - A point's fit takes the pixels of its own cell of the board only (half a pitch to each side), so
-//!   that no pixel counts for two points and the errors of different points are independent.
-//! - The decoder smooths nothing, so neighbouring pixels' noise is independent, and the
-//!   covariance is that of weighted least squares. What the projector's held pixels leave in the phase (some 0.01 px, see
-//!   `tests/host/accuracy.rs`) alternates from pixel to pixel and nearly averages out.
+//! The map from camera pixels to projector pixels on a plane is a homography plus the distortion of
+//! two lenses, so one smooth map (`Smooth`) predicts a whole pose to a fraction of a pixel. The
+//! residual around each point is fitted by a plane, separately for each projector axis, weighted by
+//! the decoder's standard deviations and with outliers removed. Three properties determine the
+//! accuracy:
+//!
+//! - A pixel crossed by a dot's outline or by an edge between squares is lit unevenly, and its
+//!   phase is that of its brighter part. Such pixels are excluded, with a margin for blur. Pixels
+//!   on ink are dark, so their coordinates are noisy and have little weight.
+//! - A point's fit uses only pixels of its own cell of the board (half a pitch to each side). No
+//!   pixel counts for two points, so the errors of different points are independent.
+//! - The decoder does not smooth, so the noise of neighbouring pixels is independent and the
+//!   covariance is that of weighted least squares. The phase error caused by the projector's
+//!   discrete pixels (about 0.01 px, see `tests/host/accuracy.rs`) alternates from pixel to pixel
+//!   and nearly averages out.
 
 mod axis;
 mod cell;
@@ -30,14 +36,14 @@ use phasmid_geometry::Board;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Degree of the map from board to camera: lenses bend a board's lines by cubics first.
+/// Degree of the map from board to camera: the leading term of lens distortion is cubic.
 const BOARD_DEGREE: usize = 3;
-/// Degree of the map from camera to projector, two lenses one after the other.
+/// Degree of the map from camera to projector, which combines two lenses.
 const LIGHT_DEGREE: usize = 5;
-/// Pixels that the map from camera to projector is fitted to.
+/// Approximate maximum number of pixels for the fit of the map from camera to projector.
 const LIGHT_PIXELS: usize = 8000;
 
-/// The projector's coordinates about one point of a board.
+/// Fitted projector coordinates around one point of a board.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LocalFit {
     light: Arc<Smooth>,
@@ -45,7 +51,7 @@ pub struct LocalFit {
 }
 
 impl LocalFit {
-    /// What the projector shows at a camera pixel near the point, in pixels.
+    /// Returns the projector coordinates at a camera pixel near the point, in pixels.
     pub fn at(&self, camera_px: DVec2) -> Lit {
         let [x, y] = self.axes.each_ref().map(|axis| axis.at(camera_px));
         let rest = DMat2::from_cols(x.slope, y.slope).transpose();
@@ -56,14 +62,19 @@ impl LocalFit {
         }
     }
 
-    /// Pixels that were used for the projector's columns and rows.
+    /// Returns the numbers of camera pixels used for the projector's columns and rows.
     pub fn pixels(&self) -> [usize; 2] {
         self.axes.each_ref().map(|axis| axis.pixels)
     }
 }
 
-/// Fits about every point that was seen, in their order; a reason where the projector lit too little of
-/// a point's cell, or one side of it only, and for all where the sequence does not resolve both axes.
+/// Fits the projector coordinates around every point in `seen` and returns the results in that
+/// order.
+///
+/// # Errors
+/// A result is an error if the decoded pixels in the point's cell are too few, one-sided or
+/// inconsistent. All results are errors if the sequence does not resolve both axes, or if the
+/// board's points do not determine a map.
 pub fn local_fits(
     board: &Board,
     seen: &[Seen],
@@ -78,7 +89,7 @@ fn fits(board: &Board, seen: &[Seen], decoded: &Decoded) -> Option<Vec<Result<Lo
     let cells = Cells::new(board, &camera, decoded)?;
     let samples: Vec<Vec<Sample>> = seen.par_iter().map(|s| cells.samples(s)).collect();
     let Some(light) = light(&samples).map(Arc::new) else {
-        // Pixels there may be, but of no plane.
+        // There may be enough pixels, but they do not lie on a plane.
         let why = |s: &Vec<Sample>| match s.len() {
             0..PIXELS => Unread::FewPixels,
             _ => Unread::Scattered,
@@ -95,10 +106,10 @@ fn fits(board: &Board, seen: &[Seen], decoded: &Decoded) -> Option<Vec<Result<Lo
     Some(seen.par_iter().zip(&samples).map(fit).collect())
 }
 
-/// The map from camera to projector, fitted to some of all pixels.
+/// Fits the map from camera to projector to a subset of all samples on paper.
 fn light(samples: &[Vec<Sample>]) -> Option<Smooth> {
     let count: usize = samples.iter().map(Vec::len).sum();
-    // Neither a multiple of a row's length nor all of one cell.
+    // The stride spreads the subset over all cells.
     let stride = count.div_ceil(LIGHT_PIXELS).max(1);
     let pairs: Vec<_> = samples
         .iter()

@@ -1,4 +1,4 @@
-//! Fits on maps whose truth is a rig and a pose.
+//! Fits of synthetic maps with ground truth from a rig and a pose.
 
 use super::case::{Case, rig};
 use super::*;
@@ -53,7 +53,7 @@ fn exact_maps_through_two_lenses_are_read_exactly() {
             found.len() > 50 && all < 5e-4 && worst < 2e-3,
             "{all} {worst}"
         );
-        // A point that moves takes its projector pixel along, by the slope.
+        // Moving the camera pixel changes the projector coordinate according to the slope.
         let fits = local_fits(&case.board, &case.seen, &decoded);
         for (seen, fit) in case.seen.iter().zip(&fits) {
             let Ok(fit) = fit else { continue };
@@ -65,7 +65,8 @@ fn exact_maps_through_two_lenses_are_read_exactly() {
     }
 }
 
-/// Errors by their standard deviations are unit normal and those of neighbours are independent.
+/// Errors over their standard deviations have unit variance, and neighbours' errors are
+/// independent.
 #[test]
 fn the_covariance_is_what_noise_does() {
     let case = dots();
@@ -83,14 +84,14 @@ fn the_covariance_is_what_noise_does() {
     let mean = whitened.iter().sum::<f64>() / n;
     let correlation = beside.iter().sum::<f64>() / beside.len() as f64;
     println!("{n} errors: mean {mean:.3}, square {square:.3}, correlation {correlation:.3}");
-    // Five standard deviations.
+    // Limits of five standard deviations.
     assert!((square - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{square}");
     assert!(mean.abs() < 5.0 / n.sqrt(), "{mean}");
     assert!(correlation.abs() < 5.0 / n.sqrt(), "{correlation}");
     assert!(n > 4500.0, "{n}");
 }
 
-/// Wrong periods in one pixel of ten, and pixels on outlines half a pixel off.
+/// Wrong fringe orders in every tenth pixel, and pixels on outlines off by half a pixel.
 #[test]
 fn wrong_pixels_do_no_harm() {
     let case = dots();
@@ -113,8 +114,8 @@ fn wrong_pixels_do_no_harm() {
     assert!(wrong < 1.15 * clean, "{wrong} {clean}");
 }
 
-/// A noise model that is wrong by ten in the variance costs no point, and its fits say what they are
-/// worth all the same.
+/// A noise model with a tenfold error in the variance loses no point, and the fits' covariance
+/// still matches their errors.
 #[test]
 fn standard_deviations_three_times_too_small_cost_no_point() {
     let case = dots();

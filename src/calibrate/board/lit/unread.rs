@@ -1,26 +1,26 @@
-//! Why a point has no projector coordinates, and how a user is told.
+//! Reasons why a point has no projector coordinates, and a summary for messages.
 
 use super::LocalFit;
 
-/// What a point lacks of projector coordinates.
+/// Reason why a point has no projector coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
 pub enum Unread {
-    /// The sequence, or too few points of the board, do not give both axes.
+    /// The sequence does not resolve both axes, or the board has too few points.
     #[error("without both of the projector's coordinates, or with too few of the board's points")]
     Unresolved,
-    /// Hardly a pixel about the point was decoded.
+    /// Fewer than 12 pixels around the point were decoded.
     #[error("with fewer than 12 decoded pixels about them")]
     FewPixels,
-    /// Pixels on one side of the point only.
+    /// The decoded pixels lie on one side of the point only.
     #[error("with decoded pixels on one side of them only")]
     OneSided,
-    /// Pixels whose coordinates do not lie on a plane.
+    /// The decoded coordinates do not lie on a plane.
     #[error("about which the decoded coordinates contradict each other")]
     Scattered,
 }
 
-/// How many of some points have no coordinates, and why: "3 of 9 points are not read: 3 with ...";
-/// `None` where all have some.
+/// Summarises how many points have no coordinates, and for which reasons, in one sentence. Returns
+/// `None` if all points have coordinates.
 pub fn unread<'a>(
     fits: impl Iterator<Item = &'a Result<LocalFit, Unread>> + Clone,
 ) -> Option<String> {

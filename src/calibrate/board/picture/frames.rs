@@ -1,12 +1,12 @@
-//! One picture from the frames of a sequence.
+//! Combines the frames of a sequence into one image.
 //!
-//! Frames are put together in groups whose mean does not depend on where the projector's pixels lie:
-//! the mean A of a fringe set by least squares over its steps ([`FringeSet`]), a Gray bit with its
-//! complement, white, and black, which ambient light fills. Each group sees the same board under
-//! light of its own strength, s, with a variance v; the sum with weights proportional to s / v has
-//! the least noise for its signal (maximal ratio combining; Brennan, "Linear diversity combining
-//! techniques", Proc. IRE 47, 1959). The weights are the same for all pixels, so that the sum stays
-//! linear in light.
+//! Frames are combined in groups whose mean does not depend on the projected pattern: the mean A of
+//! a fringe set, by least squares over its steps ([`FringeSet`]); a Gray-code bit with its
+//! complement; a white frame; a black frame, lit by ambient light. Each group sees the same board
+//! with its own signal s and variance v. The sum with weights proportional to s / v has the best
+//! signal-to-noise ratio (maximal ratio combining; Brennan, "Linear diversity combining
+//! techniques", Proc. IRE 47, 1959). All pixels have the same weights, so that the sum stays linear
+//! in light.
 
 use super::Picture;
 use super::rounding::{ON_OUTLINES, left_by_rounding, same};
@@ -16,23 +16,23 @@ use phasmid_geometry::NoiseModel;
 use phasmid_pattern::{Axis, Manifest, Pattern};
 use rayon::prelude::*;
 
-/// Pixels that the groups' strengths are taken from.
+/// Approximate number of pixels that the groups' signals are estimated from.
 const LOOKED_AT: usize = 40_000;
 
-/// Frames and their weights, which sum to 1.
+/// Frame indices and their weights, which sum to 1.
 struct Group {
     frames: Vec<(usize, f64)>,
 }
 
 impl Picture {
-    /// The picture that all frames of a sequence make together whose light does not depend on the
-    /// projector's pixels: complete fringe sets, Gray bits with their complements, white and black
-    /// frames. Frames that were not loaded (empty) are left out, and so are images, and fringes or
-    /// bits that are not complete. A single photograph is a sequence of one white.
+    /// Combines all frames of a sequence whose sum does not depend on the projected pattern:
+    /// complete fringe sets, Gray-code bits with their complements, white and black frames. Frames
+    /// that were not loaded (empty), pattern images, and incomplete fringe sets or bits are left
+    /// out. A single photograph is a sequence of one white frame.
     ///
     /// # Errors
-    /// Frames that are not the manifest's, a sequence without such a group, or frames that are
-    /// saturated everywhere.
+    /// Returns an error if the number of frames differs from the manifest's, if the sequence
+    /// contains no such group, or if every pixel is saturated in some frame.
     pub fn from_frames(
         manifest: &Manifest,
         stack: &FrameStack<'_>,
@@ -71,7 +71,7 @@ impl Picture {
     }
 }
 
-/// The sequence's groups.
+/// Groups the frames of a sequence.
 fn groups(manifest: &Manifest, stack: &FrameStack<'_>) -> Vec<Group> {
     let mut groups = Vec::new();
     let mut fringes: Vec<(Axis, f64, Vec<usize>, Vec<f64>)> = Vec::new();
@@ -116,7 +116,7 @@ fn groups(manifest: &Manifest, stack: &FrameStack<'_>) -> Vec<Group> {
         }
     }
     for (axis, period, frames, phases) in fringes {
-        // Steps that cannot tell the mean from the fringe are no use here.
+        // Leave out steps that do not determine the mean.
         if let Ok(set) = FringeSet::new(&format!("axis {axis}"), period, frames, phases) {
             let weights = set.weights.iter().map(|w| w[0]);
             groups.push(Group {
@@ -133,13 +133,13 @@ fn groups(manifest: &Manifest, stack: &FrameStack<'_>) -> Vec<Group> {
     groups
 }
 
-/// Each group's weight in the sum, 1 together; `None` where no pixel is free of saturation.
+/// Weights of the groups, which sum to 1; `None` if every pixel is saturated in some frame.
 fn strengths(groups: &[Group], stack: &FrameStack<'_>, noise: &NoiseModel) -> Option<Vec<f64>> {
     let pixels = stack.width() * stack.height();
     let mut sums = vec![0.0; groups.len()];
     let mut count = 0.0;
     let mut means = vec![0.0; groups.len()];
-    // Where few pixels are free of saturation, a stride may miss them all.
+    // If few pixels are unsaturated, a stride may miss them all; then look at every pixel.
     for stride in [(pixels / LOOKED_AT).max(1), 1] {
         'pixels: for i in (0..pixels).step_by(stride) {
             for (mean, group) in means.iter_mut().zip(groups) {
@@ -174,12 +174,12 @@ fn strengths(groups: &[Group], stack: &FrameStack<'_>, noise: &NoiseModel) -> Op
     Some(if total > 0.0 && total.is_finite() {
         weights.iter().map(|w| w / total).collect()
     } else {
-        // In the dark any weights do.
+        // Without any signal, all weights are equally good.
         vec![1.0 / groups.len() as f64; groups.len()]
     })
 }
 
-/// Variance of a group's mean by a sample's.
+/// Variance of a group's mean relative to that of one sample.
 fn spread(group: &Group) -> f64 {
     group.frames.iter().map(|(_, w)| w * w).sum()
 }
@@ -241,8 +241,9 @@ fn combine(
                 *variance += share * (floor + gain * mean.max(0.0));
             }
         }
-        // Out of the projector's reach all frames show the same, and are rounded alike. What the sum
-        // above has of rounding is each frame's own part.
+        // Outside the projector's light, all frames show the same level and round alike, so
+        // rounding errors do not average out. The variance above includes them as independent; add
+        // the common remainder.
         let own: f64 = groups
             .iter()
             .zip(strengths)

@@ -1,26 +1,28 @@
-//! What rounding leaves in the mean of frames that all show the same.
+//! Rounding error of the mean of frames that all show the same level.
 //!
-//! Noise makes a converter's rounding different from frame to frame, and the mean of many frames has
-//! 1/12 of a squared number over their count. Where a pixel is the same in all frames and its noise is
-//! well below one number, they are all rounded alike, and no number of them helps.
+//! Noise makes the rounding of a converter vary from frame to frame, so that the mean of n frames
+//! has a rounding variance of 1 / (12 n) DN squared. If a pixel has the same level in all frames
+//! and its noise is well below 1 DN, all frames round alike, and averaging does not reduce the
+//! error.
 
 use std::f32::consts::PI;
 
-/// Terms of the series.
+/// Number of terms of the series.
 const TERMS: u16 = 4;
 
-/// Frames whose samples differ by less than this, in digital numbers, beside six of their standard
-/// deviations, show the same.
+/// Frames whose samples differ by less than this, in DN, plus six standard deviations, are taken to
+/// show the same level.
 const SAME_DN: f32 = 1.5;
 
-/// What counts of a pixel on an outline is how it lies between ink and paper, whose levels are rounded
-/// too: of a share c of ink the variance is 1 + c^2 + (1 - c)^2 times the pixel's own, and 5/3 on average.
+/// Factor on a pixel's own rounding variance. A pixel on an outline matters through its position
+/// between the levels of ink and paper, which are rounded too: with a fraction c of ink the factor
+/// is 1 + c^2 + (1 - c)^2, 5/3 on average over c.
 pub(super) const ON_OUTLINES: f32 = 5.0 / 3.0;
 
-/// Variance, in squared digital numbers, of what rounding leaves in the mean of any number of samples
-/// with this variance before rounding, over all fractions that their mean may have: the harmonics of
-/// the rounding error, each lessened by the noise's characteristic function (Widrow and Kollar,
-/// "Quantization Noise", 2008, section 4.5).
+/// Rounding variance, in DN squared, of the mean of any number of samples of the same level,
+/// averaged over all fractions of that level; `variance` is that of a sample before rounding. It
+/// sums the harmonics of the rounding error, each attenuated by the noise's characteristic function
+/// (Widrow and Kollar, "Quantization Noise", 2008, section 4.5).
 pub(super) fn left_by_rounding(variance: f32) -> f32 {
     (1..=TERMS)
         .map(|k| (2.0 * PI * f32::from(k)).powi(2))
@@ -28,7 +30,7 @@ pub(super) fn left_by_rounding(variance: f32) -> f32 {
         .sum()
 }
 
-/// Whether samples from `low` to `high` with this variance before rounding may all be of one level.
+/// Whether samples from `low` to `high` with this variance before rounding may share one level.
 pub(super) fn same(low: f32, high: f32, variance: f32) -> bool {
     high - low < SAME_DN + 6.0 * variance.sqrt()
 }
@@ -39,10 +41,10 @@ mod tests {
 
     #[test]
     fn is_what_rounding_leaves() {
-        // The series' rest is 5 % of 1/12 at four terms of the unlessened harmonics.
+        // Without noise the variance is 1/12; four terms of the series give 0.865 of it.
         assert!((left_by_rounding(0.0) * 12.0 - 0.865).abs() < 1e-3);
         for sigma in [0.15_f64, 0.25, 0.4] {
-            // The expected rounding error at each fraction, by the normal density on a fine grid.
+            // Expected rounding error at each fraction, integrated over the normal density.
             let mut sum = 0.0;
             for f in 0..200 {
                 let level = f64::from(f) / 200.0;

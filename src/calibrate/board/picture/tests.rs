@@ -44,8 +44,8 @@ fn gray(bit: u32, inverted: bool) -> Pattern {
     }
 }
 
-/// Frames in 16 bits of a wall of 20,000 DN in white and 1,000 DN in black; each camera pixel sees
-/// 2.7 projector pixels further.
+/// 16-bit frames of a wall with 20,000 DN under white and 1,000 DN under black; adjacent camera
+/// pixels are 2.7 projector pixels apart.
 fn render(manifest: &Manifest) -> Vec<Vec<u16>> {
     let level = |pattern: &Pattern, x: f64| match *pattern {
         Pattern::Fringe {
@@ -73,14 +73,14 @@ fn patterns_leave_no_ripple() {
     let uneven = vec![0.0, 0.9, 2.2, 3.1, 5.5];
     for phases in [equal, uneven, vec![0.0, TAU / 3.0, 2.0 * TAU / 3.0]] {
         let mut patterns: Vec<Pattern> = phases.into_iter().map(fringe).collect();
-        // A bit without its complement may not count; one with it does.
+        // A bit without its complement must be left out; one with it is used.
         patterns.extend([gray(0, false), gray(2, false), gray(2, true)]);
         patterns.extend([Pattern::White {}, Pattern::Black {}]);
         let manifest = manifest(patterns);
         let picture = picture(&manifest, &render(&manifest)).unwrap();
         let mean = picture.level.iter().sum::<f32>() / WIDTH as f32;
         assert!((10_500.0..20_000.0).contains(&mean), "{mean}");
-        // Rounding to whole numbers is what is left.
+        // Only rounding to integers remains.
         for v in &picture.level {
             assert!((v - mean).abs() < 1.0, "{v} {mean}");
         }
@@ -108,8 +108,8 @@ fn variance_is_that_of_the_weighted_sum_and_near_the_least() {
             .collect(),
     );
     let picture = picture(&manifest, &render(&manifest)).unwrap();
-    // Signals of white, the fringes' mean and black, their variances, the best sum's ratio of the
-    // two: the sum of signal^2 / variance.
+    // Signal and relative sample count of white, the fringes' mean and black. The best possible sum
+    // has a signal^2 / variance equal to the sum over the groups.
     let groups = [(20_000.0, 1.0), (10_500.0, 4.0), (1_000.0, 1.0)];
     let variance = |s: f64, n: f64| NOISE.variance_dn2(s + 100.0) / n;
     let best: f64 = groups.iter().map(|&(s, n)| s * s / variance(s, n)).sum();

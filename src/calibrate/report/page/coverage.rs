@@ -1,4 +1,4 @@
-//! How many points lie in each part of the images.
+//! Number of points in each cell of a grid over the images.
 
 use super::residuals::image_panel;
 use super::spots::Spot;
@@ -41,7 +41,7 @@ fn counts(lens: &Lens, spots: &[Spot]) -> Vec<usize> {
     let size = DVec2::new(f64::from(lens.width_px), f64::from(lens.height_px));
     for spot in spots.iter().filter(|s| s.counts && lens.contains(s.at)) {
         let place = (spot.at + 0.5) / size * DVec2::new(COLUMNS as f64, ROWS as f64);
-        // Rounding may carry the last pixel's end into the next part.
+        // Rounding may put the right or bottom edge into a cell past the last one.
         let column = (place.x as usize).min(COLUMNS - 1);
         let row = (place.y as usize).min(ROWS - 1);
         counts[row * COLUMNS + column] += 1;

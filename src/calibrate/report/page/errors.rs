@@ -1,4 +1,5 @@
-//! Mean error of each pose, camera above projector, which have scales of their own.
+//! Mean reprojection error of each pose: bars for the camera above those for the projector, with
+//! separate scales.
 
 use crate::solve::{Errors, Solution, SolvedPose};
 use glam::DVec2;
@@ -26,7 +27,7 @@ pub(super) fn errors(solution: &Solution) -> String {
             .poses
             .iter()
             .map(|pose| (pose.name.as_str(), of(pose)))
-            // A pose that the projector did not light has no error, rather than none at all.
+            // A pose without projector coordinates has an unknown error (NaN), not zero.
             .map(|(name, e)| (name, if e.count > 0 { e.mean_px } else { f64::NAN }))
             .collect();
         let panel = Panel {

@@ -1,4 +1,4 @@
-//! The figures at the head of the page.
+//! Key figures at the head of the page.
 
 use super::html::{cell, note, table, words};
 use crate::report::summary::Summary;

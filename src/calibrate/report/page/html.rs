@@ -1,4 +1,4 @@
-//! Pieces of HTML.
+//! Functions that build HTML elements.
 
 use phasmid_report::plot::escaped;
 
@@ -7,12 +7,12 @@ pub(super) fn cell(text: &str) -> String {
     format!("<td>{}</td>", escaped(text))
 }
 
-/// A cell with words, which begin at its left.
+/// A left-aligned cell with text.
 pub(super) fn words(text: &str) -> String {
     format!("<td class=\"words\">{}</td>", escaped(text))
 }
 
-/// A table: names of columns, and rows of finished cells.
+/// A table from column names and rows of finished cells.
 pub(super) fn table(columns: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let names: String = columns
         .iter()
@@ -26,13 +26,13 @@ pub(super) fn table(columns: &[&str], rows: impl IntoIterator<Item = Vec<String>
     out
 }
 
-/// A paragraph in small letters that says how to read what stands by it.
+/// A paragraph in small type that explains the content beside it.
 pub(super) fn note(text: &str) -> String {
     format!("<p class=\"note\">{}</p>\n", escaped(text))
 }
 
-/// The address of a file beside the page: every byte that could mean something in an address is
-/// written as %XX (RFC 3986, section 2.1), and "./" keeps a colon from naming a scheme.
+/// URL of a file in the page's folder. Every byte that could have a special meaning is written as
+/// %XX (RFC 3986, section 2.1); "./" prevents a colon from ending a scheme.
 pub(super) fn address(file: &str) -> String {
     let mut out = "./".to_owned();
     for byte in file.bytes() {

@@ -1,5 +1,16 @@
-//! `report.html`: one file that shows a calibration, without scripts or anything from elsewhere than
-//! its own folder, in the form that both HTML and XML parsers take.
+//! `report.html`: a single page that shows a calibration. It contains no scripts, refers only to
+//! files in its own folder, and is valid for both HTML and XML parsers.
+//!
+//! | File | Section |
+//! | --- | --- |
+//! | `head` | key figures |
+//! | `errors` | error of each pose |
+//! | `residuals`, `whitened` | residual vectors, whitened residuals |
+//! | `stage` | drawing of rig and boards |
+//! | `coverage` | coverage of the images |
+//! | `tables` | parameters and poses |
+//! | `pictures` | images of the detected boards |
+//! | `spots`, `normal`, `html` | points of all poses, normal distribution, HTML elements |
 
 mod coverage;
 mod errors;

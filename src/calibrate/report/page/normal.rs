@@ -1,19 +1,20 @@
-//! The unit normal distribution.
+//! The standard normal distribution.
 
 use std::f64::consts::TAU;
 
-/// Its density.
+/// Probability density at `z`.
 pub(super) fn density(z: f64) -> f64 {
     (-0.5 * z * z).exp() / TAU.sqrt()
 }
 
-/// The share below `z`, by the series of Abramowitz and Stegun, "Handbook of Mathematical
-/// Functions", equation 26.2.11; to 1e-14 for sizes of `z` up to 6, and its value at 6 beyond.
+/// Probability of a value below `z`, by the series of Abramowitz and Stegun, "Handbook of
+/// Mathematical Functions", equation 26.2.11. It is accurate to 1e-14 for |z| up to 6; larger
+/// values are clamped to 6.
 pub(super) fn share_below(z: f64) -> f64 {
     let z = z.clamp(-6.0, 6.0);
     let (mut term, mut sum) = (z, z);
     let mut odd = 1.0;
-    // Terms fall as soon as the odd number exceeds the square of z.
+    // Terms decrease once `odd` exceeds the square of z.
     while term.abs() > 1e-17 * sum.abs() {
         odd += 2.0;
         term *= z * z / odd;

@@ -1,4 +1,4 @@
-//! What was found in each pose, as pictures beside the page.
+//! Images of the detected boards, stored beside the page.
 
 use super::html::address;
 use crate::report::about::About;

@@ -1,5 +1,5 @@
-//! Residual vectors over both images, one by one and as means of cells: a lens that the model does
-//! not fit shows as a pattern in the means, noise does not.
+//! Residual vectors over both images, individually and as means of cells. A lens that the model
+//! does not fit shows as a pattern in the means; noise averages out.
 
 use super::html::note;
 use super::spots::Spot;
@@ -9,15 +9,15 @@ use phasmid_geometry::Lens;
 use phasmid_report::plot::{Arrow, Axis, Panel, ROOM, Sheet, figures, quiver};
 use std::collections::BTreeMap;
 
-/// Width of a panel, and the most that its height may be.
+/// Width and maximum height of a panel.
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 700.0;
 const HEADING: f64 = 34.0;
-/// Cells in a row of the image.
+/// Number of cells along the longer side of the image.
 const CELLS: f64 = 16.0;
-/// Points that a cell must hold for its mean to be shown.
+/// Minimum number of points in a cell for its mean to be shown.
 const ENOUGH: usize = 8;
-/// The most outliers that are marked.
+/// Maximum number of outliers that are marked.
 const MARKED: usize = 500;
 
 pub(super) fn residuals(solution: &Solution, camera: &[Spot], projector: &[Spot]) -> String {
@@ -77,20 +77,20 @@ fn over_image<'a>(
     sheet.into_element(&format!("Residual vectors. {head}"))
 }
 
-/// A panel that spans a lens's image, pixels square.
+/// A panel that spans a lens's image, with square pixels.
 pub(super) fn image_panel(lens: &Lens, corner: DVec2, width: f64) -> Panel {
     let px = DVec2::new(f64::from(lens.width_px), f64::from(lens.height_px)).max(DVec2::ONE);
     let scale = (width / px.x).min(HEIGHT / px.y);
     Panel {
         corner,
-        // A strip of an image still has room for its frame.
+        // Keep room for the frame even if the image is very narrow.
         size: (px * scale).max(DVec2::splat(40.0)),
         x: Axis::between("column, px", -0.5, px.x - 0.5),
         y: Axis::between("row, px", -0.5, px.y - 0.5).reversed(),
     }
 }
 
-/// Mean residual of a cell of the image.
+/// Mean residuals of a cell of the image.
 struct Cell {
     mean: Arrow,
     whitened: DVec2,
@@ -126,7 +126,7 @@ fn means(lens: &Lens, spots: &[&Spot]) -> Vec<Cell> {
         .collect()
 }
 
-/// How much larger the cells' means are than noise makes them.
+/// Ratio of the RMS of the cells' means to the value expected from noise alone.
 fn over_noise(cells: &[Cell]) -> f64 {
     let squares = cells
         .iter()

@@ -1,4 +1,4 @@
-//! The points of all used poses, with where they were seen and how they fit.
+//! The points of all used poses in both images, with their residuals.
 
 use crate::board::Sighting;
 use crate::rig::Calibration;
@@ -9,15 +9,15 @@ use std::collections::BTreeMap;
 /// A point in one of the two images.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Spot {
-    /// Where it was seen, or lit from, in pixels.
+    /// Observed camera point or decoded projector coordinate, in pixels.
     pub at: DVec2,
-    /// Seen minus expected, in pixels.
+    /// Observed minus predicted, in pixels.
     pub residual: DVec2,
-    /// Whitened by its covariance.
+    /// Residual whitened with its covariance.
     pub whitened: DVec2,
-    /// Whether it counts; an outlier does not.
+    /// Whether the point is used; false for an outlier.
     pub counts: bool,
-    /// Which point in which pose it is.
+    /// Pose, column and row of the point, for display.
     pub name: String,
 }
 

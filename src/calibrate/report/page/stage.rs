@@ -1,4 +1,4 @@
-//! Camera, projector and boards in space, from three sides.
+//! Drawing of camera, projector and boards from three directions.
 
 use super::html::note;
 use crate::rig::Calibration;
@@ -10,20 +10,20 @@ const WIDTH: f64 = 420.0;
 const LEAST_HEIGHT: f64 = 120.0;
 const MOST_HEIGHT: f64 = 420.0;
 const HEADING: f64 = 30.0;
-/// The most boards that are numbered.
+/// Maximum number of boards that are numbered.
 const NUMBERED: usize = 60;
 
-/// What is drawn: an outline with its class, and words that tell what it is.
+/// A shape to draw, with its CSS class and tooltip.
 struct Outline {
     class: &'static str,
     points: Vec<DVec3>,
     closed: bool,
     tip: String,
-    /// Stands at its first point.
+    /// Text at the first point.
     label: Option<String>,
 }
 
-/// A direction to look in from far away: what is to the right, and what is up.
+/// An orthographic view, given by its right and up directions.
 struct Look {
     name: &'static str,
     right: DVec3,
@@ -32,7 +32,7 @@ struct Look {
 }
 
 fn looks() -> [Look; 3] {
-    // From behind the camera, left of it and above.
+    // From behind the camera, to its left and above it.
     let (yaw, pitch) = (35f64.to_radians(), 25f64.to_radians());
     let forward = DVec3::new(
         yaw.sin() * pitch.cos(),
@@ -122,14 +122,14 @@ fn outlines(calibration: &Calibration) -> Vec<Outline> {
     all
 }
 
-/// The four corners of a board, half a pitch around its points, from that of the first point on.
+/// Corners of a board, half a pitch outside its outermost points, starting near the first point.
 fn corners(board: &Board, rig_from_board: &Pose) -> [DVec3; 4] {
     let [columns, rows] = board.grid().map(|n| 0.5 * f64::from(n) * board.pitch_mm());
     [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
         .map(|(x, y)| rig_from_board.point(DVec3::new(x * columns, y * rows, 0.0)))
 }
 
-/// A view's pyramid, as far as `reach`: four sides.
+/// The four sides of a view's pyramid, up to depth `reach`.
 fn field(view: &View, class: &'static str, name: &str, reach: f64) -> Vec<Outline> {
     let lens = &view.lens;
     let (right, below) = (
@@ -137,7 +137,7 @@ fn field(view: &View, class: &'static str, name: &str, reach: f64) -> Vec<Outlin
         f64::from(lens.height_px) - 0.5,
     );
     let ends = [(-0.5, -0.5), (right, -0.5), (right, below), (-0.5, below)].map(|(u, v)| {
-        // Without distortion, which a drawing of this size would not show.
+        // Distortion is neglected, as it would not be visible at this size.
         let ideal = (DVec2::new(u, v) - lens.principal_px) / lens.focal_px;
         view.rig_from_view.point(ideal.extend(1.0) * reach)
     });
@@ -173,7 +173,7 @@ fn view(look: &Look, outlines: &[Outline]) -> String {
         (high - low).max(DVec2::splat(1e-6)) * 1.08,
     );
     let height = (WIDTH * span.y / span.x).clamp(LEAST_HEIGHT, MOST_HEIGHT);
-    // One scale for both axes: the larger need decides.
+    // Use one scale for both axes, the coarser of the two.
     let unit = (span.x / WIDTH).max(span.y / height);
     let half = 0.5 * unit * DVec2::new(WIDTH, height);
     let panel = Panel {
@@ -212,7 +212,7 @@ mod tests {
             assert!((look.right.length() - 1.0).abs() < 1e-12);
             assert!((look.up.length() - 1.0).abs() < 1e-12);
             assert!(look.right.dot(look.up).abs() < 1e-12);
-            // What is up in the room is not down in the drawing.
+            // Up in the scene (-y) must not point down in the drawing.
             assert!(look.up.dot(-DVec3::Y) > -1e-12, "{}", look.name);
         }
     }

@@ -8,12 +8,12 @@ use crate::report::poses::tilt_deg;
 use crate::solve::{Parameter, Solution};
 use phasmid_report::plot::{escaped, figures};
 
-/// Correlations beyond this are told.
+/// Correlations above this magnitude are listed.
 const CLOSE: f64 = 0.9;
-/// The most that are.
+/// Maximum number of correlations listed.
 const TOLD: usize = 40;
 
-/// The rig's parameters; those of the boards' poses are in `parameters.csv`.
+/// Table of the rig's parameters. Those of the board poses are in `parameters.csv`.
 pub(super) fn parameters(solution: &Solution) -> String {
     let rigs: Vec<&Parameter> = solution.parameters.iter().take(of_rig(solution)).collect();
     let rows = rigs.iter().map(|p| {

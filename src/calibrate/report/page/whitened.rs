@@ -1,5 +1,5 @@
-//! Whitened residuals against the unit normal distribution: how often each size occurs, and
-//! quantiles against quantiles, which shows the tails.
+//! Whitened residuals compared with the standard normal distribution: a histogram, and a
+//! quantile-quantile plot, which shows the tails.
 
 use super::html::note;
 use super::normal::{density, share_below};
@@ -10,8 +10,9 @@ use phasmid_report::plot::{Axis, Histogram, Panel, ROOM, Sheet, curve, dots, fig
 const SIDE: f64 = 400.0;
 const HEIGHT: f64 = 230.0;
 const HEADING: f64 = 30.0;
-/// Ends of the histogram, and its bins.
+/// Half width of the histogram's range.
 const ENDS: f64 = 5.0;
+/// Number of bins.
 const BINS: usize = 50;
 
 pub(super) fn whitened(camera: &[Spot], projector: &[Spot]) -> String {
@@ -69,7 +70,7 @@ fn histogram(sheet: &mut Sheet, left: f64, name: &str, class: &str, values: &[f6
     curve(sheet, &panel, "c2", &normal);
 }
 
-/// Quantiles of sorted values over those of the unit normal distribution.
+/// Draws quantiles of sorted values against those of the standard normal distribution.
 fn quantiles(sheet: &mut Sheet, left: f64, class: &str, values: &[f64]) {
     let points = against_normal(values);
     let reach = points
@@ -93,8 +94,8 @@ fn quantiles(sheet: &mut Sheet, left: f64, class: &str, values: &[f64]) {
     dots(sheet, &panel, class, 3.0, &points, &[]);
 }
 
-/// Pairs of quantiles at every quarter of a standard deviation, as far out as at least three values
-/// lie beyond.
+/// Pairs of quantiles (normal, data) at every quarter of a standard deviation, as long as at least
+/// three values lie beyond on either side.
 fn against_normal(values: &[f64]) -> Vec<DVec2> {
     let count = values.len() as f64;
     (-20..=20)
@@ -102,7 +103,7 @@ fn against_normal(values: &[f64]) -> Vec<DVec2> {
         .filter_map(|z| {
             let below = share_below(z) * count;
             let inside = below >= 3.0 && count - below >= 3.0;
-            // The quantile at share p is the value in place p n - 1/2, counted from 0.
+            // The quantile at probability p is the value at index p n - 1/2, counted from 0.
             let place = below - 0.5;
             let (low, part) = (place.floor(), place - place.floor());
             let at = |i: f64| values.get(i as usize).copied();
@@ -125,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_normal_sample_lies_on_the_diagonal() {
-        // Quantiles themselves: bisection of the share.
+        // Exact quantiles, by bisection.
         let quantile = |p: f64| {
             let (mut low, mut high) = (-6.0, 6.0);
             for _ in 0..60 {

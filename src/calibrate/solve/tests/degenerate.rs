@@ -1,4 +1,4 @@
-//! What determines no rig is refused, in numbers.
+//! Observations that determine no rig give an error with numbers.
 
 use super::super::{Choice, Coefficients, PoseSightings, Solution, Unsolved, solve};
 use super::scene::{Scene, poses};
@@ -62,7 +62,7 @@ fn parallel_boards_are_named_with_their_angle() {
     }
 }
 
-/// Enough tilt for a closed form, too little for the least squares.
+/// Enough tilt for a closed form, too little for bundle adjustment.
 #[test]
 fn boards_that_hardly_differ_are_named_with_their_angle() {
     let boards = (0..6)
@@ -140,7 +140,7 @@ fn boards_in_the_dark_and_labels_at_random_are_refused() {
     }
     let refusal = solved(&scene, &dark).unwrap_err();
     assert!(matches!(refusal, Unsolved::Unlit { .. }), "{refusal}");
-    // Every second point belongs to another place.
+    // Give points the indices of other points.
     let mut mixed = scene.sightings(Some(1));
     for pose in &mut mixed {
         let count = pose.sightings.len();
@@ -177,7 +177,7 @@ fn two_poses_are_enough_but_not_without_a_warning() {
         found
             .warnings
             .iter()
-            .any(|w| w.contains("2 poses are used; wanted: 5"))
+            .any(|w| w.contains("2 poses are used; expected 5"))
     );
     assert!(
         found
@@ -189,7 +189,7 @@ fn two_poses_are_enough_but_not_without_a_warning() {
     assert!(square < 3.0 * dof as f64, "{square} {dof}");
 }
 
-/// Whatever the numbers are, there is an answer.
+/// Invalid and extreme numbers cause no panic.
 #[test]
 fn hostile_numbers_are_no_panic() {
     let scene = scene(poses(4, 1000.0, 1));

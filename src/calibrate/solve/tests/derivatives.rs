@@ -1,10 +1,10 @@
-//! Derivatives against differences.
+//! Compares analytic derivatives with finite differences.
 
 use super::super::model::{ALL, RIG, State, Whitened, linearise, residual};
 use super::super::observation::PoseObservations;
 use super::scene::{Scene, rig};
 
-/// The four whitened numbers of a point.
+/// The four whitened residuals of a point.
 fn numbers(w: &Whitened) -> [f64; 4] {
     let p = w.projector.unwrap();
     [w.camera.x, w.camera.y, p.x, p.y]
@@ -24,7 +24,7 @@ fn derivatives_are_those_of_the_residuals() {
         rig_from_projector: scene.rig.projector.rig_from_view,
         boards: scene.boards.clone(),
     };
-    // Every coefficient has a part in it.
+    // Make every coefficient nonzero.
     state.camera.distortion[4] = 0.03;
     state.projector.distortion = [0.03, -0.02, 3e-3, -2e-3, 0.01];
     let lit = observed.points.iter().filter(|o| o.lit.is_some());
@@ -35,7 +35,7 @@ fn derivatives_are_those_of_the_residuals() {
             assert!((a - b).abs() < 1e-7, "{a} {b}");
         }
         for unknown in 0..ALL {
-            // A step of about a hundredth of a pixel, whatever the unknown.
+            // Steps that move the image by about a hundredth of a pixel.
             let step = match unknown {
                 i if i >= RIG => [1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2][i - RIG],
                 i if i >= 18 => [1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2][i - 18],

@@ -1,4 +1,4 @@
-//! What exact data give.
+//! Exact data reproduce the rig.
 
 use super::super::{Choice, Coefficients, Solution, solve};
 use super::scene::{Scene, rig};
@@ -14,7 +14,7 @@ const ALL_FIVE: Choice = Choice {
     robust: true,
 };
 
-/// The largest error of a parameter of the rig, relative to its size (1 for angles and
+/// Largest error of a parameter of the rig, relative to its size (absolute for angles and
 /// coefficients).
 fn worst(found: &Solution, scene: &Scene) -> f64 {
     let mut worst = 0.0f64;
@@ -62,7 +62,7 @@ fn exact_sightings_give_the_rig_back() {
             &choice,
         )
         .unwrap();
-        // Coefficients of r^6 are the worst determined.
+        // The r^6 coefficients are the least well determined.
         let error = worst(&found, &scene);
         assert!(error < 1e-9, "{profile} {choice:?}: {error:e}");
         for (pose, truth) in found.poses.iter().zip(&scene.boards) {

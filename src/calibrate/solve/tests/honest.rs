@@ -1,4 +1,4 @@
-//! The covariance is honest: errors over many seeds are as large as it says.
+//! Tests that the covariance is right: errors over many seeds are as large as it predicts.
 
 use super::super::{Choice, Coefficients, Solution, chi_square_below, chi_square_bound, solve};
 use super::scene::Scene;
@@ -22,8 +22,8 @@ fn solved(scene: &Scene, seed: u64, choice: &Choice) -> Solution {
     .unwrap()
 }
 
-/// Kolmogorov's and Smirnov's distance of probabilities from even ones, times the root of their
-/// number: beyond 1.95 in one of a thousand cases (Smirnov 1948).
+/// Kolmogorov-Smirnov distance of probabilities from the uniform distribution, times the square
+/// root of their number. It exceeds 1.95 in one of a thousand cases (Smirnov 1948).
 fn uneven(mut probabilities: Vec<f64>) -> f64 {
     probabilities.sort_by(f64::total_cmp);
     let n = probabilities.len() as f64;
@@ -51,7 +51,7 @@ fn check(scene: &Scene, seeds: u64, choice: &Choice) {
         let sum = found.variance_factor * found.degrees_of_freedom as f64;
         of_fit.push(chi_square_below(sum, found.degrees_of_freedom));
     }
-    // The sum over the seeds is a chi-square variable too.
+    // The sum over the seeds also follows a chi-square distribution.
     assert!(
         squares < chi_square_bound(0.999, unknowns),
         "{squares} of {unknowns}"
@@ -81,7 +81,7 @@ fn squared_distances_at_full_size() {
     check(&Scene::bench(20, 1), 50, &Choice::default());
 }
 
-/// Covariances that are too small by a factor are noticed, and the errors come out right.
+/// Understated covariances are detected, and the estimated errors are right nevertheless.
 #[test]
 fn understated_noise_is_estimated() {
     let scene = Scene {
@@ -108,7 +108,7 @@ fn understated_noise_is_estimated() {
         squares += square;
         unknowns += dof;
     }
-    // The estimated factors add their own uncertainty of some per cent.
+    // The estimated factors add an uncertainty of a few per cent.
     let ratio = squares / unknowns as f64;
     assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
 }

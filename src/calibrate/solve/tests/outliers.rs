@@ -1,4 +1,4 @@
-//! Points and poses that do not belong.
+//! Outlier points and inconsistent poses.
 
 use super::super::{Choice, Coefficients, PoseSightings, Solution, chi_square_bound, solve};
 use super::scene::{Draws, Scene};
@@ -70,7 +70,8 @@ fn five_per_cent_of_outliers_leave_the_covariance_honest() {
 #[test]
 fn a_pose_that_does_not_belong_is_named_and_left_out() {
     let scene = scene();
-    // A board of another size in one pose: the camera cannot tell, camera and projector can.
+    // One pose has a board of another size. The camera alone cannot detect this; camera and
+    // projector together can.
     let mut sightings = scene.sightings(Some(1));
     let other = Scene {
         board: scene.board.scaled(1.1),

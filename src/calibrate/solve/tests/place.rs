@@ -1,4 +1,4 @@
-//! A board before a rig that is known.
+//! Locating a board with a known rig.
 
 use super::super::rotation::difference;
 use super::super::{Placed, chi_square_below, place};
@@ -12,7 +12,7 @@ fn placed(scene: &Scene, rig: &Rig, seed: Option<u64>) -> Vec<Placed> {
     all.iter().map(one).collect()
 }
 
-/// The squared distance from the truth in standard deviations, of six degrees of freedom.
+/// Squared Mahalanobis distance from the truth, with six degrees of freedom.
 fn square(placed: &Placed, truth: &Pose) -> f64 {
     let off = Vector6::from(difference(truth, &placed.rig_from_board));
     let covariance = Matrix6::from_fn(|i, j| placed.covariance[i][j]);
@@ -45,7 +45,7 @@ fn errors_are_as_large_as_the_covariance_says() {
         all.extend(squares.map(|(found, truth)| chi_square_below(square(found, truth), 6)));
     }
     let mean = all.iter().sum::<f64>() / all.len() as f64;
-    // Of 200 even numbers in [0, 1] the mean is 0.5 with a deviation of 0.02.
+    // The mean of 200 uniform numbers in [0, 1] is 0.5 with a standard deviation of 0.02.
     assert!((mean - 0.5).abs() < 0.065, "{mean}");
     let beyond = all.iter().filter(|p| **p > 0.99).count();
     assert!(beyond <= 8, "{beyond} of 200 beyond the 99 % bound");
@@ -63,7 +63,7 @@ fn strays_are_left_out_and_a_wrong_rig_shows() {
     assert!(found.pose.camera_errors.count <= all - all / 20);
     assert!(square(&found, &scene.boards[0]) < 30.0);
 
-    // A baseline that has grown by a thousandth.
+    // A baseline 0.1 % too long.
     let mut grown = scene.rig;
     grown.projector.rig_from_view.translation_mm *= 1.001;
     let honest = place(&scene.board, &scene.sightings(Some(1))[0], &scene.rig).unwrap();

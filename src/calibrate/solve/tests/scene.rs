@@ -1,12 +1,12 @@
-//! Sightings made by an independent path: the projector's coordinate is that of the place on the
-//! board that the camera pixel seen looks at.
+//! Simulated observations, computed independently of the solver's model: the projector coordinate
+//! is that of the board point which the observed (noisy) camera pixel sees.
 
 use super::super::PoseSightings;
 use crate::board::{Lit, Sighting};
 use glam::{DMat2, DVec2, DVec3};
 use phasmid_geometry::{Board, Lens, Pose, Rig, nominal};
 
-/// Even and normal numbers of a seed (Knuth's 64-bit congruential generator; Box and Muller 1958).
+/// Uniform and normal random numbers (Knuth's 64-bit congruential generator; Box and Muller 1958).
 pub struct Draws(u64);
 
 impl Draws {
@@ -35,7 +35,7 @@ impl Draws {
     }
 }
 
-/// A rig that looks at a board in some poses.
+/// A rig and the board poses it observes.
 #[derive(Clone)]
 pub struct Scene {
     pub board: Board,
@@ -52,7 +52,8 @@ pub fn rig(profile: &str) -> Rig {
     rig
 }
 
-/// Boards tilted by 15 to 45 degrees about axes all around, within the fields of both lenses.
+/// Boards tilted by 15 to 45 degrees about axes in all directions, within the fields of both
+/// lenses.
 pub fn poses(count: usize, distance: f64, seed: u64) -> Vec<Pose> {
     let mut draws = Draws::new(seed);
     (0..count)
@@ -89,7 +90,7 @@ impl Scene {
         [size(&self.rig.camera.lens), size(&self.rig.projector.lens)]
     }
 
-    /// With noise of a seed, or exact.
+    /// Simulates the observations, with noise from a seed or exact.
     pub fn sightings(&self, seed: Option<u64>) -> Vec<PoseSightings> {
         let mut draws = Draws::new(seed.unwrap_or(0));
         let noisy = f64::from(u8::from(seed.is_some()));
@@ -117,7 +118,7 @@ impl Scene {
         let camera = &self.rig.camera.lens;
         let point = self.board.point(index);
         let exact = camera.project(pose.point(point.extend(0.0)))?;
-        // Every covariance is another: long one way, up to five times.
+        // Every covariance is different, with a ratio of the axes of up to five.
         let mut factor = |sigma: f64| {
             let turn = DMat2::from_angle(draws.even() * 3.2);
             let long = sigma * (0.4 + 1.6 * draws.even());
@@ -145,7 +146,7 @@ impl Scene {
         })
     }
 
-    /// The projector pixel that lights what a camera pixel sees of a board.
+    /// Projector pixel that illuminates the board point seen by a camera pixel.
     fn lit(&self, px: DVec2, pose: &Pose) -> DVec2 {
         let ray = self.rig.camera.lens.ray(px);
         let normal = pose.rotation.z_axis;

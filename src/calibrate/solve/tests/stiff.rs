@@ -1,4 +1,4 @@
-//! Lenses, boards and noise of any size.
+//! Lenses, boards and noise over many orders of magnitude.
 
 use super::super::{Choice, Coefficients, chi_square_bound, solve};
 use super::scene::{Scene, poses};
@@ -11,7 +11,8 @@ const NONE: Choice = Choice {
     robust: true,
 };
 
-/// A rig whose lenses see `angle` (the image's width over the focal length) of boards of `size_mm`.
+/// A rig with lenses of the given focal length and field of view (`angle` is the image width over
+/// the focal length), and boards of `size_mm`.
 fn scene(focal: f64, angle: f64, size_mm: f64, noise: f64) -> Scene {
     let width = focal * angle;
     let lens = Lens {
@@ -55,7 +56,8 @@ fn scene(focal: f64, angle: f64, size_mm: f64, noise: f64) -> Scene {
 fn any_scale_of_lens_board_and_noise() {
     for (focal, angle) in [(5.0, 1.5), (600.0, 1.0), (1e5, 0.3)] {
         for size_mm in [1.0, 300.0, 1e5] {
-            // Noise relative to the image: a millionth of a pixel up to one, where that is small.
+            // Noise from a millionth of a pixel to one pixel, skipping values that are large for a
+            // small image.
             for noise in [1e-6, 1e-3, 1.0] {
                 if noise > 1e-3 * focal * angle {
                     continue;

@@ -1,4 +1,4 @@
-//! The data decide which coefficients are estimated.
+//! Automatic selection of distortion coefficients.
 
 use super::super::{Choice, Coefficients, chi_square_bound, solve};
 use super::scene::{Scene, rig};
@@ -26,7 +26,7 @@ fn lenses_without_distortion_get_no_coefficients() {
             found.camera_coefficients != [false; 5] || found.projector_coefficients != [false; 5]
         })
         .count();
-    // One in a thousand for each first coefficient.
+    // Each of the two k1 is kept by chance with a probability of 0.001.
     assert!(kept <= 1, "{kept} of {count}");
 }
 
@@ -47,7 +47,7 @@ fn lenses_with_distortion_get_enough() {
             &Choice::default(),
         )
         .unwrap();
-        // k1 k2 p1 p2 of the camera and k1 k2 p2 of the projector are not zero, k3 is.
+        // The true k1 k2 p1 p2 of the camera and k1 k2 p2 of the projector are nonzero; k3 is zero.
         assert_eq!(found.camera_coefficients, [true, true, true, true, false]);
         assert_eq!(
             found.projector_coefficients,
@@ -59,7 +59,7 @@ fn lenses_with_distortion_get_enough() {
     }
 }
 
-/// Too few coefficients show in the residuals; too many in their standard deviations.
+/// Too few coefficients show in the residuals, too many in their standard deviations.
 #[test]
 fn a_fixed_choice_is_kept_and_judged() {
     let scene = Scene {
@@ -99,8 +99,8 @@ fn a_fixed_choice_is_kept_and_judged() {
     )
     .unwrap();
     assert!(many.camera_coefficients == [true; 5] && many.inflation == [1.0; 2]);
-    // A lens without distortion, and coefficients all the same: k3 is 0 within a deviation in two of
-    // three seeds.
+    // A lens without distortion, fitted with all coefficients: k3 is within one standard deviation
+    // of 0 for two of three seeds.
     let plain = Scene::bench(6, 1);
     let told = (0..4).filter(|seed| {
         let sightings = plain.sightings(Some(*seed));

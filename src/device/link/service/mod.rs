@@ -110,6 +110,6 @@ fn foreign(stream: &UnixStream, owner: u32) -> Option<String> {
         Err(_) => "a user that the system does not tell".to_owned(),
     };
     Some(format!(
-        "service channel: {whose}; allowed: its owner, user {owner}"
+        "service channel: {whose}; expected its owner, user {owner}"
     ))
 }

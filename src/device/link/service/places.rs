@@ -58,7 +58,7 @@ impl Places {
             });
             let Some((_, longest)) = idle.min() else {
                 return Err(format!(
-                    "service channel: one more connection; allowed: {MAX_CLIENTS} at a time, of \
+                    "service channel: one more connection; expected {MAX_CLIENTS} at a time, of \
                      which one that has asked nothing for {} s makes room",
                     self.idle.as_secs_f64()
                 ));

@@ -138,7 +138,7 @@ fn one_too_many_is_told_so() {
     let mut more = channel.client();
     send(&mut more, QUICK);
     let words = error(&mut more).unwrap();
-    assert!(words.contains("allowed: 16 at a time"), "{words}");
+    assert!(words.contains("expected 16 at a time"), "{words}");
     assert!(is_over(&mut more));
     // The others are still connected, and a freed place can be taken.
     send(&mut clients[0], QUICK);

@@ -1,5 +1,5 @@
-//! Attaching a device to this machine's own kernel: one end of a socket pair goes to `vhci_hcd`
-//! through its sysfs files, so that no tools of USB/IP are needed.
+//! Attaches a device to the local kernel: one end of a socket pair goes to `vhci_hcd` through its
+//! sysfs files, so that no USB/IP tools are needed.
 
 use super::attached::Attached;
 use super::connection;
@@ -10,18 +10,18 @@ use std::os::fd::AsRawFd;
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
-/// A device that this machine's kernel has.
+/// A device attached to the local kernel.
 pub struct Attachment {
     device: Attached,
     port: Port,
     stream: UnixStream,
 }
 
-/// Attaches a device; it answers while [`Attachment::run`] is polled.
+/// Attaches a device to the local kernel; it answers while [`Attachment::run`] is polled.
 ///
 /// # Errors
-/// No `vhci_hcd`, no permission, no free port of the device's speed, or a host that has it already;
-/// each with what mends it.
+/// Returns an error with a remedy if `vhci_hcd` is not loaded, permission is denied, no port of the
+/// device's speed is unused, or another host has the device.
 pub fn attach(device: UsbDevice) -> Result<Attachment> {
     let (ours, theirs) = UnixStream::pair().map_err(|e| Error::io("--usb attach", e))?;
     ours.set_nonblocking(true)
@@ -40,15 +40,16 @@ pub fn attach(device: UsbDevice) -> Result<Attachment> {
 }
 
 impl Attachment {
-    /// Where it hangs.
+    /// Returns the port that the device is attached to.
     pub fn port(&self) -> &Port {
         &self.port
     }
 
-    /// Serves the kernel until it lets go. `clock` tells the time since any moment.
+    /// Serves the kernel until it detaches the device. `clock` returns the time since an arbitrary
+    /// fixed moment.
     ///
     /// # Errors
-    /// What the system says of the socket.
+    /// Returns an error if the socket fails.
     pub async fn run(self, clock: impl Fn() -> Duration) -> Result<()> {
         let stream = self
             .stream

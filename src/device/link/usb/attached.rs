@@ -1,17 +1,17 @@
-//! A device in a host's hands.
+//! Exclusive use of a device by a host.
 
 use super::device::UsbDevice;
 use super::session::Session;
 use phasmid_core::error::{Error, Result};
 
-/// A device that a host has; dropping it lets go of the device, however the connection ends.
+/// A device attached to a host; dropping it detaches the device, however the connection ends.
 pub(super) struct Attached(UsbDevice);
 
 impl Attached {
-    /// Takes a device.
+    /// Attaches a device.
     ///
     /// # Errors
-    /// Another host has it, or its firmware is behind.
+    /// Returns an error if another host has the device or too many events wait for the firmware.
     pub(super) fn take(device: &UsbDevice) -> Result<Self> {
         if device.with(Session::attach) {
             Ok(Self(device.clone()))

@@ -1,5 +1,5 @@
-//! Between the firmware and its USB device: what a host does becomes what the commands would do,
-//! and what the commands do is what the host sees.
+//! Connects the firmware to its USB device: translates host actions to firmware calls and reports the
+//! firmware's state to the host.
 
 use super::{CameraState, Event, UsbDevice};
 use crate::{CameraControls, Firmware, State, Stream, StreamSink};
@@ -11,7 +11,7 @@ use phasmid_protocol::{Frame, PixelFormat};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A USB device with a firmware behind it.
+/// A USB device and its host-visible state, in front of a firmware.
 pub struct Binding {
     device: UsbDevice,
     usb: Usb,
@@ -19,20 +19,20 @@ pub struct Binding {
     lines: DeviceLines,
 }
 
-/// What the loop that serves the device has to do for the port.
+/// An event for the loop that serves the serial port.
 pub(in crate::link) enum PortEvent {
-    /// Bytes have come.
+    /// Bytes were received.
     Data(Vec<u8>),
-    /// Whoever had the port open has closed it.
+    /// The host has closed the port.
     HungUp,
 }
 
 impl Binding {
-    /// A USB device of a profile in front of its firmware. `number`, from 1, is its place on the
-    /// bus.
+    /// Creates the USB device of a profile in front of its firmware. `number`, from 1, is its
+    /// position on the bus.
     ///
     /// # Errors
-    /// Frames that are too large for the video class.
+    /// Returns an error if the frames are too large for the video class.
     pub fn new(profile: &Profile, firmware: &Firmware, number: u32) -> Result<Self> {
         let stream = firmware.stream();
         let mut formats = vec![stream.format];
@@ -51,7 +51,7 @@ impl Binding {
         })
     }
 
-    /// The device, to be served.
+    /// Returns the device to serve.
     pub fn device(&self) -> &UsbDevice {
         &self.device
     }
@@ -61,32 +61,33 @@ impl Binding {
         self.device.is_streaming()
     }
 
-    /// Whether a host would get another frame of a free-running camera before long.
+    /// Whether a host reads frames and its queue has room for another frame of a free-running camera.
     pub(in crate::link) fn keeps_up(&self) -> bool {
         self.device.is_streaming() && !self.device.is_crowded()
     }
 
-    /// Hands a frame on; one of another format than the stream's is nobody's.
+    /// Queues a frame for the host; ignores frames whose format differs from the stream's.
     pub(in crate::link) fn put(&self, frame: &Arc<Frame>, now: Duration) {
         self.device.put(frame.clone(), now);
     }
 
-    /// Frames that were lost because the host reads too slowly.
+    /// Number of frames lost because the host reads too slowly.
     pub(in crate::link) fn lost(&self) -> u64 {
         self.device.lost()
     }
 
-    /// Sends a reply; `false` when too many wait.
+    /// Sends a reply; `false` if too many are queued.
     pub(in crate::link) fn send(&self, bytes: &[u8], now: Duration) -> bool {
         self.device.send(bytes, now)
     }
 
-    /// Waits until a host has done something.
+    /// Waits for an event from a host.
     pub(in crate::link) async fn changed(&self) {
         self.device.changed().await;
     }
 
-    /// Does to the firmware what a host has done, at a device time; gives what concerns the port.
+    /// Applies the host's events to the firmware at device time `now_ns`; returns those for the
+    /// serial port.
     pub(in crate::link) fn work_off(
         &mut self,
         firmware: &mut Firmware,
@@ -125,7 +126,7 @@ impl Binding {
                     self.host_lines = lines;
                 }
                 Event::LineCoding(line) => firmware.set_line_coding(line),
-                // A break clears the input, as a terminal's does.
+                // A break clears the input, as on a terminal.
                 Event::Break(true) | Event::Detached => port.push(PortEvent::HungUp),
                 Event::Break(false) | Event::Attached | Event::Started | Event::Stopped => {}
             }
@@ -133,7 +134,7 @@ impl Binding {
         port
     }
 
-    /// Shows the host how the firmware stands.
+    /// Reports the firmware's state to the host.
     pub(in crate::link) fn refresh(&mut self, firmware: &Firmware, now: Duration) {
         self.device.set_camera(camera_state(firmware));
         let running = matches!(firmware.state(), State::Running { .. });
@@ -147,7 +148,7 @@ impl Binding {
         }
     }
 
-    /// What is to be asked before the frames change.
+    /// Returns the sink that checks changes of the frame format.
     pub(in crate::link) fn gate(&self, stream: Stream) -> Gate {
         Gate {
             device: self.device.clone(),
@@ -168,10 +169,10 @@ fn camera_state(firmware: &Firmware) -> CameraState {
     }
 }
 
-/// Holds the frames to what has enumerated.
+/// Rejects frame sizes and formats that contradict the enumerated device.
 pub(in crate::link) struct Gate {
     device: UsbDevice,
-    /// The frames that the device was made for.
+    /// Frame size and format that the device was created for.
     stream: Stream,
 }
 

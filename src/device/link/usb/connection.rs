@@ -1,5 +1,5 @@
-//! A host's connection after it has imported a device: commands are read, the session works them
-//! off, its replies are written, many at a time.
+//! A host's connection after it has imported a device: reads commands, has the session execute them,
+//! and writes its replies, many at a time.
 
 use super::attached::Attached;
 use super::device::UsbDevice;
@@ -11,19 +11,19 @@ use std::io::IoSlice;
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
-/// Pieces that are written at once.
+/// Maximum number of chunks per write.
 const SLICES: usize = 64;
-/// Replies that wait before no more commands are read.
+/// Number of queued chunks above which no more commands are read.
 const MAX_OUTGOING: usize = 4096;
 const READ_LEN: usize = 64 << 10;
 
 impl UsbDevice {
-    /// Serves a host on any two streams of bytes, from behind the import on, until it leaves. `clock`
-    /// tells the time since any moment.
+    /// Serves a host on any two byte streams, starting after the import, until it leaves. `clock`
+    /// returns the time since an arbitrary fixed moment.
     ///
     /// # Errors
-    /// Another host has the device; what the host sent that no driver sends; what the system says of
-    /// the streams.
+    /// Returns an error if another host has the device, if the host violates the protocol, or if
+    /// reading or writing fails.
     pub async fn serve(
         &self,
         reader: impl AsyncRead + Unpin,
@@ -35,11 +35,11 @@ impl UsbDevice {
     }
 }
 
-/// Serves a host until it leaves, sends nonsense, or the device is unplugged. `clock` tells the time
-/// since any moment.
+/// Serves a host until it leaves, violates the protocol, or the device is unplugged. `clock` returns
+/// the time since an arbitrary fixed moment.
 ///
 /// # Errors
-/// What the host sent that no driver sends, and what the system says of the socket.
+/// Returns an error if the host violates the protocol or the socket fails.
 pub(super) async fn run(
     mut reader: impl AsyncRead + Unpin,
     mut writer: impl AsyncWrite + Unpin,
@@ -50,8 +50,8 @@ pub(super) async fn run(
     let mut outgoing = Outgoing::default();
     let io = |e| Error::io("USB/IP", e);
     loop {
-        // A host that does not read its replies is not listened to, nor one that does more than the
-        // firmware gets round to.
+        // Stop reading commands while the host does not read its replies, or while it causes more
+        // events than the firmware processes.
         while outgoing.len() < MAX_OUTGOING
             && !device.is_behind()
             && let Some((command, data, packets)) = input.next()?
@@ -103,19 +103,19 @@ async fn sleep(delay: Option<Duration>) {
     }
 }
 
-/// Bytes from the host that are no whole command yet.
+/// Bytes from the host that do not form a complete command yet.
 #[derive(Default)]
 struct Input {
     bytes: Vec<u8>,
     filled: usize,
-    /// Bytes at the start that have been worked off.
+    /// Number of bytes at the start that have been processed.
     done: usize,
 }
 
 type Whole = (Command, Vec<u8>, Vec<Packet>);
 
 impl Input {
-    /// Room for more.
+    /// Buffer space for more bytes.
     fn space(&mut self) -> &mut [u8] {
         if self.done > 0 {
             self.bytes.copy_within(self.done..self.filled, 0);
@@ -129,13 +129,13 @@ impl Input {
         &mut self.bytes[self.filled..]
     }
 
-    /// The next command that has come whole.
+    /// Returns the next complete command.
     fn next(&mut self) -> Result<Option<Whole>> {
         let bytes = &self.bytes[self.done..self.filled];
         let Some((header, rest)) = bytes.split_first_chunk::<HEADER_LEN>() else {
             return Ok(None);
         };
-        // Bounded here, before anything waits for its data.
+        // Decoding checks the sizes before any data is awaited.
         let command = Command::decode(header)?;
         let Command::Submit(submit) = command else {
             self.done += HEADER_LEN;

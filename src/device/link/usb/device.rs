@@ -1,4 +1,4 @@
-//! The handle by which firmware and connection share a device.
+//! The handle through which firmware and connection share a device.
 
 use super::descriptors::{Descriptors, INTERFACES, Mode};
 use super::function::Function;
@@ -16,13 +16,13 @@ use tokio::sync::Notify;
 
 struct Shared {
     session: Mutex<Session>,
-    /// The connection has something to send.
+    /// Notified when the connection has something to send or may read again.
     outward: Notify,
-    /// The firmware has something to do.
+    /// Notified when the firmware has events to process.
     inward: Notify,
 }
 
-/// A device that hosts can take; clones are the same device.
+/// A USB device that hosts can attach; clones refer to the same device.
 #[derive(Clone)]
 pub struct UsbDevice {
     shared: Arc<Shared>,
@@ -30,8 +30,11 @@ pub struct UsbDevice {
 }
 
 impl UsbDevice {
-    /// A device of a profile with a camera of `width` x `height` pixels in one of these formats,
-    /// the first by default. `number`, from 1, is its place on the bus.
+    /// Creates the device of a profile, with a camera of `width` x `height` pixels in the given
+    /// formats, the first by default. `number`, from 1, is its position on the bus.
+    ///
+    /// # Errors
+    /// Returns an error if the frames are too large for the video class.
     pub fn new(
         profile: &Profile,
         number: u32,
@@ -88,23 +91,23 @@ impl UsbDevice {
         })
     }
 
-    /// The format of a number that a host has agreed on.
+    /// The format of a format number in the negotiated stream parameters.
     pub(super) fn format(&self, number: u8) -> PixelFormat {
         let session = self.session();
         let modes = &session.function.descriptors.modes;
         modes[usize::from(number).clamp(1, modes.len()) - 1].format
     }
 
-    /// The device as USB/IP shows it.
+    /// Returns the device's description for USB/IP.
     pub fn info(&self) -> &DeviceInfo {
         &self.info
     }
 
-    /// Class, subclass and protocol of each interface and a zero, as a list of devices has them.
+    /// Class, subclass and protocol of each interface followed by a zero, as in USB/IP device lists.
     pub(super) fn interface_classes(&self) -> Vec<u8> {
         let configuration = self.session().function.descriptors.configuration.clone();
         Walk::new(&configuration)
-            // Each interface once, by its first setting.
+            // Count each interface once, by its alternate setting 0.
             .filter(|d| d[1] == kind::INTERFACE && d[3] == 0)
             .flat_map(|d| [d[5], d[6], d[7], 0])
             .collect()
@@ -132,49 +135,49 @@ impl UsbDevice {
         value
     }
 
-    /// Whether the firmware is so far behind that hosts have to wait.
+    /// Whether so many events wait for the firmware that hosts have to wait.
     pub(super) fn is_behind(&self) -> bool {
         self.session().events.is_full()
     }
 
-    /// Waits until the connection has something to send, or may listen again.
+    /// Waits until the connection has something to send, or may read again.
     pub(super) async fn outward(&self) {
         self.shared.outward.notified().await;
     }
 
-    /// Waits until a host has done something; [`Self::take_events`] then says what.
+    /// Waits for an event from a host; [`Self::take_events`] then returns it.
     pub async fn changed(&self) {
         self.shared.inward.notified().await;
     }
 
-    /// What hosts have done since the last call.
+    /// Returns the events from hosts since the last call.
     pub fn take_events(&self) -> Vec<Event> {
         let (events, was_full) = self.with(|session| {
             let was_full = session.events.is_full();
             let events = session.events.take();
-            // Data that waited for these to be taken may come now.
+            // Serial data that waited for these events can be delivered now.
             session.pump_serial();
             (events, was_full)
         });
         if was_full {
-            // The host is listened to again.
+            // The connection may read again.
             self.shared.outward.notify_one();
         }
         events
     }
 
-    /// Whether a host reads frames.
+    /// Returns whether a host reads frames.
     pub fn is_streaming(&self) -> bool {
         self.session().video.started
     }
 
-    /// Whether as many frames of a free-running camera wait as are kept for a host.
+    /// Returns whether the maximum number of frames of a free-running camera is queued for the host.
     pub fn is_crowded(&self) -> bool {
         self.session().video.is_crowded()
     }
 
-    /// Hands a frame on, at a time of the connection's clock; `false` when nobody reads, the stream
-    /// has another format, or too many frames wait.
+    /// Queues a frame at time `now` of the connection's clock; `false` if no host reads, the stream
+    /// has another format, or too many frames are queued.
     pub fn put(&self, frame: Arc<Frame>, now: Duration) -> bool {
         self.with(|session| {
             let fits = session.function.stream().is_some_and(|stream| {
@@ -195,12 +198,12 @@ impl UsbDevice {
         })
     }
 
-    /// Frames that were lost because the host reads too slowly.
+    /// Returns the number of frames lost because the host reads too slowly.
     pub fn lost(&self) -> u64 {
         self.session().lost
     }
 
-    /// Sends bytes over the serial port; `false` when too many wait.
+    /// Sends bytes over the serial port; `false` if too many are queued.
     pub fn send(&self, bytes: &[u8], now: Duration) -> bool {
         self.with(|session| {
             let sent = session.serial.send(bytes);
@@ -209,12 +212,12 @@ impl UsbDevice {
         })
     }
 
-    /// Says how the camera is set.
+    /// Sets the camera state that hosts read.
     pub fn set_camera(&self, camera: CameraState) {
         self.session().function.set_camera(camera);
     }
 
-    /// Raises and lowers the device's lines of the serial port.
+    /// Sets the device's serial lines.
     pub fn set_lines(&self, lines: DeviceLines, now: Duration) {
         self.with(|session| {
             session.serial.set_lines(lines);
@@ -222,12 +225,12 @@ impl UsbDevice {
         });
     }
 
-    /// Lets something go wrong with the next frame that has no fault yet.
+    /// Injects a fault into the next frame without one.
     pub fn inject(&self, fault: Fault) {
         self.session().video.faults.push(fault);
     }
 
-    /// Takes the device off the bus, from under its host; with `false`, puts it back.
+    /// Unplugs the device, even while attached; `false` plugs it in again.
     pub fn unplug(&self, out: bool) {
         self.with(|session| session.unplugged = out);
     }

@@ -1,25 +1,26 @@
-//! What hosts have done that the firmware has not taken yet, bounded.
+//! A bounded queue of host events that the firmware has not processed yet.
 //!
-//! Only the last of several settings of one kind counts, and bytes of the serial port join those
-//! before them. All else is kept in order, triggers on RTS among it: a host that does more of it
-//! than is kept here has to wait.
+//! Of several settings of one kind only the last is kept, and serial bytes are merged with those
+//! before them. All other events, including triggers on RTS, are kept in order; when the queue is
+//! full, the host has to wait.
 
 use super::Event;
 use std::collections::VecDeque;
 
-/// Events that wait before no more commands are read; the firmware takes them many times a second.
+/// Number of queued events above which no more commands are read; the firmware takes them many times
+/// a second.
 const MAX_EVENTS: usize = 1024;
 
-/// Events in the order in which they happened.
+/// Events in order of occurrence.
 #[derive(Default)]
 pub(super) struct Events {
     waiting: VecDeque<Event>,
-    /// Bytes of the serial port among them.
+    /// Number of serial bytes among the events.
     received: usize,
 }
 
 impl Events {
-    /// Whether hosts have to wait until the firmware has taken some.
+    /// Whether hosts have to wait until the firmware has taken events.
     pub(super) fn is_full(&self) -> bool {
         self.waiting.len() >= MAX_EVENTS
     }
@@ -28,7 +29,7 @@ impl Events {
         self.waiting.is_empty()
     }
 
-    /// Bytes of the serial port that wait.
+    /// Number of queued serial bytes.
     pub(super) fn received(&self) -> usize {
         self.received
     }
@@ -42,7 +43,8 @@ impl Events {
             }
         }
         if is_setting(&event) {
-            // Between two settings of a kind only others may lie: a trigger parts them.
+            // Only settings may lie between two settings that are merged: other events, such as a
+            // trigger, separate them.
             let settings = self.waiting.iter_mut().rev();
             let mut settings = settings.take_while(|before| is_setting(before));
             if let Some(before) = settings.find(|before| is_like(before, &event)) {
@@ -53,14 +55,14 @@ impl Events {
         self.waiting.push_back(event);
     }
 
-    /// All that wait, which the firmware has then.
+    /// Removes and returns all events.
     pub(super) fn take(&mut self) -> Vec<Event> {
         self.received = 0;
         self.waiting.drain(..).collect()
     }
 }
 
-/// Whether an event says how something is set, whatever it was before.
+/// Whether an event replaces earlier events of its kind.
 fn is_setting(event: &Event) -> bool {
     matches!(
         event,

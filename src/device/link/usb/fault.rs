@@ -1,5 +1,5 @@
-//! What may go wrong with a camera on USB, on purpose. A fault waits for the next frame and is over
-//! with it; taking the device away is [`super::UsbDevice::unplug`].
+//! Faults that can be injected into a USB camera. Each fault affects the next frame only. To unplug
+//! the device, see [`super::UsbDevice::unplug`].
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -7,27 +7,27 @@ use std::time::Duration;
 /// One fault of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// The endpoint halts before the frame. The host has to clear it, which ends a bulk stream: the
-    /// frames that wait are forgotten.
+    /// The endpoint halts before the frame. The host has to clear it, which ends a bulk stream and
+    /// discards the queued frames.
     Stall,
-    /// The frame's payloads say that it is damaged; uvcvideo then flags the buffer.
+    /// The frame's payload headers have the error bit set; uvcvideo then flags the buffer.
     PayloadError,
-    /// The frame ends in its middle.
+    /// The frame ends after half its bytes.
     ShortFrame,
-    /// The bit that toggles with each frame does not.
+    /// The frame identifier bit (FID), which toggles with each frame, does not toggle.
     FrozenFid,
-    /// The frame waits for so long before it starts.
+    /// The frame starts this much later.
     Slow(Duration),
 }
 
-/// Faults that wait, the first for the next frame.
+/// Queued faults; the first applies to the next frame.
 #[derive(Debug, Default)]
 pub(super) struct Faults {
     waiting: VecDeque<Fault>,
 }
 
 impl Faults {
-    /// Most that wait; more are forgotten.
+    /// Maximum number of queued faults; further ones are ignored.
     const MAX: usize = 1024;
 
     pub(super) fn push(&mut self, fault: Fault) {

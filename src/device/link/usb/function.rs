@@ -1,6 +1,6 @@
-//! What the device answers on its control endpoint: enumeration, the video class's negotiation and
-//! controls, the serial class's line state. No transfer waits here and nothing is sent: a request
-//! goes in, an answer and perhaps an event come out.
+//! Handles requests on the control endpoint: enumeration, negotiation and controls of the video
+//! class, line state of the serial class. Nothing blocks or sends here: a request goes in, an answer
+//! and possibly events come out.
 
 use super::descriptors::{
     CAMERA_TERMINAL, Descriptors, ENDPOINTS, INTERFACES, PROCESSING_UNIT, SERIAL_CONTROL,
@@ -16,27 +16,27 @@ use phasmid_protocol::usb::{Setup, request};
 /// An answer on the control endpoint.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Answer {
-    /// Bytes for the host; none where it only wants to know that it is done.
+    /// Bytes for the host; empty as acknowledgement of a request without data.
     Data(Vec<u8>),
-    /// The request is not known, or cannot be met.
+    /// The request is unknown or cannot be satisfied.
     Stall,
 }
 
-/// An answer without bytes.
+/// An acknowledgement without data.
 const DONE: Answer = Answer::Data(Vec::new());
 
 /// The state that requests read and set.
 pub(super) struct Function {
     pub(super) descriptors: Descriptors,
     limits: CameraLimits,
-    /// What the firmware says of the camera.
+    /// Camera state reported by the firmware.
     camera: CameraState,
     configuration: u8,
     /// Alternate setting of the streaming interface.
     setting: u8,
     halted: Vec<u8>,
     probe: Negotiation,
-    /// What a stream is to be, once both have agreed.
+    /// Stream parameters committed by the host.
     committed: Option<Negotiation>,
     line: LineCoding,
     host_lines: HostLines,
@@ -63,7 +63,7 @@ impl Function {
         }
     }
 
-    /// As after a bus reset: nothing configured, nothing agreed, lines low.
+    /// Resets to the state after a bus reset: unconfigured, no stream parameters, lines low.
     pub(super) fn reset(&mut self) {
         self.configuration = 0;
         self.setting = 0;
@@ -74,17 +74,17 @@ impl Function {
         self.last_error = error_code::NONE;
     }
 
-    /// Takes over what the firmware says of the camera.
+    /// Stores the camera state reported by the firmware.
     pub(super) fn set_camera(&mut self, camera: CameraState) {
         self.camera = camera;
     }
 
-    /// What happened since the last call.
+    /// Returns the events since the last call.
     pub(super) fn take_events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
     }
 
-    /// What was agreed on for a stream, while the interface may carry one.
+    /// The committed stream parameters, if the current configuration and setting can carry a stream.
     pub(super) fn stream(&self) -> Option<Negotiation> {
         let carries = match self.descriptors.transfer {
             Transfer::Bulk => true,
@@ -94,19 +94,19 @@ impl Function {
             .filter(|_| carries && self.configuration == 1)
     }
 
-    /// Whether an endpoint (its address, direction in bit 7) answers nothing until it is cleared.
+    /// Whether an endpoint (address with the direction in bit 7) is halted until the host clears it.
     pub(super) fn is_halted(&self, address: u8) -> bool {
         self.halted.contains(&address)
     }
 
-    /// Halts an endpoint, as a device does that is in trouble.
+    /// Halts an endpoint, as devices do on errors.
     pub(super) fn halt(&mut self, address: u8) {
         if !self.is_halted(address) {
             self.halted.push(address);
         }
     }
 
-    /// Answers a request; `data` is what came with it.
+    /// Answers a request with its data stage `data`.
     pub(super) fn control(&mut self, setup: Setup, data: &[u8]) -> Answer {
         let answer = match setup.kind & 0x60 {
             0x00 => self.standard(setup),
@@ -139,7 +139,7 @@ impl Function {
                 self.events.push(Event::Stopped);
                 DONE
             }
-            // The address is the bus's affair; the latencies are the link's.
+            // The bus handles the address, the link the latencies.
             (
                 Setup::STANDARD_OUT,
                 request::SET_ADDRESS | request::SET_SEL | request::SET_ISOCH_DELAY,
@@ -148,7 +148,7 @@ impl Function {
             (Setup::INTERFACE_IN, request::GET_STATUS) if index < INTERFACES => {
                 Answer::Data(vec![0, 0])
             }
-            // The control endpoint, which never halts.
+            // The control endpoint never halts.
             (Setup::ENDPOINT_IN, request::GET_STATUS) if index & 0x7F == 0 => {
                 Answer::Data(vec![0, 0])
             }
@@ -159,7 +159,7 @@ impl Function {
                 if setup.value == request::ENDPOINT_HALT && ENDPOINTS.contains(&index) =>
             {
                 self.halted.retain(|halted| *halted != index);
-                // Hosts end a bulk stream so.
+                // Hosts stop a bulk stream by clearing its endpoint.
                 if index == 0x80 | VIDEO_IN && self.descriptors.transfer == Transfer::Bulk {
                     self.events.push(Event::Stopped);
                 }
@@ -171,7 +171,7 @@ impl Function {
                 self.halt(index);
                 DONE
             }
-            // Function suspend and U1/U2 of SuperSpeed, remote wake-up: nothing to do.
+            // Function suspend and U1/U2 (SuperSpeed), remote wake-up: nothing to do.
             (
                 Setup::STANDARD_OUT | Setup::INTERFACE_OUT,
                 request::SET_FEATURE | request::CLEAR_FEATURE,
@@ -270,7 +270,8 @@ impl Function {
         let (answer, set) = range.answer(setup.request, data)?;
         if let Some(units) = set {
             let longest = self.camera.settable_ns.ok_or(error_code::WRONG_STATE)?;
-            // Drivers try the ends of the range: it is held to the period, as cameras do.
+            // Drivers set the limits of the range: clamp the exposure to the frame period, as cameras
+            // do.
             self.camera.exposure_ns = (units * uvc::EXPOSURE_UNIT_NS).min(longest);
             self.events.push(Event::Exposure(self.camera.exposure_ns));
         }
@@ -326,7 +327,7 @@ impl Function {
             uvc::request::GET_DEF | uvc::request::GET_MIN if probing => {
                 Answer::Data(self.descriptors.default_negotiation().encode().into())
             }
-            // Each value is one of a list: no field has a step.
+            // Values come from lists, so no field has a step.
             uvc::request::GET_RES if probing => Answer::Data(vec![0; Negotiation::LEN]),
             uvc::request::GET_MAX if probing => {
                 let last = self.descriptors.modes.len() as u8;
@@ -336,7 +337,7 @@ impl Function {
         }
     }
 
-    /// The nearest to what the host wants that the camera can do.
+    /// The supported parameters closest to those the host wants.
     fn agree(&self, wanted: Negotiation) -> Negotiation {
         let distance = |interval: &u32| interval.abs_diff(wanted.interval);
         let intervals = self.descriptors.intervals.iter().copied();
@@ -378,18 +379,18 @@ impl Function {
     }
 }
 
-/// A whole number that a class control reads and sets.
+/// An integer that a class control reads and sets.
 struct Range {
     min: u64,
     max: u64,
     default: u64,
     now: u64,
-    /// Bytes on the wire.
+    /// Size on the wire in bytes.
     len: usize,
 }
 
 impl Range {
-    /// The answer, and what is to be set.
+    /// Returns the answer and, for SET_CUR, the value to set.
     fn answer(&self, request: u8, data: &[u8]) -> Result<(Vec<u8>, Option<u64>), u8> {
         let bytes = |value: u64| value.to_le_bytes()[..self.len].to_vec();
         match request {

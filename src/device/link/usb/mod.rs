@@ -1,9 +1,18 @@
-//! The device as one USB device, served over USB/IP from user space: a UVC camera and a CDC-ACM
-//! port that stock drivers take for hardware.
+//! Serves the device as one USB device over USB/IP from user space: a UVC camera and a CDC-ACM port
+//! that standard drivers treat as hardware.
 //!
-//! `session::Session` is the device as a state machine: commands and frames in, replies and
-//! events out. `connection` carries it over a socket, `server` listens, `attach` hands a
-//! socket to this machine's own kernel.
+//! | file | content |
+//! | --- | --- |
+//! | `session` | the device as a state machine: commands and frames in, replies and events out |
+//! | `function` | requests on the control endpoint |
+//! | `descriptors` | the USB descriptors |
+//! | `video`, `serial` | the endpoints of camera and serial port |
+//! | `outgoing`, `events` | queues to the host and to the firmware |
+//! | `connection`, `server` | a session over a socket; the USB/IP listener |
+//! | `attach`, `vhci` | attachment to the local kernel |
+//! | `attached`, `device` | exclusive use by a host; the shared handle |
+//! | `binding` | the connection between firmware and USB device |
+//! | `fault` | injected faults |
 
 mod attach;
 mod attached;
@@ -32,52 +41,52 @@ pub use vhci::{Nodes, Port};
 use phasmid_protocol::usb::cdc::{HostLines, LineCoding};
 use phasmid_protocol::usb::uvc::Negotiation;
 
-/// What the firmware says of its camera.
+/// Camera state reported by the firmware.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraState {
     /// Exposure in nanoseconds.
     pub exposure_ns: u64,
     /// Gain in decibels.
     pub gain_db: f64,
-    /// Longest exposure in nanoseconds that would be taken now, to which a longer one is held;
-    /// `None` while nothing can be set, as in the middle of a sequence.
+    /// Maximum exposure in nanoseconds that can be set now; longer values are clamped to it. `None`
+    /// while nothing can be set, as during a sequence.
     pub settable_ns: Option<u64>,
 }
 
-/// What the camera can be set to.
+/// Range of the camera's settings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraLimits {
-    /// Shortest and longest exposure in nanoseconds.
+    /// Minimum and maximum exposure in nanoseconds.
     pub exposure_ns: (u64, u64),
-    /// Exposure at power-on.
+    /// Exposure at power-on in nanoseconds.
     pub default_exposure_ns: u64,
-    /// Largest gain in decibels.
+    /// Maximum gain in decibels.
     pub max_gain_db: f64,
 }
 
-/// What a host did that the firmware has to know.
+/// An action of the host that concerns the firmware.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
-    /// A host has the device.
+    /// A host has attached the device.
     Attached,
-    /// No host has it any more.
+    /// The host has detached the device.
     Detached,
-    /// The camera is to expose for so long, in nanoseconds.
+    /// Set the exposure, in nanoseconds.
     Exposure(u64),
-    /// The camera is to amplify by so much, in decibels.
+    /// Set the gain, in decibels.
     Gain(f64),
-    /// Format and interval of the stream that comes next.
+    /// The host has committed the format and interval of the next stream.
     Committed(Negotiation),
-    /// The host reads frames.
+    /// The host has started to read frames.
     Started,
-    /// The host reads frames no longer.
+    /// The host has stopped reading frames.
     Stopped,
-    /// Bytes from the serial port.
+    /// Bytes received on the serial port.
     Received(Vec<u8>),
-    /// The host's lines of the serial port have changed.
+    /// The host's serial lines (DTR, RTS) have changed.
     Lines(HostLines),
-    /// How the serial line is driven.
+    /// The host has set the line coding.
     LineCoding(LineCoding),
-    /// A break begins or ends.
+    /// A break begins (`true`) or ends (`false`).
     Break(bool),
 }

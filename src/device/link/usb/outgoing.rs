@@ -1,5 +1,5 @@
-//! Replies on their way to the host: headers and control data of our own, and slices of frames that
-//! are never copied between the sensor and the socket.
+//! Replies queued for the host: headers and control data that are owned, and slices of frames that
+//! are never copied between sensor and socket.
 
 use phasmid_protocol::Frame;
 use phasmid_protocol::usb::usbip::{HEADER_LEN, Packet, Reply, Submit, status};
@@ -9,7 +9,7 @@ use std::io::IoSlice;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A reply's header with a payload's behind it.
+/// Size of a reply header followed by a payload header.
 const HEAD_LEN: usize = HEADER_LEN + payload::HEADER_LEN;
 
 enum Chunk {
@@ -28,11 +28,11 @@ impl Chunk {
     }
 }
 
-/// What waits to be written, in order.
+/// Chunks to be written, in order.
 #[derive(Default)]
 pub(super) struct Outgoing {
     chunks: VecDeque<Chunk>,
-    /// Bytes of the first chunk that have been written.
+    /// Number of bytes of the first chunk that have been written.
     written: usize,
 }
 
@@ -41,12 +41,12 @@ impl Outgoing {
         self.chunks.is_empty()
     }
 
-    /// Pieces that wait.
+    /// Number of queued chunks.
     pub(super) fn len(&self) -> usize {
         self.chunks.len()
     }
 
-    /// Takes over what another one holds, behind what is here.
+    /// Moves all chunks of `other` to the end of this queue.
     pub(super) fn append(&mut self, other: &mut Self) {
         debug_assert_eq!(
             other.written, 0,
@@ -55,18 +55,18 @@ impl Outgoing {
         self.chunks.append(&mut other.chunks);
     }
 
-    /// A transfer that is over, with its data.
+    /// Completes a transfer with its data.
     pub(super) fn submitted(&mut self, seqnum: u32, status: i32, data: Vec<u8>) {
         self.head(seqnum, status, data.len() as u32, None);
         self.bytes(data);
     }
 
-    /// A transfer to the device that is over.
+    /// Completes a transfer without returned data.
     pub(super) fn received(&mut self, seqnum: u32, status: i32, actual: u32) {
         self.head(seqnum, status, actual, None);
     }
 
-    /// A transfer that fails; an isochronous one with each of its packets.
+    /// Fails a transfer; for an isochronous one, also each of its packets.
     pub(super) fn failed(&mut self, submit: &Submit, packets: &[Packet], status: i32) {
         let reply = Reply::Submit {
             seqnum: submit.seqnum,
@@ -85,7 +85,7 @@ impl Outgoing {
         self.packets(&packets);
     }
 
-    /// A transfer of a payload: its header and a part of a frame.
+    /// Completes a transfer with a payload: its header and a range of a frame.
     pub(super) fn payload(
         &mut self,
         seqnum: u32,
@@ -100,7 +100,7 @@ impl Outgoing {
         }
     }
 
-    /// An isochronous transfer: its header; [`Self::packet`] and [`Self::packets`] follow.
+    /// Starts an isochronous reply with its header; [`Self::packet`] and [`Self::packets`] follow.
     pub(super) fn isochronous(&mut self, seqnum: u32, actual: u32, packets: u32) {
         let reply = Reply::Submit {
             seqnum,
@@ -112,7 +112,7 @@ impl Outgoing {
         self.push_head(&reply, None);
     }
 
-    /// A packet's payload.
+    /// Adds a packet's payload.
     pub(super) fn packet(&mut self, info: u8, frame: &Arc<Frame>, part: Range<usize>) {
         self.bytes(vec![payload::HEADER_LEN as u8, info]);
         if !part.is_empty() {
@@ -120,12 +120,12 @@ impl Outgoing {
         }
     }
 
-    /// The descriptors behind an isochronous transfer's data.
+    /// Adds the packet descriptors after an isochronous transfer's data.
     pub(super) fn packets(&mut self, packets: &[Packet]) {
         self.bytes(packets.iter().flat_map(Packet::encode).collect());
     }
 
-    /// An answer to an unlink.
+    /// Replies to an unlink command.
     pub(super) fn unlinked(&mut self, seqnum: u32, status: i32) {
         self.push_head(&Reply::Unlink { seqnum, status }, None);
     }
@@ -158,7 +158,7 @@ impl Outgoing {
         }
     }
 
-    /// The next pieces to write, as many as there is room for.
+    /// Fills `slices` with the next chunks to write; returns their number.
     pub(super) fn slices<'a>(&'a self, slices: &mut [IoSlice<'a>]) -> usize {
         let mut skip = self.written;
         let mut count = 0;
@@ -170,7 +170,7 @@ impl Outgoing {
         count
     }
 
-    /// Forgets so many bytes, which have been written.
+    /// Removes bytes that have been written.
     pub(super) fn advance(&mut self, mut bytes: usize) {
         while let Some(first) = self.chunks.front() {
             let left = first.bytes().len() - self.written;

@@ -1,4 +1,4 @@
-//! The serial port's endpoints: data both ways, and the notification of the device's lines.
+//! The serial port's endpoints: data in both directions, and the notification of the device's lines.
 
 use super::descriptors::{NOTIFY_IN, SERIAL_CONTROL, SERIAL_IN, SERIAL_OUT};
 use super::outgoing::Outgoing;
@@ -6,11 +6,11 @@ use phasmid_protocol::usb::cdc::DeviceLines;
 use phasmid_protocol::usb::usbip::{Submit, status};
 use std::collections::VecDeque;
 
-/// Bytes that wait for the host.
+/// Maximum number of bytes queued for the host.
 const MAX_TO_HOST: usize = 1 << 20;
-/// Bytes that the firmware has not taken before the host has to wait.
+/// Number of bytes queued for the firmware above which the host has to wait.
 const MAX_TO_DEVICE: usize = 64 << 10;
-/// Bytes that a host may send without waiting for answers.
+/// Maximum number of bytes that a host may send without waiting for completion.
 const MAX_HELD: usize = 4 << 20;
 
 /// The endpoints' state.
@@ -19,11 +19,11 @@ pub(super) struct Serial {
     to_host: VecDeque<u8>,
     reads: VecDeque<Submit>,
     notifications: VecDeque<Submit>,
-    /// Transfers to the device whose bytes the firmware has not taken.
+    /// Transfers whose bytes the firmware has not received.
     writes: VecDeque<(Submit, Vec<u8>)>,
     held: usize,
     lines: DeviceLines,
-    /// What the host knows.
+    /// Lines last reported to the host.
     told: Option<DeviceLines>,
 }
 
@@ -36,14 +36,14 @@ impl Serial {
         self.notifications.push_back(submit);
     }
 
-    /// Bytes from the host; `false` when there are more than any driver sends ahead.
+    /// Queues a transfer from the host; `false` if the host sends further ahead than any driver does.
     pub(super) fn write(&mut self, submit: Submit, data: Vec<u8>) -> bool {
         self.held += data.len();
         self.writes.push_back((submit, data));
         self.held <= MAX_HELD
     }
 
-    /// Takes a transfer back; `false` when it is not here.
+    /// Cancels a transfer; `false` if it is not pending.
     pub(super) fn unlink(&mut self, seqnum: u32) -> bool {
         let other = |submit: &Submit| submit.seqnum != seqnum;
         let before = self.waiting();
@@ -57,7 +57,7 @@ impl Serial {
         self.waiting() < before
     }
 
-    /// Transfers that wait on an endpoint which is halted fail.
+    /// Fails pending transfers on halted endpoints.
     pub(super) fn stall(&mut self, is_halted: impl Fn(u8) -> bool, outgoing: &mut Outgoing) {
         let mut fail = |submit: Submit| outgoing.received(submit.seqnum, status::STALL, 0);
         if is_halted(0x80 | SERIAL_IN) {
@@ -72,12 +72,12 @@ impl Serial {
         }
     }
 
-    /// Transfers that wait.
+    /// Number of pending transfers.
     pub(super) fn waiting(&self) -> usize {
         self.reads.len() + self.notifications.len() + self.writes.len()
     }
 
-    /// Bytes for the host; `false` when too many wait and these are lost.
+    /// Queues bytes for the host; `false` if too many are queued and these are lost.
     pub(super) fn send(&mut self, bytes: &[u8]) -> bool {
         let fits = self.to_host.len() + bytes.len() <= MAX_TO_HOST;
         if fits {
@@ -86,7 +86,7 @@ impl Serial {
         fits
     }
 
-    /// Nobody has the port open any more: what waits for the host is nobody's.
+    /// Discards bytes queued for the host because it has closed the port.
     pub(super) fn hang_up(&mut self) {
         self.to_host.clear();
     }
@@ -95,15 +95,15 @@ impl Serial {
         self.lines = lines;
     }
 
-    /// The device goes: its transfers with it.
+    /// Resets the endpoints when the device detaches, discarding pending transfers.
     pub(super) fn reset(&mut self) {
         let lines = self.lines;
         *self = Self::default();
         self.lines = lines;
     }
 
-    /// Sends what can be sent; gives the bytes that the firmware may have now, `taken` of which it
-    /// has not worked off yet.
+    /// Sends what can be sent. Returns the bytes that the firmware may have now; `taken` bytes
+    /// already wait for the firmware.
     pub(super) fn pump(&mut self, mut taken: usize, outgoing: &mut Outgoing) -> Vec<u8> {
         while !self.to_host.is_empty()
             && let Some(read) = self.reads.pop_front()

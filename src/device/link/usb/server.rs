@@ -1,4 +1,4 @@
-//! The listener that hosts import devices from, as `usbip attach` does.
+//! The listener from which hosts import devices, as with `usbip attach`.
 
 use super::attached::Attached;
 use super::connection;
@@ -16,22 +16,22 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::AbortHandle;
 use tokio::time::timeout;
 
-/// Connections at a time that have not imported a device; the oldest goes where there are more.
+/// Maximum number of connections that have not imported a device; beyond it the oldest is closed.
 const MAX_OPENING: usize = 64;
-/// A client that does not say in this time what it wants is turned away.
+/// Timeout for a client's request.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Devices on a TCP port.
+/// Serves devices on a TCP port.
 pub struct UsbServer {
     listener: TcpListener,
     devices: Arc<Vec<UsbDevice>>,
 }
 
 impl UsbServer {
-    /// Listens.
+    /// Listens on an address.
     ///
     /// # Errors
-    /// An address that is taken or not this machine's.
+    /// Returns an error if the address is in use or does not belong to this machine.
     pub async fn bind(address: SocketAddr, devices: Vec<UsbDevice>) -> Result<Self> {
         let listener = TcpListener::bind(address)
             .await
@@ -48,26 +48,26 @@ impl UsbServer {
         })
     }
 
-    /// Where it listens.
+    /// Returns the address on which it listens.
     pub fn address(&self) -> Option<SocketAddr> {
         self.listener.local_addr().ok()
     }
 
-    /// Serves until it is dropped. `clock` tells the time since any moment.
+    /// Serves until dropped. `clock` returns the time since an arbitrary fixed moment.
     pub async fn run(self, clock: impl Fn() -> Duration + Clone + Send + Sync + 'static) {
         let opening = Opening::default();
         for number in 0.. {
             let Ok((stream, _)) = self.listener.accept().await else {
-                // Out of descriptors, for one: it may pass.
+                // Possibly temporary, for example out of file descriptors.
                 tokio::time::sleep(Duration::from_millis(50)).await;
                 continue;
             };
             let (devices, clock) = (self.devices.clone(), clock.clone());
             let open = opening.clone();
-            // It is in the list before it runs: this is the only thread.
+            // The task is added to the list before it runs, because there is only one thread.
             let task = tokio::spawn(async move {
                 let left = Left(open, number);
-                // A client that breaks or sends nonsense harms its own connection only.
+                // An error of a client affects its own connection only.
                 let _ = serve(stream, &devices, left, clock).await;
             });
             opening.add(number, task.abort_handle());
@@ -75,12 +75,12 @@ impl UsbServer {
     }
 }
 
-/// Connections that have not said yet what they want, or wait for the answer.
+/// Connections that have not completed their request.
 #[derive(Clone, Default)]
 struct Opening(Arc<Mutex<VecDeque<(u64, AbortHandle)>>>);
 
 impl Opening {
-    /// Adds one; the oldest goes where there are too many.
+    /// Adds a connection; aborts the oldest if there are too many.
     fn add(&self, number: u64, task: AbortHandle) {
         let mut list = self.list();
         if list.len() >= MAX_OPENING
@@ -96,7 +96,7 @@ impl Opening {
     }
 }
 
-/// Takes a connection off the list when it has imported a device or is over.
+/// Removes a connection from the list when it has imported a device or ended.
 struct Left(Opening, u64);
 
 impl Drop for Left {
@@ -123,7 +123,7 @@ async fn serve(
     connection::run(reader, writer, attached.device(), clock).await
 }
 
-/// A host that has gone without a word, its machine for one, does not keep a device for ever.
+/// Enables keep-alive, so that a host that vanished (for example, crashed) releases its device.
 fn keep_alive(stream: &TcpStream) -> std::io::Result<()> {
     sockopt::set_socket_keepalive(stream, true)?;
     sockopt::set_tcp_keepidle(stream, Duration::from_secs(10))?;
@@ -132,7 +132,7 @@ fn keep_alive(stream: &TcpStream) -> std::io::Result<()> {
     Ok(())
 }
 
-/// What a connection begins with; the device that it has imported.
+/// Handles the first request of a connection; returns the imported device, if any.
 async fn open(stream: &mut TcpStream, devices: &[UsbDevice]) -> Result<Option<Attached>> {
     let io = |e| Error::io("USB/IP", e);
     let mut operation = [0; OPERATION_LEN];

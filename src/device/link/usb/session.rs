@@ -1,4 +1,4 @@
-//! One device: the state machine behind its endpoints.
+//! The state machine behind a device's endpoints.
 
 use super::Event;
 use super::descriptors::{NOTIFY_IN, SERIAL_IN, SERIAL_OUT, VIDEO_IN};
@@ -12,9 +12,9 @@ use phasmid_profile::Transfer;
 use phasmid_protocol::usb::usbip::{Command, Packet, Submit, status};
 use std::time::Duration;
 
-/// Transfers that may wait; drivers have a few dozen.
+/// Maximum number of pending transfers; drivers use a few dozen.
 const MAX_WAITING: usize = 1024;
-/// Isochronous packets that may wait; 8 s of them.
+/// Maximum number of pending isochronous packets: 8 s.
 const MAX_PACKETS: usize = 1 << 16;
 
 /// The device as a state machine: commands and frames in, replies and events out.
@@ -25,7 +25,7 @@ pub(super) struct Session {
     pub(super) outgoing: Outgoing,
     pub(super) events: Events,
     attached: bool,
-    /// Frames that found no room.
+    /// Number of frames lost because the queue was full.
     pub(super) lost: u64,
     pub(super) unplugged: bool,
 }
@@ -44,8 +44,8 @@ impl Session {
         }
     }
 
-    /// A host takes the device; `false` when another has it, or when the firmware has not yet taken
-    /// what those before have done.
+    /// Attaches the device to a host; `false` if another host has it or too many events wait for the
+    /// firmware.
     pub(super) fn attach(&mut self) -> bool {
         if self.attached || self.unplugged || self.events.is_full() {
             return false;
@@ -55,7 +55,7 @@ impl Session {
         true
     }
 
-    /// The host is gone, whatever it left behind.
+    /// Detaches the device and resets its state.
     pub(super) fn detach(&mut self) {
         self.stop();
         self.function.reset();
@@ -67,15 +67,15 @@ impl Session {
         self.events.push(Event::Detached);
     }
 
-    /// Whether the connection is to end.
+    /// Whether the device is unplugged, which ends the connection.
     pub(super) fn is_unplugged(&self) -> bool {
         self.unplugged
     }
 
-    /// Works off a command with the data or packets that came with it.
+    /// Executes a command with its data or packets.
     ///
     /// # Errors
-    /// What no driver sends; the connection is to end.
+    /// Returns an error if the host exceeds limits that no driver reaches; the connection must end.
     pub(super) fn command(
         &mut self,
         command: Command,
@@ -87,7 +87,7 @@ impl Session {
             Command::Unlink { seqnum, target } => {
                 let video = self.video.unlink(target);
                 let held = video || self.serial.unlink(target);
-                // A host that takes everything back has stopped reading.
+                // A host that cancels all its transfers has stopped reading.
                 if video && self.video.waiting() == 0 {
                     self.stop();
                 }
@@ -163,12 +163,12 @@ impl Session {
         self.collect();
     }
 
-    /// Passes on what requests have set off.
+    /// Processes the events caused by requests.
     fn collect(&mut self) {
         for event in self.function.take_events() {
             match event {
                 Event::Stopped => self.stop(),
-                // What an earlier stream has left is of no stream.
+                // Frames left from an earlier stream do not belong to the new one.
                 Event::Committed(_) => {
                     self.stop();
                     self.events.push(event);
@@ -191,7 +191,7 @@ impl Session {
         self.video.stop();
     }
 
-    /// Moves data between what waits on either side.
+    /// Matches queued data with pending transfers in both directions.
     pub(super) fn pump(&mut self, now: Duration) {
         if self.function.is_halted(0x80 | VIDEO_IN) {
             self.video.stall(&mut self.outgoing);

@@ -1,42 +1,42 @@
-//! The kernel's virtual USB host controller, `vhci_hcd`, as its sysfs files show it: ports, and what
-//! drivers have made of what hangs on one.
+//! The kernel's virtual USB host controller, `vhci_hcd`, through its sysfs files: ports, and the
+//! device nodes that drivers create for an attached device.
 
 use phasmid_core::error::{Error, Result};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The first controller's files.
+/// Sysfs folder of the first controller.
 const CONTROLLER: &str = "/sys/devices/platform/vhci_hcd.0";
-/// Where USB devices are, by their names on the bus.
+/// Sysfs folder of USB devices, by bus name.
 const DEVICES: &str = "/sys/bus/usb/devices";
-/// State of a port that nothing is attached to.
+/// State of an unused port.
 const FREE: &str = "004";
 
 /// A port of the controller.
 #[derive(Debug, Clone)]
 pub struct Port(u32);
 
-/// Device nodes that drivers have made of an attached device.
+/// Device nodes that drivers have created for an attached device.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Nodes {
-    /// uvcvideo's: `/dev/videoN`.
+    /// Node created by uvcvideo: `/dev/videoN`.
     pub camera: Option<PathBuf>,
-    /// cdc_acm's: `/dev/ttyACMN`.
+    /// Node created by cdc_acm: `/dev/ttyACMN`.
     pub tty: Option<PathBuf>,
 }
 
 impl Nodes {
-    /// Whether both are there.
+    /// Returns whether both nodes exist.
     pub fn is_complete(&self) -> bool {
         self.camera.is_some() && self.tty.is_some()
     }
 }
 
 impl Port {
-    /// A port that is free and has the speed, as the kernel numbers it.
+    /// Finds an unused port of a speed, given by the kernel's number.
     ///
     /// # Errors
-    /// No controller, or no such port; with what mends it.
+    /// Returns an error with a remedy if there is no controller or no unused port.
     pub(super) fn free(speed: u32) -> Result<Self> {
         Self::free_at(Path::new(CONTROLLER), speed)
     }
@@ -60,18 +60,18 @@ impl Port {
         })
     }
 
-    /// Hands one end of a socket to the kernel, which takes a reference of its own: behind the
-    /// other answers the device of this id and speed.
+    /// Passes one end of a socket to the kernel, which takes its own reference; the device with this
+    /// id and speed must answer at the other end.
     ///
     /// # Errors
-    /// What the system refuses.
+    /// Returns an error if the sysfs file cannot be written.
     pub(super) fn attach(&self, socket: i32, id: u32, speed: u32) -> Result<()> {
         let file = format!("{CONTROLLER}/attach");
         let line = format!("{} {socket} {id} {speed}", self.0);
         fs::write(&file, line).map_err(|e| Error::io(&file, e))
     }
 
-    /// What drivers have made of the device on this port, so far.
+    /// Returns the device nodes created so far for the device on this port.
     pub fn nodes(&self) -> Nodes {
         let status = Path::new(CONTROLLER).join("status");
         let Ok(text) = fs::read_to_string(status) else {
@@ -90,11 +90,12 @@ struct Row<'a> {
     hub: &'a str,
     port: u32,
     state: &'a str,
-    /// Name of the device that hangs there, `0-0` for none.
+    /// Bus name of the attached device, `0-0` if there is none.
     bus_id: &'a str,
 }
 
-/// Hub, port, state, speed, device, socket and the device's name; the first line is a heading.
+/// Parses the controller's table: hub, port, state, speed, device, socket and the device's bus name.
+/// The heading is skipped.
 fn rows(table: &str) -> impl Iterator<Item = Row<'_>> {
     table.lines().filter_map(|line| {
         let mut words = line.split_whitespace();
@@ -107,7 +108,7 @@ fn rows(table: &str) -> impl Iterator<Item = Row<'_>> {
     })
 }
 
-/// The nodes of a device's interfaces.
+/// The device nodes of a device's interfaces.
 fn nodes(device: &Path) -> Nodes {
     let mut nodes = Nodes::default();
     for interface in entries(device) {
@@ -130,7 +131,7 @@ fn dev(class_device: &Path) -> Option<PathBuf> {
     Some(path)
 }
 
-/// What is in a folder, in order; nothing where there is none.
+/// Sorted entries of a folder; empty if it does not exist.
 fn entries(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten();
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
@@ -142,7 +143,7 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
 mod tests {
     use super::*;
 
-    /// As a kernel 6.1 prints it, shortened.
+    /// Output of kernel 6.1, shortened.
     const TABLE: &str = "hub port sta spd dev      sockfd local_busid\n\
         hs  0000 006 003 00010002 000003 1-1\n\
         hs  0001 004 000 00000000 000000 0-0\n\

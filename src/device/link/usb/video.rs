@@ -1,4 +1,4 @@
-//! The camera's endpoint: transfers that wait for frames, frames that wait for transfers.
+//! The camera's endpoint: queues of transfers waiting for frames and of frames waiting for transfers.
 
 use super::fault::{Fault, Faults};
 use super::outgoing::Outgoing;
@@ -9,32 +9,32 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Frames that wait for the host; a device's memory is not endless.
+/// Maximum number of frames queued for the host, as in a real device's memory.
 const MAX_FRAMES: usize = 1024;
-/// Frames of a free-running camera that wait: a host that is slower sees the newest.
+/// Maximum number of queued frames of a free-running camera: a slower host sees the newest ones.
 const MAX_FREE_FRAMES: usize = 8;
-/// Bytes of frames that wait for the host.
+/// Maximum size of the frames queued for the host, in bytes.
 const MAX_BYTES: usize = 256 << 20;
-/// Time of an isochronous packet: a microframe.
+/// Duration of an isochronous packet: one microframe.
 const PACKET_TIME: Duration = Duration::from_micros(125);
 
-/// A transfer that waits.
+/// A pending transfer.
 struct Waiting {
     submit: Submit,
     /// Packets of an isochronous transfer.
     packets: Vec<Packet>,
-    /// When an isochronous transfer is over, whether there is a frame or not.
+    /// Time when an isochronous transfer completes, with or without a frame.
     due: Duration,
 }
 
-/// The frame that is being sent.
+/// The frame being sent.
 struct Current {
     frame: Arc<Frame>,
-    /// Bytes that have gone.
+    /// Number of bytes sent.
     at: usize,
-    /// Bytes that go; fewer than the frame has where it is cut.
+    /// Number of bytes to send; less than the frame's size if a fault truncates it.
     len: usize,
-    /// Bits of its payload headers besides the end of the frame.
+    /// Bits of its payload headers, except the end-of-frame bit.
     info: u8,
 }
 
@@ -47,16 +47,16 @@ pub(super) struct Video {
     current: Option<Current>,
     fid: u8,
     pub(super) faults: Faults,
-    /// The next frame does not start before.
+    /// Earliest start of the next frame.
     not_before: Duration,
-    /// When the last isochronous transfer is over.
+    /// Completion time of the last isochronous transfer.
     last_due: Duration,
-    /// Whether a host reads.
+    /// Whether a host reads frames.
     pub(super) started: bool,
 }
 
 impl Video {
-    /// A transfer that the host has room for.
+    /// Queues a transfer from the host.
     pub(super) fn submit(&mut self, submit: Submit, packets: &[Packet], now: Duration) {
         let time = PACKET_TIME * packets.len() as u32;
         self.last_due = self.last_due.max(now) + time;
@@ -67,41 +67,41 @@ impl Video {
         });
     }
 
-    /// Takes a transfer back; `false` when it is not here.
+    /// Cancels a transfer; `false` if it is not pending.
     pub(super) fn unlink(&mut self, seqnum: u32) -> bool {
         let before = self.waiting.len();
         self.waiting
             .retain(|waiting| waiting.submit.seqnum != seqnum);
-        // The time of one that is taken back is free again.
+        // The time slot of a cancelled transfer is free again.
         self.last_due = self.waiting.back().map_or(Duration::ZERO, |w| w.due);
         self.waiting.len() < before
     }
 
-    /// Transfers that wait.
+    /// Number of pending transfers.
     pub(super) fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Isochronous packets of the transfers that wait.
+    /// Number of isochronous packets in pending transfers.
     pub(super) fn packets(&self) -> usize {
         let packets = self.waiting.iter().map(|waiting| waiting.packets.len());
         packets.sum()
     }
 
-    /// The endpoint halts: every transfer that waits fails.
+    /// Fails all pending transfers because the endpoint is halted.
     pub(super) fn stall(&mut self, outgoing: &mut Outgoing) {
         for waiting in self.waiting.drain(..) {
             outgoing.failed(&waiting.submit, &waiting.packets, status::STALL);
         }
     }
 
-    /// Whether as many frames of a free-running camera wait as are kept.
+    /// Whether the maximum number of frames of a free-running camera is queued.
     pub(super) fn is_crowded(&self) -> bool {
         self.frames.len() >= MAX_FREE_FRAMES
     }
 
-    /// Takes a frame; `false` when memory is full and it is lost. Of a free-running camera the
-    /// oldest go where too many wait: those are no loss.
+    /// Queues a frame; `false` if memory is full and the frame is lost. For a free-running camera,
+    /// the oldest frame is dropped if too many are queued; this does not count as a loss.
     pub(super) fn put(&mut self, frame: Arc<Frame>) -> bool {
         let len = frame.data.len();
         let is_free = |frame: &Frame| frame.pattern_index.is_none();
@@ -120,7 +120,7 @@ impl Video {
         true
     }
 
-    /// The stream is over: what is left of it is forgotten, transfers that wait go on waiting.
+    /// Ends the stream: discards its frames but keeps pending transfers.
     pub(super) fn stop(&mut self) {
         self.started = false;
         self.frames.clear();
@@ -129,7 +129,7 @@ impl Video {
         self.not_before = Duration::ZERO;
     }
 
-    /// The device goes: its transfers with it.
+    /// Resets the endpoint when the device detaches, discarding pending transfers.
     pub(super) fn reset(&mut self) {
         self.stop();
         self.waiting.clear();
@@ -137,7 +137,7 @@ impl Video {
         self.last_due = Duration::ZERO;
     }
 
-    /// When something happens next without a command or a frame.
+    /// Time of the next action that needs neither a command nor a frame.
     pub(super) fn next_due(&self) -> Option<Duration> {
         let slow = self.not_before;
         let delayed = !self.frames.is_empty() && slow > Duration::ZERO && self.current.is_none();
@@ -148,8 +148,8 @@ impl Video {
         }
     }
 
-    /// Sends what can be sent, in payloads of up to `max_payload` bytes; `true` when the endpoint
-    /// is to halt.
+    /// Sends what can be sent, in payloads of up to `max_payload` bytes; `true` if the endpoint must
+    /// halt.
     pub(super) fn pump(
         &mut self,
         max_payload: usize,
@@ -169,7 +169,7 @@ impl Video {
                 }
                 continue;
             }
-            // No room for a header, to say nothing of pixels: a babble on a bus.
+            // Too small for a payload header: report overflow, like babble on a real bus.
             if (waiting.submit.length as usize) < payload::HEADER_LEN {
                 outgoing.received(waiting.submit.seqnum, status::OVERFLOW, 0);
                 self.waiting.pop_front();
@@ -193,13 +193,13 @@ impl Video {
         false
     }
 
-    /// Makes the next frame the current one, unless there is one; `true` for a stall in its place.
+    /// Makes the next frame the current one, unless there is one; `true` if a stall takes its place.
     fn begin(&mut self, now: Duration) -> bool {
         if self.current.is_some() || self.frames.is_empty() || now < self.not_before {
             return false;
         }
         let fault = if self.not_before > Duration::ZERO {
-            // It has waited long enough.
+            // The delay of a slow frame has passed.
             self.not_before = Duration::ZERO;
             None
         } else {
@@ -235,7 +235,8 @@ impl Video {
         false
     }
 
-    /// One transfer of packets, empty ones where there is no frame; a frame may begin in any packet.
+    /// Completes one isochronous transfer. Packets are empty if there is no frame; a frame may begin
+    /// in any packet.
     fn isochronous(&mut self, waiting: &Waiting, now: Duration, outgoing: &mut Outgoing) {
         let mut parts = Vec::with_capacity(waiting.packets.len());
         let mut packets = waiting.packets.clone();
@@ -247,7 +248,7 @@ impl Video {
                 continue;
             }
             if self.current.is_none() {
-                // A stall inside of a transfer waits for the next one.
+                // A stall within a transfer waits for the next transfer.
                 let _ = self.begin(now);
             }
             let room = packet.length as usize - payload::HEADER_LEN;
@@ -269,7 +270,7 @@ impl Video {
 }
 
 impl Current {
-    /// The next payload's header bits and its part of the frame, in so much room.
+    /// Returns the next payload's header bits and its range of the frame, limited to `room` bytes.
     fn next(&mut self, room: usize) -> (u8, std::ops::Range<usize>) {
         let end = (self.at + room).min(self.len);
         let part = self.at..end;

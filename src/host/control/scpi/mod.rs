@@ -211,7 +211,7 @@ impl<P: CommandPort> Scpi<P> {
         let words = split(&reply);
         if words.len() != known.len() {
             return Err(Error::device(format!(
-                "{}: {query} was answered with {reply:?}, want {} answers",
+                "{}: {query} was answered with {reply:?}, expected {} answers",
                 self.info(),
                 known.len()
             )));

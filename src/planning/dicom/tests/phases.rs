@@ -85,7 +85,7 @@ fn phases_that_do_not_match_are_named() {
     };
     let short = complaint(|s| s.retain(|(name, _)| name != "4/2"));
     assert!(
-        short.contains("phase 40 %: 4 x 3 x 2 voxels; allowed: as phase 0 % of "),
+        short.contains("phase 40 %: 4 x 3 x 2 voxels; expected as phase 0 % of "),
         "{short}"
     );
     let frame = complaint(|s| {
@@ -136,7 +136,7 @@ fn the_reference_phase_is_the_one_that_is_asked_for() {
     assert_eq!(title, "`Gated, 70.0%A` (1.5.9)");
     let absent = read_reference(dir.path(), 75.0).unwrap_err().to_string();
     let words = "phases 0, 10, 20, 30, 40, 50, 60, 70, 80, 90 %, and `Average` (1.6), 3 images; \
-                 allowed: phase 75 %";
+                 expected phase 75 %";
     assert!(absent.contains(words), "{absent}");
     // A single series is taken as the reference phase unless its images state another.
     let (volume, _) = read_reference(folder(series()).path(), 50.0).unwrap();
@@ -149,7 +149,7 @@ fn the_reference_phase_is_the_one_that_is_asked_for() {
     let dir = folder(other);
     let found = read_reference(dir.path(), 50.0).unwrap_err().to_string();
     assert!(
-        found.contains("phase 30 %: `CT` (1.5); allowed: phase 50 %"),
+        found.contains("phase 30 %: `CT` (1.5); expected phase 50 %"),
         "{found}"
     );
     read_reference(dir.path(), 30.0).unwrap();
@@ -160,7 +160,7 @@ fn the_reference_phase_is_the_one_that_is_asked_for() {
         .unwrap_err()
         .to_string();
     let words =
-        "series without a phase: `CT` (1.5), 4 images; `CT` (1.6), 1 images; allowed: one series";
+        "series without a phase: `CT` (1.5), 4 images; `CT` (1.6), 1 images; expected one series";
     assert!(found.contains(words), "{found}");
 }
 

@@ -31,7 +31,7 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
                     image.text((0x18, 0x50), "3");
                 }
             },
-            "0.dcm: slices of 3 mm each 6.000 mm: some are missing; allowed: ",
+            "0.dcm: slices of 3 mm each 6.000 mm: some are missing; expected ",
         ),
         (
             |s| {
@@ -69,13 +69,13 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
             |s| {
                 s[2].1.text((0x20, 0x0E), "1.6");
             },
-            "2.dcm: series `CT` (1.6); allowed: one series: ",
+            "2.dcm: series `CT` (1.6); expected one series: ",
         ),
         (
             |s| {
                 s[2].1.text((0x20, 0x52), "1.99");
             },
-            "2.dcm: frame of reference 1.99; allowed: the frame of reference of ",
+            "2.dcm: frame of reference 1.99; expected the frame of reference of ",
         ),
         (
             |s| {
@@ -87,7 +87,7 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
             |s| {
                 s[2].1.short((0x28, 0x10), 2);
             },
-            "2.dcm: size 4 x 2 pixels; allowed: the size of ",
+            "2.dcm: size 4 x 2 pixels; expected the size of ",
         ),
         (
             |s| {
@@ -105,7 +105,7 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
             |s| {
                 s[2].1.text((0x08, 0x16), "1.2.840.10008.5.1.4.1.1.481.3");
             },
-            "2.dcm: SOPClassUID (0008,0016): an RT Structure Set; allowed: CT Image Storage",
+            "2.dcm: SOPClassUID (0008,0016): an RT Structure Set; expected CT Image Storage",
         ),
         (
             |s| {
@@ -113,7 +113,7 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
             },
             "class `1.2.3`",
         ),
-        (|s| s.clear(), "no file; allowed: CT images"),
+        (|s| s.clear(), "no file; expected CT images"),
     ];
     for (change, words) in cases {
         let mut images = series();
@@ -147,20 +147,20 @@ fn an_image_that_is_none_of_ours_is_named_with_the_element() {
     let cases: [(Change, &str); 17] = [
         (
             |i| i.short((0x28, 2), 3),
-            "SamplesPerPixel (0028,0002): 3; allowed: 1: grey",
+            "SamplesPerPixel (0028,0002): 3; expected 1: grey",
         ),
         (
             |i| i.text((0x28, 8), "2"),
-            "NumberOfFrames (0028,0008): 2; allowed: 1",
+            "NumberOfFrames (0028,0008): 2; expected 1",
         ),
         (
             |i| i.short((0x28, 0x100), 8),
-            "BitsAllocated (0028,0100): 8; allowed: 16",
+            "BitsAllocated (0028,0100): 8; expected 16",
         ),
         (|i| i.short((0x28, 0x101), 17), "BitsStored (0028,0101): 17"),
         (
             |i| i.short((0x28, 0x102), 15),
-            "HighBit (0028,0102): 15; allowed: 11",
+            "HighBit (0028,0102): 15; expected 11",
         ),
         (
             |i| i.short((0x28, 0x103), 2),
@@ -168,7 +168,7 @@ fn an_image_that_is_none_of_ours_is_named_with_the_element() {
         ),
         (
             |i| i.text((0x28, 0x103), "abc"),
-            "4 bytes; allowed: an unsigned short",
+            "4 bytes; expected an unsigned short",
         ),
         (
             |i| i.text((0x28, 0x1053), "0"),
@@ -176,15 +176,15 @@ fn an_image_that_is_none_of_ours_is_named_with_the_element() {
         ),
         (
             |i| i.text((0x28, 0x30), "1.5"),
-            "PixelSpacing (0028,0030): `1.5`; allowed: 2 numbers",
+            "PixelSpacing (0028,0030): `1.5`; expected 2 numbers",
         ),
         (
             |i| i.text((0x28, 0x30), "1.5\\-1"),
-            "1.5 and -1 mm; allowed: distances above 0",
+            "1.5 and -1 mm; expected distances above 0",
         ),
         (
             |i| i.text((0x28, 0x30), "1.5\\1e999"),
-            "`1.5\\1e999`; allowed: 2 numbers",
+            "`1.5\\1e999`; expected 2 numbers",
         ),
         (
             |i| drop(i.0.remove(&(0x28, 0x30))),
@@ -200,7 +200,7 @@ fn an_image_that_is_none_of_ours_is_named_with_the_element() {
         ),
         (
             |i| i.short((0x28, 0x11), 5),
-            "PixelData (7FE0,0010): 24 bytes; allowed: 5 x 3 pixels",
+            "PixelData (7FE0,0010): 24 bytes; expected 5 x 3 pixels",
         ),
         (|i| i.short((0x28, 0x11), 0), "0 x 3 pixels"),
         (
@@ -217,17 +217,17 @@ fn an_image_that_is_none_of_ours_is_named_with_the_element() {
     for (syntax, words) in [
         (
             "1.2.840.10008.1.2.4.70",
-            "JPEG lossless, first-order prediction; allowed: implicit or",
+            "JPEG lossless, first-order prediction; expected implicit or",
         ),
-        ("1.2.840.10008.1.2.2", "explicit VR big endian; allowed"),
-        ("1.2.3", "`1.2.3`; allowed"),
+        ("1.2.840.10008.1.2.2", "explicit VR big endian; expected"),
+        ("1.2.3", "`1.2.3`; expected"),
     ] {
         let found = refused(&image.of_syntax(syntax));
         assert!(found.contains(words), "{found}");
     }
     let bytes = image.bytes();
     assert!(refused(b"II*\0").contains("no `DICM` after 128 bytes, 4 in all"));
-    assert!(refused(&bytes[..bytes.len() - 1]).contains("23 bytes left; allowed: 24, as declared"));
+    assert!(refused(&bytes[..bytes.len() - 1]).contains("23 bytes left; expected 24, as declared"));
     // Fragmented (compressed) pixels in a file that declares uncompressed ones.
     let at = bytes.len() - 24;
     let mut fragments = bytes[..at - 4].to_vec();
@@ -236,7 +236,7 @@ fn an_image_that_is_none_of_ours_is_named_with_the_element() {
     // A length of four gigabytes, and deeply nested sequences.
     let mut long = bytes[..at - 4].to_vec();
     long.extend(0xFFFF_FFF0_u32.to_le_bytes());
-    assert!(refused(&long).contains("0 bytes left; allowed: 4294967280, as declared"));
+    assert!(refused(&long).contains("0 bytes left; expected 4294967280, as declared"));
     let mut deep = bytes[..at - 12].to_vec();
     for _ in 0..100_000 {
         deep.extend([8, 0, 0x40, 0x11, b'S', b'Q', 0, 0, 0xFF, 0xFF, 0xFF, 0xFF]);

@@ -28,7 +28,7 @@ fn phases_that_no_planning_has_are_named() {
         &twice,
         &[
             "phase 0 %: ",
-            "30.mhd: a second field; allowed: one field a phase: phase 0 %: ",
+            "30.mhd: a second field; expected one field a phase: phase 0 %: ",
         ],
     );
     let late = complaint(|_, import| import.phases[1].0 = 100.0);
@@ -36,17 +36,17 @@ fn phases_that_no_planning_has_are_named() {
         &late,
         &[
             "phase 100 %: ",
-            ": 100; allowed: per cent of the cycle, 0 or more, less than 100",
+            ": 100; expected per cent of the cycle, 0 or more, less than 100",
         ],
     );
     let nan = complaint(|_, import| import.reference_percent = f64::NAN);
-    has(&nan, &["NaN; allowed: per cent of the cycle"]);
+    has(&nan, &["NaN; expected per cent of the cycle"]);
     let alone = complaint(|_, import| import.phases.drain(..2).for_each(drop));
-    has(&alone, &["1 phases with the reference; allowed: 2 to 64"]);
+    has(&alone, &["1 phases with the reference; expected 2 to 64"]);
     let none = complaint(|_, import| import.phases.clear());
-    has(&none, &["allowed: 2 to 64 phases"]);
+    has(&none, &["expected 2 to 64 phases"]);
     let name = complaint(|_, import| import.name = "J. Doe".to_owned());
-    has(&name, &["\"J. Doe\"; allowed: 1 to 64 letters"]);
+    has(&name, &["\"J. Doe\"; expected 1 to 64 letters"]);
 }
 
 #[test]
@@ -62,13 +62,13 @@ fn fields_that_do_not_match_are_named() {
         &coarse,
         &[
             "phase 30 %: ",
-            "30.mhd: 9 x 9 x 9 voxels; allowed: as ",
+            "30.mhd: 9 x 9 x 9 voxels; expected as ",
             "0.mhd: 17 x 17 x 17",
         ],
     );
     let mut other = grid(8.0, 64.0);
     other.spacing_mm.z = 8.5;
-    has(&with(other), &["a spacing of (8, 8, 8.5); allowed: as "]);
+    has(&with(other), &["a spacing of (8, 8, 8.5); expected as "]);
     let absent = complaint(|dir, import| import.phases[1].1 = dir.join("no.mha"));
     has(
         &absent,
@@ -79,7 +79,7 @@ fn fields_that_do_not_match_are_named() {
         &ct,
         &[
             "phase 30 %: ",
-            "ct.mha: 1 number a voxel; allowed: three: a displacement field",
+            "ct.mha: 1 number a voxel; expected three: a displacement field",
         ],
     );
     let moving = complaint(|_, import| import.reference_percent = 30.0);
@@ -112,7 +112,7 @@ fn fields_that_do_not_match_are_named() {
         &long,
         &[
             "fields: skin or tumour that move up to ",
-            " mm; allowed: 100 mm or less",
+            " mm; expected 100 mm or less",
         ],
     );
     let metres = complaint(|_, import| {
@@ -125,13 +125,13 @@ fn fields_that_do_not_match_are_named() {
     });
     has(
         &metres,
-        &["0.mhd: a spacing of (0.008, 0.008, 0.008); allowed: 0.1 to 50 mm"],
+        &["0.mhd: a spacing of (0.008, 0.008, 0.008); expected 0.1 to 50 mm"],
     );
     let fine = complaint(|_, import| import.spacing_mm = Some(5.0));
     has(
         &fine,
         &[
-            "spacing of the fields in mm: 5; allowed: 8 to 50: ",
+            "spacing of the fields in mm: 5; expected 8 to 50: ",
             "0.mhd has (8, 8, 8)",
         ],
     );
@@ -163,21 +163,21 @@ fn fields_that_do_not_reach_are_named() {
         &[
             "0.mhd: skin: ",
             " vertices outside of the fields, (",
-            "allowed: vertices within (-28, ",
+            "expected vertices within (-28, ",
         ],
     );
     has(
         &with(grid(8.0, 64.0).shifted(DVec3::new(0.0, 300.0, 0.0))),
         &[
             "ct.mha: a CT of (",
-            "allowed: one around the fields, which have (",
+            "expected one around the fields, which have (",
         ],
     );
     let mut turned = grid(8.0, 64.0);
     turned.direction = DMat3::from_rotation_z(0.1);
     has(
         &with(turned),
-        &["ct.mha: axis 0 along (1, 0, 0); allowed: as the fields have it: "],
+        &["ct.mha: axis 0 along (1, 0, 0); expected as the fields have it: "],
     );
 }
 
@@ -190,17 +190,17 @@ fn what_is_no_ct_is_named() {
     let text = complaint(|dir, import| import.ct = dir.join("ct.nii.gz"));
     has(
         &text,
-        &["ct.nii.gz: no folder and no MetaImage; allowed: a folder with the images of a CT"],
+        &["ct.nii.gz: no folder and no MetaImage; expected a folder with the images of a CT"],
     );
     let empty = complaint(|dir, import| {
         import.ct = dir.join("series");
         std::fs::create_dir(&import.ct).unwrap();
     });
-    has(&empty, &["series: no file; allowed: CT images"]);
+    has(&empty, &["series: no file; expected CT images"]);
     let field = complaint(|_, import| import.ct = import.phases[0].1.clone());
     has(
         &field,
-        &["0.mhd: 3 numbers a voxel; allowed: one number a voxel"],
+        &["0.mhd: 3 numbers a voxel; expected one number a voxel"],
     );
     let raised = complaint(|_, import| {
         let ct = Volume::of(grid(4.0, 64.0), |p| body(p) + 1000.0, "ct").unwrap();
@@ -208,7 +208,7 @@ fn what_is_no_ct_is_named() {
     });
     has(
         &raised,
-        &["ct.mha: 100 % of the voxels at -500 or more; allowed: Hounsfield units"],
+        &["ct.mha: 100 % of the voxels at -500 or more; expected Hounsfield units"],
     );
     // Swapped byte order.
     let swapped = complaint(|_, import| {
@@ -220,14 +220,14 @@ fn what_is_no_ct_is_named() {
         &swapped,
         &[
             "ct.mha: ",
-            " % of the voxels above 4095; allowed: Hounsfield units",
+            " % of the voxels above 4095; expected Hounsfield units",
             "order that the header says",
         ],
     );
     let high = complaint(|_, import| import.skin_hu = 3000.0);
     has(
         &high,
-        &["ct.mha: skin: no voxel of 3000 or more; allowed: a level up to 0"],
+        &["ct.mha: skin: no voxel of 3000 or more; expected a level up to 0"],
     );
 }
 
@@ -254,7 +254,7 @@ fn a_tumour_that_is_none_is_named() {
         &[
             "tumour.ply: ",
             "vertices outside of the skin",
-            "allowed: a tumour in the body, whose skin is within (",
+            "expected a tumour in the body, whose skin is within (",
         ],
     );
     let edge = mesh(|m| {
@@ -265,7 +265,7 @@ fn a_tumour_that_is_none_is_named() {
     has(&edge, &[" vertices outside of the skin, ("]);
     has(
         &complaint(|dir, import| import.tumour = dir.join("t.step")),
-        &["extension `step`; allowed: .stl, .obj or .ply, or a mask"],
+        &["extension `step`; expected .stl, .obj or .ply, or a mask"],
     );
     let mask = |values: [i16; 2]| {
         complaint(move |dir, import| {
@@ -279,7 +279,7 @@ fn a_tumour_that_is_none_is_named() {
     };
     has(
         &mask([0, 255]),
-        &["mask.mha: numbers from 0 to 255; allowed: a mask: 0 outside and 1"],
+        &["mask.mha: numbers from 0 to 255; expected a mask: 0 outside and 1"],
     );
     has(&mask([-1, 1]), &["numbers from -1 to 1"]);
     has(&mask([0, 0]), &["mask.mha: no voxel of the tumour"]);
@@ -288,7 +288,7 @@ fn a_tumour_that_is_none_is_named() {
         &far,
         &[
             "isocentre in ",
-            "ct.mha: (0, 0, 0) mm; allowed: a point in the CT's LPS that it shows, within (",
+            "ct.mha: (0, 0, 0) mm; expected a point in the CT's LPS that it shows, within (",
         ],
     );
 }

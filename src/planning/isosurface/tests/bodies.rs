@@ -111,7 +111,7 @@ fn a_level_that_nothing_reaches_is_named() {
     };
     assert_eq!(
         words(-500.0),
-        "ct.mha: no voxel of -500 or more; allowed: a level up to -1000"
+        "ct.mha: no voxel of -500 or more; expected a level up to -1000"
     );
     assert!(words(f64::NAN).contains("a level of NaN"));
     // A body that fills the volume ends at its outer faces.

@@ -74,7 +74,7 @@ fn hash(cursor: &mut Cursor<'_>) -> Result<Param, DeviceError> {
         Some(b'Q') => 8,
         Some(b'B') => 2,
         _ => {
-            return Err(ErrorCode::InvalidBlockData.with("want #<digits><length><bytes>"));
+            return Err(ErrorCode::InvalidBlockData.with("expected #<digits><length><bytes>"));
         }
     };
     cursor.at += 2;

@@ -1,6 +1,7 @@
 //! Objects of known fields: finds the invalid field and words its error like all others.
 
 use super::{refusal, shortened};
+use phasmid_core::wording::found_and_expected;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
@@ -18,42 +19,32 @@ pub(super) fn fields<T: DeserializeOwned>(
     let given = given.clone();
     let error = match serde_json::from_value(value) {
         Ok(read) => return Ok(read),
-        Err(error) => told(&error),
+        Err(error) => reworded(&error),
     };
     for (name, field) in given {
         let mut probe = whole.clone();
         probe[&name] = field;
         if let Err(error) = serde_json::from_value::<T>(probe) {
-            let words = told(&error);
+            let words = reworded(&error);
             return Err(match words.starts_with("unknown field") {
                 true => format!("{place}: {words}"),
                 false => format!("{place}.{name}: {words}"),
             });
         }
     }
-    Err(format!("{place}: {error}; allowed: {needed}"))
+    Err(format!("{place}: {error}; expected {needed}"))
 }
 
 /// Rewords an error of serde like all other errors.
-fn told(error: &serde_json::Error) -> String {
-    let words = error.to_string();
-    let words = ["invalid type: ", "invalid value: ", "invalid length "]
+fn reworded(error: &serde_json::Error) -> String {
+    let (found, expected) = found_and_expected(&error.to_string(), "");
+    let found = ["invalid type: ", "invalid value: ", "invalid length "]
         .iter()
-        .find_map(|start| words.strip_prefix(start))
-        .unwrap_or(&words);
-    let split = words
-        .split_once(", expected one of ")
-        .or_else(|| words.split_once(", expected "));
-    match split {
-        None => words.to_owned(),
-        Some((found, expected)) => {
-            let allowed = match expected {
-                "f64" => "a number",
-                "u32" | "u64" => "a whole number, 0 or more",
-                "i32" => "a whole number",
-                other => other,
-            };
-            format!("{}; allowed: {allowed}", shortened(found.to_owned()))
-        }
+        .find_map(|start| found.strip_prefix(start))
+        .unwrap_or(&found)
+        .to_owned();
+    match expected.as_str() {
+        "" => found,
+        _ => format!("{}; expected {expected}", shortened(found)),
     }
 }

@@ -62,7 +62,7 @@ impl<'de> Visitor<'de> for OnceVisitor {
             let Once(value) = entries.next_value()?;
             if map.contains_key(&name) {
                 let name = shortened(name);
-                return Err(A::Error::custom(format!("{name} twice; allowed: once")));
+                return Err(A::Error::custom(format!("{name} twice; expected once")));
             }
             map.insert(name, value);
         }

@@ -122,7 +122,9 @@ impl Command {
                     setup: Setup::decode(bytes[40..].try_into().expect("8 bytes")),
                 }))
             }
-            command => bad(format!("number {command}, want 1 (submit) or 2 (unlink)")),
+            command => bad(format!(
+                "number {command}, expected 1 (submit) or 2 (unlink)"
+            )),
         }
     }
 }

@@ -94,7 +94,7 @@ impl Reply {
                 })
             }
             reply => Err(Error::device(format!(
-                "USB/IP reply: number {reply}, want 3 (submitted) or 4 (unlinked)"
+                "USB/IP reply: number {reply}, expected 3 (submitted) or 4 (unlinked)"
             ))),
         }
     }

@@ -1,4 +1,4 @@
-//! Poses that are known come back, and covariances mean what they say.
+//! Tests that known poses are recovered and that covariances match the actual errors.
 
 mod shapes;
 
@@ -38,7 +38,7 @@ fn near() -> Start {
     Start::Near(Pose::IDENTITY)
 }
 
-/// Off by, in millimetres and degrees.
+/// Errors of translation and rotation, in millimetres and degrees.
 fn miss(fit: &RigidFit, truth: &SixDof) -> (f64, f64) {
     (
         (fit.six.translation_mm - truth.translation_mm).length(),
@@ -91,14 +91,16 @@ fn a_covariance_is_honest() {
         let square = error.dot(&(inverse * error));
         sum += square;
         below += u32::from(chi_square_below(square, 6) < 0.95);
-        // Whitened, to add up runs.
+        // Whitened, so that runs can be averaged.
         mean += inverse.cholesky().unwrap().l().transpose() * error;
     }
-    // 200 runs of six: a mean of 6 with a deviation of 0.25; and 95 % with one of 1.5 %.
+    // Over 200 runs of six unknowns, the mean chi-square is 6 with standard deviation 0.25, and the
+    // fraction below the 95 % quantile has standard deviation 1.5 %.
     let square = sum / runs as f64;
     assert!((5.0..7.0).contains(&square), "{square}");
     assert!((178..=200).contains(&below), "{below}");
-    // Its mean is nothing: normal to 1 / sqrt(200) each, so a chi-square of six.
+    // The mean error is zero: each whitened component has standard deviation 1 / sqrt(200), so the
+    // sum of squares is chi-square with six degrees of freedom.
     let bias = (mean / runs as f64).norm_squared() * runs as f64;
     assert!(chi_square_below(bias, 6) < 0.9999, "{bias}");
 }
@@ -129,13 +131,14 @@ fn noise_along_oblique_rays_hardly_shifts() {
         let fit = track_rigid(&measured, reference, &near(), &white()).unwrap();
         mean += fit.six.translation_mm / runs as f64;
     }
-    // Its own deviation is about 0.01 mm along the body, less across.
+    // The standard deviation of the mean is about 0.01 mm along the body, less across.
     assert!(mean.length() < 0.03, "{mean}");
 }
 
 #[test]
 fn what_noise_lifts_is_taken_off() {
-    // Of a sphere of 150 mm: s^2 / R outwards, without which the residuals' mean is 0.027 mm.
+    // On a sphere of 150 mm radius the bias is s^2 / R outwards: uncorrected, the residuals would
+    // have a mean of 0.027 mm.
     let mesh = sphere();
     let reference = Reference::new(&mesh, &Region::All).unwrap();
     let mut random = Random::new(4);
@@ -161,7 +164,7 @@ fn what_noise_lifts_is_taken_off() {
         true,
     );
     let mean = rows.iter().map(|r| r.residual_mm).sum::<f64>() / rows.len() as f64;
-    // Its own deviation is 0.0032 mm.
+    // The standard deviation of the mean is 0.0032 mm.
     assert!(mean.abs() < 0.011, "{mean}");
 }
 
@@ -170,13 +173,13 @@ fn a_fifth_of_outliers_and_missing_parts_do_not_matter() {
     let (mesh, reference) = &*PATIENT;
     let truth = six([3.0, 5.0, -4.0], [-0.8, 0.6, 0.9]);
     let mut random = Random::new(7);
-    // An arm's shadow and all beyond x = 70 are missing.
+    // A band shadowed by an arm and everything beyond x = 70 are missing.
     let keep = |p: DVec3| is_front(p) && p.x < 70.0 && !(20.0..60.0).contains(&p.y);
     let mut points = moved(&scan(mesh, 10_000, &mut random, keep), &truth.pose());
     for (i, p) in points.iter_mut().enumerate() {
         *p += random.vector() * 0.2;
         if i % 5 == 0 {
-            // All to one side: a sheet above the skin.
+            // All on one side, like a sheet above the skin.
             *p += DVec3::new(0.0, 0.0, 6.0 + 20.0 * random.uniform());
         }
     }
@@ -257,7 +260,7 @@ fn what_gives_no_answer_says_so() {
         .find(|p| p.z > 60.0 && p.truncate().length() < 60.0)
         .unwrap();
     assert!(say(vec![one; 1000]).contains("line"));
-    // A patch of a few centimetres holds little, and says so.
+    // A patch of a few centimetres determines little and has warnings.
     let patch: Vec<DVec3> = all
         .iter()
         .copied()
@@ -276,7 +279,7 @@ fn what_gives_no_answer_says_so() {
         words.iter().any(|w| w.contains("not determined")),
         "{words:?}"
     );
-    // Another body altogether does not fit.
+    // A different body does not fit.
     let other = phasmid_geometry::shapes::torso(&phasmid_geometry::shapes::Torso {
         seed: 9,
         ..Default::default()
@@ -327,7 +330,7 @@ fn correlated_noise_and_pods_widen_the_covariance() {
         (alike / plain / told - 1.0).abs() < 1e-6,
         "{alike} {plain} {told}"
     );
-    // A pod's offset is not averaged away: one pod alone passes it on whole.
+    // A pod's offset is not averaged out: with one pod it appears in full.
     let (offset, _) = vrt(&RigidOptions {
         pod_sd_mm: 0.4,
         ..white()

@@ -1,4 +1,4 @@
-//! Shapes that hold too little say so, and those that hold enough do not.
+//! Tests that shapes which leave motions undetermined are reported, and that others are not.
 
 use super::super::super::testing::{
     Random, cylinder, is_front, patient, plane, scan, sphere, torus,
@@ -63,7 +63,8 @@ fn a_plane_leaves_two_shifts_and_a_turn() {
             words.contains("a plane") && words.contains("LAT shift, LNG shift, yaw"),
             "{words}"
         );
-        // Along them the start stays, across them the plane is found: its height at the isocentre.
+        // Along the free motions the start pose is kept; across them the plane's height at the
+        // isocentre is found.
         let t = fit.six.translation_mm;
         assert!(t.truncate().length() < 0.4, "{t}");
         let [lat, lng, vrt, pitch, _, yaw] = fit.deviations();
@@ -91,7 +92,7 @@ fn a_sphere_leaves_three_turns_about_its_centre() {
         assert!(off < 3.0, "{off}");
     }
     assert!(words.contains("a sphere"), "{words}");
-    // The centre is where it belongs, whatever turn is left.
+    // The centre is correct, whatever rotation remains.
     let truth = six([0.3, -0.2, 0.8], [0.2, -0.3, 0.1])
         .pose()
         .point(DVec3::new(10.0, 20.0, -40.0));
@@ -122,7 +123,7 @@ fn a_cylinder_leaves_a_shift_and_a_turn_along_its_axis() {
 
 #[test]
 fn a_rough_cylinder_warns_all_the_same() {
-    // Vertices of an iso-surface scatter; their slopes must not pass for shape.
+    // The vertices of an isosurface are noisy; their slopes must not be mistaken for shape.
     let truth = cylinder();
     let mut rough = truth.clone();
     let mut random = Random::new(12);

@@ -1,4 +1,4 @@
-//! What comes over the control port.
+//! Data from the control port.
 
 use phasmid::emulator::Firmware;
 use phasmid::profile::Profile;
@@ -6,7 +6,7 @@ use phasmid::protocol::dialect::{Cut, Dialect, Direction};
 use phasmid::protocol::scpi::{Framer, Framing, parse};
 use std::cell::OnceCell;
 
-/// Bytes as messages, whole and in pieces, and each message as units.
+/// Reads bytes as SCPI messages, whole and in pieces, and each message as program units.
 pub fn scpi(bytes: &[u8]) -> bool {
     let framed = |pieces: &[&[u8]]| {
         let mut framer = Framer::default();
@@ -36,8 +36,8 @@ thread_local! {
     static PROFILE: OnceCell<Profile> = const { OnceCell::new() };
 }
 
-/// A device that is told anything for two minutes of its time: frames are counted without a gap,
-/// replies are lines, and it still knows its name.
+/// Sends arbitrary commands to a device for two minutes of its time: it counts frames without a
+/// gap, replies with lines, and still answers with its name.
 pub fn firmware(bytes: &[u8]) -> bool {
     let profile = PROFILE.with(|cell| {
         let load = || Profile::load("webcam-grey").expect("is built in");
@@ -83,8 +83,8 @@ thread_local! {
         .collect();
 }
 
-/// Bytes on a line on which one of the shipped dialects is spoken, in either direction: messages are
-/// cut out of them the same in pieces, and understood or refused.
+/// Bytes on a port with one of the shipped dialects, in either direction: the messages are the same
+/// however the bytes are split, and are understood or rejected.
 pub fn dialect_wire(bytes: &[u8]) -> bool {
     DIALECTS.with(|dialects| {
         let mut understood = false;

@@ -1,11 +1,11 @@
-//! Files of bytes, read from a file as a user's are.
+//! Binary files, read from disk like a user's.
 
 use phasmid::decode::{Plan, load_frames};
 use phasmid::geometry::Mesh;
 use phasmid::pattern::Manifest;
 use std::path::PathBuf;
 
-/// A file with these bytes, for as long as the function runs.
+/// Passes `read` a file with these bytes, which exists until it returns.
 pub fn with_file(extension: &str, bytes: &[u8], read: impl FnOnce(PathBuf) -> bool) -> bool {
     let thread = std::thread::current().id();
     let name = format!("phasmid-fuzz-{}-{thread:?}.{extension}", std::process::id());
@@ -44,7 +44,7 @@ pub fn ply(bytes: &[u8]) -> bool {
     mesh("ply", bytes) || cloud
 }
 
-/// A photograph of a sequence.
+/// A camera image of a sequence.
 pub fn picture(bytes: &[u8]) -> bool {
     let frame = |name: &str, phase: f64| {
         format!(

@@ -1,8 +1,7 @@
-//! Every parser of the program, each a function of bytes that anybody may have written. It ends
-//! with a value or with words, whatever the bytes are; what is read has to hold what its type
-//! promises.
+//! Every parser of the program, as a function of arbitrary bytes. It must return a value or an
+//! error message for any input, and a value must satisfy the guarantees of its type.
 //!
-//! `seeds/NAME` has bytes that a parser reads, to begin with.
+//! `seeds/NAME` holds inputs that a parser accepts, as a starting point.
 
 mod control;
 mod files;
@@ -10,13 +9,13 @@ mod patient;
 mod text;
 mod wire;
 
-/// Something that reads bytes.
+/// A parser under test.
 pub struct Parser {
-    /// Name of its target and of the folder of its seeds.
+    /// Name of its fuzz target and of its seed folder.
     pub name: &'static str,
-    /// Reads; tells whether the bytes were what the parser is for.
+    /// Parses bytes; returns whether they were valid input for the parser.
     pub run: fn(&[u8]) -> bool,
-    /// Files of the repository that are seeds too: a folder and an extension.
+    /// Files of the repository that also serve as seeds: a folder and an extension.
     pub shipped: Option<(&'static str, &'static str)>,
 }
 
@@ -41,7 +40,7 @@ const fn of_files(
     }
 }
 
-/// All of them.
+/// All parsers.
 pub const PARSERS: &[Parser] = &[
     parser("scpi", control::scpi),
     parser("firmware", control::firmware),
@@ -70,10 +69,10 @@ pub const PARSERS: &[Parser] = &[
     parser("planning", patient::planning),
 ];
 
-/// Runs the parser of a name.
+/// Runs the parser with a name.
 ///
 /// # Panics
-/// Where there is none of that name.
+/// Panics if no parser has that name.
 pub fn run(name: &str, bytes: &[u8]) {
     let parser = PARSERS.iter().find(|parser| parser.name == name);
     let run = parser.expect("a parser's name").run;

@@ -1,4 +1,4 @@
-//! Files that people write.
+//! Files that users write.
 
 use phasmid::decode::Plan;
 use phasmid::emulator::Firmware;
@@ -15,7 +15,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// A manifest that is read is written and read again the same.
+/// A manifest: writing and rereading gives the same data.
 pub fn manifest(bytes: &[u8]) -> bool {
     let Ok(manifest) = Manifest::parse(&text(bytes), "fuzz") else {
         return false;
@@ -26,7 +26,7 @@ pub fn manifest(bytes: &[u8]) -> bool {
     true
 }
 
-/// A calibration of our own that is read is written and read again the same.
+/// A calibration in our own format: writing and rereading gives the same data.
 pub fn rig(bytes: &[u8]) -> bool {
     let Ok(rig) = Rig::from_toml(&text(bytes), "fuzz") else {
         return false;
@@ -36,12 +36,12 @@ pub fn rig(bytes: &[u8]) -> bool {
     true
 }
 
-/// What a device says of itself, and where it can be reached.
+/// A device's description of itself and of its endpoints.
 pub fn endpoints(bytes: &[u8]) -> bool {
     Endpoints::parse(&text(bytes), "fuzz").is_ok()
 }
 
-/// A profile that is read is a device, or lacks a file.
+/// A profile: if it parses, it is a valid device or lacks a file.
 pub fn profile(bytes: &[u8]) -> bool {
     let Ok(profile) = Profile::parse(&text(bytes), "fuzz") else {
         return false;
@@ -60,7 +60,7 @@ pub fn scene(bytes: &[u8]) -> bool {
     true
 }
 
-/// A patient that is read has a mass that a body can have.
+/// A patient: if it parses, its mass is plausible.
 pub fn patient(bytes: &[u8]) -> bool {
     let Ok(patient) = Patient::parse(&text(bytes), "fuzz") else {
         return false;
@@ -69,7 +69,7 @@ pub fn patient(bytes: &[u8]) -> bool {
     true
 }
 
-/// An address of a USB device.
+/// The address of a USB device.
 pub fn usb_address(bytes: &[u8]) -> bool {
     let Ok(address) = UsbAddress::parse(&text(bytes), "fuzz") else {
         return false;
@@ -87,7 +87,7 @@ pub fn station(bytes: &[u8]) -> bool {
     true
 }
 
-/// A dialect's file: what is read can cut bytes and make sense of none.
+/// A dialect file: a dialect that parses can split arbitrary bytes into messages.
 pub fn dialect(bytes: &[u8]) -> bool {
     let Ok(dialect) = Dialect::parse(&text(bytes), "fuzz") else {
         return false;

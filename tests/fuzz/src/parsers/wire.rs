@@ -1,4 +1,4 @@
-//! What comes over sockets.
+//! Data from sockets.
 
 use phasmid::host::usb::Configuration;
 use phasmid::protocol::data_line::{self, Found};
@@ -9,7 +9,7 @@ use phasmid::protocol::usb::{cdc, descriptor, uvc};
 use phasmid::protocol::wire::{FrameDecoder, encode_header};
 use phasmid::protocol::{Frame, PixelFormat};
 
-/// A frame socket's stream in pieces of many lengths: frames that come out have all their bytes.
+/// A frame socket's stream in pieces of many lengths: frames that result are complete.
 pub fn frames(bytes: &[u8]) -> bool {
     let mut decoder = FrameDecoder::default();
     let mut rest = bytes;
@@ -37,7 +37,7 @@ pub fn frames(bytes: &[u8]) -> bool {
     whole
 }
 
-/// The first row of a picture as an embedded data line.
+/// The first row of an image as an embedded data line.
 pub fn data_line(bytes: &[u8]) -> bool {
     let mut lined = false;
     for (format, width) in [(PixelFormat::Grey, 256), (PixelFormat::Y16, 300)] {
@@ -78,7 +78,8 @@ pub fn service(bytes: &[u8]) -> bool {
     known
 }
 
-/// A recording: what is read of it is written as the same bytes, and reads up to the same place.
+/// A recording: what has been read is written as the same bytes, and reading stops at the same
+/// position.
 pub fn recording(bytes: &[u8]) -> bool {
     let Ok(mut reader) = Reader::new(bytes, "recording") else {
         return false;
@@ -87,7 +88,7 @@ pub fn recording(bytes: &[u8]) -> bool {
     while let Ok(Some(record)) = reader.read() {
         let start = usize::try_from(record.offset).unwrap();
         let written = encode_record(record.number, record.time_ns, record.channel, &record.event);
-        // JSON has many ways to say the same.
+        // The same JSON value has many representations.
         if !matches!(record.event, Event::About(_)) {
             assert!(bytes[start..].starts_with(&written));
         }

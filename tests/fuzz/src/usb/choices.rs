@@ -1,6 +1,6 @@
-//! A script's bytes as choices; behind its end every choice is the first.
+//! Interprets a script's bytes as choices; past its end every choice is the first option.
 
-/// What is left of a script.
+/// The rest of a script.
 pub struct Choices<'a> {
     rest: &'a [u8],
 }
@@ -35,7 +35,7 @@ impl<'a> Choices<'a> {
         from[self.below(from.len())]
     }
 
-    /// One of the given numbers, or for an odd byte any other.
+    /// One of the given numbers, or, if the byte is odd, any number.
     pub fn value(&mut self, likely: &[u16]) -> u16 {
         let choice = self.byte();
         match choice & 1 {
@@ -44,7 +44,7 @@ impl<'a> Choices<'a> {
         }
     }
 
-    /// Numbers at which fields of the wire change their meaning.
+    /// Boundary values, at which fields of the protocol change their meaning.
     pub fn word(&mut self) -> u32 {
         let choice = self.byte();
         match choice >> 4 {

@@ -1,5 +1,5 @@
-//! A hostile host against the device: whatever it sends, it gets sound replies or is let go, and
-//! the next host finds the device as it was.
+//! A hostile host against the device: whatever it sends, it gets valid replies or is disconnected,
+//! and the next host finds the device unchanged.
 
 use super::choices::Choices;
 use super::ledger::Ledger;
@@ -15,12 +15,12 @@ use phasmid::protocol::usb::{Setup, cdc, request};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Most events that may wait for a firmware, with a few of a host that goes.
+/// Maximum number of events queued for a firmware, plus a few of a host that disconnects.
 const MAX_EVENTS: usize = 1024 + 8;
-/// Most bytes of the serial port that may wait for a firmware, the last transfer's among them.
+/// Maximum number of bytes of the serial port queued for a firmware, including the last transfer's.
 const MAX_RECEIVED: usize = (64 << 10) + (1 << 20);
 
-/// What a script does next.
+/// Actions of a script.
 const CONFIGURE: u8 = 0;
 const NEGOTIATE: u8 = 1;
 const STANDARD: u8 = 2;
@@ -63,7 +63,7 @@ pub fn run(script: &[u8]) {
     host.finish();
 }
 
-/// Scripts that get far.
+/// Scripts that reach deep states.
 pub fn seeds() -> Vec<Vec<u8>> {
     let start = [CONFIGURE, NEGOTIATE, 0, 0];
     let bulk = |depth: u8| [READ_VIDEO, 0, AGAIN, depth, FRAME, 2, FIRMWARE];
@@ -152,7 +152,7 @@ struct Host {
     transfer: Transfer,
     ledger: Ledger,
     seqnum: u32,
-    /// The command sent last, with what came behind it.
+    /// The last command sent, with its payload.
     last: Vec<u8>,
     frames: u64,
 }
@@ -382,7 +382,7 @@ impl Host {
         self.submit(1, true, length, Setup::default(), &[], Some(&packets));
     }
 
-    /// What a firmware does that keeps up: echoes, and raises a line when it has.
+    /// Imitates a firmware that keeps up: echoes data, and then raises a line.
     fn firmware(&mut self) {
         let now = self.wire.now();
         for event in take_events(&self.device) {
@@ -400,10 +400,10 @@ impl Host {
         self.wire.advance(Duration::from_secs(60));
         let bytes = self.wire.take();
         self.ledger.received(&bytes);
-        // How it ended is the host's affair.
+        // The way in which the connection ended is up to the host.
         let _ = self.wire.close();
         take_events(&self.device);
-        // The next one.
+        // The next host.
         let mut wire = Wire::new(&self.device);
         let setup = Setup {
             kind: Setup::STANDARD_IN,
@@ -440,7 +440,7 @@ impl Host {
     }
 }
 
-/// The events that wait, which have to be few.
+/// Takes the queued events, of which there must be few.
 fn take_events(device: &UsbDevice) -> Vec<Event> {
     let events = device.take_events();
     assert!(events.len() <= MAX_EVENTS, "{} events", events.len());

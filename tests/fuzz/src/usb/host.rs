@@ -1,5 +1,5 @@
-//! A hostile server against the host: a sound device's answers, damaged on their way. The host gets
-//! what it asks for or one clear error, in time.
+//! A hostile server against the host: a correct device's answers, damaged in transit. The host must
+//! get what it asks for or one clear error, in time.
 
 use super::choices::Choices;
 use super::ledger::Ledger;
@@ -20,15 +20,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// What the host waits for an answer.
+/// Timeout of the host for an answer.
 const TIMEOUT: Duration = Duration::from_millis(20);
-/// What all that the host does may take: some thirty waits, on a machine that has other things to
-/// do.
+/// Maximum time for everything that the host does: about thirty timeouts, on a loaded machine.
 const LIMIT: Duration = Duration::from_secs(20);
-/// Most replies of a connection; then the server hangs up.
+/// Maximum number of replies per connection; then the server disconnects.
 const MAX_REPLIES: usize = 2000;
 
-/// How far a host has got.
+/// Stages that a host has reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Reached {
     pub opened: bool,
@@ -41,7 +40,7 @@ pub fn run(script: &[u8]) -> Reached {
     run_within(script, TIMEOUT)
 }
 
-/// Runs a script with another wait for each answer.
+/// Runs a script with another timeout for each answer.
 pub fn run_within(script: &[u8], timeout: Duration) -> Reached {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let host = listener.local_addr().unwrap().to_string();
@@ -56,7 +55,7 @@ pub fn run_within(script: &[u8], timeout: Duration) -> Reached {
             if ours.load(Ordering::SeqCst) {
                 break;
             }
-            // A client that has had enough is gone.
+            // A client may disconnect at any time.
             let _ = serve(&mut stream.unwrap(), &device, &mut choices);
         }
     });
@@ -68,13 +67,13 @@ pub fn run_within(script: &[u8], timeout: Duration) -> Reached {
     let took = start.elapsed();
     assert!(took < LIMIT, "the host was held up for {took:?}");
     over.store(true, Ordering::SeqCst);
-    // Whether it is still there or not, the server ends.
+    // Wakes the server so that it ends, whether or not it is still waiting.
     let _ = TcpStream::connect(&host);
     server.join().expect("a server without a panic");
     reached
 }
 
-/// Scripts that damage one thing each.
+/// Scripts with one kind of damage each.
 pub fn seeds() -> Vec<Vec<u8>> {
     let mut seeds = Vec::new();
     for kind in 0..DAMAGES {
@@ -88,7 +87,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// An error that a user can read.
+/// Checks that a user can read an error.
 fn sound(error: &Error) {
     let message = error.to_string();
     assert!(
@@ -98,7 +97,7 @@ fn sound(error: &Error) {
     assert!(matches!(error.exit_code(), 1 | 2));
 }
 
-/// All that a host does with a device.
+/// Everything that a host does with a device.
 fn use_device(host: &str, timeout: Duration, reached: &mut Reached) -> Result<()> {
     if let Err(error) = Client::list(host, timeout) {
         sound(&error);
@@ -144,7 +143,7 @@ fn talk(device: &Arc<UsbDevice>, timeout: Duration, reached: &mut Reached) -> Re
     Ok(())
 }
 
-/// Answers a connection as the device does, but for the damage.
+/// Answers a connection like the device, except for the damage.
 fn serve(stream: &mut TcpStream, device: &Emulated, choices: &mut Choices<'_>) -> Option<()> {
     stream.set_nodelay(true).ok()?;
     stream.set_read_timeout(Some(LIMIT)).ok()?;
@@ -180,7 +179,7 @@ fn serve(stream: &mut TcpStream, device: &Emulated, choices: &mut Choices<'_>) -
         for _ in 0..8 {
             frames += u64::from(device.put(frame(frames), wire.now()));
         }
-        // Isochronous transfers are over after a while.
+        // Isochronous transfers end after a while.
         wire.advance(Duration::from_millis(50));
         let whole = ledger.received(&wire.take());
         replies += whole.len();
@@ -189,7 +188,7 @@ fn serve(stream: &mut TcpStream, device: &Emulated, choices: &mut Choices<'_>) -
     Some(())
 }
 
-/// Bytes of a script from here on do harm.
+/// Script bytes from this value on cause damage.
 const HARM: u8 = 200;
 const DAMAGES: u8 = 8;
 
@@ -210,7 +209,7 @@ fn send(stream: &mut TcpStream, replies: Vec<Vec<u8>>, choices: &mut Choices<'_>
                     reply[at] = choices.byte();
                 }
             }
-            // Pixels and descriptors, their beginning above all.
+            // Damages pixels and descriptors, preferably at their beginning.
             Some(2) => {
                 let at = 48 + choices.below(16);
                 if let Some(byte) = reply.get_mut(at) {
@@ -227,7 +226,7 @@ fn send(stream: &mut TcpStream, replies: Vec<Vec<u8>>, choices: &mut Choices<'_>
                 let noise = choices.bytes(60);
                 reply.splice(0..0, noise);
             }
-            // It comes behind the next one, or never.
+            // The reply is delayed until after the next one, or forever.
             Some(6) => {
                 held = Some(reply);
                 continue;

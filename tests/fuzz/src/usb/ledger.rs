@@ -1,28 +1,28 @@
-//! Book of what a host has asked for: every reply has to be one that the protocol allows.
+//! Ledger of a host's requests: every reply must be one that the protocol allows.
 
 use phasmid::protocol::usb::usbip::{
     Command, HEADER_LEN, PACKET_LEN, Packet, Reply, Submit, status,
 };
 use std::collections::HashMap;
 
-/// Commands without a reply, and bytes that are no whole command or reply yet.
+/// Unanswered commands, and bytes that do not form a complete command or reply yet.
 #[derive(Default)]
 pub struct Ledger {
     open: HashMap<u32, Submit>,
     unlinks: HashMap<u32, u32>,
     sent: Vec<u8>,
     received: Vec<u8>,
-    /// The host has sent what makes no sense, or used a number twice: nothing more can be told.
+    /// The host has sent an invalid command or reused a number: replies can no longer be checked.
     lost: bool,
 }
 
 impl Ledger {
-    /// Whether replies are still looked at.
+    /// Whether replies can no longer be checked.
     pub fn is_lost(&self) -> bool {
         self.lost
     }
 
-    /// Takes down what the host sends.
+    /// Records what the host sends.
     pub fn sent(&mut self, bytes: &[u8]) {
         self.sent.extend(bytes);
         while let Some((header, rest)) = self.sent.split_first_chunk::<HEADER_LEN>() {
@@ -54,7 +54,7 @@ impl Ledger {
         }
     }
 
-    /// Takes down what the device sends; gives the replies that have come whole.
+    /// Records what the device sends; returns the complete replies.
     pub fn received(&mut self, bytes: &[u8]) -> Vec<Vec<u8>> {
         self.received.extend(bytes);
         let mut whole = Vec::new();
@@ -66,7 +66,7 @@ impl Ledger {
         whole
     }
 
-    /// Length of the first reply that is whole, once it has been found sound.
+    /// Checks the first complete reply and returns its length.
     fn reply(&mut self) -> Option<usize> {
         let (header, rest) = self.received.split_first_chunk::<HEADER_LEN>()?;
         match Reply::decode(header).expect("a device's reply is one") {

@@ -1,7 +1,7 @@
-//! What is thrown at the wire of USB/IP in both directions.
+//! Fuzz targets for the USB/IP protocol in both directions.
 //!
-//! Every target is a function of bytes, a script: whatever its bytes are, they say what is sent and
-//! what happens, so that most scripts get past the first check.
+//! Every target is a function of bytes that it interprets as a script: any bytes describe what is
+//! sent and what happens, so that most scripts get past the first check.
 
 pub mod choices;
 pub mod device;

@@ -1,4 +1,4 @@
-//! The device that is tested, and its frames.
+//! The device under test, and its frames.
 
 use phasmid::link::usb::{CameraState, UsbDevice};
 use phasmid::profile::{Profile, Speed, Transfer};
@@ -7,7 +7,7 @@ use phasmid::protocol::{Frame, PixelFormat};
 pub const WIDTH: u32 = 300;
 pub const HEIGHT: u32 = 200;
 
-/// The profile of a device of such a kind.
+/// Profile of a device with this speed and transfer type.
 pub fn profile(speed: Speed, transfer: Transfer) -> Profile {
     let mut profile = Profile::load("webcam-grey").unwrap();
     profile.usb.speed = speed;
@@ -26,7 +26,7 @@ pub fn device(profile: &Profile, number: u32) -> UsbDevice {
     UsbDevice::new(profile, number, (WIDTH, HEIGHT), &formats, camera).unwrap()
 }
 
-/// What the camera sends as its frame number `id`.
+/// The camera's frame number `id`.
 pub fn frame(id: u64, format: PixelFormat) -> Frame {
     let len = WIDTH as usize * HEIGHT as usize * format.bytes_per_pixel();
     let mut data: Vec<u8> = (0..len as u64).map(|i| (i * 7 + id * 31) as u8).collect();

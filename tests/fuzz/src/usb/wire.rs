@@ -1,5 +1,5 @@
-//! A host's connection to a device in memory, without a socket, a thread or a clock: the device is
-//! polled when something has come for it, and does all it can then.
+//! A host's connection to an in-memory device, without a socket, a thread or a clock: the device is
+//! polled when data has arrived for it, and then does everything it can.
 
 use phasmid::Result;
 use phasmid::link::usb::UsbDevice;
@@ -15,17 +15,17 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::runtime::{Builder, Runtime};
 
-/// Steps that a device may take when something has come for it; beyond, it hangs.
+/// Maximum number of steps of a device after data has arrived; beyond it, the device hangs.
 const MAX_STEPS: u32 = 1_000_000;
 
-/// What is between device and host.
+/// The pipe between device and host.
 struct Pipe {
     to_device: VecDeque<u8>,
     closed: bool,
     from_device: Vec<u8>,
-    /// Bytes that the host takes before it has looked at those it has.
+    /// Bytes that the host accepts before it has processed those received.
     room: usize,
-    /// Most bytes of one read.
+    /// Maximum number of bytes of one read.
     piece: usize,
     steps: u32,
 }
@@ -40,7 +40,7 @@ impl Pipe {
 #[derive(Clone)]
 struct End(Rc<RefCell<Pipe>>);
 
-/// A connection behind the import.
+/// A connection after the import.
 pub struct Wire {
     serving: Option<Pin<Box<dyn Future<Output = Result<()>>>>>,
     outcome: Option<Result<()>>,
@@ -49,7 +49,8 @@ pub struct Wire {
     now: Rc<Cell<Duration>>,
 }
 
-/// Sleeps are made in it and never end: time passes by [`Wire::advance`] alone.
+/// Runtime in which the device's sleeps are created and never end: time advances only by
+/// [`Wire::advance`].
 fn runtime() -> &'static Runtime {
     static RUNTIME: OnceLock<Runtime> = OnceLock::new();
     RUNTIME.get_or_init(|| Builder::new_current_thread().enable_time().build().unwrap())
@@ -87,18 +88,19 @@ impl Wire {
         wire
     }
 
-    /// Sends bytes; the device has done what it can when this returns.
+    /// Sends bytes; when this returns, the device has done everything it can.
     pub fn send(&mut self, bytes: &[u8]) {
         self.pipe.borrow_mut().to_device.extend(bytes);
         self.poll();
     }
 
-    /// What has come from the device since the last call.
+    /// Takes the bytes received from the device since the last call.
     pub fn take(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.pipe.borrow_mut().from_device)
     }
 
-    /// Bytes that the host takes between two calls of [`Self::take`], and those of one read.
+    /// Sets the number of bytes that the host accepts between two calls of [`Self::take`], and in
+    /// one read.
     pub fn set_flow(&mut self, room: usize, piece: usize) {
         {
             let mut pipe = self.pipe.borrow_mut();
@@ -107,20 +109,20 @@ impl Wire {
         self.poll();
     }
 
-    /// The time at the device.
+    /// The device's time.
     pub fn now(&self) -> Duration {
         self.now.get()
     }
 
-    /// Lets time pass.
+    /// Advances the device's time.
     pub fn advance(&mut self, by: Duration) {
         self.now.set(self.now.get() + by);
-        // Nothing to send, and a look at what is due.
+        // Sends nothing, but lets the device handle what is due.
         self.device.send(&[], self.now.get());
         self.poll();
     }
 
-    /// Lets the device go on after something has been done to it.
+    /// Lets the device continue after its state has been changed.
     pub fn poll(&mut self) {
         self.pipe.borrow_mut().steps = 0;
         let Some(serving) = &mut self.serving else {
@@ -139,7 +141,7 @@ impl Wire {
         self.serving.is_none()
     }
 
-    /// Hangs up; how the connection ended for the device.
+    /// Disconnects; returns how the connection ended for the device.
     pub fn close(mut self) -> Result<()> {
         self.pipe.borrow_mut().closed = true;
         self.set_flow(usize::MAX, usize::MAX);

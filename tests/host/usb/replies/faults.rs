@@ -1,4 +1,4 @@
-//! Faults as they would show on a bus.
+//! Faults as they would appear on a bus.
 
 use super::{Host, frame, status_of};
 use phasmid::link::usb::Fault;

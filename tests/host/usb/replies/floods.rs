@@ -1,5 +1,5 @@
-//! Hosts that ask for more than any driver does: each queue has its bound, and whoever passes it
-//! has to go or to wait.
+//! Hosts that request more than any driver does: each queue is bounded, and a host that exceeds a
+//! bound is disconnected or has to wait.
 
 use super::Host;
 use crate::usb::fuzz::wire::Wire;
@@ -7,7 +7,7 @@ use phasmid::link::usb::Event;
 use phasmid::profile::{Speed, Transfer};
 use phasmid::protocol::usb::{Setup, cdc, request, uvc};
 
-/// Why the device has ended the connection.
+/// Reason for which the device has ended the connection.
 fn reason(host: Host) -> String {
     assert!(host.wire.has_ended());
     host.wire.close().unwrap_err().to_string()
@@ -56,8 +56,8 @@ fn bytes_that_the_firmware_does_not_take() {
     assert!(reason(host).contains("without waiting"));
 }
 
-/// A firmware that takes nothing: settings are replaced, all else has a bound, over any number of
-/// connections.
+/// A firmware that takes nothing: settings are replaced, and everything else is bounded, over any
+/// number of connections.
 #[test]
 fn events_that_the_firmware_does_not_take() {
     let mut host = Host::new(Speed::High, Transfer::Bulk);
@@ -78,7 +78,7 @@ fn events_that_the_firmware_does_not_take() {
     for value in [3, 1].repeat(2000) {
         host.submit(0, false, 0, lines(value), &[]);
     }
-    // The host waits; once the firmware takes what there is, all comes, in order.
+    // The host waits; once the firmware takes what is queued, everything arrives in order.
     let device = host.device.clone();
     let mut events = device.take_events();
     assert!((1024..1032).contains(&events.len()), "{}", events.len());
@@ -91,7 +91,7 @@ fn events_that_the_firmware_does_not_take() {
     }
     let toggles = events.iter().filter(|e| matches!(e, Event::Lines(_)));
     assert_eq!(toggles.count(), 4000);
-    // Hosts that come and go are refused while theirs is too much.
+    // Hosts that reconnect are refused while their backlog is too large.
     host.wire.close().unwrap();
     let refused = (0..2000).filter_map(|_| Wire::new(&device).close().err());
     let refused: Vec<_> = refused.collect();

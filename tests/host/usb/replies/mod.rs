@@ -1,4 +1,4 @@
-//! The device's replies one at a time, without a socket: a host that looks at each.
+//! The device's replies one by one, without a socket: a host that checks each.
 
 mod controls;
 mod faults;
@@ -22,7 +22,7 @@ fn frame(id: u64) -> Arc<Frame> {
     Arc::new(sample::frame(id, PixelFormat::Grey))
 }
 
-/// Status of a transfer that is over.
+/// Status of a completed transfer.
 fn status_of(reply: &Reply) -> i32 {
     match reply {
         Reply::Submit { status, .. } => *status,
@@ -54,7 +54,7 @@ impl Host {
         self.wire.send(&bytes);
     }
 
-    /// A transfer; its number.
+    /// Submits a transfer; returns its number.
     fn submit(&mut self, endpoint: u8, input: bool, length: u32, setup: Setup, data: &[u8]) -> u32 {
         self.seqnum += 1;
         let submit = Submit {
@@ -72,12 +72,12 @@ impl Host {
         self.seqnum
     }
 
-    /// A transfer to the host.
+    /// Submits a transfer to the host.
     fn read(&mut self, endpoint: u8, length: u32) -> u32 {
         self.submit(endpoint, true, length, Setup::default(), &[])
     }
 
-    /// An isochronous transfer of the camera.
+    /// Submits an isochronous transfer of the camera.
     fn read_packets(&mut self, count: u32, length: u32) -> u32 {
         self.seqnum += 1;
         let submit = Submit {
@@ -109,14 +109,14 @@ impl Host {
         self.replies()
     }
 
-    /// Hands a frame to the device; `false` where it is not taken.
+    /// Passes a frame to the device; returns `false` if it is rejected.
     fn put(&mut self, id: u64) -> bool {
         let taken = self.device.put(frame(id), self.wire.now());
         self.wire.poll();
         taken
     }
 
-    /// What has come, each reply with what is behind its header.
+    /// Replies received so far, each with the data after its header.
     fn replies(&mut self) -> Vec<(Reply, Vec<u8>)> {
         self.wire.poll();
         let whole = self.ledger.received(&self.wire.take());
@@ -127,7 +127,7 @@ impl Host {
         whole.into_iter().map(cut).collect()
     }
 
-    /// A request; `None` where it is refused.
+    /// Sends a request; returns `None` if it is refused.
     fn control(
         &mut self,
         kind: u8,
@@ -164,7 +164,7 @@ impl Host {
         (*status == status::OK).then(|| bytes.clone())
     }
 
-    /// Configures the device and agrees on its first format.
+    /// Configures the device and negotiates its first format.
     fn start(&mut self) -> Negotiation {
         self.control(Setup::STANDARD_OUT, request::SET_CONFIGURATION, 1, 0, &[])
             .unwrap();
@@ -187,13 +187,14 @@ impl Host {
         Negotiation::decode(&agreed).unwrap()
     }
 
-    /// Lets the camera's endpoint go on, which ends a stream.
+    /// Clears the halt of the camera's endpoint, which ends a stream.
     fn clear_halt(&mut self) {
         self.control(Setup::ENDPOINT_OUT, request::CLEAR_FEATURE, 0, 0x81, &[])
             .unwrap();
     }
 
-    /// Puts frames and reads payloads until there are none; each frame's bytes and header bits.
+    /// Puts frames and reads payloads until there are no more; returns each frame's bytes and
+    /// header bits.
     fn stream(&mut self, ids: std::ops::Range<u64>, payload: u32) -> Vec<(Vec<u8>, Vec<u8>)> {
         for _ in 0..64 {
             self.read(1, payload);

@@ -1,4 +1,4 @@
-//! Frames in bulk, and transfers that are taken back.
+//! Frames in bulk transfers, and transfers that the host unlinks.
 
 use super::{Host, frame};
 use crate::usb::fuzz::sample::{HEIGHT, WIDTH};
@@ -35,7 +35,7 @@ fn frames_go_out_whole_and_in_order_in_bulk() {
                     .all(|b| b & payload::FID == toggled && b & payload::EOH != 0)
             );
         }
-        // The endpoint is cleared: the stream is over, what waits is forgotten.
+        // Clearing the endpoint ends the stream and discards queued data.
         host.clear_halt();
         assert!(!host.device.is_streaming());
     }

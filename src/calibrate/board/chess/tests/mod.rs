@@ -12,7 +12,7 @@ const BOARD: Board = Board::Chess {
     pitch_mm: 25.0,
 };
 
-/// A board with squares of about `square` pixels, turned by degrees about x, y and z.
+/// A board with squares of about `square` pixels, rotated by angles in degrees about x, y and z.
 fn scene(square: f64, turn_deg: [f64; 3]) -> Scene {
     let place = DVec3::new(4.0, -3.0, 630.0 * 25.0 / square);
     Scene {
@@ -26,8 +26,7 @@ fn scene(square: f64, turn_deg: [f64; 3]) -> Scene {
     }
 }
 
-/// Root mean square and largest error, and the root mean square of errors by their standard
-/// deviations.
+/// RMS error per coordinate, largest error, and RMS of the errors over their standard deviations.
 fn errors(scene: &Scene, seen: &[Seen]) -> (f64, f64, f64) {
     let (mut squares, mut worst, mut whitened) = (0.0, 0.0_f64, 0.0);
     for s in seen {
@@ -64,7 +63,7 @@ fn corners_are_where_they_are() {
         (30.0, [5.0, 5.0, 180.0]),
         (24.0, [-25.0, 10.0, 260.0]),
     ] {
-        // 6 x 5 is an odd number together: the colours decide, so every turn is told.
+        // 6 + 5 is odd: the colours identify every rotation.
         assert_found(&scene(square, turn), 0.012, &format!("{square} {turn:?}"));
     }
     for turn in [[0.0, 0.0, 3.0], [10.0, 20.0, 30.0]] {
@@ -114,7 +113,7 @@ fn blur_light_tilt_and_distortion_do_no_harm() {
 
 #[test]
 fn errors_are_those_of_the_noise() {
-    // One frame in poor light, so that noise counts for more than the model.
+    // One frame in poor light, so that noise dominates over errors of the model.
     let (mut sum, mut n) = (0.0, 0.0);
     for seed in 0..6 {
         let poor = Scene {
@@ -170,7 +169,7 @@ fn squares_without_noise_are_exact() {
     assert_found(&clean, 0.002, "no noise");
 }
 
-/// What a picture is refused with.
+/// The error that a search returns.
 fn refusal(board: &Board, picture: &Picture) -> NotFound {
     match find(board, picture) {
         Ok(seen) => panic!("{} corners", seen.len()),
@@ -211,7 +210,7 @@ fn another_board_or_part_of_one_is_refused_with_numbers() {
             assert!(message.contains(needle), "{needle} not in: {message}");
         }
     }
-    // Half of it outside of the picture; hands before four of 30 corners.
+    // Half of the board outside the image; four of 30 corners occluded.
     let half = Scene {
         camera_from_board: Pose::from_xyz_deg(DVec3::new(130.0, 0.0, 700.0), DVec3::ZERO),
         ..scene(22.0, [0.0; 3])
@@ -223,14 +222,14 @@ fn another_board_or_part_of_one_is_refused_with_numbers() {
     let corners = [[2, 2], [4, 1], [0, 0], [3, 4]];
     let mut hidden = hide(&whole, &picture, &corners);
     assert!(matches!(refusal(&BOARD, &hidden), NotFound::Partial { .. }));
-    // What is saturated is not known.
+    // Saturated pixels instead of grey ones.
     for level in hidden.level.iter_mut().filter(|v| **v == 20.0) {
         *level = f32::NAN;
     }
     refusal(&BOARD, &hidden);
 }
 
-/// Something grey before corners.
+/// Covers corners with grey squares.
 fn hide(scene: &Scene, picture: &Picture, corners: &[[u32; 2]]) -> Picture {
     let mut hidden = picture.clone();
     for &index in corners {
@@ -255,7 +254,7 @@ fn a_corner_that_cannot_be_measured_is_left_out() {
 
 #[test]
 fn sharp_edges_along_the_pixels_rows_are_measured() {
-    // Boards that face the camera, some in the very phase of the pixels, without blur.
+    // Boards that face the camera without blur, some aligned exactly with the pixels.
     for (x, y, tilt) in [
         (0.0, 0.0, 0.0),
         (0.3, 0.1, 0.0),
@@ -295,7 +294,7 @@ fn pictures_without_a_board_are_refused() {
             "{size}"
         );
     }
-    // Noise that the variances know nothing of.
+    // Noise far above the stated variance.
     let mut unknown = noise(320, 240, 30.0);
     unknown.variance.fill(1e-6);
     refusal(&BOARD, &unknown);
@@ -310,7 +309,7 @@ fn pictures_without_a_board_are_refused() {
     refusal(&BOARD, &odd);
     odd.level.truncate(7);
     refusal(&BOARD, &odd);
-    // Dots from 5 to 20 pixels apart.
+    // Dots with a pitch of 5 to 20 pixels.
     for pitch in [5.0, 7.0, 10.0, 20.0] {
         let mut dots = noise(300, 240, 0.5);
         for (i, level) in dots.level.iter_mut().enumerate() {
@@ -328,7 +327,7 @@ fn pictures_without_a_board_are_refused() {
 
 #[test]
 fn turns_that_look_alike_take_the_uppermost_corner() {
-    // Columns and rows that add up to an even number, and as many of both.
+    // Columns and rows with an even sum, and equal numbers of both.
     for (board, turns) in [
         (chess(6, 4), [0.0, 20.0, 180.0, 200.0]),
         (chess(5, 5), [0.0, 90.0, 180.0, 265.0]),
@@ -341,7 +340,7 @@ fn turns_that_look_alike_take_the_uppermost_corner() {
             let seen = find(&board, &scene.render()).unwrap();
             let px = |i: usize| seen[i].px;
             assert!(px(0).y < px(seen.len() - 1).y);
-            // Each is one of the board's corners, and x, y go round clockwise.
+            // Each found point is a corner of the board, and y is clockwise of x.
             for s in &seen {
                 let near = board.indices().map(|i| scene.truth(i).distance(s.px));
                 assert!(near.min_by(f64::total_cmp).is_some_and(|d| d < 0.02));

@@ -1,12 +1,12 @@
-//! Pictures of a chessboard by brute force: rays through a lens at 4 x 4 places in each pixel, each
-//! place as light as its own small square sees the board, then blur and the mean over pixels.
+//! Renders a chessboard by ray casting through 4 x 4 subpixels per pixel, each with the mean level
+//! of its small square, followed by blur and averaging over pixels.
 
 use crate::board::Picture;
 use glam::{DMat2, DVec2, DVec3};
 use phasmid_geometry::{Board, Lens, NoiseModel, Pose};
 use rayon::prelude::*;
 
-/// Places across a pixel.
+/// Subpixels along a pixel's side.
 const FINE: usize = 4;
 
 pub struct Scene {
@@ -15,9 +15,9 @@ pub struct Scene {
     pub camera_from_board: Pose,
     /// Standard deviation of the blur in pixels.
     pub blur: f64,
-    /// Light in DN on white, by place in the picture.
+    /// Level in DN on white, by position in the image.
     pub light: fn(DVec2) -> f64,
-    /// Frames that the picture is the mean of; 0 for one without noise.
+    /// Number of frames averaged; 0 renders without noise.
     pub frames: u32,
     pub seed: u64,
 }
@@ -50,7 +50,7 @@ impl Scene {
         self.lens.project(point).unwrap()
     }
 
-    /// Column and row on the board, corners at whole numbers, of a pixel.
+    /// Position on the board under a pixel in units of squares; corners lie at integers.
     fn squares(&self, inverse: &Pose, px: DVec2) -> DVec2 {
         let (from, ray) = (
             inverse.point(DVec3::ZERO),
@@ -61,7 +61,7 @@ impl Scene {
         hit.truncate() / self.board.pitch_mm() + DVec2::new(columns - 1.0, rows - 1.0) / 2.0
     }
 
-    /// White of a place whose square has sides of 1 / FINE pixels.
+    /// Reflectance averaged over a subpixel, whose sides are 1 / FINE pixels long.
     fn white(&self, inverse: &Pose, px: DVec2) -> f64 {
         let at = self.squares(inverse, px);
         let h = 0.05;
@@ -89,7 +89,7 @@ impl Scene {
             } else {
                 -1.0
             };
-            // The square reaches this far across an edge of that direction.
+            // Width of the subpixel perpendicular to an edge with this gradient.
             let across = (slope.x.abs() + slope.y.abs()) / FINE as f64;
             sign * (2.0 * (f - nearest) / across).clamp(-1.0, 1.0)
         };
@@ -140,7 +140,7 @@ impl Scene {
     }
 }
 
-/// Rows of `n` blurred and turned into columns.
+/// Blurs rows of `n` values and transposes the result.
 fn blur(rows: &[f32], n: usize, sigma: f64) -> Vec<f32> {
     let reach = (4.5 * sigma).ceil() as usize;
     let weight =

@@ -1,11 +1,12 @@
-//! Centroids against the truth, their covariance against the errors and the Cramer-Rao bound.
+//! Accuracy of centroids against ground truth, and of their covariance against the actual errors
+//! and the Cramer-Rao bound.
 
 use super::render::{Scene, bench_lens, board, pose, small_lens};
 use super::{errors, find, of};
 use glam::{DVec2, DVec3};
 use phasmid_geometry::Board;
 
-/// A board of 11 x 9 dots at the bench's distance, on a picture that just holds it.
+/// An 11 x 9 board 1000 mm away, as on the bench, in an image that just contains it.
 fn small(turn: f64, tilt: f64, axis: f64) -> Scene {
     let at = DVec3::new(0.0, 0.0, 1000.0);
     Scene::new(
@@ -26,7 +27,7 @@ fn the_benchs_board_to_the_bound_of_its_noise() {
     let e = errors(&scene);
     assert_eq!(e.found, e.there);
     assert!(e.rms < 0.0004 && e.worst < 0.002, "{} {}", e.rms, e.worst);
-    // 475 dots tell the mean of squares of 950 errors to 5 %.
+    // 475 dots (950 coordinates) determine the mean squared error to 5 %.
     assert!((e.chi2 - 1.0).abs() < 0.2, "{}", e.chi2);
     assert!(e.mean.length() < 1e-4);
 }
@@ -66,7 +67,7 @@ fn in_focus_on_one_side_only() {
     let mut picture = near.picture();
     let other = far.picture();
     for (k, level) in picture.level.iter_mut().enumerate() {
-        // Between the columns 5 and 6.
+        // The split lies between columns 5 and 6 of the board.
         if k % picture.width > 121 {
             *level = other.level[k];
         }
@@ -106,7 +107,7 @@ fn through_a_lens_that_bends() {
         small_lens(300, 270),
         pose(DVec3::new(0.0, 0.0, 1000.0), 30.0, 30.0, 80.0),
     );
-    // 4 % in the corners.
+    // Distortion reaches 4 % in the corners.
     scene.lens.focal_px = DVec2::splat(500.0);
     scene.lens.distortion = [-0.35, 0.1, 2e-3, -1e-3, 0.0];
     let e = errors(&scene);
@@ -120,7 +121,7 @@ fn no_ripple_along_a_pixel() {
         for step in 0..5 {
             let px = f64::from(step) / 5.0;
             let mut scene = small(0.0, 0.0, 0.0);
-            // 1.58 mm are a pixel; two coordinates at different phases.
+            // One pixel is 1.58 mm; x and y move by different fractions of a pixel.
             scene.pose.translation_mm += DVec3::new(px, px * 0.37, 0.0) * 1000.0 / 632.2;
             (scene.noise, scene.blur) = (0.0, blur);
             let e = errors(&scene);
@@ -133,7 +134,7 @@ fn no_ripple_along_a_pixel() {
 fn no_worse_than_the_cramer_rao_bound() {
     let scene = small(0.0, 0.0, 0.0);
     let seen = find(&scene.board, &scene.picture()).unwrap();
-    // The picture's derivative by a motion of the board along x.
+    // Derivative of the image by a shift of the board along x.
     let moved = |px: f64| {
         let mut scene = small(0.0, 0.0, 0.0);
         scene.pose.translation_mm.x += px * 1000.0 / 632.2;
@@ -153,7 +154,8 @@ fn no_worse_than_the_cramer_rao_bound() {
                 information += slope * slope / f64::from(*v);
             }
         }
-        // Light's slope and the outline are unknown here, which the bound does not know.
+        // The fit also estimates the light's gradient and the outline, which the bound assumes to
+        // be known.
         let ratio = (s.covariance.x_axis.x * information).sqrt();
         assert!((0.97..1.2).contains(&ratio), "{:?}: {ratio}", s.index);
     }
@@ -172,7 +174,7 @@ fn specks_and_dead_pixels_do_no_harm() {
     }
     let seen = find(&scene.board, &picture).unwrap();
     let e = of(&scene, &seen);
-    // A pixel of the edge that says nothing costs some dots.
+    // An unusable pixel on the edge rejects some dots.
     assert!(e.found * 10 > e.there * 8, "{} {}", e.found, e.there);
     assert!(e.rms < 0.0006 && e.worst < 0.003, "{} {}", e.rms, e.worst);
 }

@@ -8,16 +8,16 @@ use crate::board::Seen;
 use glam::DVec2;
 use render::Scene;
 
-/// Errors of the dots that were found against the centroids of their outlines.
+/// Errors of the found dots against the centroids of their true outlines.
 struct Errors {
-    /// Root mean square of a coordinate's error, and of its predicted standard deviation.
+    /// RMS error per coordinate, and RMS of its predicted standard deviation.
     rms: f64,
     predicted: f64,
     worst: f64,
     mean: DVec2,
-    /// Mean of the squared errors over their covariance, per coordinate.
+    /// Mean of the squared errors over their variance, per coordinate.
     chi2: f64,
-    /// Dots that were found, and those that lie in the picture with their blur.
+    /// Number of dots found, and of dots that lie inside the image with their blur.
     found: usize,
     there: usize,
 }

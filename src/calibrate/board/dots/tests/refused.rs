@@ -1,4 +1,4 @@
-//! What is no board, or not the one, is refused and says why.
+//! Images without the specified board are rejected, with the reason.
 
 use super::find;
 use super::render::{Draw, Scene, board, pose, small_lens};
@@ -35,7 +35,7 @@ fn a_mirrored_picture() {
     }
     let why = find(&board(11, 9), &seen).unwrap_err();
     assert!(matches!(why, NotFound::Mirrored { .. }), "{why}");
-    // From behind and upside down is a mirror as well.
+    // Reversing all pixels turns the image by 180 degrees without mirroring it.
     let mut seen = scene().picture();
     seen.level.reverse();
     assert!(find(&board(11, 9), &seen).is_ok());
@@ -127,7 +127,7 @@ fn no_board() {
             let near = |s: &(f64, f64, f64)| (u as f64 - s.0).hypot(v as f64 - s.1) < s.2;
             if spots.iter().any(near) { 10.0 } else { 180.0 }
         }),
-        // A chessboard, and dots without markers.
+        // A chessboard, and a grid of dots without markers.
         picture(|u, v| {
             if (u / 12 + v / 12) % 2 == 0 {
                 10.0

@@ -1,31 +1,32 @@
-//! Pictures of boards by another way than the model's: each dot's outline is carried point by point
-//! through pose and lens, the polygon is cut by the sides of pixels of a quarter's width, light is
-//! multiplied, and the fine picture is blurred by sampled weights before it is binned.
+//! Renders boards by a method independent of the model: projects each dot's outline point by point
+//! through pose and lens, clips the polygon to subpixels a quarter of a pixel wide (an eighth under
+//! slight blur), multiplies by the light, and blurs the fine image with sampled weights before
+//! binning it.
 
 use crate::board::Picture;
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_geometry::{Board, Lens, Pose};
 use std::collections::BTreeMap;
 
-/// Points of an outline.
+/// Points per outline.
 const POINTS: usize = 360;
 
 pub struct Scene {
     pub board: Board,
     pub lens: Lens,
     pub pose: Pose,
-    /// Level of the paper at a pixel.
+    /// Paper level at a pixel position.
     pub light: fn(DVec2) -> f64,
     /// Standard deviation of the blur in pixels.
     pub blur: f64,
-    /// Times 0.25 DN on paper of 188 DN; 0 for none.
+    /// Noise scale: 1 gives 0.25 DN on paper of 188 DN; 0 disables noise.
     pub noise: f64,
     pub seed: u64,
-    /// Dots that are not there.
+    /// Dots that are not drawn.
     pub hidden: Vec<[u32; 2]>,
 }
 
-/// The lens of the project's bench: 1138 x 489 pixels, 632 pixels of focal length.
+/// Lens of the project's bench: 1138 x 489 pixels, focal length 632 pixels.
 pub fn bench_lens() -> Lens {
     Lens {
         width_px: 1138,
@@ -36,7 +37,7 @@ pub fn bench_lens() -> Lens {
     }
 }
 
-/// A lens for a smaller picture of the board's middle.
+/// The same lens with a smaller image around the centre.
 pub fn small_lens(width: u32, height: u32) -> Lens {
     Lens {
         width_px: width,
@@ -46,7 +47,8 @@ pub fn small_lens(width: u32, height: u32) -> Lens {
     }
 }
 
-/// A board at a place, turned in its plane, then tilted about an axis in the picture's plane.
+/// Pose of a board at a position, turned in its plane, then tilted about an axis in the image
+/// plane.
 pub fn pose(at: DVec3, turn_deg: f64, tilt_deg: f64, axis_deg: f64) -> Pose {
     let axis = axis_deg.to_radians();
     let tilt = DMat3::from_axis_angle(
@@ -59,7 +61,7 @@ pub fn pose(at: DVec3, turn_deg: f64, tilt_deg: f64, axis_deg: f64) -> Pose {
     }
 }
 
-/// A smaller board of the bench's dots.
+/// A board with the dimensions of the bench's dots but fewer of them.
 pub fn board(columns: u32, rows: u32) -> Board {
     Board::Dots {
         columns,
@@ -84,7 +86,7 @@ impl Scene {
         }
     }
 
-    /// Fine pixels along a pixel: enough of them within the blur.
+    /// Subpixels along a pixel's side: enough of them within the blur.
     fn fine(&self) -> usize {
         if self.blur > 0.0 && self.blur < 0.5 {
             8
@@ -104,7 +106,7 @@ impl Scene {
             .collect()
     }
 
-    /// Centroid of each dot that lies in the picture with room for `margin` pixels about it.
+    /// Centroid of each dot whose outline is at least `margin` pixels inside the image.
     pub fn truth(&self, margin: f64) -> BTreeMap<[u32; 2], DVec2> {
         let (w, h) = (
             f64::from(self.lens.width_px),
@@ -126,7 +128,7 @@ impl Scene {
             .collect()
     }
 
-    /// Covered share of each fine pixel.
+    /// Fraction of each subpixel covered by ink.
     fn ink(&self) -> Vec<f64> {
         let (width, height) = (
             self.lens.width_px as usize * self.fine(),
@@ -137,7 +139,7 @@ impl Scene {
             let Some(outline) = self.outline(index) else {
                 continue;
             };
-            // Fine pixel k covers [k, k + 1) of these.
+            // Subpixel k covers [k, k + 1) in these coordinates.
             let fine: Vec<DVec2> = outline
                 .iter()
                 .map(|p| (p + 0.5) * self.fine() as f64)
@@ -168,7 +170,7 @@ impl Scene {
         ink
     }
 
-    /// Level without noise of each pixel.
+    /// Noise-free level of each pixel.
     fn clean(&self) -> Vec<f64> {
         let (width, height) = (self.lens.width_px as usize, self.lens.height_px as usize);
         let mut fine = self.ink();
@@ -194,7 +196,7 @@ impl Scene {
         level
     }
 
-    /// Whether a pixel sees the sheet: a pitch beyond the outer dots' centres.
+    /// Whether each pixel sees the sheet, which ends one pitch beyond the outer dots' centres.
     fn sheet(&self) -> Vec<bool> {
         let [columns, rows] = self.board.grid();
         let half =
@@ -236,7 +238,7 @@ impl Scene {
     }
 }
 
-/// The part of a polygon where `side` is not negative.
+/// Clips a polygon to the part where `side` is not negative.
 fn cut(polygon: &[DVec2], side: impl Fn(DVec2) -> f64) -> Vec<DVec2> {
     let mut kept = Vec::new();
     for (k, &a) in polygon.iter().enumerate() {
@@ -297,7 +299,7 @@ fn blur(fine: &mut [f64], width: usize, sigma: f64) {
     }
 }
 
-/// Numbers that look random (splitmix64), and normal ones by Box and Muller.
+/// Pseudo-random numbers: uniform by SplitMix64, normal by Box-Muller.
 pub struct Draw(pub u64);
 
 impl Draw {

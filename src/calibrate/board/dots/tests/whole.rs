@@ -1,4 +1,4 @@
-//! Boards found in every position, whole and in part, with the right labels.
+//! Boards in various poses, complete and in part, are found with the correct labels.
 
 use super::render::{Scene, board, pose, small_lens};
 use super::{errors, find, of};
@@ -17,7 +17,7 @@ const MIDDLE: DVec3 = DVec3::new(0.0, 0.0, 1000.0);
 #[test]
 fn turned_by_any_angle() {
     for k in 0..8 {
-        // Labels that are off would be errors of 15 px.
+        // Wrong labels would cause errors of 15 px.
         let e = errors(&scene(
             MIDDLE,
             7.0 + 45.0 * f64::from(k),
@@ -54,7 +54,7 @@ fn with_dots_hidden_one_of_them_a_marker() {
 
 #[test]
 fn where_blobs_and_lattice_miss_them() {
-    // A shadow that is too deep for the search but not for the model.
+    // A shadow too deep for the blob search but not for the fit.
     let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
     let mut picture = scene.picture();
     for (k, level) in picture.level.iter_mut().enumerate() {
@@ -71,7 +71,7 @@ fn where_blobs_and_lattice_miss_them() {
 fn among_clutter() {
     let scene = scene(MIDDLE, 12.0, 20.0, 100.0);
     let mut picture = scene.picture();
-    // Squares of ink off the board, on lit ground.
+    // Dark rectangles off the board, on a lit background.
     for v in 0..picture.height {
         for u in 0..picture.width {
             let level = &mut picture.level[v * picture.width + u];
@@ -97,7 +97,7 @@ fn among_clutter() {
 fn beside_a_stain_as_large_as_a_marker() {
     let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
     let mut picture = scene.picture();
-    // Where one more dot would be in row 4, six columns to the left of the middle.
+    // At the position of a further dot in row 4, six columns left of the middle.
     let stain = scene.lens.principal_px - DVec2::new(6.0 * 24.0 * 0.6322, 0.0);
     for v in 0..picture.height {
         for u in 0..25 {
@@ -112,7 +112,7 @@ fn beside_a_stain_as_large_as_a_marker() {
 
 #[test]
 fn near_and_far() {
-    // Dots of 3.2 px and of 25 px.
+    // Dot diameters of 3.2 px and 25 px.
     for (z, focal) in [(2000.0, 632.0), (500.0, 1250.0)] {
         let mut scene = Scene::new(
             board(7, 7),

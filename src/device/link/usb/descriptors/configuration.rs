@@ -1,28 +1,28 @@
-//! The configuration: its head, and what all its parts are made of.
+//! The configuration descriptor, and helpers shared by its parts.
 
 use super::{INTERFACES, Mode, SERIAL_CONTROL, VIDEO_CONTROL};
 use phasmid_profile::Usb;
 use phasmid_protocol::usb::descriptor::{class, kind};
 
-/// Bit of an endpoint's address.
+/// Direction bit of an endpoint address: device to host.
 pub(super) const TO_HOST: u8 = 0x80;
-/// Kinds of endpoints.
+/// Endpoint attributes.
 pub(super) const BULK: u8 = 2;
 pub(super) const INTERRUPT: u8 = 3;
-/// Isochronous and asynchronous.
+/// Isochronous endpoint with asynchronous synchronisation.
 pub(super) const ISOCHRONOUS: u8 = 5;
 
-/// What the descriptors are made from.
+/// Input for the descriptors.
 #[derive(Clone, Copy)]
 pub(super) struct Draft {
     pub(super) usb: Usb,
     pub(super) super_speed: bool,
-    /// Largest packet of a bulk endpoint.
+    /// Maximum packet size of a bulk endpoint.
     pub(super) packet: u16,
 }
 
 impl Draft {
-    /// The configuration with all that belongs to it.
+    /// The configuration descriptor with all its subordinate descriptors.
     pub(super) fn configuration(&self, modes: &[Mode], intervals: &[u32]) -> Vec<u8> {
         let body = [
             association(VIDEO_CONTROL, [class::VIDEO, 3, 0], 4),
@@ -50,7 +50,7 @@ impl Draft {
         [&head[..], &body].concat()
     }
 
-    /// An endpoint, with its companion at SuperSpeed.
+    /// An endpoint descriptor, with its companion at SuperSpeed.
     pub(super) fn endpoint(
         &self,
         address: u8,
@@ -88,7 +88,7 @@ fn association(first: u8, [class, subclass, protocol]: [u8; 3], name: u8) -> Vec
     ]
 }
 
-/// An interface's setting.
+/// An interface descriptor for one alternate setting.
 pub(super) fn interface(
     number: u8,
     setting: u8,

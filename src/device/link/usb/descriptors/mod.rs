@@ -1,4 +1,4 @@
-//! What the device says of itself when it enumerates, from its profile.
+//! USB descriptors of the device, built from its profile.
 //!
 //! Four interfaces in two functions: video control and streaming (UVC 1.1), and the serial port's
 //! communications and data interface (CDC-ACM).
@@ -22,19 +22,19 @@ pub(super) const VIDEO_STREAMING: u8 = 1;
 pub(super) const SERIAL_CONTROL: u8 = 2;
 /// Interface of the serial port's data.
 pub(super) const SERIAL_DATA: u8 = 3;
-/// Interfaces in all.
+/// Number of interfaces.
 pub(super) const INTERFACES: u8 = 4;
 
-/// Frames to the host.
+/// Endpoint for frames to the host.
 pub(super) const VIDEO_IN: u8 = 1;
-/// Notifications to the host.
+/// Endpoint for notifications to the host.
 pub(super) const NOTIFY_IN: u8 = 2;
-/// Serial data to the host.
+/// Endpoint for serial data to the host.
 pub(super) const SERIAL_IN: u8 = 3;
-/// Serial data to the device.
+/// Endpoint for serial data to the device.
 pub(super) const SERIAL_OUT: u8 = 3;
 
-/// Addresses of all endpoints but the control endpoint's, with their direction in bit 7.
+/// Addresses of all endpoints except the control endpoint, with the direction in bit 7.
 pub(super) const ENDPOINTS: [u8; 4] = [
     TO_HOST | VIDEO_IN,
     TO_HOST | NOTIFY_IN,
@@ -48,12 +48,12 @@ pub(super) const CAMERA_TERMINAL: u8 = 1;
 pub(super) const PROCESSING_UNIT: u8 = 2;
 
 const CLOCK_HZ: u32 = 48_000_000;
-/// Packets that the kernel puts into one transfer: one payload is one transfer then.
+/// Number of packets that the kernel puts into one transfer, so that one payload is one transfer.
 const PACKETS_PER_PAYLOAD: u32 = 32;
-/// Largest bulk packet at full speed.
+/// Maximum bulk packet size at full speed.
 const FULL_SPEED_PACKET: u16 = 64;
 
-/// A format that the camera offers.
+/// A format offered by the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Mode {
     pub(super) format: PixelFormat,
@@ -62,36 +62,36 @@ pub(super) struct Mode {
 }
 
 impl Mode {
-    /// Bytes of a frame.
+    /// Size of a frame in bytes.
     pub(super) fn frame_len(&self) -> u32 {
         self.width * self.height * self.format.bytes_per_pixel() as u32
     }
 }
 
-/// All that enumerates.
+/// All descriptors used in enumeration.
 #[derive(Debug, Clone)]
 pub(super) struct Descriptors {
     pub(super) device: Vec<u8>,
     pub(super) configuration: Vec<u8>,
-    /// What the device would be at its other speed; SuperSpeed devices have none.
+    /// Device qualifier (the device at its other speed); `None` for SuperSpeed devices.
     pub(super) qualifier: Option<Vec<u8>>,
-    /// The configuration at full speed, of a high-speed device on a slow port.
+    /// Configuration at full speed, for a high-speed device on a full-speed port.
     pub(super) other_speed: Option<Vec<u8>>,
-    /// Capabilities of a SuperSpeed device.
+    /// Binary device object store (BOS) of a SuperSpeed device.
     pub(super) bos: Option<Vec<u8>>,
-    /// Strings from number 1 on.
+    /// Strings, numbered from 1.
     strings: Vec<String>,
-    /// Formats from number 1 on.
+    /// Formats, numbered from 1.
     pub(super) modes: Vec<Mode>,
-    /// Frame intervals in units of 100 ns, the shortest and default first.
+    /// Frame intervals in units of 100 ns; the first is the shortest and the default.
     pub(super) intervals: Vec<u32>,
-    /// Largest payload in bytes.
+    /// Maximum payload size in bytes.
     pub(super) max_payload: u32,
     pub(super) transfer: Transfer,
 }
 
 impl Descriptors {
-    /// The descriptors of a profile whose camera offers these modes, the first by default.
+    /// Builds the descriptors of a profile whose camera offers these modes, the first by default.
     pub(super) fn new(profile: &Profile, modes: &[Mode]) -> Self {
         let usb = &profile.usb;
         let super_speed = usb.speed == Speed::Super;
@@ -189,12 +189,12 @@ impl Descriptors {
         }
     }
 
-    /// What a host gets that asks for nothing in particular.
+    /// The default stream parameters.
     pub(super) fn default_negotiation(&self) -> uvc::Negotiation {
         self.negotiation(1, self.intervals[0])
     }
 
-    /// The agreement on a mode, from 1, at an interval.
+    /// The stream parameters of a mode (numbered from 1) at an interval in units of 100 ns.
     pub(super) fn negotiation(&self, mode: u8, interval: u32) -> uvc::Negotiation {
         let mode = mode.clamp(1, self.modes.len() as u8);
         uvc::Negotiation {
@@ -209,7 +209,7 @@ impl Descriptors {
     }
 }
 
-/// Units of 100 ns of a profile's interval in microseconds.
+/// Converts a profile's interval from microseconds to units of 100 ns.
 fn interval_units(us: f64) -> u32 {
     (us * 10.0).round().clamp(1.0, f64::from(u32::MAX)) as u32
 }
@@ -217,7 +217,7 @@ fn interval_units(us: f64) -> u32 {
 /// USB 2.0 extension and SuperSpeed capability (USB 3.2, 9.6.2).
 fn bos() -> Vec<u8> {
     let extension = [7, kind::DEVICE_CAPABILITY, 2, 2, 0, 0, 0];
-    // Speeds: 5 Gbit/s; all functions from it on.
+    // Speeds: 5 Gbit/s, which all functions require at least.
     let speed = [10, kind::DEVICE_CAPABILITY, 3, 0, 8, 0, 3, 0, 0, 0];
     let total = (5 + extension.len() + speed.len()) as u16;
     let [low, high] = total.to_le_bytes();

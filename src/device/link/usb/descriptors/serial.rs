@@ -10,7 +10,7 @@ impl Draft {
         // Line coding and control lines; break.
         let abilities = [4, kind::CS_INTERFACE, 2, 0x06];
         let union = [5, kind::CS_INTERFACE, 6, SERIAL_CONTROL, SERIAL_DATA];
-        // 16 ms: as a power of two of microframes, at full speed as they are.
+        // 16 ms: an exponent of microframes (2^(8-1) x 125 us), but milliseconds at full speed.
         let every = if self.packet == FULL_SPEED_PACKET {
             16
         } else {
@@ -18,7 +18,7 @@ impl Draft {
         };
         let notify = self.endpoint(TO_HOST | NOTIFY_IN, INTERRUPT, 16, every, 0);
         [
-            // Abstract control model, AT commands: what drivers look for.
+            // Abstract control model with AT commands: the class that drivers look for.
             interface(SERIAL_CONTROL, 0, 1, [class::COMMUNICATIONS, 2, 1], 5),
             // CDC 1.10.
             vec![5, kind::CS_INTERFACE, 0, 0x10, 0x01],

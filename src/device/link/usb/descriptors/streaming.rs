@@ -48,7 +48,7 @@ impl Draft {
                 } else if self.packet == FULL_SPEED_PACKET {
                     self.endpoint(TO_HOST | VIDEO_IN, ISOCHRONOUS, 1023, 1, 0)
                 } else {
-                    // Three packets of 1024 bytes a microframe.
+                    // Three packets of 1024 bytes per microframe.
                     self.endpoint(TO_HOST | VIDEO_IN, ISOCHRONOUS, 2 << 11 | 1024, 1, 0)
                 };
                 [

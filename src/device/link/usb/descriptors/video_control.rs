@@ -1,10 +1,11 @@
-//! The video control interface: a camera with exposure, a unit with gain, an output.
+//! The video control interface: a camera terminal with exposure, a processing unit with gain, and an
+//! output terminal.
 
 use super::configuration::{Draft, interface};
 use super::{CAMERA_TERMINAL, CLOCK_HZ, PROCESSING_UNIT, VIDEO_CONTROL, VIDEO_STREAMING};
 use phasmid_protocol::usb::descriptor::{class, kind, video};
 
-/// Entity that the stream comes from.
+/// Entity that is the source of the stream.
 pub(super) const OUTPUT_TERMINAL: u8 = 3;
 
 impl Draft {

@@ -1,4 +1,4 @@
-//! What a transfer carries of a frame, and that it is the frame's own memory.
+//! Tests the parts of frames in transfers, and that frames are not copied.
 
 use super::*;
 use phasmid_protocol::PixelFormat;
@@ -22,7 +22,7 @@ fn frame(len: usize) -> Arc<Frame> {
     })
 }
 
-/// A transfer with room for packets of these lengths, or for a payload of so many bytes.
+/// Submits a transfer with room for packets of these lengths, or for a payload of `length` bytes.
 fn transfer(video: &mut Video, seqnum: u32, length: u32, packets: &[u32]) {
     let submit = Submit {
         seqnum,
@@ -45,8 +45,8 @@ fn transfer(video: &mut Video, seqnum: u32, length: u32, packets: &[u32]) {
     video.submit(submit, &packets, NOW);
 }
 
-/// Between the frame that a link is given and the call that writes to the socket nothing is copied:
-/// every pixel is written from where it lies in the frame.
+/// Nothing is copied between the frame given to the link and the write to the socket: every pixel is
+/// written from the frame's own memory.
 #[test]
 fn pixels_are_written_from_the_frame_itself() {
     for isochronous in [false, true] {
@@ -73,7 +73,7 @@ fn pixels_are_written_from_the_frame_itself() {
             }
         }
         assert_eq!(at, memory.end, "all of it");
-        // Headers of transfers and payloads, and descriptors of packets; no pixels.
+        // Headers of transfers and payloads, and packet descriptors; no pixels.
         let payloads = 100_000_usize.div_ceil(if isochronous { 3070 } else { 16_382 });
         let transfers = if isochronous { 8 } else { payloads };
         let packets = if isochronous { 64 } else { 0 };
