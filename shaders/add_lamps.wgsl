@@ -1,32 +1,32 @@
-// needs: plan, bounce_types
+// needs: plan, interreflection_types
 // Adds interreflected lamp light, which does not depend on the projected pattern, to the ambient
-// maps. Twin of `add_lamps` in `bounce/mod.rs`.
+// maps. Twin of `add_lamps` in `interreflection/mod.rs`.
 
 @group(0) @binding(2) var<storage, read_write> light: array<vec2f>;
 @group(0) @binding(7) var<storage, read_write> flickering: array<f32>;
-@group(0) @binding(95) var<storage, read> bounce_params: BounceParams;
-@group(0) @binding(100) var<storage, read> bounce_first: array<u32>;
-@group(0) @binding(101) var<storage, read> bounce_shares: array<vec4f>;
-@group(0) @binding(102) var<storage, read> bounce_lamps: array<vec2f>;
+@group(0) @binding(95) var<storage, read> interreflection_params: InterreflectionParams;
+@group(0) @binding(100) var<storage, read> interreflection_first: array<u32>;
+@group(0) @binding(101) var<storage, read> interreflection_shares: array<vec4f>;
+@group(0) @binding(102) var<storage, read> interreflection_lamps: array<vec2f>;
 
 // Lamp light at a pixel and the amplitude of its flicker, in electrons per second.
 fn lamps_at(pixel: u32) -> vec2f {
-    let first = bounce_first[pixel];
-    let below = first + bounce_params.columns;
-    let by = bounce_shares[pixel];
+    let first = interreflection_first[pixel];
+    let below = first + interreflection_params.columns;
+    let by = interreflection_shares[pixel];
     var sum = vec2f(0.0);
     // A point with zero weight may not exist.
     if by.x > 0.0 {
-        sum += by.x * bounce_lamps[first];
+        sum += by.x * interreflection_lamps[first];
     }
     if by.y > 0.0 {
-        sum += by.y * bounce_lamps[first + 1u];
+        sum += by.y * interreflection_lamps[first + 1u];
     }
     if by.z > 0.0 {
-        sum += by.z * bounce_lamps[below];
+        sum += by.z * interreflection_lamps[below];
     }
     if by.w > 0.0 {
-        sum += by.w * bounce_lamps[below + 1u];
+        sum += by.w * interreflection_lamps[below + 1u];
     }
     return sum;
 }
@@ -34,7 +34,7 @@ fn lamps_at(pixel: u32) -> vec2f {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let pixel = linear(id, groups);
-    if pixel >= bounce_params.width * bounce_params.height {
+    if pixel >= interreflection_params.width * interreflection_params.height {
         return;
     }
     let added = lamps_at(pixel);

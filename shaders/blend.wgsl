@@ -6,7 +6,7 @@
 // to 2e-5. For such wide Gaussians, differences over the box would cancel.
 const SMOOTH: f32 = 2.0;
 
-// The convolution of two boxes and a Gaussian, along one axis of the slide.
+// The convolution of two boxes and a Gaussian, along one axis of the pattern image.
 struct Blend {
     // Standard deviation of the Gaussian, including the boxes merged into it.
     sigma: f32,

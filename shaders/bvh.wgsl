@@ -1,6 +1,6 @@
 // needs: marks, cast_types, triangle
-// Walking a bounding volume hierarchy with one ray, near children first. Twin of `raycast/traverse.rs`;
-// the buffers are made by `gpu/scene.rs`.
+// Walking a bounding volume hierarchy with one ray, near children first. Twin of
+// `raycast/traverse.rs`; the buffers are made by `gpu/scene.rs`.
 
 // Nodes of all hierarchies, two vectors each: the box's lowest corner and the first child (in a
 // leaf, the first triangle); its highest corner and the number of triangles of a leaf, 0 in an

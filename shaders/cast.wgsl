@@ -1,4 +1,4 @@
-// needs: plan, cast_types, world, shade, look, vignetting
+// needs: plan, cast_types, world, shade, material, vignetting
 // Casts a camera ray and the shadow rays that it needs. Twin of `geometry::cast`.
 
 fn cast_ray(ray: Ray) -> Cast {
@@ -16,7 +16,7 @@ fn cast_ray(ray: Ray) -> Cast {
         }
     }
     if has_albedo_maps || has_specular || has_lights || has_flicker {
-        look(ray, hit, &shaded);
+        material(ray, hit, &shaded);
     }
     if has_camera_vignetting {
         dim_seen(ray.direction, &shaded);

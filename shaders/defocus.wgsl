@@ -1,20 +1,21 @@
 // needs: plan, optics, cast_types, soft
 //
-// Twin of light/defocus.rs: the width of the projector's defocus blur at each point.
+// Twin of exposure/defocus.rs: the width of the projector's defocus blur at each point.
 
-// Upper limit of the blur in slide pixels: the blur of a point beside the pupil would be infinite.
+// Upper limit of the blur in projector pixels: the blur of a point beside the pupil would be
+// infinite.
 const WIDEST_BLUR_PX: f32 = 1e6;
 
-// Standard deviation of the blur along each axis of the slide, in slide pixels, at a point in the
-// rig's frame.
+// Standard deviation of the blur along each axis of the pattern image, in projector pixels, at a
+// point in the rig's frame.
 fn blur_px(point: vec3f) -> f32 {
     let z = dot(optics[0].projector_z.xyz, point - projector_pupil());
     let nearest = select(max(z, 1e-6), min(z, -1e-6), z < 0.0);
     return min(optics[0].defocus_strength * abs(optics[0].defocus_sharp - 1.0 / nearest), WIDEST_BLUR_PX);
 }
 
-// Dims points near the slide's edge: the part of a footprint that blur spreads beyond the edge
-// carries no light. `point` is in the rig's frame.
+// Dims points near the pattern image's edge: the part of a footprint that blur spreads beyond the
+// edge carries no light. `point` is in the rig's frame.
 fn dim_border(point: vec3f, shaded: ptr<function, Shaded>) {
     let sigma = blur_px(point);
     if !((*shaded).reachable && sigma > 0.0) {
@@ -28,7 +29,7 @@ fn dim_border(point: vec3f, shaded: ptr<function, Shaded>) {
     (*shaded).projected *= x * y;
 }
 
-// Fraction of the light that remains along one axis of the slide.
+// Fraction of the light that remains along one axis of the pattern image.
 fn border_kept(px: f32, size: f32, slope: vec2f, sigma: f32) -> f32 {
     let low = px + 0.5;
     let high = size - 0.5 - px;

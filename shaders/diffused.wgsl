@@ -1,4 +1,4 @@
-// needs: picture_table, skin_types
+// needs: image_table, skin_types
 // Two-dimensional patterns on skin: each Gaussian of the subsurface spread is approximated by three
 // squares on the pattern. `diffused.rs`, its twin, gives the reason.
 
@@ -26,9 +26,9 @@ fn diffused_average(
         let spread = gaussian.y * px_per_mm;
         let deviation = sqrt(spread * spread + sigma * sigma);
         for (var k = 0u; k < 3u; k += 1u) {
-            // `picture_average` takes the standard deviation of a box.
+            // `image_average` takes the standard deviation of a box.
             let box = deviation * sqrt(squares[k].y / 3.0);
-            sum += gaussian.x * squares[k].x * picture_average(table, at, slope, box);
+            sum += gaussian.x * squares[k].x * image_average(table, at, slope, box);
         }
     }
     return sum;

@@ -1,38 +1,38 @@
-// needs: plan, looks, map, ggx
+// needs: plan, materials, map, ggx
 //
-// Twin of look/evenly.rs: the light that a surface reflects, treated as if it were reflected
+// Twin of material/evenly.rs: the light that a surface reflects, treated as if it were reflected
 // equally in all directions.
 
 // The material of a patch.
 struct Evenly {
     albedo: f32,
-    // NO_MATERIAL if it is Lambertian.
-    material: u32,
+    // NO_LOBE if it is Lambertian.
+    lobe: u32,
 }
 
 // Material of a patch around the point of a hit, in the rig's frame, with its albedo averaged over
 // the patch.
 fn evenly_at(row: u32, hit: Hit, point: vec3f, across: vec3f, down: vec3f) -> Evenly {
     let object = object_of(hit.surface);
-    var albedo = looks[object].albedo;
-    var material = NO_MATERIAL;
+    var albedo = materials[object].albedo;
+    var lobe = NO_LOBE;
     if has_albedo_maps {
-        if look_varies(object) {
-            albedo *= look_factor(hit, there_of(row, hit), point, across, down);
+        if material_varies(object) {
+            albedo *= material_factor(hit, there_of(row, hit), point, across, down);
         }
     }
     if has_specular {
-        material = looks[object].material;
+        lobe = materials[object].lobe;
     }
-    return Evenly(albedo, material);
+    return Evenly(albedo, lobe);
 }
 
 // Fraction of light, incident at this cosine to the normal, that the diffuse base and the specular
 // lobe reflect together.
 fn evenly_share(evenly: Evenly, cosine: f32) -> f32 {
     if has_specular {
-        if evenly.material != NO_MATERIAL {
-            return ggx_under_even_light(evenly.material, evenly.albedo, cosine);
+        if evenly.lobe != NO_LOBE {
+            return ggx_under_even_light(evenly.lobe, evenly.albedo, cosine);
         }
     }
     return evenly.albedo;

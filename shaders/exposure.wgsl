@@ -1,7 +1,7 @@
 // needs: plan, maps_in, skin_in, footprint, flicker
-// The exposure pass: the light of the slides at each pixel, averaged over its footprint, plus
-// ambient light. Twin of `exposure.rs` and of `Schedule::line` of `schedule.rs`. One thread per
-// pixel.
+// The exposure pass: the light of the pattern images at each pixel, averaged over its footprint,
+// plus ambient light. Twin of `exposure.rs` and of `Schedule::line` of `schedule.rs`. One thread
+// per pixel.
 
 // Mean electrons of each pixel.
 @group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
@@ -42,7 +42,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
 fn footprint_of(i: u32) -> Footprint {
     var footprint: Footprint;
     footprint.tissue = NO_TISSUE;
-    if along_rows || in_pictures {
+    if along_rows || in_images {
         footprint.at = place[i];
         footprint.slopes = slopes[i];
         if has_subsurface {

@@ -1,11 +1,11 @@
-// needs: plan, schedule, row_table, picture_table, kernel, diffused
-// The average level of any slide under a footprint. Twin of the choices of `exposure.rs`.
+// needs: plan, schedule, row_table, image_table, kernel, diffused
+// The average level of any pattern image under a footprint. Twin of the choices of `exposure.rs`.
 
 // Kinds of tables that a frame uses besides uniform ones.
 override along_rows: bool = false;
-override in_pictures: bool = false;
+override in_images: bool = false;
 
-// The area that a pixel, or one of its samples, covers on the slide.
+// The area that a pixel, or one of its samples, covers on the pattern image.
 struct Footprint {
     at: vec2f,
     // Derivatives of x, then of y, by the camera's column and row.
@@ -32,7 +32,7 @@ fn footprint_level(table: Table, footprint: Footprint) -> f32 {
         }
         return row_average(table, x, slope);
     }
-    if in_pictures && table.kind == TABLE_PICTURE {
+    if in_images && table.kind == TABLE_IMAGE {
         if has_subsurface && footprint.tissue != NO_TISSUE {
             return diffused_average(
                 table,
@@ -43,7 +43,7 @@ fn footprint_level(table: Table, footprint: Footprint) -> f32 {
                 footprint.px_per_mm,
             );
         }
-        return picture_average(table, footprint.at, footprint.slopes, vec2f(footprint.sigma));
+        return image_average(table, footprint.at, footprint.slopes, vec2f(footprint.sigma));
     }
     return table.scale;
 }

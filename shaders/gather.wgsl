@@ -1,17 +1,17 @@
-// needs: plan, maps_in, leaving, center_ray, bounce_types, evenly, lamp, defocus, hemisphere, patch
-// Gathers the light at points of surfaces: casts rays over the hemisphere and evaluates the light
-// where they end. Twin of `bounce/gather.rs`. One workgroup per point; each thread takes every 64th
-// ray. Rays that end in the projector's light are stored contiguously in the order of their
-// directions.
+// needs: plan, maps_in, leaving, center_ray, interreflection_types, evenly, lamp, defocus, hemisphere, patch
+// Gathers the light at points of surfaces: casts rays over the hemisphere and
+// evaluates the light where they end. Twin of `interreflection/gather.rs`. One workgroup per point;
+// each thread takes every 64th ray. Rays that end in the projector's light are stored contiguously
+// in the order of their directions.
 
 override rays_a_point: u32 = 16u;
 
-@group(0) @binding(95) var<storage, read> bounce_params: BounceParams;
-@group(0) @binding(97) var<storage, read_write> bounce_points: array<BouncePoint>;
-@group(0) @binding(98) var<storage, read_write> bounce_x: array<vec4f>;
-@group(0) @binding(99) var<storage, read_write> bounce_y: array<vec4f>;
+@group(0) @binding(95) var<storage, read> interreflection_params: InterreflectionParams;
+@group(0) @binding(97) var<storage, read_write> interreflection_points: array<GatherPoint>;
+@group(0) @binding(98) var<storage, read_write> interreflection_x: array<vec4f>;
+@group(0) @binding(99) var<storage, read_write> interreflection_y: array<vec4f>;
 // Irradiance in W/m^2 from lamps at each point, and the amplitude of its flicker.
-@group(0) @binding(102) var<storage, read_write> bounce_lamps: array<vec2f>;
+@group(0) @binding(102) var<storage, read_write> interreflection_lamps: array<vec2f>;
 
 // One bit for each ray kept in the current round.
 var<workgroup> mask: array<atomic<u32>, 2>;
@@ -19,7 +19,7 @@ var<workgroup> mask: array<atomic<u32>, 2>;
 var<workgroup> sums: array<vec3f, 64>;
 
 // A point at which light is gathered.
-struct BouncePlace {
+struct GatherPlace {
     at: vec3f,
     normal: vec3f,
     own: u32,
@@ -43,10 +43,10 @@ fn main(
 ) {
     let number = group.y * groups.x + group.x;
     var pixel = NO_PIXEL;
-    if number < bounce_params.points {
-        pixel = bounce_points[number].pixel;
+    if number < interreflection_params.points {
+        pixel = interreflection_points[number].pixel;
     }
-    var here: BouncePlace;
+    var here: GatherPlace;
     if pixel != NO_PIXEL {
         here = place_of(pixel);
     }
@@ -77,10 +77,10 @@ fn main(
             );
             let at = number * rays_a_point + kept + before;
             if has_footprint_x {
-                bounce_x[at] = found.x;
+                interreflection_x[at] = found.x;
             }
             if has_footprint_y {
-                bounce_y[at] = found.y;
+                interreflection_y[at] = found.y;
             }
         }
         kept += countOneBits(low) + countOneBits(high);
@@ -94,29 +94,29 @@ fn main(
         }
         workgroupBarrier();
     }
-    if lane == 0u && number < bounce_params.points {
-        bounce_points[number] = BouncePoint(pixel, number * rays_a_point, kept, sums[0].x);
+    if lane == 0u && number < interreflection_params.points {
+        interreflection_points[number] = GatherPoint(pixel, number * rays_a_point, kept, sums[0].x);
         if has_lights {
-            bounce_lamps[number] = sums[0].yz;
+            interreflection_lamps[number] = sums[0].yz;
         }
     }
 }
 
-fn place_of(pixel: u32) -> BouncePlace {
+fn place_of(pixel: u32) -> GatherPlace {
     let normal = normalize(seen[pixel].xyz);
     // The rays of neighbouring points are rotated against each other, so that details missed by the
     // few rays differ from point to point. The angle comes from Knuth's multiplicative hash (TAOCP
     // 3, section 6.4).
-    return BouncePlace(
+    return GatherPlace(
         center_ray(pixel) * seen[pixel].w,
         normal,
         surface[pixel],
-        pixel / bounce_params.width,
-        bounce_axes(normal, pixel * 2654435769u),
+        pixel / interreflection_params.width,
+        interreflection_axes(normal, pixel * 2654435769u),
     );
 }
 
-fn follow(here: BouncePlace, number: u32) -> Brought {
+fn follow(here: GatherPlace, number: u32) -> Brought {
     var found = Brought(vec4f(0.0), vec4f(0.0), vec3f(0.0));
     let side = sqrt(3.14159265 / f32(rays_a_point));
     let ray = spoke(number, here.normal, here.axes, side);
@@ -129,11 +129,11 @@ fn follow(here: BouncePlace, number: u32) -> Brought {
     let across = (ray.sides[0] - slant * dot(hit.normal, ray.sides[0])) * hit.t;
     let down = (ray.sides[1] - slant * dot(hit.normal, ray.sides[1])) * hit.t;
     let at = here.at + ray.direction * hit.t;
-    let look = evenly_at(here.row, hit, at, across, down);
+    let material = evenly_at(here.row, hit, at, across, down);
     let lit = shown(Patch(at, hit.normal, across, down));
     let part = 1.0 / f32(rays_a_point);
     if lit.irradiance > 0.0 {
-        let weight = evenly_share(look, lit.cos) * lit.irradiance * part;
+        let weight = evenly_share(material, lit.cos) * lit.irradiance * part;
         var dark = !(weight > 0.0);
         if has_shadows && !dark {
             dark = blocked(here.row, at, hit.surface);
@@ -152,14 +152,14 @@ fn follow(here: BouncePlace, number: u32) -> Brought {
         }
     }
     if has_lights {
-        let lamps = lamps_on(here.row, hit, at, look) * part;
+        let lamps = lamps_on(here.row, hit, at, material) * part;
         found.light = vec3f(found.light.x, lamps);
     }
     return found;
 }
 
 // Lamp light that a surface reflects, and the amplitude of its flicker.
-fn lamps_on(row: u32, hit: Hit, at: vec3f, look: Evenly) -> vec2f {
+fn lamps_on(row: u32, hit: Hit, at: vec3f, material: Evenly) -> vec2f {
     var sum = vec2f(0.0);
     for (var i = 0u; i < optics[0].lamps; i++) {
         let lamp = lamp_number(i);
@@ -168,7 +168,7 @@ fn lamps_on(row: u32, hit: Hit, at: vec3f, look: Evenly) -> vec2f {
         if !(cosine > 0.0) {
             continue;
         }
-        let thrown = from_it.w * cosine * evenly_share(look, cosine);
+        let thrown = from_it.w * cosine * evenly_share(material, cosine);
         if has_shadows && thrown > 0.0 {
             if lamp_blocked(row, lamp, at, hit.surface) {
                 continue;

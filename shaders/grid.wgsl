@@ -1,13 +1,13 @@
-// needs: plan, maps_in, center_ray, bounce_types
+// needs: plan, maps_in, center_ray, interreflection_types
 // Points at which interreflected light is gathered, and the weights with which each pixel uses
-// them. Twin of `bounce/grid.rs`.
+// them. Twin of `interreflection/grid.rs`.
 
-@group(0) @binding(95) var<storage, read> bounce_params: BounceParams;
-@group(0) @binding(97) var<storage, read_write> bounce_points: array<BouncePoint>;
-@group(0) @binding(100) var<storage, read_write> bounce_first: array<u32>;
-@group(0) @binding(101) var<storage, read_write> bounce_shares: array<vec4f>;
+@group(0) @binding(95) var<storage, read> interreflection_params: InterreflectionParams;
+@group(0) @binding(97) var<storage, read_write> interreflection_points: array<GatherPoint>;
+@group(0) @binding(100) var<storage, read_write> interreflection_first: array<u32>;
+@group(0) @binding(101) var<storage, read_write> interreflection_shares: array<vec4f>;
 // Number of points, those of the grid first; initially only those.
-@group(0) @binding(103) var<storage, read_write> bounce_count: array<atomic<u32>>;
+@group(0) @binding(103) var<storage, read_write> interreflection_count: array<atomic<u32>>;
 
 // Normals of one smooth surface differ by less than 20 degrees over a grid cell.
 const COS_BENT: f32 = 0.9396926207859084;
@@ -19,14 +19,14 @@ const LEAST: f32 = 0.2;
 
 // Pixel coordinate of a grid position along one axis.
 fn at_place(place: u32, count: u32) -> u32 {
-    return min(place * bounce_params.step, count - 1u);
+    return min(place * interreflection_params.step, count - 1u);
 }
 
 // Writes the points of the grid; the buffer already has room for all points.
 @compute @workgroup_size(64)
 fn points(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear(id, groups);
-    let p = bounce_params;
+    let p = interreflection_params;
     if i >= p.columns * p.rows {
         return;
     }
@@ -34,12 +34,12 @@ fn points(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
     let v = at_place(i / p.columns, p.height);
     let pixel = v * p.width + u;
     let is_seen = (marks[pixel] & SEEN) != 0u;
-    bounce_points[i] = BouncePoint(select(NO_PIXEL, pixel, is_seen), 0u, 0u, 0.0);
+    interreflection_points[i] = GatherPoint(select(NO_PIXEL, pixel, is_seen), 0u, 0u, 0.0);
 }
 
 // The grid position before pixel `at`, along an axis with this number of positions.
 fn before(at: u32, places: u32) -> u32 {
-    return min(at / bounce_params.step, max(places, 2u) - 2u);
+    return min(at / interreflection_params.step, max(places, 2u) - 2u);
 }
 
 // Fraction of the way of `at` from a grid position to the next.
@@ -67,7 +67,7 @@ fn goes_on_to(here: vec4f, ray: vec3f, pixel: u32) -> bool {
 @compute @workgroup_size(64)
 fn shares(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let pixel = linear(id, groups);
-    let p = bounce_params;
+    let p = interreflection_params;
     if pixel >= p.width * p.height {
         return;
     }
@@ -103,26 +103,26 @@ fn shares(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
         }
         let sum = kept.x + kept.y + kept.z + kept.w;
         if sum < LEAST {
-            first = atomicAdd(&bounce_count[0], 1u);
+            first = atomicAdd(&interreflection_count[0], 1u);
             kept = vec4f(evenly[pixel], 0.0, 0.0, 0.0);
         } else {
             kept *= evenly[pixel] / sum;
         }
     }
-    bounce_first[pixel] = first;
-    bounce_shares[pixel] = kept;
+    interreflection_first[pixel] = first;
+    interreflection_shares[pixel] = kept;
 }
 
 // Writes the additional points, outside of the grid.
 @compute @workgroup_size(64)
 fn alone(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let pixel = linear(id, groups);
-    let p = bounce_params;
+    let p = interreflection_params;
     if pixel >= p.width * p.height {
         return;
     }
-    let first = bounce_first[pixel];
+    let first = interreflection_first[pixel];
     if first >= p.columns * p.rows {
-        bounce_points[first] = BouncePoint(pixel, 0u, 0u, 0.0);
+        interreflection_points[first] = GatherPoint(pixel, 0u, 0u, 0.0);
     }
 }

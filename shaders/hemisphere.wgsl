@@ -1,9 +1,9 @@
 // Cosine-weighted directions over a hemisphere, each with the patch that it represents. Twin of
-// `bounce/hemisphere.rs`; the points of the disc are computed on the CPU.
+// `interreflection/hemisphere.rs`; the points of the disc are computed on the CPU.
 
 // For each direction: its position in the unit disc below the hemisphere, its height above the
 // disc, and the divisor of the height of its patch's sides.
-@group(0) @binding(96) var<storage, read> bounce_disc: array<vec4f>;
+@group(0) @binding(96) var<storage, read> interreflection_disc: array<vec4f>;
 
 // A direction, and the sides of its patch of the unit sphere.
 struct Spoke {
@@ -31,7 +31,7 @@ fn of_turn(turn: u32) -> vec2f {
 
 // Two unit vectors perpendicular to a unit normal and to each other (Duff et al., "Building an
 // Orthonormal Basis, Revisited", JCGT 6(1), 2017), rotated about the normal by `turn`.
-fn bounce_axes(normal: vec3f, turn: u32) -> mat2x3f {
+fn interreflection_axes(normal: vec3f, turn: u32) -> mat2x3f {
     let sign = select(1.0, -1.0, normal.z < 0.0);
     let a = -1.0 / (sign + normal.z);
     let c = normal.x * normal.y * a;
@@ -44,7 +44,7 @@ fn bounce_axes(normal: vec3f, turn: u32) -> mat2x3f {
 // A direction above a surface; `side` is the side of the square of the disc that each direction
 // represents.
 fn spoke(number: u32, normal: vec3f, axes: mat2x3f, side: f32) -> Spoke {
-    let p = bounce_disc[number];
+    let p = interreflection_disc[number];
     let fall = normal / p.w;
     let sides = mat2x3f((axes[0] - fall * p.x) * side, (axes[1] - fall * p.y) * side);
     return Spoke(axes[0] * p.x + axes[1] * p.y + normal * p.z, sides);

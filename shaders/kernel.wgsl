@@ -1,5 +1,5 @@
-// needs: plan, slides, blend, skin_types, row_table
-// Blurred footprints on a slide that varies along one axis. Twin of `kernel.rs`.
+// needs: plan, pattern_images, blend, skin_types, row_table
+// Blurred footprints on a pattern image that varies along one axis. Twin of `kernel.rs`.
 //
 // The CPU computes the weights of held pixels once per state of the scene, then only sums products
 // for each frame. Here the weights are recomputed in every frame: a dozen of them per pixel cost
@@ -11,10 +11,10 @@ const KERNEL_REACH: f32 = 4.0;
 const KERNEL_END: f32 = 6.0;
 // Blur narrower than this fraction of the footprint changes a level by less than 0.05 of 255.
 const KERNEL_SHARP: f32 = 2e-4;
-// Minimum standard deviation of a Gaussian of a spread, in slide pixels.
+// Minimum standard deviation of a Gaussian of a spread, in projector pixels.
 const KERNEL_LEAST: f32 = 1e-6;
 const MOST_GROUPS: f32 = 1024.0;
-// Groups of 2^0 to 2^10 slide pixels.
+// Groups of 2^0 to 2^10 projector pixels.
 const LAST_GROUPING: u32 = 10u;
 
 // Whether a footprint's blur needs a kernel, and if so its average level.
@@ -28,7 +28,7 @@ struct Kernel {
 fn kernel_average(table: Table, x: f32, slope: vec2f, sigma: f32, tissue: u32, px_per_mm: f32) -> Kernel {
     let sizes = min(abs(slope), vec2f(WIDEST));
     let sharp = KERNEL_SHARP * max(sizes.x, sizes.y);
-    // Level times weight, weight, and the level beyond the slide.
+    // Level times weight, weight, and the level beyond the pattern image.
     var sum: vec3f;
     if has_subsurface && tissue != NO_TISSUE {
         let least = max(sharp, KERNEL_LEAST);
@@ -51,14 +51,15 @@ fn kernel_average(table: Table, x: f32, slope: vec2f, sigma: f32, tissue: u32, p
         }
         sum = kernel_part(table, x, sizes, sigma, vec2f(KERNEL_REACH, KERNEL_END));
     }
-    // A kernel far beyond the slide's end has no weight on it: use the last pixel's level.
+    // A kernel far beyond the pattern image's end has no weight on it: use the last pixel's level.
     if sum.y < 1e-6 {
         return Kernel(true, sum.z);
     }
     return Kernel(true, sum.x / sum.y);
 }
 
-// For one Gaussian: level times weight on the slide, weight, and the level beyond the slide.
+// For one Gaussian: level times weight on the pattern image, weight, and the level beyond the
+// pattern image.
 fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -> vec3f {
     let blend = blend_new(sizes.x, sizes.y, sigma, reaches.y);
     let reach = reaches.x * sigma;
@@ -69,8 +70,8 @@ fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -
         group *= 2.0;
     }
     let last = (table.width + (1u << grouping) - 1u) / (1u << grouping) - 1u;
-    // Positions are a held pixel plus an offset from its left edge: measured from the slide's left
-    // end in f32, small blurs would be lost in distant columns.
+    // Positions are a held pixel plus an offset from its left edge: measured from the pattern
+    // image's left end in f32, small blurs would be lost in distant columns.
     let pixel = floor(clamp(x, -LAST_PIXEL, LAST_PIXEL) + 0.5);
     let inside = clamp(x - pixel, -FAR, FAR) + 0.5;
     let whole = min(0.5 * (sizes.x + sizes.y) + reach, FAR);
@@ -79,7 +80,7 @@ fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -
     let high = u32(clamp((here + i32(floor(inside + whole))) >> grouping, 0, i32(last)));
     let start = blend_left_of(blend, -pixel - inside);
     let end = blend_left_of(blend, f32(table.width) - pixel - inside);
-    let levels = slide_word(table.held, grouping);
+    let levels = pattern_image_word(table.held, grouping);
     var before = start;
     var sum = 0.0;
     for (var i = low; i <= high; i += 1u) {
@@ -92,5 +93,5 @@ fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -
 }
 
 fn held_level(table: Table, word: u32) -> f32 {
-    return bitcast<f32>(slide_word(table.held, word));
+    return bitcast<f32>(pattern_image_word(table.held, word));
 }

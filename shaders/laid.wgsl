@@ -1,7 +1,7 @@
 // needs: plan
 //
-// Twin of look/lay.rs: maps a texture of a given size onto a shape, in millimetres of the shape's
-// own frame.
+// Twin of material/lay.rs: maps a texture of a given size onto a shape, in millimetres of the
+// shape's own frame.
 
 // Kinds of texture mapping.
 const LAY_NONE: u32 = 0u;

@@ -1,4 +1,4 @@
-// needs: plan, look_values, world
+// needs: plan, material_values, world
 //
 // Twin of lamps::Lamp: a light source in the scene other than the projector.
 
@@ -16,7 +16,7 @@ struct Lamp {
 fn lamp_number(i: u32) -> Lamp {
     let at = LAMPS_AT + 8u * i;
     return Lamp(
-        look_value3(at), look_values[at + 3u], look_values[at + 4u] != 0.0, look_values[at + 5u]);
+        material_value3(at), material_values[at + 3u], material_values[at + 4u] != 0.0, material_values[at + 5u]);
 }
 
 // Direction to a lamp from a point (xyz), and the irradiance in W/m^2 of a surface there that faces

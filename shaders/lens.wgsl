@@ -1,4 +1,5 @@
-// The lens model: a pinhole with OpenCV's five Brown-Conrady coefficients. Twin of `geometry/lens.rs`.
+// The lens model: a pinhole with OpenCV's five Brown-Conrady coefficients. Twin of
+// `geometry/lens.rs`.
 
 struct Lens {
     // Focal lengths, then the principal point, in pixels.

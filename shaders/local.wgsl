@@ -12,8 +12,8 @@ struct Local {
     // Unit vector to the camera.
     view: vec3f,
     albedo: f32,
-    // NO_MATERIAL if it is Lambertian.
-    material: u32,
+    // NO_LOBE if it is Lambertian.
+    lobe: u32,
 }
 
 // Light reflected of 1 W/m^2 from a direction, relative to a white Lambertian surface that faces
@@ -25,9 +25,9 @@ fn local_reflected(local: Local, towards: vec3f) -> f32 {
     let cosine = max(dot(local.normal, towards), 0.0);
     var reflectance = local.albedo;
     if has_specular {
-        if local.material != NO_MATERIAL {
+        if local.lobe != NO_LOBE {
             reflectance = ggx_reflectance(
-                local.material, local.albedo, local.normal, towards, local.view);
+                local.lobe, local.albedo, local.normal, towards, local.view);
         }
     }
     return cosine * reflectance;

@@ -1,7 +1,7 @@
-// needs: looks, there, texture, laid, board
+// needs: materials, there, texture, laid, board
 //
-// Twin of look/map.rs, look/printed.rs and look/spot.rs: the factor that vertex colours, a texture
-// or a board's ink apply to an object's albedo.
+// Twin of material/map.rs, material/printed.rs and material/spot.rs: the factor that vertex
+// colours, a texture or a board's ink apply to an object's albedo.
 //
 // The CPU transforms a point first to the surface's rest pose in the rig's frame, then into the
 // object's own frame; here both steps are combined into one, from the frame in which the surface is
@@ -9,8 +9,8 @@
 
 // Albedo factor at a hit at a point in the rig's frame, averaged over the parallelogram spanned by
 // two sides on the tangent plane.
-fn look_factor(hit: Hit, there: There, point: vec3f, across: vec3f, down: vec3f) -> f32 {
-    let about = looks[object_of(hit.surface)];
+fn material_factor(hit: Hit, there: There, point: vec3f, across: vec3f, down: vec3f) -> f32 {
+    let about = materials[object_of(hit.surface)];
     let is_corners = hit.triangle != NO_SURFACE;
     let local = Own(
         there_point(there, point),
@@ -27,7 +27,7 @@ fn look_factor(hit: Hit, there: There, point: vec3f, across: vec3f, down: vec3f)
     let index = hit.surface - about.first_triangle;
     var factor = 1.0;
     if about.colours != NOTHING && is_corners {
-        factor = dot(weights, look_value3(about.colours + 3u * index));
+        factor = dot(weights, material_value3(about.colours + 3u * index));
     }
     if about.lay == LAY_DOTS || about.lay == LAY_CHESS {
         return printed_factor(about, local);
@@ -52,12 +52,12 @@ fn look_factor(hit: Hit, there: There, point: vec3f, across: vec3f, down: vec3f)
         laid.across /= about.size_mm;
         laid.down /= about.size_mm;
     }
-    let picture = Picture(about.sums, about.width, about.height, about.mean);
-    return factor * texture_average(picture, laid.at, laid.across, laid.down);
+    let image = Picture(about.sums, about.width, about.height, about.mean);
+    return factor * texture_average(image, laid.at, laid.across, laid.down);
 }
 
 // A board is stored in its own frame and printed on the side towards -z.
-fn printed_factor(about: Look, own: Own) -> f32 {
+fn printed_factor(about: Material, own: Own) -> f32 {
     if !(own.normal.z < 0.0) {
         return 1.0;
     }
@@ -69,8 +69,8 @@ fn printed_factor(about: Look, own: Own) -> f32 {
 }
 
 // Whether a footprint with this mean factor crosses the outline of a board's ink.
-fn look_is_edge(object: u32, mean: f32) -> bool {
-    let about = looks[object];
+fn material_is_edge(object: u32, mean: f32) -> bool {
+    let about = materials[object];
     let ink = (1.0 - mean) / (1.0 - about.board.w);
     return (about.lay == LAY_DOTS || about.lay == LAY_CHESS) && ink > 1e-4 && ink < 1.0 - 1e-4;
 }
@@ -86,7 +86,7 @@ fn own_of(pose: mat3x4f, local: Own) -> Own {
 
 // The surface point in the rest pose of its triangle.
 fn own_at_rest(at: u32, weights: vec3f, steps: mat2x3f, facet: vec3f) -> Own {
-    let corners = mat3x3f(look_value3(at), look_value3(at + 3u), look_value3(at + 6u));
+    let corners = mat3x3f(material_value3(at), material_value3(at + 3u), material_value3(at + 6u));
     let normal = cross(corners[1] - corners[0], corners[2] - corners[0]);
     let length2 = dot(normal, normal);
     return Own(
@@ -99,9 +99,9 @@ fn own_at_rest(at: u32, weights: vec3f, steps: mat2x3f, facet: vec3f) -> Own {
 
 // Position on the texture by the coordinates at the triangle's corners; v points down.
 fn laid_by_corners(at: u32, weights: vec3f, steps: mat2x3f) -> Laid {
-    let a = vec2f(look_values[at], look_values[at + 1u]);
-    let b = vec2f(look_values[at + 2u], look_values[at + 3u]);
-    let c = vec2f(look_values[at + 4u], look_values[at + 5u]);
+    let a = vec2f(material_values[at], material_values[at + 1u]);
+    let b = vec2f(material_values[at + 2u], material_values[at + 3u]);
+    let c = vec2f(material_values[at + 4u], material_values[at + 5u]);
     let coordinates = mat3x2f(a, b, c);
     return Laid(coordinates * weights, coordinates * steps[0], coordinates * steps[1]);
 }

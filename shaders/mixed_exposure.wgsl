@@ -1,9 +1,9 @@
 // needs: plan, mixed_in, skin_in, footprint, flicker
-// The exposure of mixed pixels: the mean over their samples. Twin of `mixed` of `exposure.rs` and of
-// `schedule.rs`.
+// The exposure of mixed pixels: the mean over their samples. Twin of `mixed` of `exposure.rs` and
+// of `schedule.rs`.
 //
-// A workgroup takes 64 groups of samples, sixteen threads each, so that samples are read side by side;
-// then each thread adds up one group in the order of its samples.
+// A workgroup takes 64 groups of samples, sixteen threads each, so that samples are read side by
+// side; then each thread adds up one group in the order of its samples.
 
 @group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
 // Electrons of each group of samples.
@@ -55,7 +55,7 @@ fn main(
     mixed_electrons[first + lane] = mean;
 }
 
-// Light of the slides at one sample.
+// Light of the pattern images at one sample.
 fn mixed_product(head: u32, k: u32) -> f32 {
     let number = head * MIXED_LANES + k;
     let sample = mixed_samples[number];

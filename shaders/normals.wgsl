@@ -1,18 +1,18 @@
-// needs: looks, there
+// needs: materials, there
 //
-// Twin of the part of look/normals.rs that a ray needs: the shading normal, interpolated from the
-// normals at a triangle's corners, which are computed on the CPU.
+// Twin of the part of material/normals.rs that a ray needs: the shading normal, interpolated from
+// the normals at a triangle's corners, which are computed on the CPU.
 
 // Shading normal, on the same side as the facet's normal.
-fn smooth_normal(hit: Hit, about: Look, there: There, point: vec3f) -> vec3f {
+fn smooth_normal(hit: Hit, about: Material, there: There, point: vec3f) -> vec3f {
     if about.normals == NOTHING || hit.triangle == NO_SURFACE {
         return hit.normal;
     }
     let weights = barycentric(there_corners(hit), there_point(there, point));
     let at = about.normals + about.normals_step * trees[hit.tree].shape
         + 9u * (hit.surface - about.first_triangle);
-    let sum = weights.x * look_value3(at) + weights.y * look_value3(at + 3u)
-        + weights.z * look_value3(at + 6u);
+    let sum = weights.x * material_value3(at) + weights.y * material_value3(at + 3u)
+        + weights.z * material_value3(at + 6u);
     let length2 = dot(sum, sum);
     if !(length2 > 1e-30) {
         return hit.normal;

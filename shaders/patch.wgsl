@@ -1,5 +1,5 @@
-// needs: plan, slide_axes, vignetting
-// Projector light on a patch of the surface that a ray has hit. Twin of `bounce/patch.rs`.
+// needs: plan, pattern_image_axes, vignetting
+// Projector light on a patch of the surface that a ray has hit. Twin of `interreflection/patch.rs`.
 
 // A point of a surface and the sides of a patch around it.
 struct Patch {
@@ -12,9 +12,9 @@ struct Patch {
 
 // A patch as seen by the projector, ignoring shadows.
 struct Shown {
-    // Position on the slide.
+    // Position on the pattern image.
     px: vec2f,
-    // Extent of the patch's two sides on the slide: along columns (x) and rows (y).
+    // Extent of the patch's two sides on the pattern image: along columns (x) and rows (y).
     x: vec2f,
     y: vec2f,
     // Irradiance in W/m^2 under full white; 0 outside of the projector's field of view and for

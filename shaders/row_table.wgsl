@@ -1,12 +1,12 @@
-// needs: slides, wide
-// A slide that varies along one axis, averaged over footprints. Twin of `row_table.rs`, which
-// describes the method; the sums are integers and identical to the CPU's.
+// needs: pattern_images, wide
+// A pattern image that varies along one axis, averaged over footprints. Twin of `row_table.rs`,
+// which describes the method; the sums are integers and identical to the CPU's.
 
-// Widest footprint along one axis, in slide pixels.
+// Widest footprint along one axis, in projector pixels.
 const WIDEST: f32 = 2000.0;
 const ROW_NARROWEST: f32 = 1.0 / 65536.0;
 const ROW_SMALLEST: f32 = 1.0 / 512.0;
-// A coordinate beyond the largest slide.
+// A coordinate beyond the largest pattern image.
 const LAST_PIXEL: f32 = 65536.0;
 // Beyond this distance from a held pixel the result no longer changes; the limit keeps integer
 // conversions exact.
@@ -33,10 +33,10 @@ fn row_average(table: Table, x: f32, slope: vec2f) -> f32 {
     let corners = clamp(here + vec4i(floor(offsets)), vec4i(0), vec4i(last));
     let t = offsets - vec4f(corners - here);
     let at = vec4u(corners) + table.first;
-    let c0 = slide_cells[at.x];
-    let c1 = slide_cells[at.y];
-    let c2 = slide_cells[at.z];
-    let c3 = slide_cells[at.w];
+    let c0 = pattern_image_cells[at.x];
+    let c1 = pattern_image_cells[at.y];
+    let c2 = pattern_image_cells[at.z];
+    let c3 = pattern_image_cells[at.w];
     if narrow < 1.0 {
         // At most one pixel edge lies in each flank. Values are relative to the lowest corner's
         // level.
@@ -51,7 +51,7 @@ fn row_average(table: Table, x: f32, slope: vec2f) -> f32 {
     }
     // Second differences, relative to the level at the centre.
     let middle = clamp(here, 0, last);
-    let cell = slide_cells[table.first + u32(middle)];
+    let cell = pattern_image_cells[table.first + u32(middle)];
     let steps = corners - middle;
     let below = row_second(table.long, cell, c1, steps.y, t.y) - row_second(table.long, cell, c0, steps.x, t.x);
     let above = row_second(table.long, cell, c3, steps.w, t.w) - row_second(table.long, cell, c2, steps.z, t.z);

@@ -1,6 +1,6 @@
-// needs: plan, slides
-// The schedule of an exposure: the slides that each row of the sensor sees, and for how long. Twin
-// of `schedule.rs`, with the same lines and parts.
+// needs: plan, pattern_images
+// The schedule of an exposure: the pattern images that each row of the sensor sees, and for how
+// long. Twin of `schedule.rs`, with the same lines and parts.
 
 // A header of two vectors, the lines, the parts, and two vectors for each table.
 @group(0) @binding(56) var<storage, read> schedule: array<vec4u>;
@@ -13,7 +13,7 @@ struct Line {
     swing: f32,
 }
 
-// One slide within the exposure of a line.
+// One pattern image within the exposure of a line.
 struct Part {
     table: u32,
     // Seconds for which it is shown, and the projector's light relative to full.

@@ -1,4 +1,4 @@
-// needs: plan, optics, cast_types, world, slopes, look, vignetting, defocus
+// needs: plan, optics, cast_types, world, slopes, material, vignetting, defocus
 // The projector coordinate that lights a sample, and how much of the light arrives. Twin of
 // `shade.rs`.
 
@@ -36,7 +36,7 @@ fn pinhole_body(ray: Ray, hit: Hit, albedo: f32) -> Shaded {
     shaded.projected = albedo * optics[0].projected * max(cos_light, 0.0) / distance2;
     shaded.ambient = albedo * optics[0].ambient;
     // Chain rule: camera pixel, ray, point on the tangent plane n . p = const, projector's frame,
-    // slide. The slope is limited for a plane seen edge-on.
+    // pattern image. The slope is limited for a plane seen edge-on.
     let steep = select(facing, -1e-9, abs(facing) < 1e-9);
     var by: array<vec2f, 2>;
     for (var j = 0u; j < 2u; j++) {

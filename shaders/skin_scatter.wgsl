@@ -1,12 +1,12 @@
-// needs: plan, slide_axes, skin_types
-// Subsurface scattering at one point of skin, expressed on the slide. Twin of `Skins::at` in
-// `skin/mod.rs`.
+// needs: plan, pattern_image_axes, skin_types
+// Subsurface scattering at one point of skin, expressed on the pattern image. Twin of `Skins::at`
+// in `skin/mod.rs`.
 
 // For each object, the index of its tissue, or `NO_TISSUE`, and the bits of the distance in
 // millimetres at which light emerges that enters along the surface (grazing incidence).
 @group(0) @binding(92) var<storage, read> skin_of: array<vec2u>;
 
-// The value for a point at a position of the slide that is not lit skin.
+// The value for a point at a position of the pattern image that is not lit skin.
 fn not_skin(place: vec2f) -> UnderSkin {
     return UnderSkin(place, vec2f(0.0), NO_TISSUE, 0u);
 }
@@ -22,7 +22,7 @@ fn scatter(place: vec2f, object: u32, at: vec3f, normal: vec3f) -> UnderSkin {
     let along = way - normal * dot(normal, way);
     // Light that emerges here entered this far back along its direction.
     let shift = along * -bitcast<f32>(skin.y);
-    let gradients = slide_gradients(at);
+    let gradients = pattern_image_gradients(at);
     let x = gradients[0];
     let y = gradients[1];
     let px_per_mm = vec2f(
@@ -34,7 +34,7 @@ fn scatter(place: vec2f, object: u32, at: vec3f, normal: vec3f) -> UnderSkin {
 }
 
 // Gradients of the projector's column and row by a point in the rig's frame, in 1/mm.
-fn slide_gradients(at: vec3f) -> mat2x3f {
+fn pattern_image_gradients(at: vec3f) -> mat2x3f {
     let axes = projector_axes();
     let local = (at - projector_pupil()) * axes;
     let ideal = local.xy / local.z;

@@ -1,6 +1,6 @@
-// needs: plan, look_values
+// needs: plan, material_values
 //
-// Twin of light/soft.rs: a footprint's trapezoid under a Gaussian blur.
+// Twin of exposure/soft.rs: a footprint's trapezoid under a Gaussian blur.
 //
 // The CPU takes second differences of the second antiderivative of the normal distribution, which
 // would cancel in f32. Here only the change due to blur is looked up: g(z) = phi(z) - z Phi(-z),
@@ -92,13 +92,13 @@ fn soft_integral(z: f32) -> f32 {
 // H and g at z >= 0, by cubic Hermite interpolation.
 fn soft_at(z: f32) -> vec2f {
     if z >= SOFT_END {
-        return vec2f(look_values[SOFT_AT + 3u * (SOFT_LAST + 1u)], 0.0);
+        return vec2f(material_values[SOFT_AT + 3u * (SOFT_LAST + 1u)], 0.0);
     }
     let place = z * SOFT_FINE;
     let i = min(u32(place), SOFT_LAST);
     let t = place - f32(i);
-    let a = look_value3(SOFT_AT + 3u * i);
-    let b = look_value3(SOFT_AT + 3u * (i + 1u));
+    let a = material_value3(SOFT_AT + 3u * i);
+    let b = material_value3(SOFT_AT + 3u * (i + 1u));
     let step = 1.0 / SOFT_FINE;
     // The derivative of H is g, that of g is -Phi(-z).
     let slope_a = vec2f(a.y, -a.z) * step;

@@ -1,6 +1,6 @@
 // needs: plan
 //
-// Twin of look/texture.rs: a texture as albedo, averaged over a pixel's footprint with a
+// Twin of material/texture.rs: a texture as albedo, averaged over a pixel's footprint with a
 // summed-area table. The sums are integers in units of 2^-30, in two words, so that their
 // differences are exact. A rectangle is composed of whole texels and fractions of the texels at its
 // rim; differences of interpolated f32 sums would not be accurate enough.
@@ -31,13 +31,13 @@ struct Picture {
 
 // Mean over the parallelogram centred at `uv` with sides `across` and `down`, in units of the
 // texture.
-fn texture_average(picture: Picture, uv: vec2f, across: vec2f, down: vec2f) -> f32 {
-    let size = vec2f(f32(picture.width), f32(picture.height));
+fn texture_average(image: Picture, uv: vec2f, across: vec2f, down: vec2f) -> f32 {
+    let size = vec2f(f32(image.width), f32(image.height));
     let a = across * size;
     let b = down * size;
     let extent = vec2f(length(vec2f(a.x, b.x)), length(vec2f(a.y, b.y)));
     if !(max(extent.x, extent.y) <= WIDEST_FOOTPRINT) {
-        return picture.mean;
+        return image.mean;
     }
     let center = fract(uv) * size;
     let slant = min(max(abs(a.x), abs(b.y)), max(abs(a.y), abs(b.x)));
@@ -52,19 +52,19 @@ fn texture_average(picture: Picture, uv: vec2f, across: vec2f, down: vec2f) -> f
     for (var k = 0u; k < n * n; k++) {
         let s = (f32(k % n) + 0.5) * part - 0.5;
         let t = (f32(k / n) + 0.5) * part - 0.5;
-        sum += texture_rectangle(picture, center + a * s + b * t, sides);
+        sum += texture_rectangle(image, center + a * s + b * t, sides);
     }
     return sum * part * part;
 }
 
 // Mean over an axis-aligned rectangle: whole repeats of the texture, and the rest.
-fn texture_rectangle(picture: Picture, center: vec2f, sides: vec2f) -> f32 {
-    let size = vec2f(f32(picture.width), f32(picture.height));
+fn texture_rectangle(image: Picture, center: vec2f, sides: vec2f) -> f32 {
+    let size = vec2f(f32(image.width), f32(image.height));
     let corner = center - 0.5 * sides;
     let low = clamp(corner - floor(corner / size) * size, vec2f(0.0), size);
     let whole = floor(sides / size);
     if whole.x == 0.0 && whole.y == 0.0 {
-        return texture_part(picture, low, sides);
+        return texture_part(image, low, sides);
     }
     let rest = clamp(sides - whole * size, vec2f(0.0), size);
     var mean = 0.0;
@@ -73,7 +73,7 @@ fn texture_rectangle(picture: Picture, center: vec2f, sides: vec2f) -> f32 {
         let wide = select(size, rest, is_rest);
         let share = select(whole * size, rest, is_rest) / sides;
         if share.x * share.y > 0.0 {
-            mean += share.x * share.y * texture_part(picture, select(vec2f(0.0), low, is_rest), wide);
+            mean += share.x * share.y * texture_part(image, select(vec2f(0.0), low, is_rest), wide);
         }
     }
     return mean;
@@ -111,9 +111,9 @@ fn texture_weight(stretch: Stretch, k: u32) -> f32 {
 }
 
 // Mean over a rectangle that starts in the texture and is no larger than it.
-fn texture_part(picture: Picture, low: vec2f, sides: vec2f) -> f32 {
-    let x = texture_stretch(low.x, sides.x, picture.width);
-    let y = texture_stretch(low.y, sides.y, picture.height);
+fn texture_part(image: Picture, low: vec2f, sides: vec2f) -> f32 {
+    let x = texture_stretch(low.x, sides.x, image.width);
+    let y = texture_stretch(low.y, sides.y, image.height);
     var sum = 0.0;
     var area = 0.0;
     for (var j = 0u; j < 3u; j++) {
@@ -124,46 +124,46 @@ fn texture_part(picture: Picture, low: vec2f, sides: vec2f) -> f32 {
             let weight = texture_weight(x, i) * down;
             let texels = (columns.y - columns.x) * (rows.y - rows.x);
             if weight > 0.0 && texels > 0u {
-                sum += weight * texture_block(picture, columns, rows);
+                sum += weight * texture_block(image, columns, rows);
                 area += weight * f32(texels);
             }
         }
     }
-    return select(picture.mean, sum / area, area > 0.0);
+    return select(image.mean, sum / area, area > 0.0);
 }
 
 // Sum over whole texels.
-fn texture_block(picture: Picture, columns: vec2u, rows: vec2u) -> f32 {
+fn texture_block(image: Picture, columns: vec2u, rows: vec2u) -> f32 {
     let right = sums_minus(
-        texture_corner(picture, columns.y, rows.y), texture_corner(picture, columns.y, rows.x));
+        texture_corner(image, columns.y, rows.y), texture_corner(image, columns.y, rows.x));
     let left = sums_minus(
-        texture_corner(picture, columns.x, rows.y), texture_corner(picture, columns.x, rows.x));
+        texture_corner(image, columns.x, rows.y), texture_corner(image, columns.x, rows.x));
     let found = sums_minus(right, left);
     // Rounding may have made the difference slightly negative.
     return f32(bitcast<i32>(found.y)) * 4.0 + f32(found.x) * 0x1p-30;
 }
 
 // Sum from the origin to a corner of the texture or of its first repeat.
-fn texture_corner(picture: Picture, x: u32, y: u32) -> vec2u {
-    let over = x > picture.width;
-    let below = y > picture.height;
-    let column = select(x, x - picture.width, over);
-    let row = select(y, y - picture.height, below);
-    var sum = texture_sum(picture, column, row);
+fn texture_corner(image: Picture, x: u32, y: u32) -> vec2u {
+    let over = x > image.width;
+    let below = y > image.height;
+    let column = select(x, x - image.width, over);
+    let row = select(y, y - image.height, below);
+    var sum = texture_sum(image, column, row);
     if over {
-        sum = sums_plus(sum, texture_sum(picture, picture.width, row));
+        sum = sums_plus(sum, texture_sum(image, image.width, row));
     }
     if below {
-        sum = sums_plus(sum, texture_sum(picture, column, picture.height));
+        sum = sums_plus(sum, texture_sum(image, column, image.height));
     }
     if over && below {
-        sum = sums_plus(sum, texture_sum(picture, picture.width, picture.height));
+        sum = sums_plus(sum, texture_sum(image, image.width, image.height));
     }
     return sum;
 }
 
-fn texture_sum(picture: Picture, column: u32, row: u32) -> vec2u {
-    return texel_sums[picture.sums + row * (picture.width + 1u) + column];
+fn texture_sum(image: Picture, column: u32, row: u32) -> vec2u {
+    return texel_sums[image.sums + row * (image.width + 1u) + column];
 }
 
 fn sums_plus(a: vec2u, b: vec2u) -> vec2u {

@@ -1,4 +1,4 @@
-// needs: world, looks
+// needs: world, materials
 //
 // Transforms a hit into the frame in which its surface is stored: that of its triangle's hierarchy,
 // or of the solid. Twin of World::at_rest, because barycentric weights and positions on solids are

@@ -1,6 +1,6 @@
 // needs: plan, optics, cast_types
 //
-// Twin of light/vignetting.rs: decrease of light from a lens's axis outwards.
+// Twin of exposure/vignetting.rs: decrease of light from a lens's axis outwards.
 
 // Upper limit of the squared tangent: no pixel lies beyond it, so the polynomial need not be right
 // there.

@@ -1,10 +1,10 @@
-//! Phasmid: a structured-light 3D scanner that is not there.
+//! Phasmid: a software structured-light 3D scanner.
 //!
-//! It renders what a real scanner's camera would see, hands the frames out as a camera would, takes
+//! It renders what a real scanner's camera would see, delivers the frames as a camera does, accepts
 //! projector and trigger commands on a serial port, and decodes the frames of any such device,
-//! emulated or physical, into a measured surface. This page is the map.
+//! emulated or physical, into a measured surface. This page is an overview of the crates.
 //!
-//! # Two halves and the ground between them
+//! # Device side and host side
 //!
 //! ```text
 //!  profile + scene                                                 sequence manifest
@@ -14,83 +14,94 @@
 //!        +---- [ link: pty, USB ] <------ [ host: port ] <---+          calibration
 //! ```
 //!
-//! | layer  | crate | here | holds |
-//! | ------ | ----- | ---- | ----- |
-//! | ground | `core` | [`error`] | errors, checked values, TOML with line numbers, file input and output, random numbers, SIMD dispatch |
-//! | ground | `shaders`, `device-profiles` | | embedded WGSL; embedded profiles, scenes, stations, dialects, patients |
-//! | ground | `geometry` | [`geometry`] | poses, the lens model, rigs, solids, meshes and their files, ray casting |
-//! | ground | `pattern` | [`pattern`] | what a projector shows; the sequence manifest |
-//! | ground | `protocol` | [`protocol`] | SCPI, dialects, the frame socket's header, the data line, USB and USB/IP, recordings, the service channel, `device.json`, schedules of faults |
-//! | ground | `planning` | [`patient`] | volumes, MetaImage, CT series of DICOM, the skin as an iso-surface, the planning folder and what is imported into one |
-//! | ground | `v4l2` | `v4l2` | nodes and queues of buffers of the kernel's camera interface (Linux only) |
+//! | side | crate | module | contents |
+//! | ---- | ----- | ------ | -------- |
+//! | shared | `core` | [`error`] | errors, checked values, TOML with line numbers, file input and output, random numbers, SIMD dispatch |
+//! | shared | `shaders`, `device-profiles` | | embedded WGSL; embedded profiles, scenes, stations, dialects, patients |
+//! | shared | `geometry` | [`geometry`] | poses, lens model, rigs, solids, meshes and their files, ray casting |
+//! | shared | `pattern` | [`pattern`] | projected patterns; the sequence manifest |
+//! | shared | `protocol` | [`protocol`] | SCPI, dialects, header of the frame socket, data line, USB and USB/IP, recordings, service channel, `device.json`, fault schedules |
+//! | shared | `planning` | [`patient`] | volumes, MetaImage, DICOM CT series, the skin as an iso-surface, the planning folder and import of clinical data into one |
+//! | shared | `v4l2` | `v4l2` | device nodes and buffer queues of the kernel's camera interface (Linux only) |
 //! | device | `phantom` | [`patient::phantom`] | generated patients: a breathing thorax with a tumour |
-//! | device | `profile` | [`profile`] | devices, scenes and stations as typed, checked structs; the built-in ones |
-//! | device | `render` | [`emulator::render`] | image formation on the CPU and on a GPU, ground truth |
-//! | device | `device` | [`emulator`], `link` | firmware, control port and line, faults; how a device reaches the world: pty, frame socket, V4L2 node, USB device, service socket, the time and the scene that several devices share, replay (links on Linux only) |
-//! | host   | `decode` | [`decode`] | frames to projector coordinates to points |
-//! | host   | `calibrate` | [`calibrate`] | boards in pictures, solving for the rig or for where a known one stands, its files and report |
-//! | host   | `measure` | [`measure`] | distances to the truth, overlap of solids, registration |
-//! | host   | `host` | [`host`] | how an application reaches a device: camera, port (SCPI or a dialect), scanner |
-//! | host   | `sgrt` | [`host::track`] | a patient by the skin: six degrees of freedom, the tumour by a motion model, beam-hold |
-//! | both   | `report` | [`measure::plot`] | plots, pictures, the studies' bookkeeping |
-//! | top    | `study` | [`study`] | what needs both halves |
-//! | top    | this one | `doctor`, [`cli`] | what a machine lacks (Linux only); the commands |
+//! | device | `profile` | [`profile`] | devices, scenes and stations as typed, checked structs, and the built-in ones |
+//! | device | `render` | [`emulator::render`] | image formation on CPU and GPU, ground truth |
+//! | device | `device` | [`emulator`], `link` | firmware, control port and serial line, faults; the links (Linux only): pty, frame socket, V4L2 node, USB device, service socket, time and scene shared by several devices, replay |
+//! | host | `decode` | [`decode`] | frames to projector coordinates to points |
+//! | host | `calibrate` | [`calibrate`] | board detection, calibration of a rig, pose of a calibrated rig, calibration files and report |
+//! | host | `measure` | [`measure`] | distances to ground truth, overlap of solids, registration |
+//! | host | `host` | [`host`] | an application's access to a device: camera, port (SCPI or a dialect), scanner |
+//! | host | `sgrt` | [`host::track`] | patient tracking by the skin surface: six degrees of freedom, tumour position by a motion model, beam hold |
+//! | shared | `report` | [`measure::plot`] | plots, images, the framework of the studies |
+//! | both | `study` | [`study`] | code that needs both sides: scans scored against ground truth, the studies |
+//! | both | this crate | `doctor`, [`cli`] | check of a machine's setup (Linux only); the commands |
 //!
-//! Each crate `NAME` is `phasmid-NAME` in the folder `src/NAME` (`shaders` and `device-profiles` at the
-//! top level), and this one hands all of them out. A crate depends only on those above it in the
-//! members of `Cargo.toml`. The wall: host-side crates never depend on device-side ones, nor the
-//! reverse, not even in their tests; `.ci/crates` checks it. A decoder that could look behind it would
-//! prove nothing.
+//! The crate `NAME` is the package `phasmid-NAME` in the folder `src/NAME` (`shaders` and
+//! `device-profiles` are top-level folders); this crate re-exports them. A crate depends only on
+//! crates listed before it in the members of `Cargo.toml`. Host-side crates never depend on
+//! device-side crates, nor the reverse, not even in their tests; `.ci/crates` checks it. A decoder
+//! with access to the renderer's data would prove nothing about a real scanner.
 //!
 //! # Conventions
 //!
-//! Millimetres, seconds and radians inside; files carry the unit in the field's name. Device time
-//! is integer nanoseconds. The camera's frame is OpenCV's (x right, y down, z forward, pixel centres
-//! at integers) and the rig's frame is camera 0's. A pose `a_from_b` takes coordinates in b to
-//! coordinates in a. A fringe is `A + B cos(2 pi x / period_px + phase_rad)`; see [`pattern`].
-//! Nothing below [`cli`] reads a wall clock, the environment or a global random generator.
+//! Internal units are millimetres, seconds and radians; in files, the field's name contains the
+//! unit. Device time is in integer nanoseconds. The camera's frame is OpenCV's (x right, y down, z
+//! forward, pixel centres at integers), and the rig's frame is that of camera 0. A pose `a_from_b`
+//! transforms coordinates from frame b to frame a. A fringe is
+//! `A + B cos(2 pi x / period_px + phase_rad)`; see [`pattern`].
 //!
-//! # Where the code departs from the first design, and why
+//! Only [`cli`] reads the wall clock or the environment. The links and the host side use the
+//! monotonic clock, for pacing and timeouts. No crate uses a global random generator.
 //!
-//! - A footprint seen along a pattern's axis is not a box but the convolution of two (by the
-//!   camera's column and row). Second differences of a second prefix sum average a slide under that
-//!   trapezoid as exactly as first differences do under a box, so `exposure` does that.
-//! - Rays are cast in packets of sixteen with one origin, so shadow rays start at the projector's
-//!   pupil and end at the surface, and the hierarchy's traversal is ours; obvhs builds it.
-//! - A hit in f32 carries a bound on its error, and hits whose order the bounds leave open are put
-//!   in order in f64, shadows too: no margin has to fit all sizes of triangles and scenes.
-//! - Samples of a pixel only decide whether the closed form of its footprint stands for it; their
-//!   mean counts where it does not. Depth of field widens that footprint by two boxes with the
-//!   disc's moments, so that it costs a frame nothing.
-//! - A mesh that moves has a hierarchy of its own, in its own frame, and packets of rays are taken
-//!   there; an exposure of it is the mean of frames at a few instants. Instants between which nothing
-//!   has moved are one, so a scene pays for motion only while it lasts.
-//! - Shaders are put together by their first lines rather than by a preprocessor, and buffers bound by
-//!   name. Ground truth comes from the CPU whatever renders the frames: it is f64's to say.
-//! - STL, OBJ, PLY, `.npy` and OpenCV's YAML and XML are read and written here: the crates lose the
-//!   line of an error, f64 vertices, or bounds on memory.
-//! - DICOM is read here as far as CT images go: the crate for it makes room for whatever length a file
-//!   declares, and recurses into sequences as deep as they are.
-//! - Ambient light, radiometry and the sensor work in SI units and electrons from the start, so that
-//!   an exposure in a profile means what it means on a camera.
-//! - The embedded data line is in the frames of every link, as a sensor puts it there, so that they
-//!   are the same bytes everywhere; the host takes it off wherever it finds one.
-//! - Noise is keyed by a count of triggered exposures and one of free-running ones, not by the
-//!   frame's id: a V4L2 node does not tell whether somebody reads, so the camera always runs, and a
-//!   sequence has to look the same however long it did.
-//! - The clock is no trait: a bench has a virtual clock, a server one timeline for all its devices,
-//!   which has to know who waits for what before time may go on.
-//! - Between the line and the firmware stands [`emulator::Machine`], which faults wrap: the firmware
-//!   knows commands, whatever the dialect, and nothing of what goes wrong.
-//! - The light source's matrix exponential is not computed by a general algorithm: the lifted
-//!   system's is known in closed form, and as sums of positive terms it loses no digit at any step.
-//! - A serial port of a Unix is opened by rustix and not by serialport, whose writes block in the
-//!   kernel where a line takes nothing, and whose descriptor cannot be told otherwise without unsafe
-//!   code. Elsewhere it is serialport's.
-//! - Planning folders, volumes and iso-surfaces are both halves' to read. Generated patients,
-//!   [`patient::phantom`], are truth, and the host's half never depends on them.
-//! - Frames go to a V4L2 node no faster than they were exposed: a v4l2loopback reader that is more
-//!   than two frames behind loses all but the newest.
+//! # Design decisions
+//!
+//! Rendering:
+//!
+//! - A footprint projected onto a pattern's axis is the convolution of two boxes (from the camera's
+//!   column and row): a trapezoid. Second differences of a second prefix sum give the exact average
+//!   of a pattern under a trapezoid, as first differences of a prefix sum do under a box.
+//! - Rays are cast in packets of sixteen with a common origin, so shadow rays start at the
+//!   projector's pupil and end at the surface. obvhs builds the hierarchy; the traversal is our own.
+//! - An f32 hit has an error bound, and hits that the bounds cannot order are ordered in f64, also
+//!   for shadows. No fixed margin has to suit all sizes of triangles and scenes.
+//! - The samples of a pixel first decide whether the closed form of its footprint is valid; only if
+//!   it is not, their mean is used. Depth of field widens the footprint by two boxes with the blur
+//!   disc's moments, which adds no cost per frame.
+//! - A moving mesh has its own hierarchy in its own frame, into which ray packets are transformed.
+//!   Its exposure is the mean of frames at a few instants. Instants with the same scene state are
+//!   merged, so a scene costs more only while something moves.
+//! - Shaders are assembled from pieces named in their first lines instead of by a preprocessor, and
+//!   buffers are bound by name. Ground truth is always computed on the CPU, because it needs f64.
+//! - Ambient light, radiometry and the sensor use SI units and electrons, so that an exposure in a
+//!   profile has the same meaning as on a real camera.
+//! - The light source needs no general matrix exponential: that of its lifted system is known in
+//!   closed form, and written as sums of positive terms it loses no digits at any step length.
+//! - Noise is keyed by separate counts of triggered and free-running exposures, not by the frame id.
+//!   A V4L2 node does not report whether anyone reads from it, so the camera always runs, and a
+//!   sequence must look the same however long it ran before.
+//!
+//! Device and links:
+//!
+//! - The frames of every link contain the embedded data line, as a sensor outputs it, so the bytes
+//!   are the same on all links. The host removes it wherever it finds one.
+//! - There is no trait for clocks: a bench has a virtual clock, a server has one timeline for all of
+//!   its devices, which must know what each device waits for before time may advance.
+//! - [`emulator::Machine`] is between the serial line and the firmware, and applies the faults. The
+//!   firmware handles commands independently of the dialect and does not know about faults.
+//! - Frames leave for a V4L2 node no closer together than they were exposed: a v4l2loopback reader
+//!   that is more than two frames behind loses all but the newest.
+//!
+//! Files, ports and patients:
+//!
+//! - STL, OBJ, PLY, `.npy`, and OpenCV's YAML and XML are read and written by our own code: existing
+//!   crates lose the line of an error, f64 vertices, or bounds on memory.
+//! - DICOM CT images are read by our own code: the DICOM crate allocates whatever length a file
+//!   declares and recurses as deep as its sequences are nested.
+//! - On Unix, serial ports are opened through rustix instead of serialport, whose writes block in the
+//!   kernel if the line accepts no data; changing that on its descriptor would need unsafe code. Other
+//!   systems use serialport.
+//! - Planning folders, volumes and iso-surfaces are available to both sides. Generated patients,
+//!   [`patient::phantom`], are ground truth, and host-side crates never depend on them.
 
 pub use phasmid_calibrate as calibrate;
 pub mod cli;
@@ -118,7 +129,7 @@ pub use phasmid_device::link;
 pub mod measure {
     #[doc(no_inline)]
     pub use phasmid_measure::*;
-    pub use phasmid_report::picture;
+    pub use phasmid_report::map_image;
     pub use phasmid_report::plot;
 }
 /// See [`phasmid_planning`].

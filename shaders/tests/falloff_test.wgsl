@@ -1,6 +1,6 @@
 // needs: plan, vignetting, defocus
 // Vignetting factors of both lenses at ideal image points; the projector's blur at points, and the
-// fraction of the light that it leaves near the slide's edge.
+// fraction of the light that it leaves near the pattern image's edge.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

@@ -12,9 +12,9 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         return;
     }
     let normal = bitcast<vec3f>(input[i].xyz);
-    let number = i % arrayLength(&bounce_disc);
-    let side = sqrt(3.14159265 / f32(arrayLength(&bounce_disc)));
-    let found = spoke(number, normal, bounce_axes(normal, input[i].w), side);
+    let number = i % arrayLength(&interreflection_disc);
+    let side = sqrt(3.14159265 / f32(arrayLength(&interreflection_disc)));
+    let found = spoke(number, normal, interreflection_axes(normal, input[i].w), side);
     let turn = of_turn(input[i].w);
     output[3u * i] = vec4f(found.direction, turn.x);
     output[3u * i + 1u] = vec4f(found.sides[0], turn.y);

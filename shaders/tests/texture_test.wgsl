@@ -15,7 +15,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         return;
     }
     let at = 10u * i;
-    let picture = Picture(input[at], input[at + 1u], input[at + 2u], bitcast<f32>(input[at + 3u]));
-    let mean = texture_average(picture, input_vec2(at + 4u), input_vec2(at + 6u), input_vec2(at + 8u));
+    let image = Picture(input[at], input[at + 1u], input[at + 2u], bitcast<f32>(input[at + 3u]));
+    let mean = texture_average(image, input_vec2(at + 4u), input_vec2(at + 6u), input_vec2(at + 8u));
     output[i] = bitcast<u32>(mean);
 }

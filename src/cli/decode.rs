@@ -8,7 +8,7 @@ use phasmid_decode::{
     Decoded, Decoder, FrameStack, Options, Plan, Summary, frame_size, load_frames, output_names,
     write_outputs,
 };
-use phasmid_host::{check_pictures, doubt_pictures};
+use phasmid_host::{check_images, doubt_images};
 use phasmid_pattern::Manifest;
 use std::path::{Path, PathBuf};
 
@@ -132,8 +132,8 @@ pub(super) fn doubt(
     decoded: &Decoded,
     strict: bool,
 ) -> Result<Option<String>> {
-    let departs = check_pictures(manifest, stack).err();
-    let doubt = || doubt_pictures(manifest, stack).or_else(|| decoded.doubt());
+    let departs = check_images(manifest, stack).err();
+    let doubt = || doubt_images(manifest, stack).or_else(|| decoded.doubt());
     let Some(why) = departs.or_else(doubt) else {
         return Ok(None);
     };

@@ -1,12 +1,11 @@
 //! `phasmid track`: follows a patient and the tumour live, through the ports of the pods.
 
-mod patience;
+mod scan_deadline;
 mod span;
 mod table;
 
 use super::pods::{Address, PodArgs, Source, Taken};
 use glam::DVec3;
-use patience::{FOREVER, Patience};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
 use phasmid_planning::planning::Planning;
@@ -14,6 +13,7 @@ use phasmid_sgrt::{
     Answers, Beam, Follower, Hold, HoldRules, Measured, ModelOptions, POINTS, Planned, Quantity,
     Reading, Region, Sight,
 };
+use scan_deadline::{FOREVER, ScanDeadline};
 use span::Span;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -135,7 +135,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
     let begin = Instant::now();
     let modes = planned.model.components();
     let mut table = Table::new(args.out.as_deref(), args.force, begin, modes);
-    let mut patience = Patience::new(hold.stale());
+    let mut scan_deadline = ScanDeadline::new(hold.stale());
     let most = POINTS / pods.len().max(1);
     let mut count = 0;
     'scans: loop {
@@ -144,7 +144,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
         let mut span = Span::default();
         let (mut last_frame, mut decoding) = (begin, Duration::ZERO);
         for (sight, pod) in sights.iter_mut().zip(pods) {
-            let mut silence = patience.left(Instant::now());
+            let mut silence = scan_deadline.left(Instant::now());
             let taken = loop {
                 match scans.recv_timeout(silence) {
                     Ok(taken) => break taken,
@@ -173,7 +173,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
             span.take(&taken.captured.frames);
             last_frame = taken.arrived.max(last_frame);
         }
-        patience.heard(Instant::now());
+        scan_deadline.heard(Instant::now());
         let Answers { rigid, motion: fit } = follower.answer(&measured);
         match &fit {
             Ok(fit) => {

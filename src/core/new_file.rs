@@ -155,7 +155,7 @@ pub fn replace(
 ///
 /// # Errors
 /// Returns the errors of [`write()`].
-pub fn replace_picture(
+pub fn replace_image(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> image::ImageResult<()>,
 ) -> Result<()> {

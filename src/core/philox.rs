@@ -2,7 +2,7 @@
 //!
 //! Salmon, Moraes, Dror, Shaw: "Parallel Random Numbers: As Easy as 1, 2, 3", SC11, 2011. A number
 //! is a function of key and counter alone, so numbers can be drawn in any order. Frame noise draws
-//! many at once in SIMD lanes, in `emulator::render::sensor::philox`.
+//! many at once in SIMD lanes, in `phasmid_render` (`src/render/sensor/philox.rs`).
 
 /// Multipliers of Philox4x32.
 pub const M: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];

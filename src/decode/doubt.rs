@@ -41,14 +41,14 @@ fn uncertain(axis: Axis, verdicts: &[Verdict], modulation: &[f32]) -> Option<Str
         return None;
     }
     let middle = lights.len() / 2;
-    let usual = *lights.select_nth_unstable_by(middle, f32::total_cmp).1;
-    let bright = || pixels().filter(|(_, light)| **light >= usual);
+    let robust_scale = *lights.select_nth_unstable_by(middle, f32::total_cmp).1;
+    let bright = || pixels().filter(|(_, light)| **light >= robust_scale);
     let count = bright().filter(|(v, _)| **v == Verdict::Uncertain).count();
     let share = count as f64 / bright().count().max(1) as f64;
     (share > MOST_UNCERTAIN).then(|| {
         format!(
-            "the order along {} is uncertain in {:.0} % of the brighter pixels: frames may be exchanged, or \
-             of other patterns than the sequence has",
+            "the order along {} is uncertain in {:.0} % of the brighter pixels: frames may be \
+             exchanged, or show patterns that the sequence does not have",
             axis,
             100.0 * share
         )

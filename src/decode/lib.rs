@@ -10,7 +10,7 @@
 //! 1. least squares over the steps of every fringe set ([`FringeSet`]), Gray bits ([`GrayCode`]), the
 //!    fringe order with a test of its certainty, and one standard deviation per pixel. A pixel is
 //!    rejected as damaged in one of its frames if its steps, or the means of its sets, contradict each
-//!    other by more than is usual in the capture (`usual`), or if a Gray bit contradicts the phase; it
+//!    other by more than is usual in the capture (`robust_scale`), or if a Gray bit contradicts the phase; it
 //!    is also rejected if its Gray bits come from two places at once, as at a silhouette (`order`);
 //! 2. mixed pixels and outliers that lie on neither side's extrapolation (`edges`), then pixels that
 //!    border on a step or a hole (`borders`);
@@ -31,6 +31,7 @@ mod order;
 mod output;
 mod phase;
 mod plan;
+mod robust_scale;
 mod rows;
 mod samples;
 mod sparse;
@@ -38,7 +39,6 @@ mod steps;
 pub mod triangulate;
 mod turns;
 mod unwrap;
-mod usual;
 mod weighted;
 
 pub use decoder::{Decoder, Options};

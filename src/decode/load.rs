@@ -80,7 +80,12 @@ pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<Lo
             return Err(Error::input(
                 path.display(),
                 format!("{} x {} pixels", size.0, size.1),
-                format!("{} x {} as {} has", expected.0, expected.1, first.display()),
+                format!(
+                    "{} x {}, the size of {}",
+                    expected.0,
+                    expected.1,
+                    first.display()
+                ),
             ));
         }
     }
@@ -114,7 +119,7 @@ pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<Lo
         return Err(Error::input(
             path.display(),
             format!("{found}-bit samples"),
-            format!("{others} bits as the frames before it have"),
+            format!("{others} bits, like the frames before it"),
         ));
     }
     let images = images.into_iter();

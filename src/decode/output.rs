@@ -5,7 +5,7 @@ use super::maps::{Decoded, Verdict};
 use super::npy::write_npy;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use phasmid_core::error::Result;
-use phasmid_core::new_file::{discard, replace_picture};
+use phasmid_core::new_file::{discard, replace_image};
 use phasmid_geometry::ply;
 use phasmid_pattern::Axis;
 use rayon::prelude::*;
@@ -57,7 +57,7 @@ pub fn write_outputs(
         tasks.push((sigma, Box::new(move |p| array(&map.sigma, p))));
         tasks.push((
             phase,
-            Box::new(move |p| save(p, phase_picture(width, &map.coordinate, period))),
+            Box::new(move |p| save(p, phase_image(width, &map.coordinate, period))),
         ));
     }
     tasks.push((
@@ -89,12 +89,12 @@ pub fn write_outputs(
 }
 
 fn save(path: &Path, image: image::DynamicImage) -> Result<()> {
-    replace_picture(path, |out| image.write_to(out, image::ImageFormat::Png))
+    replace_image(path, |out| image.write_to(out, image::ImageFormat::Png))
 }
 
 /// The phase of the finest fringes as hue, black where invalid; for Gray code alone, the coordinate
 /// modulo 64 px.
-fn phase_picture(width: usize, coordinate: &[f32], period: Option<f32>) -> image::DynamicImage {
+fn phase_image(width: usize, coordinate: &[f32], period: Option<f32>) -> image::DynamicImage {
     let period = period.unwrap_or(64.0);
     let height = coordinate.len() / width;
     RgbImage::from_fn(width as u32, height as u32, |u, v| {

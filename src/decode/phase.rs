@@ -2,10 +2,10 @@
 //! variance, in f32, with a layout that vectorises.
 
 use super::Options;
+use super::robust_scale::RobustScale;
 use super::samples::Sample;
 use super::steps::FringeSet;
 use super::turns::turns;
-use super::usual::Usual;
 use super::weighted;
 use phasmid_geometry::NoiseModel;
 use std::f64::consts::TAU;
@@ -270,7 +270,7 @@ impl SetRow {
         &mut self,
         kernel: &SetKernel,
         noise: RowNoise,
-        usual: &Usual,
+        robust_scale: &RobustScale,
     ) {
         let n = self.mean.len();
         let (mean, m) = (&self.mean[..n], &mut self.modulation[..n]);
@@ -290,7 +290,7 @@ impl SetRow {
                 var[i] = kernel.per_phase * sum / (b2 * b2);
                 m[i] = b2.sqrt();
                 if CHECK != UNCHECKED {
-                    check[i] -= usual.part::<CHECK>(mean[i] - noise.black, c, s, m[i]);
+                    check[i] -= robust_scale.part::<CHECK>(mean[i] - noise.black, c, s, m[i]);
                 }
                 let x = kernel.period * turns(s, c);
                 w[i] = if x >= kernel.period { 0.0 } else { x };
@@ -311,7 +311,7 @@ impl SetRow {
             var[i] = kernel.per_phase * factor * variance * gcc / (b * b);
             m[i] = b;
             if CHECK != UNCHECKED {
-                check[i] -= usual.part::<CHECK>(mean[i] - noise.black, c, s, b);
+                check[i] -= robust_scale.part::<CHECK>(mean[i] - noise.black, c, s, b);
             }
             let x = kernel.period * turns(s, c) + per_radian * shift;
             let x = if x < 0.0 { x + kernel.period } else { x };

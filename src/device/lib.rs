@@ -1,6 +1,6 @@
-//! The emulated device: firmware, control port, projector timing, readout, faults and the links that
-//! carry commands and frames. It renders through `phasmid-render` and never depends on a host-side
-//! crate.
+//! The emulated device: firmware, control port, projector timing, readout, faults and the links
+//! that carry commands and frames. It renders through `phasmid-render` and never depends on a
+//! host-side crate.
 //!
 //! | module | contents |
 //! | --- | --- |
@@ -40,8 +40,8 @@ pub use firmware::{CameraControls, Firmware, State, UserSequence};
 pub use line::SerialLine;
 pub use machine::Machine;
 pub use phasmid_render::Renderer;
+pub use phasmid_render::pattern_image::PatternImage;
 pub use phasmid_render::shot::{Shot, Showing, Shutter};
-pub use phasmid_render::slide::Slide;
 pub use phasmid_render::truth::Truth;
 pub use readout::{Exposure, Readout};
 pub use roi::Roi;

@@ -190,11 +190,11 @@ impl Machine {
     pub fn take_exposures(&mut self, now_ns: u64) -> Vec<Exposure> {
         let exposures = self.firmware.take_exposures();
         let firmware = &self.firmware;
-        let slides = || {
+        let pattern_images = || {
             let shots = firmware.selected_sequence().into_iter();
-            shots.map(|(_, shot)| shot.slide).collect()
+            shots.map(|(_, shot)| shot.pattern_image).collect()
         };
-        let exposures = self.faults.exposures(exposures, now_ns, &slides);
+        let exposures = self.faults.exposures(exposures, now_ns, &pattern_images);
         self.suffer(now_ns);
         exposures
     }

@@ -5,14 +5,14 @@
 //! the whole pattern cannot distinguish this from light at the grey level, so a pattern is split
 //! into bit planes only if some camera row does not cover it.
 
-use super::{Shot, Showing, Slide};
+use super::{PatternImage, Shot, Showing};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A pattern and when it is shown, in nanoseconds of device time.
 #[derive(Debug, Clone)]
 pub(super) struct Lit {
-    pub(super) slide: Arc<Slide>,
+    pub(super) pattern_image: Arc<PatternImage>,
     pub(super) from_ns: u64,
     pub(super) to_ns: u64,
 }
@@ -25,7 +25,7 @@ pub(super) fn show(
     patterns: impl IntoIterator<Item = Lit>,
     planes: Option<(&Planes, u32)>,
 ) {
-    let mut shown: Vec<(u64, Option<Arc<Slide>>)> = vec![(0, None)];
+    let mut shown: Vec<(u64, Option<Arc<PatternImage>>)> = vec![(0, None)];
     for lit in patterns {
         if lit.from_ns >= shot.end_ns() {
             break;
@@ -38,34 +38,34 @@ pub(super) fn show(
             shown.pop();
         }
         match planes {
-            Some((planes, bits)) if !covered(shot, &lit) && !binary(&lit.slide, bits) => {
+            Some((planes, bits)) if !covered(shot, &lit) && !binary(&lit.pattern_image, bits) => {
                 let starts = (0..bits).map(|bit| plane_start_ns(&lit, bit, bits));
-                let slides = planes.of(&lit.slide, bits);
-                shown.extend(starts.zip(slides.into_iter().map(Some)));
+                let pattern_images = planes.of(&lit.pattern_image, bits);
+                shown.extend(starts.zip(pattern_images.into_iter().map(Some)));
             }
-            _ => shown.push((lit.from_ns, Some(lit.slide))),
+            _ => shown.push((lit.from_ns, Some(lit.pattern_image))),
         }
         shown.push((lit.to_ns, None));
     }
     let first = shown.partition_point(|(from_ns, _)| *from_ns <= shot.start_ns);
     let later = shown.split_off(first);
-    shot.slide = shown.pop().and_then(|(_, slide)| slide);
-    let mut now = shot.slide.clone();
+    shot.pattern_image = shown.pop().and_then(|(_, pattern_image)| pattern_image);
+    let mut now = shot.pattern_image.clone();
     let (end_ns, light) = (shot.end_ns(), shot.light);
     shot.then = later
         .into_iter()
         .take_while(|(from_ns, _)| *from_ns < end_ns)
-        .filter(|(_, slide)| {
-            let same = match (slide, &now) {
+        .filter(|(_, pattern_image)| {
+            let same = match (pattern_image, &now) {
                 (Some(a), Some(b)) => Arc::ptr_eq(a, b),
                 (a, b) => a.is_none() && b.is_none(),
             };
-            now = slide.clone();
+            now = pattern_image.clone();
             !same
         })
-        .map(|(from_ns, slide)| Showing {
+        .map(|(from_ns, pattern_image)| Showing {
             from_ns,
-            slide,
+            pattern_image,
             light,
         })
         .collect();
@@ -86,14 +86,18 @@ fn plane_start_ns(lit: &Lit, bit: u32, bits: u32) -> u64 {
     lit.from_ns + after_ns as u64
 }
 
-/// Returns whether all bit planes of a slide are equal, so that it does not matter which are seen.
-fn binary(slide: &Slide, bits: u32) -> bool {
+/// Returns whether all bit planes of a pattern image are equal, so that it does not matter which
+/// are seen.
+fn binary(pattern_image: &PatternImage, bits: u32) -> bool {
     let full = (1u16 << bits) - 1;
-    slide.levels().iter().all(|level| [0, full].contains(level))
+    pattern_image
+        .levels()
+        .iter()
+        .all(|level| [0, full].contains(level))
 }
 
-/// Bit planes of the slides split most recently, kept so that the renderer sees identical objects
-/// again.
+/// Bit planes of the pattern images split most recently, kept so that the renderer sees identical
+/// objects again.
 #[derive(Debug, Default)]
 pub(super) struct Planes {
     known: Mutex<VecDeque<Known>>,
@@ -101,13 +105,13 @@ pub(super) struct Planes {
 
 #[derive(Debug)]
 struct Known {
-    slide: Arc<Slide>,
-    planes: Vec<Arc<Slide>>,
+    pattern_image: Arc<PatternImage>,
+    planes: Vec<Arc<PatternImage>>,
 }
 
 impl Known {
     fn bytes(&self) -> usize {
-        self.planes.len() * self.slide.levels().len() * size_of::<u16>()
+        self.planes.len() * self.pattern_image.levels().len() * size_of::<u16>()
     }
 }
 
@@ -115,17 +119,20 @@ impl Planes {
     /// Maximum number of bytes kept.
     const MAX_BYTES: usize = 64 << 20;
 
-    /// Returns the bit planes of a slide, least significant first.
-    fn of(&self, slide: &Arc<Slide>, bits: u32) -> Vec<Arc<Slide>> {
+    /// Returns the bit planes of a pattern image, least significant first.
+    fn of(&self, pattern_image: &Arc<PatternImage>, bits: u32) -> Vec<Arc<PatternImage>> {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = known.iter().find(|k| Arc::ptr_eq(&k.slide, slide)) {
+        if let Some(found) = known
+            .iter()
+            .find(|k| Arc::ptr_eq(&k.pattern_image, pattern_image))
+        {
             return found.planes.clone();
         }
         let planes: Vec<_> = (0..bits)
-            .map(|bit| Arc::new(slide.plane(bit, bits)))
+            .map(|bit| Arc::new(pattern_image.plane(bit, bits)))
             .collect();
         known.push_back(Known {
-            slide: slide.clone(),
+            pattern_image: pattern_image.clone(),
             planes: planes.clone(),
         });
         let mut bytes: usize = known.iter().map(Known::bytes).sum();
@@ -144,8 +151,8 @@ mod tests {
 
     const BITS: u32 = 8;
 
-    fn ramp() -> Arc<Slide> {
-        Arc::new(Slide::Row(Axis::X, (0..256).collect()))
+    fn ramp() -> Arc<PatternImage> {
+        Arc::new(PatternImage::Row(Axis::X, (0..256).collect()))
     }
 
     fn shot(start_ns: u64, exposure_ns: u64) -> Shot {
@@ -157,10 +164,10 @@ mod tests {
         }
     }
 
-    fn lit(slide: &Arc<Slide>, from_ns: u64, to_ns: u64) -> Lit {
-        let slide = slide.clone();
+    fn lit(pattern_image: &Arc<PatternImage>, from_ns: u64, to_ns: u64) -> Lit {
+        let pattern_image = pattern_image.clone();
         Lit {
-            slide,
+            pattern_image,
             from_ns,
             to_ns,
         }
@@ -172,12 +179,14 @@ mod tests {
         let mut sum = vec![0.0; 256];
         for (place, time) in shot.seen(start_ns) {
             let lasts_ns = time.end - time.start;
-            let slide = match place {
-                0 => &shot.slide,
-                _ => &shot.then[place - 1].slide,
+            let pattern_image = match place {
+                0 => &shot.pattern_image,
+                _ => &shot.then[place - 1].pattern_image,
             };
-            let Some(slide) = slide else { continue };
-            for (sum, level) in sum.iter_mut().zip(slide.levels()) {
+            let Some(pattern_image) = pattern_image else {
+                continue;
+            };
+            for (sum, level) in sum.iter_mut().zip(pattern_image.levels()) {
                 *sum += f64::from(*level) / 255.0 * lasts_ns as f64 / shot.exposure_ns as f64;
             }
         }
@@ -199,7 +208,7 @@ mod tests {
     #[test]
     fn an_exposure_that_covers_the_pattern_sees_it_whole() {
         let ramp = ramp();
-        for (start, exposure, slide, then) in [
+        for (start, exposure, pattern_image, then) in [
             (5000, 255_000, true, 0),
             (5000, 300_000, true, 1),
             (4000, 256_000, false, 1),
@@ -212,7 +221,10 @@ mod tests {
                 [lit(&ramp, 5000, 260_000)],
                 Some((&planes, BITS)),
             );
-            assert_eq!((shot.slide.is_some(), shot.then.len()), (slide, then));
+            assert_eq!(
+                (shot.pattern_image.is_some(), shot.then.len()),
+                (pattern_image, then)
+            );
             for (level, mean) in mean(&shot, start).into_iter().enumerate() {
                 let expected = level as f64 / 255.0 * 255e3 / exposure as f64;
                 assert!((mean - expected).abs() < 1e-12, "{level}: {mean}");
@@ -255,12 +267,19 @@ mod tests {
         let ramp = ramp();
         let mut half = shot(0, 500);
         show(&mut half, [lit(&ramp, 0, 1000)], None);
-        assert!(half.slide.as_ref().is_some_and(|s| Arc::ptr_eq(s, &ramp)));
+        assert!(
+            half.pattern_image
+                .as_ref()
+                .is_some_and(|s| Arc::ptr_eq(s, &ramp))
+        );
         assert_eq!(half.then, []);
-        let stripes = Arc::new(Slide::Row(Axis::Y, vec![0, 255, 255, 0]));
+        let stripes = Arc::new(PatternImage::Row(Axis::Y, vec![0, 255, 255, 0]));
         let planes = Planes::default();
         show(&mut half, [lit(&stripes, 0, 1000)], Some((&planes, BITS)));
-        assert!(half.slide.is_some_and(|s| Arc::ptr_eq(&s, &stripes)));
+        assert!(
+            half.pattern_image
+                .is_some_and(|s| Arc::ptr_eq(&s, &stripes))
+        );
         assert_eq!(half.then, []);
     }
 
@@ -268,7 +287,7 @@ mod tests {
     #[test]
     fn a_rolling_shutter_sees_each_row_s_own_time() {
         let ramp = ramp();
-        let white = Arc::new(Slide::Uniform(255));
+        let white = Arc::new(PatternImage::Uniform(255));
         let mut shot = Shot {
             shutter: Shutter {
                 line_time_ns: 1000,
@@ -290,8 +309,8 @@ mod tests {
                 let white_ns = 255_000u64.saturating_sub(start);
                 let ramp_ns = on_ns(level as u64, 0, (start + 255_000).saturating_sub(300_000));
                 let expected = match &*white {
-                    // A uniform slide has one level, that of column 0.
-                    Slide::Uniform(_) if level == 0 => (white_ns + ramp_ns) as f64 / 255e3,
+                    // A uniform pattern image has one level, that of column 0.
+                    PatternImage::Uniform(_) if level == 0 => (white_ns + ramp_ns) as f64 / 255e3,
                     _ => ramp_ns as f64 / 255e3,
                 };
                 assert!((mean - expected).abs() < 1e-12, "{row} {level}: {mean}");
@@ -304,18 +323,18 @@ mod tests {
     #[test]
     fn the_bits_are_kept_within_bounds() {
         let planes = Planes::default();
-        let picture = |level| {
-            Arc::new(Slide::Picture {
+        let image = |level| {
+            Arc::new(PatternImage::Image {
                 width: 1000,
                 height: 1000,
                 levels: vec![level; 1_000_000],
             })
         };
-        let first = picture(1);
+        let first = image(1);
         let bits = planes.of(&first, BITS);
         assert!(Arc::ptr_eq(&planes.of(&first, BITS)[7], &bits[7]));
         for level in 2..10 {
-            planes.of(&picture(level), BITS);
+            planes.of(&image(level), BITS);
         }
         let known = planes.known.lock().unwrap();
         let bytes: usize = known.iter().map(Known::bytes).sum();

@@ -31,7 +31,7 @@ use glam::DVec2;
 /// Coefficients of r^0 to r^6.
 type Polynomial = [f64; 7];
 
-/// Ideal radius limit of the search: a thousandth of an arc second from 90 degrees off axis.
+/// Ideal radius limit of the search: 0.0002 arc seconds from 90 degrees off axis.
 const FAR: f64 = 1e9;
 
 impl Lens {
@@ -121,7 +121,7 @@ impl Lens {
         }
     }
 
-    /// phi, the potential whose gradient is the distortion.
+    /// Returns phi, the potential whose gradient is the distortion.
     fn potential(&self, p: DVec2) -> f64 {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let s = p.length_squared();
@@ -174,7 +174,7 @@ fn first_zero(c: &Polynomial, low: f64, high: f64) -> Option<f64> {
     first_zero(c, low, middle).or_else(|| first_zero(c, middle, high))
 }
 
-/// Smallest eigenvalue of a symmetric matrix.
+/// Returns the smallest eigenvalue of a symmetric matrix.
 #[cfg(test)]
 fn least_eigenvalue(m: DMat2) -> f64 {
     let (mean, half) = (

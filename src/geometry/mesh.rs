@@ -66,15 +66,15 @@ impl Mesh {
             return Err(Error::input(
                 place,
                 format!("{} colours of {count} vertices", self.colours.len()),
-                "a colour for each vertex, or none",
+                "one colour for each vertex, or no colours",
             ));
         }
         if !self.uv.is_empty() && self.uv.len() != self.triangles.len() {
             let (found, triangles) = (self.uv.len(), self.triangles.len());
             return Err(Error::input(
                 place,
-                format!("texture coordinates of {found} among {triangles} triangles"),
-                "those of each triangle, or none",
+                format!("texture coordinates for {found} of {triangles} triangles"),
+                "texture coordinates for all triangles, or for none",
             ));
         }
         for (index, &colour) in self.colours.iter().enumerate() {
@@ -82,7 +82,7 @@ impl Mesh {
                 return Err(Error::input(
                     format!("{place}: vertex {index}"),
                     format!("a reflectance of {colour}"),
-                    "colours that reflect 0 to 1",
+                    "a reflectance of 0 to 1",
                 ));
             }
         }

@@ -4,7 +4,7 @@
 use super::consistency::{LEAST_FOLLOWING, doubt, following};
 use image::{ImageBuffer, ImageFormat, Luma};
 use phasmid_core::error::{Error, Result};
-use phasmid_core::new_file::{self, replace, replace_picture};
+use phasmid_core::new_file::{self, replace, replace_image};
 use phasmid_geometry::Rig;
 use phasmid_pattern::{Manifest, Pattern};
 use phasmid_protocol::{Frame, PixelFormat};
@@ -19,7 +19,7 @@ pub const MANIFEST_FILE: &str = "sequence.toml";
 pub const CALIBRATION_FILE: &str = "calibration.toml";
 
 /// Header of a manifest whose patterns include images: a device does not return their files.
-const PICTURES_REMARK: &str = "# Patterns of kind \"image\" name pictures in the device, which a scan does not fetch. Decoding\n\
+const IMAGES_REMARK: &str = "# Patterns of kind \"image\" name images in the device, which a scan does not fetch. Decoding\n\
      # needs none of them; to project this sequence again, put them beside this file.\n\n";
 
 /// The frames of a sequence, with their manifest and calibration.
@@ -50,8 +50,8 @@ impl Captured {
     pub fn check_modulation(&self) -> Result<()> {
         match following(&self.manifest, &self.frames) {
             Some(found) if !found.is_shown() => Err(Error::device(format!(
-                "the frames show no modulation: {:.2} % of the pixels follow the sequence, {} % are \
-                 the least; {}",
+                "the frames show no modulation: {:.2} % of the pixels follow the sequence, \
+                 expected {} % or more; {}",
                 100.0 * found.share,
                 100.0 * LEAST_FOLLOWING,
                 found.cause()
@@ -136,7 +136,7 @@ impl Captured {
             .frame
             .iter()
             .any(|frame| matches!(frame.pattern, Pattern::Image { .. }));
-        let remark = if pictures { PICTURES_REMARK } else { "" };
+        let remark = if pictures { IMAGES_REMARK } else { "" };
         write(MANIFEST_FILE, format!("{remark}{}", manifest.to_toml()))?;
         match &self.calibration {
             Some(rig) => write(CALIBRATION_FILE, rig.to_toml()),
@@ -151,7 +151,12 @@ impl Captured {
 /// Returns an error on I/O failure, or if the data length of the frame does not match its size.
 pub fn write_png(frame: &Frame, path: &Path) -> Result<()> {
     let (width, height) = (frame.width, frame.height);
-    let wrong = || Error::device(format!("frame {}: its bytes do not fit its size", frame.id));
+    let wrong = || {
+        Error::device(format!(
+            "frame {}: its data length does not match its size",
+            frame.id
+        ))
+    };
     if frame.format == PixelFormat::Y16 {
         let pixels: Vec<u16> = frame
             .data
@@ -160,12 +165,12 @@ pub fn write_png(frame: &Frame, path: &Path) -> Result<()> {
             .collect();
         let picture = ImageBuffer::<Luma<u16>, _>::from_raw(width, height, pixels);
         let picture = picture.ok_or_else(wrong)?;
-        replace_picture(path, |out| picture.write_to(out, ImageFormat::Png))
+        replace_image(path, |out| picture.write_to(out, ImageFormat::Png))
     } else {
         let pixels = frame.data.as_slice();
         let picture = ImageBuffer::<Luma<u8>, _>::from_raw(width, height, pixels);
         let picture = picture.ok_or_else(wrong)?;
-        replace_picture(path, |out| picture.write_to(out, ImageFormat::Png))
+        replace_image(path, |out| picture.write_to(out, ImageFormat::Png))
     }
 }
 

@@ -16,8 +16,8 @@
 //! | `decoding` | decoding of a capture |
 //! | `instrument` | SCPI instrument behind a command port |
 //! | `local` | Unix domain sockets, where the system has them |
-//! | `patience` | bounded waits and retries |
-//! | `pictures` | checks of images loaded from files |
+//! | `deadline` | bounded waits and retries |
+//! | `images` | checks of images loaded from files |
 //! | `plug` | finds the nodes of a USB device again after it was unplugged |
 //! | `port` | command ports: serial ports and memory |
 //! | `record` | recording of the traffic between host and device |
@@ -30,11 +30,11 @@ mod captured;
 mod clock;
 mod consistency;
 mod control;
+mod deadline;
 mod decoding;
+mod images;
 mod instrument;
 mod local;
-mod patience;
-mod pictures;
 mod plug;
 mod port;
 mod record;
@@ -49,8 +49,8 @@ pub use camera::{Camera, Capture, Intake, MemoryCamera, SocketCamera, open_camer
 pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE, write_png};
 pub use clock::monotonic_ns;
 pub use consistency::{check as check_sequence, check_identified as check_identified_sequence};
+pub use images::{check_images, doubt_images, frame_of};
 pub use instrument::Instrument;
-pub use pictures::{check_pictures, doubt_pictures, frame_of};
 pub use port::{CommandPort, MemoryPort, SerialPort};
 pub use record::{RecordedCamera, RecordedPort, Tape};
 pub use scanner::{Progress, ScanOptions, Scanner, scan_free_running};

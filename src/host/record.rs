@@ -169,7 +169,7 @@ impl<P: CommandPort> CommandPort for RecordedPort<P> {
             Ok(()) if self.unplugged => self.put(|| Event::Sent(bytes.to_vec())),
             Ok(()) => {}
             Err(error) => {
-                self.put(|| Event::Note(format!("these bytes did not leave: {error}")));
+                self.put(|| Event::Note(format!("these bytes were not sent: {error}")));
                 // An I/O error means that the port is gone; a device that accepts no data is still
                 // there.
                 if matches!(error, Error::Io { .. }) {

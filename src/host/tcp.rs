@@ -12,7 +12,7 @@ use std::time::Duration;
 pub(super) fn connect(host: &str, timeout: Duration, place: &str) -> Result<TcpStream> {
     let addresses = host
         .to_socket_addrs()
-        .map_err(|e| Error::input(place, e, "a host that can be found"))?;
+        .map_err(|e| Error::input(place, e, "a host name that can be resolved"))?;
     let mut last = Error::device(format!("{place}: the host has no address"));
     for address in addresses {
         match TcpStream::connect_timeout(&address, timeout) {

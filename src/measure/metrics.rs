@@ -122,21 +122,24 @@ pub fn compare(
     rig: Option<&Rig>,
 ) -> Result<Comparison> {
     let points = finite_points(cloud)?;
-    let cloud_to_truth = distances(surface, &points)
-        .ok_or_else(|| Error::input("truth", "an empty surface", "a surface"))?;
+    let cloud_to_truth = distances(surface, &points).ok_or_else(|| {
+        Error::input(
+            "truth",
+            "an empty surface",
+            "a surface with triangles or points",
+        )
+    })?;
     let visible = match (truth, surface, rig) {
         (Truth::Cloud(cloud), ..) => Ok(all_of(cloud)),
         (Truth::Mesh(mesh), Surface::Mesh(tree), Some(rig)) => {
             let visible = lit_and_seen(mesh, tree, rig, SAMPLES);
             if visible.is_empty() {
-                Err("the calibration's rig sees and lights nothing of the mesh".to_owned())
+                Err("the calibrated rig sees and lights nothing of the mesh".to_owned())
             } else {
                 Ok(visible)
             }
         }
-        _ => {
-            Err("a mesh needs a calibration to tell which of its parts are lit and seen".to_owned())
-        }
+        _ => Err("a mesh needs a calibration to determine which parts are lit and seen".to_owned()),
     };
     let (truth_to_cloud, absent) = match visible {
         Ok(visible) => {

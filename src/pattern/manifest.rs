@@ -138,7 +138,7 @@ fn check_pattern(pattern: &Pattern) -> Result<(), (&'static str, String, String)
         }
         Pattern::Image { file } => {
             if file.as_os_str().is_empty() {
-                return refuse("file", &"an empty path", "the path of a picture");
+                return refuse("file", &"an empty path", "the path of an image");
             }
         }
         Pattern::White {} | Pattern::Black {} => {}

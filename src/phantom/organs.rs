@@ -205,12 +205,12 @@ impl Organs {
         let found = self.lobe(shape.centre());
         if found != Some(lobe) {
             return Some(match found {
-                Some(other) => format!("the middle of the tumour in another lobe ({other:?})"),
-                None => "the middle of the tumour outside the lungs".to_owned(),
+                Some(other) => format!("a tumour centred in another lobe ({other:?})"),
+                None => "a tumour centred outside the lungs".to_owned(),
             });
         }
         let out = (shape.surface().map(|x| self.lungs(x))).fold(f64::MIN, f64::max);
-        (out > 0.0).then(|| format!("a tumour that is {out:.1} mm out of the lung"))
+        (out > 0.0).then(|| format!("a tumour that extends {out:.1} mm out of the lung"))
     }
 }
 

@@ -5,7 +5,7 @@ use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// Optical properties of skin, by class or by coefficients at the projector's wavelength. The
-/// derived quantities and their sources are in `emulator::render::skin`.
+/// derived quantities and their sources are in `phasmid_render::skin`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Skin {

@@ -49,7 +49,7 @@ pub(super) fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
         check.that(
             found.is_some(),
             "calibration.sequence",
-            format!("{name:?}, no sequence of this profile"),
+            format!("{name:?}, not a sequence of this profile"),
             names.join(", "),
         )?;
         check.that(

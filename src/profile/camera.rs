@@ -172,8 +172,8 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
     check.that(
         c.line_time_ns() == 0 || c.readout_us.is_none(),
         "camera.readout_us",
-        format!("a time beside line_time_us = {}", c.line_time_us),
-        "one of them: a rolling shutter's rows are read line by line",
+        format!("a time together with line_time_us = {}", c.line_time_us),
+        "only one of them: a rolling shutter's rows are read line by line",
     )?;
     check.within(
         "camera.frame_interval_us",
@@ -190,7 +190,7 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
         check.that(
             c.width_px >= data_line::WIDTH_PX,
             "camera.data_line",
-            format!("a line above {} columns", c.width_px),
+            format!("a data line above {} columns", c.width_px),
             format!("false, or a width_px of {} or more", data_line::WIDTH_PX),
         )?;
         // The data line reports the time from the start of the first row's exposure to the end of
@@ -200,8 +200,10 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
         check.that(
             longest <= longest_told_us,
             "camera.data_line",
-            format!("a line, and exposures of up to {longest} us"),
-            format!("false, or exposures of up to {longest_told_us} us: the line tells no longer"),
+            format!("a data line, and exposures of up to {longest} us"),
+            format!(
+                "false, or exposures of up to {longest_told_us} us: the line has no room for more"
+            ),
         )?;
     }
     if let Some(glare) = c.glare {

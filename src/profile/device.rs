@@ -139,8 +139,8 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
         check.that(
             first == Some(i),
             &format!("sequence[{i}].name"),
-            format!("{:?} a second time", s.name),
-            "a name of its own",
+            format!("{:?}, which is already used", s.name),
+            "a unique name",
         )?;
     }
     calibration::check(p, check)

@@ -175,7 +175,7 @@ fn flicker(
             flicker.frequency_hz, flicker.phase_deg
         ),
         format!(
-            "{} Hz at {} degrees, as what flickers before it",
+            "{} Hz at {} degrees, as the lights before it",
             first.frequency_hz, first.phase_deg
         ),
     )

@@ -140,7 +140,7 @@ fn check_times(
             pair[1] - pair[0] >= CLOSEST_S,
             &field(i + 1),
             format!("{} after {}", pair[1], pair[0]),
-            format!("times that ascend by {CLOSEST_S:e} s or more"),
+            format!("ascending times, {CLOSEST_S:e} s or more apart"),
         )?;
     }
     let Some(period) = period_s else {
@@ -153,6 +153,6 @@ fn check_times(
         period - length >= CLOSEST_S,
         &place,
         format!("{period} for keyframes over {length} s"),
-        "more than from the first keyframe, which comes again, to the last",
+        "more than the time from the first to the last keyframe",
     )
 }

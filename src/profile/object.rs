@@ -239,7 +239,7 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
     check.that(
         is_mesh || !o.vertex_colours,
         &field("vertex_colours"),
-        "true for a shape without them",
+        "true for a shape without vertex colours",
         "true for a mesh from a file whose vertices have colours, else false",
     )?;
     if let Some(sides) = &o.texture_size_mm {
@@ -249,8 +249,8 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
         None => check.that(
             o.texture_size_mm.is_none(),
             &field("texture_size_mm"),
-            "the size of no texture",
-            "a texture beside it",
+            "a size without a texture",
+            "a texture as well",
         )?,
         Some(file) => {
             check.that(
@@ -263,13 +263,13 @@ pub(super) fn check(o: &Object, at: &str, check: &Check<'_>) -> Result<()> {
                 !matches!(o.shape, Shape::Board { .. }),
                 &field("texture"),
                 "a texture on a board",
-                "none: a board has its own ink",
+                "no texture: a board has its own ink",
             )?;
             check.that(
                 is_mesh || o.texture_size_mm.is_some(),
                 &field("texture"),
-                "a texture of no size",
-                "texture_size_mm beside it, width and height in millimetres",
+                "a texture without a size",
+                "texture_size_mm as well, width and height in millimetres",
             )?;
         }
     }

@@ -41,7 +41,7 @@ impl Scene {
         };
         let Some(placed) = self.object.get_mut(object) else {
             return refused(
-                &format!("of a scene of {count} objects"),
+                &format!("in a scene of {count} objects"),
                 match count {
                     0 => "none: the scene is empty".to_owned(),
                     _ => format!("0 to {}", count - 1),

@@ -92,7 +92,7 @@ fn gray_reaches(
         check.that(
             !fringes || a != axis || reach >= f64::from(size),
             &format!("sequence[{index}].frame[{i}].pattern.bits"),
-            format!("{bits} bits of {cell_px} px, which number {reach} px"),
+            format!("{bits} bits of {cell_px} px, which cover {reach} px"),
             format!(
                 "at least {} bits for the fringes over {size} px",
                 (f64::from(size) / cell_px).log2().ceil()

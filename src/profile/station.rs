@@ -185,8 +185,8 @@ fn check(s: &Station, check: &Check<'_>) -> Result<()> {
         check.that(
             first == Some(i),
             &field("name"),
-            format!("{:?} a second time", device.name),
-            "a name of its own",
+            format!("{:?}, which is already used", device.name),
+            "a unique name",
         )?;
         let (position, rotation) = (device.position_mm, device.rotation_deg);
         check.all_within(
@@ -257,7 +257,7 @@ mod tests {
             (
                 "name = \"b\"",
                 "name = \"a\"",
-                ["test:9: device[1].name", "a second time"],
+                ["test:9: device[1].name", "already used"],
             ),
             (
                 "name = \"b\"",

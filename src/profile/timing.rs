@@ -168,13 +168,13 @@ impl Timing {
         if exposure_ns < shortest_ns {
             return Some((
                 format!("{shown} in a period of {period}"),
-                format!("{} or more, which their bits take", us(shortest_ns)),
+                format!("{} or more, the time that their bits take", us(shortest_ns)),
             ));
         }
         if exposure_ns.saturating_add(dark_ns) > period_ns {
             return Some((
                 format!("{shown} and {} of darkness", us(dark_ns)),
-                format!("the period of {period} at most"),
+                format!("at most the period of {period}"),
             ));
         }
         if exposure_ns != period_ns && exposure_ns.saturating_add(margin_ns) > period_ns {
@@ -234,13 +234,14 @@ pub(super) fn check(t: &Timing, responds: bool, check: &Check<'_>) -> Result<()>
         first > 0.0 && t.min_exposure_us.is_sorted(),
         &field("min_exposure_us"),
         format!("{:?}", t.min_exposure_us),
-        "times of more than 0, none shorter than those of fewer bits",
+        "times above 0, none shorter than that for fewer bits",
     )?;
     check.that(
         !(t.bit_planes && responds),
         &field("bit_planes"),
         "true, and projector.response",
-        "one of them: bits shown one after the other add up to light in proportion to the level",
+        "only one of them: bits shown one after the other add up to light in proportion to the \
+         level",
     )
 }
 

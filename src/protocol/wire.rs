@@ -103,7 +103,8 @@ impl FrameHeader {
         let u16_at = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
         if bytes[..4] != MAGIC {
             return bad(format!(
-                "starts with \"{}\", not with \"PHFR\": this is no frame socket, or the stream is out of step",
+                "starts with \"{}\", not with \"PHFR\": this is not a frame socket, or the stream \
+                 is out of sync",
                 bytes[..4].escape_ascii()
             ));
         }
@@ -140,7 +141,7 @@ impl FrameHeader {
         }
         if payload > MAX_PAYLOAD {
             return bad(format!(
-                "{payload} bytes of payload, at most {MAX_PAYLOAD} are taken"
+                "{payload} bytes of payload, expected at most {MAX_PAYLOAD}"
             ));
         }
         let exposure_ns = (u64_at(32), u64_at(40));
@@ -372,7 +373,7 @@ mod tests {
         let crc = crc32fast::hash(&header[..68]);
         header[68..].copy_from_slice(&crc.to_le_bytes());
         let message = FrameHeader::decode(&header).unwrap_err().to_string();
-        let needle = "268435456 bytes of payload, at most 134217728 are taken";
+        let needle = "268435456 bytes of payload, expected at most 134217728";
         assert!(message.contains(needle), "{message}");
     }
 }

@@ -20,7 +20,7 @@ const GOLDEN: f64 = 2.399_963_229_728_653;
 /// The pupil in the plane z = 0 of the camera's frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Aperture {
-    /// Radius in millimetres; 0 if there is no focus distance and everything is sharp.
+    /// Radius in millimetres; 0 without a focus distance, so that everything is sharp.
     pub(super) radius_mm: f64,
     /// Inverse distance of the plane in focus, in 1/mm.
     pub(super) focus: f64,
@@ -82,7 +82,7 @@ impl Aperture {
 /// boxes) with a disc of a radius in pixels: same variance and, where two boxes allow it, same
 /// fourth cumulant, so that contrast is correct to fourth order in frequency.
 ///
-/// Along the slide's axis the disc is a semicircle (Wigner's distribution) of radius
+/// Along the pattern image's axis the disc is a semicircle (Wigner's distribution) of radius
 /// rho = radius |(a, b)|: variance rho^2 / 4, fourth cumulant -rho^4 / 16; a box of width w has
 /// w^2 / 12 and -w^4 / 120. Hence two boxes with w1^2 + w2^2 = a^2 + b^2 + 3 rho^2 and
 /// w1^4 + w2^4 = a^4 + b^4 + 7.5 rho^4.

@@ -1,7 +1,7 @@
 //! Output of the geometry pass: one value per pixel and quantity.
 
-use super::bounce::Bounce;
-use super::light::{Blurred, Kernels};
+use super::exposure::{Blurred, Kernels};
+use super::interreflection::InterreflectionMap;
 use super::skin::{Samples, SkinMaps};
 use super::world::Surface;
 use super::{Plan, Term};
@@ -40,7 +40,7 @@ pub(super) struct GeometryBuffer {
     /// Electrons per second for 1 W/m^2 of uniform ambient light; empty without interreflection.
     pub(super) evenly: Vec<f32>,
     /// Indirect light between surfaces; empty without interreflection.
-    pub(super) bounce: Bounce,
+    pub(super) interreflection: InterreflectionMap,
     /// Weights of the pattern's columns (x) and rows (y) under blur: for each pixel, then for the
     /// sixteen samples of each mixed pixel. `None` without defocus and skin, or if no pattern
     /// varies along that axis.
@@ -144,7 +144,7 @@ impl GeometryBuffer {
         );
         let bounces = plan.has(Term::Interreflection);
         self.evenly.resize(if bounces { n } else { 0 }, 0.0);
-        self.bounce = Bounce::default();
+        self.interreflection = InterreflectionMap::default();
         self.kernels = [None, None];
         self.skin = None;
         self.flags.resize(n, 0);

@@ -8,7 +8,7 @@ use super::shade::{Optics, Shaded};
 use super::skin::SkinMaps;
 use super::world::{Hits, Surface, World};
 use super::worlds::Worlds;
-use super::{Options, Plan, Term, bounce, look, mixed};
+use super::{Options, Plan, Term, interreflection, material, mixed};
 use crate::truth::Truth;
 use glam::{DMat2, DVec2, DVec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
@@ -122,10 +122,13 @@ pub(super) fn run(
         buffer.skin = Some(SkinMaps::new(buffer, rays, optics, worlds.any()));
     }
     if plan.has(Term::Interreflection) {
-        bounce::run(worlds, rays, plan, buffer);
+        interreflection::run(worlds, rays, plan, buffer);
     }
-    let slide = &optics.projector.lens;
-    let size = [slide.width_px as usize, slide.height_px as usize];
+    let pattern_image = &optics.projector.lens;
+    let size = [
+        pattern_image.width_px as usize,
+        pattern_image.height_px as usize,
+    ];
     buffer.blur_footprints(size, plan);
 }
 
@@ -212,15 +215,15 @@ pub(super) fn cast(
             lit[lane] &= !blocked[lane];
         }
     }
-    if look::is_needed(plan) {
-        let rays = look::Rays {
+    if material::is_needed(plan) {
+        let rays = material::Rays {
             world,
             optics,
             plan,
             bundle,
             hits: &hits,
         };
-        look::apply(&rays, &mut shaded, scratch);
+        material::apply(&rays, &mut shaded, scratch);
     }
     if plan.has(Term::CameraVignetting) {
         optics.dim_seen(directions, &mut shaded);

@@ -241,12 +241,12 @@ mod tests {
     const WIDTH: usize = 402;
     const HEIGHT: usize = 211;
 
-    fn picture() -> Vec<f32> {
-        let mut picture = vec![10.0; WIDTH * HEIGHT];
+    fn image() -> Vec<f32> {
+        let mut image = vec![10.0; WIDTH * HEIGHT];
         for row in 60..90 {
-            picture[row * WIDTH + 120..row * WIDTH + 170].fill(9000.0);
+            image[row * WIDTH + 120..row * WIDTH + 170].fill(9000.0);
         }
-        picture
+        image
     }
 
     /// Integrates a Gaussian centred on `from`, reflected at 0 and `length`, over [a, b].
@@ -266,7 +266,7 @@ mod tests {
     #[test]
     fn is_the_gaussian() {
         for sigma_px in [32.0, 63.0, 90.0] {
-            let before = picture();
+            let before = image();
             let mut after = before.clone();
             let glare = Glare {
                 percent: 8.0,
@@ -300,7 +300,7 @@ mod tests {
     #[test]
     fn no_light_is_lost() {
         for sigma_px in [32.0, 75.0, 3000.0] {
-            let mut frame = picture();
+            let mut frame = image();
             let before = sum(&frame);
             let glare = Glare {
                 percent: 30.0,

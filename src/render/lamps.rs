@@ -2,7 +2,7 @@
 //! light.
 
 use super::Term;
-use super::look::{Local, Rays};
+use super::material::{Local, Rays};
 use super::shade::Shaded;
 use super::world::{Surface, World};
 use glam::DVec3;

@@ -6,34 +6,35 @@
 //!
 //! 1. `geometry`: once per camera and scene state; computes for each pixel the surface it sees, the
 //!    projector coordinate of its light and how much light arrives. `mixed` samples pixels on
-//!    edges, `sampled` all pixels; `bounce` gathers indirect light.
-//! 2. `light`: per frame; averages the pattern over each pixel's footprint, for the times given by
+//!    edges, `sampled` all pixels; `interreflection` gathers indirect light.
+//! 2. `exposure`: per frame; averages the pattern over each pixel's footprint, for the times given by
 //!    `schedule`.
 //! 3. `sensor`: per frame; electrons, noise, gain, converter.
 //!
 //! A moving scene is evaluated at several instants of each exposure, or row by row with a rolling
-//! shutter: `path`, `body` and `worlds` compute its state at those times.
+//! shutter: `animation`, `instance` and `worlds` compute its state at those times.
 //!
 //! The second and third pass run fused over chunks of pixels that stay in cache. [`mod@reference`]
 //! is the slow f64 path that the tests compare them with.
 //!
 //! | module | contents |
 //! | --- | --- |
+//! | `animation` | object poses and shapes over time |
 //! | `aperture` | camera pupil: depth of field |
-//! | `body` | moving and deforming meshes |
-//! | `bounce` | interreflection: gathering of indirect light |
 //! | `buffer` | output maps of the geometry pass |
+//! | `exposure` | exposure pass: patterns averaged over footprints |
 //! | `geometry` | geometry pass over pixel centres |
 //! | `glare` | veiling glare |
 //! | `gpu` | the same passes on a GPU |
+//! | `image_file` | image files as patterns |
+//! | `instance` | moving and deforming meshes |
+//! | `interreflection` | gathering of indirect light |
 //! | `lamps` | lamp light and shadows |
 //! | `led` | light source: rise time and thermal droop |
-//! | `light` | exposure pass: patterns averaged over footprints |
-//! | `look` | materials: textures, specular lobe, boards |
+//! | `material` | materials: textures, specular lobe, boards |
 //! | `mixed` | sampling of mixed pixels |
 //! | `options` | rendering options and backend |
-//! | `path` | object poses and shapes over time |
-//! | `picture` | image files |
+//! | `pattern_image` | a pattern in projector pixels |
 //! | `plan` | terms that a scene needs |
 //! | `reference` | slow f64 reference path |
 //! | `renderer` | the renderer and its pending frames |
@@ -44,7 +45,6 @@
 //! | `shape` | shapes as solids or meshes |
 //! | `shot` | parameters of one exposure |
 //! | `skin` | subsurface scattering |
-//! | `slide` | projected pattern |
 //! | `term` | terms of image formation |
 //! | `timetable` | pattern timing during an exposure |
 //! | `tree` | bounding volume hierarchy in its own frame |
@@ -54,21 +54,22 @@
 //! | `world` | surfaces of a scene at an instant |
 //! | `worlds` | surfaces of a scene over an exposure |
 
+mod animation;
 mod aperture;
-mod body;
-mod bounce;
 mod buffer;
+mod exposure;
 mod geometry;
 mod glare;
 pub mod gpu;
+pub mod image_file;
+mod instance;
+mod interreflection;
 mod lamps;
 pub mod led;
-mod light;
-mod look;
+mod material;
 mod mixed;
 mod options;
-mod path;
-pub mod picture;
+pub mod pattern_image;
 mod plan;
 pub mod reference;
 mod renderer;
@@ -79,7 +80,6 @@ mod shade;
 mod shape;
 pub mod shot;
 pub mod skin;
-pub mod slide;
 mod term;
 mod timetable;
 mod tree;

@@ -62,7 +62,7 @@ impl Options {
         Ok(self)
     }
 
-    /// Samples on a side of a pixel; with depth of field at least four.
+    /// Returns the number of samples along a side of a pixel; with depth of field at least four.
     pub(super) fn side(self, depth_of_field: bool) -> usize {
         let side = self.samples.isqrt() as usize;
         if depth_of_field { side.max(4) } else { side }

@@ -2,7 +2,7 @@
 //! would not change a byte.
 
 use super::term::{Needs, Pass, Term};
-use crate::slide::Slide;
+use crate::pattern_image::PatternImage;
 use phasmid_pattern::Axis;
 use serde::Serialize;
 
@@ -51,13 +51,13 @@ impl Plan {
     }
 
     /// Adds the terms a pattern needs; returns whether the plan changed.
-    pub(super) fn include(&mut self, slide: &Slide) -> bool {
+    pub(super) fn include(&mut self, pattern_image: &PatternImage) -> bool {
         let before = *self;
-        match slide {
-            Slide::Uniform(_) => {}
-            Slide::Row(Axis::X, _) => self.set(Term::FootprintX, true),
-            Slide::Row(Axis::Y, _) => self.set(Term::FootprintY, true),
-            Slide::Picture { .. } => {
+        match pattern_image {
+            PatternImage::Uniform(_) => {}
+            PatternImage::Row(Axis::X, _) => self.set(Term::FootprintX, true),
+            PatternImage::Row(Axis::Y, _) => self.set(Term::FootprintY, true),
+            PatternImage::Image { .. } => {
                 self.set(Term::FootprintX, true);
                 self.set(Term::FootprintY, true);
             }

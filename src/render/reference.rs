@@ -8,13 +8,13 @@
 //! the whole pupil. Each ray evaluates one texel, one interpolated vertex colour and one value of
 //! the microfacet formula; highlights use facet normals.
 
-mod look;
+mod material;
 mod microfacets;
 mod primitive;
 
-use crate::slide::Slide;
+use crate::pattern_image::PatternImage;
 use glam::{DVec2, DVec3};
-use look::Look;
+use material::Material;
 use phasmid_core::error::Result;
 use phasmid_geometry::{Pose, View};
 use phasmid_pattern::Axis;
@@ -36,7 +36,7 @@ pub struct Reference {
 struct Part {
     surface: Primitive,
     rig_from_part: Pose,
-    look: Look,
+    material: Material,
 }
 
 /// Hit of one camera ray.
@@ -69,7 +69,7 @@ impl Reference {
             .iter()
             .map(|object| {
                 let scale = object.scale;
-                let mut look = Look::new(object, &scene.folder)?;
+                let mut material = Material::new(object, &scene.folder)?;
                 let surface = match &object.shape {
                     Shape::Plane { size_mm } => Primitive::Plane(
                         size_mm.map_or(DVec2::INFINITY, |s| DVec2::from(s) * scale / 2.0),
@@ -91,7 +91,7 @@ impl Reference {
                     )),
                     other => {
                         let mesh = super::shape::mesh(other, &scene.folder)?;
-                        look.take(object, &mesh);
+                        material.take(object, &mesh);
                         let corner = |i: u32| mesh.vertices[i as usize] * scale;
                         Primitive::Triangles(mesh.triangles.iter().map(|t| t.map(corner)).collect())
                     }
@@ -99,7 +99,7 @@ impl Reference {
                 Ok(Part {
                     surface,
                     rig_from_part: scene.rig_from_object(object),
-                    look,
+                    material,
                 })
             })
             .collect::<Result<_>>()?;
@@ -115,7 +115,7 @@ impl Reference {
     }
 
     /// Returns the hit of the ray through an image point; `None` if it leaves the scene.
-    pub fn look(&self, px: DVec2) -> Option<Found> {
+    pub fn trace(&self, px: DVec2) -> Option<Found> {
         self.follow(self.camera.center(), self.camera.ray(px).normalize())
     }
 
@@ -133,7 +133,7 @@ impl Reference {
         let Part {
             surface,
             rig_from_part,
-            look,
+            material,
         } = &self.parts[part];
         let normal = if normal.dot(direction) > 0.0 {
             -normal
@@ -141,7 +141,7 @@ impl Reference {
             normal
         };
         let local = rig_from_part.inverse();
-        let albedo = look.albedo(
+        let albedo = material.albedo(
             surface,
             triangle,
             local.point(point),
@@ -170,7 +170,13 @@ impl Reference {
     /// Returns the noise-free, unrounded signal of a pixel in digital numbers: the mean over `rays`
     /// rays through its area, placed as a Hammersley set, which is uniform and has no period that
     /// could alias with the pattern.
-    pub fn signal_dn(&self, px: DVec2, slide: &Slide, exposure_s: f64, rays: u32) -> f64 {
+    pub fn signal_dn(
+        &self,
+        px: DVec2,
+        pattern_image: &PatternImage,
+        exposure_s: f64,
+        rays: u32,
+    ) -> f64 {
         let mean = (0..rays)
             .map(|i| {
                 let u = (f64::from(i) + 0.5) / f64::from(rays) - 0.5;
@@ -179,7 +185,7 @@ impl Reference {
                     [3, 5].map(|b| mirrored(i, b)),
                     [7, 11].map(|b| mirrored(i, b)),
                 );
-                self.irradiance(px + DVec2::new(u, v), pupil, slide, blur)
+                self.irradiance(px + DVec2::new(u, v), pupil, pattern_image, blur)
             })
             .sum::<f64>()
             / f64::from(rays);
@@ -214,24 +220,30 @@ impl Reference {
     /// Returns the light reflected towards an image point from a pupil position, as the equivalent
     /// irradiance in W/m^2 of a white Lambertian surface. The pattern is sampled at one position
     /// within the blur, chosen by two numbers from 0 to 1.
-    fn irradiance(&self, px: DVec2, pupil: [f64; 2], slide: &Slide, blur: [f64; 2]) -> f64 {
+    fn irradiance(
+        &self,
+        px: DVec2,
+        pupil: [f64; 2],
+        pattern_image: &PatternImage,
+        blur: [f64; 2],
+    ) -> f64 {
         let (origin, direction) = self.sight(px, pupil);
         let Some(found) = self.follow(origin, direction) else {
             return 0.0;
         };
         let projector = &self.profile.projector;
-        let look = &self.parts[found.part].look;
+        let material = &self.parts[found.part].material;
         let thrown_back = |towards: DVec3| {
-            look.reflectance(found.albedo, found.normal, towards, found.view)
+            material.reflectance(found.albedo, found.normal, towards, found.view)
                 * found.normal.dot(towards)
         };
         let cos_view = found.normal.dot(found.view);
-        let mut irradiance = self.ambient_w_m2 * look.under_even_light(found.albedo, cos_view);
+        let mut irradiance = self.ambient_w_m2 * material.under_even_light(found.albedo, cos_view);
         if found.lit {
             let way = self.projector.center() - found.point;
             let px = found.projector_px + self.blur(found.point, blur);
-            let on_slide = self.projector.lens.contains(px);
-            let level = level(slide, px) / f64::from((1u32 << projector.bits) - 1);
+            let on_pattern_image = self.projector.lens.contains(px);
+            let level = level(pattern_image, px) / f64::from((1u32 << projector.bits) - 1);
             let shown = match &projector.response {
                 None => level,
                 Some(Response::Gamma(gamma)) => level.powf(*gamma),
@@ -245,7 +257,7 @@ impl Reference {
                 }
             };
             let ratio = projector.contrast_ratio.unwrap_or(f64::INFINITY);
-            let light = if on_slide {
+            let light = if on_pattern_image {
                 (1.0 - 1.0 / ratio).mul_add(shown, 1.0 / ratio)
             } else {
                 0.0
@@ -268,7 +280,7 @@ impl Reference {
         irradiance * falloff(&camera.vignetting, &self.camera, off_axis, 4)
     }
 
-    /// Returns a random offset of the projector's blur at a point, in slide pixels. The cone of
+    /// Returns a random offset of the projector's blur at a point, in projector pixels. The cone of
     /// light from the aperture to a point of the focal plane, cut by the plane through the given
     /// point, is the blur disc. The sample is drawn from a Gaussian with a standard deviation of a
     /// quarter of the disc's diameter (Box and Muller 1958).
@@ -347,13 +359,13 @@ fn falloff(vignetting: &Vignetting, view: &View, cos: f64, cosines: i32) -> f64 
 }
 
 /// Returns the level of the pattern pixel that contains a projector coordinate.
-fn level(slide: &Slide, px: DVec2) -> f64 {
+fn level(pattern_image: &PatternImage, px: DVec2) -> f64 {
     let index = |x: f64, len: usize| ((x + 0.5).floor().max(0.0) as usize).min(len - 1);
-    f64::from(match slide {
-        Slide::Uniform(level) => *level,
-        Slide::Row(Axis::X, row) => row[index(px.x, row.len())],
-        Slide::Row(Axis::Y, row) => row[index(px.y, row.len())],
-        Slide::Picture {
+    f64::from(match pattern_image {
+        PatternImage::Uniform(level) => *level,
+        PatternImage::Row(Axis::X, row) => row[index(px.x, row.len())],
+        PatternImage::Row(Axis::Y, row) => row[index(px.y, row.len())],
+        PatternImage::Image {
             width,
             height,
             levels,

@@ -1,17 +1,20 @@
 //! Renderer of one camera in front of one scene: runs the passes that a shot needs.
+//!
+//! `pending` submits frames to the CPU or GPU, `time` divides an exposure of a moving scene into
+//! instants, `place` moves objects at run time, and `truth` computes ground truth.
 
+mod pending;
 mod place;
 mod time;
 mod truth;
-mod under_way;
 
-pub use under_way::Pending;
+pub use pending::Pending;
 
 use super::aperture::Aperture;
 use super::buffer::GeometryBuffer;
+use super::exposure::{self, Table};
 use super::geometry::{self, Rays};
 use super::gpu::{self, Passes};
-use super::light::{self, Table};
 use super::schedule::Schedule;
 use super::sensor::{FixedPattern, Sensor, bloom};
 use super::shade::Optics;
@@ -20,8 +23,9 @@ use super::timetable::Timetable;
 use super::world::World;
 use super::worlds::{Moment, Worlds};
 use super::{Decision, Options, Plan, Term, glare};
-use crate::{shot::Shot, slide::Slide};
+use crate::{pattern_image::PatternImage, shot::Shot};
 use glam::DVec2;
+use pending::News;
 use phasmid_core::error::Result;
 use phasmid_pattern::manifest::MAX_FRAMES;
 use phasmid_profile::{Profile, Scene};
@@ -29,7 +33,6 @@ use phasmid_protocol::Frame;
 use rayon::prelude::*;
 use std::sync::Arc;
 use time::Light;
-use under_way::News;
 
 /// Pixels that pass through exposure and sensor together. They fit in the L1 cache and are whole
 /// blocks of random numbers.
@@ -55,7 +58,7 @@ pub struct Renderer {
     /// Sensitivities and offsets of the pixels, if in the plan.
     fixed: Option<FixedPattern>,
     /// Tables of the patterns seen so far.
-    tables: Vec<(Arc<Slide>, Arc<Table>)>,
+    tables: Vec<(Arc<PatternImage>, Arc<Table>)>,
     /// Revision counter of scene and plan.
     revision: u64,
     /// The GPU passes, if a GPU is used.
@@ -99,7 +102,7 @@ impl Renderer {
         let fixed = fixed_pattern(&plan, profile);
         let camera = &profile.camera;
         let pixels = u64::from(camera.width_px) * u64::from(camera.height_px);
-        let (gpu, news) = under_way::open(
+        let (gpu, news) = pending::open(
             options.backend,
             || gpu::fits(&world, &optics),
             (pixels, u64::from(options.samples)),
@@ -174,9 +177,12 @@ impl Renderer {
     }
 
     /// Adds the terms that patterns need to the plan, so that one geometry pass serves them all.
-    pub fn expect_slides<'a>(&mut self, slides: impl IntoIterator<Item = &'a Slide>) {
-        for slide in slides {
-            if self.plan.include(slide) {
+    pub fn expect_pattern_images<'a>(
+        &mut self,
+        pattern_images: impl IntoIterator<Item = &'a PatternImage>,
+    ) {
+        for pattern_image in pattern_images {
+            if self.plan.include(pattern_image) {
                 self.outdate();
             }
         }
@@ -275,27 +281,33 @@ impl Renderer {
 
     /// Prepares geometry and pattern tables for a shot.
     fn schedule(&mut self, shot: &Shot) -> Schedule {
-        let (when, tables) = self.slides(shot);
+        let (when, tables) = self.pattern_images(shot);
         self.prepare();
         Schedule::new(when, tables, &self.plan, &self.buffer)
     }
 
     /// Returns the timetable of a shot's patterns, and their tables; updates the plan with their
     /// terms.
-    fn slides(&mut self, shot: &Shot) -> (Timetable, Vec<Arc<Table>>) {
+    fn pattern_images(&mut self, shot: &Shot) -> (Timetable, Vec<Arc<Table>>) {
         let camera = &self.profile.camera;
         let size = [camera.width_px, camera.height_px].map(|side| side as usize);
         let when = Timetable::new(shot, &self.plan, self.optics.flicker, size);
-        let slides: Vec<_> = when
+        let pattern_images: Vec<_> = when
             .places
             .iter()
             .map(|&place| match place {
-                0 => &shot.slide,
-                _ => &shot.then[place - 1].slide,
+                0 => &shot.pattern_image,
+                _ => &shot.then[place - 1].pattern_image,
             })
             .collect();
-        self.expect_slides(slides.iter().filter_map(|slide| slide.as_deref()));
-        let tables = slides.into_iter().map(|slide| self.table(slide.as_ref()));
+        self.expect_pattern_images(
+            pattern_images
+                .iter()
+                .filter_map(|pattern_image| pattern_image.as_deref()),
+        );
+        let tables = pattern_images
+            .into_iter()
+            .map(|pattern_image| self.table(pattern_image.as_ref()));
         let tables = tables.collect();
         (when, tables)
     }
@@ -390,15 +402,23 @@ impl Renderer {
     }
 
     /// Returns the prepared table of a pattern; a dark one for `None`.
-    fn table(&mut self, slide: Option<&Arc<Slide>>) -> Arc<Table> {
-        let Some(slide) = slide else {
+    fn table(&mut self, pattern_image: Option<&Arc<PatternImage>>) -> Arc<Table> {
+        let Some(pattern_image) = pattern_image else {
             return Arc::new(Table::Uniform(0.0));
         };
-        if let Some((_, table)) = self.tables.iter().find(|(s, _)| Arc::ptr_eq(s, slide)) {
+        if let Some((_, table)) = self
+            .tables
+            .iter()
+            .find(|(s, _)| Arc::ptr_eq(s, pattern_image))
+        {
             return table.clone();
         }
-        let table = Arc::new(Table::new(slide, &self.profile.projector, &self.plan));
-        self.tables.push((slide.clone(), table.clone()));
+        let table = Arc::new(Table::new(
+            pattern_image,
+            &self.profile.projector,
+            &self.plan,
+        ));
+        self.tables.push((pattern_image.clone(), table.clone()));
         let mut bytes: usize = self.tables.iter().map(|(_, table)| table.bytes()).sum();
         while bytes > TABLE_BYTES || self.tables.len() > MAX_FRAMES {
             bytes -= self.tables.remove(0).1.bytes();
@@ -440,7 +460,7 @@ mod tests {
         let scene = Scene::load("sphere").unwrap();
         let row = (0..854).map(|x| (x % 16 * 16) as u16).collect();
         let shot = Shot {
-            slide: Some(Arc::new(Slide::Row(phasmid_pattern::Axis::X, row))),
+            pattern_image: Some(Arc::new(PatternImage::Row(phasmid_pattern::Axis::X, row))),
             light: 1.0,
             exposure_ns: 8_000_000,
             ..Shot::default()
@@ -459,14 +479,14 @@ mod tests {
     }
 
     #[test]
-    fn pictures_without_end_do_not_fill_the_memory() {
+    fn images_without_end_do_not_fill_the_memory() {
         let profile = Profile::load("webcam-grey").unwrap();
         let scene = Scene::load("plane").unwrap();
         let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
         let (width, height) = (profile.projector.width_px, profile.projector.height_px);
         let one = (width as usize + 1) * (height as usize + 1) * size_of::<f64>();
         for level in 0..(TABLE_BYTES / one + 5) as u16 {
-            let slide = Slide::Picture {
+            let pattern_image = PatternImage::Image {
                 width,
                 height,
                 levels: vec![level; (width * height) as usize],
@@ -475,15 +495,18 @@ mod tests {
                 id: 0,
                 noise_id: 0,
                 pattern_index: None,
-                slide: Some(Arc::new(slide)),
+                pattern_image: Some(Arc::new(pattern_image)),
                 light: 1.0,
                 start_ns: 0,
                 exposure_ns: 1000,
                 ..Shot::default()
             };
-            renderer.table(shot.slide.as_ref());
-            let newest = renderer.tables.last().map(|(slide, _)| slide.clone());
-            assert!(shot.slide == newest, "the table in use stays");
+            renderer.table(shot.pattern_image.as_ref());
+            let newest = renderer
+                .tables
+                .last()
+                .map(|(pattern_image, _)| pattern_image.clone());
+            assert!(shot.pattern_image == newest, "the table in use stays");
         }
         let bytes: usize = renderer.tables.iter().map(|(_, t)| t.bytes()).sum();
         assert!(

@@ -181,7 +181,7 @@ impl Sampler<'_> {
             && self
                 .worlds
                 .any()
-                .looks
+                .materials
                 .vary(self.worlds.any().object(surface))
     }
 

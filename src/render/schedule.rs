@@ -1,10 +1,8 @@
-//! Schedule of an exposure: which patterns each sensor row sees, for how long, and at which phase
-//! of the mains period. With a global shutter all rows are the same.
-//!
-//! The timetable defines it; this module applies it to pixels.
+//! Applies the timetable of an exposure ([`Timetable`]) to pixels: sums the light of the patterns
+//! that each sensor row sees, mains flicker and indirect light.
 
 use super::buffer::GeometryBuffer;
-use super::light::{self, Indirect, Table};
+use super::exposure::{self, Indirect, Table};
 use super::timetable::{Line, Timetable};
 use super::{Plan, Term};
 use std::sync::Arc;
@@ -19,7 +17,7 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// Schedules what a timetable has, whose slides have these tables.
+    /// Creates the schedule of a timetable; `tables` holds the tables of its visible pattern images.
     pub(super) fn new(
         when: Timetable,
         tables: Vec<Arc<Table>>,
@@ -29,7 +27,7 @@ impl Schedule {
         let indirect = match plan.has(Term::Interreflection) {
             true => tables
                 .iter()
-                .map(|t| Indirect::new(&map.bounce, t))
+                .map(|t| Indirect::new(&map.interreflection, t))
                 .collect(),
             false => Vec::new(),
         };
@@ -40,7 +38,7 @@ impl Schedule {
         }
     }
 
-    /// Mean electrons of the pixels from `first` on.
+    /// Computes the mean electrons of the pixels from `first` on.
     pub(super) fn run(&self, map: &GeometryBuffer, first: usize, electrons: &mut [f32]) {
         self.by_line(first, electrons, |line, from, here| {
             self.line(map, line, from, here);
@@ -50,13 +48,19 @@ impl Schedule {
             self.by_line(first, electrons, |line, from, here| {
                 for part in &self.when.parts[line.parts.clone()] {
                     let [seconds, light] = part.exposure;
-                    self.indirect[part.table].add(&map.bounce, from, seconds * light, here);
+                    self.indirect[part.table].add(
+                        &map.interreflection,
+                        from,
+                        seconds * light,
+                        here,
+                    );
                 }
             });
         }
     }
 
-    /// Goes through the pixels from `first` on by those that are exposed alike.
+    /// Splits the pixels from `first` on into ranges with the same exposure and calls `run` for each,
+    /// with its line, first pixel and electrons.
     fn by_line(
         &self,
         first: usize,
@@ -80,24 +84,24 @@ impl Schedule {
     fn line(&self, map: &GeometryBuffer, line: &Line, first: usize, electrons: &mut [f32]) {
         if let [part] = &self.when.parts[line.parts.clone()] {
             let table = &self.tables[part.table];
-            light::run(map, table, part.exposure, line.swing, first, electrons);
+            exposure::run(map, table, part.exposure, line.swing, first, electrons);
             return;
         }
         electrons.fill(0.0);
         let mut share = vec![0.0; electrons.len()];
         for part in &self.when.parts[line.parts.clone()] {
             let table = &self.tables[part.table];
-            light::run(map, table, part.exposure, None, first, &mut share);
+            exposure::run(map, table, part.exposure, None, first, &mut share);
             for (e, share) in electrons.iter_mut().zip(&share) {
                 *e += share;
             }
         }
         if let Some(swing) = line.swing {
-            light::add_flicker(map, swing, first, electrons);
+            exposure::add_flicker(map, swing, first, electrons);
         }
     }
 
-    /// Same for the mixed pixels in the range.
+    /// Computes the mean electrons of the mixed pixels in the range.
     fn mixed(&self, map: &GeometryBuffer, first: usize, electrons: &mut [f32]) {
         let end = first + electrons.len();
         let from = map.mixed.partition_point(|m| (m.pixel as usize) < first);
@@ -115,9 +119,9 @@ impl Schedule {
             let parts = &self.when.parts[line.parts.clone()];
             let steady = parts
                 .iter()
-                .map(|part| light::mixed(map, i, &self.tables[part.table], part.exposure))
+                .map(|part| exposure::mixed(map, i, &self.tables[part.table], part.exposure))
                 .sum();
-            *here += light::with_flicker(steady, line.swing, mixed.flickering);
+            *here += exposure::with_flicker(steady, line.swing, mixed.flickering);
             former = Some(pixel);
         }
     }

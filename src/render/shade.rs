@@ -1,8 +1,8 @@
 //! Shades sixteen samples at a time: the projector pixel whose light reaches each sample, and the
 //! amount of light. Structure of arrays in f64, so that loops vectorize.
 
+use super::exposure::{Defocus, Falloff, Flicker};
 use super::lamps::Lamp;
-use super::light::{Defocus, Falloff, Flicker};
 use super::skin::Skins;
 use super::world::{Hits, World};
 use super::{Plan, Term};
@@ -107,7 +107,8 @@ impl Optics {
         self.intensity_w_sr * 1e6 * cos / distance2
     }
 
-    /// Standard deviation of the projector's blur at a point in the rig's frame, in slide pixels.
+    /// Returns the standard deviation of the projector's blur, in projector pixels, at a point in the
+    /// rig's frame.
     pub(super) fn blur_px(&self, point: DVec3) -> f32 {
         self.defocus.sigma_px(point) as f32
     }
@@ -132,7 +133,7 @@ impl Optics {
         for lane in 0..LANES {
             if hits.is_hit(lane) {
                 albedo[lane] = world
-                    .looks
+                    .materials
                     .first_albedo(plan, world.object(hits.surface[lane]));
             }
         }

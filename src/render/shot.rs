@@ -1,7 +1,7 @@
 //! A shot: one exposure requested by the firmware.
 
 use crate::led::Emission;
-use crate::slide::Slide;
+use crate::pattern_image::PatternImage;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ pub struct Shot {
     /// Index of the pattern in the selected sequence; `None` when free-running.
     pub pattern_index: Option<u32>,
     /// Pattern shown by the projector; `None` if its light is off.
-    pub slide: Option<Arc<Slide>>,
+    pub pattern_image: Option<Arc<PatternImage>>,
     /// Projector light relative to full current, 0 to 1.
     pub light: f64,
     /// Later patterns, each with its start time, in time order. Requires
@@ -42,7 +42,7 @@ pub struct Showing {
     /// Start time in nanoseconds of device time.
     pub from_ns: u64,
     /// The pattern; `None` if the projector's light is off.
-    pub slide: Option<Arc<Slide>>,
+    pub pattern_image: Option<Arc<PatternImage>>,
     /// Light relative to full current, 0 to 1.
     pub light: f64,
 }
@@ -92,8 +92,8 @@ impl Shot {
     }
 
     /// Returns the interval of each pattern within an exposure that starts at `start_ns`: its index
-    /// (0 is `slide`, higher numbers refer to `then`) and nanoseconds of device time. There is at
-    /// least one interval, and none is empty unless the exposure is.
+    /// (0 is `pattern_image`, higher numbers refer to `then`) and nanoseconds of device time. There
+    /// is at least one interval, and none is empty unless the exposure is.
     pub fn seen(&self, start_ns: u64) -> impl Iterator<Item = (usize, Range<u64>)> {
         let end_ns = start_ns.saturating_add(self.exposure_ns);
         // A zero-length exposure sees the pattern shown at that instant.
@@ -117,7 +117,7 @@ mod tests {
     fn shot() -> Shot {
         let showing = |from_ns| Showing {
             from_ns,
-            slide: None,
+            pattern_image: None,
             light: 1.0,
         };
         Shot {

@@ -6,7 +6,7 @@ use phasmid_profile::Profile;
 use serde::Serialize;
 use std::fmt;
 
-/// The passes of a rendering, in order.
+/// The passes of rendering, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pass {
@@ -31,7 +31,7 @@ pub enum Term {
     CameraVignetting,
     /// The projector's light falls towards the edge of its field.
     ProjectorVignetting,
-    /// The projector is sharp at one distance: its slide is blurred over depth.
+    /// The projector is sharp at one distance: its pattern image is blurred over depth.
     ProjectorDefocus,
     /// Shadow rays: objects may shade each other or themselves.
     Shadows,
@@ -47,11 +47,11 @@ pub enum Term {
     Subsurface,
     /// Light that surfaces reflect onto each other: one diffuse bounce.
     Interreflection,
-    /// Footprints along x, over which slides that vary along x are averaged.
+    /// Footprints along x, over which pattern images that vary along x are averaged.
     FootprintX,
     /// Footprints along y.
     FootprintY,
-    /// The projector's light is a non-linear function of the slide's levels.
+    /// The projector's light is a non-linear function of the pattern image's levels.
     ProjectorResponse,
     /// The projector's black emits light.
     ContrastRatio,
@@ -124,7 +124,7 @@ impl Term {
         Self::CameraResponse,
     ];
 
-    /// The pass that computes it.
+    /// Returns the pass that computes the term.
     pub const fn pass(self) -> Pass {
         match self {
             Self::CameraDistortion
@@ -156,18 +156,18 @@ impl Term {
         }
     }
 
-    /// Why a term that profile and scene do not need is there.
+    /// Returns the reason for including a term that profile and scene do not require.
     pub(super) const fn why_added(self) -> &'static str {
         match self {
-            Self::FootprintX => "some slide varies along x",
-            Self::FootprintY => "some slide varies along y",
-            _ => "asked for",
+            Self::FootprintX => "some pattern varies along x",
+            Self::FootprintY => "some pattern varies along y",
+            _ => "requested",
         }
     }
 }
 
 impl Needs<'_> {
-    /// Whether profile and scene need a term, and why or why not.
+    /// Returns whether profile and scene require a term, and the reason.
     pub(super) fn decide(&self, term: Term) -> (bool, &'static str) {
         let choose = |needed, why, why_not| (needed, if needed { why } else { why_not });
         let sensor = &self.profile.camera.sensor;
@@ -202,7 +202,7 @@ impl Needs<'_> {
             ),
             Term::Shadows => choose(
                 self.world.casts_shadows(),
-                "some surface may stand in another's light",
+                "some surface may shadow another",
                 "one convex solid at most: it shades itself by facing away",
             ),
             Term::DepthOfField => choose(
@@ -211,12 +211,12 @@ impl Needs<'_> {
                 "camera.focus_mm is absent: all is in focus",
             ),
             Term::AlbedoMaps => choose(
-                self.world.looks.any_map(),
+                self.world.materials.any_map(),
                 "some object has vertex colours or a texture, or is a board",
                 "each object has one albedo",
             ),
             Term::Specular => choose(
-                self.world.looks.any_specular(),
+                self.world.materials.any_specular(),
                 "some object has a specular lobe",
                 "no object has a specular lobe",
             ),
@@ -238,16 +238,16 @@ impl Needs<'_> {
                     "one convex solid at most: it sees no other surface",
                 ),
             },
-            Term::FootprintX => (false, "no slide varies along x"),
-            Term::FootprintY => (false, "no slide varies along y"),
+            Term::FootprintX => (false, "no pattern varies along x"),
+            Term::FootprintY => (false, "no pattern varies along y"),
             Term::ProjectorResponse => choose(
                 self.profile
                     .projector
                     .response
                     .as_ref()
                     .is_some_and(|response| !response.is_straight()),
-                "projector.response is not straight",
-                "projector.response is absent or straight: light follows the levels",
+                "projector.response is not linear",
+                "projector.response is absent or linear: light follows the levels",
             ),
             Term::ContrastRatio => choose(
                 self.profile.projector.contrast_ratio.is_some(),
@@ -296,7 +296,7 @@ impl Needs<'_> {
             ),
             Term::CameraResponse => choose(
                 sensor.response.is_bent(),
-                "camera.sensor.response is bent",
+                "camera.sensor.response is not linear",
                 "camera.sensor.response is linear",
             ),
             Term::Noise => choose(

@@ -7,19 +7,19 @@
 //! light is the same, so its duration is merged into the pattern's with the projector light reduced
 //! accordingly.
 
-use super::light::Flicker;
+use super::exposure::Flicker;
 use super::{Plan, Term};
 use crate::shot::Shot;
 use std::ops::Range;
 
-/// Slides of a shot that each pixel sees, and for how long.
+/// Pattern images of a shot that each pixel sees, and for how long.
 pub(super) struct Timetable {
     /// Number of pixels with the same exposure: one row, or all.
     pub(super) width: usize,
     pub(super) lines: Vec<Line>,
     pub(super) parts: Vec<Part>,
-    /// Visible slides by their index in the shot: 0 is the shot's own slide, higher numbers are the
-    /// slides that follow.
+    /// Visible pattern images by their index in the shot: 0 is the shot's own pattern image, higher
+    /// numbers are the pattern images that follow.
     pub(super) places: Vec<usize>,
 }
 
@@ -31,16 +31,16 @@ pub(super) struct Line {
     pub(super) swing: Option<f32>,
 }
 
-/// Share of one slide in the exposure of a line.
+/// Share of one pattern image in the exposure of a line.
 pub(super) struct Part {
-    /// Index into the visible slides.
+    /// Index into the visible pattern images.
     pub(super) table: usize,
-    /// Display time in seconds, and the projector's light relative to full.
+    /// Time in seconds that it is seen, and the projector's light relative to full.
     pub(super) exposure: [f32; 2],
 }
 
-/// Index of a slide in the shot, the time in nanoseconds that it is seen, and its mean light during
-/// that time.
+/// Index of a pattern image in the shot, the time in nanoseconds that it is seen, and its mean
+/// light during that time.
 type Share = (usize, u64, f64);
 
 impl Timetable {
@@ -91,7 +91,7 @@ impl Timetable {
         when
     }
 
-    /// Returns the index, among the visible slides, of a slide of the shot.
+    /// Returns the index, among the visible pattern images, of a pattern image of the shot.
     fn table(&mut self, place: usize) -> usize {
         let known = self.places.iter().position(|p| *p == place);
         known.unwrap_or_else(|| {
@@ -101,7 +101,7 @@ impl Timetable {
     }
 }
 
-/// Returns what a row sees whose exposure starts at `start_ns`.
+/// Returns the pattern images seen by a row whose exposure starts at `start_ns`.
 fn shares(shot: &Shot, plan: &Plan, start_ns: u64) -> Vec<Share> {
     let timed = plan.has(Term::PatternTiming);
     if !timed && !plan.has(Term::RollingShutter) {
@@ -109,7 +109,9 @@ fn shares(shot: &Shot, plan: &Plan, start_ns: u64) -> Vec<Share> {
     }
     let seen = shot.seen(start_ns).map(|(place, time)| {
         let light = match &shot.emission {
-            Some(emission) if timed && slide(shot, place) => emission.mean(time.start, time.end),
+            Some(emission) if timed && pattern_image(shot, place) => {
+                emission.mean(time.start, time.end)
+            }
             _ => light(shot, place),
         };
         (place, time.end - time.start, light)
@@ -120,17 +122,17 @@ fn shares(shot: &Shot, plan: &Plan, start_ns: u64) -> Vec<Share> {
     }
 }
 
-/// Returns whether the shot has a slide at an index.
-fn slide(shot: &Shot, place: usize) -> bool {
+/// Returns whether the shot has a pattern image at an index.
+fn pattern_image(shot: &Shot, place: usize) -> bool {
     match place {
-        0 => shot.slide.is_some(),
-        _ => shot.then[place - 1].slide.is_some(),
+        0 => shot.pattern_image.is_some(),
+        _ => shot.then[place - 1].pattern_image.is_some(),
     }
 }
 
-/// Returns the light at an index of the shot.
+/// Returns the projector's light at an index of the shot, relative to full current.
 fn light(shot: &Shot, place: usize) -> f64 {
-    match (slide(shot, place), place) {
+    match (pattern_image(shot, place), place) {
         (false, _) => 0.0,
         (true, 0) => shot.light,
         (true, _) => shot.then[place - 1].light,
@@ -158,7 +160,7 @@ fn without_darkness(mut shares: Vec<Share>) -> Vec<Share> {
 mod tests {
     use super::*;
     use crate::led::{Model, Source};
-    use crate::{shot::Showing, slide::Slide};
+    use crate::{pattern_image::PatternImage, shot::Showing};
     use phasmid_profile::{Droop, Led};
     use std::sync::Arc;
 
@@ -170,8 +172,8 @@ mod tests {
         plan
     }
 
-    fn white(lit: bool) -> Option<Arc<Slide>> {
-        lit.then(|| Arc::new(Slide::Uniform(255)))
+    fn white(lit: bool) -> Option<Arc<PatternImage>> {
+        lit.then(|| Arc::new(PatternImage::Uniform(255)))
     }
 
     /// Dark for 2 ms, a pattern for 5 ms, dark, and from 8 ms on as `again` selects; exposed for 10
@@ -179,7 +181,7 @@ mod tests {
     fn shot(again: bool) -> Shot {
         let show = |from_ms, lit| Showing {
             from_ns: from_ms * MS,
-            slide: white(lit),
+            pattern_image: white(lit),
             light: 0.8,
         };
         Shot {
@@ -208,12 +210,12 @@ mod tests {
         );
         let twice = (vec![1, 3], vec![(0, 0.008, 0.5), (1, 0.002, 0.8)]);
         assert_eq!(table(&shot(true), &timed), twice);
-        // Darkness alone takes one pass, and so does a single slide, unchanged.
+        // Darkness alone takes one pass, and so does a single pattern image, unchanged.
         let mut dark = shot(false);
-        dark.then[0].slide = None;
+        dark.then[0].pattern_image = None;
         assert_eq!(table(&dark, &timed), (vec![0], vec![(0, 0.010, 0.0)]));
         let single = Shot {
-            slide: white(true),
+            pattern_image: white(true),
             then: Vec::new(),
             ..shot(false)
         };

@@ -1,14 +1,17 @@
 //! A scene prepared for ray casting at one instant: closed-form solids, all static meshes in one
 //! hierarchy in the rig's frame, and each moving mesh in its own.
+//!
+//! `build` creates it from a scene, `moving` bounds the motion between two states, `leaving` casts
+//! rays from surface to surface, and `extent` computes the size of the scene.
 
 mod build;
 mod extent;
 mod leaving;
 mod moving;
 
-use super::body::Body;
-use super::look::{Looks, Spot};
-use super::path::{Part, Path, State};
+use super::animation::{Animation, Part, State};
+use super::instance::Instance;
+use super::material::{Materials, Spot};
 use super::shade::Wide;
 use super::tree::{Here, Points, Tree};
 use glam::DVec3;
@@ -83,7 +86,7 @@ impl Hits {
         self.surface[lane] = surface;
     }
 
-    /// Replaces hits by those of `other` where they are nearer.
+    /// Replaces each hit by the hit of `other` if that is nearer.
     fn take_nearer(&mut self, other: &Self) {
         for lane in 0..LANES {
             if other.t[lane] < self.t[lane] {
@@ -103,7 +106,7 @@ pub(super) struct Placed {
     rig_from_solid: Pose,
     pub(super) solid_from_rig: Pose,
     pub(super) object: u16,
-    /// The camera is inside the solid and sees its inner wall, which the outer wall shades.
+    /// Whether the camera is inside the solid and sees its inner wall, which the outer wall shades.
     pub(super) around_camera: bool,
 }
 
@@ -127,10 +130,10 @@ struct Fixed {
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     bvh: Bvh,
-    /// Object of each triangle; triangles of moving meshes follow those of static ones.
+    /// Object of each triangle; triangles of moving meshes follow the triangles of static meshes.
     owner: Vec<u16>,
     /// Moving objects, in order.
-    paths: Vec<Path>,
+    paths: Vec<Animation>,
 }
 
 /// All surfaces at one instant.
@@ -139,9 +142,9 @@ pub(super) struct World {
     fixed: Arc<Fixed>,
     pub(super) solids: Vec<Placed>,
     /// Moving meshes.
-    pub(super) bodies: Vec<Body>,
+    pub(super) instances: Vec<Instance>,
     /// Materials of the objects' surfaces.
-    pub(super) looks: Arc<Looks>,
+    pub(super) materials: Arc<Materials>,
 }
 
 impl World {
@@ -171,7 +174,10 @@ impl World {
 
     /// Returns the number of triangles in deforming meshes.
     pub(super) fn deforming_triangles(&self) -> usize {
-        self.bodies.iter().map(Body::deforming_triangles).sum()
+        self.instances
+            .iter()
+            .map(Instance::deforming_triangles)
+            .sum()
     }
 
     /// Returns the state of all moving objects at a device time in nanoseconds.
@@ -188,8 +194,8 @@ impl World {
     /// Applies the poses and shapes of a state.
     pub(super) fn set(&mut self, state: &State) {
         for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
-            if let (Part::Body(i), Some(blend)) = (path.part, placement.blend) {
-                self.bodies[i].deform(blend);
+            if let (Part::Instance(i), Some(blend)) = (path.part, placement.blend) {
+                self.instances[i].deform(blend);
             }
         }
         self.carry(state);
@@ -199,7 +205,7 @@ impl World {
     pub(super) fn carry(&mut self, state: &State) {
         for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
             match path.part {
-                Part::Body(i) => self.bodies[i].carry(placement.rig_from_object),
+                Part::Instance(i) => self.instances[i].carry(placement.rig_from_object),
                 Part::Solid(i) => {
                     let Placed { solid, object, .. } = self.solids[i];
                     self.solids[i] = Placed::new(solid, placement.rig_from_object, object);
@@ -237,35 +243,35 @@ impl World {
     pub(super) fn corners(&self, surface: Surface) -> Option<[DVec3; 3]> {
         match self.fixed.triangles.get(surface.0 as usize) {
             Some(triangle) => Some(triangle.map(|i| self.fixed.vertices[i as usize])),
-            None => Some(self.body(surface)?.corners(surface)),
+            None => Some(self.instance(surface)?.corners(surface)),
         }
     }
 
     /// Returns the moving mesh that a surface belongs to.
-    fn body(&self, surface: Surface) -> Option<&Body> {
-        let after = self.bodies.partition_point(|b| b.first() <= surface.0);
-        let body = self.bodies.get(after.checked_sub(1)?)?;
-        body.holds(surface).then_some(body)
+    fn instance(&self, surface: Surface) -> Option<&Instance> {
+        let after = self.instances.partition_point(|b| b.first() <= surface.0);
+        let instance = self.instances.get(after.checked_sub(1)?)?;
+        instance.holds(surface).then_some(instance)
     }
 
     /// Returns the moving mesh of an object; `None` if it is not a moving mesh.
-    pub(super) fn body_of(&self, object: u16) -> Option<&Body> {
-        let is_its = |body: &&Body| self.object(Surface(body.first())) == object;
-        self.bodies.iter().find(is_its)
+    pub(super) fn instance_of(&self, object: u16) -> Option<&Instance> {
+        let is_its = |instance: &&Instance| self.object(Surface(instance.first())) == object;
+        self.instances.iter().find(is_its)
     }
 
     /// Transforms smooth corner normals of a triangle from rest to its current state.
     pub(super) fn smooth(&self, surface: Surface, rest: [DVec3; 3]) -> [DVec3; 3] {
-        match self.body(surface) {
-            Some(body) => body.smooth(surface, rest),
+        match self.instance(surface) {
+            Some(instance) => instance.smooth(surface, rest),
             None => rest,
         }
     }
 
     /// Maps a spot on a surface to its rest position, where materials are defined.
     pub(super) fn at_rest(&self, surface: Surface, spot: Spot) -> Spot {
-        if let Some(body) = self.body(surface) {
-            return body.at_rest(surface, spot);
+        if let Some(instance) = self.instance(surface) {
+            return instance.at_rest(surface, spot);
         }
         let object = self.object(surface);
         let paths = &self.fixed.paths;
@@ -308,8 +314,8 @@ impl World {
             Some(tree) => tree.nearest(origin, directions, &ends, scratch),
             None => Hits::none(),
         };
-        for body in &self.bodies {
-            let found = body.tree().nearest(origin, directions, &ends, scratch);
+        for instance in &self.instances {
+            let found = instance.tree().nearest(origin, directions, &ends, scratch);
             hits.take_nearer(&found);
         }
         for (i, placed) in self.solids.iter().enumerate() {
@@ -342,8 +348,10 @@ impl World {
         if let Some(tree) = self.still() {
             tree.blocked(pupil, points, &mut blocked, scratch);
         }
-        for body in &self.bodies {
-            body.tree().blocked(pupil, points, &mut blocked, scratch);
+        for instance in &self.instances {
+            instance
+                .tree()
+                .blocked(pupil, points, &mut blocked, scratch);
         }
         self.solids_between(points, &mut blocked, |placed, point| {
             let origin = placed.solid_from_rig.point(pupil);
@@ -385,8 +393,8 @@ impl World {
         if let Some(tree) = self.still() {
             tree.blocked_along(towards, points, &mut blocked, scratch);
         }
-        for body in &self.bodies {
-            let tree = body.tree();
+        for instance in &self.instances {
+            let tree = instance.tree();
             tree.blocked_along(towards, points, &mut blocked, scratch);
         }
         self.solids_between(points, &mut blocked, |placed, point| {

@@ -4,8 +4,8 @@
 //! Rigid motion is exact for each row. A deforming mesh takes one of a few shapes, spread over the
 //! time from the first row to the last.
 
+use super::animation::State;
 use super::geometry::TILE;
-use super::path::State;
 use super::world::World;
 use crate::shot::Shutter;
 use std::borrow::Cow;

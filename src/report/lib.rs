@@ -3,7 +3,7 @@
 //! | module | contents |
 //! | --- | --- |
 //! | `plot` | plots as SVG |
-//! | `picture` | maps as images with a colour scale, and shaded relief |
+//! | `map_image` | maps as images with a colour scale, and shaded relief |
 //! | `colour`, `font` | colour scales and a bitmap font for these images |
 //! | `lab` | the framework of the studies |
 //! | `stopwatch`, `spread` | measured times and their quartiles |
@@ -11,7 +11,7 @@
 mod colour;
 pub mod font;
 pub mod lab;
-pub mod picture;
+pub mod map_image;
 pub mod plot;
 pub mod spread;
 pub mod stopwatch;

@@ -70,8 +70,8 @@ fn moved(field: &Field, mesh: &Mesh, room: &Pose) -> Result<Vec<Vec3>> {
         let found = field.at(*v).ok_or_else(|| {
             Error::input(
                 "displacement field",
-                format!("nothing at {v}"),
-                "a field over all of skin and tumour",
+                format!("no displacement at {v}"),
+                "a field that covers skin and tumour",
             )
         })?;
         Ok(room.direction(found).as_vec3())

@@ -49,7 +49,7 @@ impl Sight {
     ) -> Result<Option<String>> {
         if captured.calibration.is_none() {
             return Err(Error::device(format!(
-                "{}: the device has no calibration to give",
+                "{}: the device provides no calibration",
                 self.name
             )));
         }

@@ -19,7 +19,7 @@ pub enum Warning {
     /// The iterations ended without convergence.
     NotConverged {
         /// Size of the last step: RMS displacement in millimetres, or, in the motion fit, the largest
-        /// unknown.
+        /// unknown (standard deviations, mm or rad).
         step_mm: f64,
     },
     /// Points differ from the surface by more than their noise allows.
@@ -58,14 +58,18 @@ impl fmt::Display for Warning {
                     write!(f, " (it is shaped like {shape})")?;
                 }
                 if deviation_mm.is_finite() {
-                    write!(f, "; expected deviation {deviation_mm:.2} mm")?;
+                    write!(f, "; expected standard deviation {deviation_mm:.2} mm")?;
                 } else {
-                    write!(f, "; nothing is known of them")?;
+                    write!(f, "; the surface gives no information on them")?;
                 }
                 write!(f, ", allowed: {tolerance_mm} mm")
             }
             Self::NotConverged { step_mm } => {
-                write!(f, "not converged: the last step moved {step_mm:.3} mm")
+                write!(
+                    f,
+                    "not converged: size of the last step {step_mm:.3} (RMS in mm; in a motion fit, \
+                     the largest unknown in standard deviations, mm or rad)"
+                )
             }
             Self::Misfit { factor } => write!(
                 f,
@@ -82,7 +86,7 @@ impl fmt::Display for Warning {
             ),
             Self::OutsideModel { deviations } => write!(
                 f,
-                "the motion is {deviations:.1} deviations away from what planning has seen"
+                "the motion is {deviations:.1} standard deviations from what planning has seen"
             ),
         }
     }

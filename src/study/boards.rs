@@ -1,7 +1,7 @@
 //! Calibration boards before a device within the process: what a calibration keeps of each.
 
 use super::scanned::{Levels, Scanned, Stage};
-use phasmid_calibrate::board::Picture;
+use phasmid_calibrate::board::BoardImage;
 use phasmid_calibrate::rig::{PoseData, sight};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Decoder, FrameStack, Options};
@@ -13,8 +13,8 @@ use phasmid_render as render;
 const PAPER: f64 = 0.45;
 const INK: f64 = 0.06;
 
-/// A board in one pose before a device whose first sequence tells both axes: what a calibration keeps of
-/// it, or why it was not found.
+/// A board in one pose before a device whose first sequence tells both axes: what a calibration
+/// keeps of it, or why it was not found.
 ///
 /// # Errors
 /// A profile that cannot be rendered or whose sequence cannot be decoded.
@@ -66,6 +66,6 @@ pub fn seen_in(
         ..Options::default()
     };
     let decoded = Decoder::new(manifest, *width, *height, None, options)?.decode(&stack)?;
-    let picture = Picture::from_frames(manifest, &stack, &noise)?;
+    let picture = BoardImage::from_frames(manifest, &stack, &noise)?;
     Ok(sight(board, name, &picture, &decoded).map_err(|why| why.to_string()))
 }

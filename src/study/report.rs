@@ -3,16 +3,16 @@
 use super::score::{Score, depth_errors};
 use image::{GrayImage, Rgb, RgbImage};
 use phasmid_core::error::Result;
-use phasmid_core::new_file::replace_picture;
+use phasmid_core::new_file::replace_image;
 use phasmid_decode::Decoded;
 use phasmid_geometry::Rig;
 use phasmid_render::truth::Truth;
-use phasmid_report::picture;
+use phasmid_report::map_image;
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
 
-/// The pictures that [`write_pictures`] makes.
+/// The pictures that [`write_images`] makes.
 pub const PICTURES: [&str; 3] = ["depth.png", "error.png", "overview.png"];
 
 /// The figures of a demo, as `summary.json` holds them.
@@ -113,7 +113,7 @@ fn cell(value: f64, digits: usize, unit: &str) -> String {
 ///
 /// # Errors
 /// What the system refuses.
-pub fn write_pictures(
+pub fn write_images(
     folder: &Path,
     frame: &GrayImage,
     decoded: &Decoded,
@@ -122,10 +122,16 @@ pub fn write_pictures(
 ) -> Result<()> {
     let (width, height) = (decoded.width as u32, decoded.height as u32);
     let maps = Maps::new(decoded, truth, rig);
-    let depth =
-        picture::colour_mapped_relief(width, height, &decoded.depth, &maps.shade, maps.range, "mm");
+    let depth = map_image::colour_mapped_relief(
+        width,
+        height,
+        &decoded.depth,
+        &maps.shade,
+        maps.range,
+        "mm",
+    );
     save(&depth, &folder.join(PICTURES[0]))?;
-    let error = picture::diverging(width, height, &maps.errors, maps.limit, "mm");
+    let error = map_image::diverging(width, height, &maps.errors, maps.limit, "mm");
     save(&error, &folder.join(PICTURES[1]))?;
     let overview = maps.overview(frame, decoded);
     save(&overview, &folder.join(PICTURES[2]))
@@ -152,7 +158,7 @@ impl Maps {
         let errors = depth_errors(decoded, truth);
         let sizes: Vec<f32> = errors.iter().map(|e| e.abs()).collect();
         Self {
-            shade: picture::shades(width, height, &decoded.depth, focal),
+            shade: map_image::shades(width, height, &decoded.depth, focal),
             range: quantiles(&decoded.depth, 0.001, 0.999).unwrap_or((0.0, 1.0)),
             errors,
             // Four out of a hundred go beyond the scale's end, so that the rest is told apart.
@@ -165,7 +171,7 @@ impl Maps {
         let area = Area::around(&decoded.depth, width, height);
         let wide = (area.width * ZOOM, area.height * ZOOM);
         let enlarged = |values: &[f32]| area.enlarge(&area.cut(values));
-        let depth = picture::colour_mapped_relief(
+        let depth = map_image::colour_mapped_relief(
             wide.0,
             wide.1,
             &enlarged(&decoded.depth),
@@ -174,7 +180,7 @@ impl Maps {
             "mm",
         );
         let errors = enlarged(&self.errors);
-        let error = picture::diverging(wide.0, wide.1, &errors, self.limit, "mm");
+        let error = map_image::diverging(wide.0, wide.1, &errors, self.limit, "mm");
         stack(&[area.frame(frame), depth, error])
     }
 }
@@ -253,7 +259,7 @@ fn stack(pictures: &[RgbImage]) -> RgbImage {
 }
 
 fn save(picture: &RgbImage, path: &Path) -> Result<()> {
-    replace_picture(path, |out| picture.write_to(out, image::ImageFormat::Png))
+    replace_image(path, |out| picture.write_to(out, image::ImageFormat::Png))
 }
 
 /// Two quantiles of the finite values; `None` without any.

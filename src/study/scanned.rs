@@ -74,7 +74,11 @@ impl Stage {
     ) -> Result<Self> {
         let shots = Firmware::new(profile, &[])?.selected_sequence();
         let mut renderer = Renderer::with_options(profile, scene, seed, options)?;
-        renderer.expect_slides(shots.iter().filter_map(|(_, shot)| shot.slide.as_deref()));
+        renderer.expect_pattern_images(
+            shots
+                .iter()
+                .filter_map(|(_, shot)| shot.pattern_image.as_deref()),
+        );
         Ok(Self {
             profile: profile.clone(),
             renderer,
@@ -186,7 +190,8 @@ mod tests {
         let mut stage = Stage::new(&profile, &scene, 1, render::Options::default()).unwrap();
         let [first, second] = [0, 1].map(|turn| stage.scan(turn));
         assert_ne!(first.frames, second.frames, "noise of its own");
-        // Four steps leave the image of the held pixels in the phase, which the bound does not have.
+        // Four steps leave the image of the held pixels in the phase, which the bound does not
+        // have.
         let truth = stage.truth();
         for scanned in [first, second] {
             let (_, score) = scanned.scored(&truth).unwrap();

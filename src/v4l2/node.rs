@@ -15,7 +15,8 @@ use v4l::v4l2::vidioc;
 /// Driver name of v4l2loopback.
 pub const LOOPBACK_DRIVER: &str = "v4l2 loopback";
 /// Explanation of a node for which [`Node::is_forgotten`] holds.
-pub const FORGOTTEN: &str = "it has neither a capture nor an output side since a program that used write(), as ffmpeg does, has left it";
+pub const FORGOTTEN: &str = "it has neither a capture nor an output side, because a program that \
+                             used write(), such as ffmpeg, has closed it";
 /// Command that reloads v4l2loopback, which restores lost sides.
 pub const RELOAD: &str = "sudo modprobe -r v4l2loopback && sudo modprobe v4l2loopback";
 

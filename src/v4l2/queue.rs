@@ -122,7 +122,7 @@ impl Queue {
         let len = buffer.length as usize;
         if len == 0 || len > MAX_BUFFER_BYTES {
             return Err(io::Error::other(format!(
-                "buffers of {len} bytes, at most {MAX_BUFFER_BYTES} are mapped"
+                "buffers of {len} bytes, expected 1 to {MAX_BUFFER_BYTES}"
             )));
         }
         let offset = offset(buffer);
@@ -257,10 +257,12 @@ impl CaptureQueue {
             Err(e) if e.kind() == io::ErrorKind::WouldBlock => return Ok(None),
             buffer => buffer?,
         };
-        let mapping = queue
-            .mappings
-            .get(buffer.index as usize)
-            .ok_or_else(|| io::Error::other(format!("the driver gave buffer {}", buffer.index)))?;
+        let mapping = queue.mappings.get(buffer.index as usize).ok_or_else(|| {
+            io::Error::other(format!(
+                "the driver returned unknown buffer {}",
+                buffer.index
+            ))
+        })?;
         let used = (buffer.bytesused as usize).min(mapping.len).min(limit);
         bytes.clear();
         bytes.reserve(used);

@@ -17,8 +17,8 @@ use std::time::Instant;
 
 fn main() {
     let folder = tempfile::tempdir().expect("a scratch folder");
-    let picture = checks().expect("a picture of 512 pixels");
-    std::fs::write(folder.path().join(CHECKS), picture).expect("a scratch folder");
+    let image = checks().expect("a picture of 512 pixels");
+    std::fs::write(folder.path().join(CHECKS), image).expect("a scratch folder");
     let begin = Instant::now();
     let clock = || begin.elapsed();
     let watch = Stopwatch::new(&clock);
@@ -128,7 +128,11 @@ fn shots(profile: &Profile) -> Vec<Shot> {
 
 fn renderer(profile: &Profile, scene: &Scene, shots: &[Shot]) -> Renderer {
     let mut renderer = Renderer::new(profile, scene, 1).expect("sound");
-    renderer.expect_slides(shots.iter().filter_map(|shot| shot.slide.as_deref()));
+    renderer.expect_pattern_images(
+        shots
+            .iter()
+            .filter_map(|shot| shot.pattern_image.as_deref()),
+    );
     renderer
 }
 

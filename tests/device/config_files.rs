@@ -355,7 +355,7 @@ fn impossible_scenes_are_refused_with_line_and_range() {
             vec![
                 "motion.keyframes[1].time_s",
                 "1 after 1",
-                "ascend by 1e-6 s",
+                "1e-6 s or more apart",
             ],
         ),
         (

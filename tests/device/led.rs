@@ -3,7 +3,7 @@
 
 use phasmid::emulator::led::{Model, Source};
 use phasmid::emulator::render::{Renderer, Term};
-use phasmid::emulator::{Bench, Firmware, MemorySink, Shot, Showing, Shutter, Slide};
+use phasmid::emulator::{Bench, Firmware, MemorySink, PatternImage, Shot, Showing, Shutter};
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Droop, Led, Profile, Scene};
 use phasmid::protocol::Frame;
@@ -37,13 +37,13 @@ fn small(source: Option<Led>) -> Profile {
     profile
 }
 
-fn fringe(profile: &Profile, axis: Axis) -> Arc<Slide> {
+fn fringe(profile: &Profile, axis: Axis) -> Arc<PatternImage> {
     let pattern = Pattern::Fringe {
         axis,
         period_px: 24.0,
         phase_rad: 0.4,
     };
-    Arc::new(Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
+    Arc::new(PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
 /// Signal of a plane lit by white in some rows, relative to full light.
@@ -71,9 +71,9 @@ fn a_frame_is_the_mean_of_what_is_shown_while_it_lasts() {
     let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
     assert!(renderer.plan().has(Term::PatternTiming));
     let start_ns = 7_000 * MS;
-    let show = |at_ms, slide, light| Showing {
+    let show = |at_ms, pattern_image, light| Showing {
         from_ns: start_ns + at_ms * MS,
-        slide,
+        pattern_image,
         light,
     };
     let [x, y] = [Axis::X, Axis::Y].map(|axis| fringe(&profile, axis));
@@ -90,9 +90,9 @@ fn a_frame_is_the_mean_of_what_is_shown_while_it_lasts() {
         ..Shot::default()
     };
     let found = renderer.expected_dn(&shot);
-    let mut alone = |slide: Option<&Arc<Slide>>, light| {
+    let mut alone = |pattern_image: Option<&Arc<PatternImage>>, light| {
         renderer.expected_dn(&Shot {
-            slide: slide.cloned(),
+            pattern_image: pattern_image.cloned(),
             light,
             then: Vec::new(),
             ..shot.clone()
@@ -116,7 +116,7 @@ fn a_frame_is_the_mean_of_what_is_shown_while_it_lasts() {
         ..shot.clone()
     };
     assert!(renderer.expected_dn(&later) == parts[0].1);
-    // With the term disabled, only the first slide is seen.
+    // With the term disabled, only the first pattern image is seen.
     renderer.force(Term::PatternTiming, false);
     assert!(renderer.expected_dn(&shot) == parts[0].1);
 }
@@ -133,7 +133,7 @@ fn frames_see_the_source_rise_and_fade() {
     let emission = driven.emission(0);
     for (start_ms, line_time_ns) in [(8, 0), (11, 0), (8, 100_000), (5000, 100_000)] {
         let shot = Shot {
-            slide: Some(Arc::new(Slide::Uniform(255))),
+            pattern_image: Some(Arc::new(PatternImage::Uniform(255))),
             light: 1.0,
             emission: Some(emission.clone()),
             start_ns: start_ms * MS,

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use phasmid::decode::{Decoder, FrameStack, Options, Samples};
 use phasmid::emulator::render::reference::Reference;
 use phasmid::emulator::render::{Renderer, Term};
-use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::pattern::{Axis, Manifest, Pattern};
 use phasmid::profile::{Focus, Profile, Response, Scene, Vignetting};
 use rayon::prelude::*;
@@ -24,8 +24,8 @@ fn wall(z_mm: f64, ambient: f64) -> Scene {
     Scene::parse(&text, "wall").unwrap()
 }
 
-fn slide(pattern: &Pattern, profile: &Profile) -> Arc<Slide> {
-    Arc::new(Slide::new(pattern, &profile.projector, &|_| unreachable!()).unwrap())
+fn pattern_image(pattern: &Pattern, profile: &Profile) -> Arc<PatternImage> {
+    Arc::new(PatternImage::new(pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
 fn fringe(axis: Axis, period_px: f64, phase_rad: f64) -> Pattern {
@@ -36,11 +36,11 @@ fn fringe(axis: Axis, period_px: f64, phase_rad: f64) -> Pattern {
     }
 }
 
-fn shot(slide: &Arc<Slide>) -> Shot {
+fn shot(pattern_image: &Arc<PatternImage>) -> Shot {
     Shot {
         id: 1,
         noise_id: 1,
-        slide: Some(slide.clone()),
+        pattern_image: Some(pattern_image.clone()),
         light: 0.4,
         exposure_ns: 8_000_000,
         ..Shot::default()
@@ -106,10 +106,10 @@ fn each_term_agrees_with_the_reference_path() {
             let reference = Reference::new(profile, &scene).unwrap();
             let mut renderer = Renderer::new(profile, &scene, 1).unwrap();
             for pattern in [gray.clone(), fringe(Axis::X, 9.2, 0.7), Pattern::Black {}] {
-                let slide = slide(&pattern, profile);
+                let pattern_image = pattern_image(&pattern, profile);
                 let fast = renderer.expected_dn(&Shot {
                     light: 1.0,
-                    ..shot(&slide)
+                    ..shot(&pattern_image)
                 });
                 let truth = renderer.truth(&[]);
                 // Sixteen samples may miss an edge that cuts off a corner.
@@ -128,7 +128,7 @@ fn each_term_agrees_with_the_reference_path() {
                     .map(|&i| {
                         let width = truth.width as usize;
                         let px = DVec2::new((i % width) as f64, (i / width) as f64);
-                        let slow = reference.signal_dn(px, &slide, 0.008, rays);
+                        let slow = reference.signal_dn(px, &pattern_image, 0.008, rays);
                         (f64::from(fast[i]) - slow).abs()
                     })
                     .reduce(|| 0.0, f64::max);
@@ -151,13 +151,13 @@ fn levels_are_those_of_exact_clipping_down_to_pixels_wider_than_a_period() {
         // Both see the wall perpendicularly: every pixel's footprint is a box of this width.
         let width = projector.focal_px.x / camera.focal_px.x;
         let black = profile.camera.sensor.black_level_dn;
-        let white = renderer.expected_dn(&shot(&slide(&Pattern::White {}, &profile)));
+        let white = renderer.expected_dn(&shot(&pattern_image(&Pattern::White {}, &profile)));
         for pixels in [0.7, 1.3, 2.1, 3.68, 40.0] {
             let pattern = fringe(Axis::X, pixels * width, 0.4);
             let row = pattern.quantised_row(1920, 8).unwrap();
-            let slide = slide(&pattern, &profile);
-            let signal = renderer.expected_dn(&shot(&slide));
-            let truth = renderer.truth(&[(pattern, shot(&slide))]);
+            let pattern_image = pattern_image(&pattern, &profile);
+            let signal = renderer.expected_dn(&shot(&pattern_image));
+            let truth = renderer.truth(&[(pattern, shot(&pattern_image))]);
             let (mut compared, mut worst) = (0, 0.0f64);
             for i in 0..signal.len() {
                 let lit = Truth::LIT | Truth::CREASE;
@@ -198,7 +198,7 @@ fn natural_vignetting_is_the_fourth_power_of_the_cosine() {
     let signal = |profile: &Profile, scene: &Scene, pattern: &Pattern| {
         let mut renderer = Renderer::new(profile, scene, 1).unwrap();
         let black = profile.camera.sensor.black_level_dn as f32;
-        let mut dn = renderer.expected_dn(&shot(&slide(pattern, profile)));
+        let mut dn = renderer.expected_dn(&shot(&pattern_image(pattern, profile)));
         dn.iter_mut().for_each(|dn| *dn -= black);
         (dn, renderer.truth(&[]))
     };
@@ -249,8 +249,8 @@ fn a_fringe_off_the_focus_has_the_contrast_of_the_closed_form() {
         let sequence: Vec<_> = (0..4)
             .map(|i| {
                 let pattern = fringe(Axis::X, period, f64::from(i) * std::f64::consts::FRAC_PI_2);
-                let slide = slide(&pattern, profile);
-                (pattern, shot(&slide))
+                let pattern_image = pattern_image(&pattern, profile);
+                (pattern, shot(&pattern_image))
             })
             .collect();
         let truth = renderer.truth(&sequence);
@@ -284,7 +284,7 @@ fn a_fringe_off_the_focus_has_the_contrast_of_the_closed_form() {
 fn defocus_leaves_a_sharp_plane_and_its_noise_to_the_byte() {
     let mut profile = bench();
     let scene = wall(1000.0, 0.1);
-    let pattern = slide(&fringe(Axis::X, 16.0, 0.0), &profile);
+    let pattern = pattern_image(&fringe(Axis::X, 16.0, 0.0), &profile);
     let sharp = Renderer::new(&profile, &scene, 3)
         .unwrap()
         .expose(&shot(&pattern));
@@ -360,7 +360,7 @@ fn fringes_finer_than_pixels_or_blur_are_unresolved_and_not_valid() {
         let shots: Vec<_> = (0..)
             .zip(&manifest.frame)
             .map(|(id, frame)| {
-                let mut shot = shot(&slide(&frame.pattern, &profile));
+                let mut shot = shot(&pattern_image(&frame.pattern, &profile));
                 (shot.id, shot.noise_id, shot.light) = (id, id, light);
                 (frame.pattern.clone(), shot)
             })

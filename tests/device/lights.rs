@@ -4,7 +4,7 @@ use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
 use phasmid::emulator::render::reference::Reference;
 use phasmid::emulator::render::{Options, Renderer, Term};
-use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::geometry::{Mesh, ply};
 use phasmid::profile::{Profile, Scene};
 use rayon::prelude::*;
@@ -174,7 +174,7 @@ fn lamps_agree_with_the_reference_path() {
     let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
     let flags = renderer.truth(&[]).flags;
     let found = renderer.expected_dn(&dark(0, 8_000_000));
-    let slide = Slide::Uniform(0);
+    let pattern_image = PatternImage::Uniform(0);
     let wanted = (0..found.len()).step_by(2531);
     let errors: Vec<f64> = wanted
         .filter(|&i| flags[i] & Truth::CREASE == 0)
@@ -182,7 +182,7 @@ fn lamps_agree_with_the_reference_path() {
         .into_par_iter()
         .map(|i| {
             let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
-            (reference.signal_dn(px, &slide, 8e-3, 24) - f64::from(found[i])).abs()
+            (reference.signal_dn(px, &pattern_image, 8e-3, 24) - f64::from(found[i])).abs()
         })
         .collect();
     let worst = errors.iter().copied().fold(0.0, f64::max);
@@ -227,7 +227,7 @@ fn lamps_are_seen_out_of_focus_and_dimmed_towards_the_edge() {
                 .into_par_iter()
                 .map(|i| {
                     let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
-                    let exact = reference.signal_dn(px, &Slide::Uniform(0), 8e-3, rays);
+                    let exact = reference.signal_dn(px, &PatternImage::Uniform(0), 8e-3, rays);
                     (exact - f64::from(found[i])).abs()
                 })
                 .reduce(|| 0.0, f64::max)

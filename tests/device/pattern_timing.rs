@@ -46,7 +46,7 @@ fn contradictions_are_refused_where_they_stand() {
             "[235.0, 700.0",
             "[0.0, 700.0",
             "projector.timing.min_exposure_us",
-            "more than 0",
+            "times above 0",
         ),
         ("4500.0, 8333.0]", "4500.0]", "", "8"),
         (
@@ -212,14 +212,14 @@ fn half_of_a_pattern_is_the_sum_of_the_bits_in_it() {
         let (part, all) = (white[i] - black[i], all_white[i] - black[i]);
         assert!((part - all / 2.0).abs() < 1e-3, "{part} of {all}");
     }
-    let fringe = whole[0].slide.clone().unwrap();
+    let fringe = whole[0].pattern_image.clone().unwrap();
     let mut expected = black.clone();
     for bit in 0..8 {
         let lasts_us = f64::from(1 << bit) / 255.0 * 8500.0;
         let begins_us = f64::from((1 << bit) - 1) / 255.0 * 8500.0;
         let share = ((begins_us + lasts_us).min(4250.0) - begins_us) / 4250.0;
         let plane = Shot {
-            slide: Some(Arc::new(fringe.plane(bit, 8))),
+            pattern_image: Some(Arc::new(fringe.plane(bit, 8))),
             then: Vec::new(),
             ..half[0].clone()
         };

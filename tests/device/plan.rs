@@ -78,7 +78,7 @@ fn the_table_says_the_same_and_mistakes_are_named() {
         "geometry",
         "camera.distortion is zero",
         "ns/px",
-        "some slide varies along x",
+        "some pattern varies along x",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }

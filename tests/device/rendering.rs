@@ -4,7 +4,7 @@
 use glam::DVec2;
 use phasmid::emulator::render::reference::Reference;
 use phasmid::emulator::render::{Renderer, Term};
-use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Profile, Scene};
 use rayon::prelude::*;
@@ -60,15 +60,15 @@ fn scenes() -> Vec<Scene> {
     scenes
 }
 
-fn slide(pattern: &Pattern, profile: &Profile) -> Arc<Slide> {
-    Arc::new(Slide::new(pattern, &profile.projector, &|_| unreachable!()).unwrap())
+fn pattern_image(pattern: &Pattern, profile: &Profile) -> Arc<PatternImage> {
+    Arc::new(PatternImage::new(pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
-fn shot(slide: &Arc<Slide>) -> Shot {
+fn shot(pattern_image: &Arc<PatternImage>) -> Shot {
     Shot {
         id: 1,
         noise_id: 1,
-        slide: Some(slide.clone()),
+        pattern_image: Some(pattern_image.clone()),
         light: 1.0,
         exposure_ns: 8_000_000,
         ..Shot::default()
@@ -91,7 +91,7 @@ fn projector_coordinates_light_and_sight_agree() {
                     continue;
                 }
                 let (u, v) = (i % truth.width as usize, i / truth.width as usize);
-                let found = reference.look(DVec2::new(u as f64, v as f64));
+                let found = reference.trace(DVec2::new(u as f64, v as f64));
                 let seen = truth.flags[i] & Truth::SEEN != 0;
                 assert_eq!(seen, found.is_some(), "{} ({u}, {v})", scene.name);
                 let Some(found) = found else { continue };
@@ -101,7 +101,7 @@ fn projector_coordinates_light_and_sight_agree() {
                     continue;
                 }
                 let px = DVec2::new(truth.projector_x[i].into(), truth.projector_y[i].into());
-                // Far outside of the slide, f32 coordinates have fewer significant digits.
+                // Far outside of the pattern image, f32 coordinates have fewer significant digits.
                 let bar = 1e-3 + found.projector_px.length().max(8192.0) * 6e-8 - 8192.0 * 6e-8;
                 let error = (px - found.projector_px).abs().max_element();
                 worst = worst.max(error.min(bar));
@@ -122,7 +122,7 @@ fn projector_coordinates_light_and_sight_agree() {
 fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
     let patterns = |profile: &Profile| {
         let fringe = |axis, period_px| {
-            slide(
+            pattern_image(
                 &Pattern::Fringe {
                     axis,
                     period_px,
@@ -132,7 +132,7 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
             )
         };
         let gray = |axis, bit| {
-            slide(
+            pattern_image(
                 &Pattern::Gray {
                     axis,
                     cell_px: 8.0,
@@ -143,7 +143,7 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                 profile,
             )
         };
-        let picture = Slide::Picture {
+        let image = PatternImage::Image {
             width: 1920,
             height: 1080,
             levels: (0..1920 * 1080u32)
@@ -151,14 +151,14 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                 .collect(),
         };
         [
-            slide(&Pattern::White {}, profile),
+            pattern_image(&Pattern::White {}, profile),
             fringe(Axis::X, 16.0),
             fringe(Axis::X, 7.3),
             fringe(Axis::Y, 20.0),
             gray(Axis::X, 0),
             gray(Axis::X, 6),
             gray(Axis::Y, 1),
-            Arc::new(picture),
+            Arc::new(image),
         ]
     };
     for distorted in [false, true] {
@@ -167,8 +167,8 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
             let reference = Reference::new(&profile, &scene).unwrap();
             let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
             let mesh = renderer.triangle_count() > 0;
-            for (k, slide) in patterns(&profile).iter().enumerate() {
-                let fast = renderer.expected_dn(&shot(slide));
+            for (k, pattern_image) in patterns(&profile).iter().enumerate() {
+                let fast = renderer.expected_dn(&shot(pattern_image));
                 let flags = renderer.truth(&[]).flags;
                 let flags_at = |i: usize| flags.get(i).copied().unwrap_or(0);
                 // Edges: mixed pixels, and the silhouette of spheres, where a pixel's footprint is
@@ -199,13 +199,13 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                 let error = |i: usize, rays| {
                     let (u, v) = (i % 1138, i / 1138);
                     let px = DVec2::new(u as f64, v as f64);
-                    (f64::from(fast[i]) - reference.signal_dn(px, slide, 8e-3, rays)).abs()
+                    (f64::from(fast[i]) - reference.signal_dn(px, pattern_image, 8e-3, rays)).abs()
                 };
                 let rays = if mesh { 512 } else { 2048 };
                 // Two-dimensional patterns are averaged over a rectangle instead of the
                 // parallelogram.
-                let picture = matches!(**slide, Slide::Picture { .. });
-                let bar = match (picture, scene.name.as_str()) {
+                let image = matches!(**pattern_image, PatternImage::Image { .. });
+                let bar = match (image, scene.name.as_str()) {
                     (true, _) => 6.0,
                     // Spheres of 20 pixels have curved footprints; the reference uses 512 rays on
                     // the mesh.
@@ -222,7 +222,7 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                 assert!(smooth.len() >= 5);
                 let exact = smooth.iter().filter(|&&e| e < 0.5).count();
                 assert!(
-                    picture || exact * 10 >= smooth.len() * 8,
+                    image || exact * 10 >= smooth.len() * 8,
                     "{} slide {k}",
                     scene.name
                 );
@@ -259,7 +259,11 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
             let mut renderer = Renderer::new(&profile, &scene, 42).unwrap();
             profile.sequence[0].frame[..3]
                 .iter()
-                .map(|f| renderer.expose(&shot(&slide(&f.pattern, &profile))).data)
+                .map(|f| {
+                    renderer
+                        .expose(&shot(&pattern_image(&f.pattern, &profile)))
+                        .data
+                })
                 .collect::<Vec<_>>()
         })
     };
@@ -273,8 +277,8 @@ fn what_the_plan_leaves_out_changes_no_byte() {
     let profile = bench(false);
     for name in ["plane", "sphere"] {
         let scene = Scene::load(name).unwrap();
-        let fringe = slide(&profile.sequence[0].frame[0].pattern, &profile);
-        let along_y = slide(
+        let fringe = pattern_image(&profile.sequence[0].frame[0].pattern, &profile);
+        let along_y = pattern_image(
             &Pattern::Fringe {
                 axis: Axis::Y,
                 period_px: 9.0,
@@ -289,7 +293,7 @@ fn what_the_plan_leaves_out_changes_no_byte() {
         for term in Term::ALL {
             full.force(term, true);
         }
-        full.expect_slides([along_y.as_ref()]);
+        full.expect_pattern_images([along_y.as_ref()]);
         assert!(full.plan().has(Term::FootprintY) && full.plan().has(Term::Shadows));
         assert_eq!(lean_bytes, full.expose(&shot(&fringe)).data, "{name}");
     }
@@ -304,7 +308,7 @@ fn pixels_that_see_nothing_read_the_black_level() {
         shape = { kind = \"plane\", size_mm = [211.0, 173.0] }\nposition_mm = [3, 5, 1000]\nalbedo = 0.8\n";
     let scene = Scene::parse(text, "s").unwrap();
     let mut renderer = Renderer::new(&profile, &scene, 7).unwrap();
-    let fringe = slide(&profile.sequence[0].frame[0].pattern, &profile);
+    let fringe = pattern_image(&profile.sequence[0].frame[0].pattern, &profile);
     let found = renderer.expected_dn(&shot(&fringe));
     let truth = renderer.truth(&[]);
     let mut empty = 0;
@@ -325,7 +329,7 @@ fn noise_is_that_of_the_sensor() {
     let scene = Scene::load("trapezoid").unwrap();
     let mut renderer = Renderer::new(&profile, &scene, 5).unwrap();
     let frames = 40;
-    let fringe = slide(&profile.sequence[0].frame[0].pattern, &profile);
+    let fringe = pattern_image(&profile.sequence[0].frame[0].pattern, &profile);
     let expected = renderer.expected_dn(&shot(&fringe));
     let mut sums = vec![(0.0f64, 0.0f64); expected.len()];
     for id in 0..frames {
@@ -410,8 +414,8 @@ fn a_distorted_projector_lights_nothing_beyond_its_field() {
         lit += 1;
         let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
         let point = camera.ray(px) * f64::from(truth.depth_mm[i]);
-        let slide = DVec2::new(truth.projector_x[i].into(), truth.projector_y[i].into());
-        let ray = projector.ray(slide);
+        let pattern_image = DVec2::new(truth.projector_x[i].into(), truth.projector_y[i].into());
+        let ray = projector.ray(pattern_image);
         let way = point - projector.center();
         let off = (way - ray * (way.dot(ray) / ray.length_squared())).length();
         assert!(

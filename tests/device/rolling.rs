@@ -4,7 +4,7 @@
 use crate::photometry::{dn_per_irradiance, scene};
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
 use phasmid::emulator::render::{Renderer, Term};
-use phasmid::emulator::{Bench, Firmware, MemorySink, Shot, Showing, Shutter, Slide};
+use phasmid::emulator::{Bench, Firmware, MemorySink, PatternImage, Shot, Showing, Shutter};
 use phasmid::host::check_sequence;
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Profile, Scene};
@@ -30,32 +30,32 @@ fn shutter(line_time_ns: u64) -> Shutter {
     }
 }
 
-fn fringe(profile: &Profile, axis: Axis, period_px: f64) -> Arc<Slide> {
+fn fringe(profile: &Profile, axis: Axis, period_px: f64) -> Arc<PatternImage> {
     let pattern = Pattern::Fringe {
         axis,
         period_px,
         phase_rad: 0.4,
     };
-    Arc::new(Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
+    Arc::new(PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
-/// Each row is the mean of its images under the single slides, weighted by the time that it sees
-/// each of them; so are the pixels on edges, which are sampled.
+/// Each row is the mean of its images under the single pattern images, weighted by the time that it
+/// sees each of them; so are the pixels on edges, which are sampled.
 #[test]
-fn slides_leak_into_rows_by_the_time_that_they_share() {
+fn pattern_images_leak_into_rows_by_the_time_that_they_share() {
     let mut profile = rolling(10.0);
     profile.projector.focus = toml::from_str("distance_mm = 900\naperture_mm = 6").ok();
     let scene = Scene::load("sphere").unwrap();
     let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
     let (exposure_ns, line_ns) = (3_000_000, 10_000);
-    let showing = |from_ns, slide: Option<Arc<Slide>>, light| Showing {
+    let showing = |from_ns, pattern_image: Option<Arc<PatternImage>>, light| Showing {
         from_ns,
-        slide,
+        pattern_image,
         light,
     };
     let start_ns = 5_000_000_000;
     let first = Shot {
-        slide: Some(fringe(&profile, Axis::X, 24.0)),
+        pattern_image: Some(fringe(&profile, Axis::X, 24.0)),
         light: 1.0,
         start_ns,
         exposure_ns,
@@ -89,7 +89,7 @@ fn slides_leak_into_rows_by_the_time_that_they_share() {
         let found = renderer.expected_dn(&shot);
         let alone: Vec<Vec<f32>> = std::iter::once(first.clone())
             .chain(then.iter().map(|next| Shot {
-                slide: next.slide.clone(),
+                pattern_image: next.pattern_image.clone(),
                 light: next.light,
                 ..first.clone()
             }))
@@ -111,8 +111,8 @@ fn slides_leak_into_rows_by_the_time_that_they_share() {
                 *seen |= share > 0.3;
             }
             for i in row as usize * WIDTH..(row as usize + 1) * WIDTH {
-                let of_slides = shares.iter().zip(&alone);
-                let exact: f64 = of_slides.map(|(w, dn)| w * f64::from(dn[i])).sum();
+                let of_pattern_images = shares.iter().zip(&alone);
+                let exact: f64 = of_pattern_images.map(|(w, dn)| w * f64::from(dn[i])).sum();
                 let error = (f64::from(found[i]) - exact).abs();
                 assert!(error < 1e-3, "row {row}, {i}: {} {exact}", found[i]);
             }
@@ -175,8 +175,8 @@ fn mains_light_makes_bands() {
     assert!(whole_periods(shutter(25_000)) == whole_periods(Shutter::default()));
 }
 
-/// With steady light and one slide, the bytes do not depend on the shutter; nor with a line time of
-/// 0 in any light, nor on slides that come after the last row has ended.
+/// With steady light and one pattern image, the bytes do not depend on the shutter; nor with a line
+/// time of 0 in any light, nor on pattern images that come after the last row has ended.
 #[test]
 fn without_a_cause_rows_are_those_of_a_global_shutter() {
     let flickering = scene(
@@ -190,7 +190,7 @@ fn without_a_cause_rows_are_those_of_a_global_shutter() {
     for (scene, line_time_ns) in [(&flickering, 0), (&steady, 0), (&steady, 12_000)] {
         let profile = rolling(line_time_ns as f64 / 1e3);
         let global = Shot {
-            slide: Some(fringe(&profile, Axis::X, 16.0)),
+            pattern_image: Some(fringe(&profile, Axis::X, 16.0)),
             light: 1.0,
             start_ns: 3_300_000,
             exposure_ns: 8_000_000,
@@ -208,7 +208,7 @@ fn without_a_cause_rows_are_those_of_a_global_shutter() {
         };
         shot.then = vec![Showing {
             from_ns: shot.end_ns(),
-            slide: None,
+            pattern_image: None,
             light: 0.0,
         }];
         assert!(
@@ -261,8 +261,8 @@ fn compared(one: &Decoded, other: &Decoded, rows: std::ops::Range<usize>) -> (us
 }
 
 /// With a period as long as the frame, the scan equals a global shutter's. With a shorter one, the
-/// lower rows see the next slide. This biases coordinates in proportion, and the check of the
-/// sequence rejects the capture: the steps contradict each other even where the decoder's masks
+/// lower rows see the next pattern image. This biases coordinates in proportion, and the check of
+/// the sequence rejects the capture: the steps contradict each other even where the decoder's masks
 /// keep most pixels. From a quarter on, the order becomes uncertain (`Verdict::Uncertain`), and
 /// from half on, white is no longer the brightest frame, because the black frame after it leaks in.
 #[test]
@@ -287,7 +287,7 @@ fn a_period_too_short_for_the_rows_is_seen_in_the_frames() {
     let lit = compared(&sound, &sound, 0..480).0;
     assert!(lit > 120_000, "{lit}");
 
-    // Row r sees the next slide for max(0, 20 us r + 12 ms - period): from row 200 on.
+    // Row r sees the next pattern image for max(0, 20 us r + 12 ms - period): from row 200 on.
     let short = scan(&profile, 16_000);
     let told = check(&short).unwrap_err();
     assert!(told.contains("contradict each other"), "{told}");

@@ -3,7 +3,7 @@
 //! Each measured figure is compared with the profile's, with fixed seeds.
 
 use phasmid::emulator::render::{Renderer, Term};
-use phasmid::emulator::{Shot, Slide};
+use phasmid::emulator::{PatternImage, Shot};
 use phasmid::profile::{CameraResponse, Glare, Profile, Scene};
 use phasmid::protocol::PixelFormat;
 use std::sync::Arc;
@@ -110,7 +110,7 @@ fn shot(seconds: f64, id: u64) -> Shot {
     Shot {
         id,
         noise_id: id,
-        slide: None,
+        pattern_image: None,
         light: 0.0,
         exposure_ns: (seconds * 1e9) as u64,
         ..Shot::default()
@@ -268,10 +268,10 @@ fn a_gamma_response_is_its_formula_and_its_inverse_gives_light_back() {
 fn glare_and_blooming_reach_the_frames() {
     let scene = Scene::load("plane").unwrap();
     let lit = |profile: &Profile, seconds: f64| {
-        let slide = Arc::new(Slide::Uniform(255));
+        let pattern_image = Arc::new(PatternImage::Uniform(255));
         let mut renderer = Renderer::new(profile, &scene, 3).unwrap();
         renderer.expected_dn(&Shot {
-            slide: Some(slide),
+            pattern_image: Some(pattern_image),
             light: 1.0,
             ..shot(seconds, 0)
         })
@@ -336,7 +336,10 @@ fn extremes_are_numbers_and_the_same_on_any_number_of_threads() {
                 [0.0, 1e-6, 8e-3, 10.0].map(|seconds| {
                     let levels: Vec<u16> = (0..1920).map(|i| (i / 8 % 2 * 255) as u16).collect();
                     Shot {
-                        slide: Some(Arc::new(Slide::Row(phasmid::pattern::Axis::X, levels))),
+                        pattern_image: Some(Arc::new(PatternImage::Row(
+                            phasmid::pattern::Axis::X,
+                            levels,
+                        ))),
                         light: 1.0,
                         gain_db: if id == 1 { 24.0 } else { 0.0 },
                         ..shot(seconds, id)

@@ -5,7 +5,7 @@ use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
 use phasmid::emulator::render::reference::Reference;
 use phasmid::emulator::render::{Renderer, Term};
-use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::geometry::{Mesh, ply};
 use phasmid::profile::Profile;
 use rayon::prelude::*;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 fn white(profile: &Profile) -> Shot {
     let level = (1 << profile.projector.bits) - 1;
     Shot {
-        slide: Some(Arc::new(Slide::Uniform(level))),
+        pattern_image: Some(Arc::new(PatternImage::Uniform(level))),
         light: 1.0,
         exposure_ns: 8_000_000,
         ..Shot::default()
@@ -197,9 +197,9 @@ fn what_surfaces_throw_back_agrees_with_the_reference_path() {
         let reference = Reference::new(&profile, &scene).unwrap();
         let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
         let flags = renderer.truth(&[]).flags;
-        let slide = Slide::Uniform(200);
+        let pattern_image = PatternImage::Uniform(200);
         let found = renderer.expected_dn(&Shot {
-            slide: Some(Arc::new(slide.clone())),
+            pattern_image: Some(Arc::new(pattern_image.clone())),
             ..white(&profile)
         });
         let errors: Vec<f64> = (0..found.len())
@@ -209,7 +209,7 @@ fn what_surfaces_throw_back_agrees_with_the_reference_path() {
             .into_par_iter()
             .map(|i| {
                 let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
-                (reference.signal_dn(px, &slide, 8e-3, 610) - f64::from(found[i])).abs()
+                (reference.signal_dn(px, &pattern_image, 8e-3, 610) - f64::from(found[i])).abs()
             })
             .collect();
         let worst = errors.iter().copied().fold(0.0, f64::max);

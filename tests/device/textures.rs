@@ -3,7 +3,7 @@
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::DVec2;
 use phasmid::emulator::render::{Options, Renderer, Term};
-use phasmid::emulator::{Shot, Slide};
+use phasmid::emulator::{PatternImage, Shot};
 use phasmid::profile::{Profile, Scene};
 use std::f64::consts::PI;
 use std::path::Path;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 fn white(profile: &Profile) -> Shot {
     let level = (1 << profile.projector.bits) - 1;
     Shot {
-        slide: Some(Arc::new(Slide::Uniform(level))),
+        pattern_image: Some(Arc::new(PatternImage::Uniform(level))),
         light: 1.0,
         exposure_ns: 8_000_000,
         ..Shot::default()
@@ -47,7 +47,7 @@ fn a_checkerboard_is_what_4096_samples_of_each_pixel_see() {
         let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
         assert!(renderer.plan().has(Term::AlbedoMaps));
         let shot = Shot {
-            slide: None,
+            pattern_image: None,
             ..white(&profile)
         };
         let found = renderer.expected_dn(&shot);
@@ -101,7 +101,7 @@ fn a_checkerboard_out_of_focus_is_what_rays_through_the_whole_pupil_see() {
     };
     let mut renderer = Renderer::with_options(&profile, &scene, 1, options).unwrap();
     let shot = Shot {
-        slide: None,
+        pattern_image: None,
         ..white(&profile)
     };
     let found = renderer.expected_dn(&shot);
@@ -241,7 +241,7 @@ fn vertex_colours_are_interpolated() {
         let scene = scene(&format!("{object}vertex_colours = true\n"), dir.path());
         let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
         let shot = Shot {
-            slide: None,
+            pattern_image: None,
             ..white(&profile)
         };
         let found = renderer.expected_dn(&shot);
@@ -326,11 +326,11 @@ fn what_a_surface_asks_for_and_lacks_is_named() {
     for (object, says) in [
         (
             format!("{plane}texture = \"board.png\"\n"),
-            "object[0].texture: a texture of no size",
+            "object[0].texture: a texture without a size",
         ),
         (
             format!("{plane}{sized}"),
-            "object[0].texture_size_mm: the size of no texture",
+            "object[0].texture_size_mm: a size without a texture",
         ),
         (
             format!("{plane}texture = \"a.png\"\ntexture_size_mm = [0, 1]\n"),

@@ -2,7 +2,8 @@
 //! memory, descriptors, threads or files.
 //!
 //! The ordinary run is a hundredth of the full one, which is `#[ignore]`d:
-//! `cargo test --release --test end_to_end -- --ignored --nocapture soak::` prints what it measured.
+//! `cargo test --release --test end_to_end -- --ignored --nocapture soak::` prints what it
+//! measured.
 #![cfg(target_os = "linux")]
 
 use phasmid::host::{Instrument, SerialPort};

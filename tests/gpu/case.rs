@@ -2,7 +2,7 @@
 
 use phasmid::emulator::led::{Model, Source};
 use phasmid::emulator::render::{Backend, Options, Renderer};
-use phasmid::emulator::{Shot, Showing, Shutter, Slide};
+use phasmid::emulator::{PatternImage, Shot, Showing, Shutter};
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Droop, Led, Profile, Scene};
 use std::path::Path;
@@ -68,8 +68,8 @@ impl Case {
 
     /// Exposes these patterns instead, one after the other.
     pub fn shoot(&mut self, patterns: &[Pattern]) {
-        let slides: Vec<_> = patterns.iter().map(|p| self.slide(p)).collect();
-        self.shots = slides
+        let pattern_images: Vec<_> = patterns.iter().map(|p| self.pattern_image(p)).collect();
+        self.shots = pattern_images
             .iter()
             .zip(0..)
             .map(|(s, i)| self.shot(s, i))
@@ -77,31 +77,31 @@ impl Case {
     }
 
     /// Also exposes a two-dimensional pattern: slanted bars with smooth flanks.
-    pub fn shoot_picture(&mut self) {
+    pub fn shoot_image(&mut self) {
         let projector = &self.profile.projector;
         let (width, height) = (projector.width_px, projector.height_px);
         let level = |i: u32| {
             let (x, y) = (f64::from(i % width), f64::from(i / width));
             (127.5 + 127.5 * ((x + 0.6 * y) / 5.0).sin()).round() as u16
         };
-        let slide = Arc::new(Slide::Picture {
+        let pattern_image = Arc::new(PatternImage::Image {
             width,
             height,
             levels: (0..width * height).map(level).collect(),
         });
-        let shot = self.shot(&slide, self.shots.len() as u64);
+        let shot = self.shot(&pattern_image, self.shots.len() as u64);
         self.shots.push(shot);
     }
 
-    pub fn slide(&self, pattern: &Pattern) -> Arc<Slide> {
-        Arc::new(Slide::new(pattern, &self.profile.projector, &|_| unreachable!()).unwrap())
+    pub fn pattern_image(&self, pattern: &Pattern) -> Arc<PatternImage> {
+        Arc::new(PatternImage::new(pattern, &self.profile.projector, &|_| unreachable!()).unwrap())
     }
 
-    fn shot(&self, slide: &Arc<Slide>, i: u64) -> Shot {
+    fn shot(&self, pattern_image: &Arc<PatternImage>, i: u64) -> Shot {
         Shot {
             id: i,
             noise_id: i,
-            slide: Some(slide.clone()),
+            pattern_image: Some(pattern_image.clone()),
             light: 1.0,
             start_ns: 3_000_000 + i * 10_000_000,
             exposure_ns: 8_000_000,
@@ -109,10 +109,14 @@ impl Case {
         }
     }
 
-    /// Enables a rolling shutter, so that the next slide leaks into the lower rows.
+    /// Enables a rolling shutter, so that the next pattern image leaks into the lower rows.
     pub fn roll(&mut self, line_time_us: f64) {
         self.profile.camera.line_time_us = line_time_us;
-        let slides: Vec<_> = self.shots.iter().map(|shot| shot.slide.clone()).collect();
+        let pattern_images: Vec<_> = self
+            .shots
+            .iter()
+            .map(|shot| shot.pattern_image.clone())
+            .collect();
         for (i, shot) in self.shots.iter_mut().enumerate() {
             shot.shutter = Shutter {
                 line_time_ns: (line_time_us * 1e3) as u64,
@@ -122,12 +126,12 @@ impl Case {
             shot.then = vec![
                 Showing {
                     from_ns: shot.start_ns + shot.exposure_ns + 100_000,
-                    slide: slides[(i + 1) % slides.len()].clone(),
+                    pattern_image: pattern_images[(i + 1) % pattern_images.len()].clone(),
                     light: 0.7,
                 },
                 Showing {
                     from_ns: shot.start_ns + shot.exposure_ns + 1_500_000,
-                    slide: None,
+                    pattern_image: None,
                     light: 1.0,
                 },
             ];
@@ -147,16 +151,20 @@ impl Case {
         };
         let mut source = Source::new(Model::new(&led));
         self.profile.projector.led = Some(led);
-        let slides: Vec<_> = self.shots.iter().map(|shot| shot.slide.clone()).collect();
+        let pattern_images: Vec<_> = self
+            .shots
+            .iter()
+            .map(|shot| shot.pattern_image.clone())
+            .collect();
         for (i, shot) in self.shots.iter_mut().enumerate() {
-            let show = |after_us: u64, slide| Showing {
+            let show = |after_us: u64, pattern_image| Showing {
                 from_ns: shot.start_ns + 1000 * after_us,
-                slide,
+                pattern_image,
                 light: 1.0,
             };
-            let next = slides[(i + 1) % slides.len()].clone();
+            let next = pattern_images[(i + 1) % pattern_images.len()].clone();
             shot.then = vec![
-                show(300, shot.slide.take()),
+                show(300, shot.pattern_image.take()),
                 show(5_000, None),
                 show(6_500, next),
             ];

@@ -69,7 +69,7 @@ pub fn solids() -> Case {
         fringe(Axis::Y, 9.0),
         Pattern::White {},
     ]);
-    case.shoot_picture();
+    case.shoot_image();
     case
 }
 
@@ -77,7 +77,7 @@ pub fn solids() -> Case {
 fn real_bench() -> Case {
     let mut case = real("real-bench", &torso(""), |_| {});
     case.shoot(&[fringe(Axis::X, 16.0), fringe(Axis::Y, 24.0)]);
-    case.shoot_picture();
+    case.shoot_image();
     case
 }
 
@@ -139,7 +139,7 @@ fn skin() -> Case {
         fringe(Axis::Y, 24.0),
         Pattern::White {},
     ]);
-    case.shoot_picture();
+    case.shoot_image();
     case
 }
 
@@ -276,7 +276,7 @@ fn timed_rolling(folder: &Path) -> Case {
 fn timed() -> Case {
     let mut case = solids();
     case.name = "timed";
-    case.shoot_picture();
+    case.shoot_image();
     case.time();
     case
 }
@@ -298,7 +298,11 @@ fn every_term_has_a_case() {
         .iter()
         .map(|case| {
             let mut renderer = case.renderer(phasmid::emulator::render::Backend::Cpu);
-            renderer.expect_slides(case.shots.iter().filter_map(|shot| shot.slide.as_deref()));
+            renderer.expect_pattern_images(
+                case.shots
+                    .iter()
+                    .filter_map(|shot| shot.pattern_image.as_deref()),
+            );
             renderer.plan()
         })
         .collect();

@@ -23,13 +23,13 @@ specular = { f0 = 0.04, roughness = 0.35 }
 ",
         |_| {},
     );
-    case.shoot_picture();
+    case.shoot_image();
     case
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn solids_and_slides_of_every_kind() {
+fn solids_and_pattern_images_of_every_kind() {
     agree(&solids());
 }
 

@@ -4,7 +4,7 @@
 use phasmid::calibrate::height::Mapping;
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasmid::emulator::render::Renderer;
-use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Profile, Scene};
 use phasmid::study::score::{Score, score};
@@ -34,12 +34,13 @@ fn full_scan(profile: &str, scene: &str, seed: u64, noise: bool) -> Scan {
         .iter()
         .enumerate()
         .map(|(i, f)| {
-            let slide = Slide::new(&f.pattern, &profile.projector, &|_| unreachable!()).unwrap();
+            let pattern_image =
+                PatternImage::new(&f.pattern, &profile.projector, &|_| unreachable!()).unwrap();
             let shot = Shot {
                 id: i as u64,
                 noise_id: i as u64,
                 pattern_index: Some(i as u32),
-                slide: Some(Arc::new(slide)),
+                pattern_image: Some(Arc::new(pattern_image)),
                 light: 1.0,
                 exposure_ns: (profile.camera.exposure_us * 1e3) as u64,
                 ..Shot::default()
@@ -176,10 +177,10 @@ fn the_bench_with_real_parts() {
 /// column and row.
 ///
 /// Held pixels are the fringe sampled at whole x and convolved with a box one pixel wide. Sampling
-/// repeats its line at 1/period + k for every whole k, with the same phase step from frame to frame,
-/// so that no number of steps tells the images apart; box and footprint weaken each line by
-/// sinc(f) sinc(a f) sinc(b f). The phase is therefore off by the sum over k of
-/// r(k) sin(2 pi k x), r(k) being a line's strength over that of k = 0.
+/// repeats its line at 1/period + k for every whole k, with the same phase step from frame to
+/// frame, so that no number of steps tells the images apart; box and footprint weaken each line by
+/// sinc(f) sinc(a f) sinc(b f). The phase is therefore off by the sum over k of r(k) sin(2 pi k x),
+/// r(k) being a line's strength over that of k = 0.
 fn held_pixel_error(x: f64, [a, b]: [f64; 2], period: f64) -> f64 {
     let sinc = |t: f64| {
         let t = std::f64::consts::PI * t;

@@ -4,7 +4,7 @@ use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
 use phasmid::emulator::render::reference::Reference;
 use phasmid::emulator::render::{Options, Renderer, Term};
-use phasmid::emulator::{Shot, Slide};
+use phasmid::emulator::{PatternImage, Shot};
 use phasmid::geometry::Board;
 use phasmid::pattern::Pattern;
 use phasmid::profile::{Profile, Scene, Shape};
@@ -26,9 +26,9 @@ fn before(board: &str, more: &str) -> Scene {
     scene(&text, Path::new(""))
 }
 
-fn shot(slide: Option<Slide>) -> Shot {
+fn shot(pattern_image: Option<PatternImage>) -> Shot {
     Shot {
-        slide: slide.map(Arc::new),
+        pattern_image: pattern_image.map(Arc::new),
         light: 1.0,
         exposure_ns: 8_000_000,
         ..Shot::default()
@@ -154,15 +154,16 @@ fn light_varies_within_the_pixels_of_an_outline() {
     }
     let dn = |scene: &Scene| {
         let mut renderer = Renderer::new(&profile, scene, 1).unwrap();
-        let slide = |pattern| Slide::new(pattern, &profile.projector, &|_| unreachable!()).unwrap();
-        let mut dn = |slide| {
+        let pattern_image =
+            |pattern| PatternImage::new(pattern, &profile.projector, &|_| unreachable!()).unwrap();
+        let mut dn = |pattern_image| {
             let short = Shot {
                 exposure_ns: 2_000_000,
-                ..shot(slide)
+                ..shot(pattern_image)
             };
             renderer.expected_dn(&short)
         };
-        let white = dn(Some(slide(&Pattern::White {})));
+        let white = dn(Some(pattern_image(&Pattern::White {})));
         let black = dn(None);
         white
             .iter()
@@ -232,14 +233,14 @@ fn the_reference_path_sees_the_same_board() {
         profile.camera.sensor.response = Default::default();
         let reference = Reference::new(&profile, &scene).unwrap();
         let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
-        let slide = Slide::Uniform(level / 2);
-        let found = renderer.expected_dn(&shot(Some(slide.clone())));
+        let pattern_image = PatternImage::Uniform(level / 2);
+        let found = renderer.expected_dn(&shot(Some(pattern_image.clone())));
         let width = profile.camera.width_px as usize;
         let (mut worst, mut range) = (0.0f64, [f64::INFINITY, 0.0f64]);
         for k in 0..60 {
             let (x, y) = (width / 2 - 150 + 5 * k, 200 + 2 * k);
             let px = DVec2::new(x as f64, y as f64);
-            let exact = reference.signal_dn(px, &slide, 8e-3, 4000);
+            let exact = reference.signal_dn(px, &pattern_image, 8e-3, 4000);
             let error = (f64::from(found[y * width + x]) - exact).abs();
             worst = worst.max(error);
             range = [range[0].min(exact), range[1].max(exact)];

@@ -177,7 +177,7 @@ fn a_cloud_far_from_the_truth_cannot_be_aligned() {
     ply::write_cloud(&dir.join("scan.ply"), &cloud).unwrap();
     let message = complaint(dir, &["scan.ply", "--truth", "truth.ply", "--align"]);
     assert!(
-        message.contains("scan.ply: no part of it lies over the truth"),
+        message.contains("scan.ply: no part of it lies near the truth"),
         "{message}"
     );
 }

@@ -368,7 +368,7 @@ fn a_fault_is_named_and_the_run_repeated_once() {
                 frames.insert(4, frames[4].clone());
                 frames
             },
-            "all 13 patterns had come",
+            "all 13 patterns had arrived",
         ),
     ] {
         assert_eq!(scan(&quick, "plane", change, 1).unwrap().frames.len(), 13);
@@ -848,7 +848,8 @@ fn sets_of_three_steps_are_held_against_each_other() {
     );
 }
 
-/// The first and third of four steps, exchanged, mirror the phase within each period and leave no residual.
+/// The first and third of four steps, exchanged, mirror the phase within each period and leave no
+/// residual.
 #[test]
 fn fringes_that_run_against_the_code_are_told() {
     for (name, scene) in [

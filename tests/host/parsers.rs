@@ -128,7 +128,7 @@ parsers!(
     stl,
     obj,
     ply,
-    picture,
+    image,
     metaimage,
     dicom,
     planning,

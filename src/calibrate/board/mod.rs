@@ -1,6 +1,6 @@
 //! Finds a calibration board in camera images and reads the projector coordinates at its points.
 //!
-//! - `picture`: the image a board is searched in, combined from all frames of a sequence.
+//! - `image`: the image a board is searched in, combined from all frames of a sequence.
 //! - `find`, `dots`, `chess`: locate and measure the board's points.
 //! - `lit`: projector coordinates at those points; `smooth` and `biweight` are robust fits for it.
 //! - `bias`: offset between the centroid of an imaged dot and the image of its centre.
@@ -13,14 +13,14 @@ pub mod chess;
 pub mod dots;
 mod draw;
 mod find;
+mod image;
 pub mod lit;
 mod not_found;
-mod picture;
 mod sighting;
 mod smooth;
 
 pub use draw::draw;
 pub use find::find;
+pub use image::BoardImage;
 pub use not_found::NotFound;
-pub use picture::Picture;
 pub use sighting::{Lit, Seen, Sighting};

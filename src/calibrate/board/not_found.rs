@@ -12,7 +12,7 @@ pub enum NotFound {
         wanted: String,
     },
     /// A grid with several possible orientations, or with none that fits.
-    #[error("a board that cannot be told which way round it is: {found}; expected {wanted}")]
+    #[error("a board whose orientation is ambiguous: {found}; expected {wanted}")]
     Ambiguous {
         /// What was found.
         found: String,
@@ -20,7 +20,7 @@ pub enum NotFound {
         wanted: String,
     },
     /// The board's markers are in mirrored order.
-    #[error("a mirrored picture: {found}; expected a picture that is not flipped")]
+    #[error("a mirrored image: {found}; expected an image that is not flipped")]
     Mirrored {
         /// Evidence of the mirroring.
         found: String,

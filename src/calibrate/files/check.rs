@@ -84,7 +84,7 @@ fn lens(
                 0,
                 format!("no image size of the {who}"),
                 format!(
-                    "{} and {}, or {} and {}; decode takes those of the photographs and the manifest",
+                    "{} and {}, or {} and {}; decode takes them from the images and the manifest",
                     size[0][0], size[1][0], size[0][1], size[1][1]
                 ),
             ));

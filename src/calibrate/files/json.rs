@@ -143,7 +143,7 @@ impl<'a> Reader<'a> {
                     continue;
                 }
                 '{' | '[' if open.len() == MAX_DEPTH => {
-                    let found = "lists in lists in lists";
+                    let found = "lists nested too deeply";
                     return Err(Fault::new(
                         self.line,
                         found,
@@ -171,7 +171,7 @@ impl<'a> Reader<'a> {
         }
         Err(Fault::new(
             first,
-            "a bracket without end",
+            "a bracket that is not closed",
             format!("`{}` after it", open.last().unwrap_or(&'}')),
         ))
     }
@@ -191,7 +191,7 @@ impl<'a> Reader<'a> {
                 _ => {}
             }
         }
-        let found = "a string without end";
+        let found = "a string that is not closed";
         Err(Fault::new(self.line, found, "`\"` on the same line"))
     }
 

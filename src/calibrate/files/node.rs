@@ -75,7 +75,7 @@ impl Nodes {
             return Ok(());
         };
         if let Some(first) = self.0.iter().find(|node| node.name == *name) {
-            let found = format!("{name} once more, after line {}", first.line);
+            let found = format!("{name} again, after line {}", first.line);
             return Err(Fault::new(line, found, "each name once"));
         }
         let value = value().map_err(|fault| Fault {
@@ -100,7 +100,7 @@ impl Nodes {
             Some(other) => Err(Fault::new(
                 other.line,
                 format!(
-                    "{} that is not {} of line {}",
+                    "{} that differs from {} of line {}",
                     other.name, first.name, first.line
                 ),
                 "the same numbers, or one of the two",

@@ -235,15 +235,15 @@ fn json_is_read_and_named_where_it_is_broken() {
         (
             "\"text\": \"a",
             "\"text\": \"a\n",
-            "c:11: a string without end",
+            "c:11: a string that is not closed",
         ),
         ("{ \"R\": [", "{ \"R\": (", "c:12: `]`; expected `}`"),
         (
             "\"nested\": {",
             "\"nested\": { {",
-            "c:1: a bracket without end",
+            "c:1: a bracket that is not closed",
         ),
-        ("\"kc\"", "\"Kc\"", "c:10: Kc once more, after line 2"),
+        ("\"kc\"", "\"Kc\"", "c:10: Kc again, after line 2"),
         (
             "1140\n}",
             "1140\n} }",
@@ -265,7 +265,7 @@ fn json_is_read_and_named_where_it_is_broken() {
         assert!(found.contains(needle), "{found}\nwanted {needle}");
     }
     assert!(message("{}").contains("no camera_matrix"));
-    assert!(message("{").contains("c:1: a bracket without end"));
+    assert!(message("{").contains("c:1: a bracket that is not closed"));
 }
 
 #[test]
@@ -307,7 +307,7 @@ fn what_is_broken_is_named_with_its_line() {
         (&ours, "rows: 3", "rows: 4", "9 numbers; expected 4 x 3"),
         (&ours, "rows: 3\n", "", "camera_matrix: no rows"),
         (&ours, "dt: d", "dt: z", "dt: `z`"),
-        (&ours, " ]", "", "a list without end"),
+        (&ours, " ]", "", "a list that is not closed"),
         (
             &ours,
             "image_width: 1138",
@@ -325,13 +325,13 @@ fn what_is_broken_is_named_with_its_line() {
             &ours,
             "image_height",
             "image_width",
-            "c:4: image_width once more, after line 3",
+            "c:4: image_width again, after line 3",
         ),
         (
             &yaml,
             "frameWidth: 1138",
             "frameWidth: 1139",
-            "frameWidth that is not image_width of line 3",
+            "frameWidth that differs from image_width of line 3",
         ),
         (&ours, "-0.02", "-9", "an image that folds over"),
         (
@@ -380,7 +380,7 @@ fn what_is_broken_is_named_with_its_line() {
     for (text, needle) in [
         ("", "missing field"),
         ("PNG", "c:1"),
-        ("<", "a tag without end"),
+        ("<", "a tag that is not closed"),
         ("<a></a>", "one <opencv_storage>"),
         ("<opencv_storage/>", "no camera_matrix"),
         ("%YAML:1.0", "no camera_matrix"),

@@ -42,7 +42,7 @@ pub fn write_opencv(path: &Path, rig: &Rig, errors: &Reprojection) -> Result<()>
         _ => {
             return Err(Error::input(
                 path.display(),
-                "a name that says neither YAML nor XML",
+                "a name that ends in neither a YAML nor an XML extension",
                 "a name that ends in .yml, .yaml or .xml",
             ));
         }

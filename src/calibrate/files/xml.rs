@@ -36,7 +36,7 @@ pub(super) fn parse(text: &str) -> Result<Nodes, Fault> {
                     0 => rooted = true,
                     1 => element = Element::new(line, attributes),
                     MAX_DEPTH.. => {
-                        let found = "elements in elements in elements";
+                        let found = "elements nested too deeply";
                         return Err(Fault::new(line, found, format!("up to {MAX_DEPTH} levels")));
                     }
                     _ => element.has_children = true,
@@ -188,7 +188,11 @@ impl<'a> Reader<'a> {
     /// Consumes text up to and including `end`.
     fn until(&mut self, end: &str, what: &str) -> Result<&'a str, Fault> {
         let at = self.rest.find(end).ok_or_else(|| {
-            Fault::new(self.line, format!("{what} without end"), format!("`{end}`"))
+            Fault::new(
+                self.line,
+                format!("{what} that is not closed"),
+                format!("`{end}`"),
+            )
         })?;
         Ok(self.take(at + end.len()))
     }

@@ -90,7 +90,7 @@ fn flow<'a>(head: Piece<'a>, body: &[Piece<'a>]) -> Result<(Vec<Piece<'a>>, usiz
     }
     Err(Fault::new(
         head.0,
-        "a list without end",
+        "a list that is not closed",
         "`]` after its last number",
     ))
 }

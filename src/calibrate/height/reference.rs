@@ -110,9 +110,9 @@ impl Mapping {
             let lens = &rig.camera.lens;
             return Err(Error::input(
                 "reference",
-                "pictures of another size",
+                "images of another size",
                 format!(
-                    "{} x {} as the calibration says",
+                    "{} x {}, as in the calibration",
                     lens.width_px, lens.height_px
                 ),
             ));
@@ -162,8 +162,8 @@ impl Mapping {
         let (slope, linear_rms_px) = found.ok_or_else(|| {
             Error::input(
                 "reference plane",
-                format!("{} pixels of it that the projector lights", points.len()),
-                "a plane that camera and projector share",
+                format!("{} of its pixels lit by the projector", points.len()),
+                "a plane that the camera sees and the projector lights",
             )
         })?;
         let constants = Constants {
@@ -176,7 +176,7 @@ impl Mapping {
             return Err(Error::input(
                 format!("sequence, axis {axis}"),
                 format!("a baseline of {:.3} mm along it", constants.baseline_mm),
-                "the axis along which camera and projector stand apart",
+                "the axis along which camera and projector are separated",
             ));
         }
         Ok(Self {

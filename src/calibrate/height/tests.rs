@@ -255,10 +255,14 @@ fn what_is_no_reference_is_refused() {
     let rig = rig(DVec3::new(400.0, 0.0, 0.0), false);
     let error = |mapping: phasmid_core::error::Result<Mapping>| mapping.err().unwrap().to_string();
     for (axis, z, needle) in [
-        (Axis::X, -1000.0, "camera and projector share"),
-        (Axis::X, f64::NAN, "camera and projector share"),
-        (Axis::X, 50.0, "camera and projector share"),
-        (Axis::Y, 1000.0, "stand apart"),
+        (Axis::X, -1000.0, "the camera sees and the projector lights"),
+        (
+            Axis::X,
+            f64::NAN,
+            "the camera sees and the projector lights",
+        ),
+        (Axis::X, 50.0, "the camera sees and the projector lights"),
+        (Axis::Y, 1000.0, "are separated"),
     ] {
         let found = error(Mapping::of_plane(&rig, axis, PERIOD, z));
         assert!(found.contains(needle), "{z}: {found}");

@@ -60,7 +60,7 @@ impl Fit<'_> {
             return Ok(());
         }
         flaw(
-            format!("a board that the {name} sees from {oblique:.0} degrees aside"),
+            format!("a board that the {name} sees {oblique:.0} degrees from its normal"),
             format!("{MOST_OBLIQUE_DEG} degrees at most: less tilt"),
         )
     }

@@ -205,7 +205,7 @@ fn name(flaw: Flaw, index: usize) -> Error {
 
 fn no_field(depth: f64) -> Flaw {
     Flaw {
-        found: format!("no pixel of the camera's sees the projector's light {depth:.0} mm away"),
+        found: format!("no camera pixel sees the projector's light {depth:.0} mm away"),
         allowed: "a distance at which their fields meet".to_owned(),
     }
 }

@@ -10,13 +10,13 @@ pub struct About {
     pub remarks: Vec<(String, String)>,
     /// Name of each pose, including those without a board, and the image file in the report's
     /// folder that shows the detected board.
-    pub pictures: Vec<(String, String)>,
+    pub images: Vec<(String, String)>,
 }
 
 impl About {
     /// Returns the image file of a pose.
-    pub(super) fn picture(&self, pose: &str) -> Option<&str> {
-        let found = self.pictures.iter().find(|(name, _)| name == pose);
+    pub(super) fn image(&self, pose: &str) -> Option<&str> {
+        let found = self.images.iter().find(|(name, _)| name == pose);
         found.map(|(_, file)| file.as_str())
     }
 }
@@ -26,7 +26,7 @@ const KEPT: usize = 100;
 
 /// Returns file names for the images of poses, one for each name in order: `found_NAME.png`. They
 /// consist of characters that need no quoting and are unique even if case is ignored.
-pub fn picture_names<S: AsRef<str>>(poses: &[S]) -> Vec<String> {
+pub fn image_names<S: AsRef<str>>(poses: &[S]) -> Vec<String> {
     let plain: Vec<String> = poses.iter().map(|name| plain(name.as_ref())).collect();
     let mut taken = std::collections::BTreeSet::new();
     // Names that need no change have priority over names that are changed.
@@ -68,10 +68,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_of_different_poses_have_different_plain_names() {
+    fn images_of_different_poses_have_different_plain_names() {
         let names = ["a b", "a_b", "A_B", "../x", "a?b", "", "ü", "pose_07"];
         assert_eq!(
-            picture_names(&names),
+            image_names(&names),
             [
                 "found_a_b-2.png",
                 "found_a_b.png",
@@ -84,9 +84,9 @@ mod tests {
             ]
         );
         let long = ["x".repeat(4000), "x".repeat(4001)];
-        assert!(picture_names(&long).iter().all(|name| name.len() < 120));
+        assert!(image_names(&long).iter().all(|name| name.len() < 120));
         let same = vec!["same"; 300];
-        let names = picture_names(&same);
+        let names = image_names(&same);
         let all: std::collections::BTreeSet<&String> = names.iter().collect();
         assert_eq!(all.len(), 300);
     }

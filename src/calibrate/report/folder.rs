@@ -39,7 +39,7 @@ pub fn prepare(folder: &Path, also: &[&str], force: bool) -> Result<()> {
     let whose = if is_calibration(folder) {
         "of an earlier calibration"
     } else {
-        "which no calibration has made"
+        "not written by a calibration"
     };
     let name = first.file_name().unwrap_or_default().to_string_lossy();
     Err(Error::input(
@@ -61,8 +61,8 @@ fn ours(folder: &Path, also: &[&str]) -> Result<Vec<PathBuf>> {
     for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
         let path = entry.map_err(|e| Error::io(folder, e))?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let picture = name.starts_with("found_") && name.ends_with(".png");
-        if picture || FILES.contains(&&*name) || also.contains(&&*name) {
+        let image = name.starts_with("found_") && name.ends_with(".png");
+        if image || FILES.contains(&&*name) || also.contains(&&*name) {
             found.push(path);
         }
     }
@@ -88,7 +88,7 @@ mod tests {
                 .unwrap_err()
                 .to_string();
             assert!(told.contains(name) && told.contains("--force"), "{told}");
-            assert!(told.contains("no calibration"), "{told}");
+            assert!(told.contains("not written by a calibration"), "{told}");
             prepare(&out, &["truth.json"], true).unwrap();
             assert!(!out.join(name).exists());
         }

@@ -3,7 +3,7 @@
 //!
 //! [`prepare`] checks and creates the folder before the work begins; [`write()`] fills it at the
 //! end. In between, the caller stores images of the detected boards there under the names from
-//! [`picture_names`].
+//! [`image_names`].
 //!
 //! | File | Contents |
 //! | --- | --- |
@@ -25,7 +25,7 @@ mod summary;
 #[cfg(test)]
 mod tests;
 
-pub use about::{About, picture_names};
+pub use about::{About, image_names};
 pub use folder::{FILES, is_calibration, prepare};
 pub use summary::{Figures, LeftOutPose, Summary, SummaryParameter};
 

@@ -25,8 +25,8 @@ pub(super) fn write(calibration: &Calibration, about: &About, out: &mut impl Wri
         fields.push(exact(tilt_deg(board)));
         fields.extend(errors(&pose.camera_errors));
         fields.extend(errors(&pose.projector_errors));
-        let picture = about.picture(&pose.name).unwrap_or("");
-        fields.push(field(picture).into_owned());
+        let image = about.image(&pose.name).unwrap_or("");
+        fields.push(field(image).into_owned());
         writeln!(out, "{}", fields.join(","))?;
     }
     Ok(())

@@ -186,7 +186,7 @@ fn about() -> About {
     About {
         made_by: "phasmid calibrate 0".to_owned(),
         remarks: vec![("seed".to_owned(), "1".to_owned())],
-        pictures: vec![("first".to_owned(), "found_first.png".to_owned())],
+        images: vec![("first".to_owned(), "found_first.png".to_owned())],
     }
 }
 
@@ -249,7 +249,7 @@ fn names_from_folders_cannot_act() {
     let about = About {
         made_by: bad.to_owned(),
         remarks: vec![(bad.to_owned(), bad.to_owned())],
-        pictures: vec![(bad.to_owned(), bad.to_owned())],
+        images: vec![(bad.to_owned(), bad.to_owned())],
     };
     let text = html(&calibration, &about);
     assert_well_formed(&text);

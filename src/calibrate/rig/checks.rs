@@ -16,8 +16,8 @@ pub(super) fn against_nominal(rig: &Rig, nominal: &Rig) -> Vec<String> {
     if !ALLOWED.contains(&factor) {
         warnings.push(format!(
             "the baseline is {found:.2} mm, {factor:.3} times the nominal {wanted:.2} mm (0.9 to \
-             1.1 are usual): a board whose real pitch is {:.3} times the one that was said would \
-             do that",
+             1.1 are usual): a board whose real pitch is {:.3} times the specified one would cause \
+             this",
             1.0 / factor
         ));
     }

@@ -56,7 +56,7 @@ pub fn calibrate(
         if last_move_px > STAYS_PX {
             warnings.push(format!(
                 "the dots' centres still moved by {last_move_px:.1e} px after {rounds} rounds; \
-                 {STAYS_PX:.0e} px were wanted"
+                 expected {STAYS_PX:.0e} px or less"
             ));
         }
         if let Some(nominal) = task.nominal {
@@ -94,8 +94,8 @@ fn unread_poses(solution: &Solution, poses: &[PoseData]) -> Vec<String> {
         .filter_map(|pose| Some((pose, unread(pose.fits.iter())?)))
         .map(|(pose, reasons)| {
             format!(
-                "{} tells nothing of the projector: {reasons}; frames that are not in the \
-                 sequence's order do that, and a board that the projector does not light",
+                "{} does not constrain the projector: {reasons}; the frames may not be in the \
+                 sequence's order, or the projector may not light the board",
                 pose.name
             )
         })

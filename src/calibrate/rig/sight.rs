@@ -1,7 +1,7 @@
 //! Data of one pose: the detected board and the projector's coordinates about its points.
 
 use crate::board::lit::{LocalFit, Unread, local_fits};
-use crate::board::{NotFound, Picture, Seen, Sighting, find};
+use crate::board::{BoardImage, NotFound, Seen, Sighting, find};
 use crate::solve::PoseSightings;
 use glam::DVec2;
 use phasmid_decode::Decoded;
@@ -25,10 +25,10 @@ pub struct PoseData {
 pub fn sight(
     board: &Board,
     name: &str,
-    picture: &Picture,
+    image: &BoardImage,
     decoded: &Decoded,
 ) -> Result<PoseData, NotFound> {
-    let seen = find(board, picture)?;
+    let seen = find(board, image)?;
     let fits = local_fits(board, &seen, decoded);
     Ok(PoseData {
         name: name.to_owned(),

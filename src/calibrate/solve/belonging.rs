@@ -44,7 +44,8 @@ impl Bundle {
         for at in (0..self.poses.len()).rev() {
             let points = &self.poses[at].points;
             if points.iter().any(|o| residual(o, state, at).is_none()) {
-                let why = "by the other poses it lies behind the camera or the projector";
+                let why = "according to the other poses, it lies behind the camera or the \
+                           projector";
                 self.leave_out(at, why.to_owned());
                 state.boards.remove(at);
             }
@@ -78,7 +79,8 @@ impl Bundle {
         };
         let what = ["camera points", "projector coordinates"][group];
         let why = format!(
-            "its {what} fit {ratio:.1} times worse than those of the usual pose; expected {OUTLYING_POSE:.1} times or less"
+            "its {what} fit {ratio:.1} times worse than those of the median pose; expected \
+             {OUTLYING_POSE:.1} times or less"
         );
         self.leave_out(at, why);
         state.boards.remove(at);

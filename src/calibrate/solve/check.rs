@@ -153,8 +153,9 @@ fn fit(solution: &Solution, all: &mut Vec<String>) {
     {
         if factor > INFLATED {
             all.push(format!(
-                "{name} scatter {:.2} times as much as their covariances say; standard deviations are widened by that, which covers \
-                 errors that are independent from point to point and no others",
+                "{name} scatter {:.2} times as much as their covariances predict; standard \
+                 deviations are scaled up accordingly, which covers only errors that are \
+                 independent from point to point",
                 factor.sqrt()
             ));
         }
@@ -236,7 +237,7 @@ fn parameters(solution: &Solution, choice: &Choice, all: &mut Vec<String>) {
             }
         } else if chosen && p.unit.is_empty() && p.sigma > p.value.abs() {
             all.push(format!(
-                "{} = {:.2e} cannot be told from 0: its standard deviation is {:.2e}",
+                "{} = {:.2e} cannot be distinguished from 0: its standard deviation is {:.2e}",
                 p.name, p.value, p.sigma
             ));
         }
@@ -244,7 +245,7 @@ fn parameters(solution: &Solution, choice: &Choice, all: &mut Vec<String>) {
             let c = solution.covariance[(at, other)] / (p.sigma * q.sigma);
             if c.abs() > CORRELATED {
                 all.push(format!(
-                    "{} and {} are hardly told apart: their correlation is {c:.5}",
+                    "{} and {} can hardly be distinguished: their correlation is {c:.5}",
                     q.name, p.name
                 ));
             }

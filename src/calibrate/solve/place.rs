@@ -14,7 +14,7 @@ use phasmid_geometry::{Board, Lens, Pose, Rig};
 const WANTED: &str =
     "a flat board that the camera sees from its front, not flipped, and the projector lights";
 /// Requirement on board and rig, for error messages.
-const FITTING: &str = "a board of the size that was said, before the rig that was calibrated";
+const FITTING: &str = "a board of the specified size, in front of the calibrated rig";
 
 /// Maximum RMS residual in pixels. Even a poor calibration leaves one or two pixels; more than this
 /// means another board or another rig.
@@ -50,7 +50,7 @@ pub fn place(board: &Board, sightings: &PoseSightings, rig: &Rig) -> Result<Plac
     };
     let free = [false; RIG];
     let no_place = |_| Unsolved::Unplaced {
-        found: "no place that fits what camera and projector have seen".to_owned(),
+        found: "no pose that fits the points of camera and projector".to_owned(),
         wanted: FITTING.to_owned(),
     };
     bundle
@@ -61,7 +61,7 @@ pub fn place(board: &Board, sightings: &PoseSightings, rig: &Rig) -> Result<Plac
     let rms_px = pose.camera_errors.rms_px.max(pose.projector_errors.rms_px);
     if !(rms_px <= MOST_RMS_PX) {
         return Err(Unsolved::Unplaced {
-            found: format!("points {rms_px:.1} px (RMS) from where the board would have them"),
+            found: format!("points {rms_px:.1} px (RMS) from their expected positions"),
             wanted: format!("{MOST_RMS_PX} px or less: {FITTING}"),
         });
     }
@@ -70,7 +70,7 @@ pub fn place(board: &Board, sightings: &PoseSightings, rig: &Rig) -> Result<Plac
     if counted < FEWEST_POINTS || 2 * counted < sightings.sightings.len() {
         return Err(Unsolved::Unplaced {
             found: format!(
-                "{counted} of {} points agree on where the board is",
+                "{counted} of {} points agree on the pose of the board",
                 sightings.sightings.len()
             ),
             wanted: WANTED.to_owned(),
@@ -98,12 +98,12 @@ fn start(pose: &PoseObservations, lens: &Lens) -> Result<Pose, Unsolved> {
     let map = Homography::fit(&pairs, true)
         .ok_or_else(|| wrong(format!("{} points on a line", pairs.len())))?;
     if !map.keeps_sense() {
-        return Err(wrong("a picture that shows the board mirrored".to_owned()));
+        return Err(wrong("an image that shows the board mirrored".to_owned()));
     }
     let pinhole = Lens {
         distortion: [0.0; 5],
         ..*lens
     };
     zhang::pose(&pinhole, &map.matrix)
-        .ok_or_else(|| wrong("points that no board before the camera has".to_owned()))
+        .ok_or_else(|| wrong("points that no board in front of the camera can have".to_owned()))
 }

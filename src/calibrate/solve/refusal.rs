@@ -38,7 +38,9 @@ pub(super) fn refusal(
     let found = match why {
         Why::NoStart => {
             return Unsolved::Undetermined {
-                found: format!("{numbers} have no first guess with all points before both lenses"),
+                found: format!(
+                    "{numbers} have no first guess with all points in front of both lenses"
+                ),
                 wanted: "sightings of one rigid rig and one flat board".to_owned(),
             };
         }
@@ -48,7 +50,7 @@ pub(super) fn refusal(
                 wanted: "more points or poses, or fewer distortion coefficients".to_owned(),
             };
         }
-        Why::Open => format!("{numbers} leave some of the unknowns open"),
+        Why::Open => format!("{numbers} leave some of the unknowns undetermined"),
         Why::Restless(square) => {
             let length = square.sqrt();
             let finest = finest_px(poses);
@@ -64,9 +66,9 @@ pub(super) fn refusal(
             }
             match length.is_finite() {
                 true => format!(
-                    "{numbers}: steps of the search stay {length:.0e} standard deviations long"
+                    "{numbers}: the solver's steps stay {length:.0e} standard deviations long"
                 ),
-                false => format!("{numbers}: the search runs out of all numbers"),
+                false => format!("{numbers}: the solver diverged"),
             }
         }
     };

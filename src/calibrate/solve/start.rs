@@ -54,7 +54,7 @@ pub(super) fn maps(bundle: &mut Bundle, robust: bool) -> Result<Maps, Unsolved> 
     if mirrored > 0 && mirrored + 1 >= total && bundle.poses.len() < 2 {
         return Err(Unsolved::Mirrored {
             found: format!("the camera shows the board mirrored in {mirrored} of {total} poses"),
-            wanted: "pictures that are not flipped, of the board's front".to_owned(),
+            wanted: "images of the board's front that are not flipped".to_owned(),
         });
     }
     if crossed > 0 && crossed + 1 >= total && bundle.poses.len() < 2 {
@@ -84,7 +84,7 @@ fn of_pose(bundle: &Bundle, at: usize, robust: bool) -> Result<OfPose, (Kind, St
     let pose = &bundle.poses[at];
     let improper = match pose.improper {
         0 => String::new(),
-        n => format!(" ({n} more are off the board or have no proper covariance)"),
+        n => format!(" ({n} more are off the board or have no valid covariance)"),
     };
     let few = |count: usize, what: &str| {
         let why = format!(
@@ -100,14 +100,13 @@ fn of_pose(bundle: &Bundle, at: usize, robust: bool) -> Result<OfPose, (Kind, St
     let agree = camera.fits.iter().filter(|f| **f).count();
     if agree < FEWEST_POINTS || 2 * agree < pairs.len() {
         let why = format!(
-            "{agree} of {} points agree on where the board is; expected half of them",
+            "{agree} of {} points agree on the pose of the board; expected half of them or more",
             pairs.len()
         );
         return Err((Kind::TooFew, why));
     }
     if !camera.keeps_sense() {
-        let why =
-            "the picture shows the board mirrored; expected its front, not flipped".to_owned();
+        let why = "the image shows the board mirrored; expected its front, not flipped".to_owned();
         return Err((Kind::MirroredCamera, why));
     }
     let lit: Vec<usize> = (0..pose.points.len())
@@ -164,7 +163,7 @@ pub(super) fn state(
     let points: Vec<Vec<DVec2>> = bundle.poses.iter().map(some_points).collect();
     let no_lens = || Unsolved::Undetermined {
         found: format!(
-            "no camera makes the {} pictures of the board from planes in front of it",
+            "no camera model explains the {} images of the board",
             homographies.len()
         ),
         wanted: TILTS_WANTED.to_owned(),

@@ -80,7 +80,7 @@ pub(super) fn projector(
         .map(|(_, lens, place)| (lens, place))
         .ok_or_else(|| Unsolved::Undetermined {
             found: format!(
-                "no projector lights the boards of {} poses as seen",
+                "no projector model explains the boards of {} poses",
                 lit.len()
             ),
             wanted: TILTS_WANTED.to_owned(),

@@ -128,7 +128,11 @@ impl Subject<'_> {
         let mut renderer = Renderer::with_options(self.profile, self.scene, 0, options)?;
         // Motion would run the geometry pass in every frame; that case is timed for any scene.
         renderer.force(Term::Motion, false);
-        renderer.expect_slides(self.shots.iter().filter_map(|shot| shot.slide.as_deref()));
+        renderer.expect_pattern_images(
+            self.shots
+                .iter()
+                .filter_map(|shot| shot.pattern_image.as_deref()),
+        );
         Ok(renderer)
     }
 

@@ -6,7 +6,7 @@ use phasmid_calibrate::poses::MOST_POSES;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Plan, load_frames};
 use phasmid_geometry::{Board, Rig};
-use phasmid_host::{CALIBRATION_FILE, MANIFEST_FILE, check_pictures};
+use phasmid_host::{CALIBRATION_FILE, MANIFEST_FILE, check_images};
 use phasmid_pattern::Manifest;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,11 +18,11 @@ use std::path::{Path, PathBuf};
 pub(super) fn look_at_all(
     poses: &[PathBuf],
     board: &Board,
-    pictures: &Path,
+    images: &Path,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<Poses> {
     let names: Vec<String> = poses.iter().map(|pose| name(pose)).collect();
-    let mut session = Session::new(pictures, &names);
+    let mut session = Session::new(images, &names);
     for (place, (pose, name)) in poses.iter().zip(&names).enumerate() {
         progress(place, poses.len());
         session.take(place, one(pose, name, board))?;
@@ -80,7 +80,7 @@ fn one(folder: &Path, name: &str, board: &Board) -> Result<Looked> {
     let stack = frames.stack();
     let looked =
         look(board, name, &manifest, &stack, nominal).map_err(|e| e.at(folder.display()))?;
-    check_pictures(&manifest, &stack).map_err(|why| {
+    check_images(&manifest, &stack).map_err(|why| {
         Error::input(
             folder.display(),
             why,

@@ -1,7 +1,7 @@
 //! Decodes the frames of a pose and detects the board in them.
 
 use image::RgbImage;
-use phasmid_calibrate::board::{Picture, draw};
+use phasmid_calibrate::board::{BoardImage, draw};
 use phasmid_calibrate::rig::{PoseData, sight};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Decoder, FrameStack, Options, Samples};
@@ -53,7 +53,7 @@ pub(in crate::cli) fn look(
             ));
         }
     }
-    let picture = Picture::from_frames(manifest, stack, &decoded.noise.unwrap_or(guess(stack)))?;
+    let picture = BoardImage::from_frames(manifest, stack, &decoded.noise.unwrap_or(guess(stack)))?;
     let found = sight(board, name, &picture, &decoded);
     let saturated = picture.level.iter().filter(|level| level.is_nan()).count();
     let seen = found.as_ref().map_or(&[][..], |data| &data.seen);

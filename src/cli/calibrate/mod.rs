@@ -159,7 +159,7 @@ fn run_captures(args: &Args, folder: &Path) -> Result<()> {
     }
     let remarks = vec![("captures".to_owned(), folder.display().to_string())];
     let calibration = solve(args, &board, &poses, &place)?;
-    finish(args, &out, &calibration, poses.pictures, remarks, None)
+    finish(args, &out, &calibration, poses.images, remarks, None)
 }
 
 fn run_emulated(args: &Args, name: &str) -> Result<()> {
@@ -211,7 +211,7 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
         args,
         &out,
         &calibration,
-        poses.pictures,
+        poses.images,
         remarks,
         Some(&truth),
     )
@@ -290,7 +290,7 @@ fn finish(
     args: &Args,
     out: &Folder,
     calibration: &Calibration,
-    pictures: Vec<(String, String)>,
+    images: Vec<(String, String)>,
     remarks: Vec<(String, String)>,
     truth: Option<&Truth>,
 ) -> Result<()> {
@@ -298,9 +298,9 @@ fn finish(
     let about = About {
         made_by: format!("phasmid calibrate {}", env!("CARGO_PKG_VERSION")),
         remarks,
-        pictures,
+        images,
     };
-    out.keep(about.pictures.iter().map(|(_, file)| file.as_str()))?;
+    out.keep(about.images.iter().map(|(_, file)| file.as_str()))?;
     if let Some(truth) = truth {
         let path = args.out.join(TRUTH);
         replace(&path, |file| file.write_all(json(truth).as_bytes()))?;

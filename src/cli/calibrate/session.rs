@@ -1,7 +1,7 @@
 //! Collects the poses of one calibration: the points found in each, and an annotated image.
 
 use super::look::Looked;
-use phasmid_calibrate::report::picture_names;
+use phasmid_calibrate::report::image_names;
 use phasmid_calibrate::rig::{Missed, PoseData};
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{NoiseModel, Rig};
@@ -20,7 +20,7 @@ pub(super) struct Session {
     folder: PathBuf,
     /// Name of each expected pose, and of the file for its image.
     names: Vec<(String, String)>,
-    pictures: Vec<(String, String)>,
+    images: Vec<(String, String)>,
     found: Vec<Found>,
     /// Index of each pose that cannot be used, and the reason.
     missed: Vec<(usize, String)>,
@@ -39,7 +39,7 @@ struct Found {
 /// All poses of a calibration.
 pub(super) struct Poses {
     /// Name of each pose that has an image, and of the image's file.
-    pub(super) pictures: Vec<(String, String)>,
+    pub(super) images: Vec<(String, String)>,
     /// Indices of the poses with a board, among all poses.
     pub(super) places: Vec<usize>,
     pub(super) poses: Vec<PoseData>,
@@ -55,11 +55,11 @@ impl Session {
     /// Starts without poses. `names` are the names of all expected poses in order; images go to
     /// `folder`.
     pub(super) fn new(folder: &Path, names: &[String]) -> Self {
-        let files = picture_names(names);
+        let files = image_names(names);
         Self {
             folder: folder.to_owned(),
             names: names.iter().cloned().zip(files).collect(),
-            pictures: Vec::new(),
+            images: Vec::new(),
             found: Vec::new(),
             missed: Vec::new(),
         }
@@ -84,7 +84,7 @@ impl Session {
                 image::ImageError::IoError(e) => Error::io(&path, e),
                 e => Error::device(format!("{}: {e}", path.display())),
             })?;
-            self.pictures.push((name.clone(), file.clone()));
+            self.images.push((name.clone(), file.clone()));
         }
         match looked.found {
             Err(why) => {
@@ -107,7 +107,7 @@ impl Session {
     pub(super) fn finish(self) -> Poses {
         let Self {
             names,
-            pictures,
+            images,
             found,
             mut missed,
             ..
@@ -117,7 +117,7 @@ impl Session {
         let most = found.iter().rev().max_by_key(|pose| many(pose.sizes));
         let sizes = most.map(|pose| pose.sizes).unwrap_or_default();
         let mut poses = Poses {
-            pictures,
+            images,
             places: Vec::new(),
             poses: Vec::new(),
             missed: Vec::new(),

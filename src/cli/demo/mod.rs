@@ -17,7 +17,7 @@ use phasmid_protocol::PixelFormat;
 use phasmid_protocol::service::{Item, Request, ask};
 use phasmid_render::Options as RenderOptions;
 use phasmid_render::truth::Truth;
-use phasmid_study::report::{PICTURES, Summary, write_pictures};
+use phasmid_study::report::{PICTURES, Summary, write_images};
 use phasmid_study::score::score;
 use std::fs;
 use std::io::Write;
@@ -131,7 +131,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     captured
         .write(&args.out)
         .and_then(|()| ply::write_cloud(&args.out.join(CLOUD), &decoder.cloud(&decoded)))
-        .and_then(|()| write_pictures(&args.out, &frame, &decoded, &truth, &rig))
+        .and_then(|()| write_images(&args.out, &frame, &decoded, &truth, &rig))
         .inspect_err(discarding)?;
     let masked = Decoding::new(&decoder, &decoded)
         .axes

@@ -62,7 +62,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .into_iter()
         .map(|(_, shot)| shot)
         .collect();
-    renderer.expect_slides(shots.iter().filter_map(|shot| shot.slide.as_deref()));
+    renderer.expect_pattern_images(
+        shots
+            .iter()
+            .filter_map(|shot| shot.pattern_image.as_deref()),
+    );
     let (passes, terms) = costs(&mut renderer, &shots);
     let report = Report {
         profile: &args.profile,

@@ -25,7 +25,7 @@ pub(super) use unit::runtime;
 use super::backend::Choice;
 use asked::Asked;
 use phasmid_core::error::{Error, Result};
-use phasmid_device::link::{RunDir, Stage, Timeline};
+use phasmid_device::link::{RunDir, SharedScene, Timeline};
 use phasmid_protocol::faults::Schedule;
 use phasmid_protocol::service::ClockPace;
 use std::ffi::OsStr;
@@ -161,16 +161,19 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let power = Power::default();
     let on = power.clone();
     let timeline = Timeline::new(args.clock.into(), move || on.elapsed());
-    let stages: Vec<_> = scenes.iter().map(|(_, scene)| Stage::new(scene)).collect();
+    let shared_scenes: Vec<_> = scenes
+        .iter()
+        .map(|(_, scene)| SharedScene::new(scene))
+        .collect();
     let units: Vec<_> = devices
         .iter()
         .map(|device| {
-            let stage = stages[device.scene].clone();
+            let shared_scene = shared_scenes[device.scene].clone();
             Unit::new(
                 args,
                 device,
                 &scenes[device.scene],
-                (timeline.seat(), stage),
+                (timeline.seat(), shared_scene),
                 &schedule,
             )
         })

@@ -8,7 +8,7 @@ use crate::cli::record::unix_s;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::stream;
 use phasmid_device::faults::Faults;
-use phasmid_device::link::{Device, Recording, RunDir, Seat, Stage, UsbLink, serve};
+use phasmid_device::link::{Device, Recording, RunDir, Seat, SharedScene, UsbLink, serve};
 use phasmid_device::{Firmware, Machine, SerialLine, UserSequence};
 use phasmid_profile::{Profile, Scene};
 use phasmid_protocol::Endpoints;
@@ -59,7 +59,7 @@ impl Unit {
         args: &Args,
         asked: &Asked,
         (label, scene): &(String, Scene),
-        (seat, stage): (Seat, Stage),
+        (seat, shared_scene): (Seat, SharedScene),
         schedule: &Schedule,
     ) -> Result<Self> {
         let profile = &asked.profile;
@@ -97,7 +97,7 @@ impl Unit {
             ),
             renderer,
             seat,
-            stage,
+            shared_scene,
             rig: scene.rig,
             name: format!(
                 "{},{},{},{}",

@@ -3,9 +3,9 @@
 use super::{BAND, Decoder};
 use crate::maps::{AxisMap, Decoded, Verdict};
 use crate::phase::RowNoise;
+use crate::robust_scale::RobustScale;
 use crate::rows::{AxisOut, Job, Scratch, decode_row};
 use crate::samples::{FrameStack, Sample};
-use crate::usual::Usual;
 use phasmid_geometry::NoiseModel;
 use rayon::prelude::*;
 
@@ -19,19 +19,20 @@ impl Decoder {
         out: &mut Decoded,
     ) {
         let frames: Vec<&[T]> = stack.typed().expect("checked: all frames are of one type");
-        let usual: Vec<Vec<Usual>> = self
+        let robust_scale: Vec<Vec<RobustScale>> = self
             .kernels
             .iter()
             .map(|kernel| {
                 let sets = &kernel.sets;
-                let of = |set| Usual::of(sets, set, &frames, noise, saturation, &self.options);
+                let of =
+                    |set| RobustScale::of(sets, set, &frames, noise, saturation, &self.options);
                 sets.iter().map(of).collect()
             })
             .collect();
         let job = Job {
             frames: &frames,
             kernels: &self.kernels,
-            usual: &usual,
+            robust_scale: &robust_scale,
             references: self.plan.references(),
             noise: RowNoise::new(noise),
             saturation,

@@ -116,7 +116,7 @@ impl Decoder {
                         format!("sequence, axis {}", axis.axis),
                         format!(
                             "period {period} px covers only 1/{:.0} of the {} px, and there is \
-                             neither Gray code nor a second period: no points with that",
+                             neither a Gray code nor a second period: points cannot be computed",
                             axis.extent_px / period,
                             axis.extent_px
                         ),
@@ -193,8 +193,9 @@ impl Decoder {
                     noise
                 }
                 None => {
-                    out.notes
-                        .push("the frames do not tell their noise: 1 DN is assumed".to_owned());
+                    out.notes.push(
+                        "the noise cannot be estimated from the frames: 1 DN is assumed".to_owned(),
+                    );
                     NoiseModel {
                         gain_dn_per_e: 0.0,
                         read_noise_dn: (11.0f64 / 12.0).sqrt(),
@@ -227,7 +228,7 @@ impl Decoder {
         } else {
             return None;
         };
-        Some(format!("the steps all weigh the same: {why}"))
+        Some(format!("all steps have equal weight: {why}"))
     }
 
     fn check(&self, stack: &FrameStack<'_>) -> Result<()> {
@@ -242,7 +243,10 @@ impl Decoder {
             return Err(Error::input(
                 "frames",
                 format!("{} frames", stack.frames().len()),
-                format!("{} frames, one a pattern of the sequence", self.plan.frames),
+                format!(
+                    "{} frames, one per pattern of the sequence",
+                    self.plan.frames
+                ),
             ));
         }
         for (i, frame) in stack.frames().iter().enumerate() {
@@ -302,14 +306,14 @@ impl Decoder {
             out.notes.push(if self.options.unwrap_spatial {
                 unwrap(self.width, &mut map.coordinate, &map.sigma, period as f32);
                 format!(
-                    "axis {axis} is unwrapped along space: right up to whole periods of {shown} px \
+                    "axis {axis} is unwrapped spatially: correct up to whole periods of {shown} px \
                      per connected region"
                 )
             } else {
                 format!(
-                    "axis {axis} is known modulo {shown} px only: nothing tells its periods apart; \
-                     a Gray code or a second period would, and decode's --unwrap spatial joins \
-                     them up to whole periods per connected region"
+                    "axis {axis} is known modulo {shown} px only: add a Gray code or a second \
+                     period to resolve its periods, or use decode's --unwrap spatial, which is \
+                     correct up to whole periods per connected region"
                 )
             });
         }

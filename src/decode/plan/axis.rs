@@ -90,7 +90,7 @@ fn fringe_sets(axis: Axis, manifest: &Manifest) -> Result<Vec<FringeSet>> {
         return Err(Error::input(
             format!("sequence, axis {axis}"),
             format!("fringes of {} periods", groups.len()),
-            format!("up to {MAX_SETS} periods an axis"),
+            format!("up to {MAX_SETS} periods per axis"),
         ));
     }
     groups.sort_by(|a, b| a.0.total_cmp(&b.0));

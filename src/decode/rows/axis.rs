@@ -6,8 +6,8 @@ use crate::gray::GrayRow;
 use crate::maps::Verdict;
 use crate::order::Ensemble;
 use crate::phase::{Check, OWN, SetKernel, SetRow, TIED, UNCHECKED};
+use crate::robust_scale::RobustScale;
 use crate::samples::Sample;
-use crate::usual::Usual;
 
 /// Maximum distance of a coordinate outside the projector's pixels, in projector pixels.
 const OVERHANG_PX: f32 = 1.0;
@@ -19,7 +19,7 @@ const ABOVE_WHITE: f32 = 1.5;
 pub(super) fn axis_row<'f, T: Sample>(
     job: &Job<'_, T>,
     kernel: &AxisKernel,
-    usual: &[Usual],
+    robust_scale: &[RobustScale],
     row: &impl Fn(usize) -> &'f [T],
     scratch: &mut Scratch,
     out: AxisOut<'_>,
@@ -46,11 +46,11 @@ pub(super) fn axis_row<'f, T: Sample>(
         clear(&mut scratch.sum, n);
         tie(kernel, sets, &mut scratch.sum);
     }
-    for ((set, k), usual) in sets.iter_mut().zip(&kernel.sets).zip(usual) {
+    for ((set, k), robust_scale) in sets.iter_mut().zip(&kernel.sets).zip(robust_scale) {
         match k.check {
-            Check::None => set.finish::<UNCHECKED>(k, job.noise, usual),
-            Check::Own => set.finish::<OWN>(k, job.noise, usual),
-            Check::Tied => set.finish::<TIED>(k, job.noise, usual),
+            Check::None => set.finish::<UNCHECKED>(k, job.noise, robust_scale),
+            Check::Own => set.finish::<OWN>(k, job.noise, robust_scale),
+            Check::Tied => set.finish::<TIED>(k, job.noise, robust_scale),
         }
     }
     gray_row(job, kernel, row, scratch);
@@ -111,11 +111,11 @@ pub(super) fn axis_row<'f, T: Sample>(
             found
         };
     }
-    for ((set, k), usual) in sets.iter().zip(&kernel.sets).zip(usual) {
+    for ((set, k), robust_scale) in sets.iter().zip(&kernel.sets).zip(robust_scale) {
         let light = (&middle[..n], &half[..n]);
         match k.check {
-            Check::None => judge::<T, false>(job, k, usual, set, light, verdict),
-            _ => judge::<T, true>(job, k, usual, set, light, verdict),
+            Check::None => judge::<T, false>(job, k, robust_scale, set, light, verdict),
+            _ => judge::<T, true>(job, k, robust_scale, set, light, verdict),
         }
     }
     if sets.is_empty() {
@@ -175,7 +175,7 @@ fn tie(kernel: &AxisKernel, sets: &mut [SetRow], all: &mut [f32]) {
 fn judge<T, const CHECKED: bool>(
     job: &Job<'_, T>,
     k: &SetKernel,
-    usual: &Usual,
+    robust_scale: &RobustScale,
     set: &SetRow,
     (middle, half): (&[f32], &[f32]),
     verdict: &mut [Verdict],
@@ -185,7 +185,7 @@ fn judge<T, const CHECKED: bool>(
     let (b, var, mean) = (&set.modulation[..n], &set.variance[..n], &set.mean[..n]);
     let has_black = job.references.is_some();
     let check = &set.check[..n];
-    let usual = *usual;
+    let robust_scale = *robust_scale;
     for i in 0..n {
         // White may be clipped where the fringes are not. The distance of their mean from black is
         // then the better reference.
@@ -198,7 +198,7 @@ fn judge<T, const CHECKED: bool>(
         let was = verdict[i];
         let light = (mean[i] - job.noise.black).max(0.0);
         // A fringe cannot exceed the range from black to white.
-        let odd = (CHECKED && check[i].abs() > usual.most(light, b[i], job.noise))
+        let odd = (CHECKED && check[i].abs() > robust_scale.most(light, b[i], job.noise))
             | (has_black & (b[i] > ABOVE_WHITE * half[i].max(0.0) + job.min_modulation));
         let lit = match (dim, odd & (was as u8 == Verdict::Valid as u8)) {
             (true, _) => Verdict::Dim,

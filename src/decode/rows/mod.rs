@@ -17,8 +17,8 @@ use super::edges;
 use super::gray::GrayRow;
 use super::maps::Verdict;
 use super::phase::{RowNoise, SetRow};
+use super::robust_scale::RobustScale;
 use super::samples::Sample;
-use super::usual::Usual;
 use axis::axis_row;
 
 /// Data shared by all rows of a decoding.
@@ -26,7 +26,7 @@ pub(super) struct Job<'a, T> {
     pub(super) frames: &'a [&'a [T]],
     pub(super) kernels: &'a [AxisKernel],
     /// Typical residuals of each kernel's sets in this capture.
-    pub(super) usual: &'a [Vec<Usual>],
+    pub(super) robust_scale: &'a [Vec<RobustScale>],
     pub(super) references: Option<(usize, usize)>,
     pub(super) noise: RowNoise,
     pub(super) saturation: f32,
@@ -91,9 +91,9 @@ fn decode_body<T: Sample>(
         }
     }
     let mut first = true;
-    let axes = job.kernels.iter().zip(job.usual);
-    for ((kernel, usual), out) in axes.zip(matched(job.kernels, outs)) {
-        axis_row(job, kernel, usual, &row, scratch, out);
+    let axes = job.kernels.iter().zip(job.robust_scale);
+    for ((kernel, robust_scale), out) in axes.zip(matched(job.kernels, outs)) {
+        axis_row(job, kernel, robust_scale, &row, scratch, out);
         if first {
             first = false;
             match scratch.sets.first() {

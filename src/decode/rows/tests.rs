@@ -63,7 +63,7 @@ fn both_ways(steps: [u32; 2], weighted: bool) {
     let job = Job {
         frames: &frames,
         kernels: &kernels,
-        usual: &[vec![Usual::default(); 2]],
+        robust_scale: &[vec![RobustScale::default(); 2]],
         references: None,
         noise: RowNoise::new(&noise),
         saturation: 255.0,

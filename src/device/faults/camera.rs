@@ -3,8 +3,8 @@
 
 use super::armed::{Event, Way};
 use super::chance::Draws;
-use super::{Faults, picture};
-use crate::{Exposure, Shot, Slide};
+use super::{Faults, frame};
+use crate::{Exposure, PatternImage, Shot};
 use phasmid_protocol::Frame;
 use phasmid_protocol::faults::Effect;
 use std::sync::Arc;
@@ -13,17 +13,17 @@ use std::sync::Arc;
 /// dropped; a served device never has so many in flight.
 const MAX_PLANNED: usize = 16_384;
 
-/// Slides of the selected sequence; `None` where the projector's light is off.
-pub type Slides<'a> = &'a dyn Fn() -> Vec<Option<Arc<Slide>>>;
+/// Pattern images of the selected sequence; `None` where the projector's light is off.
+pub type PatternImages<'a> = &'a dyn Fn() -> Vec<Option<Arc<PatternImage>>>;
 
 impl Faults {
     /// Applies faults to exposures on their way to the optics. The number of exposures is
-    /// unchanged; `slides` returns the slides of the sequence being exposed.
+    /// unchanged; `pattern_images` returns the pattern images of the sequence being exposed.
     pub fn exposures(
         &mut self,
         mut exposures: Vec<Exposure>,
         now_ns: u64,
-        slides: Slides<'_>,
+        pattern_images: PatternImages<'_>,
     ) -> Vec<Exposure> {
         self.now_ns = self.now_ns.max(now_ns);
         let Some(last) = exposures.last().map(|exposure| exposure.shot.id) else {
@@ -40,7 +40,7 @@ impl Faults {
             for (effect, draws) in self.strike(Way::Camera, &event, Some(shot.id)) {
                 match effect {
                     Effect::Dark => darken(shot),
-                    Effect::WrongPattern { offset } => show_other(shot, offset, slides),
+                    Effect::WrongPattern { offset } => show_other(shot, offset, pattern_images),
                     Effect::PartialExposure { fraction } => dim(shot, fraction),
                     Effect::Disconnect { for_ns } => self.disconnect(for_ns),
                     // Exposed frames are lost with the device's memory.
@@ -94,12 +94,12 @@ impl Faults {
                 Effect::Repeated => copies = 2 * copies.min(1),
                 Effect::Late { by_ns } => late_ns += by_ns,
                 Effect::Swapped { wait_ns: wait } => wait_ns = Some(wait),
-                Effect::Torn { row } => picture::torn(Arc::make_mut(&mut frame), before, row),
+                Effect::Torn { row } => frame::torn(Arc::make_mut(&mut frame), before, row),
                 Effect::RowsMissing { row, rows } => {
-                    picture::rows_missing(Arc::make_mut(&mut frame), row, rows);
+                    frame::rows_missing(Arc::make_mut(&mut frame), row, rows);
                 }
                 Effect::BitsFlipped { count } => {
-                    picture::bits_flipped(&mut Arc::make_mut(&mut frame).data, count, &mut draws);
+                    frame::bits_flipped(&mut Arc::make_mut(&mut frame).data, count, &mut draws);
                 }
                 // All other effects are applied elsewhere.
                 _ => {}
@@ -152,10 +152,10 @@ impl Faults {
 
 /// Switches the projector's lamp off.
 fn darken(shot: &mut Shot) {
-    shot.slide = None;
+    shot.pattern_image = None;
     shot.light = 0.0;
     for showing in &mut shot.then {
-        showing.slide = None;
+        showing.pattern_image = None;
         showing.light = 0.0;
     }
 }
@@ -169,14 +169,14 @@ fn dim(shot: &mut Shot, fraction: f64) {
 }
 
 /// Shows another pattern of the sequence; positions wrap around at its ends.
-fn show_other(shot: &mut Shot, offset: i32, slides: Slides<'_>) {
-    let (Some(index), Some(_)) = (shot.pattern_index, &shot.slide) else {
+fn show_other(shot: &mut Shot, offset: i32, pattern_images: PatternImages<'_>) {
+    let (Some(index), Some(_)) = (shot.pattern_index, &shot.pattern_image) else {
         return;
     };
-    let mut slides = slides();
-    let Ok(count @ 1..) = i64::try_from(slides.len()) else {
+    let mut pattern_images = pattern_images();
+    let Ok(count @ 1..) = i64::try_from(pattern_images.len()) else {
         return;
     };
     let other = (i64::from(index) + i64::from(offset)).rem_euclid(count);
-    shot.slide = slides.swap_remove(other as usize);
+    shot.pattern_image = pattern_images.swap_remove(other as usize);
 }

@@ -8,15 +8,15 @@
 mod armed;
 mod camera;
 mod chance;
+mod frame;
 mod held;
 mod listener;
 mod log;
-mod picture;
 mod port;
 #[cfg(test)]
 mod tests;
 
-pub use camera::Slides;
+pub use camera::PatternImages;
 pub use port::Incoming;
 
 use armed::{Armed, Event, Way};
@@ -158,8 +158,8 @@ impl Faults {
         if self.armed.len() >= MAX_FAULTS {
             return Err(Flaw {
                 field: "fault".to_owned(),
-                found: "one more".to_owned(),
-                allowed: format!("{MAX_FAULTS} at a time"),
+                found: "one fault too many".to_owned(),
+                allowed: format!("at most {MAX_FAULTS} at a time"),
             });
         }
         let id = self.next_id;

@@ -3,7 +3,7 @@
 use super::armed::{Armed, Event, Way};
 use super::chance::Draws;
 use super::listener::Listener;
-use super::{Faults, picture};
+use super::{Faults, frame};
 use crate::port::Message;
 use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::faults::{Bits, Effect};
@@ -168,7 +168,7 @@ impl Faults {
 /// Inverts bits of a message.
 fn flip(bytes: &mut [u8], bits: Bits, draws: &mut Draws) {
     match bits {
-        Bits::Count(count) => picture::bits_flipped(bytes, count, draws),
+        Bits::Count(count) => frame::bits_flipped(bytes, count, draws),
         Bits::Rate(rate) => {
             for byte in bytes {
                 for bit in 0..8 {

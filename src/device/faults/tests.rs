@@ -1,6 +1,6 @@
 use super::*;
 use crate::port::Message;
-use crate::{Exposure, Readout, Roi, Shot, Slide};
+use crate::{Exposure, PatternImage, Readout, Roi, Shot};
 use phasmid_core::source::TomlSource;
 use phasmid_protocol::PixelFormat;
 use phasmid_protocol::faults::What;
@@ -15,7 +15,7 @@ fn exposure(id: u64) -> Exposure {
         shot: Shot {
             id,
             pattern_index: Some(id as u32 % 4),
-            slide: Some(Arc::new(Slide::Uniform(id as u16 % 4))),
+            pattern_image: Some(Arc::new(PatternImage::Uniform(id as u16 % 4))),
             light: 1.0,
             start_ns: id * 100,
             exposure_ns: 50,
@@ -47,8 +47,10 @@ fn frame(id: u64) -> Arc<Frame> {
     })
 }
 
-fn slides() -> Vec<Option<Arc<Slide>>> {
-    (0..4).map(|i| Some(Arc::new(Slide::Uniform(i)))).collect()
+fn pattern_images() -> Vec<Option<Arc<PatternImage>>> {
+    (0..4)
+        .map(|i| Some(Arc::new(PatternImage::Uniform(i))))
+        .collect()
 }
 
 /// Passes eight frames, 100 ns apart, and returns those that leave: time, id, last byte.
@@ -64,7 +66,12 @@ fn eight(faults: &mut Faults) -> Vec<(u64, u64, u8)> {
         while let Some(next) = faults.next_event_ns().filter(|next| *next < now) {
             take(faults, next);
         }
-        assert_eq!(faults.exposures(vec![exposure(id)], now, &slides).len(), 1);
+        assert_eq!(
+            faults
+                .exposures(vec![exposure(id)], now, &pattern_images)
+                .len(),
+            1
+        );
         faults.frame(frame(id), now);
         take(faults, now);
     }
@@ -140,7 +147,7 @@ fn frames_are_torn_cut_and_flipped_with_their_identity() {
     let flip = "seed = 3\n[[fault]]\nwhat = \"bits-flipped\"\ncount = 9\nwhen = { nth = 3 }";
     let bytes = |text: &str| {
         let mut faults = faults(text);
-        faults.exposures((0..3).map(exposure).collect(), 0, &slides);
+        faults.exposures((0..3).map(exposure).collect(), 0, &pattern_images);
         for id in 0..3 {
             faults.frame(frame(id), 0);
         }
@@ -159,7 +166,7 @@ fn frames_are_torn_cut_and_flipped_with_their_identity() {
 fn exposures_are_dark_partial_and_of_another_pattern() {
     let struck = |text: &str| {
         let mut faults = faults(text);
-        let out = faults.exposures((0..8).map(exposure).collect(), 800, &slides);
+        let out = faults.exposures((0..8).map(exposure).collect(), 800, &pattern_images);
         assert_eq!(out[2], exposure(2), "{text}");
         let told: Vec<_> = faults.struck().map(|s| (s.frame, s.time_ns)).collect();
         assert_eq!(told, [(Some(3), 300)]);
@@ -167,11 +174,15 @@ fn exposures_are_dark_partial_and_of_another_pattern() {
     };
     let when = "when = { nth = 4 }";
     let dark = struck(&format!("[[fault]]\nwhat = \"dark\"\n{when}"));
-    assert_eq!((dark.slide, dark.light), (None, 0.0));
+    assert_eq!((dark.pattern_image, dark.light), (None, 0.0));
     for (offset, level) in [(1, 0), (-1, 2), (-4096, 3), (6, 1)] {
         let text = format!("[[fault]]\nwhat = \"wrong-pattern\"\noffset = {offset}\n{when}");
         let shot = struck(&text);
-        assert_eq!(*shot.slide.unwrap(), Slide::Uniform(level), "{offset}");
+        assert_eq!(
+            *shot.pattern_image.unwrap(),
+            PatternImage::Uniform(level),
+            "{offset}"
+        );
         assert_eq!((shot.id, shot.pattern_index), (3, Some(3)));
     }
     let partial = format!("[[fault]]\nwhat = \"partial-exposure\"\nfraction = 0.25\n{when}");
@@ -279,7 +290,7 @@ fn a_port_goes_and_comes_back_and_a_device_boots() {
     assert_eq!(log[0].command.as_deref(), Some("B?"));
 
     let mut faults = self::faults("[[fault]]\nwhat = \"reset\"\nwhen = { nth = 3 }");
-    faults.exposures((0..5).map(exposure).collect(), 500, &slides);
+    faults.exposures((0..5).map(exposure).collect(), 500, &pattern_images);
     assert!(faults.take_reset() && !faults.take_reset());
     for id in 0..7 {
         faults.frame(frame(id), 600);
@@ -324,7 +335,7 @@ fn faults_come_and_go_and_only_concern_their_device() {
     // Removing a fault makes room for another.
     faults.add(Fault::new(What::Nak)).unwrap();
     let full = faults.add(Fault::new(What::Nak)).unwrap_err();
-    assert_eq!(full.allowed, "1024 at a time");
+    assert_eq!(full.allowed, "at most 1024 at a time");
     faults.clear();
     assert!(ids(&faults).is_empty());
     assert_eq!(faults.struck_in_all(), 1);

@@ -20,7 +20,7 @@ impl Firmware {
     /// ground truth. Start times are those of the last complete run of the sequence, or of a
     /// trigger now if there was none. Exposes nothing.
     pub fn selected_sequence(&self) -> Vec<(Pattern, Shot)> {
-        let count = self.selected.slides.len();
+        let count = self.selected.pattern_images.len();
         let start_ns = |i: usize| {
             let now = i as u64 * self.settings.period_ns + self.now_ns;
             let taken = self
@@ -52,28 +52,28 @@ impl Firmware {
     /// timing switches directly from one pattern to the next and keeps the last one until the frame
     /// ends; a projector with timing is dark before and after each pattern.
     fn show(&self, shot: &mut Shot, patterns: impl IntoIterator<Item = (usize, u64)>) {
-        let slides = &self.selected.slides;
+        let pattern_images = &self.selected.pattern_images;
         let end_ns = shot.end_ns();
         let mut seen = patterns
             .into_iter()
             .take_while(|(_, start_ns)| *start_ns <= end_ns)
-            .filter_map(|(place, start_ns)| Some((slides.get(place)?.clone(), start_ns)));
+            .filter_map(|(place, start_ns)| Some((pattern_images.get(place)?.clone(), start_ns)));
         let Some(timing) = &self.profile.projector.timing else {
-            shot.slide = seen.next().map(|(slide, _)| slide);
+            shot.pattern_image = seen.next().map(|(pattern_image, _)| pattern_image);
             shot.then = seen
                 .filter(|(_, from_ns)| *from_ns < end_ns)
-                .map(|(slide, from_ns)| Showing {
+                .map(|(pattern_image, from_ns)| Showing {
                     from_ns,
-                    slide: Some(slide),
+                    pattern_image: Some(pattern_image),
                     light: shot.light,
                 })
                 .collect();
             return;
         };
-        let lit = seen.map(|(slide, start_ns)| {
+        let lit = seen.map(|(pattern_image, start_ns)| {
             let lit = self.period(timing, start_ns).lit;
             Lit {
-                slide,
+                pattern_image,
                 from_ns: lit.start,
                 to_ns: lit.end,
             }
@@ -225,19 +225,19 @@ impl Firmware {
                 self.open(starts.map(|(_, start_ns)| start_ns), shot.end_ns());
             }
             None => {
-                shot.slide = Some(match shown {
+                shot.pattern_image = Some(match shown {
                     Shown::White => self.white.clone(),
                     Shown::Black => self.black.clone(),
-                    Shown::Pattern(index) => self.selected.slides[index as usize].clone(),
+                    Shown::Pattern(index) => self.selected.pattern_images[index as usize].clone(),
                 });
             }
         }
         shot.emission = self.emission(exposed.index, exposed.start_ns);
         if !self.shows() {
-            shot.slide = None;
+            shot.pattern_image = None;
             shot.then
                 .iter_mut()
-                .for_each(|showing| showing.slide = None);
+                .for_each(|showing| showing.pattern_image = None);
         }
         self.exposures.push(Exposure {
             shot,

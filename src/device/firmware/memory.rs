@@ -1,13 +1,13 @@
 //! The device's memory: built-in and user-defined sequences, and images.
 
-use super::super::Slide;
+use super::super::PatternImage;
 use super::settings::microseconds;
 use image::GrayImage;
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::{Axis, Manifest, Pattern, ProjectorSize};
 use phasmid_profile::{Profile, Projector};
 use phasmid_protocol::scpi::{DeviceError, ErrorCode};
-use phasmid_render::picture;
+use phasmid_render::image_file;
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// Maximum number of sequences.
 const MAX_SEQUENCES: usize = 128;
-/// Maximum total size of images and slides in bytes.
+/// Maximum total size of images and pattern images in bytes.
 const MAX_BYTES: usize = 512 << 20;
 /// Maximum length of the name of a sequence or image.
 const MAX_NAME: usize = 64;
@@ -60,12 +60,12 @@ pub(super) struct Stored {
     pub(super) name: String,
     pub(super) period_ns: u64,
     pub(super) manifest: Manifest,
-    pub(super) slides: Vec<Arc<Slide>>,
+    pub(super) pattern_images: Vec<Arc<PatternImage>>,
     /// Shortest time in which the projector can show the patterns, in nanoseconds.
     pub(super) shortest_ns: u64,
     /// Time to load the sequence from flash memory, in nanoseconds.
     pub(super) load_ns: u64,
-    /// Size of the slides in bytes.
+    /// Size of the pattern images in bytes.
     bytes: usize,
     built_in: bool,
 }
@@ -124,30 +124,30 @@ impl Memory {
         if self.get(name).is_some() {
             return Err(Error::input(
                 place,
-                "a name that is taken",
+                "a name that is already used",
                 "a name that no other sequence has",
             ));
         }
         self.check_projector(&manifest)
             .map_err(|found| Error::input(&place, found, "the profile's projector"))?;
-        let bytes = self.slide_bytes(&manifest);
+        let bytes = self.pattern_image_bytes(&manifest);
         if self.sequences.len() >= MAX_SEQUENCES || bytes > self.room() {
             return Err(Error::input(
                 place,
                 "more than the device's memory holds",
                 format!(
-                    "{MAX_SEQUENCES} sequences and {} bytes of pictures",
+                    "{MAX_SEQUENCES} sequences and {} bytes of images",
                     self.max_bytes
                 ),
             ));
         }
-        let images = |file: &Path| picture::read(&folder.join(file), &self.projector);
-        let slides = self.slides(&manifest, &images)?;
+        let images = |file: &Path| image_file::read(&folder.join(file), &self.projector);
+        let pattern_images = self.pattern_images(&manifest, &images)?;
         let stored = Stored {
             name: name.to_owned(),
             period_ns,
             manifest,
-            slides,
+            pattern_images,
             shortest_ns: 0,
             load_ns: 0,
             bytes,
@@ -205,14 +205,14 @@ impl Memory {
     pub(super) fn upload(&mut self, file: &str, bytes: &[u8]) -> Result<(), DeviceError> {
         if file.is_empty() || file.len() > MAX_NAME || file.contains(char::is_control) {
             return Err(ErrorCode::IllegalParameterValue.with(format!(
-                "a file name of 1 to {MAX_NAME} characters is wanted"
+                "expected a file name of 1 to {MAX_NAME} characters"
             )));
         }
         let projector = &self.projector;
-        let image = picture::decode(bytes, projector, file)
+        let image = image_file::decode(bytes, projector, file)
             .map_err(|e| ErrorCode::IllegalParameterValue.with(e))?;
         // Rejects an unsuitable image now rather than when a sequence uses it.
-        Slide::from_image(&image, projector, file)
+        PatternImage::from_image(&image, projector, file)
             .map_err(|e| ErrorCode::IllegalParameterValue.with(e))?;
         let before = self.pictures.get(file).map_or(0, |old| old.as_raw().len());
         if self.bytes() - before + image.as_raw().len() > self.max_bytes {
@@ -232,7 +232,7 @@ impl Memory {
     ) -> Result<Arc<Stored>, DeviceError> {
         if !is_name(name) {
             return Err(ErrorCode::IllegalParameterValue
-                .with("a name is 1 to 64 letters, digits, '-', '_' or '.'"));
+                .with("expected a name of 1 to 64 letters, digits, '-', '_' or '.'"));
         }
         if self.get(name).is_some_and(|stored| stored.built_in) {
             return Err(ErrorCode::IllegalParameterValue.with(format!("{name} is built in")));
@@ -256,17 +256,17 @@ impl Memory {
             return Err(ErrorCode::OutOfMemory.into());
         }
         let before = place.map_or(0, |index| self.sequences[index].bytes);
-        let bytes = self.slide_bytes(&manifest);
+        let bytes = self.pattern_image_bytes(&manifest);
         if bytes > self.room() + before {
             return Err(ErrorCode::OutOfMemory.into());
         }
         let images = |file: &Path| Ok(self.pictures[&key(file)].clone());
-        let slides = self.slides(&manifest, &images).map_err(failed)?;
+        let pattern_images = self.pattern_images(&manifest, &images).map_err(failed)?;
         let stored = Arc::new(self.timed(Stored {
             name: name.to_owned(),
             period_ns: self.period_ns,
             manifest,
-            slides,
+            pattern_images,
             shortest_ns: 0,
             load_ns: 0,
             bytes,
@@ -293,37 +293,37 @@ impl Memory {
         }
     }
 
-    pub(super) fn delete_picture(&mut self, file: &str) -> Result<(), DeviceError> {
+    pub(super) fn delete_image(&mut self, file: &str) -> Result<(), DeviceError> {
         match self.pictures.remove(file) {
             Some(_) => Ok(()),
             None => Err(ErrorCode::FileNameNotFound.with(file)),
         }
     }
 
-    /// Returns a slide for each frame; frames with the same pattern share one.
-    fn slides(
+    /// Returns a pattern image for each frame; frames with the same pattern share one.
+    fn pattern_images(
         &self,
         manifest: &Manifest,
         images: &dyn Fn(&Path) -> Result<GrayImage>,
-    ) -> Result<Vec<Arc<Slide>>> {
-        let mut made: HashMap<String, Arc<Slide>> = HashMap::new();
-        let mut slides = Vec::with_capacity(manifest.frame.len());
+    ) -> Result<Vec<Arc<PatternImage>>> {
+        let mut made: HashMap<String, Arc<PatternImage>> = HashMap::new();
+        let mut pattern_images = Vec::with_capacity(manifest.frame.len());
         for frame in &manifest.frame {
-            let slide = match made.entry(key_of(&frame.pattern)) {
+            let pattern_image = match made.entry(key_of(&frame.pattern)) {
                 Entry::Occupied(same) => same.get().clone(),
                 Entry::Vacant(new) => {
-                    let slide = Slide::new(&frame.pattern, &self.projector, images)?;
-                    new.insert(Arc::new(slide)).clone()
+                    let pattern_image = PatternImage::new(&frame.pattern, &self.projector, images)?;
+                    new.insert(Arc::new(pattern_image)).clone()
                 }
             };
-            slides.push(slide);
+            pattern_images.push(pattern_image);
         }
-        Ok(slides)
+        Ok(pattern_images)
     }
 
-    /// Size in bytes of the result of [`Self::slides`], computed before any allocation: a manifest
-    /// may have many frames and name one image often.
-    fn slide_bytes(&self, manifest: &Manifest) -> usize {
+    /// Size in bytes of the result of [`Self::pattern_images`], computed before any allocation: a
+    /// manifest may have many frames and name one image often.
+    fn pattern_image_bytes(&self, manifest: &Manifest) -> usize {
         let (width, height) = (self.projector.width_px, self.projector.height_px);
         let (width, height) = (width as usize, height as usize);
         let mut counted = HashSet::new();
@@ -352,8 +352,8 @@ impl Memory {
 
     fn bytes(&self) -> usize {
         let pictures: usize = self.pictures.values().map(|p| p.as_raw().len()).sum();
-        let slides: usize = self.sequences.iter().map(|stored| stored.bytes).sum();
-        pictures + slides
+        let pattern_images: usize = self.sequences.iter().map(|stored| stored.bytes).sum();
+        pictures + pattern_images
     }
 }
 
@@ -412,8 +412,14 @@ mod tests {
             .define("own", fringes(4096, |i| i % 2).as_bytes(), all)
             .unwrap();
         assert_eq!(memory.room(), 98 * row);
-        assert!(Arc::ptr_eq(&stored.slides[0], &stored.slides[4094]));
-        assert!(!Arc::ptr_eq(&stored.slides[0], &stored.slides[1]));
+        assert!(Arc::ptr_eq(
+            &stored.pattern_images[0],
+            &stored.pattern_images[4094]
+        ));
+        assert!(!Arc::ptr_eq(
+            &stored.pattern_images[0],
+            &stored.pattern_images[1]
+        ));
     }
 
     #[test]

@@ -107,7 +107,8 @@ impl Firmware {
         } else if self.waiting.len() >= MAX_WAITING
             || self.waiting_bytes + message.len() > MAX_WAITING_BYTES
         {
-            let error = ErrorCode::InputBufferOverrun.with("too much waits behind *WAI or *OPC?");
+            let error =
+                ErrorCode::InputBufferOverrun.with("too many messages wait behind *WAI or *OPC?");
             self.conclude(origin, Vec::new(), vec![error]);
         } else {
             self.waiting_bytes += message.len();

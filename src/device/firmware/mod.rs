@@ -30,7 +30,7 @@ pub use trigger::State;
 pub use undo::Before;
 
 use super::projection::Planes;
-use super::{Exposure, Slide, StreamSink};
+use super::{Exposure, PatternImage, StreamSink};
 use memory::{Memory, Stored};
 use messages::{Current, Waiting};
 use phasmid_core::error::Result;
@@ -68,8 +68,8 @@ pub struct Firmware {
     /// Copy of the memory at power-on.
     loaded: Memory,
     selected: Arc<Stored>,
-    white: Arc<Slide>,
-    black: Arc<Slide>,
+    white: Arc<PatternImage>,
+    black: Arc<PatternImage>,
     state: State,
     status: Status,
     framer: Framer,
@@ -133,8 +133,8 @@ impl Firmware {
             selected: memory.first().clone(),
             loaded: memory.clone(),
             memory,
-            white: Arc::new(Slide::Uniform(full)),
-            black: Arc::new(Slide::Uniform(0)),
+            white: Arc::new(PatternImage::Uniform(full)),
+            black: Arc::new(PatternImage::Uniform(0)),
             state: State::Idle,
             status: Status::power_on(),
             framer: Framer::default(),
@@ -346,7 +346,7 @@ impl Firmware {
         if self.framer.inside_block() {
             self.framer.reset();
             self.status
-                .report(ErrorCode::InvalidBlockData.with("the block stopped coming"));
+                .report(ErrorCode::InvalidBlockData.with("the block stopped arriving"));
         }
     }
 

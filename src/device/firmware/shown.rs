@@ -1,8 +1,8 @@
-//! Firmware state that the service channel reports: which stored pattern a slide shows, and the
-//! number of missed triggers.
+//! Firmware state that the service channel reports: which stored pattern a pattern image shows, and
+//! the number of missed triggers.
 
 use super::Firmware;
-use crate::Slide;
+use crate::PatternImage;
 use phasmid_pattern::Pattern;
 use phasmid_protocol::service::Shown;
 use std::sync::Arc;
@@ -13,14 +13,14 @@ impl Firmware {
         self.missed
     }
 
-    /// Returns the pattern that a slide shows. If several patterns share the slide, the one at
-    /// `index` of the selected sequence is preferred, then others of that sequence.
-    pub fn shown(&self, slide: &Arc<Slide>, index: Option<u32>) -> Shown {
+    /// Returns the pattern that a pattern image shows. If several patterns share the pattern image,
+    /// the one at `index` of the selected sequence is preferred, then others of that sequence.
+    pub fn shown(&self, pattern_image: &Arc<PatternImage>, index: Option<u32>) -> Shown {
         for (rest, pattern) in [
             (&self.white, Pattern::White {}),
             (&self.black, Pattern::Black {}),
         ] {
-            if Arc::ptr_eq(rest, slide) {
+            if Arc::ptr_eq(rest, pattern_image) {
                 return Shown {
                     sequence: None,
                     index: None,
@@ -32,12 +32,12 @@ impl Firmware {
         for stored in std::iter::once(&self.selected).chain(others) {
             let is = |at: &usize| {
                 stored
-                    .slides
+                    .pattern_images
                     .get(*at)
-                    .is_some_and(|s| Arc::ptr_eq(s, slide))
+                    .is_some_and(|s| Arc::ptr_eq(s, pattern_image))
             };
             let first = index.into_iter().map(|index| index as usize);
-            let mut places = first.chain(0..stored.slides.len());
+            let mut places = first.chain(0..stored.pattern_images.len());
             if let Some(at) = places.find(is) {
                 let frame = stored.manifest.frame.get(at);
                 return Shown {

@@ -1,6 +1,6 @@
 //! Answers of a device to requests on its service channel.
 
-use super::optics::TruthJob;
+use super::render_thread::TruthJob;
 use super::server::Server;
 use super::service::{Answer, Call};
 use super::timeline::{Stepped, UnderWay};
@@ -29,12 +29,12 @@ impl Server {
             Request::TruthAt(time_ns) => return self.truth(Some(time_ns), reply),
             Request::TruthOfFrame(id) => match self.truth_of_frame(id) {
                 Ok((job, about, truth)) => {
-                    self.optics.truth(job);
+                    self.render_thread.truth(job);
                     return self.answer_truth(truth, about, reply);
                 }
                 Err(why) => Reply::refusal(why),
             },
-            Request::Place(placement) => match self.stage.place(placement) {
+            Request::Place(placement) => match self.shared_scene.place(placement) {
                 Ok(before) => return self.answer_place(before, reply),
                 Err(why) => Reply::refusal(why),
             },
@@ -51,7 +51,7 @@ impl Server {
             Request::Get(Item::Objects) => {
                 let _ = self.follow();
                 Reply {
-                    scene: self.stage.objects(now_ns, self.version, self.rig),
+                    scene: self.shared_scene.objects(now_ns, self.version, self.rig),
                     ..Reply::default()
                 }
             }
@@ -79,7 +79,7 @@ impl Server {
     fn truth(&mut self, time_ns: Option<u64>, reply: Sender) {
         let _ = self.follow();
         let (sender, truth) = oneshot::channel();
-        self.optics.truth(TruthJob {
+        self.render_thread.truth(TruthJob {
             sequence: self.machine.firmware().selected_sequence(),
             time_ns,
             back: (Vec::new(), Vec::new()),
@@ -94,13 +94,15 @@ impl Server {
         let _ = self.follow();
         let taken = self.history.find(id)?;
         let time_ns = taken.middle_ns();
-        let scene = self.stage.objects(time_ns, taken.version, self.rig);
-        let then = self.stage.back_to(taken.version);
+        let scene = self.shared_scene.objects(time_ns, taken.version, self.rig);
+        let then = self.shared_scene.back_to(taken.version);
         let (Some(scene), Some(then)) = (scene, then) else {
-            let why = format!("truth_of_frame: {id}: where objects were then is forgotten");
-            return Err(why + "; expected frames since the last 4096 changes of place");
+            let why = format!(
+                "truth_of_frame: {id}: the object positions of this frame are no longer stored"
+            );
+            return Err(why + "; expected a frame since the last 4096 changes of position");
         };
-        let now = self.stage.now(&then);
+        let now = self.shared_scene.now(&then);
         let struck = self.machine.faults().struck();
         let faults = struck.filter(|s| s.frame == Some(id)).cloned().collect();
         let (sender, truth) = oneshot::channel();
@@ -121,7 +123,7 @@ impl Server {
 
     /// Replies once the truth has been computed; `about` is the part already known.
     fn answer_truth(&self, truth: Truthful, about: Reply, reply: Sender) {
-        let render_us = self.optics.render_us();
+        let render_us = self.render_thread.render_us();
         tokio::spawn(async move {
             let answer = match truth.await {
                 Ok(Ok(truth)) => {
@@ -139,7 +141,7 @@ impl Server {
                     (reply, payload)
                 }
                 Ok(Err(why)) => (Reply::refusal(why), Vec::new()),
-                Err(_) => (Reply::refusal("the device is going away"), Vec::new()),
+                Err(_) => (Reply::refusal("the device is shutting down"), Vec::new()),
             };
             // The client may have disconnected.
             let _ = reply.send(answer);
@@ -149,8 +151,8 @@ impl Server {
     /// Replies once the optics have moved the object; an object that they reject is put back.
     fn answer_place(&mut self, before: Placement, reply: Sender) {
         let placed = self.follow();
-        let render_us = self.optics.render_us();
-        let stage = self.stage.clone();
+        let render_us = self.render_thread.render_us();
+        let shared_scene = self.shared_scene.clone();
         tokio::spawn(async move {
             let outcome = match placed {
                 Some(placed) => placed.await,
@@ -163,10 +165,10 @@ impl Server {
                 },
                 Ok(Err(why)) => {
                     // This placement was valid before.
-                    let _ = stage.place(before);
+                    let _ = shared_scene.place(before);
                     Reply::refusal(why)
                 }
-                Err(_) => Reply::refusal("the device is going away"),
+                Err(_) => Reply::refusal("the device is shutting down"),
             };
             // The client may have disconnected.
             let _ = reply.send((answer, Vec::new()));
@@ -199,9 +201,9 @@ impl Server {
                     ended = ended => match ended {
                         Ok(Stepped::Done(_)) => now(),
                         Ok(Stepped::CalledOff(now_ns)) => {
-                            Reply::refusal(format!("clock: called off at {now_ns} ns"))
+                            Reply::refusal(format!("clock: cancelled at {now_ns} ns"))
                         }
-                        Err(_) => Reply::refusal("the device is going away"),
+                        Err(_) => Reply::refusal("the device is shutting down"),
                     },
                     () = reply.closed() => return timeline.give_up(number),
                 },
@@ -220,7 +222,7 @@ impl Server {
             Which::One(id) => {
                 let numbers: Vec<_> = faults.standing().map(|f| f.id.to_string()).collect();
                 let allowed = match numbers.is_empty() {
-                    true => "none: nothing goes wrong".to_owned(),
+                    true => "none: no fault is active".to_owned(),
                     false => numbers.join(", "),
                 };
                 return Reply::refusal(format!("clear_faults: {id}; expected {allowed}"));
@@ -263,7 +265,7 @@ impl Server {
             missed_triggers: firmware.missed_triggers(),
             faults_struck: self.machine.faults().struck_in_all(),
             in_flight: firmware.in_flight(),
-            backlog: self.optics.backlog() as u64,
+            backlog: self.render_thread.backlog() as u64,
             camera_clients: self.camera.readers() as u64,
             camera_bytes: self.camera.waiting() as u64,
             service_clients: self.service.clients() as u64,

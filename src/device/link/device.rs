@@ -2,13 +2,13 @@
 
 use super::frame_socket::FrameSocket;
 use super::history::History;
-use super::optics::Optics;
 use super::pace::Pace;
 use super::pty::Pty;
+use super::render_thread::RenderThread;
 use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
 use super::server::Server;
 use super::service::ServiceSocket;
-use super::stage::Stage;
+use super::shared_scene::SharedScene;
 use super::tap::{Recording, Tap};
 use super::timeline::Seat;
 use super::usb::{Binding, Nodes};
@@ -30,7 +30,7 @@ pub struct Device {
     /// Its seat on the timeline.
     pub seat: Seat,
     /// The scene, shared with other devices.
-    pub stage: Stage,
+    pub shared_scene: SharedScene,
     /// Pose of the device's rig in the scene.
     pub rig: RigPlace,
     /// `*IDN?` of the device, for `device.json`.
@@ -115,7 +115,7 @@ pub async fn serve(
         usb: usb_address,
         service: service_path,
     };
-    let optics = Optics::start(device.renderer, wall.clone(), device.notice)
+    let render_thread = RenderThread::start(device.renderer, wall.clone(), device.notice)
         .map_err(|e| Error::io("optics", e))?;
     if let Some(video) = &device.video {
         device
@@ -135,13 +135,13 @@ pub async fn serve(
         machine: device.machine,
         seat: device.seat,
         handled_ns: 0,
-        stage: device.stage,
+        shared_scene: device.shared_scene,
         version: 0,
         rig: device.rig,
         history: History::default(),
         name: endpoints.name,
         bytes: (0, 0),
-        optics,
+        render_thread,
         pty: Some(pty),
         control,
         camera,

@@ -62,8 +62,8 @@ impl History {
             id: shot.id,
             pattern_index: shot.pattern_index,
             shown: {
-                let slide = shot.slide.as_ref();
-                slide.map(|slide| firmware.shown(slide, shot.pattern_index))
+                let pattern_image = shot.pattern_image.as_ref();
+                pattern_image.map(|pattern_image| firmware.shown(pattern_image, shot.pattern_index))
             },
             light: shot.light,
             gain_db: shot.gain_db,
@@ -89,7 +89,7 @@ impl History {
         found.map(|at| &self.frames[at]).map_err(|_| {
             let allowed = match (self.frames.front(), self.frames.back()) {
                 (Some(first), Some(last)) => format!("{} to {}", first.id, last.id),
-                _ => "none: nothing has been exposed".to_owned(),
+                _ => "none: no frame has been exposed".to_owned(),
             };
             format!("truth_of_frame: {id}; expected {allowed}")
         })
@@ -105,7 +105,12 @@ mod tests {
     fn it_knows_the_last_frames_and_no_others() {
         let firmware = Firmware::new(&Profile::load("webcam-grey").unwrap(), &[]).unwrap();
         let mut history = History::default();
-        assert!(history.find(0).unwrap_err().contains("nothing"));
+        assert!(
+            history
+                .find(0)
+                .unwrap_err()
+                .contains("no frame has been exposed")
+        );
         let sequence = firmware.selected_sequence();
         for id in 0..5000 {
             let (_, shot) = &sequence[id % sequence.len()];

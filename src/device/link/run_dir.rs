@@ -69,7 +69,7 @@ impl RunDir {
             Err(Error::input(
                 format!("--run-dir {place}"),
                 found,
-                "a new or empty directory of one's own, or one that a device left behind",
+                "a new or empty directory that you own, or one that a device left behind",
             ))
         };
         if stat.st_uid != rustix::process::geteuid().as_raw() {

@@ -4,12 +4,12 @@
 use super::device::point;
 use super::frame_socket::FrameSocket;
 use super::history::History;
-use super::optics::Optics;
 use super::pace::Pace;
 use super::pty::{Event, Pty};
+use super::render_thread::RenderThread;
 use super::run_dir::CAMERA;
 use super::service::ServiceSocket;
-use super::stage::Stage;
+use super::shared_scene::SharedScene;
 use super::tap::Tap;
 use super::timeline::{Seat, Wait};
 use super::usb::{Binding, PortEvent};
@@ -43,7 +43,7 @@ pub(super) struct Server {
     pub(super) seat: Seat,
     /// Due time of the last event that was handled.
     pub(super) handled_ns: u64,
-    pub(super) stage: Stage,
+    pub(super) shared_scene: SharedScene,
     /// Version of the scene that the optics see.
     pub(super) version: u64,
     pub(super) rig: RigPlace,
@@ -52,7 +52,7 @@ pub(super) struct Server {
     pub(super) name: String,
     /// Number of bytes received and sent on the control port.
     pub(super) bytes: (u64, u64),
-    pub(super) optics: Optics,
+    pub(super) render_thread: RenderThread,
     /// `None` while the port is disconnected.
     pub(super) pty: Option<Pty>,
     /// Link to the pty.
@@ -98,20 +98,20 @@ impl Server {
                 usb.refresh(self.machine.firmware(), wall());
             }
             self.watch_block();
-            let crowded = self.optics.backlog() >= MAX_BACKLOG;
+            let crowded = self.render_thread.backlog() >= MAX_BACKLOG;
             let full = crowded || self.machine.crowded();
             let free = matches!(self.machine.firmware().state(), State::Free { .. });
             // In these cases the next frame of the optics wakes the loop.
-            let behind = crowded || free && self.optics.backlog() >= MAX_FREE_BACKLOG;
+            let behind = crowded || free && self.render_thread.backlog() >= MAX_FREE_BACKLOG;
             let wait = Wait {
                 next_ns: self.machine.next_event_ns(behind),
                 limit_ns: self.machine.next_event_ns(false).filter(|_| behind),
-                settled: self.optics.backlog() == 0 && !self.pace.holds(),
+                settled: self.render_thread.backlog() == 0 && !self.pace.holds(),
             };
             tokio::select! {
                 biased;
                 () = &mut shutdown => return Ok(()),
-                frame = self.optics.next(), if !self.pace.holds() => {
+                frame = self.render_thread.next(), if !self.pace.holds() => {
                     let frame = frame?;
                     let now = self.now();
                     self.machine.rendered(Some(frame), now);
@@ -184,12 +184,12 @@ impl Server {
     /// Passes new placements to the optics. The result resolves when the optics have applied or
     /// rejected them.
     pub(super) fn follow(&mut self) -> Option<oneshot::Receiver<Result<()>>> {
-        let (placements, version) = self.stage.since(self.version);
+        let (placements, version) = self.shared_scene.since(self.version);
         self.version = version;
         let mut last = None;
         for placement in placements {
             let (sender, placed) = oneshot::channel();
-            self.optics.place(placement, sender);
+            self.render_thread.place(placement, sender);
             last = Some(placed);
         }
         last
@@ -290,7 +290,7 @@ impl Server {
             if usb.lost() > 0 && !self.usb_lost {
                 self.usb_lost = true;
                 (self.notice)(&format!(
-                    "the USB host reads too slowly: frame {} is lost; this is said once",
+                    "the USB host reads too slowly: frame {} is lost; reported only once",
                     frame.id
                 ));
             }
@@ -301,7 +301,7 @@ impl Server {
             self.lost += 1;
             if self.lost == 1 {
                 (self.notice)(&format!(
-                    "{} did not take frame {}; this is said once",
+                    "{} did not accept frame {}; reported only once",
                     video.address(),
                     frame.id
                 ));
@@ -320,14 +320,14 @@ impl Server {
             self.history.push(&exposure.shot, firmware, version);
             let free = exposure.shot.pattern_index.is_none();
             let wanted = if free {
-                self.keeps_up() && self.optics.backlog() < MAX_FREE_BACKLOG
+                self.keeps_up() && self.render_thread.backlog() < MAX_FREE_BACKLOG
             } else {
                 self.attended()
             };
             if !wanted {
                 self.machine.rendered(None, now_ns);
             } else {
-                self.optics.expose(exposure);
+                self.render_thread.expose(exposure);
             }
         }
         if !self.pace.holds() {

@@ -174,8 +174,8 @@ impl Timeline {
             pace => Err(format!(
                 "clock: {}; expected to step the clock of phasmid serve --clock stepped",
                 match pace {
-                    ClockPace::Real => "device time is the wall's",
-                    _ => "device time goes on by itself",
+                    ClockPace::Real => "device time follows the wall clock",
+                    _ => "device time advances by itself",
                 }
             )),
         }
@@ -186,7 +186,8 @@ impl Timeline {
         let to_ns = from_ns.saturating_add(MAX_STEP_NS);
         if !(from_ns..=to_ns).contains(&target_ns) {
             return Err(format!(
-                "clock: to {target_ns} ns; expected {from_ns} to {to_ns} ns, a day at a time"
+                "clock: to {target_ns} ns; expected {from_ns} to {to_ns} ns, at most a day at a \
+                 time"
             ));
         }
         let (done, ended) = oneshot::channel();

@@ -167,7 +167,7 @@ fn only_stepped_time_is_stepped_and_only_real_time_is_late() {
     assert!(fast.stop().unwrap_err().contains("--clock stepped"));
     let late = Duration::from_millis(7);
     let real = Timeline::new(ClockPace::Real, move || late);
-    assert!(real.run_until(1).unwrap_err().contains("the wall's"));
+    assert!(real.run_until(1).unwrap_err().contains("the wall clock"));
     let seat = real.seat();
     seat.handled(2_000_000);
     seat.handled(4_000_000);

@@ -99,7 +99,7 @@ impl Interpreter {
         let urgent = left.iter().all(|m| Firmware::acts_at_once(m.as_bytes())) && !left.is_empty();
         // An urgent request always fits, since it may be what ends the wait.
         if self.requests.len() >= MAX_REQUESTS + usize::from(urgent) {
-            let error = ErrorCode::InputBufferOverrun.with("too much waits to be done");
+            let error = ErrorCode::InputBufferOverrun.with("too many requests are pending");
             let bytes = self.dialect.refusal(&asked, &error);
             return self.say(bytes, to);
         }

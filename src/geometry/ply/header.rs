@@ -183,8 +183,8 @@ pub(super) fn read(rest: &mut &[u8], place: &str) -> Result<Header> {
                 let Some(element) = elements.last_mut() else {
                     return Err(wrong(
                         line_number,
-                        "a property".into(),
-                        "an element before it",
+                        "a property without an element".into(),
+                        "an element before the property",
                     ));
                 };
                 element.properties.push(Property {

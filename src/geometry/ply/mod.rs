@@ -51,7 +51,7 @@ pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
     let intensity = cloud.intensity.as_ref();
     if normals.is_some_and(|n| n.len() != count) || intensity.is_some_and(|i| i.len() != count) {
         return Err(Error::device(format!(
-            "{}: normals or intensities that are not as many as the points",
+            "{}: the number of normals or intensities differs from that of the points",
             path.display()
         )));
     }

@@ -42,7 +42,7 @@ pub fn open_camera(address: &str, capture: Capture, timeout: Duration) -> Result
     if capture != Capture::Auto {
         return Err(Error::input(
             "--capture",
-            format!("a way to read V4L2 devices, for the camera {address}"),
+            format!("an option for V4L2 devices, with the camera {address}"),
             "auto for a camera behind a socket",
         ));
     }
@@ -77,7 +77,7 @@ pub(super) fn open_node(
 fn open_device(address: &str, _: Capture, _: Duration) -> Result<Box<dyn Camera>> {
     Err(Error::input(
         format!("--camera {address}"),
-        "a V4L2 device, and this build has no V4L2: that is Linux's",
+        "a V4L2 device, which only a Linux build can open",
         "socket:PATH or tcp:HOST:PORT",
     ))
 }

@@ -93,7 +93,7 @@ impl Camera for SocketCamera {
         self.skipped = false;
         if self.lost {
             return Err(Error::device(format!(
-                "{}: the stream of frames is out of step",
+                "{}: the frame stream is out of sync",
                 self.address
             )));
         }

@@ -2,7 +2,7 @@
 
 use super::open::{Capture, open_node};
 use super::{Camera, Result};
-use crate::patience::again;
+use crate::deadline::again;
 use crate::plug::Plug;
 use phasmid_core::error::Error;
 use phasmid_protocol::Frame;

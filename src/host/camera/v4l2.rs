@@ -87,7 +87,7 @@ fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
         // Keep waiting nevertheless: a producer that starts switches the node's capabilities in two
         // steps.
         return Err(Refusal::NotYet(Error::device(format!(
-            "{place}: {FORGOTTEN}; load the module anew: `{RELOAD}`"
+            "{place}: {FORGOTTEN}; reload the module: `{RELOAD}`"
         ))));
     }
     if !node.captures && node.is_loopback() {
@@ -319,7 +319,7 @@ impl Camera for V4l2Camera {
             if taken.as_ref().is_err_and(forgotten) {
                 self.skipped = true;
                 return Err(Error::device(format!(
-                    "{}: a frame is lost: another program began or ended to read",
+                    "{}: a frame is lost: another program started or stopped reading",
                     self.address
                 )));
             }

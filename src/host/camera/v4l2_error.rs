@@ -19,7 +19,7 @@ pub fn explain(address: &str, doing: &str, error: io::Error) -> Error {
             return Error::input(
                 place,
                 "no such device",
-                "a V4L2 device that is there; `phasmid doctor` lists them",
+                "an existing V4L2 device; `phasmid doctor` lists them",
             );
         }
         Some(EACCES) => {
@@ -27,8 +27,8 @@ pub fn explain(address: &str, doing: &str, error: io::Error) -> Error {
              in again); `phasmid doctor` says more"
         }
         Some(EBUSY) => {
-            "another program holds it (v4l2loopback from 0.14 on takes one reader at a time); close \
-             that one"
+            "another program uses it (v4l2loopback 0.14 and later allows one reader at a time); \
+             close that one"
         }
         Some(ENODEV | ENXIO) => "the device has gone",
         Some(ENOTTY) => {

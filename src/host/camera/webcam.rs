@@ -129,7 +129,7 @@ impl WebcamCamera {
         let place = |what: String| Error::device(format!("{}: {what}", self.address));
         let (format, data) = if &self.layout.fourcc == b"MJPG" {
             let luma = decode_jpeg(&raw.bytes)
-                .map_err(|e| place(format!("frame {}: no JPEG picture: {e}", raw.count)))?;
+                .map_err(|e| place(format!("frame {}: not a JPEG image: {e}", raw.count)))?;
             if luma.dimensions() != (width, height) {
                 let (w, h) = luma.dimensions();
                 let what = format!("{w} x {h} pixels, expected {width} x {height}");
@@ -274,8 +274,8 @@ fn whole_rate(device: &Device, layout: &PixelLayout, address: &str) -> Result<u3
     });
     set.ok_or_else(|| {
         Error::device(format!(
-            "--camera {address}: {} every {}/{} s, and nokhwa takes whole frames per second only; \
-             --capture v4l takes any rate of GREY, Y10, Y12, Y16 and YUYV",
+            "--camera {address}: {} every {}/{} s, and nokhwa supports whole frames per second \
+             only; --capture v4l supports any rate of GREY, Y10, Y12, Y16 and YUYV",
             name(layout.fourcc),
             now.numerator,
             now.denominator

@@ -1,7 +1,7 @@
 //! Queries in a dialect described by a file, one at a time, on an unreliable line.
 
 use crate::CommandPort;
-use crate::patience::Patience;
+use crate::deadline::Deadline;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::dialect::{Cut, Cutter, Dialect, Direction, Event, Reply, Value};
 use phasmid_protocol::printable;
@@ -153,12 +153,12 @@ impl<P: CommandPort> Line<P> {
 
     /// Waits for the answer to a query that was sent with any of the numbers `asked`.
     fn answer(&mut self, command: &str, asked: &[u8]) -> Result<Outcome> {
-        let mut patience = Patience::new(self.timeout / ATTEMPTS);
+        let mut deadline = Deadline::new(self.timeout / ATTEMPTS);
         let mut values = Values::new();
         let mut damaged = None;
         let mut bytes = 0;
         loop {
-            let messages = self.receive(&mut patience)?;
+            let messages = self.receive(&mut deadline)?;
             let Some((messages, len)) = messages else {
                 break;
             };
@@ -182,7 +182,7 @@ impl<P: CommandPort> Line<P> {
                         outcome = Some(Outcome::Refused(words.trim_end().to_owned()));
                     }
                     Reply::Bad(why) => {
-                        patience.shorten(GRACE);
+                        deadline.shorten(GRACE);
                         damaged = Some(why);
                     }
                     Reply::Event(_) | Reply::Other => {}
@@ -192,7 +192,7 @@ impl<P: CommandPort> Line<P> {
                 return Ok(outcome);
             }
             if bytes > MAX_BYTES {
-                damaged = Some("bytes without an end".to_owned());
+                damaged = Some("a reply without an end".to_owned());
                 break;
             }
         }
@@ -216,9 +216,9 @@ impl<P: CommandPort> Line<P> {
 
     /// Receives messages within the remaining wait, with their length in bytes; `None` when the
     /// wait is over.
-    fn receive(&mut self, patience: &mut Patience) -> Result<Option<(Vec<Cut>, usize)>> {
+    fn receive(&mut self, deadline: &mut Deadline) -> Result<Option<(Vec<Cut>, usize)>> {
         let mut buffer = [0; 4096];
-        let received = patience.receive(&mut self.port, &mut buffer);
+        let received = deadline.receive(&mut self.port, &mut buffer);
         self.gone |= received.is_err();
         let len = received?;
         let mut cuts = Vec::new();
@@ -231,9 +231,9 @@ impl<P: CommandPort> Line<P> {
     /// # Errors
     /// Returns an error if the port is gone.
     pub(super) fn pass(&mut self, time: Duration) -> Result<()> {
-        let mut patience = Patience::new(time);
+        let mut deadline = Deadline::new(time);
         let mut bytes = 0;
-        while let Some((cuts, len)) = self.receive(&mut patience)? {
+        while let Some((cuts, len)) = self.receive(&mut deadline)? {
             bytes += len;
             for cut in cuts {
                 if let Cut::Message(message) = cut {

@@ -61,7 +61,7 @@ fn agreed<T: PartialEq>(place: impl Display, mut read: impl FnMut() -> Result<T>
         readings.push(reading);
     }
     Err(Error::device(format!(
-        "{place}: {READINGS} readings, and no two of them agree"
+        "{place}: {READINGS} readings, no two of which agree"
     )))
 }
 
@@ -76,8 +76,8 @@ fn unquoted(name: &str) -> String {
 fn no_words(name: &str, dialect: &str) -> Error {
     Error::input(
         format!("--sequence {name}"),
-        format!("nothing to say it with in dialect {dialect}"),
-        "no --sequence: the one that is selected",
+        format!("dialect {dialect} cannot select a sequence"),
+        "no --sequence, to use the selected one",
     )
 }
 
@@ -106,7 +106,7 @@ impl<P: CommandPort> Control<P> {
         {
             return Err(Error::input(
                 format!("dialect {}: [host]", dialect.name()),
-                format!("no {operation}, which a scan cannot do without"),
+                format!("no {operation}, which a scan needs"),
                 format!("{operation} = {{ steps = [...] }}"),
             ));
         }
@@ -248,7 +248,7 @@ impl<P: CommandPort> Control<P> {
         }
         Err(Error::input(
             format!("--sequence {name}"),
-            "no sequence of the device",
+            "not a sequence of the device",
             names.join(", "),
         ))
     }
@@ -324,8 +324,8 @@ impl<P: CommandPort> Control<P> {
             if tries == TRIES || what == scpi::EVENTS {
                 let place = each!(self, control => control.info());
                 return Err(Error::device(format!(
-                    "{place}: {what} says {word:?} after the run and said {earlier:?} before it: the \
-                     device was reset, or somebody else gives it orders"
+                    "{place}: {what} says {word:?} after the run and said {earlier:?} before it: \
+                     the device was reset, or another program controls it"
                 )));
             }
             tries += 1;

@@ -140,7 +140,7 @@ impl<P: CommandPort> Spoken<P> {
             self.line.hush()?;
         }
         Err(Error::device(format!(
-            "{}: the answer is not whole",
+            "{}: the answer is incomplete",
             self.place(operation)
         )))
     }
@@ -211,8 +211,8 @@ impl<P: CommandPort> Spoken<P> {
                 None => return Ok(settings),
                 Some((what, word)) if tries == TRIES => {
                     return Err(Error::device(format!(
-                        "{} says {word:?}, which is not what was ordered: the device was reset, or \
-                         somebody else gives it orders",
+                        "{} says {word:?}, which is not what was set: the device was reset, or \
+                         another program controls it",
                         self.place(what)
                     )));
                 }
@@ -250,7 +250,7 @@ impl<P: CommandPort> Spoken<P> {
 
     fn text(&mut self, operation: &str) -> Result<Option<String>> {
         let place = self.place(operation);
-        let not_text = || Error::device(format!("{place}: the answer is no text"));
+        let not_text = || Error::device(format!("{place}: the answer is not text"));
         let value = self.value(operation)?;
         let text = value.map(|value| value.text().map(str::to_owned).ok_or_else(not_text));
         text.transpose()

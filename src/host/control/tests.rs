@@ -175,7 +175,7 @@ fn readings_that_never_agree_are_reported() {
         reply
     });
     let message = control.manifest().unwrap_err().to_string();
-    assert!(message.contains("no two of them agree"), "{message}");
+    assert!(message.contains("no two of which agree"), "{message}");
 }
 
 /// Flips every bit of every byte that prepares a run, in either direction.
@@ -253,7 +253,7 @@ fn a_device_that_was_reset_is_found_out() {
         |reply, _| reply,
     );
     let message = control.prepare(Some("c")).unwrap_err().to_string();
-    assert!(message.contains("not what was ordered"), "{message}");
+    assert!(message.contains("not what was set"), "{message}");
 }
 
 #[test]

@@ -5,7 +5,7 @@
 
 use super::Instrument;
 use crate::CommandPort;
-use crate::patience::Patience;
+use crate::deadline::Deadline;
 use phasmid_core::error::Result;
 use phasmid_protocol::scpi::{self, BlockPrefix, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
 use std::time::{Duration, Instant};
@@ -68,13 +68,13 @@ impl<P: CommandPort> Instrument<P> {
             line.extend_from_slice(body);
             self.send(&line)?;
             let part = self.timeout / ATTEMPTS;
-            let mut patience = Patience::new(part);
+            let mut deadline = Deadline::new(part);
             let mut bytes = 0;
             loop {
                 match self.look(&asked)? {
                     Come::Answer(answer) => return Ok(Some(answer)),
                     Come::Junk => {
-                        patience.shorten(GRACE);
+                        deadline.shorten(GRACE);
                         continue;
                     }
                     Come::Chatter => continue,
@@ -85,14 +85,14 @@ impl<P: CommandPort> Instrument<P> {
                 if bytes > 0 && begin.elapsed() > 2 * self.timeout {
                     break;
                 }
-                let len = self.receive(&mut patience, &mut buffer)?;
+                let len = self.receive(&mut deadline, &mut buffer)?;
                 bytes += len;
                 if len == 0 || bytes > 2 * MAX_BLOCK_BYTES {
                     break;
                 }
                 self.received.extend_from_slice(&buffer[..len]);
                 if matches!(head(&self.received), Head::Tag(tag, _) if asked.contains(&tag)) {
-                    patience = Patience::new(part);
+                    deadline = Deadline::new(part);
                 }
             }
         }
@@ -123,7 +123,7 @@ impl<P: CommandPort> Instrument<P> {
                 BlockPrefix::Incomplete => return Ok(Come::Part),
                 BlockPrefix::Block { len, .. } if len > MAX_BLOCK_BYTES => {
                     return Err(self.failure(format!(
-                        "announces a block of {len} bytes, at most {MAX_BLOCK_BYTES} are taken"
+                        "announces a block of {len} bytes, expected at most {MAX_BLOCK_BYTES}"
                     )));
                 }
                 BlockPrefix::Block { prefix, len } => searched = at + 1 + prefix + len,
@@ -135,7 +135,7 @@ impl<P: CommandPort> Instrument<P> {
             if tail.len() > MAX_LINE_BYTES {
                 self.received.clear();
                 return Err(self.failure(format!(
-                    "sends a line of more than {MAX_LINE_BYTES} bytes, which is no reply"
+                    "sends a line of more than {MAX_LINE_BYTES} bytes, which is not a reply"
                 )));
             }
             return Ok(Come::Part);

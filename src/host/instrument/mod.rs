@@ -8,7 +8,7 @@ mod exchange;
 mod tests;
 
 use super::CommandPort;
-use super::patience::Patience;
+use super::deadline::Deadline;
 use exchange::{ATTEMPTS, Answer};
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::printable;
@@ -121,9 +121,9 @@ impl<P: CommandPort> Instrument<P> {
             let answer = format!("{mark};0");
             let begin = Instant::now();
             let again = left.min(ASK_AGAIN).min(self.timeout / ATTEMPTS);
-            let mut patience = Patience::new(again);
+            let mut deadline = Deadline::new(again);
             loop {
-                let len = self.receive(&mut patience, &mut buffer)?;
+                let len = self.receive(&mut deadline, &mut buffer)?;
                 seen.extend_from_slice(&buffer[..len]);
                 if seen.ends_with(b"\n") && seen.trim_ascii_end().ends_with(answer.as_bytes()) {
                     return Ok(());
@@ -144,8 +144,8 @@ impl<P: CommandPort> Instrument<P> {
         }
         let last = &seen[seen.len() - seen.len().min(40)..];
         Err(self.failure(format!(
-            "no answer to *ESE? within {} s (the last that came was \"{}\"): is it a SCPI \
-             instrument? If not, --dialect says what it speaks",
+            "no answer to *ESE? within {} s (last received: \"{}\"): is it a SCPI instrument? If \
+             not, choose its language with --dialect",
             self.timeout.as_secs_f64(),
             last.escape_ascii()
         )))
@@ -176,8 +176,8 @@ impl<P: CommandPort> Instrument<P> {
         sent
     }
 
-    fn receive(&mut self, patience: &mut Patience, buffer: &mut [u8]) -> Result<usize> {
-        let received = patience.receive(&mut self.port, buffer);
+    fn receive(&mut self, deadline: &mut Deadline, buffer: &mut [u8]) -> Result<usize> {
+        let received = deadline.receive(&mut self.port, buffer);
         self.gone |= received.is_err();
         received
     }
@@ -278,7 +278,7 @@ impl<P: CommandPort> Instrument<P> {
     fn garbage(&self, query: &str, reply: &[u8]) -> Error {
         let start = &reply[..reply.len().min(40)];
         self.failure(format!(
-            "{query} was answered with \"{}\", which is no answer to it",
+            "{query} was answered with \"{}\", which is not an answer to it",
             start.escape_ascii()
         ))
     }
@@ -286,10 +286,7 @@ impl<P: CommandPort> Instrument<P> {
     fn silence(&self, query: &str) -> Error {
         let came = match &self.junk[..] {
             [] => String::new(),
-            junk => format!(
-                " (what came is no answer to it: \"{}\")",
-                junk.escape_ascii()
-            ),
+            junk => format!(" (received something else: \"{}\")", junk.escape_ascii()),
         };
         self.failure(format!(
             "no answer to {query} within {} s{came}",

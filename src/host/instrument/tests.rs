@@ -62,7 +62,7 @@ fn lines_blocks_and_questions_that_are_not_known() {
     fine.order("*RST").unwrap();
     for (result, needle) in [
         (fine.query("SILENT?"), "no answer to SILENT? within 0.03 s"),
-        (fine.query("NOISE?"), "no answer to it"),
+        (fine.query("NOISE?"), "not an answer to it"),
         (fine.query("NONE?"), "NONE? was answered with \"\""),
         (fine.query_block("LINE?").map(|_| String::new()), "LINE?"),
     ] {
@@ -164,7 +164,7 @@ fn a_device_that_never_stops_is_given_up() {
     let endless = MemoryPort::new(|_: &[u8]| vec![b'x'; 1 << 20]);
     let mut instrument = Instrument::new(endless, SHORT);
     let message = instrument.query("*IDN?").unwrap_err().to_string();
-    assert!(message.contains("no reply"), "{message}");
+    assert!(message.contains("not a reply"), "{message}");
     let huge = MemoryPort::new(|line: &[u8]| {
         let (tag, _) = question(line).unwrap();
         format!("{tag};#9999999999").into_bytes()

@@ -67,7 +67,7 @@ mod terminal {
             let raw = (set.input_modes, set.output_modes, set.local_modes)
                 == (modes.input_modes, modes.output_modes, modes.local_modes);
             if !raw {
-                return Err(Error::other("the line cannot be set to carry plain bytes"));
+                return Err(Error::other("the line cannot be set to raw mode"));
             }
             tcflush(file, QueueSelector::IFlush)?;
             Ok(line)

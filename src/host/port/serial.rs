@@ -2,7 +2,7 @@
 
 use super::CommandPort;
 use super::line::Line;
-use crate::patience::again;
+use crate::deadline::again;
 use crate::plug::Plug;
 use phasmid_core::error::{Error, Result};
 use std::io::ErrorKind;
@@ -83,11 +83,11 @@ impl CommandPort for SerialPort {
             return Ok(());
         }
         let what = match taken {
-            0 => "nothing".to_owned(),
-            some => format!("{some} of {} bytes, and no more,", bytes.len()),
+            0 => "no data".to_owned(),
+            some => format!("only {some} of {} bytes", bytes.len()),
         };
         Err(Error::device(format!(
-            "{}: the device has taken {what} for {} s",
+            "{}: the device has accepted {what} in {} s",
             self.path,
             timeout.as_secs_f64()
         )))

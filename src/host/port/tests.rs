@@ -95,16 +95,16 @@ fn a_device_that_reads_nothing_is_no_hang_and_is_served_again_when_it_does() {
         let mut port = SerialPort::open(&path).unwrap();
         let (first, before, longest) = fill(&mut port);
         // The error of a partial write says how much was accepted; after it the line is full.
-        let part = first.split("has taken ").nth(1).unwrap().to_owned();
+        let part = first.split("has accepted ").nth(1).unwrap().to_owned();
         let part = part
+            .trim_start_matches("only ")
             .split(' ')
             .next()
             .unwrap()
             .parse::<usize>()
             .unwrap_or(0);
-        let nothing = format!("{path}: the device has taken nothing for 0.05 s");
-        let some =
-            format!("{path}: the device has taken {part} of 1024 bytes, and no more, for 0.05 s");
+        let nothing = format!("{path}: the device has accepted no data in 0.05 s");
+        let some = format!("{path}: the device has accepted only {part} of 1024 bytes in 0.05 s");
         assert_eq!(first, if part == 0 { &nothing } else { &some }.as_str());
         let error = port.send(b"x", SHORT).unwrap_err();
         assert_eq!(error.to_string(), nothing);
@@ -242,7 +242,7 @@ fn a_device_that_stood_still_is_found_again() {
         let order = "x".repeat(1 << 12);
         let error = (0..100_000).find_map(|_| instrument.tell(&order).err());
         let error = error.unwrap().to_string();
-        assert!(error.contains("the device has taken "), "{error}");
+        assert!(error.contains("the device has accepted "), "{error}");
         assert!(error.contains(&path), "{error}");
         STANDS.store(false, Ordering::Relaxed);
         instrument.recover().unwrap();

@@ -16,8 +16,8 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             Some((toml, place)) => Manifest::parse(&toml, &place).map_err(Error::device),
             None => Err(Error::input(
                 "--manifest",
-                "none, and the device does not say what it projects",
-                "the manifest of the sequence that is selected",
+                "no manifest, and the device does not provide one",
+                "the manifest of the selected sequence",
             )),
         }
     }

@@ -23,7 +23,11 @@ pub(super) fn judge(
     };
     let (first, index) = (before.first(), index as usize);
     let due_id = match first.map(|first| first.id.checked_add(due as u64)) {
-        Some(None) => return Err(format!("frame {id} is foreign: ids end before it")),
+        Some(None) => {
+            return Err(format!(
+                "frame {id} is foreign: the frame ids overflow before it"
+            ));
+        }
         due_id => due_id.flatten(),
     };
     if stale.is_some_and(|last| id < last) || first.is_some_and(|first| id < first.id) {

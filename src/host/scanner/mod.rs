@@ -297,7 +297,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             None => progress(Progress::Identified(&idn)),
             Some(before) if *before != idn => {
                 return Err(Fault::Fatal(Error::device(format!(
-                    "another device answers at the control port: {idn:?}, and {before:?} before"
+                    "another device answers at the control port: {idn:?}, previously {before:?}"
                 ))));
             }
             Some(_) => {}

@@ -84,7 +84,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             && let Some(frame) = next_frame(&mut self.camera, QUIET)?
         {
             return Err(Fault::Frames(format!(
-                "frame {} is foreign: all {count} patterns had come",
+                "frame {} is foreign: all {count} patterns had arrived",
                 frame.id
             )));
         }
@@ -129,7 +129,7 @@ pub(super) fn collect<C: Camera>(
         {
             // The sequence has not started yet.
             if begin.elapsed() > timeout {
-                let what = "frames without the first of a sequence among them";
+                let what = "no frame shows the first pattern of the sequence";
                 return Err(Fault::Frames(what.to_owned()));
             }
             continue;
@@ -137,7 +137,7 @@ pub(super) fn collect<C: Camera>(
             judge(&frame, &frames, wanted.stale, size)
         } else if is_early(&frame, wanted.since_ns) {
             if begin.elapsed() > timeout {
-                let what = "frames that the camera took before the trigger, and no others";
+                let what = "only frames that the camera took before the trigger";
                 return Err(Fault::Frames(what.to_owned()));
             }
             continue;
@@ -173,7 +173,7 @@ fn check_room(camera: &str, count: usize, bytes: u64) -> Result<()> {
         return Ok(());
     }
     Err(Error::device(format!(
-        "{camera}: {count} frames of {bytes} bytes are {} MiB in all, at most {} MiB are taken",
+        "{camera}: {count} frames of {bytes} bytes are {} MiB in all, expected at most {} MiB",
         all >> 20,
         MAX_BYTES >> 20
     )))

@@ -264,7 +264,8 @@ impl Receiver for Stream {
             {
                 let seqnum = done.seqnum;
                 return Err(io::Error::other(format!(
-                    "the server answers transfer {seqnum} of the camera after transfer {last}"
+                    "the server answered camera transfer {seqnum} out of order, after transfer \
+                     {last}"
                 )));
             }
             self.last = Some(done.seqnum);

@@ -42,7 +42,7 @@ impl Client {
         let count = u32::from_be_bytes(talk.read()?);
         if count > MAX_DEVICES {
             return Err(Error::device(format!(
-                "{place}: a list of {count} devices, at most {MAX_DEVICES} are taken"
+                "{place}: a list of {count} devices; expected at most {MAX_DEVICES}"
             )));
         }
         (0..count)
@@ -72,7 +72,7 @@ impl Client {
         let info = DeviceInfo::decode(&talk.read()?);
         if info.bus_id != bus_id {
             return Err(Error::device(format!(
-                "{place}: the server gives device {:?}",
+                "{place}: the server returned device {:?}",
                 info.bus_id
             )));
         }
@@ -183,7 +183,7 @@ impl Client {
 
 impl Drop for Client {
     fn drop(&mut self) {
-        let why = "the device has been detached here";
+        let why = "this program detached the device";
         self.connection.leave(why, FAREWELL);
         if let Some(reader) = self.reader.take() {
             // A panic of the reader thread is of no consequence here.

@@ -123,15 +123,15 @@ impl Connection {
         let _ = lock(&self.writer).stream.shutdown(Shutdown::Both);
     }
 
-    /// Closes the connection like [`Self::close`], but waits up to `patience` for the server to
+    /// Closes the connection like [`Self::close`], but waits up to `deadline` for the server to
     /// hang up too: only then has the server released the device for the next import.
-    pub(super) fn leave(&self, why: &str, patience: Duration) {
+    pub(super) fn leave(&self, why: &str, deadline: Duration) {
         let _ = self.failure.set(why.to_owned());
         let _ = lock(&self.writer).stream.shutdown(Shutdown::Write);
         let table = lock(&self.table);
         let left = self
             .settled
-            .wait_timeout_while(table, patience, |table| !table.closed);
+            .wait_timeout_while(table, deadline, |table| !table.closed);
         drop(left);
         self.close(why);
     }
@@ -151,7 +151,7 @@ impl Connection {
     ) -> Result<u32> {
         if like.length > MAX_TRANSFER {
             return Err(Error::device(format!(
-                "{}: a transfer of {} bytes, at most {MAX_TRANSFER}",
+                "{}: a transfer of {} bytes; expected at most {MAX_TRANSFER}",
                 self.place, like.length
             )));
         }
@@ -165,7 +165,7 @@ impl Connection {
             }
             if table.pending.len() + count > MAX_PENDING {
                 return Err(Error::device(format!(
-                    "{}: the device leaves {} transfers without an answer",
+                    "{}: the device has left {} transfers unanswered",
                     self.place,
                     table.pending.len()
                 )));

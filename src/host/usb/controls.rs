@@ -69,7 +69,7 @@ impl VideoControl {
             let bytes = device.get(Setup::CLASS_IN, request, value, index, len)?;
             if bytes.len() != usize::from(len) {
                 return Err(Error::device(format!(
-                    "{}: {} is told in {} bytes, expected {len}",
+                    "{}: {} returned {} bytes, expected {len}",
                     device.place(),
                     self.name(),
                     bytes.len()

@@ -44,7 +44,7 @@ impl Flow {
                 self.halted = true;
                 Some("the endpoint is halted".to_owned())
             }
-            other => Some(format!("a transfer has failed with status {other}")),
+            other => Some(format!("a transfer failed with status {other}")),
         }
     }
 

@@ -125,7 +125,7 @@ impl Assembler {
             self.begin(fid);
         } else if self.ended && pixels > 0 {
             self.begin(fid);
-            self.damage = Some("its identifier is the one of the frame before it".to_owned());
+            self.damage = Some("its identifier equals that of the previous frame".to_owned());
         }
         if bits & payload::ERR != 0 {
             self.damage
@@ -146,7 +146,7 @@ impl Assembler {
         if len > self.frame_len - have {
             let want = self.frame_len;
             self.damage
-                .get_or_insert_with(|| format!("it has more than its {want} bytes"));
+                .get_or_insert_with(|| format!("it has more than {want} bytes"));
         }
         if self.damage.is_some() {
             // The caller discards what is not read.
@@ -160,7 +160,7 @@ impl Assembler {
     fn finish(&mut self, out: &mut dyn FnMut(Event)) {
         self.ended = true;
         let (have, want) = (self.data.len(), self.frame_len);
-        let short = (have != want).then(|| format!("it has {have} of its {want} bytes"));
+        let short = (have != want).then(|| format!("it has {have} of {want} bytes"));
         match self.damage.take().or(short) {
             Some(why) => {
                 self.data.clear();
@@ -215,7 +215,7 @@ mod tests {
         );
         assert_eq!(got[0], Event::Frame((0..10).collect()));
         assert_eq!(got[1], Event::Frame(vec![9; 10]));
-        assert!(damage(&got, 2).contains("1 of its 10"));
+        assert!(damage(&got, 2).contains("1 of 10"));
         assert_eq!(got.len(), 3);
     }
 
@@ -251,7 +251,7 @@ mod tests {
                 "header of 9",
             ),
             (&[&[1], &[2, 0x83, 1]], "header of 0"),
-            (&[&[2, 0x83]], "0 of its 10"),
+            (&[&[2, 0x83]], "0 of 10"),
         ];
         for (transfers, why) in bad {
             let got = events(8, &[transfers, &whole[..]].concat());

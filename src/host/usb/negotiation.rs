@@ -40,7 +40,7 @@ pub(super) fn agree(
     let frame_len = mode.frame_len();
     if frame_len > MAX_FRAME {
         return Err(bad(format!(
-            "frames of {frame_len} bytes, at most {MAX_FRAME} are taken"
+            "frames of {frame_len} bytes; expected at most {MAX_FRAME}"
         )));
     }
     let wanted = Negotiation {
@@ -63,7 +63,7 @@ pub(super) fn agree(
         )));
     }
     if agreed.max_payload == 0 {
-        return Err(bad("the camera wants payloads of 0 bytes".to_owned()));
+        return Err(bad("the camera requests payloads of 0 bytes".to_owned()));
     }
     talk.set(selector::COMMIT, &agreed)?;
     let carrier = |endpoint: &Endpoint, transfer_len, packets| Carrier {
@@ -127,7 +127,7 @@ impl Talk<'_> {
         let known = &bytes[..bytes.len().min(Negotiation::LEN)];
         Negotiation::decode(known).ok_or_else(|| {
             Error::device(format!(
-                "{}: the camera negotiates in {} bytes, expected {len}",
+                "{}: the camera's negotiation data have {} bytes, expected {len}",
                 self.device.place(),
                 bytes.len()
             ))

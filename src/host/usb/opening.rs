@@ -49,8 +49,8 @@ impl Talk {
             .map_err(|e| e.at(&self.place))?;
         let why = match outcome {
             Outcome::Done => return Ok(()),
-            Outcome::Busy => "another host has the device".to_owned(),
-            Outcome::NoDevice => "it has no such device".to_owned(),
+            Outcome::Busy => "the device is in use by another host".to_owned(),
+            Outcome::NoDevice => "no such device".to_owned(),
             Outcome::Refused(code) => format!("status {code}"),
         };
         Err(Error::device(format!(
@@ -65,7 +65,7 @@ impl Talk {
         let mut have = 0;
         while have < N {
             let left = left(self.deadline);
-            let silent = || Error::device(format!("{}: the server is silent", self.place));
+            let silent = || Error::device(format!("{}: the server does not answer", self.place));
             if left.is_zero() {
                 return Err(silent());
             }

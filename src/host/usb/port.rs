@@ -158,7 +158,10 @@ impl UsbPort {
         let get = request::GET_LINE_CODING;
         let bytes = self.device.get(Setup::CLASS_IN, get, 0, index, len)?;
         LineCoding::decode(&bytes).ok_or_else(|| {
-            Error::device(format!("{}: line coding {bytes:02x?}", self.device.place()))
+            Error::device(format!(
+                "{}: invalid line coding {bytes:02x?}",
+                self.device.place()
+            ))
         })
     }
 
@@ -229,7 +232,7 @@ impl CommandPort for UsbPort {
                 Some(done) if done.status == status::OK && done.actual == piece.len() => {}
                 Some(done) => {
                     return Err(failed(format!(
-                        "a write of {} bytes has ended with {} and status {}",
+                        "a write of {} bytes ended after {} with status {}",
                         piece.len(),
                         done.actual,
                         done.status
@@ -238,7 +241,7 @@ impl CommandPort for UsbPort {
                 None => {
                     let waited = timeout.as_secs_f64();
                     return Err(failed(format!(
-                        "the device has taken nothing for {waited} s"
+                        "the device has accepted no data in {waited} s"
                     )));
                 }
             }

@@ -49,13 +49,13 @@ impl Connection {
                 *answered = lock(&self.table).pending.remove(&seqnum);
                 let Some(Pending { submit, receiver }) = answered else {
                     return Err(io::Error::other(format!(
-                        "the server answers transfer {seqnum}, which nobody has asked for"
+                        "the server answered transfer {seqnum}, which was not submitted"
                     )));
                 };
                 if packets != submit.packets || actual > submit.length {
                     return Err(io::Error::other(format!(
-                        "the server answers transfer {seqnum} with {actual} bytes in {packets:?} \
-                         packets, at most {} in {:?} were asked for",
+                        "the server answered transfer {seqnum} with {actual} bytes in {packets:?} \
+                         packets; expected at most {} in {:?}",
                         submit.length, submit.packets
                     )));
                 }
@@ -92,7 +92,7 @@ impl Connection {
                     let mut table = lock(&self.table);
                     let target = table.unlinks.remove(&seqnum).ok_or_else(|| {
                         io::Error::other(format!(
-                            "the server answers unlink {seqnum}, which nobody has asked for"
+                            "the server answered unlink {seqnum}, which was not submitted"
                         ))
                     })?;
                     *answered = table.pending.remove(&target);
@@ -143,7 +143,7 @@ pub(super) fn reason(error: &io::Error) -> String {
         Kind::UnexpectedEof | Kind::ConnectionReset | Kind::BrokenPipe => {
             "the device has gone".to_owned()
         }
-        Kind::WouldBlock | Kind::TimedOut => "the server takes no more commands".to_owned(),
+        Kind::WouldBlock | Kind::TimedOut => "the server accepts no more commands".to_owned(),
         _ => error.to_string(),
     }
 }

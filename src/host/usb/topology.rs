@@ -72,7 +72,7 @@ impl Configuration {
         let head = head.ok_or("the configuration does not begin with its descriptor")?;
         let total = usize::from(word(head, 2));
         if total != bytes.len() {
-            return Err(format!("{} bytes of {total}", bytes.len()));
+            return Err(format!("it has {} of {total} bytes", bytes.len()));
         }
         let mut interfaces: Vec<Interface> = Vec::new();
         for descriptor in walk.by_ref() {

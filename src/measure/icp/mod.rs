@@ -110,7 +110,7 @@ pub fn align(cloud: &Cloud, surface: &Surface, options: &IcpOptions) -> Result<A
     result.ok_or_else(|| {
         Error::input(
             "cloud",
-            "no part of it lies over the truth",
+            "no part of it lies near the truth",
             "a cloud within a few centimetres of the truth",
         )
     })

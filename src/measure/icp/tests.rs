@@ -57,8 +57,7 @@ fn recovers_a_motion_of_a_torso() {
         "{found:?}"
     );
     assert!(found.rms_before_mm > 1.0);
-    // Coordinates are f32: each point is rounded by 8e-6 mm, and 3000 points per unknown reduce the
-    // error by a factor of 300.
+    // Coordinates are f32: each is rounded by up to 8e-6 mm, and the fit averages over all points.
     let at_ends = miss(&found, &moved, &mesh.vertices);
     assert!(at_ends < 2e-6, "{at_ends}");
     // 3 % of gross errors, all to one side, do not bias the result.

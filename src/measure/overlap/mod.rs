@@ -75,7 +75,7 @@ pub fn overlap(a: &Mesh, b: &Mesh, columns: usize) -> Result<Overlap> {
             return Err(Error::input(
                 format!("mesh {}", ["a", "b"][k]),
                 format!("a volume of {} mm3", volumes[k]),
-                "a closed mesh whose triangles look outwards",
+                "a closed mesh whose triangles face outwards",
             ));
         }
     }

@@ -24,7 +24,7 @@ fn what_cannot_be_a_patient_is_named() {
         (
             "diameter_mm = 26.0",
             "diameter_mm = 70.0",
-            "tumour: a tumour that is ",
+            "tumour: a tumour that extends ",
         ),
         (
             "roughness = 0.22",

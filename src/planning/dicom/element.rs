@@ -83,7 +83,13 @@ impl<'a> Elements<'a> {
                     ITEM_END | SEQUENCE_END if open.len() > 1 => {
                         open.pop();
                     }
-                    _ => return Err(walk.wrong(from, "a delimiter of nothing", "data elements")),
+                    _ => {
+                        return Err(walk.wrong(
+                            from,
+                            "a delimiter outside a sequence",
+                            "data elements",
+                        ));
+                    }
                 }
             } else {
                 let no_vr = *open.last().unwrap_or(&implicit);
@@ -94,14 +100,14 @@ impl<'a> Elements<'a> {
                         elements.values.entry(tag).or_insert(value);
                     }
                 } else if tag == PIXEL_DATA {
-                    return Err(walk.wrong(from, "compressed pixels", "pixels as they are"));
+                    return Err(walk.wrong(from, "compressed pixels", "uncompressed pixels"));
                 } else {
                     // Elements of VR `UN` contain implicit-VR elements.
                     open.push(no_vr || unknown);
                 }
             }
             if open.len() > DEEPEST {
-                let found = format!("more than {DEEPEST} sequences in each other");
+                let found = format!("more than {DEEPEST} nested sequences");
                 return Err(walk.wrong(from, found, "an image's data elements"));
             }
         }

@@ -37,7 +37,7 @@ fn collect(folder: &Path, depth: usize, to: &mut Vec<PathBuf>) -> Result<()> {
         } else if depth < DEEPEST {
             collect(&path, depth + 1, to)?;
         } else {
-            let found = format!("more than {DEEPEST} folders in each other");
+            let found = format!("more than {DEEPEST} nested folders");
             return Err(Error::input(path.display(), found, "a study's folders"));
         }
         if to.len() > MOST_FILES {

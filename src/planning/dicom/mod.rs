@@ -55,7 +55,7 @@ pub fn read_slice(path: &Path) -> Result<Volume> {
         Error::input(
             path.display(),
             "no SliceThickness (0018,0050)",
-            "an image that says how thick its slice is",
+            "an image with a slice thickness",
         )
     })?;
     Stack::alone(slice, thickness)?.volume()

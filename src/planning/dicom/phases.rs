@@ -35,13 +35,13 @@ impl Phases {
         if sorted.phases.len() < 2 {
             let found = match (sorted.phases.first(), &left_out[..]) {
                 (Some((_, slices)), []) => format!("one phase, of series {}", slices[0].title()),
-                (None, [_]) => "one series that says no phases".to_owned(),
+                (None, [_]) => "one series without phases".to_owned(),
                 _ => format!("series without a phase: {}", left_out.join("; ")),
             };
             return Err(Error::input(
                 folder.display(),
                 found,
-                "two or more phases: series described as `T=50%` or alike, or images with a \
+                "two or more phases: series described as `T=50%` or similar, or images with a \
                  nominal percentage, temporal position or trigger time",
             ));
         }
@@ -89,7 +89,7 @@ fn matching(phases: &[(f64, Stack)]) -> Result<()> {
         let (a, b) = (&first.slices[0], &stack.slices[0]);
         let differs = |here: String, there: String| {
             let place = format!("{}: phase {percent} %", b.place());
-            let allowed = format!("as phase {first_percent} % of {}: {there}", a.place());
+            let allowed = format!("{there}, as in phase {first_percent} % of {}", a.place());
             Err(Error::input(place, here, allowed))
         };
         if a.patient != b.patient {

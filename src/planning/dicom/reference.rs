@@ -48,7 +48,7 @@ fn chosen(mut sorted: Sorted, percent: f64, folder: &Path) -> Result<Vec<Slice>>
             return Err(Error::input(
                 folder.display(),
                 format!("series without a phase: {}", left_out.join("; ")),
-                "one series, or a 4D-CT whose series say their phases, as `T=50%` or alike",
+                "one series, or a 4D-CT whose series state their phases, as `T=50%` or similar",
             ));
         }
         _ => {}

@@ -158,10 +158,10 @@ fn upright(slices: &[Slice]) -> Result<()> {
             return Err(Error::input(
                 slice.place(),
                 format!(
-                    "a slice {aside:.3} mm beside that of {}{tilt}",
+                    "a slice shifted sideways by {aside:.3} mm from that of {}{tilt}",
                     first.place()
                 ),
-                "slices straight above each other: no gantry tilt, no shift",
+                "slices stacked along their normal: no gantry tilt, no shift",
             ));
         }
     }
@@ -173,7 +173,7 @@ fn adjoining(slice: &Slice, spacing: f64) -> Result<()> {
     match slice.thickness_mm {
         Some(mm) if mm > 0.0 && spacing > WIDEST * mm => Err(Error::input(
             slice.place(),
-            format!("slices of {mm} mm each {spacing:.3} mm: some are missing"),
+            format!("slices of {mm} mm every {spacing:.3} mm: some are missing"),
             format!("slices at most {WIDEST} times their thickness apart"),
         )),
         _ => Ok(()),
@@ -186,8 +186,8 @@ fn even(slices: &[Slice], heights: &[f64]) -> Result<()> {
     if let Some(at) = steps.iter().position(|&mm| mm < SAME_MM) {
         return Err(Error::input(
             slices[at + 1].place(),
-            format!("a second slice at the place of {}", slices[at].place()),
-            "one slice at each place: one series, one phase",
+            format!("a second slice at the position of {}", slices[at].place()),
+            "one slice at each position: one series, one phase",
         ));
     }
     let mut sorted = steps.clone();
@@ -207,7 +207,7 @@ fn even(slices: &[Slice], heights: &[f64]) -> Result<()> {
         return Err(Error::input(
             slices[at + 1].place(),
             format!("{found} between it and {}", slices[at].place()),
-            format!("a slice each {usual:.3} mm, as for the others"),
+            format!("a slice every {usual:.3} mm, as for the others"),
         ));
     }
     Ok(())

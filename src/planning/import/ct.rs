@@ -39,7 +39,7 @@ impl Ct {
         } else {
             return Err(Error::input(
                 place,
-                "no folder and no MetaImage",
+                "neither a folder nor a MetaImage",
                 "a folder with the images of a CT, .mha or .mhd",
             ));
         };
@@ -63,10 +63,13 @@ impl Ct {
         if dense > MOST_DENSE {
             return Err(Error::input(
                 &self.place,
-                format!("{:.0} % of the voxels above {DENSE_HU}", 100.0 * dense),
                 format!(
-                    "Hounsfield units, at most {:.0} % of them above {DENSE_HU}: metal (are the bytes in \
-                     the order that the header says?)",
+                    "{:.0} % of the voxels are above {DENSE_HU} HU: the scale or byte order may be \
+                     wrong",
+                    100.0 * dense
+                ),
+                format!(
+                    "Hounsfield units, at most {:.0} % of them above {DENSE_HU} (metal)",
                     100.0 * MOST_DENSE
                 ),
             ));

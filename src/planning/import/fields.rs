@@ -64,7 +64,7 @@ impl Fields {
         }
         if let Some(pair) = phases.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             let (a, b) = (&pair[0], &pair[1]);
-            let allowed = format!("one field a phase: {} is there", place(a));
+            let allowed = format!("one field per phase: {} is already given", place(a));
             return Err(Error::input(place(b), "a second field", allowed));
         }
         if !(2..=MOST_PHASES).contains(&phases.len()) {
@@ -82,7 +82,7 @@ impl Fields {
                 None => one = Some((grid, path.clone())),
                 Some((first, named)) => {
                     if let Some((here, there)) = grid.difference(first) {
-                        let allowed = format!("as {}: {there}", named.display());
+                        let allowed = format!("{there}, as in {}", named.display());
                         return Err(Error::input(place(phase), here, allowed));
                     }
                 }

@@ -143,7 +143,7 @@ impl Import {
                 return Err(Error::input(
                     "fields",
                     format!("a skin that moves {:.3} mm at most", motion.skin_mm),
-                    format!("{LEAST_MOTION_MM} mm or more: without it no breath can be seen"),
+                    format!("{LEAST_MOTION_MM} mm or more: less shows no breathing"),
                 ));
             }
             let farthest_mm = motion.skin_mm.max(motion.tumour_mm);
@@ -194,7 +194,7 @@ impl Import {
             format!("isocentre in {}", ct.place),
             format!("{} mm", listed(at)),
             format!(
-                "a point in the CT's LPS that it shows, within {}",
+                "a point inside the CT, in its LPS coordinates, within {}",
                 grid.box_in_words()
             ),
         ))

@@ -78,6 +78,6 @@ fn ragged(found: String, place: &str) -> Error {
     Error::input(
         place,
         found,
-        "a level and a volume that make bodies, not noise: smooth it, or take another level",
+        "a surface of solid parts, not noise: smooth the volume, or choose another level",
     )
 }

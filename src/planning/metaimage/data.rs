@@ -38,7 +38,7 @@ impl<'a> Data<'a> {
         let mut there = length.saturating_sub(from);
         if let (Packed::Zlib(_), Some(n)) = (header.packed, wanted) {
             if n > there {
-                let allowed = format!("{n}, as CompressedDataSize says");
+                let allowed = format!("{n}, as in CompressedDataSize");
                 let found = format!("{there} bytes of packed data");
                 return Err(Error::input(path.display(), found, allowed));
             }

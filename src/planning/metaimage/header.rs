@@ -74,7 +74,7 @@ fn parse(bytes: &[u8], path: &Path) -> Result<Header> {
             4 => "4: a series of volumes in one file".to_owned(),
             n => n.to_string(),
         };
-        return Err(lines.wrong("NDims", found, "3: one volume a file"));
+        return Err(lines.wrong("NDims", found, "3: one volume per file"));
     }
     lines.is("BinaryData", "True")?;
     let grid = lines.grid()?;
@@ -128,7 +128,7 @@ impl Lines<'_> {
             return Err(Error::input(
                 &self.place,
                 "no ElementSpacing",
-                "three numbers of millimetres: a patient has a size",
+                "three numbers, in millimetres",
             ));
         };
         let origin = self.numbers(&["Offset", "Origin", "Position"])?;
@@ -153,7 +153,7 @@ impl Lines<'_> {
             Some(letters) if !has_axes && !matches!(letters, "RAI" | "???") => Err(self.wrong(
                 key,
                 format!("{} without a TransformMatrix", shown(letters)),
-                "RAI, or a TransformMatrix beside it",
+                "RAI, or a TransformMatrix as well",
             )),
             _ => Ok(()),
         }
@@ -166,7 +166,7 @@ impl Lines<'_> {
         if name.eq_ignore_ascii_case("local") {
             return match before {
                 None | Some(0) => Ok((path.to_owned(), Skip::Bytes(end))),
-                Some(n) => Err(self.wrong("HeaderSize", n, "0 where the data are LOCAL")),
+                Some(n) => Err(self.wrong("HeaderSize", n, "0 for LOCAL data")),
             };
         }
         if name.is_empty() || name.split_whitespace().next() == Some("LIST") || name.contains('%') {

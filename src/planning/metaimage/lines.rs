@@ -31,7 +31,7 @@ impl<'a> Lines<'a> {
                 return Err(Error::input(
                     format!("{}:{number}", lines.place),
                     quoted(line),
-                    "a MetaImage's header: lines `Key = Value`, the last of them ElementDataFile",
+                    "a MetaImage header: lines `Key = Value`, the last of them ElementDataFile",
                 ));
             };
             lines.lines.push((number, key, value));
@@ -42,7 +42,7 @@ impl<'a> Lines<'a> {
         Err(Error::input(
             format!("{}:{number}", lines.place),
             "no ElementDataFile",
-            "a MetaImage's header, whose last line says ElementDataFile",
+            "a MetaImage header that ends with ElementDataFile",
         ))
     }
 
@@ -73,7 +73,7 @@ impl<'a> Lines<'a> {
 
     pub(super) fn needed(&self, key: &'static str) -> Result<&'a str> {
         self.get(key)?
-            .ok_or_else(|| Error::input(&self.place, format!("no {key}"), "a line that says it"))
+            .ok_or_else(|| Error::input(&self.place, format!("no {key}"), "a line that sets it"))
     }
 
     /// Checks that a key has the only supported value, if it is present.

@@ -32,7 +32,7 @@ use std::path::Path;
 /// feature, or has more than 2^28 values or one that is not finite.
 pub fn read_volume(path: &Path) -> Result<Volume> {
     let header = Header::read(path)?;
-    header.has_channels(1, "one number a voxel: a volume, not a field of vectors")?;
+    header.has_channels(1, "one number per voxel: a volume, not a vector field")?;
     let data = Data::open(&header)?;
     let count = header.grid.voxels();
     let mut voxels = match header.element {
@@ -89,7 +89,7 @@ impl Header {
 /// Number of values per voxel, for messages.
 pub(super) fn channels(count: usize) -> String {
     match count {
-        1 => "1 number a voxel".to_owned(),
-        n => format!("{n} numbers a voxel"),
+        1 => "1 number per voxel".to_owned(),
+        n => format!("{n} numbers per voxel"),
     }
 }

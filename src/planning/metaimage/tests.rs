@@ -239,7 +239,7 @@ fn what_is_wrong_is_named_with_its_line() {
         ),
         (
             ("ElementNumberOfChannels", "3"),
-            "3 numbers a voxel; expected one number a voxel",
+            "3 numbers per voxel; expected one number per voxel",
         ),
         (
             ("ElementNumberOfChannels", "2"),
@@ -260,7 +260,7 @@ fn what_is_wrong_is_named_with_its_line() {
         (("ElementDataFile", "-"), "f.mha:9: "),
         (
             ("HeaderSize", "4"),
-            "HeaderSize: 4; expected 0 where the data are LOCAL",
+            "HeaderSize: 4; expected 0 for LOCAL data",
         ),
     ] {
         let error = read(&with(&[line])).unwrap_err();
@@ -269,7 +269,7 @@ fn what_is_wrong_is_named_with_its_line() {
     }
     let error = read(b"\x89PNG\r\n").unwrap_err().to_string();
     assert!(
-        error.contains("f.mha:1: `\u{fffd}PNG`; expected a MetaImage's header"),
+        error.contains("f.mha:1: `\u{fffd}PNG`; expected a MetaImage header"),
         "{error}"
     );
     let error = read(b"").unwrap_err().to_string();
@@ -278,11 +278,11 @@ fn what_is_wrong_is_named_with_its_line() {
         .unwrap_err()
         .to_string();
     assert!(
-        channels.contains("3 numbers a voxel; expected one number"),
+        channels.contains("3 numbers per voxel; expected one number"),
         "{channels}"
     );
     let channels = read_field(&itk("ushort.mha")).unwrap_err().to_string();
-    assert!(channels.contains("1 number a voxel"), "{channels}");
+    assert!(channels.contains("1 number per voxel"), "{channels}");
     let four = read_volume(&itk("four.mha")).unwrap_err().to_string();
     assert!(four.contains("a series of volumes in one file"), "{four}");
 }
@@ -310,7 +310,7 @@ fn packed_data_that_are_not_the_declared_ones_are_named() {
     let short = changed("DimSize = 5 4 3", "DimSize = 5 4 2", 0);
     assert!(short.contains("more than 80 bytes of data"), "{short}");
     let cut = changed("NDims = 3", "NDims = 3", 3);
-    assert!(cut.contains("as CompressedDataSize says"), "{cut}");
+    assert!(cut.contains("as in CompressedDataSize"), "{cut}");
     let cut = changed("CompressedDataSize", "Comment", 3);
     assert!(cut.contains("cannot be unpacked"), "{cut}");
     // No memory is allocated for more than the given bytes can expand to.

@@ -32,7 +32,10 @@ pub(crate) fn grid_of(path: &Path, channels: usize) -> Result<Grid> {
     if found == channels {
         return Ok(grid);
     }
-    let allowed = ["one: a CT", "three: a displacement field"][usize::from(channels == 3)];
+    let allowed = [
+        "one number per voxel: a CT",
+        "three numbers per voxel: a displacement field",
+    ][usize::from(channels == 3)];
     Err(Error::input(
         path.display(),
         metaimage::channels(found),
@@ -69,9 +72,9 @@ pub(crate) fn around(ct: &Grid, fields: &Grid, place: &str) -> Result<()> {
     if low.cmpge(-reach).all() && high.cmple(ct.last() + reach).all() {
         return Ok(());
     }
-    let found = format!("a CT of {}", ct.box_in_words());
+    let found = format!("a CT that spans {}", ct.box_in_words());
     let allowed = format!(
-        "one around the fields, which have {}",
+        "a CT that contains the fields, which span {}",
         fields.box_in_words()
     );
     Err(Error::input(place, found, allowed))
@@ -102,7 +105,7 @@ pub(crate) fn still(field: &Field, place: &str) -> Result<()> {
         return Ok(());
     }
     let found = format!("displacements of up to {longest:.2} mm");
-    let allowed = format!("none above {STILL_MM} mm from the reference phase to itself");
+    let allowed = format!("at most {STILL_MM} mm from the reference phase to itself");
     Err(Error::input(place, found, allowed))
 }
 
@@ -113,13 +116,13 @@ pub fn closed(mesh: &Mesh, place: &str) -> Result<Moments> {
         for side in [(a, b), (b, c), (c, a)] {
             if !sides.insert(side) {
                 let found = format!(
-                    "two triangles on one side of vertices {} and {}",
+                    "two triangles with the same directed edge of vertices {} and {}",
                     side.0, side.1
                 );
                 return Err(Error::input(
                     place,
                     found,
-                    "a closed surface, each edge of two",
+                    "a closed surface, each edge shared by two triangles",
                 ));
             }
         }
@@ -134,7 +137,7 @@ pub fn closed(mesh: &Mesh, place: &str) -> Result<Moments> {
         return Err(Error::input(
             place,
             found,
-            "a closed surface, each edge of two",
+            "a closed surface, each edge shared by two triangles",
         ));
     }
     let moments = moments(mesh);

@@ -42,15 +42,15 @@ impl Folder {
             if n == 0 {
                 let wanted = folder.file.spacing_mm.0;
                 if (grid.spacing_mm - wanted).abs().max_element() > 1e-3 * wanted.min_element() {
-                    let found = format!("{}, as {}", listed(wanted), folder.file.phase[0].field);
-                    let found = format!("{found} does not have it");
+                    let first = &folder.file.phase[0].field;
+                    let found = format!("{}, unlike {first}", listed(wanted));
                     let allowed = listed(grid.spacing_mm);
                     return Err(source.violation("spacing_mm", found, allowed));
                 }
                 folder.grid = grid;
             } else if let Some((here, there)) = grid.difference(&folder.grid) {
                 let place = format!("{at}: {}", field.display());
-                let allowed = format!("as {}: {there}", folder.file.phase[0].field);
+                let allowed = format!("{there}, as in {}", folder.file.phase[0].field);
                 return Err(Error::input(place, here, allowed));
             }
         }

@@ -28,7 +28,7 @@ impl Field {
             return Err(Error::input(
                 place,
                 format!("{} vectors", vectors.len()),
-                format!("{}, as its grid has voxels", grid.voxels()),
+                format!("{}, one per voxel of its grid", grid.voxels()),
             ));
         }
         let short = |v: &[f32; 3]| v.iter().map(|x| x * x).sum::<f32>() <= LONGEST_MM * LONGEST_MM;

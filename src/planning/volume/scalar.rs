@@ -60,7 +60,7 @@ impl Volume {
             return Err(Error::input(
                 place,
                 format!("{} numbers", voxels.len()),
-                format!("{}, as its grid has voxels", grid.voxels()),
+                format!("{}, one per voxel of its grid", grid.voxels()),
             ));
         }
         if let Voxels::F32(v) = &voxels

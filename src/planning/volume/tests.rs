@@ -104,7 +104,7 @@ fn what_cannot_be_is_named() {
     let short = Volume::new(good, Voxels::I16(vec![0; 139]), "v").unwrap_err();
     assert_eq!(
         short.to_string(),
-        "v: 139 numbers; expected 140, as its grid has voxels"
+        "v: 139 numbers; expected 140, one per voxel of its grid"
     );
     let mut numbers = vec![0.0; 140];
     numbers[7] = f32::NAN;

@@ -168,7 +168,7 @@ impl Packets {
                     }
                     Err(wrong) => wrong,
                 },
-                Extent::None => "bytes that begin no packet".to_owned(),
+                Extent::None => "bytes that do not start a packet".to_owned(),
             };
             at += 1;
             if !std::mem::replace(&mut self.dropping, true) {

@@ -63,7 +63,7 @@ impl Dialect {
 
     fn asked_packet(&self, message: &[u8]) -> Result<Asked, WireError> {
         let Framing::Packet(layout) = &self.framing else {
-            return Err(WireError::damaged("no packet"));
+            return Err(WireError::damaged("not a packet"));
         };
         let packet = layout
             .open(message, Direction::ToDevice)
@@ -226,7 +226,7 @@ pub(super) fn whole(line: Vec<u8>, ends: &LineEnds) -> Result<Vec<u8>, DeviceErr
     }
     let holds = |text: &str| line.windows(text.len()).any(|part| part == text.as_bytes());
     if let Some(comment) = ends.comment.as_deref().filter(|comment| holds(comment)) {
-        let what = format!("{comment:?} may not stand in a line");
+        let what = format!("{comment:?} is not allowed in a line");
         return Err(ErrorCode::IllegalParameterValue.with(what));
     }
     Ok(line)
@@ -240,7 +240,11 @@ fn taken(command: &Command, answers: &[Vec<u8>]) -> Result<Vec<(String, Value)>,
         let answer = answers.get(at).map_or(&[][..], Vec::as_slice);
         let wrong = || {
             let start = &answer[..answer.len().min(40)];
-            let what = format!("{}: the answer \"{}\"", command.name, start.escape_ascii());
+            let what = format!(
+                "{}: unexpected answer \"{}\"",
+                command.name,
+                start.escape_ascii()
+            );
             ErrorCode::SystemError.with(what)
         };
         for (name, raw) in Template::split(template, answer, true).ok_or_else(wrong)? {
@@ -264,7 +268,7 @@ fn cut(
     let offset = offset.and_then(|(_, value)| value.number()).unwrap_or(0.0) as usize;
     let Some((_, Value::Bytes(bytes))) = values.iter_mut().find(|(name, _)| *name == chunk.data)
     else {
-        return Err(ErrorCode::SystemError.with("a long answer that is no bytes"));
+        return Err(ErrorCode::SystemError.with("a chunked answer that is not bytes"));
     };
     let (total, sum) = (bytes.len(), crc32fast::hash(bytes));
     if offset > total {

@@ -142,10 +142,10 @@ impl Layout {
         direction: Direction,
     ) -> Result<Opened<'a>, String> {
         let Extent::Whole { len, data_end } = self.extent(packet, direction) else {
-            return Err(format!("{} bytes that are no packet", packet.len()));
+            return Err(format!("{} bytes that are not a packet", packet.len()));
         };
         if packet.len() != len {
-            return Err(format!("a packet of {len} bytes in {}", packet.len()));
+            return Err(format!("a packet of {len} bytes in {} bytes", packet.len()));
         }
         if let Some(checksum) = self.checksum {
             let (covered, told) = packet.split_at(len - checksum.len());

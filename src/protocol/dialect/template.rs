@@ -42,8 +42,8 @@ impl Template {
                         match chars.next() {
                             Some('}') => break,
                             Some(c) if c.is_ascii_alphanumeric() || c == '_' => name.push(c),
-                            Some(c) => return Err(format!("{c:?} in the name behind {{{name}")),
-                            None => return Err(format!("{{{name} without its brace")),
+                            Some(c) => return Err(format!("{c:?} in the name after {{{name}")),
+                            None => return Err(format!("{{{name} without a closing brace")),
                         }
                     }
                     if name.is_empty() {
@@ -52,12 +52,14 @@ impl Template {
                     if !plain.is_empty() {
                         parts.push(Part::Text(std::mem::take(&mut plain)));
                     } else if matches!(parts.last(), Some(Part::Field(_))) {
-                        return Err(format!("nothing between {{{name}}} and the one before"));
+                        return Err(format!(
+                            "no text between {{{name}}} and the field before it"
+                        ));
                     }
                     parts.push(Part::Field(name));
                 }
                 '}' => return Err("} without {".to_owned()),
-                c if c.is_control() => return Err(format!("the control {c:?}")),
+                c if c.is_control() => return Err(format!("the control character {c:?}")),
                 c => plain.push(c),
             }
         }
@@ -94,7 +96,7 @@ impl Template {
                         && own_end(&value) != Some(value.len())
                         && find(&value, next.as_bytes(), true).is_some()
                     {
-                        return Err(E::from(format!("{next:?} may not stand in {name}")));
+                        return Err(E::from(format!("{next:?} is not allowed in {name}")));
                     }
                     line.extend_from_slice(&value);
                 }
@@ -216,18 +218,18 @@ mod tests {
             template.fill(|name| Ok::<_, String>(if name == "a" { a } else { "," }.into()))
         };
         assert_eq!(fill("x").unwrap(), b"x,,");
-        assert!(fill("x,").unwrap_err().contains("may not stand in a"));
+        assert!(fill("x,").unwrap_err().contains("is not allowed in a"));
         assert_eq!(fill("\"x,\"").unwrap(), b"\"x,\",,");
     }
 
     #[test]
     fn templates_that_are_none_are_refused() {
         for (text, needle) in [
-            ("{", "without its brace"),
+            ("{", "without a closing brace"),
             ("}", "} without {"),
             ("{}", "without a name"),
             ("{a b}", "' ' in the name"),
-            ("{a}{b}", "nothing between"),
+            ("{a}{b}", "no text between"),
             ("a\n", "control"),
         ] {
             let words = Template::parse(text).unwrap_err();

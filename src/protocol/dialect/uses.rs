@@ -184,7 +184,7 @@ impl<'a> Gather<'a> {
         };
         let number = |name: &str| match find(name)? {
             Value::Number(number) => Ok(*number as u64),
-            _ => Err(format!("a piece whose {name} is no number")),
+            _ => Err(format!("a piece whose {name} is not a number")),
         };
         let total = number(&self.chunk.total)? as usize;
         let check = match &self.chunk.check {
@@ -192,20 +192,23 @@ impl<'a> Gather<'a> {
             None => None,
         };
         let Value::Bytes(data) = find(&self.chunk.data)? else {
-            return Err(format!("a piece whose {} is no bytes", self.chunk.data));
+            return Err(format!("a piece whose {} is not bytes", self.chunk.data));
         };
         if total > MAX_CHUNKED_BYTES {
             return Err(format!(
-                "{total} bytes in all, at most {MAX_CHUNKED_BYTES} are taken"
+                "{total} bytes in all, expected at most {MAX_CHUNKED_BYTES}"
             ));
         }
         if self.whole.is_some_and(|whole| whole != (total, check)) {
-            return Err("pieces of different wholes".to_owned());
+            return Err("pieces of different transfers".to_owned());
         }
         self.whole = Some((total, check));
         let left = total.saturating_sub(self.bytes.len());
         if data.len() > left || (data.is_empty() && left > 0) {
-            return Err(format!("a piece of {} bytes with {left} left", data.len()));
+            return Err(format!(
+                "a piece of {} bytes with {left} bytes left",
+                data.len()
+            ));
         }
         self.bytes.extend_from_slice(data);
         if self.bytes.len() < total {
@@ -213,7 +216,7 @@ impl<'a> Gather<'a> {
         }
         let bytes = std::mem::take(&mut self.bytes);
         if check.is_some_and(|check| check != crc32fast::hash(&bytes)) {
-            return Err("the checksum of the whole does not match".to_owned());
+            return Err("the checksum of the whole transfer does not match".to_owned());
         }
         Ok(Some(bytes))
     }

@@ -23,7 +23,7 @@ const MAX_MS: f64 = 3.6e6;
 
 pub(super) fn schedule(schedule: &Schedule, source: &TomlSource) -> Result<()> {
     if schedule.fault.len() > MAX_FAULTS {
-        let found = format!("{} of them", schedule.fault.len());
+        let found = format!("{} faults", schedule.fault.len());
         return Err(source.violation("fault", found, format!("up to {MAX_FAULTS}")));
     }
     for (i, fault) in schedule.fault.iter().enumerate() {
@@ -103,7 +103,7 @@ impl Fault {
             self.count.is_none() || self.rate.is_none(),
             "rate",
             "a rate and a count",
-            "one of them",
+            "only one of them",
         )?;
         within("offset", self.offset, -4096..=4096)?;
         that(self.offset != Some(0), "offset", 0, "any number but 0")?;
@@ -150,7 +150,7 @@ impl Fault {
             that(
                 has(name),
                 name,
-                format!("no parameter of {}", kind.name),
+                format!("not a parameter of {}", kind.name),
                 match own.len() {
                     0 => "none".to_owned(),
                     _ => own.join(", "),
@@ -189,7 +189,7 @@ impl Fault {
                 from >= 0.0 && from < to && to <= 1e9,
                 "when.window_s",
                 format!("{from} to {to}"),
-                "two times that ascend, 0 to 1e9 s",
+                "two ascending times, 0 to 1e9 s",
             )?;
         }
         let command = when.command.as_deref();
@@ -203,7 +203,7 @@ impl Fault {
             when.frames.is_none() || self.side() == Side::Camera,
             "when.frames",
             format!("{} counts messages", self.what),
-            "only where frames are counted",
+            "only for faults that count frames",
         )
     }
 }

@@ -104,7 +104,7 @@ impl Kind {
                 default: "64",
                 allowed: "1 to 1000000 bits",
             }],
-            "bits anywhere in the frame, the embedded data line included, are the other way round",
+            "bits anywhere in the frame, including the embedded data line, are flipped",
         ),
         kind(
             What::Dark,
@@ -191,7 +191,7 @@ impl Kind {
                     allowed: "0 to 1 for each bit",
                 },
             ],
-            "bits of a message are the other way round",
+            "bits of a message are flipped",
         ),
         kind(
             What::Nak,
@@ -209,7 +209,7 @@ impl Kind {
                 default: "1000",
                 allowed: "0 to 3600000 ms",
             }],
-            "the control port is gone for that long, and all on its way with it",
+            "the control port is gone for that long, and data in transit is lost",
         ),
         kind(
             What::Reset,

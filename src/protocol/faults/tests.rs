@@ -58,11 +58,11 @@ fn what_it_may_not_say_is_refused_with_its_line() {
         ("what = \"torm\"", "bad-day.toml:3: unknown variant `torm`"),
         (
             "what = \"dark\"\nby_ms = 3",
-            "bad-day.toml:4: fault[0].by_ms: no parameter of dark; expected none",
+            "bad-day.toml:4: fault[0].by_ms: not a parameter of dark; expected none",
         ),
         (
             "what = \"torn\"\nrows = 3",
-            "bad-day.toml:4: fault[0].rows: no parameter of torn; expected row",
+            "bad-day.toml:4: fault[0].rows: not a parameter of torn; expected row",
         ),
         (
             "what = \"torn\"\nrow = 0",
@@ -78,7 +78,7 @@ fn what_it_may_not_say_is_refused_with_its_line() {
         ),
         (
             "what = \"nak\"\nwhen = { frames = \"all\" }",
-            "bad-day.toml:4: fault[0].when.frames: nak counts messages; expected only where",
+            "bad-day.toml:4: fault[0].when.frames: nak counts messages; expected only for faults",
         ),
         (
             "what = \"nak\"\nwhen = { nth = 0 }",
@@ -86,7 +86,7 @@ fn what_it_may_not_say_is_refused_with_its_line() {
         ),
         (
             "what = \"nak\"\nwhen = { window_s = [2, 1] }",
-            "bad-day.toml:4: fault[0].when.window_s: 2 to 1; expected two times that ascend",
+            "bad-day.toml:4: fault[0].when.window_s: 2 to 1; expected two ascending times",
         ),
         (
             "what = \"nak\"\nwhen = { probability = nan }",
@@ -94,7 +94,7 @@ fn what_it_may_not_say_is_refused_with_its_line() {
         ),
         (
             "what = \"bit-errors\"\ncount = 1\nrate = 0.1",
-            "bad-day.toml:5: fault[0].rate: a rate and a count; expected one of them",
+            "bad-day.toml:5: fault[0].rate: a rate and a count; expected only one of them",
         ),
         (
             "what = \"wrong-pattern\"\noffset = 0",
@@ -108,7 +108,7 @@ fn what_it_may_not_say_is_refused_with_its_line() {
     let many = "[[fault]]\nwhat = \"dark\"\n".repeat(MAX_FAULTS + 1);
     let error = parse(&many).unwrap_err().to_string();
     assert!(
-        error.contains("1025 of them; expected up to 1024"),
+        error.contains("1025 faults; expected up to 1024"),
         "{error}"
     );
 }

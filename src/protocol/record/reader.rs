@@ -69,11 +69,11 @@ impl<R: Read> Reader<R> {
         let refuse = |found: String| Err(Error::input(place, found, allowed));
         let head = take(&mut source, HEAD_LEN).map_err(|e| Error::io(place, e))?;
         if head.len() < HEAD_LEN {
-            return refuse(format!("{} bytes, which is no recording", head.len()));
+            return refuse(format!("{} bytes, which is not a recording", head.len()));
         }
         if head[..8] != FILE_MAGIC {
             return refuse(format!(
-                "starts with \"{}\", which is no recording",
+                "starts with \"{}\", which is not a recording",
                 head[..8].escape_ascii()
             ));
         }
@@ -174,7 +174,7 @@ impl<R: Read> Reader<R> {
         let len = u32_at(bytes, 24) as usize;
         if len > MAX_PAYLOAD {
             return Err(format!(
-                "{len} bytes of payload, at most {MAX_PAYLOAD} are taken"
+                "{len} bytes of payload, expected at most {MAX_PAYLOAD}"
             ));
         }
         Ok(Head {
@@ -199,14 +199,14 @@ fn event(head: &Head, payload: Vec<u8>) -> Result<Option<Event>, String> {
     let (kind, len) = (head.kind, payload.len());
     if len > most {
         return Err(format!(
-            "{len} bytes of kind {kind}, at most {most} are taken"
+            "{len} bytes of kind {kind}, expected at most {most}"
         ));
     }
     let text = |payload| String::from_utf8(payload).map_err(|_| "its text is not UTF-8".to_owned());
     Ok(Some(match kind {
         1 => {
             let about = serde_json::from_slice(&payload);
-            Event::About(about.map_err(|e| format!("what it says of the recording: {e}"))?)
+            Event::About(about.map_err(|e| format!("its description of the recording: {e}"))?)
         }
         2 => Event::Sent(payload),
         3 => Event::Received(payload),

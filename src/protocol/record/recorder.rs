@@ -189,7 +189,7 @@ impl<S: Store> Writer<S> {
 
     fn tell(&self, notice: &impl Fn(&str), why: &str) {
         notice(&format!(
-            "{}: the recording ends here, the device goes on: {why}; this is said once",
+            "{}: the recording ends here, the device continues: {why}; reported only once",
             self.place
         ));
     }

@@ -53,7 +53,9 @@ pub(super) fn request(line: &[u8]) -> Result<Request, String> {
         "clear_faults" => Request::ClearFaults(which(&name, &value)?),
         _ => {
             let name = shortened(name);
-            return Err(format!("{name}: no request; expected one of {REQUESTS}"));
+            return Err(format!(
+                "{name}: unknown request; expected one of {REQUESTS}"
+            ));
         }
     })
 }
@@ -150,7 +152,7 @@ mod tests {
                 "{\"get\":\"clock\",\"get\":\"clock\"}",
                 vec!["get twice; expected once"],
             ),
-            ("{\"moon\":1}", vec!["moon: no request", &requests]),
+            ("{\"moon\":1}", vec!["moon: unknown request", &requests]),
             (
                 "{\"get\":\"moon\"}",
                 vec!["get: \"moon\"; expected \"truth\", \"clock\""],

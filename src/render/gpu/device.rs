@@ -9,7 +9,7 @@ const STORAGE_BUFFERS: u32 = 24;
 
 /// Bytes per pixel of the largest map.
 const LARGEST_ELEMENT: u64 = 16;
-/// Maximum number of threads per pass: fits 32 bits, with headroom for those that pad the dispatch
+/// Maximum number of threads per pass: fits 32 bits, with headroom for the padding of the dispatch
 /// grid.
 const MOST_SAMPLES: u64 = 1 << 31;
 
@@ -106,7 +106,7 @@ impl Gpu {
                 "no Vulkan adapter on this machine: a driver (on Debian mesa-vulkan-drivers) and \
                  the loader libvulkan.so.1 are needed"
             } else {
-                "no Vulkan adapter on this machine that is hardware"
+                "no Vulkan adapter with hardware acceleration on this machine"
             })
         }))
     }
@@ -117,7 +117,7 @@ impl Gpu {
         let storage = has.max_storage_buffers_per_shader_stage;
         if storage < STORAGE_BUFFERS {
             return Err(Error::device(format!(
-                "GPU {}: {storage} storage buffers a shader; {STORAGE_BUFFERS} are needed",
+                "GPU {}: {storage} storage buffers per shader; expected {STORAGE_BUFFERS} or more",
                 about.name
             )));
         }
@@ -177,7 +177,7 @@ impl Gpu {
         let refuse = |what: &str, found: u64, most: u64| {
             let name = &self.adapter.name;
             Err(Error::device(format!(
-                "GPU {name}: {found} {what}; it holds {most}"
+                "GPU {name}: {found} {what}; expected at most {most}"
             )))
         };
         if pixels > most {
@@ -226,7 +226,7 @@ mod tests {
         let gpu = Gpu::open(true).unwrap();
         gpu.holds(1138 * 489, 64).unwrap();
         let words = gpu.holds(1 << 40, 1).unwrap_err().to_string();
-        assert!(words.contains("pixels; it holds"), "{words}");
+        assert!(words.contains("pixels; expected at most"), "{words}");
         let words = gpu.holds(1 << 20, 1 << 12).unwrap_err().to_string();
         assert!(words.contains("samples in all pixels"), "{words}");
     }

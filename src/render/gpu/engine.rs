@@ -1,7 +1,7 @@
 //! Runs shader entry points on named buffers.
 
 use super::timing::{PassTime, Timing};
-use super::{Gpu, Stage, shaders, store::Store};
+use super::{EntryPoint, Gpu, shaders, store::Store};
 use phasmid_core::error::{Error, Result};
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
@@ -14,7 +14,7 @@ pub(crate) struct Engine {
     gpu: Arc<Gpu>,
     store: Store,
     modules: HashMap<&'static str, Arc<Module>>,
-    pipelines: Vec<(Stage, Pipeline)>,
+    pipelines: Vec<(EntryPoint, Pipeline)>,
     timing: Timing,
 }
 
@@ -110,7 +110,7 @@ impl Engine {
     pub(crate) fn run(
         &mut self,
         commands: &mut Commands,
-        stage: &Stage,
+        stage: &EntryPoint,
         [x, y, z]: [u32; 3],
     ) -> Result<()> {
         self.pass(commands, stage, |pass, _| {
@@ -126,7 +126,7 @@ impl Engine {
     pub(crate) fn run_indirect(
         &mut self,
         commands: &mut Commands,
-        stage: &Stage,
+        stage: &EntryPoint,
         groups: &str,
         offset: u64,
     ) -> Result<()> {
@@ -139,7 +139,7 @@ impl Engine {
     fn pass(
         &mut self,
         commands: &mut Commands,
-        stage: &Stage,
+        stage: &EntryPoint,
         dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>, &Store) -> Result<()>,
     ) -> Result<()> {
         let index = self.pipeline(stage)?;
@@ -211,7 +211,7 @@ impl Engine {
         self.timing.collect(&self.gpu)
     }
 
-    fn pipeline(&mut self, stage: &Stage) -> Result<usize> {
+    fn pipeline(&mut self, stage: &EntryPoint) -> Result<usize> {
         if let Some(i) = self.pipelines.iter().position(|(s, _)| s == stage) {
             return Ok(i);
         }
@@ -265,7 +265,7 @@ impl Module {
         Ok(Self { shader, used })
     }
 
-    fn used(&self, stage: &Stage) -> Result<&[(String, u32, bool)]> {
+    fn used(&self, stage: &EntryPoint) -> Result<&[(String, u32, bool)]> {
         let (shader, entry) = (stage.shader, stage.entry);
         match self.used.get(entry) {
             Some(used) => Ok(used),
@@ -275,7 +275,7 @@ impl Module {
 }
 
 impl Pipeline {
-    fn new(gpu: &Gpu, module: Arc<Module>, stage: &Stage) -> Result<Self> {
+    fn new(gpu: &Gpu, module: Arc<Module>, stage: &EntryPoint) -> Result<Self> {
         let entries: Vec<_> = module
             .used(stage)?
             .iter()
@@ -326,7 +326,7 @@ impl Pipeline {
         })
     }
 
-    fn bind(&mut self, gpu: &Gpu, store: &Store, stage: &Stage) -> Result<wgpu::BindGroup> {
+    fn bind(&mut self, gpu: &Gpu, store: &Store, stage: &EntryPoint) -> Result<wgpu::BindGroup> {
         if let Some((generation, group)) = &self.bound
             && *generation == store.generation()
         {
@@ -364,14 +364,14 @@ impl Engine {
         output_len: usize,
         threads: usize,
     ) -> Vec<u32> {
-        let stage = Stage::new(shader, "main", &crate::Plan::default());
+        let stage = EntryPoint::new(shader, "main", &crate::Plan::default());
         self.call_stage(&stage, input, output_len, threads)
     }
 
-    /// As `call`, for a stage with constants.
+    /// Same as `call` for any entry point, with its constants.
     pub(crate) fn call_stage(
         &mut self,
-        stage: &Stage,
+        stage: &EntryPoint,
         input: &[u32],
         output_len: usize,
         threads: usize,

@@ -1,10 +1,10 @@
 //! Exposure pass on the GPU: computes the mean electrons of all pixels from the geometry maps. Twin
-//! of `schedule.rs`, `timetable.rs` and `light`.
+//! of `schedule.rs`, `timetable.rs` and `exposure/`.
 
 use super::engine::Commands;
 use super::tables::{Head, Tables};
-use super::{Engine, Stage, grid};
-use crate::light::{Bell, Table};
+use super::{Engine, EntryPoint, grid};
+use crate::exposure::{Bell, Table};
 use crate::timetable::Timetable;
 use crate::{Plan, Term};
 use phasmid_core::error::Result;
@@ -28,7 +28,7 @@ pub(crate) struct Shown<'a> {
     pub(crate) tables: &'a [Arc<Table>],
     /// Number of pixels of the image.
     pub(crate) pixels: usize,
-    /// Whether to add to the contents of `electrons`, which hold another instant of the exposure.
+    /// Whether to add to `electrons`, which already holds other instants of the exposure.
     pub(crate) adds: bool,
 }
 
@@ -51,12 +51,9 @@ impl Exposure {
         engine.write("schedule", bytemuck::cast_slice(&packed(shown, &heads)));
         self.provide(engine, shown.pixels);
         let stage = |shader, entry| {
-            Stage::new(shader, entry, shown.plan)
+            EntryPoint::new(shader, entry, shown.plan)
                 .with("along_rows", flag(heads.iter().any(|head| head.is_row())))
-                .with(
-                    "in_pictures",
-                    flag(heads.iter().any(|head| head.is_picture())),
-                )
+                .with("in_images", flag(heads.iter().any(|head| head.is_image())))
         };
         let adds = flag(shown.adds);
         engine.run(
@@ -71,8 +68,8 @@ impl Exposure {
         }
         if shown.plan.has(Term::Interreflection) {
             // Capacity in points of 16 bytes; there may be fewer points.
-            let points = engine.size("bounce_points") / 16 * heads.len() as u64;
-            engine.reserve("bounce_light", 4 * points);
+            let points = engine.size("interreflection_points") / 16 * heads.len() as u64;
+            engine.reserve("interreflection_light", 4 * points);
             engine.run(
                 commands,
                 &stage("indirect", "average"),

@@ -5,8 +5,8 @@ use super::exposure::{Exposure, Shown};
 use super::{Engine, maps, skin, upload, upload_mixed};
 use crate::aperture::Aperture;
 use crate::buffer::GeometryBuffer;
+use crate::exposure::{Spread, Table};
 use crate::geometry::{self, Rays};
-use crate::light::{Spread, Table};
 use crate::renderer::ideal_points;
 use crate::schedule::Schedule;
 use crate::shade::Optics;
@@ -17,8 +17,8 @@ use crate::world::World;
 use crate::worlds::Worlds;
 use crate::{Options, Plan, Term};
 use crate::{
+    pattern_image::PatternImage,
     shot::{Shot, Showing, Shutter},
-    slide::Slide,
 };
 use phasmid_pattern::{Axis, Pattern};
 use phasmid_profile::{Focus, Profile, Response, Scene};
@@ -41,7 +41,7 @@ rotation_deg = [10, 20, 35]
 albedo = 0.6
 ";
 
-/// The central part of the bench camera in front of a scene, and its geometry maps.
+/// The central part of the `pmp-bench` camera in front of a scene, and its geometry maps.
 struct Setup {
     profile: Profile,
     plan: Plan,
@@ -90,9 +90,9 @@ impl Setup {
         }
     }
 
-    fn slides(&self) -> [(&'static str, Slide); 5] {
+    fn pattern_images(&self) -> [(&'static str, PatternImage); 5] {
         let projector = &self.profile.projector;
-        let of = |pattern| Slide::new(&pattern, projector, &|_| unreachable!()).unwrap();
+        let of = |pattern| PatternImage::new(&pattern, projector, &|_| unreachable!()).unwrap();
         let fringe = |axis, period_px| {
             of(Pattern::Fringe {
                 axis,
@@ -109,7 +109,7 @@ impl Setup {
         };
         let (width, height) = (projector.width_px, projector.height_px);
         let speckle = |i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u16;
-        let picture = Slide::Picture {
+        let image = PatternImage::Image {
             width,
             height,
             levels: (0..width * height).map(speckle).collect(),
@@ -119,12 +119,16 @@ impl Setup {
             ("fringe", fringe(Axis::X, 16.0)),
             ("fine fringe", fringe(Axis::Y, 5.0)),
             ("Gray code", of(gray)),
-            ("picture", picture),
+            ("image", image),
         ]
     }
 
-    fn table(&self, slide: &Slide) -> Arc<Table> {
-        Arc::new(Table::new(slide, &self.profile.projector, &self.plan))
+    fn table(&self, pattern_image: &PatternImage) -> Arc<Table> {
+        Arc::new(Table::new(
+            pattern_image,
+            &self.profile.projector,
+            &self.plan,
+        ))
     }
 
     fn on_cpu(&self, shot: &Shot, tables: &[Arc<Table>]) -> Vec<f32> {
@@ -149,7 +153,7 @@ impl Setup {
         skin::write(engine, &self.optics.skins);
         self.upload_skin(engine);
         if self.plan.has(Term::Interreflection) {
-            upload_bounce(engine, &self.map);
+            upload_interreflection(engine, &self.map);
         }
     }
 
@@ -212,7 +216,7 @@ impl Setup {
 
     fn shot(&self) -> Shot {
         Shot {
-            slide: Some(Arc::new(Slide::Uniform(255))),
+            pattern_image: Some(Arc::new(PatternImage::Uniform(255))),
             light: 0.9,
             start_ns: 3_333_333,
             exposure_ns: 8_000_000,
@@ -224,8 +228,8 @@ impl Setup {
     fn check(&self, name: &str, bar: f32) {
         let (mut engine, mut exposure) = (Engine::for_tests(), Exposure::default());
         self.upload(&mut engine);
-        for (of, slide) in self.slides() {
-            let (shot, tables) = (self.shot(), [self.table(&slide)]);
+        for (of, pattern_image) in self.pattern_images() {
+            let (shot, tables) = (self.shot(), [self.table(&pattern_image)]);
             let cpu = self.on_cpu(&shot, &tables);
             let gpu = self.on_gpu((&mut engine, &mut exposure), &shot, &tables, 1);
             self.compare(&format!("{name}, {of}"), &cpu, &gpu, bar);
@@ -251,36 +255,46 @@ impl Setup {
     }
 }
 
-/// Uploads the CPU's indirect light in the layout of `bounce_types.wgsl`.
-fn upload_bounce(engine: &mut Engine, map: &GeometryBuffer) {
-    let (bounce, mut before) = (&map.bounce, 0);
+/// Uploads the CPU's indirect light in the layout of `interreflection_types.wgsl`.
+fn upload_interreflection(engine: &mut Engine, map: &GeometryBuffer) {
+    let (interreflection, mut before) = (&map.interreflection, 0);
     let (mut points, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
-    for (&end, white) in bounce.ends.iter().zip(&bounce.white) {
+    for (&end, white) in interreflection.ends.iter().zip(&interreflection.white) {
         let first = x.len();
         for block in before..end as usize {
-            for lane in 0..bounce.weight[block].len() {
-                let weight = bounce.weight[block][lane];
-                let ([a, b], [c, d]) = (bounce.x_slope[block][lane], bounce.y_slope[block][lane]);
-                x.push([bounce.x[block][lane], a, b, weight]);
-                y.push([bounce.y[block][lane], c, d, weight]);
+            for lane in 0..interreflection.weight[block].len() {
+                let weight = interreflection.weight[block][lane];
+                let ([a, b], [c, d]) = (
+                    interreflection.x_slope[block][lane],
+                    interreflection.y_slope[block][lane],
+                );
+                x.push([interreflection.x[block][lane], a, b, weight]);
+                y.push([interreflection.y[block][lane], c, d, weight]);
             }
         }
         before = end as usize;
         points.push([0, first as u32, (x.len() - first) as u32, white.to_bits()]);
     }
-    let [width, height, columns] = [map.width, map.height, bounce.stride].map(|n| n as u32);
+    let [width, height, columns] =
+        [map.width, map.height, interreflection.stride].map(|n| n as u32);
     let params = [width, height, columns, 0, 0, 0, points.len() as u32, 0];
-    engine.write("bounce_params", bytemuck::cast_slice(&params));
-    engine.write("bounce_points", bytemuck::cast_slice(&points));
-    engine.write("bounce_x", bytemuck::cast_slice(&x));
-    engine.write("bounce_y", bytemuck::cast_slice(&y));
-    engine.write("bounce_first", bytemuck::cast_slice(&bounce.first));
-    engine.write("bounce_shares", bytemuck::cast_slice(&bounce.shares));
+    engine.write("interreflection_params", bytemuck::cast_slice(&params));
+    engine.write("interreflection_points", bytemuck::cast_slice(&points));
+    engine.write("interreflection_x", bytemuck::cast_slice(&x));
+    engine.write("interreflection_y", bytemuck::cast_slice(&y));
+    engine.write(
+        "interreflection_first",
+        bytemuck::cast_slice(&interreflection.first),
+    );
+    engine.write(
+        "interreflection_shares",
+        bytemuck::cast_slice(&interreflection.shares),
+    );
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn slides_of_all_kinds() {
+fn pattern_images_of_all_kinds() {
     let plain = Setup::new(SOLIDS, |_| {}, Options::default());
     plain.check("solids", 0.01);
     let bent = |profile: &mut Profile| {
@@ -292,7 +306,7 @@ fn slides_of_all_kinds() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn slides_out_of_focus() {
+fn pattern_images_out_of_focus() {
     let blurred = |profile: &mut Profile| {
         profile.projector.focus = Some(Focus {
             distance_mm: 900.0,
@@ -311,7 +325,7 @@ fn slides_out_of_focus() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn slides_on_skin() {
+fn pattern_images_on_skin() {
     let skin = "albedo = 0.8\nskin = { absorption_per_mm = 0.02, reduced_scattering_per_mm = 2.0 }";
     let scene = SOLIDS.replace("albedo = 0.8", skin);
     let scene = scene.replace("albedo = 0.7", "albedo = 0.7\nskin = { fitzpatrick = 2 }");
@@ -366,18 +380,20 @@ flicker = { frequency_hz = 100, depth = 0.5, phase_deg = 25 }
 fn rows_that_follow_each_other() {
     let rolling = |profile: &mut Profile| profile.camera.line_time_us = 30.0;
     let setup = Setup::new(&format!("{FLICKER}{SOLIDS}"), rolling, Options::default());
-    let [white, fringe, _, gray, picture] = setup.slides().map(|(_, slide)| Arc::new(slide));
-    let show = |from_ns, slide: Option<&Arc<Slide>>, light| Showing {
+    let [white, fringe, _, gray, image] = setup
+        .pattern_images()
+        .map(|(_, pattern_image)| Arc::new(pattern_image));
+    let show = |from_ns, pattern_image: Option<&Arc<PatternImage>>, light| Showing {
         from_ns,
-        slide: slide.cloned(),
+        pattern_image: pattern_image.cloned(),
         light,
     };
     let shot = Shot {
-        slide: Some(fringe.clone()),
+        pattern_image: Some(fringe.clone()),
         then: vec![
             show(5_000_000, None, 1.0),
             show(6_000_000, Some(&gray), 0.5),
-            show(8_000_000, Some(&picture), 1.0),
+            show(8_000_000, Some(&image), 1.0),
             show(9_500_000, Some(&white), 0.7),
         ],
         exposure_ns: 4_000_000,
@@ -393,7 +409,7 @@ fn rows_that_follow_each_other() {
         setup.table(&fringe),
         dark,
         setup.table(&gray),
-        setup.table(&picture),
+        setup.table(&image),
         setup.table(&white),
     ];
     let (mut engine, mut exposure) = (Engine::for_tests(), Exposure::default());

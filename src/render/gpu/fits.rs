@@ -29,7 +29,7 @@ pub(crate) fn fits(world: &World, optics: &Optics) -> Result<(), String> {
     let far = world.farthest_mm().max(optics.projector.center().length());
     if far > FAR_MM {
         return Err(format!(
-            "the scene reaches {:.1} m from the camera: a GPU's numbers of 32 bits hold {:.0} m",
+            "the scene reaches {:.1} m from the camera: the GPU's 32-bit floats allow {:.0} m",
             far * 1e-3,
             FAR_MM * 1e-3
         ));
@@ -40,7 +40,7 @@ pub(crate) fn fits(world: &World, optics: &Optics) -> Result<(), String> {
             && at.length() > FAR_MM
         {
             return Err(format!(
-                "a lamp is {:.1} m from the camera: a GPU's numbers of 32 bits hold {:.0} m",
+                "a lamp is {:.1} m from the camera: the GPU's 32-bit floats allow {:.0} m",
                 at.length() * 1e-3,
                 FAR_MM * 1e-3
             ));
@@ -57,13 +57,13 @@ pub(crate) fn fits(world: &World, optics: &Optics) -> Result<(), String> {
         .find(|p| world.object_moves(p.object))
     {
         return Err(format!(
-            "object[{}], a plane without end, moves",
+            "object[{}], an infinite plane, moves",
             placed.object
         ));
     }
     if world.solids.iter().any(|placed| runs_far(placed, lens)) {
         return Err(format!(
-            "a plane without end is seen more than {:.0} m away",
+            "an infinite plane is seen more than {:.0} m away",
             FAR_MM * 1e-3
         ));
     }
@@ -95,7 +95,7 @@ pub(crate) fn fits(world: &World, optics: &Optics) -> Result<(), String> {
     let levels = world.hierarchies().map(|bvh| bvh.levels()).max();
     match levels {
         Some(levels) if levels > LEVELS => Err(format!(
-            "the hierarchy over its triangles has {levels} levels; up to {LEVELS} are taken"
+            "the hierarchy over its triangles has {levels} levels; expected at most {LEVELS}"
         )),
         _ => Ok(()),
     }
@@ -158,7 +158,7 @@ mod tests {
         assert_eq!(why(&profile, plane), None);
         told(
             &format!("{plane}\nrotation_deg = [0, 50, 0]"),
-            "a plane without end",
+            "an infinite plane",
         );
         let torso =
             "shape = { kind = \"torso\", seed = 1 }\nscale = 60.0\nposition_mm = [0, 0, 1000]";
@@ -168,7 +168,7 @@ mod tests {
         assert_eq!(why(&profile, &near), None);
         told(&near.replace("-9000", "-11000"), "a lamp is 11.0 m");
         let tilts = "motion = { keyframes = [ { time_s = 0 }, { time_s = 1, rotation_deg = [0, 80, 0] } ] }";
-        told(&format!("{plane}\n{tilts}"), "a plane without end, moves");
+        told(&format!("{plane}\n{tilts}"), "an infinite plane, moves");
         let mut shifted = profile.clone();
         shifted.projector.lens_shift_px[0] = 20_000.0;
         assert!(why(&shifted, plane).unwrap().contains("principal point"));

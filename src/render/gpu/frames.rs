@@ -1,5 +1,5 @@
 //! Readback of frames from the GPU. Several are in flight, so that the GPU renders the next frame
-//! while the CPU copies the previous one, once, to where the link reads it.
+//! while the CPU copies the previous one, once, into the memory that the link reads.
 
 use super::engine::Commands;
 use super::{Engine, Gpu};
@@ -96,5 +96,5 @@ impl Frames {
 }
 
 fn short() -> Error {
-    Error::device("GPU: a frame without its end")
+    Error::device("GPU: a truncated frame")
 }

@@ -1,6 +1,6 @@
 //! Runs the geometry pass on the GPU: `geometry.wgsl`.
 
-use super::{Commands, Engine, Stage, grid, maps};
+use super::{Commands, Engine, EntryPoint, grid, maps};
 use crate::{Plan, Term};
 use glam::DVec2;
 use phasmid_core::error::Result;
@@ -33,7 +33,7 @@ pub(crate) fn run(
     let (width, height) = (camera.width_px as usize, camera.height_px as usize);
     maps::reserve_maps(engine, width * height);
     let tiles = width.div_ceil(SIDE) * height.div_ceil(SIDE);
-    let stage = Stage::new("geometry", "main", &of_geometry(plan));
+    let stage = EntryPoint::new("geometry", "main", &of_geometry(plan));
     engine.run(commands, &stage, grid(tiles * SIDE * SIDE))
 }
 

@@ -1,7 +1,7 @@
 //! Veiling glare on the GPU. Twin of `glare.rs`, which computes the weights.
 
 use super::engine::Commands;
-use super::{Engine, Stage, grid};
+use super::{Engine, EntryPoint, grid};
 use crate::Plan;
 use crate::glare::{Axis, axes};
 use bytemuck::{Pod, Zeroable};
@@ -82,7 +82,11 @@ impl Glare {
             ("whole", 1),
             ("main", self.pixels),
         ] {
-            engine.run(commands, &Stage::new("glare", entry, plan), grid(threads))?;
+            engine.run(
+                commands,
+                &EntryPoint::new("glare", entry, plan),
+                grid(threads),
+            )?;
         }
         Ok(())
     }

@@ -1,4 +1,5 @@
-//! Mixed pixels in GPU memory: `mixed_types.wgsl` and related buffers.
+//! Mixed pixels in GPU memory: `mixed_types.wgsl` and related buffers. A head describes one group of
+//! sixteen samples of a pixel.
 
 use super::Engine;
 #[cfg(test)]
@@ -10,7 +11,7 @@ use phasmid_core::error::{Error, Result};
 
 /// Samples per head.
 const LANES: u64 = 16;
-/// Words of `mixed_count`; the last is the maximum number of heads a pass has needed.
+/// Words of `mixed_count`; the last is the highest number of heads that a pass has needed.
 const COUNTS: u64 = 5;
 /// Minimum capacity in heads.
 const LEAST: u64 = 1024;
@@ -88,7 +89,7 @@ pub(super) fn forget(engine: &mut Engine) {
     engine.write("mixed_count", &[0; COUNTS as usize * 4]);
 }
 
-/// Returns the maximum number of heads a pass has needed; waits for the GPU.
+/// Returns the highest number of heads that a pass has needed; waits for the GPU.
 #[cfg(test)]
 pub(super) fn wanted(engine: &Engine) -> Result<u64> {
     let counts: Vec<u32> = words(engine, "mixed_count", COUNTS)?;

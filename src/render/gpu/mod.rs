@@ -1,16 +1,28 @@
-//! The rendering passes on a GPU, through wgpu: the shaders in `shaders/` are twins of the CPU
-//! passes, with the same names and order.
+//! The rendering passes on a GPU, through wgpu. The shaders in `shaders/` mirror the CPU code file by
+//! file; "twin of" in a comment names the counterpart that must be kept equal.
 //!
-//! `device` finds an adapter; `shaders` assembles the sources; `engine` runs them on named buffers
-//! (`store`), specialised by the plan (`stage`), and times them (`timing`). `exposure` computes the
-//! light from pattern `tables`; `glare` scatters it.
+//! | module | contents |
+//! | --- | --- |
+//! | `device` | selection of an adapter; failures |
+//! | `shaders` | assembly of shader sources |
+//! | `engine`, `entry_point` | running of shader entry points, specialised by the plan |
+//! | `store` | named buffers |
+//! | `timing` | pass durations |
+//! | `passes` | all passes of one renderer |
+//! | `fits` | check whether f32 suffices for a scene |
+//! | `scene`, `materials`, `optics` | the scene in shader layout |
+//! | `geometry`, `sampled`, `mixed`, `aperture` | geometry pass: pixel centres, then samples |
+//! | `maps` | output maps of the geometry pass |
+//! | `interreflection`, `skin` | indirect light; subsurface scattering |
+//! | `exposure`, `tables` | exposure pass, from pattern tables |
+//! | `glare` | veiling glare |
+//! | `sensor`, `frames` | sensor pass; readback of frames |
+//! | `test_scene`, `upload`, `upload_mixed` | CPU maps uploaded to test single passes |
 
 mod aperture;
-#[cfg(test)]
-mod bench;
-mod bounce;
 mod device;
 mod engine;
+mod entry_point;
 mod exposure;
 #[cfg(test)]
 mod exposure_tests;
@@ -18,8 +30,9 @@ mod fits;
 mod frames;
 mod geometry;
 mod glare;
-mod looks;
+mod interreflection;
 mod maps;
+mod materials;
 mod mixed;
 mod optics;
 mod passes;
@@ -30,11 +43,12 @@ mod sensor;
 mod sensor_tests;
 mod shaders;
 mod skin;
-mod stage;
 mod store;
 mod tables;
 #[cfg(test)]
 mod tables_tests;
+#[cfg(test)]
+mod test_scene;
 mod timing;
 #[cfg(test)]
 mod upload;
@@ -43,9 +57,9 @@ mod upload_mixed;
 
 pub use device::{Adapter, Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
+pub(super) use entry_point::{EntryPoint, grid};
 pub(super) use exposure::Shown;
 pub(super) use fits::fits;
 pub(super) use frames::{DEPTH, Ticket};
 pub(super) use passes::{Passes, View};
-pub(super) use stage::{Stage, grid};
 pub use timing::PassTime;

@@ -4,11 +4,11 @@ use super::engine::Commands;
 use super::exposure::{Exposure, Shown};
 use super::frames::{Arrived, Frames, Ticket};
 use super::glare::Glare;
-use super::looks::Looks;
+use super::materials::Materials;
 use super::sampled::Sampler;
 use super::scene::Scene;
 use super::sensor::SensorPass;
-use super::{Engine, Gpu, PassTime, bounce, geometry, optics, skin};
+use super::{Engine, Gpu, PassTime, geometry, interreflection, optics, skin};
 use crate::aperture::Aperture;
 use crate::sensor::{FixedPattern, Sensor};
 use crate::shade::Optics;
@@ -50,7 +50,7 @@ pub(crate) struct View<'a> {
 struct Made {
     plan: Plan,
     scene: Scene,
-    looks: Looks,
+    materials: Materials,
     sampler: Sampler,
     glare: Option<Glare>,
     sensor: SensorPass,
@@ -78,7 +78,7 @@ impl Made {
         Self {
             plan: *view.plan,
             scene: Scene::default(),
-            looks: Looks::default(),
+            materials: Materials::default(),
             sampler: Sampler::new(
                 engine,
                 view.worlds,
@@ -119,7 +119,7 @@ impl Passes {
     ///
     /// # Errors
     /// Returns an error if the GPU has failed.
-    pub(crate) fn look(&mut self, view: &View<'_>) -> Result<()> {
+    pub(crate) fn geometry_pass(&mut self, view: &View<'_>) -> Result<()> {
         let engine = &mut self.engine;
         // A changed plan also changes the revision.
         if self.holds == Some(view.revision) {
@@ -135,7 +135,7 @@ impl Passes {
         };
         let made = self.made.insert(made);
         made.scene.update(engine, view.worlds, view.size()[1]);
-        made.looks.update(engine, view.optics, view.worlds);
+        made.materials.update(engine, view.optics, view.worlds);
         made.sampler.see(engine, view.worlds);
         let mut commands = engine.commands();
         geometry::run(engine, &mut commands, view.plan, &view.optics.camera.lens)?;
@@ -147,13 +147,14 @@ impl Passes {
         engine.submit(commands);
         let interreflection = view.optics.interreflection;
         if let Some(wanted) = interreflection.filter(|_| view.plan.has(Term::Interreflection)) {
-            bounce::run(engine, wanted, view.plan, size)?;
+            interreflection::run(engine, wanted, view.plan, size)?;
         }
         self.holds = Some(view.revision);
         engine.gpu().check()
     }
 
-    /// Adds the light of a shot, or of the instant of it for which [`Self::look`] was called.
+    /// Exposes the pixels to a shot, or to the instant of it for which [`Self::geometry_pass`] was
+    /// last called.
     ///
     /// # Errors
     /// Returns an error if the GPU has failed.
@@ -176,7 +177,7 @@ impl Passes {
     pub(crate) fn read(&mut self, sensor: &Sensor<'_>) -> Result<Ticket> {
         let engine = &mut self.engine;
         let (Some(made), Some(mut commands)) = (&self.made, self.open.take()) else {
-            return Err(Error::device("GPU: a frame of nothing"));
+            return Err(Error::device("GPU: no frame to read"));
         };
         if let Some(glare) = &made.glare {
             glare.run(engine, &mut commands, &made.plan)?;

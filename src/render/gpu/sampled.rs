@@ -2,9 +2,9 @@
 
 use super::engine::Commands;
 use super::mixed::{self, Room};
-use super::{Engine, Stage, aperture, grid};
+use super::{Engine, EntryPoint, aperture, grid};
 use crate::aperture::Aperture;
-use crate::look::Looks;
+use crate::material::Materials;
 use crate::shade::Optics;
 use crate::worlds::Worlds;
 use crate::{Options, Plan, Term};
@@ -74,7 +74,7 @@ impl Sampler {
             side,
             room: Room::new(engine, heads, plan.has(Term::Subsurface)),
             data,
-            varies: varies(&worlds.any().looks),
+            varies: varies(&worlds.any().materials),
         };
         sampler.room.reserve(engine);
         // Counts recorded under the previous plan no longer apply.
@@ -127,11 +127,11 @@ impl Sampler {
         let samples = pixels * self.side * self.side;
         let through_pupil = self.aperture.radius_mm > 0.0;
         let sampled = |entry| {
-            Stage::new("sampled", entry, plan)
+            EntryPoint::new("sampled", entry, plan)
                 .with("side", self.side as f64)
                 .with("through_pupil", u8::from(through_pupil).into())
         };
-        let mixed = |entry| Stage::new("mixed", entry, plan);
+        let mixed = |entry| EntryPoint::new("mixed", entry, plan);
         engine.run(commands, &mixed("clear"), [1; 3])?;
         match self.side {
             1 => {}
@@ -141,12 +141,16 @@ impl Sampler {
         if self.side < 4 {
             engine.run(commands, &mixed("find"), grid(pixels))?;
             engine.run(commands, &mixed("ready"), [1; 3])?;
-            let sample = Stage::new("mixed_sample", "main", plan);
+            let sample = EntryPoint::new("mixed_sample", "main", plan);
             engine.run_indirect(commands, &sample, "candidate_count", 4)?;
         }
         engine.run(commands, &mixed("close"), [1; 3])?;
         if plan.has(Term::DepthOfField) {
-            engine.run(commands, &Stage::new("widen", "main", plan), grid(pixels))?;
+            engine.run(
+                commands,
+                &EntryPoint::new("widen", "main", plan),
+                grid(pixels),
+            )?;
         }
         Ok(())
     }
@@ -167,9 +171,9 @@ impl Sampler {
     }
 }
 
-fn varies(looks: &Looks) -> Vec<[u32; 2]> {
-    let mut varies = vec![[0u32; 2]; looks.len().div_ceil(64)];
-    for object in (0..looks.len()).filter(|&object| looks.vary(object as u16)) {
+fn varies(materials: &Materials) -> Vec<[u32; 2]> {
+    let mut varies = vec![[0u32; 2]; materials.len().div_ceil(64)];
+    for object in (0..materials.len()).filter(|&object| materials.vary(object as u16)) {
         varies[object / 64][object / 32 % 2] |= 1 << (object % 32);
     }
     varies

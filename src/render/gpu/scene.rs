@@ -4,11 +4,11 @@
 //! deforming mesh also uploads its corners and boxes, about 4 MB for 65,536 triangles: the CPU
 //! refits its hierarchy instead of rebuilding it. Minimum times on two cores under other load were
 //! 1.0 ms for the refit (fifteen runs), 0.1 ms for blending and 1.1 ms for the normals in f64,
-//! versus 122 ms for building (four runs): too rough for a ratio, but clear enough for the choice.
-//! A refit by shaders has not been measured; the CPU's would still be needed for the materials.
+//! versus 122 ms for building (four runs): imprecise, but clear enough to choose the refit. A refit
+//! by shaders has not been measured; the CPU's would still be needed for the materials.
 
 use super::Engine;
-use crate::path::Blend;
+use crate::animation::Blend;
 use crate::tree::{Frame, Tree};
 use crate::world::{Placed, World};
 use crate::worlds::Worlds;
@@ -163,12 +163,12 @@ impl Scene {
         if let Some(still) = world.still() {
             self.places.push(all.add(&still, None));
         }
-        for (i, body) in world.bodies.iter().enumerate() {
-            let mut place = all.add(&body.tree(), body.blend());
-            if body.deforming_triangles() > 0 {
+        for (i, instance) in world.instances.iter().enumerate() {
+            let mut place = all.add(&instance.tree(), instance.blend());
+            if instance.deforming_triangles() > 0 {
                 for step in &steps[1..] {
-                    let body = &step.bodies[i];
-                    place.extend(all.add(&body.tree(), body.blend()));
+                    let instance = &step.instances[i];
+                    place.extend(all.add(&instance.tree(), instance.blend()));
                 }
             }
             self.places.push(place);
@@ -184,13 +184,13 @@ impl Scene {
     fn reshape(&mut self, engine: &mut Engine, steps: &[World]) {
         let still = usize::from(steps[0].still().is_some());
         for (s, step) in steps.iter().enumerate() {
-            for (body, place) in step.bodies.iter().zip(&mut self.places[still..]) {
-                let now = body.blend();
-                if body.deforming_triangles() == 0 || place.blends[s] == now {
+            for (instance, place) in step.instances.iter().zip(&mut self.places[still..]) {
+                let now = instance.blend();
+                if instance.deforming_triangles() == 0 || place.blends[s] == now {
                     continue;
                 }
                 place.blends[s] = now;
-                let tree = body.tree();
+                let tree = instance.tree();
                 let at = u64::from(place.nodes[s]) * size_of::<NodeData>() as u64;
                 engine.write_at("nodes", at, bytemuck::cast_slice(&nodes(&tree)));
                 let at = u64::from(place.triangles[s]) * size_of::<TriangleData>() as u64;
@@ -211,8 +211,8 @@ impl Scene {
                 trees.push(place.header(&still, &Pose::IDENTITY, shape));
                 places = others;
             }
-            for (body, place) in world.bodies.iter().zip(places) {
-                let tree = body.tree();
+            for (instance, place) in world.instances.iter().zip(places) {
+                let tree = instance.tree();
                 trees.push(place.header(&tree, &tree.frame.tree_from_rig, shape));
             }
             solids.extend(world.solids.iter().map(SolidData::new));

@@ -1,7 +1,7 @@
 //! Sensor pass on the GPU: converts `electrons` to the bytes of `frame`, or to `expected_dn`. Twin
 //! of `sensor/mod.rs`; the fixed pattern is generated once on the CPU.
 
-use super::{Commands, Engine, Stage, grid};
+use super::{Commands, Engine, EntryPoint, grid};
 use crate::sensor::{FixedPattern, Sensor};
 use crate::{Plan, Term};
 use bytemuck::{Pod, Zeroable};
@@ -76,7 +76,7 @@ impl SensorPass {
         self.fill_wells(engine, commands, sensor)?;
         engine.reserve("frame", self.frame_bytes(sensor) as u64);
         let wide = f64::from(u8::from(sensor.numbers().wide));
-        let stage = Stage::new("sensor", "main", &self.plan).with("wide", wide);
+        let stage = EntryPoint::new("sensor", "main", &self.plan).with("wide", wide);
         // Each thread packs four pixels.
         engine.run(commands, &stage, grid(self.pixels.div_ceil(4)))
     }
@@ -95,7 +95,7 @@ impl SensorPass {
     ) -> Result<()> {
         self.fill_wells(engine, commands, sensor)?;
         engine.reserve("expected_dn", self.pixels as u64 * 4);
-        let stage = Stage::new("sensor", "expected", &self.plan);
+        let stage = EntryPoint::new("sensor", "expected", &self.plan);
         engine.run(commands, &stage, grid(self.pixels))
     }
 
@@ -109,9 +109,9 @@ impl SensorPass {
         let parameters = self.parameters(sensor);
         engine.write("sensor_parameters", bytemuck::bytes_of(&parameters));
         if self.plan.has(Term::Blooming) {
-            let gather = Stage::new("sensor_gather", "main", &self.plan);
+            let gather = EntryPoint::new("sensor_gather", "main", &self.plan);
             engine.run(commands, &gather, grid(self.pixels))?;
-            let bloom = Stage::new("bloom", "main", &self.plan);
+            let bloom = EntryPoint::new("bloom", "main", &self.plan);
             engine.run(commands, &bloom, grid(self.width))?;
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! Skin on the GPU: tissues of a scene, entry point and spread of light. Twin of `skin/maps.rs`.
 
-use super::{Commands, Engine, Stage, grid};
+use super::{Commands, Engine, EntryPoint, grid};
 use crate::Plan;
 use crate::skin::{Component, MOST, Skins};
 use bytemuck::{Pod, Zeroable};
@@ -46,14 +46,14 @@ pub(crate) fn run(
     engine.reserve("under_skin", (pixels * size_of::<UnderSkin>()) as u64);
     engine.run(
         commands,
-        &Stage::new("skin_maps", "main", plan),
+        &EntryPoint::new("skin_maps", "main", plan),
         grid(pixels),
     )
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{bench::Bench, maps};
+    use super::super::{maps, test_scene::TestScene};
     use super::*;
     use std::path::Path;
 
@@ -83,7 +83,7 @@ mod tests {
     #[ignore = "needs a Vulkan adapter"]
     fn light_travels_under_skin_as_on_the_cpu() {
         for distorted in [false, true] {
-            let bench = Bench::new(SKINS, Path::new(""), |profile| {
+            let bench = TestScene::new(SKINS, Path::new(""), |profile| {
                 if distorted {
                     profile.camera.distortion = [-0.12, 0.05, 8e-4, -5e-4, -0.004];
                     profile.projector.distortion = [-0.05, 0.02, -4e-4, 6e-4, 0.001];
@@ -119,7 +119,7 @@ mod tests {
     #[test]
     #[ignore = "needs a Vulkan adapter"]
     fn samples_of_mixed_pixels_are_those_of_the_cpu() {
-        let bench = Bench::new(SKINS, Path::new(""), |_| {});
+        let bench = TestScene::new(SKINS, Path::new(""), |_| {});
         let mut engine = bench.engine();
         bench.see_mixed(&mut engine);
         let count = maps::words::<u32>(&engine, "mixed_count", 1).unwrap()[0] as usize;

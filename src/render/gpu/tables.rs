@@ -1,17 +1,17 @@
 //! Pattern tables in GPU memory, all in one buffer.
 //!
-//! The CPU computes them (`light`) and caches the most recently used ones. This cache mirrors it
-//! with less memory. When tables no longer fit, all are evicted and those in use are uploaded
-//! again, so a sequence that fits is uploaded once.
+//! The CPU computes them (`exposure/`) and caches the latest ones; this cache uses less memory. When
+//! tables no longer fit, all are evicted and the tables in use are uploaded again, so a sequence that
+//! fits is uploaded once.
 
 use super::Engine;
-use crate::light::{HeldRow, PictureTable, RowTable, Table};
+use crate::exposure::{HeldRow, ImageTable, RowTable, Table};
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::Axis;
 use std::sync::{Arc, Weak};
 
-/// The buffer in `slides.wgsl`.
-const NAME: &str = "slide_cells";
+/// The buffer in `pattern_images.wgsl`.
+const NAME: &str = "pattern_image_cells";
 /// Bytes per cell.
 const CELL: u64 = 16;
 /// Maximum memory for tables in bytes, if the GPU allows buffers of that size.
@@ -22,9 +22,9 @@ const LEAST: u64 = 1 << 16;
 const UNIFORM: u32 = 0;
 const ALONG_X: u32 = 1;
 const ALONG_Y: u32 = 2;
-const PICTURE: u32 = 3;
+const IMAGE: u32 = 3;
 
-/// Header of a table: twin of `Table` in `slides.wgsl`.
+/// Header of a table: twin of `Table` in `pattern_images.wgsl`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Head {
     kind: u32,
@@ -50,8 +50,8 @@ impl Head {
         [ALONG_X, ALONG_Y].contains(&self.kind)
     }
 
-    pub(super) fn is_picture(self) -> bool {
-        self.kind == PICTURE
+    pub(super) fn is_image(self) -> bool {
+        self.kind == IMAGE
     }
 }
 
@@ -112,7 +112,8 @@ impl Tables {
             if needed > most {
                 let (needed, most) = (needed * CELL, most * CELL);
                 return Err(Error::device(format!(
-                    "the slides of one exposure take {needed} bytes of the GPU's memory, of {most}"
+                    "the patterns of one exposure take {needed} bytes of GPU memory, expected at \
+                     most {most}"
                 )));
             }
             let wanted = if all <= most { all } else { needed };
@@ -156,8 +157,8 @@ fn cells_of(table: &Table) -> u64 {
                     .as_ref()
                     .map_or(0, |held| held_words(held).len().div_ceil(4))) as u64
         }
-        Table::Picture(picture) => {
-            let words = picture.sums().len() * if is_long(picture) { 2 } else { 1 };
+        Table::Image(image) => {
+            let words = image.sums().len() * if is_long(image) { 2 } else { 1 };
             words.div_ceil(4) as u64
         }
     }
@@ -186,7 +187,7 @@ fn packed(table: &Table) -> (Vec<[u32; 4]>, Head) {
             }
             (cells, head)
         }
-        Table::Picture(picture) => packed_picture(picture),
+        Table::Image(image) => packed_image(image),
     }
 }
 
@@ -216,26 +217,26 @@ fn held_words(held: &HeldRow) -> Vec<u32> {
 }
 
 /// Returns whether sums of the pattern image exceed one word.
-fn is_long(picture: &PictureTable) -> bool {
-    picture
+fn is_long(image: &ImageTable) -> bool {
+    image
         .sums()
         .last()
         .is_some_and(|&all| all > f64::from(u32::MAX))
 }
 
-fn packed_picture(picture: &PictureTable) -> (Vec<[u32; 4]>, Head) {
-    let long = is_long(picture);
+fn packed_image(image: &ImageTable) -> (Vec<[u32; 4]>, Head) {
+    let long = is_long(image);
     let words: Vec<u32> = match long {
         true => {
             let both = |&sum: &f64| [sum as u64 as u32, (sum as u64 >> 32) as u32];
-            picture.sums().iter().flat_map(both).collect()
+            image.sums().iter().flat_map(both).collect()
         }
-        false => picture.sums().iter().map(|&sum| sum as u32).collect(),
+        false => image.sums().iter().map(|&sum| sum as u32).collect(),
     };
     let head = Head {
-        kind: PICTURE,
-        size: picture.size().map(|side| side as u32),
-        scale: picture.scale(),
+        kind: IMAGE,
+        size: image.size().map(|side| side as u32),
+        scale: image.scale(),
         long,
         ..Head::default()
     };

@@ -2,11 +2,11 @@
 
 use super::exposure::{Shown, bell, packed};
 use super::tables::Tables;
-use super::{Engine, Stage};
+use super::{Engine, EntryPoint};
 use crate::buffer::{GeometryBuffer, Mixed};
-use crate::light::{self, Table};
+use crate::exposure::{self, Table};
+use crate::pattern_image::PatternImage;
 use crate::shot::Shot;
-use crate::slide::Slide;
 use crate::timetable::Timetable;
 use crate::{Plan, Term};
 use phasmid_pattern::Axis;
@@ -96,7 +96,7 @@ fn on_cpu(table: &Table, plan: &Plan, cases: &[Case]) -> Vec<f32> {
     }
     map.blur_footprints([WIDTH as usize, HEIGHT as usize], plan);
     (0..cases.len())
-        .map(|i| light::mixed(&map, i, table, [1.0, 1.0]))
+        .map(|i| exposure::mixed(&map, i, table, [1.0, 1.0]))
         .collect()
 }
 
@@ -127,28 +127,28 @@ fn on_gpu(
         input.extend([x[0], x[1], y[0], y[1]].map(f32::to_bits));
         input.extend([0; 4]);
     }
-    let stage = Stage::new("tests/footprint_test", "main", plan)
+    let stage = EntryPoint::new("tests/footprint_test", "main", plan)
         .with("along_rows", f64::from(u8::from(heads[0].is_row())))
-        .with("in_pictures", f64::from(u8::from(heads[0].is_picture())));
+        .with("in_images", f64::from(u8::from(heads[0].is_image())));
     let output = engine.call_stage(&stage, &input, cases.len(), cases.len());
     output.into_iter().map(f32::from_bits).collect()
 }
 
 /// Checks that every level is within `bar` (of 255) of the CPU's; prints the maximum and mean
 /// error.
-fn compare(name: &str, slide: &Slide, plan: &Plan, cases: &[Case], bar: f32) {
+fn compare(name: &str, pattern_image: &PatternImage, plan: &Plan, cases: &[Case], bar: f32) {
     // The CPU positions the parts of a footprint on an image to within 1e-4 of a projector pixel,
     // which changes the contribution of borders by that fraction of the footprint's width. The GPU
     // is more precise.
-    let placed = |case: &Case| match slide {
-        Slide::Picture { .. } => {
+    let placed = |case: &Case| match pattern_image {
+        PatternImage::Image { .. } => {
             let width = |s: [f32; 2]| (s[0].hypot(s[1]) / 8.0).max(3.4 * case.sigma).max(1e-3);
             let narrow = width(case.slopes[0]).min(width(case.slopes[1]));
             255.0 * 2.5e-4 / narrow
         }
         _ => 0.0,
     };
-    let table = || Table::new(slide, &projector(), plan);
+    let table = || Table::new(pattern_image, &projector(), plan);
     let mut engine = Engine::for_tests();
     let (cpu, gpu) = (
         on_cpu(&table(), plan, cases),
@@ -188,24 +188,24 @@ fn plan(terms: &[Term]) -> Plan {
     plan
 }
 
-fn rows() -> [(&'static str, Slide); 4] {
+fn rows() -> [(&'static str, PatternImage); 4] {
     let stripes = (0..WIDTH).map(|i| 255 * (i % 2) as u16).collect();
     let edge = (0..HEIGHT).map(|i| 255 * u16::from(i > 500)).collect();
     let tau = std::f64::consts::TAU;
     let cosine = |i: u32| (127.5 + 127.5 * (tau * f64::from(i) / 16.0).cos()).round() as u16;
     [
-        ("stripes", Slide::Row(Axis::X, stripes)),
-        ("edge", Slide::Row(Axis::Y, edge)),
-        ("random", Slide::Row(Axis::X, random_levels(WIDTH))),
+        ("stripes", PatternImage::Row(Axis::X, stripes)),
+        ("edge", PatternImage::Row(Axis::Y, edge)),
+        ("random", PatternImage::Row(Axis::X, random_levels(WIDTH))),
         (
             "cosine",
-            Slide::Row(Axis::Y, (0..HEIGHT).map(cosine).collect()),
+            PatternImage::Row(Axis::Y, (0..HEIGHT).map(cosine).collect()),
         ),
     ]
 }
 
-fn picture() -> Slide {
-    Slide::Picture {
+fn image() -> PatternImage {
+    PatternImage::Image {
         width: WIDTH,
         height: HEIGHT,
         levels: random_levels(WIDTH * HEIGHT),
@@ -216,11 +216,11 @@ fn picture() -> Slide {
 #[ignore = "needs a Vulkan adapter"]
 fn rows_are_averaged_as_on_the_cpu() {
     for (bits, plan) in [("8", plan(&[])), ("16", plan(&[Term::ProjectorResponse]))] {
-        for (name, slide) in rows() {
+        for (name, pattern_image) in rows() {
             let usual = cases(40_000, [1e-3, 30.0], [1.0, 1.0]);
             compare(
                 &format!("{name} of {bits} bits"),
-                &slide,
+                &pattern_image,
                 &plan,
                 &usual,
                 0.01,
@@ -228,7 +228,7 @@ fn rows_are_averaged_as_on_the_cpu() {
             let wild = cases(40_000, [1e-8, 1e8], [1.0, 1.0]);
             compare(
                 &format!("{name} of {bits} bits, wild"),
-                &slide,
+                &pattern_image,
                 &plan,
                 &wild,
                 0.05,
@@ -239,21 +239,21 @@ fn rows_are_averaged_as_on_the_cpu() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn pictures_are_averaged_as_on_the_cpu() {
+fn images_are_averaged_as_on_the_cpu() {
     for (bits, terms) in [("8", vec![]), ("16", vec![Term::ProjectorResponse])] {
         let plan = plan(&terms);
         let usual = cases(20_000, [1e-3, 30.0], [0.1, 5.0]);
         compare(
-            &format!("picture of {bits} bits"),
-            &picture(),
+            &format!("image of {bits} bits"),
+            &image(),
             &plan,
             &usual,
             0.02,
         );
         let wild = cases(20_000, [1e-8, 1e5], [1e-3, 100.0]);
         compare(
-            &format!("picture of {bits} bits, wild"),
-            &picture(),
+            &format!("image of {bits} bits, wild"),
+            &image(),
             &plan,
             &wild,
             0.05,
@@ -265,20 +265,26 @@ fn pictures_are_averaged_as_on_the_cpu() {
 #[ignore = "needs a Vulkan adapter"]
 fn blurred_rows_are_averaged_as_on_the_cpu() {
     let plan = plan(&[Term::ProjectorDefocus]);
-    for (name, slide) in rows() {
+    for (name, pattern_image) in rows() {
         // There is no light to blur outside the pattern.
-        let on_slide = |case: &Case| {
+        let on_pattern_image = |case: &Case| {
             let [x, y] = case.at;
             (-0.5..1919.5).contains(&x) && (-0.5..1079.5).contains(&y)
         };
         let mut usual = cases(10_000, [1e-2, 30.0], [0.1, 10.0]);
-        usual.retain(on_slide);
-        compare(&format!("{name}, blurred"), &slide, &plan, &usual, 0.02);
+        usual.retain(on_pattern_image);
+        compare(
+            &format!("{name}, blurred"),
+            &pattern_image,
+            &plan,
+            &usual,
+            0.02,
+        );
         let mut wild = cases(3_000, [1e-8, 1e8], [1e-6, 150.0]);
-        wild.retain(on_slide);
+        wild.retain(on_pattern_image);
         compare(
             &format!("{name}, blurred, wild"),
-            &slide,
+            &pattern_image,
             &plan,
             &wild,
             0.05,
@@ -288,11 +294,11 @@ fn blurred_rows_are_averaged_as_on_the_cpu() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn uniform_slides_have_their_level() {
+fn uniform_pattern_images_have_their_level() {
     let some = cases(1_000, [1e-3, 30.0], [0.1, 10.0]);
     compare(
         "uniform",
-        &Slide::Uniform(77),
+        &PatternImage::Uniform(77),
         &plan(&[Term::ProjectorResponse]),
         &some,
         0.0,
@@ -302,12 +308,12 @@ fn uniform_slides_have_their_level() {
 /// Memory for two rows, used by three in turn: evicted rows are uploaded again.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn slides_that_do_not_fit_together_take_turns() {
+fn pattern_images_that_do_not_fit_together_take_turns() {
     let plan = plan(&[]);
     let tables = [5, 6, 7].map(|cell| {
         let levels = (0..WIDTH).map(|i| 255 * (i / cell % 2) as u16).collect();
         Arc::new(Table::new(
-            &Slide::Row(Axis::X, levels),
+            &PatternImage::Row(Axis::X, levels),
             &projector(),
             &plan,
         ))

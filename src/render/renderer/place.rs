@@ -31,7 +31,11 @@ impl Renderer {
         };
         match fits {
             Err(why) if self.options.backend == Backend::Gpu => {
-                return Err(Error::input("place", why, "a place that the GPU can hold"));
+                return Err(Error::input(
+                    "place",
+                    why,
+                    "a position that the GPU can render",
+                ));
             }
             Err(why) => self.give_up(&Error::device(why)),
             Ok(()) => {}
@@ -63,7 +67,7 @@ impl Renderer {
 mod tests {
     use super::*;
     use crate::Options;
-    use crate::{shot::Shot, slide::Slide};
+    use crate::{pattern_image::PatternImage, shot::Shot};
     use phasmid_pattern::{Axis, Pattern};
     use phasmid_profile::{Profile, Scene};
     use std::sync::Arc;
@@ -80,7 +84,7 @@ mod tests {
         let row = (0..854).map(|x| (x % 16 * 16) as u16).collect();
         Shot {
             noise_id,
-            slide: Some(Arc::new(Slide::Row(Axis::X, row))),
+            pattern_image: Some(Arc::new(PatternImage::Row(Axis::X, row))),
             light: 1.0,
             exposure_ns: 8_000_000,
             ..Shot::default()
@@ -96,7 +100,7 @@ mod tests {
         Renderer::with_options(&profile, scene, 3, options).unwrap()
     }
 
-    /// Frames after objects have been placed equal those of a device started with these placements.
+    /// After objects are placed, frames equal the frames of a device started with these placements.
     fn frames_equal(text: &str, object: usize, backend: Backend) {
         let mut scene = Scene::parse(text, "test").unwrap();
         let mut placed = renderer(&scene, backend);

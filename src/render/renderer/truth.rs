@@ -1,7 +1,7 @@
 //! Ground truth of frames.
 
 use super::time::{Light, middle_ns};
-use super::{Renderer, light};
+use super::{Renderer, exposure};
 use crate::Term;
 use crate::world::Surface;
 use crate::{shot::Shot, truth, truth::Truth};
@@ -19,7 +19,11 @@ impl Renderer {
     /// Same as [`Self::truth`] at a device time in nanoseconds, with the scene frozen in its state
     /// at that time.
     pub fn truth_at(&mut self, sequence: &[(Pattern, Shot)], time_ns: u64) -> Truth {
-        self.expect_slides(sequence.iter().filter_map(|(_, s)| s.slide.as_deref()));
+        self.expect_pattern_images(
+            sequence
+                .iter()
+                .filter_map(|(_, s)| s.pattern_image.as_deref()),
+        );
         self.go_to_time(time_ns);
         self.prepare();
         let fringes = finest_fringes(sequence);
@@ -79,7 +83,7 @@ impl Renderer {
             let under = skin.map_or(1.0, |skin| skin.contrast(i, axis as usize, period));
             let resolved = slope
                 .get(i)
-                .is_none_or(|slope| light::is_resolved(*slope, blur, under, period));
+                .is_none_or(|slope| exposure::is_resolved(*slope, blur, under, period));
             if !resolved {
                 *flags |= Truth::UNRESOLVED;
             }

@@ -1,6 +1,17 @@
 //! The sensor pass: converts mean electrons to digital numbers by the linear model of EMVA 1288
 //! release 4.0 (section 2): pixel sensitivity, dark current, shot noise, full well, read noise,
 //! pixel offset, system gain, black level, converter, and the non-linear response, if any.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `noise` | shot and read noise |
+//! | `poisson`, `normal` | Poisson and normal numbers from random words |
+//! | `philox`, `elementary` | random words; logarithm and exponential |
+//! | `fixed` | PRNU and DSNU |
+//! | `bloom` | blooming |
+//! | `response` | non-linear response |
+//! | `numbers` | parameters for the GPU pass |
+//! | `alone` | the sensor model on given signals |
 
 mod alone;
 pub(super) mod bloom;

@@ -12,7 +12,8 @@ pub(super) const BLOCK: usize = 4 * WIDTH;
 /// Returns the random words of `BLOCK` pixels, one each: word w of counter c belongs to pixel
 /// `block_index * BLOCK + w * WIDTH + c` of the frame.
 ///
-/// `key` is the seed; the counter is (pixel counter, draw, low and high half of the shot's noise id).
+/// `key` is the seed; the counter is (pixel counter, draw, low and high half of the shot's noise
+/// id).
 ///
 /// Words are stored in 64-bit lanes whose upper halves hold leftovers of products: a SIMD multiply
 /// reads only the lower halves and returns full products, so that no lane needs shuffling.

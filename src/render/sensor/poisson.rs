@@ -158,7 +158,7 @@ mod tests {
                 assert!(tails.probability[i] > 0.0 && tails.probability[i] <= 0.5);
             }
         }
-        // Of 1.9 million words, at ten borders, each within 1e-7.
+        // Of 1.9 million words, ten differ, each within 1e-7 of a border.
         assert!(differ <= 20, "{differ}");
     }
 

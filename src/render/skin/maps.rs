@@ -1,11 +1,11 @@
 //! Skin data from the geometry pass for the later passes.
 
 use super::super::buffer::{GeometryBuffer, Mixed};
+use super::super::exposure::Spread;
 use super::super::geometry::{Cast, Rays};
-use super::super::light::Spread;
 use super::super::shade::Optics;
 use super::super::world::{Surface, World};
-use super::{Material, NONE};
+use super::{NONE, SkinMaterial};
 use crate::truth::Truth;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -20,11 +20,11 @@ pub(crate) struct SkinMaps {
     /// Projector column and row where the light seen at the pixel centre entered the surface: the
     /// point's own coordinates, shifted on skin.
     pub(crate) from: [Vec<f32>; 2],
-    /// Slide pixels per millimetre of skin along the gradients of column and row.
+    /// Projector pixels per millimetre of skin along the gradients of column and row.
     px_per_mm: Vec<[f32; 2]>,
     /// Index of the tissue; `NONE` for pixels that are not lit skin.
     tissue: Vec<u16>,
-    materials: Arc<[Material]>,
+    materials: Arc<[SkinMaterial]>,
 }
 
 /// The same data for the sixteen samples of a mixed pixel, whose coordinates are already shifted.
@@ -45,7 +45,7 @@ impl Default for Samples {
 
 #[cfg(test)]
 impl Samples {
-    /// Returns the slide pixels per millimetre of a sample's skin, and the index of its tissue.
+    /// Returns the projector pixels per millimetre of a sample's skin, and the index of its tissue.
     pub(crate) fn at(&self, k: usize) -> ([f32; 2], u16) {
         (self.px_per_mm[k], self.tissue[k])
     }
@@ -92,14 +92,14 @@ impl SkinMaps {
         maps
     }
 
-    /// Returns the slide pixels per millimetre of a pixel's skin, and the index of its tissue.
+    /// Returns the projector pixels per millimetre of a pixel's skin, and the index of its tissue.
     #[cfg(test)]
     pub(crate) fn at(&self, i: usize) -> ([f32; 2], u16) {
         (self.px_per_mm[i], self.tissue[i])
     }
 
-    /// Returns the spread of the projected light at a pixel along one axis of the slide; `None` if
-    /// the pixel is not lit skin.
+    /// Returns the spread of the projected light at a pixel along one axis of the pattern image;
+    /// `None` if the pixel is not lit skin.
     pub(crate) fn spread(&self, i: usize, axis: usize) -> Option<Spread<'_>> {
         self.of(self.tissue[i], self.px_per_mm[i], axis)
     }
@@ -118,7 +118,7 @@ impl SkinMaps {
     }
 
     /// Returns the fraction of contrast that skin leaves of a fringe with a period of `period`
-    /// slide pixels along an axis.
+    /// projector pixels along an axis.
     pub(crate) fn contrast(&self, i: usize, axis: usize, period: f64) -> f64 {
         self.spread(i, axis).map_or(1.0, |spread| {
             let frequency = f64::from(spread.px_per_mm) / period;

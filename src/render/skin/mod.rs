@@ -7,10 +7,10 @@
 //! geometry pass.
 //!
 //! A scene without skin incurs no cost. With skin, the geometry pass computes a kernel for each
-//! pixel of lit skin, which takes some microseconds each. A kernel takes four bytes per slide pixel
-//! (or group of slide pixels, of at most 1024 beyond the footprint) within about four standard
-//! deviations of the widest Gaussian: some 200 bytes per pixel and axis for a Fitzpatrick class at
-//! 3 slide pixels per millimetre.
+//! pixel of lit skin, which takes some microseconds each. A kernel takes four bytes per projector
+//! pixel (or group of projector pixels, of at most 1024 beyond the footprint) within about four
+//! standard deviations of the widest Gaussian: some 200 bytes per pixel and axis for a Fitzpatrick
+//! class at 3 projector pixels per millimetre.
 //!
 //! The surface is assumed to be flat and infinite within the range of light transport, a few
 //! millimetres. Projected light spreads only within the lit area; transport across the edges of the
@@ -32,12 +32,12 @@ pub use preset::Layers;
 use std::sync::Arc;
 pub use tissue::Tissue;
 
-/// Index that stands for no tissue.
+/// Tissue index of objects that are not skin.
 pub(super) const NONE: u16 = u16::MAX;
 
 /// A tissue used by at least one object.
 #[derive(Debug)]
-pub(super) struct Material {
+pub(super) struct SkinMaterial {
     layers: Layers,
     pub(super) mixture: Mixture,
 }
@@ -46,7 +46,7 @@ pub(super) struct Material {
 pub(super) struct Skins {
     /// Tissue of each object, or [`NONE`].
     of: Vec<u16>,
-    materials: Arc<[Material]>,
+    materials: Arc<[SkinMaterial]>,
     projector: View,
     projector_from_rig: Pose,
 }
@@ -54,9 +54,10 @@ pub(super) struct Skins {
 /// Subsurface transport at one point of skin, in pattern coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scatter {
-    /// Slide columns and rows per millimetre of the surface, along their gradients at the point.
+    /// Pattern image columns and rows per millimetre of the surface, along their gradients at the
+    /// point.
     pub(super) px_per_mm: [f32; 2],
-    /// Offset, in slide pixels, from the point to where its light entered the surface.
+    /// Offset, in projector pixels, from the point to where its light entered the surface.
     pub(super) shift_px: [f32; 2],
     /// Index of the tissue.
     pub(super) tissue: u16,
@@ -64,12 +65,12 @@ pub(super) struct Scatter {
 
 impl Skins {
     pub(super) fn new(profile: &Profile, scene: &Scene) -> Self {
-        let mut materials: Vec<Material> = Vec::new();
+        let mut materials: Vec<SkinMaterial> = Vec::new();
         let wavelength = profile.projector.wavelength_nm;
         let mut index = |layers: Layers| {
             let known = materials.iter().position(|m| m.layers == layers);
             let index = known.unwrap_or_else(|| {
-                materials.push(Material {
+                materials.push(SkinMaterial {
                     layers,
                     mixture: Mixture::new(&layers.tissue),
                 });

@@ -29,7 +29,7 @@ impl Tissue {
     /// imaging", Journal of Biomedical Optics 14, 024012 (2009), equations 14 to 17.
     ///
     /// Diffusion theory assumes many scattering events within the length scale of the pattern.
-    /// Compared with a Monte Carlo simulation at normal incidence and g = 0.8 (tests/skin), for
+    /// Compared with a Monte Carlo simulation at normal incidence and g = 0.8 (tests/device/skin), for
     /// tissue with mu_s' of 1.5 to 3.5 the contrast R(k)/R(0) is up to 4 % too high at 0.1
     /// cycles/mm and 13 % at 0.3 cycles/mm, and less under oblique light.
     pub fn reflectance(&self, k_per_mm: f64) -> f64 {
@@ -54,7 +54,7 @@ impl Tissue {
     ///
     /// This is the centre of the diffuse light far from the entry. A fringe of finite frequency is
     /// shifted less: by 5 to 11 % at 0.05 cycles/mm and 14 to 23 % at 0.3 cycles/mm, for the same
-    /// tissues (tests/skin).
+    /// tissues (tests/device/skin).
     pub fn shift_mm(&self, sin_incident: f64) -> f64 {
         let refracted = sin_incident / self.refractive_index;
         refracted / (0.35 * self.absorption_per_mm + self.reduced_scattering_per_mm)

@@ -1,9 +1,9 @@
 //! Builds a world from a scene's objects.
 
 use super::{Fixed, Placed, World};
-use crate::body::{Body, Model};
-use crate::look::{Looks, Smoother};
-use crate::path::{self, Part, Path};
+use crate::animation::{self, Animation, Part};
+use crate::instance::{Instance, Model};
+use crate::material::{Materials, Smoother};
 use crate::shape::{mesh, solid};
 use crate::skin::Skins;
 use glam::DVec3;
@@ -21,8 +21,8 @@ struct Builder<'a> {
     scene: &'a Scene,
     fixed: Fixed,
     solids: Vec<Placed>,
-    bodies: Vec<Body>,
-    looks: Looks,
+    instances: Vec<Instance>,
+    materials: Materials,
 }
 
 impl Builder<'_> {
@@ -58,7 +58,7 @@ impl Builder<'_> {
         let shifted = mesh.triangles.iter().map(|t| t.map(|i| i + first));
         fixed.triangles.extend(shifted);
         let of = fixed.owner.len();
-        self.looks
+        self.materials
             .mesh(index, of, &mesh, &fixed.vertices, &fixed.triangles[of..])
             .map_err(|e| e.at(format!("scene, object[{index}]")))?;
         fixed.owner.resize(fixed.triangles.len(), index);
@@ -66,17 +66,17 @@ impl Builder<'_> {
     }
 
     /// Adds a moving mesh and returns its part.
-    fn body(&mut self, object: &Object, index: u16) -> Result<Part> {
+    fn instance(&mut self, object: &Object, index: u16) -> Result<Part> {
         let mesh = self.read(object, index)?;
         let place = || format!("scene, object[{index}]");
         let rig_from_rest = self.scene.rig_from_object(object);
         let scaled: Vec<DVec3> = mesh.vertices.iter().map(|&v| v * object.scale).collect();
         let placed: Vec<DVec3> = scaled.iter().map(|&v| rig_from_rest.point(v)).collect();
         let first = self.fixed.owner.len();
-        self.looks
+        self.materials
             .mesh(index, first, &mesh, &placed, &mesh.triangles)
             .map_err(|e| e.at(place()))?;
-        let keys = path::keys(self.scene, object, &mesh).map_err(|e| e.at(place()))?;
+        let keys = animation::keys(self.scene, object, &mesh).map_err(|e| e.at(place()))?;
         let shines = object.lobe().is_some() && !keys.is_empty();
         let smoother = shines.then(|| Smoother::new(&scaled, &mesh.triangles));
         self.fixed.owner.resize(first + mesh.triangles.len(), index);
@@ -86,7 +86,7 @@ impl Builder<'_> {
             let pairs = key.iter().zip(&scaled);
             farthest(&mut pairs.map(|(there, rest)| there.distance(*rest)))
         };
-        self.bodies.push(Body::new(Model {
+        self.instances.push(Instance::new(Model {
             first: first as u32,
             radius_mm: farthest(&mut shapes.flatten().map(|v| v.length())),
             key_reach_mm: keys.iter().map(reach).collect(),
@@ -96,12 +96,12 @@ impl Builder<'_> {
             keys,
             smoother,
         }));
-        Ok(Part::Body(self.bodies.len() - 1))
+        Ok(Part::Instance(self.instances.len() - 1))
     }
 
     fn path(&mut self, object: &Object, index: u16, part: Part) -> Result<()> {
-        if path::moves(object) {
-            let path = Path::new(self.scene, object, index, part)?;
+        if animation::moves(object) {
+            let path = Animation::new(self.scene, object, index, part)?;
             self.fixed.paths.push(path);
         }
         Ok(())
@@ -115,8 +115,8 @@ impl World {
             scene,
             fixed: Fixed::default(),
             solids: Vec::new(),
-            bodies: Vec::new(),
-            looks: Looks::new(scene, skins)?,
+            instances: Vec::new(),
+            materials: Materials::new(scene, skins)?,
         };
         let objects = || scene.object.iter().zip(0u16..);
         for (object, index) in objects() {
@@ -125,14 +125,14 @@ impl World {
                     let part = builder.solid(solid, object, index);
                     builder.path(object, index, part)?;
                 }
-                None if path::moves(object) => {}
+                None if animation::moves(object) => {}
                 None => builder.mesh(object, index)?,
             }
         }
-        // Triangles of moving meshes are numbered after those of static meshes.
+        // Triangles of moving meshes are numbered after the triangles of static meshes.
         for (object, index) in objects() {
-            if path::moves(object) && solid(&object.shape, object.scale).is_none() {
-                let part = builder.body(object, index)?;
+            if animation::moves(object) && solid(&object.shape, object.scale).is_none() {
+                let part = builder.instance(object, index)?;
                 builder.path(object, index, part)?;
             }
         }
@@ -142,8 +142,8 @@ impl World {
         let mut world = Self {
             fixed: Arc::new(fixed),
             solids: builder.solids,
-            bodies: builder.bodies,
-            looks: Arc::new(builder.looks),
+            instances: builder.instances,
+            materials: Arc::new(builder.materials),
         };
         world.set(&world.state(0.0));
         Ok(world)

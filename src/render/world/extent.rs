@@ -39,14 +39,14 @@ impl World {
             let way = self.way_mm(s.object);
             s.solid_from_rig.translation_mm.length() + way + radius(&s.solid)
         });
-        let bodies = self.bodies.iter().map(|body| {
-            let model = body.model();
+        let instances = self.instances.iter().map(|instance| {
+            let model = instance.model();
             let shapes = std::iter::once(&model.vertices).chain(&model.keys);
             let radius = shapes.flatten().map(|v| v.length()).fold(0.0, f64::max);
             let object = self.fixed.owner[model.first as usize];
             model.rig_from_rest.translation_mm.length() + self.way_mm(object) + radius
         });
-        solids.chain(bodies).fold(still, f64::max)
+        solids.chain(instances).fold(still, f64::max)
     }
 
     /// Returns how far an object may move from its rest position.
@@ -60,7 +60,7 @@ impl World {
 
     /// Returns all hierarchies.
     pub(crate) fn hierarchies(&self) -> impl Iterator<Item = &Bvh> {
-        let bodies = self.bodies.iter().map(|body| body.tree().bvh);
-        std::iter::once(&self.fixed.bvh).chain(bodies)
+        let instances = self.instances.iter().map(|instance| instance.tree().bvh);
+        std::iter::once(&self.fixed.bvh).chain(instances)
     }
 }

@@ -22,8 +22,8 @@ impl World {
             Some(tree) => tree.leaving(point, directions, scratch),
             None => Hits::none(),
         };
-        for body in &self.bodies {
-            hits.take_nearer(&body.tree().leaving(point, directions, scratch));
+        for instance in &self.instances {
+            hits.take_nearer(&instance.tree().leaving(point, directions, scratch));
         }
         let start = point.length() * OFF_POINT;
         for (i, placed) in self.solids.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use super::World;
 use super::extent::radius;
-use crate::path::{Blend, Part, Placement, State};
+use crate::animation::{Blend, Part, Placement, State};
 use phasmid_geometry::Pose;
 
 impl World {
@@ -17,8 +17,8 @@ impl World {
         let ways = self.fixed.paths.iter().zip(ends).map(|(path, (from, to))| {
             let (radius, shape) = match path.part {
                 Part::Solid(i) => (radius(&self.solids[i].solid), 0.0),
-                Part::Body(i) => {
-                    let model = self.bodies[i].model();
+                Part::Instance(i) => {
+                    let model = self.instances[i].model();
                     (model.radius_mm, reshaped_mm(from, to, &model.key_reach_mm))
                 }
             };

@@ -53,7 +53,7 @@ fn html(block: &Block, folder: &Folder) -> Result<String> {
             let caption = escaped(&figure.caption);
             format!("<div class=\"wide\">{element}</div>\n<p class=\"note\">{caption}</p>\n")
         }
-        Block::Picture(picture) => of_picture(picture, folder)?,
+        Block::Picture(picture) => of_image(picture, folder)?,
     })
 }
 
@@ -74,7 +74,7 @@ fn of_table(table: &Table) -> String {
     format!("{caption}<div class=\"wide\"><table>\n{head}{body}</table></div>\n")
 }
 
-fn of_picture(picture: &Picture, folder: &Folder) -> Result<String> {
+fn of_image(picture: &Picture, folder: &Folder) -> Result<String> {
     let bytes = folder.left(&picture.file)?;
     if let Err(e) = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png) {
         let place = folder.files().join(&picture.file);

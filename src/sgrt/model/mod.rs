@@ -212,7 +212,11 @@ fn check(snapshots: &Snapshots, tumour: &Mesh, options: &ModelOptions) -> Result
             "{phases} phases of the skin, {} of the tumour",
             snapshots.tumour.len()
         );
-        return bad("motion model", found, "two phases or more of both".into());
+        return bad(
+            "motion model",
+            found,
+            "two or more phases, equally many of both".into(),
+        );
     }
     let counts = [snapshots.skin[0].len(), tumour.vertices.len()];
     for (part, fields, count) in [

@@ -137,8 +137,8 @@ pub(crate) fn shape(free: &[Freedom]) -> Option<&'static str> {
         ([_, _], [_]) => Some("a plane"),
         ([], [_, _, _]) => Some("a sphere"),
         ([along], [about]) if along.dot(*about).abs() > 0.9 => Some("a cylinder"),
-        ([_], []) => Some("a profile drawn along a line"),
-        ([], [_]) => Some("a body turned on a lathe"),
+        ([_], []) => Some("an extruded profile"),
+        ([], [_]) => Some("a surface of revolution"),
         _ => None,
     }
 }

@@ -109,7 +109,7 @@ impl Reference {
             return Err(Error::input(
                 "region",
                 "no triangle of the reference surface",
-                "a region that holds some of the surface",
+                "a region that contains part of the surface",
             ));
         }
         let facets: Vec<Facet> = triangles

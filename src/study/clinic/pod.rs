@@ -40,7 +40,11 @@ impl Pod {
         let shots = Firmware::new(profile, &[])?.selected_sequence();
         let mut renderer =
             Renderer::with_options(profile, &scene, seed, render::Options::default())?;
-        renderer.expect_slides(shots.iter().filter_map(|(_, shot)| shot.slide.as_deref()));
+        renderer.expect_pattern_images(
+            shots
+                .iter()
+                .filter_map(|(_, shot)| shot.pattern_image.as_deref()),
+        );
         let rig = profile.nominal_rig();
         let source = profile.projector.led.as_ref().map(|led| {
             let mut source = Source::new(Model::new(led));
@@ -64,7 +68,8 @@ impl Pod {
         &mut self.renderer
     }
 
-    /// Decodes from now on by a calibration that need not be the rig as it stands: one of another day.
+    /// Decodes from now on by a calibration that need not be the rig as it stands: one of another
+    /// day.
     ///
     /// # Errors
     /// What [`SparseDecoder::new`] refuses.
@@ -105,9 +110,9 @@ impl Pod {
         period * self.shots.len() as u64
     }
 
-    /// Takes frames from a device time on, with noise of their own; all of them in the middle of one
-    /// exposure at `still_ns`, where that is given. Scans of a pod whose light fades come in the order
-    /// of device time.
+    /// Takes frames from a device time on, with noise of their own; all of them in the middle of
+    /// one exposure at `still_ns`, where that is given. Scans of a pod whose light fades come in
+    /// the order of device time.
     pub fn scan(&mut self, start_ns: u64, still_ns: Option<u64>) -> Scanned {
         let count = self.shots.len() as u64;
         let zero_ns = self.shots.first().map_or(0, |(_, shot)| shot.start_ns);

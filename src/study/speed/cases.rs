@@ -9,7 +9,7 @@ use phasmid_geometry::{Mesh, ply, shapes};
 use phasmid_profile::{Deform, Focus, Interreflection, Keyframe, MeshKeyframe, Motion};
 use phasmid_profile::{Profile, Scene};
 use phasmid_render::{Options, Renderer};
-use phasmid_render::{shot::Shot, slide::Slide};
+use phasmid_render::{pattern_image::PatternImage, shot::Shot};
 use std::hint::black_box;
 use std::path::Path;
 
@@ -158,7 +158,7 @@ fn frames(name: &str, (scene, how): (&str, &str), profile: &Profile) -> Result<C
     if let Some(electrons) = dim {
         // White with light that leaves so many electrons, of the 10,500 that fill the well.
         bytes = 9;
-        let white = |shot: &&Shot| matches!(shot.slide.as_deref(), Some(Slide::Uniform(level)) if *level > 0);
+        let white = |shot: &&Shot| matches!(shot.pattern_image.as_deref(), Some(PatternImage::Uniform(level)) if *level > 0);
         let white = setup.shots.iter().find(white).cloned();
         let white = white.ok_or_else(|| Error::device("a sequence without white"))?;
         let shot = Shot {
@@ -282,7 +282,11 @@ impl Setup {
         let sequence = Firmware::new(profile, &[])?.selected_sequence();
         let mut renderer = Renderer::with_options(profile, scene, 1, options)?;
         let shots: Vec<Shot> = sequence.into_iter().map(|(_, shot)| shot).collect();
-        renderer.expect_slides(shots.iter().filter_map(|shot| shot.slide.as_deref()));
+        renderer.expect_pattern_images(
+            shots
+                .iter()
+                .filter_map(|shot| shot.pattern_image.as_deref()),
+        );
         Ok(Self { renderer, shots })
     }
 }

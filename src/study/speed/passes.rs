@@ -1,5 +1,5 @@
-//! Rates of the passes, each beside a memory copy of the same bytes in the same run: machines differ
-//! and wander, the ratio less so.
+//! Rates of the passes, each beside a memory copy of the same bytes in the same run: machines
+//! differ and wander, the ratio less so.
 
 use super::cases::{NAMES, case};
 use phasmid_core::error::Result;
@@ -76,7 +76,11 @@ fn gpu(ctx: &Context<'_>) -> Result<Vec<Row>> {
         Ok(renderer) => renderer,
         Err(e) => return Ok(vec![row().text("note", &e.to_string())]),
     };
-    renderer.expect_slides(shots.iter().filter_map(|shot| shot.slide.as_deref()));
+    renderer.expect_pattern_images(
+        shots
+            .iter()
+            .filter_map(|shot| shot.pattern_image.as_deref()),
+    );
     let adapter = renderer
         .adapter()
         .map(|a| format!("{} ({})", a.name, a.kind));

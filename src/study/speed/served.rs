@@ -1,11 +1,11 @@
-//! A device that is served within the process, as `phasmid serve --clock fast` serves one: on a thread
-//! of its own, its USB side on another.
+//! A device that is served within the process, as `phasmid serve --clock fast` serves one: on a
+//! thread of its own, its USB side on another.
 
 use super::links::Missing;
 use phasmid_core::error::{Error, Result};
 use phasmid_device::faults::Faults;
 use phasmid_device::link::usb::{Binding, Nodes, UsbDevice, UsbServer, attach};
-use phasmid_device::link::{Device, RunDir, Stage, Timeline, UsbLink, VideoOutput, serve};
+use phasmid_device::link::{Device, RunDir, SharedScene, Timeline, UsbLink, VideoOutput, serve};
 use phasmid_device::port::Port;
 use phasmid_device::{Firmware, Machine, SerialLine};
 use phasmid_host::monotonic_ns;
@@ -92,7 +92,7 @@ impl Served {
             machine,
             renderer,
             seat: Timeline::new(ClockPace::Fast, wall).seat(),
-            stage: Stage::new(scene),
+            shared_scene: SharedScene::new(scene),
             rig: scene.rig,
             name: profile.name.clone(),
             profile: profile.name.clone(),

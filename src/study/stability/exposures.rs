@@ -9,7 +9,7 @@ use phasmid_core::error::Result;
 use phasmid_profile::{Profile, Scene};
 use phasmid_protocol::{Frame, PixelFormat};
 use phasmid_render::Renderer;
-use phasmid_render::{shot::Shot, slide::Slide};
+use phasmid_render::{pattern_image::PatternImage, shot::Shot};
 use phasmid_report::lab::Context;
 use std::sync::Arc;
 
@@ -65,7 +65,7 @@ pub(super) fn white(exposure_ns: u64, noise_id: u64) -> Shot {
     Shot {
         id: noise_id,
         noise_id,
-        slide: Some(Arc::new(Slide::Uniform(255))),
+        pattern_image: Some(Arc::new(PatternImage::Uniform(255))),
         light: 1.0,
         exposure_ns,
         ..Shot::default()

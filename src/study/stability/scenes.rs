@@ -123,7 +123,8 @@ impl Plane<'_> {
         Some(across(DVec2::X)?.max(across(DVec2::Y)?))
     }
 
-    /// What a rounding of the camera's ray and of the slide's coordinate makes in projector pixels.
+    /// What a rounding of the camera's ray and of the pattern image's coordinate makes in projector
+    /// pixels.
     fn rounding(&self, px: DVec2) -> Option<f64> {
         let projector = &self.profile.projector;
         let focal = projector.throw_ratio * f64::from(projector.width_px);
@@ -183,7 +184,7 @@ fn origin(reference: bool) -> Result<Vec<Case>> {
             // A rounding of the scene's coordinates moves the point against the rig.
             let far = ROUNDINGS * EPS * near * (1.0 + offset / 1e3);
             let (found, allowed) = match &exact_path {
-                Some(path) => (path.look(px).map_or(DVec2::NAN, |f| f.projector_px), far),
+                Some(path) => (path.trace(px).map_or(DVec2::NAN, |f| f.projector_px), far),
                 None => {
                     let x = f64::from(truth.projector_x[i]);
                     let y = f64::from(truth.projector_y[i]);

@@ -4,13 +4,14 @@
 
 use glam::DVec2;
 use phasmid_pattern::Axis;
+use phasmid_render::pattern_image::PatternImage;
 use phasmid_render::reference::Reference;
-use phasmid_render::slide::Slide;
 
 /// Part of a pixel by which derivatives are taken.
 const STEP: f64 = 0.25;
 
-/// Where a pixel's centre lies on the slide's x axis, and how far its column and its row reach.
+/// Where a pixel's centre lies on the pattern image's x axis, and how far its column and its row
+/// reach.
 #[derive(Debug, Clone, Copy)]
 pub struct Footprint {
     x: f64,
@@ -20,7 +21,7 @@ pub struct Footprint {
 impl Footprint {
     /// Of a pixel whose rays see one smooth surface; `None` where one of them leaves the scene.
     pub fn new(reference: &Reference, px: DVec2) -> Option<Self> {
-        let at = |offset: DVec2| Some(reference.look(px + offset)?.projector_px.x);
+        let at = |offset: DVec2| Some(reference.trace(px + offset)?.projector_px.x);
         let along = |axis: DVec2| Some((at(axis * STEP)? - at(-axis * STEP)?) / (2.0 * STEP));
         Some(Self {
             x: at(DVec2::ZERO)?,
@@ -28,18 +29,18 @@ impl Footprint {
         })
     }
 
-    /// At a place of the slide, in slide pixels.
+    /// At a place of the pattern image, in projector pixels.
     #[cfg(test)]
     pub fn at(x: f64, reach: [f64; 2]) -> Self {
         Self { x, reach }
     }
 
-    /// Where its centre lies on the slide's x axis, in slide pixels.
+    /// Where its centre lies on the pattern image's x axis, in projector pixels.
     pub fn x(&self) -> f64 {
         self.x
     }
 
-    /// How far its column and its row reach along that axis, in slide pixels.
+    /// How far its column and its row reach along that axis, in projector pixels.
     pub fn reach(&self) -> [f64; 2] {
         self.reach
     }
@@ -65,9 +66,9 @@ pub struct Integral {
 }
 
 impl Integral {
-    /// Of a slide that varies along x; `None` of any other.
-    pub fn new(slide: &Slide) -> Option<Self> {
-        let Slide::Row(Axis::X, row) = slide else {
+    /// Of a pattern image that varies along x; `None` of any other.
+    pub fn new(pattern_image: &PatternImage) -> Option<Self> {
+        let PatternImage::Row(Axis::X, row) = pattern_image else {
             return None;
         };
         let levels: Vec<f64> = row.iter().map(|level| f64::from(*level)).collect();
@@ -108,7 +109,7 @@ mod tests {
     #[test]
     fn means_are_those_of_many_places() {
         let row: Vec<u16> = (0..40).map(|i| (i * 37 % 101) as u16).collect();
-        let integral = Integral::new(&Slide::Row(Axis::X, row.clone())).unwrap();
+        let integral = Integral::new(&PatternImage::Row(Axis::X, row.clone())).unwrap();
         for reach in [[4.35, 0.7], [0.7, 4.35], [3.0, 0.0]] {
             let footprint = Footprint { x: 20.3, reach };
             let n = 2000;
@@ -122,6 +123,6 @@ mod tests {
             // Where the row steps, the places are right to half of their spacing.
             assert!((found - mean).abs() < 0.03, "{found} {mean}");
         }
-        assert!(Integral::new(&Slide::Uniform(3)).is_none());
+        assert!(Integral::new(&PatternImage::Uniform(3)).is_none());
     }
 }

@@ -1,5 +1,6 @@
 //! Frames without noise, held against the reference path's: many rays a pixel in f64, each of which
-//! looks up one held pixel of the slide. What is compared is the phase of the fringes, as depth.
+//! looks up one held pixel of the pattern image. What is compared is the phase of the fringes, as
+//! depth.
 
 use super::closed::{Footprint, Integral};
 use super::phase::{difference, mm_per_radian, phasors};
@@ -89,13 +90,13 @@ impl Bench {
     /// The reference's frames by so many rays a pixel.
     fn sampled(&self, rays: u32) -> Vec<Vec<f64>> {
         let frame = |shot: &Shot| {
-            let Some(slide) = &shot.slide else {
+            let Some(pattern_image) = &shot.pattern_image else {
                 return vec![0.0; self.pixels.len()];
             };
             let seconds = shot.exposure_ns as f64 * 1e-9;
             let signal = |&(pixel, _): &(usize, bool)| {
                 self.reference
-                    .signal_dn(self.px(pixel), slide, seconds, rays)
+                    .signal_dn(self.px(pixel), pattern_image, seconds, rays)
             };
             self.pixels.par_iter().map(signal).collect()
         };
@@ -109,7 +110,7 @@ impl Bench {
         };
         let places: Vec<_> = self.pixels.par_iter().map(place).collect();
         let frame = |shot: &Shot| {
-            let row = shot.slide.as_deref().and_then(Integral::new);
+            let row = shot.pattern_image.as_deref().and_then(Integral::new);
             let mean = |place: &Option<Option<Footprint>>| match (place, &row) {
                 (Some(Some(place)), Some(row)) => place.mean(row) * FINE,
                 _ => 0.0,
@@ -126,7 +127,11 @@ impl Bench {
             ..Options::default()
         };
         let mut renderer = Renderer::with_options(&self.profile, &self.scene, ctx.seed, options)?;
-        renderer.expect_slides(self.shots.iter().filter_map(|shot| shot.slide.as_deref()));
+        renderer.expect_pattern_images(
+            self.shots
+                .iter()
+                .filter_map(|shot| shot.pattern_image.as_deref()),
+        );
         Ok(renderer)
     }
 

@@ -162,7 +162,7 @@ fn what_a_file_has_no_words_for_a_scan_does_without() {
     };
     for (operation, status, words) in [
         ("trigger", 2, "dialect other: [host]: no trigger"),
-        ("manifest", 2, "--manifest: none"),
+        ("manifest", 2, "--manifest: no manifest"),
     ] {
         let (captured, said) = scan(Some(without(operation)), true, None);
         let error = captured.err().unwrap();
@@ -173,7 +173,7 @@ fn what_a_file_has_no_words_for_a_scan_does_without() {
     let (captured, _) = scan(Some(without("select")), true, Some("quick-4-xy"));
     let words = captured.err().unwrap().to_string();
     assert!(
-        words.contains("nothing to say it with in dialect other"),
+        words.contains("dialect other cannot select a sequence"),
         "{words}"
     );
     let (plain, _) = scan(None, false, None);

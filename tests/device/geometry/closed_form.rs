@@ -56,7 +56,7 @@ impl Surface for Plane {
     }
 
     fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64> {
-        // Towards the horizon a pixel covers an increasing area of the slide.
+        // Towards the horizon a pixel covers an increasing area of the pattern image.
         Some(rig.footprint(self, px).max(1.0))
     }
 }

@@ -5,7 +5,7 @@ use super::exact::plane;
 use super::hold::{bench, hold, scene};
 use glam::{DVec2, DVec3};
 use phasmid::emulator::render::Renderer;
-use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::geometry::{Mesh, ply};
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::Profile;
@@ -196,20 +196,20 @@ fn a_plate_just_before_a_plane_of_a_kilometre_is_seen_and_shades() {
     assert!(on > 1000 && off > 10_000, "{on} {off}");
 }
 
-fn fringe(period_px: f64, profile: &Profile) -> Arc<Slide> {
+fn fringe(period_px: f64, profile: &Profile) -> Arc<PatternImage> {
     let pattern = Pattern::Fringe {
         axis: Axis::X,
         period_px,
         phase_rad: 0.4,
     };
-    Arc::new(Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
+    Arc::new(PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
-fn shot(slide: Arc<Slide>, id: u64) -> Shot {
+fn shot(pattern_image: Arc<PatternImage>, id: u64) -> Shot {
     Shot {
         id,
         noise_id: id,
-        slide: Some(slide),
+        pattern_image: Some(pattern_image),
         light: 1.0,
         start_ns: id * 20_000_000,
         exposure_ns: 8_000_000,
@@ -238,11 +238,11 @@ fn fringes_from_two_pixels_to_the_whole_width() {
     let plane = plane(15.0, 1000.0);
     let rig = Rig::new(&profile);
     let mut renderer = Renderer::new(&profile, &scene(&plane), 1).unwrap();
-    let white = renderer.expected_dn(&shot(Arc::new(Slide::Uniform(255)), 0));
+    let white = renderer.expected_dn(&shot(Arc::new(PatternImage::Uniform(255)), 0));
     for period_px in [2.1, 3.7, 16.0, 400.0, 1920.0] {
-        let slide = fringe(period_px, &profile);
-        let seen = renderer.expected_dn(&shot(slide.clone(), 0));
-        let Slide::Row(_, levels) = slide.as_ref() else {
+        let pattern_image = fringe(period_px, &profile);
+        let seen = renderer.expected_dn(&shot(pattern_image.clone(), 0));
+        let PatternImage::Row(_, levels) = pattern_image.as_ref() else {
             panic!("a fringe is a row")
         };
         let truth = renderer.truth(&[]);
@@ -270,8 +270,8 @@ fn a_thousand_million_frames_into_a_run() {
     let profile = bench();
     let plane = plane(0.0, 1000.0);
     let mut renderer = Renderer::new(&profile, &scene(&plane), 1).unwrap();
-    let slide = fringe(16.0, &profile);
-    let mut frame = |id: u64| renderer.expose(&shot(slide.clone(), id));
+    let pattern_image = fringe(16.0, &profile);
+    let mut frame = |id: u64| renderer.expose(&shot(pattern_image.clone(), id));
     let (first, late, next) = (frame(0), frame(1_000_000_000), frame(1_000_000_001));
     assert_eq!(late.id, 1_000_000_000);
     assert_eq!(late.exposure_start_ns, 20_000_000_000_000_000);
@@ -291,12 +291,12 @@ fn exposures_from_a_microsecond_to_ten_seconds() {
         radius_mm: 100.0,
     };
     let mut renderer = Renderer::new(&profile, &scene(&ball), 1).unwrap();
-    let slide = fringe(16.0, &profile);
+    let pattern_image = fringe(16.0, &profile);
     let mut former = vec![0.0; 1138 * 489];
     for exposure_ns in [1_000, 100_000, 10_000_000, 1_000_000_000, 10_000_000_000] {
         let signal = renderer.expected_dn(&Shot {
             exposure_ns,
-            ..shot(slide.clone(), 0)
+            ..shot(pattern_image.clone(), 0)
         });
         for (now, before) in signal.iter().zip(&former) {
             assert!((*before..=255.0).contains(now), "{before} {now}");

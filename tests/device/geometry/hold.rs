@@ -43,7 +43,7 @@ pub fn hold(profile: &Profile, surface: &dyn Surface) -> usize {
                 return false;
             }
             if let Some(times) = surface.condition(&rig, px) {
-                let found = reference.look(px).map_or(DVec2::NAN, |f| f.projector_px);
+                let found = reference.trace(px).map_or(DVec2::NAN, |f| f.projector_px);
                 let error = (found - exact).abs().max_element();
                 assert!(
                     error <= 1e-9 * times,

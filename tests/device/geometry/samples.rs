@@ -6,18 +6,18 @@ use super::hold::{bench, scene};
 use glam::DVec2;
 use phasmid::emulator::render::reference::Reference;
 use phasmid::emulator::render::{Options, Renderer, Term};
-use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Profile, Scene};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-fn shot(slide: Slide, light: f64) -> Shot {
+fn shot(pattern_image: PatternImage, light: f64) -> Shot {
     Shot {
         id: 1,
         noise_id: 1,
-        slide: Some(Arc::new(slide)),
+        pattern_image: Some(Arc::new(pattern_image)),
         light,
         exposure_ns: 8_000_000,
         ..Shot::default()
@@ -39,7 +39,7 @@ fn renderer(profile: &Profile, scene: &Scene, samples: u32) -> Renderer {
 
 /// Signal of each pixel with ambient light only.
 fn ambient(profile: &Profile, scene: &Scene, samples: u32) -> Vec<f64> {
-    let dark = shot(Slide::Uniform(0), 0.0);
+    let dark = shot(PatternImage::Uniform(0), 0.0);
     let signal = renderer(profile, scene, samples).expected_dn(&dark);
     signal.into_iter().map(f64::from).collect()
 }
@@ -99,8 +99,9 @@ fn where_the_closed_form_stands_more_samples_change_nothing() {
             period_px: 16.0,
             phase_rad: 0.4,
         };
-        let slide = Slide::new(&fringe, &profile.projector, &|_| unreachable!()).unwrap();
-        let shot = shot(slide, 1.0);
+        let pattern_image =
+            PatternImage::new(&fringe, &profile.projector, &|_| unreachable!()).unwrap();
+        let shot = shot(pattern_image, 1.0);
         let mut lean = renderer(&profile, &scene, 1);
         let one = lean.expected_dn(&shot);
         let few = lean.truth(&[]).flags;
@@ -239,8 +240,9 @@ fn a_fringe_on_a_plane_out_of_focus_loses_the_disc_s_contrast() {
                     period_px,
                     phase_rad: TAU * f64::from(k) / 4.0,
                 };
-                let slide = Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap();
-                (pattern, shot(slide, 1.0))
+                let pattern_image =
+                    PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap();
+                (pattern, shot(pattern_image, 1.0))
             })
             .collect();
         let modulation = |profile: &Profile| {
@@ -304,9 +306,10 @@ fn a_scene_in_depth_is_blurred_as_the_reference_has_it() {
         period_px: 64.0,
         phase_rad: 0.4,
     };
-    let slide = Slide::new(&fringe, &profile.projector, &|_| unreachable!()).unwrap();
+    let pattern_image =
+        PatternImage::new(&fringe, &profile.projector, &|_| unreachable!()).unwrap();
     let mut renderer = renderer(&profile, &scene, 64);
-    let fast = renderer.expected_dn(&shot(slide.clone(), 1.0));
+    let fast = renderer.expected_dn(&shot(pattern_image.clone(), 1.0));
     let flags = renderer.truth(&[]).flags;
     let full = fast.iter().fold(0.0f32, |m, &v| m.max(v));
     assert!((20.0..255.0).contains(&full), "{full}");
@@ -321,7 +324,7 @@ fn a_scene_in_depth_is_blurred_as_the_reference_has_it() {
             .step_by(pixels.len() / 150)
             .map(|&i| {
                 let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
-                let exact = reference.signal_dn(px, &slide, 8e-3, 10_000);
+                let exact = reference.signal_dn(px, &pattern_image, 8e-3, 10_000);
                 (f64::from(fast[i]) - exact) / f64::from(full)
             })
             .collect();

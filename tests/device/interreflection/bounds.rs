@@ -3,7 +3,7 @@
 use crate::interreflection::*;
 use crate::photometry::scene;
 use glam::DVec3;
-use phasmid::emulator::Slide;
+use phasmid::emulator::PatternImage;
 use phasmid::emulator::render::{Renderer, Term};
 use phasmid::geometry::{Mesh, ply};
 use phasmid::pattern::Axis;
@@ -83,23 +83,26 @@ fn light_adds_up_and_no_more_comes_back_than_went_in() {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.projector.radiant_intensity_w_sr = 0.4;
     let mut renderer = Renderer::new(&profile, &clutter(64, 4), 1).unwrap();
-    let full = |level| Slide::Row(Axis::X, vec![level; 1920]);
-    let inverse = |slide: &Slide| match slide {
-        Slide::Row(axis, levels) => Slide::Row(*axis, levels.iter().map(|l| 255 - l).collect()),
+    let full = |level| PatternImage::Row(Axis::X, vec![level; 1920]);
+    let inverse = |pattern_image: &PatternImage| match pattern_image {
+        PatternImage::Row(axis, levels) => {
+            PatternImage::Row(*axis, levels.iter().map(|l| 255 - l).collect())
+        }
         _ => panic!("a fringe is a row"),
     };
-    let mut of = |slide: Slide| bounced(&profile, &mut renderer, &shot(Some(slide)));
-    let (dark, uniform) = (of(full(0)), of(Slide::Uniform(255)));
+    let mut of =
+        |pattern_image: PatternImage| bounced(&profile, &mut renderer, &shot(Some(pattern_image)));
+    let (dark, uniform) = (of(full(0)), of(PatternImage::Uniform(255)));
     // Light at the nearest distance of about 800 mm plus the lamp's; the albedo is at most 0.85.
     let most = 0.85f64.powi(2) * (0.4e6 / 6.4e5 + 0.04e6 / 1e5);
     assert!(uniform.iter().all(|&e| (-1e-6..most).contains(&e)));
     assert!(uniform.iter().filter(|&&e| e > 0.01).count() > 50_000);
-    for slide in [
+    for pattern_image in [
         fringe(&profile, Axis::X, 16.0),
         fringe(&profile, Axis::Y, 40.0),
         full(255),
     ] {
-        let (one, other) = (of(slide.clone()), of(inverse(&slide)));
+        let (one, other) = (of(pattern_image.clone()), of(inverse(&pattern_image)));
         for i in 0..one.len() {
             let sum = one[i] + other[i] - dark[i];
             assert!((sum - uniform[i]).abs() < 1e-5, "{i}: {sum} {}", uniform[i]);
@@ -113,7 +116,11 @@ fn coarser_grids_are_near_and_say_the_same_of_geometry() {
     profile.projector.radiant_intensity_w_sr = 0.4;
     let image = |step_px| {
         let mut renderer = Renderer::new(&profile, &clutter(16, step_px), 1).unwrap();
-        let light = bounced(&profile, &mut renderer, &shot(Some(Slide::Uniform(255))));
+        let light = bounced(
+            &profile,
+            &mut renderer,
+            &shot(Some(PatternImage::Uniform(255))),
+        );
         (light, renderer.truth(&[]))
     };
     let (fine, truth) = image(1);
@@ -154,7 +161,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
         pool.build().unwrap().install(|| {
             let mut renderer = Renderer::new(&profile, &scene, 42).unwrap();
             [Some(fringe(&profile, Axis::X, 16.0)), None]
-                .map(|slide| renderer.expose(&shot(slide)).data)
+                .map(|pattern_image| renderer.expose(&shot(pattern_image)).data)
         })
     };
     let one = render(1);

@@ -2,13 +2,13 @@
 
 mod bounds;
 mod energy;
-mod slides;
+mod pattern_images;
 mod wedge;
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
 use phasmid::emulator::render::{Renderer, Term};
-use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::geometry::{Mesh, ply};
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Profile, Scene};
@@ -81,9 +81,9 @@ fn wanted(samples: u32, step_px: u32) -> String {
     format!("interreflection = {{ samples = {samples}, step_px = {step_px} }}\n")
 }
 
-fn shot(slide: Option<Slide>) -> Shot {
+fn shot(pattern_image: Option<PatternImage>) -> Shot {
     Shot {
-        slide: slide.map(Arc::new),
+        pattern_image: pattern_image.map(Arc::new),
         light: 1.0,
         exposure_ns: 8_000_000,
         ..Shot::default()
@@ -120,13 +120,13 @@ fn on_walls(profile: &Profile, truth: &Truth) -> Vec<(usize, usize, DVec3)> {
         .collect()
 }
 
-fn fringe(profile: &Profile, axis: Axis, period_px: f64) -> Slide {
+fn fringe(profile: &Profile, axis: Axis, period_px: f64) -> PatternImage {
     let pattern = Pattern::Fringe {
         axis,
         period_px,
         phase_rad: 0.4,
     };
-    Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap()
+    PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap()
 }
 
 fn rms(errors: &[f64]) -> f64 {

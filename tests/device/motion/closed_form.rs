@@ -42,7 +42,7 @@ fn sliding(tilt_deg: f64, from: [f64; 3], to: [f64; 3]) -> Scene {
 #[test]
 fn a_plane_that_moves_lies_where_its_speed_has_taken_it() {
     let profile = bench();
-    let (pattern, slide) = fringe(&profile, 16.0, 0.0);
+    let (pattern, pattern_image) = fringe(&profile, 16.0, 0.0);
     for (tilt, from, to) in [
         (0.0, [0.0, 0.0, 900.0], [0.0, 0.0, 1300.0]),
         (25.0, [-300.0, 0.0, 1000.0], [500.0, 0.0, 1000.0]),
@@ -52,7 +52,7 @@ fn a_plane_that_moves_lies_where_its_speed_has_taken_it() {
         for start_ms in [0, 40, 2500, 9000] {
             // With two frames, the truth is that of the middle of the interval.
             let shots: Vec<_> = [start_ms, start_ms + 100]
-                .map(|ms| (pattern.clone(), shot(&slide, ms * MS, 8 * MS)))
+                .map(|ms| (pattern.clone(), shot(&pattern_image, ms * MS, 8 * MS)))
                 .into();
             let truth = renderer.truth(&shots);
             let t = (start_ms as f64 + 54.0) * 1e-3;
@@ -65,7 +65,7 @@ fn a_plane_that_moves_lies_where_its_speed_has_taken_it() {
                 let ray = ray(&profile, i);
                 let point = ray * (normal.dot(at) / normal.dot(ray));
                 let exact = column(&profile, point);
-                // Far outside of the slide, f32 has fewer significant digits.
+                // Far outside of the pattern image, f32 has fewer significant digits.
                 let bar = 1e-3 + (exact.abs() - 8192.0).max(0.0) * 6e-8;
                 worst = worst.max((f64::from(truth.projector_x[i]) - exact).abs() / bar);
                 let depth = (f64::from(truth.depth_mm[i]) - point.z).abs();
@@ -82,7 +82,7 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
     // Coarser levels would distort a fringe by more than the effect under test.
     profile.projector.bits = 12;
     let (period, exposure) = (16.0, 8 * MS);
-    // Moves away from the camera, by half a period of the slide during the exposure.
+    // Moves away from the camera, by half a period of the pattern image during the exposure.
     let speed = 900.0;
     let z = 1000.0;
     let still = sliding(0.0, [0.0, 0.0, z], [0.0, 0.0, z]);
@@ -95,8 +95,8 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
         let mut renderer = instants(&profile, scene, samples);
         let signals: Vec<_> = (0..3)
             .map(|k| {
-                let (_, slide) = fringe(&profile, period, TAU * f64::from(k) / 3.0);
-                renderer.expected_dn(&shot(&slide, 0, exposure))
+                let (_, pattern_image) = fringe(&profile, period, TAU * f64::from(k) / 3.0);
+                renderer.expected_dn(&shot(&pattern_image, 0, exposure))
             })
             .collect();
         let truth = renderer.truth(&[]);
@@ -171,7 +171,7 @@ fn rows_of_a_rolling_shutter_see_a_plane_at_their_own_time() {
         let mut renderer = instants(&profile, scene, 2);
         (0..3)
             .map(|k| {
-                let (_, slide) = fringe(&profile, period, TAU * f64::from(k) / 3.0);
+                let (_, pattern_image) = fringe(&profile, period, TAU * f64::from(k) / 3.0);
                 let shutter = Shutter {
                     line_time_ns: 30_000,
                     first_row: 0,
@@ -181,7 +181,7 @@ fn rows_of_a_rolling_shutter_see_a_plane_at_their_own_time() {
                     light: 1.0,
                     gain_db: 12.0,
                     shutter,
-                    ..shot(&slide, 0, exposure_ns)
+                    ..shot(&pattern_image, 0, exposure_ns)
                 })
             })
             .collect()

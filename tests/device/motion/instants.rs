@@ -3,7 +3,7 @@
 use crate::motion::still::{room, write_sheet};
 use crate::motion::{MS, bench, fringe, instants, scene, shot};
 use phasmid::emulator::render::{Options, Renderer};
-use phasmid::emulator::{Shot, Slide};
+use phasmid::emulator::{PatternImage, Shot};
 use phasmid::geometry::{Mesh, ply, shapes};
 use phasmid::profile::Scene;
 use std::path::Path;
@@ -13,13 +13,13 @@ use std::sync::Arc;
 fn exposures_from_a_microsecond_to_ten_seconds() {
     let mut profile = bench();
     profile.projector.radiant_intensity_w_sr = 0.8;
-    let (_, slide) = fringe(&profile, 16.0, 0.4);
+    let (_, pattern_image) = fringe(&profile, 16.0, 0.4);
     // Moves up and down by 20 mm within a second.
     let object = "shape = { kind = \"sphere\", radius_mm = 60.0 }\nalbedo = 0.5\n\
                   position_mm = [0, 0, 980]\nmotion = { period_s = 1.0, keyframes = [\n\
                   { time_s = 0.0 }, { time_s = 0.5, position_mm = [0, 0, -20] } ] }\n";
     let moving = room(object, Path::new(""));
-    let white = Arc::new(Slide::Uniform(255));
+    let white = Arc::new(PatternImage::Uniform(255));
     for exposure_ns in [1000, 50_000, 8 * MS, 200 * MS, 10_000 * MS] {
         let mut renderer = instants(&profile, &moving, 5);
         // Constant full light would saturate the pixels.
@@ -40,7 +40,7 @@ fn exposures_from_a_microsecond_to_ten_seconds() {
             );
         }
         let frame = renderer.expose(&Shot {
-            slide: Some(slide.clone()),
+            pattern_image: Some(pattern_image.clone()),
             ..exposure
         });
         assert_eq!(frame.exposure_end_ns - frame.exposure_start_ns, exposure_ns);
@@ -61,7 +61,7 @@ fn flicker_and_glare_go_through_the_instants() {
     let behind = "[[object]]\nshape = { kind = \"sphere\", radius_mm = 5.0 }\nalbedo = 0.5\n\
                   motion = { keyframes = [ { time_s = 0.0, position_mm = [0, 0, -900] }, \
                   { time_s = 1.0, position_mm = [0, 0, -950] } ] }\n";
-    let (_, slide) = fringe(&profile, 16.0, 0.4);
+    let (_, pattern_image) = fringe(&profile, 16.0, 0.4);
     for glare in [
         None,
         Some(phasmid::profile::Glare {
@@ -73,7 +73,7 @@ fn flicker_and_glare_go_through_the_instants() {
         let still = scene(lit, Path::new(""));
         let moving = scene(&format!("{lit}{behind}"), Path::new(""));
         for exposure_ns in [1_234_567, 8 * MS] {
-            let exposure = shot(&slide, 3 * MS, exposure_ns);
+            let exposure = shot(&pattern_image, 3 * MS, exposure_ns);
             let a = instants(&profile, &still, 1).expected_dn(&exposure);
             let b = instants(&profile, &moving, 6).expected_dn(&exposure);
             let off = a
@@ -109,7 +109,7 @@ fn meshes_that_do_not_fit_are_refused() {
                 "keyframes[1].file",
                 "few.ply",
                 "vertices and",
-                "as the object's own",
+                "as in the object's own",
             ],
         ),
         (
@@ -157,7 +157,7 @@ fn meshes_that_do_not_fit_are_refused() {
 #[test]
 fn what_hardly_goes_is_looked_at_once() {
     let profile = bench();
-    let (_, slide) = fringe(&profile, 16.0, 0.4);
+    let (_, pattern_image) = fringe(&profile, 16.0, 0.4);
     let mean = |mm: f64, from_s: f64| {
         let object = format!(
             "shape = {{ kind = \"sphere\", radius_mm = 60.0 }}\nalbedo = 0.5\nposition_mm = [0, 0, 980]\n\
@@ -167,7 +167,7 @@ fn what_hardly_goes_is_looked_at_once() {
         );
         room(&object, Path::new(""))
     };
-    let exposure = shot(&slide, 0, 8 * MS);
+    let exposure = shot(&pattern_image, 0, 8 * MS);
     let expected = |scene: &Scene, time_samples, shot: &Shot| {
         instants(&profile, scene, time_samples).expected_dn(shot)
     };
@@ -179,7 +179,7 @@ fn what_hardly_goes_is_looked_at_once() {
     let mut parts = instants(&profile, &slow, 1);
     let mut sum = vec![0.0f32; once.len()];
     for i in 0..16 {
-        let part = shot(&slide, i * MS / 2, MS / 2);
+        let part = shot(&pattern_image, i * MS / 2, MS / 2);
         let part = parts.expected_dn(&part);
         sum.iter_mut()
             .zip(part)

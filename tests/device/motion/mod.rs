@@ -5,7 +5,7 @@ mod instants;
 mod still;
 
 use phasmid::emulator::render::{Options, Renderer};
-use phasmid::emulator::{Shot, Slide};
+use phasmid::emulator::{PatternImage, Shot};
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Profile, Scene};
 use std::path::Path;
@@ -27,19 +27,20 @@ fn bench() -> Profile {
     profile
 }
 
-fn fringe(profile: &Profile, period_px: f64, phase_rad: f64) -> (Pattern, Arc<Slide>) {
+fn fringe(profile: &Profile, period_px: f64, phase_rad: f64) -> (Pattern, Arc<PatternImage>) {
     let pattern = Pattern::Fringe {
         axis: Axis::X,
         period_px,
         phase_rad,
     };
-    let slide = Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap();
-    (pattern, Arc::new(slide))
+    let pattern_image =
+        PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap();
+    (pattern, Arc::new(pattern_image))
 }
 
-fn shot(slide: &Arc<Slide>, start_ns: u64, exposure_ns: u64) -> Shot {
+fn shot(pattern_image: &Arc<PatternImage>, start_ns: u64, exposure_ns: u64) -> Shot {
     Shot {
-        slide: Some(slide.clone()),
+        pattern_image: Some(pattern_image.clone()),
         light: 1.0,
         start_ns,
         exposure_ns,

@@ -59,8 +59,8 @@ fn apart(a: &[u8], b: &[u8]) -> usize {
 
 /// Compares frame and truth at an instant at which the moving scene coincides with the still one.
 fn same(profile: &Profile, still: &Scene, moving: &Scene, time_ns: u64, what: &str) {
-    let (_, slide) = fringe(profile, 16.0, 0.4);
-    let exposure = shot(&slide, time_ns - 4 * MS, 8 * MS);
+    let (_, pattern_image) = fringe(profile, 16.0, 0.4);
+    let exposure = shot(&pattern_image, time_ns - 4 * MS, 8 * MS);
     let mut rest = instants(profile, still, 1);
     let mut moved = instants(profile, moving, 1);
     assert!(moved.plan().has(Term::Motion) && !rest.plan().has(Term::Motion));
@@ -147,14 +147,14 @@ fn a_row_of_a_rolling_shutter_is_that_of_a_global_one_at_its_time() {
     let mut profile = bench();
     profile.camera.line_time_us = 30.0;
     let line_time_ns = 30_000;
-    let (_, slide) = fringe(&profile, 16.0, 0.4);
+    let (_, pattern_image) = fringe(&profile, 16.0, 0.4);
     let rolling = Shot {
         shutter: Shutter {
             line_time_ns,
             first_row: 0,
             rows: profile.camera.height_px,
         },
-        ..shot(&slide, 20 * MS, 8 * MS)
+        ..shot(&pattern_image, 20 * MS, 8 * MS)
     };
     let width = profile.camera.width_px as usize;
     // A deforming mesh has sixteen shapes in the 15 ms of a frame: an error of at most half a
@@ -230,8 +230,8 @@ fn a_mesh_that_deforms_is_its_keyframe_and_half_way_their_mean() {
              {{ time_s = 3.0, file = \"out.obj\" }} ] }}"
         ),
     );
-    let (_, slide) = fringe(&profile, 16.0, 0.4);
-    let exposure = shot(&slide, 2_996 * MS, 8 * MS);
+    let (_, pattern_image) = fringe(&profile, 16.0, 0.4);
+    let exposure = shot(&pattern_image, 2_996 * MS, 8 * MS);
     let a = instants(&profile, &still, 1).expose(&exposure).data;
     let b = instants(&profile, &both, 1).expose(&exposure).data;
     // The sheet deforms only along z, so a texture projected along z stays in place.
@@ -251,8 +251,8 @@ fn what_has_a_way_but_stands_still_keeps_every_byte() {
         room(&text, folder)
     };
     let place = "position_mm = [10, 0, 1080]";
-    let (_, slide) = fringe(&profile, 16.0, 0.4);
-    let exposure = shot(&slide, 500 * MS, 8 * MS);
+    let (_, pattern_image) = fringe(&profile, 16.0, 0.4);
+    let exposure = shot(&pattern_image, 500 * MS, 8 * MS);
     let still = Renderer::new(&profile, &object(place), 3)
         .unwrap()
         .expose(&exposure);

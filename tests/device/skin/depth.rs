@@ -1,6 +1,6 @@
 //! Bias of measured depth on skin.
 
-use crate::skin::wall::{PLANE, Seen, bench, is_even, shot, slide, wall};
+use crate::skin::wall::{PLANE, Seen, bench, is_even, pattern_image, shot, wall};
 use glam::{DVec2, DVec3};
 use phasmid::emulator::render::Renderer;
 use phasmid::pattern::{Axis, Pattern};
@@ -21,7 +21,7 @@ fn oblique_light_biases_depth_as_the_closed_form_says() {
                 period_px: period,
                 phase_rad: TAU * f64::from(i) / f64::from(steps),
             };
-            renderer.expected_dn(&shot(&slide(&pattern, &profile)))
+            renderer.expected_dn(&shot(&pattern_image(&pattern, &profile)))
         })
         .collect();
     let (baseline, z) = (400.0, 1000.0);

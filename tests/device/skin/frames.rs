@@ -1,10 +1,10 @@
 //! Frames of skin compared with closed forms.
 
-use crate::skin::wall::{PLANE, Seen, bench, is_even, levels, shot, slide, wall};
+use crate::skin::wall::{PLANE, Seen, bench, is_even, levels, pattern_image, shot, wall};
 use glam::{DVec2, DVec3};
 use phasmid::emulator::render::skin::{Mixture, Tissue};
 use phasmid::emulator::render::{Options, Renderer, Term};
-use phasmid::emulator::{Slide, Truth};
+use phasmid::emulator::{PatternImage, Truth};
 use phasmid::geometry::Pose;
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Focus, Profile};
@@ -19,7 +19,7 @@ const TISSUE: Tissue = Tissue {
 };
 
 /// Level of a periodic row of held pixels at x, under a trapezoid and a transfer function of the
-/// frequency in cycles per slide pixel: its Fourier series. The transfer function decays fast
+/// frequency in cycles per projector pixel: its Fourier series. The transfer function decays fast
 /// enough for 40 harmonics per pixel.
 fn series(row: &[f64], x: f64, slope: DVec2, transfer: impl Fn(f64) -> f64) -> f64 {
     let period = row.len() as f64;
@@ -87,15 +87,15 @@ fn fringes_and_gray_code_go_through_one_transfer() {
             (fringe(Axis::X, 6.0), 6),
             (gray(), 32),
         ] {
-            let slide = slide(&pattern, &profile);
-            let Slide::Row(_, row) = &*slide else {
+            let pattern_image = pattern_image(&pattern, &profile);
+            let PatternImage::Row(_, row) = &*pattern_image else {
                 panic!("a row")
             };
             let row: Vec<_> = row[..period]
                 .iter()
                 .map(|&l| f64::from(l) / 255.0)
                 .collect();
-            let found = levels(&mut renderer, &profile, &slide);
+            let found = levels(&mut renderer, &profile, &pattern_image);
             let (mut count, mut worst, mut theory) = (0, 0.0f64, 0.0f64);
             for i in (0..found.len())
                 .step_by(661)
@@ -104,7 +104,7 @@ fn fringes_and_gray_code_go_through_one_transfer() {
                 let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
                 let seen = Seen::new(&profile, normal, px);
                 assert!((seen.x - f64::from(truth.projector_x[i])).abs() < 2e-3);
-                // Keeps a few scattering lengths away from the slide's ends.
+                // Keeps a few scattering lengths away from the pattern image's ends.
                 if !(100.0..1820.0).contains(&seen.x) {
                     continue;
                 }
@@ -151,7 +151,7 @@ fn an_edge_of_skin_has_the_levels_of_its_inside() {
         let scene = wall([0.0; 3], &format!("{shape}{SKIN}"));
         let mut renderer = Renderer::with_options(&profile, &scene, 1, options).unwrap();
         let pattern = fringe(Axis::X, 96.0);
-        let found = levels(&mut renderer, &profile, &slide(&pattern, &profile));
+        let found = levels(&mut renderer, &profile, &pattern_image(&pattern, &profile));
         let truth = renderer.truth(&[]);
         let (mut count, mut worst) = (0, 0.0f64);
         for i in 0..found.len() - 1139 {
@@ -174,26 +174,26 @@ fn an_edge_of_skin_has_the_levels_of_its_inside() {
 }
 
 #[test]
-fn a_picture_of_fringes_is_close_to_fringes() {
+fn an_image_of_fringes_is_close_to_fringes() {
     let profile = bench();
     let scene = wall([0.0, 20.0, 0.0], &format!("{PLANE}{SKIN}"));
     let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
     for pattern in [fringe(Axis::X, 16.0), fringe(Axis::Y, 24.0), gray()] {
-        let row = slide(&pattern, &profile);
-        let Slide::Row(axis, levels_of) = &*row else {
+        let row = pattern_image(&pattern, &profile);
+        let PatternImage::Row(axis, levels_of) = &*row else {
             panic!("a row")
         };
         let along = |i: usize| match axis {
             Axis::X => i % 1920,
             Axis::Y => i / 1920,
         };
-        let picture = Arc::new(Slide::Picture {
+        let image = Arc::new(PatternImage::Image {
             width: 1920,
             height: 1080,
             levels: (0..1920 * 1080).map(|i| levels_of[along(i)]).collect(),
         });
         let flat = levels(&mut renderer, &profile, &row);
-        let drawn = levels(&mut renderer, &profile, &picture);
+        let drawn = levels(&mut renderer, &profile, &image);
         let truth = renderer.truth(&[]);
         let inside = |i: &usize| {
             is_even(&truth, *i)
@@ -219,7 +219,7 @@ fn modulation(profile: &Profile, lines: &str, period: f64) -> Truth {
                 period_px: period,
                 phase_rad: TAU * f64::from(i) / 4.0,
             };
-            let shot = shot(&slide(&pattern, profile));
+            let shot = shot(&pattern_image(&pattern, profile));
             (pattern, shot)
         })
         .collect();
@@ -267,8 +267,10 @@ fn opaque_skin_is_a_lambertian_surface() {
     assert!(renderers[0].plan().has(Term::Subsurface));
     assert!(!renderers[1].plan().has(Term::Subsurface));
     for pattern in [Pattern::White {}, fringe(Axis::X, 16.0), gray()] {
-        let slide = slide(&pattern, &profile);
-        let [a, b] = renderers.each_mut().map(|r| r.expected_dn(&shot(&slide)));
+        let pattern_image = pattern_image(&pattern, &profile);
+        let [a, b] = renderers
+            .each_mut()
+            .map(|r| r.expected_dn(&shot(&pattern_image)));
         let worst = a
             .iter()
             .zip(&b)
@@ -282,6 +284,6 @@ fn opaque_skin_is_a_lambertian_surface() {
     let mut left_out = Renderer::new(&profile, &scene, 1).unwrap();
     left_out.force(Term::Subsurface, false);
     let mut plain = Renderer::new(&profile, &wall([0.0; 3], &plain), 1).unwrap();
-    let shot = shot(&slide(&gray(), &profile));
+    let shot = shot(&pattern_image(&gray(), &profile));
     assert!(left_out.expose(&shot).data == plain.expose(&shot).data);
 }

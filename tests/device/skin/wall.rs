@@ -3,7 +3,7 @@
 
 use glam::{DVec2, DVec3};
 use phasmid::emulator::render::Renderer;
-use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::geometry::View;
 use phasmid::pattern::Pattern;
 use phasmid::profile::{Profile, Scene};
@@ -24,26 +24,31 @@ pub fn wall(rotation_deg: [f64; 3], lines: &str) -> Scene {
 
 pub const PLANE: &str = "shape = { kind = \"plane\" }\nalbedo = 0.9\n";
 
-pub fn slide(pattern: &Pattern, profile: &Profile) -> Arc<Slide> {
-    Arc::new(Slide::new(pattern, &profile.projector, &|_| unreachable!()).unwrap())
+pub fn pattern_image(pattern: &Pattern, profile: &Profile) -> Arc<PatternImage> {
+    Arc::new(PatternImage::new(pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
-pub fn shot(slide: &Arc<Slide>) -> Shot {
+pub fn shot(pattern_image: &Arc<PatternImage>) -> Shot {
     Shot {
         id: 1,
         noise_id: 1,
-        slide: Some(slide.clone()),
+        pattern_image: Some(pattern_image.clone()),
         light: 0.5,
         exposure_ns: 8_000_000,
         ..Shot::default()
     }
 }
 
-/// Levels of a slide at each pixel, 0 to 1 of full white; NaN for pixels dark under full white.
-pub fn levels(renderer: &mut Renderer, profile: &Profile, slide: &Arc<Slide>) -> Vec<f64> {
+/// Levels of a pattern image at each pixel, 0 to 1 of full white; NaN for pixels dark under full
+/// white.
+pub fn levels(
+    renderer: &mut Renderer,
+    profile: &Profile,
+    pattern_image: &Arc<PatternImage>,
+) -> Vec<f64> {
     let [black, white] = [Pattern::Black {}, Pattern::White {}]
-        .map(|pattern| renderer.expected_dn(&shot(&self::slide(&pattern, profile))));
-    let seen = renderer.expected_dn(&shot(slide));
+        .map(|pattern| renderer.expected_dn(&shot(&self::pattern_image(&pattern, profile))));
+    let seen = renderer.expected_dn(&shot(pattern_image));
     (0..seen.len())
         .map(|i| f64::from(seen[i] - black[i]) / f64::from(white[i] - black[i]))
         .collect()
@@ -55,7 +60,7 @@ pub fn is_even(truth: &Truth, i: usize) -> bool {
 
 /// Geometry of the point of a flat wall that a pixel sees, in f64 and by central differences.
 pub struct Seen {
-    /// Slide column that lights the point.
+    /// Pattern image column that lights the point.
     pub x: f64,
     /// Derivatives of `x` by the camera's pixel coordinates.
     pub slope: DVec2,

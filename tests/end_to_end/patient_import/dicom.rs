@@ -89,7 +89,7 @@ fn a_series_of_dicom_shows_the_same_skin() {
     fs::remove_file(import.ct.join("020.dcm")).unwrap();
     import.refused(&[
         "021.dcm: a slice missing between it and ",
-        "019.dcm; expected a slice each 12.000 mm",
+        "019.dcm; expected a slice every 12.000 mm",
     ]);
     dicom(&ct, "1.5.2", "Thorax", &path("other"));
     fs::rename(path("other").join("020.dcm"), import.ct.join("020.dcm")).unwrap();

@@ -28,7 +28,7 @@ fn what_does_not_fit_is_named() {
         .refused(&["--isocentre 1,2: not three numbers; expected X,Y,Z in millimetres"]);
     Import::new().with(&["--isocentre", "0,-900,0"]).refused(&[
         "isocentre in ",
-        ": (0, -900, 0) mm; expected a point in the CT's LPS",
+        ": (0, -900, 0) mm; expected a point inside the CT, in its LPS",
     ]);
     Import::new()
         .with(&["--name", "J. Doe"])
@@ -41,13 +41,13 @@ fn what_does_not_fit_is_named() {
     import.phases[3] = format!("30={}", field(coarse, "coarse.mha"));
     import.refused(&[
         "phase 30 %: ",
-        "coarse.mha: a spacing of (12.5, 12.5, 12.5); expected as ",
+        "coarse.mha: a spacing of (12.5, 12.5, 12.5); expected a spacing of ",
     ]);
     let mut import = Import::new();
     import.phases.push(import.phases[3].clone());
     import.refused(&[
         "phase 30 %: ",
-        "dvf_30.mha: a second field; expected one field a phase",
+        "dvf_30.mha: a second field; expected one field per phase",
     ]);
     let of_all = |grid: Grid, name: &str| {
         let mut import = Import::new();
@@ -56,8 +56,8 @@ fn what_does_not_fit_is_named() {
         import
     };
     of_all(grid.shifted(DVec3::new(0.0, 0.0, 900.0)), "elsewhere.mha").refused(&[
-        "ct_50.mha: a CT of (",
-        "expected one around the fields, which have (",
+        "ct_50.mha: a CT that spans (",
+        "expected a CT that contains the fields, which span (",
     ]);
     let mut short = grid;
     short.size[2] /= 2;
@@ -68,7 +68,7 @@ fn what_does_not_fit_is_named() {
     ]);
     Import::new().with(&["--reference-phase", "0"]).refused(&[
         "dvf_00.mha: displacements of up to ",
-        "none above 0.5 mm from the reference phase to itself",
+        "at most 0.5 mm from the reference phase to itself",
     ]);
 
     // A file that is not a CT.
@@ -76,7 +76,7 @@ fn what_does_not_fit_is_named() {
     import.ct = path("absent.mha");
     import.refused(&["absent.mha: "]);
     import.ct = from().join("dvf_00.mha");
-    import.refused(&["dvf_00.mha: 3 numbers a voxel; expected one number a voxel"]);
+    import.refused(&["dvf_00.mha: 3 numbers per voxel; expected one number per voxel"]);
     let raised = (0..ct.voxels().len()).map(|n| ct.voxels().get(n) as i16 + 1000);
     let raised = Volume::new(grid, Voxels::I16(raised.collect()), "ct").unwrap();
     import.ct = path("raised.mha");

@@ -102,7 +102,7 @@ fn a_step_of_a_day_is_called_off() {
     let stopped = clock(&mut stream, Request::Clock(Step::Stop)).now_ns;
     let words = asker.join().unwrap();
     assert!(
-        words.ends_with(&format!("called off at {stopped} ns")),
+        words.ends_with(&format!("cancelled at {stopped} ns")),
         "{words}"
     );
     assert_eq!(now(&mut stream), stopped);

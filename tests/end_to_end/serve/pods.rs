@@ -246,7 +246,7 @@ fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
     assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     assert!(text(&output).contains("left: "), "{}", text(&output));
     assert!(
-        text(&output).contains("a board of the size that was said"),
+        text(&output).contains("a board of the specified size"),
         "{}",
         text(&output)
     );

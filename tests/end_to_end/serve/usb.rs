@@ -170,7 +170,7 @@ fn addresses_ports_and_devices_that_cannot_be_had() {
         let (mut client, _) = other.accept().unwrap();
         client.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n")
     });
-    refusal(&mut scan(&address, &out), 1, "no USB/IP server");
+    refusal(&mut scan(&address, &out), 1, "not a USB/IP server");
     greeter.join().unwrap().unwrap();
 
     // One host at a time; the next one can connect after the first has disconnected.

@@ -1,12 +1,12 @@
 //! A board in front of an emulated scanner, in one process: poses, frames, images and decoded maps.
 
-use phasmid::calibrate::board::Picture;
+use phasmid::calibrate::board::BoardImage;
 use phasmid::calibrate::poses::{Wanted, poses};
 use phasmid::calibrate::rig::{Calibration, PoseData, Task, calibrate, sight};
 use phasmid::calibrate::solve::Choice;
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasmid::emulator::render::Renderer;
-use phasmid::emulator::{Shot, Slide};
+use phasmid::emulator::{PatternImage, Shot};
 use phasmid::geometry::{Board, Pose, Rig};
 use phasmid::pattern::Manifest;
 use phasmid::profile::{Profile, Scene};
@@ -54,7 +54,7 @@ impl Desk {
     }
 
     /// Captures the image and the decoded maps of the board in one pose.
-    pub fn shoot(&self, pose: &Pose, seed: u64) -> (Picture, Decoded) {
+    pub fn shoot(&self, pose: &Pose, seed: u64) -> (BoardImage, Decoded) {
         let mut renderer = Renderer::new(&self.profile, &self.scene(pose), seed).unwrap();
         let frames: Vec<_> = self.shots.iter().map(|s| renderer.expose(s).data).collect();
         let lens = &self.rig.camera.lens;
@@ -62,15 +62,15 @@ impl Desk {
         let samples = frames.iter().map(|f| Samples::U8(f)).collect();
         let stack = FrameStack::new(w, h, samples).unwrap();
         let noise = self.rig.noise.unwrap();
-        let picture = Picture::from_frames(&self.manifest, &stack, &noise).unwrap();
-        (picture, self.decoder.decode(&stack).unwrap())
+        let image = BoardImage::from_frames(&self.manifest, &stack, &noise).unwrap();
+        (image, self.decoder.decode(&stack).unwrap())
     }
 
     /// Captures all poses, each with its own noise.
     pub fn sight(&self, poses: &[Pose], seed: u64) -> Vec<PoseData> {
         let sight = |(i, pose): (usize, &Pose)| {
-            let (picture, decoded) = self.shoot(pose, seed * 1000 + i as u64);
-            sight(&self.board, &format!("pose_{i:02}"), &picture, &decoded)
+            let (image, decoded) = self.shoot(pose, seed * 1000 + i as u64);
+            sight(&self.board, &format!("pose_{i:02}"), &image, &decoded)
                 .unwrap_or_else(|why| panic!("pose {i}: {why}"))
         };
         poses.iter().enumerate().map(sight).collect()
@@ -122,8 +122,8 @@ pub fn shots(profile: &Profile, manifest: &Manifest) -> Vec<Shot> {
         id: i as u64,
         noise_id: i as u64,
         pattern_index: Some(i as u32),
-        slide: Some(Arc::new(
-            Slide::new(pattern, &profile.projector, &|_| unreachable!()).unwrap(),
+        pattern_image: Some(Arc::new(
+            PatternImage::new(pattern, &profile.projector, &|_| unreachable!()).unwrap(),
         )),
         light: 1.0,
         exposure_ns: (profile.camera.exposure_us * 1e3) as u64,

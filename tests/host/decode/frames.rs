@@ -86,13 +86,13 @@ fn frames_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn pictures_in_a_sequence_need_no_frame() {
+fn images_in_a_sequence_need_no_frame() {
     let positions = sweep(8);
     let scene = Scene::default();
     let list = [equal(Axis::X, 16.0, 4), gray(Axis::X, 8.0, 0..8, true)].concat();
     let plain = manifest(list.clone());
-    let mut with_picture = list;
-    with_picture.insert(
+    let mut with_image = list;
+    with_image.insert(
         3,
         Pattern::Image {
             file: "speckle.png".into(),
@@ -101,7 +101,7 @@ fn pictures_in_a_sequence_need_no_frame() {
     let frames = scene.frames_u8(&plain, &positions);
     let mut samples: Vec<Samples<'_>> = frames.iter().map(|f| Samples::U8(f)).collect();
     samples.insert(3, Samples::U8(&[]));
-    let decoder = Decoder::new(&manifest(with_picture), WIDTH, 8, None, scene.options()).unwrap();
+    let decoder = Decoder::new(&manifest(with_image), WIDTH, 8, None, scene.options()).unwrap();
     let decoded = decoder
         .decode(&FrameStack::new(WIDTH, 8, samples).unwrap())
         .unwrap();

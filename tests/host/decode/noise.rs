@@ -127,7 +127,7 @@ fn weights_make_use_of_shot_noise() {
             let says = decoded
                 .notes
                 .iter()
-                .any(|note| note.contains("weigh the same"));
+                .any(|note| note.contains("have equal weight"));
             assert_eq!(says, weighted && n == 3, "{n} {:?}", decoded.notes);
             figures(&decoded, Axis::X, &positions, 4.0)
         });

@@ -263,7 +263,7 @@ fn a_lone_period_is_wrapped_or_unwrapped_along_space() {
     };
     let known = "axis x is known modulo 16 px only";
     assert!(says(&wrapped, known), "{:?}", wrapped.notes);
-    assert!(!says(&unwrapped, known) && says(&unwrapped, "along space"));
+    assert!(!says(&unwrapped, known) && says(&unwrapped, "spatially"));
     let first = (0..positions.len()).find(|&i| s.coordinate[i].is_finite());
     let first = first.unwrap();
     let shift = ((f64::from(s.coordinate[first]) - positions[first][0]) / 16.0).round() * 16.0;

@@ -224,7 +224,10 @@ fn a_fault_is_named_and_the_run_repeated_once() {
         (Fault::Stray, "frame 81 with pattern 4 is foreign"),
         (Fault::Damaged, "frame 4: its payload is damaged"),
         (Fault::WrongSize, "frame 4 is foreign: 640 x 240 pixels"),
-        (Fault::LastId, "frame 5 is foreign: ids end before it"),
+        (
+            Fault::LastId,
+            "frame 5 is foreign: the frame ids overflow before it",
+        ),
     ] {
         let (captured, retries) = scan(fault, 1, &options());
         assert_eq!(captured.unwrap().frames.len(), 13, "{fault:?}");
@@ -329,7 +332,11 @@ fn a_device_that_is_none_is_told_apart() {
             "login: \\n\"): is it a SCPI instrument?",
         ),
         (true, b"", "no answer to TRIG:SOUR? within 0.02 s"),
-        (true, b"\xff\xfe\n", "no answer to it: \"\\xff\\xfe\""),
+        (
+            true,
+            b"\xff\xfe\n",
+            "received something else: \"\\xff\\xfe\"",
+        ),
         (
             true,
             b"0,\"No error\"\n",

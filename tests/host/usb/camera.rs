@@ -150,7 +150,7 @@ fn exposure_and_gain_are_read_and_set() {
 fn faults_damage_their_frame_and_the_stream_goes_on() {
     for (fault, says) in [
         (Fault::PayloadError, "reports an error"),
-        (Fault::ShortFrame, "30000 of its 60000"),
+        (Fault::ShortFrame, "30000 of 60000"),
         (Fault::FrozenFid, "identifier"),
         (Fault::Stall, "halted"),
     ] {

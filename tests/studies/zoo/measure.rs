@@ -4,7 +4,7 @@
 use crate::zoo::device::Device;
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
 use phasmid::emulator::render::Renderer;
-use phasmid::emulator::{Shot, Slide, Truth};
+use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::pattern::{Axis, finest_fringe};
 use phasmid::profile::{Profile, Scene};
 use std::fmt;
@@ -50,12 +50,13 @@ pub fn measure(device: &Device, seed: u64) -> Measured {
     let shots: Vec<_> = patterns
         .enumerate()
         .map(|(i, pattern)| {
-            let slide = Slide::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap();
+            let pattern_image =
+                PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap();
             let shot = Shot {
                 id: i as u64,
                 noise_id: i as u64,
                 pattern_index: Some(i as u32),
-                slide: Some(Arc::new(slide)),
+                pattern_image: Some(Arc::new(pattern_image)),
                 light: 1.0,
                 exposure_ns: (profile.camera.exposure_us * 1e3) as u64,
                 ..Shot::default()

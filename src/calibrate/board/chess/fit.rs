@@ -24,7 +24,7 @@
 
 use super::blur::Blur;
 use super::edge::{Edge, normal};
-use crate::board::Picture;
+use crate::board::BoardImage;
 use glam::{DMat2, DVec2};
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::PI;
@@ -72,18 +72,18 @@ pub(super) struct Corner {
 
 /// Measures a corner, with `blur` as the prior of the image's blur. Returns `None` if there is no
 /// corner of that polarity, or if the fit is poor.
-pub(super) fn fit(picture: &Picture, guess: &Guess, blur: &Blur) -> Option<Corner> {
+pub(super) fn fit(image: &BoardImage, guess: &Guess, blur: &Blur) -> Option<Corner> {
     let turn = guess.along_x.perp_dot(guess.along_y);
     if !(turn.is_finite() && guess.px.is_finite() && turn > 1.0) {
         return None;
     }
     // First with a window for a typical blur, then with one for the estimated blur.
     let mut state = State::first(guess, blur);
-    let window = Window::cut(picture, guess, guess.px, blur, 0.7)?;
+    let window = Window::cut(image, guess, guess.px, blur, 0.7)?;
     state.level(&window)?;
     window.solve(&mut state, guess, 0.01)?;
     let (centre, wide) = (state.centre, (state.variance + PIXEL).sqrt());
-    let window = Window::cut(picture, guess, centre, blur, wide)?;
+    let window = Window::cut(image, guess, centre, blur, wide)?;
     let fit = window.solve(&mut state, guess, 1e-4)?;
     state.accept(&window, &fit, guess)
 }
@@ -358,7 +358,7 @@ impl Window {
     /// Collects the pixels that depend only on the corner's own two edges, for a corner at `centre`
     /// and a blur (standard deviation) of `blur` pixels.
     fn cut(
-        picture: &Picture,
+        image: &BoardImage,
         guess: &Guess,
         centre: DVec2,
         known: &Blur,
@@ -378,18 +378,15 @@ impl Window {
             let high = (middle + radius).floor().min(size as f64 - 1.0);
             (low <= high).then_some((low as usize, high as usize))
         };
-        let (left, right) = bounds(centre.x, picture.width)?;
-        let (top, bottom) = bounds(centre.y, picture.height)?;
+        let (left, right) = bounds(centre.x, image.width)?;
+        let (top, bottom) = bounds(centre.y, image.height)?;
         let mut pixels = Vec::new();
         for (y, x) in (top..=bottom).flat_map(|y| (left..=right).map(move |x| (y, x))) {
             let place = DVec2::new(x as f64, y as f64);
             let d = place - centre;
             let inside = (0..2).all(|i| normals[i].dot(d).abs() <= reach[i]);
-            let at = y * picture.width + x;
-            let (level, variance) = (
-                f64::from(picture.level[at]),
-                f64::from(picture.variance[at]),
-            );
+            let at = y * image.width + x;
+            let (level, variance) = (f64::from(image.level[at]), f64::from(image.variance[at]));
             let known = level.is_finite() && variance > 0.0 && variance.is_finite();
             if inside && known && d.length() <= radius {
                 let weight = 1.0 / variance;

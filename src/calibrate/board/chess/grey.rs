@@ -1,6 +1,6 @@
 //! Greyscale images for the corner search: invalid pixels filled in, smoothed, or halved in size.
 
-use crate::board::Picture;
+use crate::board::BoardImage;
 use glam::DVec2;
 use rayon::prelude::*;
 
@@ -19,9 +19,9 @@ pub(super) const SMOOTHED: f32 = 70.0 / 256.0;
 impl Grey {
     /// Converts an image. Invalid pixels become as light as the lightest, because they are
     /// saturated. The noise is the 90th percentile of the pixels' noise.
-    pub(super) fn of(picture: &Picture) -> Self {
-        let size = picture.width.saturating_mul(picture.height);
-        if picture.level.len() != size || picture.variance.len() != size {
+    pub(super) fn of(image: &BoardImage) -> Self {
+        let size = image.width.saturating_mul(image.height);
+        if image.level.len() != size || image.variance.len() != size {
             return Self {
                 width: 0,
                 height: 0,
@@ -29,7 +29,7 @@ impl Grey {
                 noise: 0.0,
             };
         }
-        let finite = picture.level.iter().copied().filter(|v| v.is_finite());
+        let finite = image.level.iter().copied().filter(|v| v.is_finite());
         let lightest = finite.fold(0.0_f32, f32::max).min(1e12);
         let fill = |&v: &f32| {
             if v.is_finite() {
@@ -39,14 +39,14 @@ impl Grey {
             }
         };
         let stride = (size / 10_000).max(1);
-        let mut variances: Vec<f32> = picture.variance.iter().step_by(stride).copied().collect();
+        let mut variances: Vec<f32> = image.variance.iter().step_by(stride).copied().collect();
         variances.retain(|v| *v > 0.0 && v.is_finite());
         variances.sort_by(f32::total_cmp);
         let noise = variances.get(variances.len() * 9 / 10).copied();
         Self {
-            width: picture.width,
-            height: picture.height,
-            level: picture.level.iter().map(fill).collect(),
+            width: image.width,
+            height: image.height,
+            level: image.level.iter().map(fill).collect(),
             noise: noise.unwrap_or(0.0).sqrt(),
         }
     }

@@ -24,7 +24,7 @@ mod saddles;
 #[cfg(test)]
 mod tests;
 
-use super::{NotFound, Picture, Seen};
+use super::{BoardImage, NotFound, Seen};
 use blur::Blur;
 use fit::{Corner, Guess, fit};
 use glam::{DMat2, DVec2};
@@ -51,7 +51,7 @@ const SPARE: usize = 10;
 /// # Errors
 /// Returns an error with a description of what was found if there is no board, only a part of one,
 /// a different one, or more than one.
-pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
+pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
     let wanted = board.grid();
     if wanted.iter().any(|&n| n < 3) {
         return Err(NotFound::Ambiguous {
@@ -59,7 +59,7 @@ pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
             wanted: "3 x 3 corners or more".into(),
         });
     }
-    let mut grey = Grey::of(picture);
+    let mut grey = Grey::of(image);
     let mut worst = Best::default();
     for halvings in 0..=HALVINGS {
         let smoothed = grey.smoothed();
@@ -70,11 +70,11 @@ pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
         let scale = f64::from(1 << halvings);
         match whole[..] {
             [] => worst.consider(&saddles, &grids),
-            [grid] => return measure(board, picture, &saddles, grid, scale),
+            [grid] => return measure(board, image, &saddles, grid, scale),
             _ => {
                 return Err(NotFound::Ambiguous {
                     found: format!("{} boards of {} corners", whole.len(), words(wanted)),
-                    wanted: "one of them".into(),
+                    wanted: "one board".into(),
                 });
             }
         }
@@ -123,7 +123,7 @@ impl Best {
         if self.corners < WORTH_A_WORD {
             return NotFound::Nothing {
                 found: format!(
-                    "{} places like corners, {} of them in one grid",
+                    "{} corner candidates, {} of them in one grid",
                     self.saddles, self.corners
                 ),
                 wanted: all,
@@ -146,7 +146,7 @@ impl Best {
 /// Labels and measures a complete grid found in an image whose pixels are `scale` times as large.
 fn measure(
     board: &Board,
-    picture: &Picture,
+    image: &BoardImage,
     saddles: &[Saddle],
     grid: &Grid,
     scale: f64,
@@ -182,7 +182,7 @@ fn measure(
     let corners = |guesses: &[([u32; 2], Guess)], blur: &Blur| -> Vec<Option<Corner>> {
         let corner = |(_, guess): &([u32; 2], Guess)| {
             let shortest = guess.along_x.length().min(guess.along_y.length());
-            (shortest >= LEAST_PX).then(|| fit(picture, guess, blur))?
+            (shortest >= LEAST_PX).then(|| fit(image, guess, blur))?
         };
         guesses.par_iter().map(corner).collect()
     };

@@ -5,7 +5,7 @@
 //! pixels form a blob; its moments, weighted by darkness, give the initial ellipse of the fit.
 
 use super::ellipse::{Ellipse, root};
-use crate::board::Picture;
+use crate::board::BoardImage;
 use glam::{DMat2, DVec2};
 
 /// Minimum difference of a dark pixel from the mean, in standard deviations of its noise.
@@ -46,9 +46,9 @@ struct Sums {
 }
 
 /// Finds blobs darker than `part` times the mean of the square of `side` pixels around them.
-pub(super) fn find(picture: &Picture, side: usize, part: f64) -> Vec<Blob> {
-    let (width, height) = (picture.width, picture.height);
-    let mut columns = ColumnSums::new(picture, side / 2);
+pub(super) fn find(image: &BoardImage, side: usize, part: f64) -> Vec<Blob> {
+    let (width, height) = (image.width, image.height);
+    let mut columns = ColumnSums::new(image, side / 2);
     let mut darkness = vec![0.0f32; width];
     let mut runs: Vec<Run> = Vec::new();
     let mut sums: Vec<Sums> = Vec::new();
@@ -174,7 +174,7 @@ fn blob(sum: &Sums) -> Option<Blob> {
 
 /// Column sums over a band of rows that moves down the image.
 struct ColumnSums<'a> {
-    picture: &'a Picture,
+    image: &'a BoardImage,
     half: usize,
     sums: Vec<f64>,
     counts: Vec<f64>,
@@ -183,19 +183,19 @@ struct ColumnSums<'a> {
 }
 
 impl<'a> ColumnSums<'a> {
-    fn new(picture: &'a Picture, half: usize) -> Self {
+    fn new(image: &'a BoardImage, half: usize) -> Self {
         Self {
-            picture,
+            image,
             half,
-            sums: vec![0.0; picture.width],
-            counts: vec![0.0; picture.width],
+            sums: vec![0.0; image.width],
+            counts: vec![0.0; image.width],
             band: 0..0,
         }
     }
 
     fn add(&mut self, row: usize, sign: f64) {
-        let width = self.picture.width;
-        let levels = &self.picture.level[row * width..][..width];
+        let width = self.image.width;
+        let levels = &self.image.level[row * width..][..width];
         for ((sum, count), &level) in self.sums.iter_mut().zip(&mut self.counts).zip(levels) {
             let known = level.is_finite();
             *sum += if known { sign * f64::from(level) } else { 0.0 };
@@ -206,7 +206,7 @@ impl<'a> ColumnSums<'a> {
     /// Computes the darkness of a row's pixels relative to the paper's level; 0 where a pixel is
     /// not dark.
     fn row(&mut self, v: usize, part: f64, darkness: &mut [f32]) {
-        let (width, height) = (self.picture.width, self.picture.height);
+        let (width, height) = (self.image.width, self.image.height);
         while self.band.end < (v + self.half + 1).min(height) {
             self.add(self.band.end, 1.0);
             self.band.end += 1;
@@ -215,8 +215,8 @@ impl<'a> ColumnSums<'a> {
             self.add(self.band.start, -1.0);
             self.band.start += 1;
         }
-        let levels = &self.picture.level[v * width..][..width];
-        let variances = &self.picture.variance[v * width..][..width];
+        let levels = &self.image.level[v * width..][..width];
+        let variances = &self.image.variance[v * width..][..width];
         let (mut sum, mut count) = (0.0, 0.0);
         for u in 0..(self.half).min(width) {
             sum += self.sums[u];

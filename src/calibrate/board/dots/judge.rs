@@ -4,7 +4,7 @@ use super::ellipse::Ellipse;
 use super::known::{Dot, Dots, median};
 use super::lattice::Cell;
 use super::measure::Measure;
-use crate::board::{NotFound, Picture};
+use crate::board::{BoardImage, NotFound};
 use glam::DVec2;
 use phasmid_geometry::Board;
 
@@ -29,7 +29,7 @@ const LIT: f64 = 0.6;
 
 /// Properties that the dots of an image share.
 pub(super) struct Judge<'a> {
-    picture: &'a Picture,
+    image: &'a BoardImage,
     sigma: f64,
     /// Medians of chi-square per degree of freedom (at least 1) and of the contrast.
     pub chi2: f64,
@@ -47,7 +47,7 @@ impl<'a> Judge<'a> {
             )
         };
         Self {
-            picture: measure.picture,
+            image: measure.image,
             sigma: measure.blur.sqrt(),
             chi2: of(|fit| fit.chi2).unwrap_or(1.0).max(1.0),
             contrast: of(|fit| fit.model.contrast).unwrap_or(1.0),
@@ -59,8 +59,8 @@ impl<'a> Judge<'a> {
         let reach = dot.reach() + 0.5 + 2.0 * self.sigma;
         let (low, high) = (dot.centre - reach, dot.centre + reach);
         low.min_element() >= -0.5
-            && high.x <= self.picture.width as f64 - 0.5
-            && high.y <= self.picture.height as f64 - 0.5
+            && high.x <= self.image.width as f64 - 0.5
+            && high.y <= self.image.height as f64 - 0.5
     }
 
     /// Whether a dot fits the grid and is complete and well measured.
@@ -140,7 +140,7 @@ pub(super) fn proportions(dots: &Dots) -> Result<(), NotFound> {
     Err(NotFound::WrongBoard {
         found: format!("dots of {dot:.2} and markers of {marker:.2} times the pitch"),
         wanted: format!(
-            "dots of {:.2} and markers of {:.2} times the pitch, {PROPORTION} times more or less",
+            "dots of {:.2} and markers of {:.2} times the pitch, within a factor of {PROPORTION}",
             said[0], said[1]
         ),
     })
@@ -207,7 +207,7 @@ impl Judge<'_> {
             .iter()
             .any(|px| {
                 let (u, v) = (px.x as usize, px.y as usize);
-                let level = self.picture.level.get(v * self.picture.width + u);
+                let level = self.image.level.get(v * self.image.width + u);
                 level.is_some_and(|&level| f64::from(level) > LIT * paper)
             });
         Some(lit)

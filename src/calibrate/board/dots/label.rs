@@ -71,7 +71,7 @@ pub(super) fn label(board: &Board, blobs: &[Blob], grid: &Grid) -> Result<Labels
         ([(_, only)], []) => Ok(*only),
         ([], [_, ..]) => Err(NotFound::Mirrored {
             found: format!(
-                "{} markers among {} dots in the order that a mirror shows",
+                "{} markers among {} dots in mirrored order",
                 large.len(),
                 grid.len()
             ),

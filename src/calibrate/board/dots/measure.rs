@@ -6,7 +6,7 @@ use super::fit::{Fit, Known, Patch, fit};
 use super::known::{Dot, Dots, median};
 use super::lattice::Cell;
 use super::step::Steps;
-use crate::board::Picture;
+use crate::board::BoardImage;
 use rayon::prelude::*;
 
 /// Width of the ring of paper around a dot that its fit uses, in pixels, in addition to the blur.
@@ -23,7 +23,7 @@ const WIDE: f64 = 0.1;
 
 /// An image and the blur and contrast that all its dots share.
 pub(super) struct Measure<'a> {
-    pub picture: &'a Picture,
+    pub image: &'a BoardImage,
     pub steps: Steps,
     /// Variance of the blur in pixels squared.
     pub blur: f64,
@@ -33,9 +33,9 @@ pub(super) struct Measure<'a> {
 impl<'a> Measure<'a> {
     /// Estimates blur and contrast from the markers and a sample of other dots, then fits every
     /// known dot.
-    pub fn new(picture: &'a Picture, dots: &mut Dots) -> Self {
+    pub fn new(image: &'a BoardImage, dots: &mut Dots) -> Self {
         let mut this = Self {
-            picture,
+            image,
             steps: Steps::new(),
             blur: 0.1,
             known: Known {
@@ -191,12 +191,12 @@ impl<'a> Measure<'a> {
         overlapping: bool,
         scratch: &mut Vec<Covered>,
     ) -> Option<Patch> {
-        let Picture {
+        let BoardImage {
             width,
             height,
             level,
             variance,
-        } = self.picture;
+        } = self.image;
         let field = self.field(&dot);
         let window = Window::about(dot.centre, field.reach(), *width, *height)?;
         let rows = || (window.top..window.top + window.height).map(|v| v * width + window.left);

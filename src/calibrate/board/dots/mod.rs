@@ -24,7 +24,7 @@ mod step;
 #[cfg(test)]
 mod tests;
 
-use crate::board::{NotFound, Picture, Seen};
+use crate::board::{BoardImage, NotFound, Seen};
 use blobs::Blob;
 use known::{Dot, Dots};
 use label::Labels;
@@ -59,22 +59,22 @@ const SIDES: std::ops::RangeInclusive<u32> = 5..=199;
 /// # Errors
 /// Returns an error if no dot board is found, its orientation is ambiguous, the image is mirrored,
 /// or the board differs from the specified one.
-pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
+pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
     let [columns, rows] = board.grid();
     let nothing = |found: String| NotFound::Nothing {
         found,
         wanted: format!("a grid of {columns} x {rows} dark dots, or a part with its markers"),
     };
     let Board::Dots { .. } = board else {
-        return Err(nothing("a search for dots".into()));
+        return Err(nothing("a board without dots".into()));
     };
-    let pixels = picture.width.checked_mul(picture.height);
-    if pixels != Some(picture.level.len()) || pixels != Some(picture.variance.len()) {
-        return Err(nothing("a picture whose pixels are not all there".into()));
+    let pixels = image.width.checked_mul(image.height);
+    if pixels != Some(image.level.len()) || pixels != Some(image.variance.len()) {
+        return Err(nothing("an image with missing pixels".into()));
     }
     if !(SIDES.contains(&columns) && SIDES.contains(&rows)) {
         return Err(nothing(format!(
-            "a search for a board beyond {} to {} dots a side",
+            "a board outside {} to {} dots a side",
             SIDES.start(),
             SIDES.end()
         )));
@@ -82,10 +82,10 @@ pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
     let (mut most_blobs, mut best) = (0, None::<(usize, NotFound)>);
     let mut largest = 0;
     for (side, part) in TRIALS {
-        if side / 2 > picture.width.max(picture.height) {
+        if side / 2 > image.width.max(image.height) {
             continue;
         }
-        let blobs = blobs::find(picture, side, part);
+        let blobs = blobs::find(image, side, part);
         most_blobs = most_blobs.max(blobs.len());
         if blobs.len() < LEAST {
             continue;
@@ -104,7 +104,7 @@ pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
         }
         match labelled.as_slice() {
             [] => {}
-            [(grid, labels)] => return seen(board, picture, &blobs, grid, labels),
+            [(grid, labels)] => return seen(board, image, &blobs, grid, labels),
             several => {
                 return Err(NotFound::Ambiguous {
                     found: format!("{} boards", several.len()),
@@ -116,7 +116,7 @@ pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
     match best {
         Some((_, why)) => Err(why),
         None => Err(nothing(format!(
-            "{most_blobs} dark blobs that make no grid"
+            "{most_blobs} dark blobs that do not form a grid"
         ))),
     }
 }
@@ -124,7 +124,7 @@ pub fn find(board: &Board, picture: &Picture) -> Result<Vec<Seen>, NotFound> {
 /// Measures the dots of a labelled grid.
 fn seen(
     board: &Board,
-    picture: &Picture,
+    image: &BoardImage,
     blobs: &[Blob],
     grid: &Grid,
     labels: &Labels,
@@ -147,7 +147,7 @@ fn seen(
         known.remove(&cell);
     }
     let mut dots = Dots { board, known };
-    let measure = measure::Measure::new(picture, &mut dots);
+    let measure = measure::Measure::new(image, &mut dots);
     let judge = judge::Judge::new(&measure, &dots);
     judge::proportions(&dots)?;
     judge.sift(&mut dots);

@@ -8,7 +8,7 @@
 
 mod pen;
 
-use super::{Picture, Seen};
+use super::{BoardImage, Seen};
 use glam::{DMat2, DVec2};
 use image::{Rgb, RgbImage};
 use pen::Pen;
@@ -26,7 +26,7 @@ const SIDE: usize = 1000;
 
 /// Draws the points on the image, enlarged if it is small. Saturated pixels are yellowish. Returns
 /// an empty image if the number of levels differs from the number of pixels.
-pub fn draw(picture: &Picture, board: &Board, seen: &[Seen]) -> RgbImage {
+pub fn draw(picture: &BoardImage, board: &Board, seen: &[Seen]) -> RgbImage {
     let sizes = u32::try_from(picture.width)
         .ok()
         .zip(u32::try_from(picture.height).ok());
@@ -163,9 +163,9 @@ fn caption(image: &mut RgbImage, text: &str) {
 mod tests {
     use super::*;
 
-    fn picture(width: usize, height: usize) -> Picture {
+    fn picture(width: usize, height: usize) -> BoardImage {
         let level = (0..width * height).map(|i| (i % width) as f32).collect();
-        Picture {
+        BoardImage {
             width,
             height,
             level,
@@ -232,7 +232,7 @@ mod tests {
         for (width, height) in [(0, 0), (1, 1), (3, 1), (1, 9)] {
             draw(&picture(width, height), &board, &seen(&board, 30.0, 0.0));
         }
-        let broken = Picture {
+        let broken = BoardImage {
             level: vec![0.0; 3],
             width: 1 << 40,
             ..picture(1, 1)
@@ -244,7 +244,7 @@ mod tests {
         odd[2].px = DVec2::splat(f64::INFINITY);
         odd[3].outline = DMat2::IDENTITY * 1e300;
         draw(&picture(100, 80), &board, &odd);
-        let dark = Picture {
+        let dark = BoardImage {
             level: vec![f32::NAN; 64],
             ..picture(8, 8)
         };

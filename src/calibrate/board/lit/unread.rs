@@ -9,13 +9,13 @@ pub enum Unread {
     #[error("without both of the projector's coordinates, or with too few of the board's points")]
     Unresolved,
     /// Fewer than 12 pixels around the point were decoded.
-    #[error("with fewer than 12 decoded pixels about them")]
+    #[error("with fewer than 12 decoded pixels around them")]
     FewPixels,
     /// The decoded pixels lie on one side of the point only.
     #[error("with decoded pixels on one side of them only")]
     OneSided,
     /// The decoded coordinates do not lie on a plane.
-    #[error("about which the decoded coordinates contradict each other")]
+    #[error("around which the decoded coordinates contradict each other")]
     Scattered,
 }
 

@@ -9,15 +9,15 @@
 //! | `stage` | drawing of rig and boards |
 //! | `coverage` | coverage of the images |
 //! | `tables` | parameters and poses |
-//! | `pictures` | images of the detected boards |
+//! | `images` | images of the detected boards |
 //! | `spots`, `normal`, `html` | points of all poses, normal distribution, HTML elements |
 
 mod coverage;
 mod errors;
+mod figures;
 mod head;
 mod html;
 mod normal;
-mod pictures;
 mod residuals;
 mod spots;
 mod stage;
@@ -52,7 +52,7 @@ pub(super) fn page(calibration: &Calibration, about: &About, summary: &Summary) 
         ),
         ("Parameters", tables::parameters(solution)),
         ("Table of poses", tables::poses(solution, about)),
-        ("What was found", pictures::pictures(about)),
+        ("What was found", figures::images(about)),
     ];
     let title = "Calibration of a camera and a projector";
     let mut out = format!(

@@ -46,7 +46,7 @@ pub(super) fn residuals(solution: &Solution, camera: &[Spot], projector: &[Spot]
     out.push_str(&note(&format!(
         "Arrows show seen minus expected, enlarged as the sample arrow says; rings are outliers. \
          Root of the mean square of the cells' whitened means, times the root of their points: {}. \
-         It is near 1 where residuals are noise, and larger where a lens is not as its model.",
+         It is near 1 where residuals are noise, and larger where a lens deviates from its model.",
         systematic.join(", ")
     )));
     out

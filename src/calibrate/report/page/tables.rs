@@ -48,7 +48,7 @@ pub(super) fn parameters(solution: &Solution) -> String {
 pub(super) fn poses(solution: &Solution, about: &About) -> String {
     let rows = solution.poses.iter().enumerate().map(|(i, pose)| {
         let name = escaped(&pose.name);
-        let name = match about.picture(&pose.name) {
+        let name = match about.image(&pose.name) {
             Some(file) => format!("<a href=\"{}\">{name}</a>", address(file)),
             None => name,
         };

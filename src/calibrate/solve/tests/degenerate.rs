@@ -107,7 +107,7 @@ fn points_finer_than_rounding_are_named() {
 }
 
 #[test]
-fn mirrored_pictures_and_coordinates_are_named() {
+fn mirrored_images_and_coordinates_are_named() {
     let scene = scene(poses(5, 1000.0, 1));
     let mut flipped = scene.sightings(Some(1));
     for s in flipped.iter_mut().flat_map(|p| &mut p.sightings) {

@@ -112,7 +112,9 @@ fn a_fixed_choice_is_kept_and_judged() {
             &choice([true; 5]),
         );
         let warnings = found.unwrap().warnings;
-        warnings.iter().any(|w| w.contains("cannot be told from 0"))
+        warnings
+            .iter()
+            .any(|w| w.contains("cannot be distinguished from 0"))
     });
     assert!(told.count() >= 1);
 }

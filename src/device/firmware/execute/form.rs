@@ -43,8 +43,8 @@ impl Firmware {
                 | C::ClearStatus
                 | C::Wait
                 | C::BusTrigger
-                | C::Picture
-                | C::DeletePicture
+                | C::Image
+                | C::DeleteImage
                 | C::Define
                 | C::Delete
                 | C::Trigger

@@ -43,8 +43,8 @@ impl Firmware {
             | Command::Count
             | Command::Period
             | Command::Data
-            | Command::Picture
-            | Command::DeletePicture
+            | Command::Image
+            | Command::DeleteImage
             | Command::Define
             | Command::Delete => self.sequence(unit, command),
             Command::Trigger
@@ -114,7 +114,7 @@ impl Firmware {
     }
 
     pub(super) fn sequence_len(&self) -> u32 {
-        self.selected.slides.len() as u32
+        self.selected.pattern_images.len() as u32
     }
 }
 

@@ -70,14 +70,14 @@ impl Firmware {
         }
         let name = args.text()?;
         match command {
-            Command::Picture => {
+            Command::Image => {
                 let bytes = args.block()?;
                 args.finish()?;
                 self.memory.upload(name, bytes)?;
             }
-            Command::DeletePicture => {
+            Command::DeleteImage => {
                 args.finish()?;
-                self.memory.delete_picture(name)?;
+                self.memory.delete_image(name)?;
             }
             Command::Define => {
                 let toml = args.block()?;

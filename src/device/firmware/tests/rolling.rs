@@ -37,10 +37,10 @@ fn a_frame_ends_with_its_last_row_and_the_next_one_does_not_wait() {
         // The next pattern is shown while the last rows are exposed; the last one stays.
         let then = &shot.then[..];
         if i < 12 {
-            let slides = &port.firmware.selected.slides;
+            let pattern_images = &port.firmware.selected.pattern_images;
             assert_eq!(then.len(), 1);
             assert_eq!(then[0].from_ns, 12 * MS * (i + 1));
-            assert!(then[0].slide.as_ref() == Some(&slides[i as usize + 1]));
+            assert!(then[0].pattern_image.as_ref() == Some(&pattern_images[i as usize + 1]));
         } else {
             assert_eq!(then, []);
         }
@@ -69,7 +69,11 @@ fn with_its_light_off_the_projector_leaks_none() {
     port.tell("PROJ:POW OFF;:TRIG:SOUR BUS;:SEQ:PER 12ms;:INIT;*TRG");
     port.at(1000 * MS);
     let shots = port.shots.iter().map(|e| &e.shot);
-    assert!(shots.flat_map(|s| &s.then).all(|then| then.slide.is_none()));
+    assert!(
+        shots
+            .flat_map(|s| &s.then)
+            .all(|then| then.pattern_image.is_none())
+    );
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Sequences and calibration over the port, the user's own too.
 
 use super::{MS, Port};
-use crate::Slide;
+use crate::PatternImage;
 use phasmid_profile::Profile;
 
 #[test]
@@ -86,7 +86,8 @@ fn a_sequence_of_the_user_s_own_comes_over_the_port() {
     );
     port.tell("TRIG:SOUR BUS;:INIT;*TRG");
     port.at(1000 * MS);
-    let Some(Slide::Picture { levels, .. }) = port.shots[0].shot.slide.as_deref() else {
+    let Some(PatternImage::Image { levels, .. }) = port.shots[0].shot.pattern_image.as_deref()
+    else {
         panic!("{:?}", port.shots)
     };
     assert_eq!(levels[854 + 3], 4, "row 1, column 3");

@@ -1,9 +1,9 @@
-//! A projector that has a time: what may be set, when patterns are shown, and triggers that come too
-//! early.
+//! A projector that has a time: what may be set, when patterns are shown, and triggers that come
+//! too early.
 
 use super::{MS, Port};
 use crate::firmware::State;
-use crate::{Shot, Slide};
+use crate::{PatternImage, Shot};
 use phasmid_profile::{Profile, Timing};
 
 const US: u64 = 1000;
@@ -106,20 +106,28 @@ fn what_a_controller_cannot_show_is_refused() {
     };
     assert_eq!(
         reply,
-        "-221,\"Settings conflict;patterns shown for 9900 us and 202 us of darkness, allowed the \
-         period of 10000 us at most\""
+        "-221,\"Settings conflict;patterns shown for 9900 us and 202 us of darkness, allowed at most \
+         the period of 10000 us\""
     );
 }
 
 /// What a shot sees: places in the selected sequence, or darkness, and from when on.
 fn seen(port: &Port, shot: &Shot) -> Vec<(Option<usize>, u64)> {
-    let slides = &port.firmware.selected.slides;
-    let place = |slide: &Option<std::sync::Arc<Slide>>| {
-        let slide = slide.as_ref()?;
-        Some(slides.iter().position(|s| s == slide).unwrap())
+    let pattern_images = &port.firmware.selected.pattern_images;
+    let place = |pattern_image: &Option<std::sync::Arc<PatternImage>>| {
+        let pattern_image = pattern_image.as_ref()?;
+        Some(
+            pattern_images
+                .iter()
+                .position(|s| s == pattern_image)
+                .unwrap(),
+        )
     };
-    let then = shot.then.iter().map(|s| (place(&s.slide), s.from_ns));
-    std::iter::once((place(&shot.slide), shot.start_ns))
+    let then = shot
+        .then
+        .iter()
+        .map(|s| (place(&s.pattern_image), s.from_ns));
+    std::iter::once((place(&shot.pattern_image), shot.start_ns))
         .chain(then)
         .collect()
 }
@@ -164,15 +172,18 @@ fn a_camera_that_starts_with_the_period_sees_the_darkness_too() {
     let sequence = port.firmware.selected_sequence();
     for ((_, asked), taken) in sequence[1..].iter().zip(&port.shots) {
         assert_eq!(
-            (&asked.slide, &asked.then),
-            (&taken.shot.slide, &taken.shot.then)
+            (&asked.pattern_image, &asked.then),
+            (&taken.shot.pattern_image, &taken.shot.then)
         );
     }
     port.tell("PROJ:POW OFF;:INIT;*TRG");
     port.shots.clear();
     port.at(2000 * MS);
     let mut shots = port.shots.iter().map(|e| &e.shot);
-    assert!(shots.all(|s| s.slide.is_none() && s.then.iter().all(|t| t.slide.is_none())));
+    assert!(
+        shots
+            .all(|s| s.pattern_image.is_none() && s.then.iter().all(|t| t.pattern_image.is_none()))
+    );
 }
 
 #[test]
@@ -180,18 +191,21 @@ fn an_exposure_that_does_not_cover_a_grey_pattern_sees_bits() {
     let mut port = port(|_| {});
     port.tell("TRIG:SOUR BUS;:CAM:EXP 4250us;:INIT;*TRG");
     port.at(1000 * MS);
-    let slides = &port.firmware.selected.slides;
+    let pattern_images = &port.firmware.selected.pattern_images;
     for (place, exposure) in port.shots.iter().enumerate() {
         let shot = &exposure.shot;
         if place >= 4 {
             assert_eq!(
-                (&shot.slide, shot.then.len()),
-                (&Some(slides[place].clone()), 0)
+                (&shot.pattern_image, shot.then.len()),
+                (&Some(pattern_images[place].clone()), 0)
             );
             continue;
         }
         // Bit k starts after (2^k - 1) / 255 of 8.5 ms; half of the time is up within bit 7.
-        assert_eq!(shot.slide.as_deref(), Some(&slides[place].plane(0, 8)));
+        assert_eq!(
+            shot.pattern_image.as_deref(),
+            Some(&pattern_images[place].plane(0, 8))
+        );
         let starts: Vec<_> = shot
             .then
             .iter()
@@ -200,7 +214,10 @@ fn an_exposure_that_does_not_cover_a_grey_pattern_sees_bits() {
         let thirds = [1, 3, 7, 15, 31, 63, 127].map(|n| n * 100_000 / 3);
         assert_eq!(starts, thirds, "8.5 ms / 255 = 33333.3 ns");
         for (bit, showing) in (1..).zip(&shot.then) {
-            assert_eq!(showing.slide.as_deref(), Some(&slides[place].plane(bit, 8)));
+            assert_eq!(
+                showing.pattern_image.as_deref(),
+                Some(&pattern_images[place].plane(bit, 8))
+            );
         }
     }
     // Whole patterns have no bits, nor have those of a projector without them.

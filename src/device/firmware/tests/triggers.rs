@@ -2,7 +2,7 @@
 
 use super::{MS, Port};
 use crate::firmware::State;
-use crate::{Exposure, Slide};
+use crate::{Exposure, PatternImage};
 
 #[test]
 fn one_trigger_runs_the_sequence_on_time() {
@@ -187,11 +187,14 @@ fn shots_carry_what_was_set() {
         (4 * MS, 3.0, 0.25)
     );
     assert_eq!((readout.roi.x, readout.roi.width), (8, 16));
-    assert_eq!(shot.slide.as_deref(), Some(&Slide::Uniform(255)));
+    assert_eq!(
+        shot.pattern_image.as_deref(),
+        Some(&PatternImage::Uniform(255))
+    );
     port.shots.clear();
     port.tell("PROJ:POW OFF;:INIT;*TRG");
     port.at(2000 * MS);
-    assert_eq!(port.shots[0].shot.slide, None);
+    assert_eq!(port.shots[0].shot.pattern_image, None);
 }
 
 #[test]

@@ -262,8 +262,9 @@ impl<R: Read> Player<R> {
             expected,
             came,
         };
-        self.news
-            .push_back(format!("the client leaves the recorded path: {departure}"));
+        self.news.push_back(format!(
+            "the client departs from the recording: {departure}"
+        ));
         self.outcome.departures += 1;
         self.astray = true;
         self.input.clear();

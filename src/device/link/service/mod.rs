@@ -107,7 +107,7 @@ fn foreign(stream: &UnixStream, owner: u32) -> Option<String> {
     let whose = match stream.peer_cred() {
         Ok(cred) if cred.uid() == owner => return None,
         Ok(cred) => format!("user {}", cred.uid()),
-        Err(_) => "a user that the system does not tell".to_owned(),
+        Err(_) => "an unknown user".to_owned(),
     };
     Some(format!(
         "service channel: {whose}; expected its owner, user {owner}"

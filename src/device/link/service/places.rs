@@ -58,8 +58,8 @@ impl Places {
             });
             let Some((_, longest)) = idle.min() else {
                 return Err(format!(
-                    "service channel: one more connection; expected {MAX_CLIENTS} at a time, of \
-                     which one that has asked nothing for {} s makes room",
+                    "service channel: one connection too many; expected at most {MAX_CLIENTS} at a \
+                     time, or one that has been idle for {} s, which is then closed",
                     self.idle.as_secs_f64()
                 ));
             };

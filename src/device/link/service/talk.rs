@@ -44,8 +44,8 @@ pub(super) async fn converse(
         let line = tokio::select! {
             line = next_line(&mut reader) => line?,
             () = place.taken_back() => {
-                let why = "service channel: closed, for another client has come and this one has \
-                           asked nothing for the longest";
+                let why = "service channel: closed to make room for another client, as this one \
+                           has been idle the longest";
                 return dismiss(reader, writer, why).await;
             }
         };
@@ -137,7 +137,7 @@ async fn ask(
     client: &OwnedWriteHalf,
 ) -> Option<Answer> {
     let (reply, mut answer) = oneshot::channel();
-    let gone = || (Reply::refusal("the device is going away"), Vec::new());
+    let gone = || (Reply::refusal("the device is shutting down"), Vec::new());
     if caller.send((request, reply)).await.is_err() {
         return Some(gone());
     }

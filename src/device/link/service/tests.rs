@@ -138,7 +138,7 @@ fn one_too_many_is_told_so() {
     let mut more = channel.client();
     send(&mut more, QUICK);
     let words = error(&mut more).unwrap();
-    assert!(words.contains("expected 16 at a time"), "{words}");
+    assert!(words.contains("expected at most 16 at a time"), "{words}");
     assert!(is_over(&mut more));
     // The others are still connected, and a freed place can be taken.
     send(&mut clients[0], QUICK);
@@ -170,7 +170,7 @@ fn who_has_asked_nothing_for_the_longest_makes_room() {
     send(&mut more, QUICK);
     assert_eq!(error(&mut more), None);
     let words = error(&mut clients[1]).unwrap();
-    assert!(words.contains("another client has come"), "{words}");
+    assert!(words.contains("to make room for another client"), "{words}");
     assert!(is_over(&mut clients[1]));
     let answer = channel.waiting.lock().unwrap().remove(0);
     answer.send((Reply::default(), Vec::new())).unwrap();

@@ -17,7 +17,7 @@ impl Attached {
             Ok(Self(device.clone()))
         } else {
             Err(Error::device(
-                "USB: the device cannot be had: another host has it, or its firmware is behind",
+                "USB: device busy: attached elsewhere or not ready",
             ))
         }
     }

@@ -1,5 +1,5 @@
-//! Connects the firmware to its USB device: translates host actions to firmware calls and reports the
-//! firmware's state to the host.
+//! Connects the firmware to its USB device: translates host actions to firmware calls and reports
+//! the firmware's state to the host.
 
 use super::{CameraState, Event, UsbDevice};
 use crate::{CameraControls, Firmware, State, Stream, StreamSink};
@@ -61,7 +61,8 @@ impl Binding {
         self.device.is_streaming()
     }
 
-    /// Whether a host reads frames and its queue has room for another frame of a free-running camera.
+    /// Whether a host reads frames and its queue has room for another frame of a free-running
+    /// camera.
     pub(in crate::link) fn keeps_up(&self) -> bool {
         self.device.is_streaming() && !self.device.is_crowded()
     }

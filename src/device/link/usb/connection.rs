@@ -1,5 +1,5 @@
-//! A host's connection after it has imported a device: reads commands, has the session execute them,
-//! and writes its replies, many at a time.
+//! A host's connection after it has imported a device: reads commands, has the session execute
+//! them, and writes its replies, many at a time.
 
 use super::attached::Attached;
 use super::device::UsbDevice;
@@ -35,8 +35,8 @@ impl UsbDevice {
     }
 }
 
-/// Serves a host until it leaves, violates the protocol, or the device is unplugged. `clock` returns
-/// the time since an arbitrary fixed moment.
+/// Serves a host until it leaves, violates the protocol, or the device is unplugged. `clock`
+/// returns the time since an arbitrary fixed moment.
 ///
 /// # Errors
 /// Returns an error if the host violates the protocol or the socket fails.

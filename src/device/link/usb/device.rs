@@ -103,7 +103,8 @@ impl UsbDevice {
         &self.info
     }
 
-    /// Class, subclass and protocol of each interface followed by a zero, as in USB/IP device lists.
+    /// Class, subclass and protocol of each interface followed by a zero, as in USB/IP device
+    /// lists.
     pub(super) fn interface_classes(&self) -> Vec<u8> {
         let configuration = self.session().function.descriptors.configuration.clone();
         Walk::new(&configuration)
@@ -171,7 +172,8 @@ impl UsbDevice {
         self.session().video.started
     }
 
-    /// Returns whether the maximum number of frames of a free-running camera is queued for the host.
+    /// Returns whether the maximum number of frames of a free-running camera is queued for the
+    /// host.
     pub fn is_crowded(&self) -> bool {
         self.session().video.is_crowded()
     }

@@ -7,8 +7,8 @@
 use super::Event;
 use std::collections::VecDeque;
 
-/// Number of queued events above which no more commands are read; the firmware takes them many times
-/// a second.
+/// Number of queued events above which no more commands are read; the firmware takes them many
+/// times a second.
 const MAX_EVENTS: usize = 1024;
 
 /// Events in order of occurrence.

@@ -1,6 +1,6 @@
 //! Handles requests on the control endpoint: enumeration, negotiation and controls of the video
-//! class, line state of the serial class. Nothing blocks or sends here: a request goes in, an answer
-//! and possibly events come out.
+//! class, line state of the serial class. Nothing blocks or sends here: a request goes in, an
+//! answer and possibly events come out.
 
 use super::descriptors::{
     CAMERA_TERMINAL, Descriptors, ENDPOINTS, INTERFACES, PROCESSING_UNIT, SERIAL_CONTROL,
@@ -84,7 +84,8 @@ impl Function {
         std::mem::take(&mut self.events)
     }
 
-    /// The committed stream parameters, if the current configuration and setting can carry a stream.
+    /// The committed stream parameters, if the current configuration and setting can carry a
+    /// stream.
     pub(super) fn stream(&self) -> Option<Negotiation> {
         let carries = match self.descriptors.transfer {
             Transfer::Bulk => true,
@@ -94,7 +95,8 @@ impl Function {
             .filter(|_| carries && self.configuration == 1)
     }
 
-    /// Whether an endpoint (address with the direction in bit 7) is halted until the host clears it.
+    /// Whether an endpoint (address with the direction in bit 7) is halted until the host clears
+    /// it.
     pub(super) fn is_halted(&self, address: u8) -> bool {
         self.halted.contains(&address)
     }
@@ -270,8 +272,8 @@ impl Function {
         let (answer, set) = range.answer(setup.request, data)?;
         if let Some(units) = set {
             let longest = self.camera.settable_ns.ok_or(error_code::WRONG_STATE)?;
-            // Drivers set the limits of the range: clamp the exposure to the frame period, as cameras
-            // do.
+            // Drivers set the limits of the range: clamp the exposure to the frame period, as
+            // cameras do.
             self.camera.exposure_ns = (units * uvc::EXPOSURE_UNIT_NS).min(longest);
             self.events.push(Event::Exposure(self.camera.exposure_ns));
         }

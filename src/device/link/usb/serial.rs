@@ -1,4 +1,5 @@
-//! The serial port's endpoints: data in both directions, and the notification of the device's lines.
+//! The serial port's endpoints: data in both directions, and the notification of the device's
+//! lines.
 
 use super::descriptors::{NOTIFY_IN, SERIAL_CONTROL, SERIAL_IN, SERIAL_OUT};
 use super::outgoing::Outgoing;
@@ -36,7 +37,8 @@ impl Serial {
         self.notifications.push_back(submit);
     }
 
-    /// Queues a transfer from the host; `false` if the host sends further ahead than any driver does.
+    /// Queues a transfer from the host; `false` if the host sends further ahead than any driver
+    /// does.
     pub(super) fn write(&mut self, submit: Submit, data: Vec<u8>) -> bool {
         self.held += data.len();
         self.writes.push_back((submit, data));

@@ -116,7 +116,9 @@ async fn serve(
     keep_alive(&stream).map_err(io)?;
     let opened = timeout(PATIENCE, open(&mut stream, devices)).await;
     drop(opening);
-    let Ok(Some(attached)) = opened.map_err(|_| Error::device("USB/IP: a silent client"))? else {
+    let Ok(Some(attached)) =
+        opened.map_err(|_| Error::device("USB/IP: the client sent no request in time"))?
+    else {
         return Ok(());
     };
     let (reader, writer) = stream.split();

@@ -44,8 +44,8 @@ impl Session {
         }
     }
 
-    /// Attaches the device to a host; `false` if another host has it or too many events wait for the
-    /// firmware.
+    /// Attaches the device to a host; `false` if another host has it or too many events wait for
+    /// the firmware.
     pub(super) fn attach(&mut self) -> bool {
         if self.attached || self.unplugged || self.events.is_full() {
             return false;
@@ -128,7 +128,9 @@ impl Session {
             (NOTIFY_IN, true) => self.serial.notify(submit),
             (SERIAL_OUT, false) => {
                 if !self.serial.write(submit, data) {
-                    return Err(Error::device("USB: the host sends without waiting"));
+                    return Err(Error::device(
+                        "USB: the host sends data before earlier data is accepted",
+                    ));
                 }
             }
             // No such endpoint.

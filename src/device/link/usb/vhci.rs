@@ -60,8 +60,8 @@ impl Port {
         })
     }
 
-    /// Passes one end of a socket to the kernel, which takes its own reference; the device with this
-    /// id and speed must answer at the other end.
+    /// Passes one end of a socket to the kernel, which takes its own reference; the device with
+    /// this id and speed must answer at the other end.
     ///
     /// # Errors
     /// Returns an error if the sysfs file cannot be written.
@@ -94,8 +94,8 @@ struct Row<'a> {
     bus_id: &'a str,
 }
 
-/// Parses the controller's table: hub, port, state, speed, device, socket and the device's bus name.
-/// The heading is skipped.
+/// Parses the controller's table: hub, port, state, speed, device, socket and the device's bus
+/// name. The heading is skipped.
 fn rows(table: &str) -> impl Iterator<Item = Row<'_>> {
     table.lines().filter_map(|line| {
         let mut words = line.split_whitespace();

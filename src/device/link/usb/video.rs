@@ -1,4 +1,5 @@
-//! The camera's endpoint: queues of transfers waiting for frames and of frames waiting for transfers.
+//! The camera's endpoint: queues of transfers waiting for frames and of frames waiting for
+//! transfers.
 
 use super::fault::{Fault, Faults};
 use super::outgoing::Outgoing;
@@ -148,8 +149,8 @@ impl Video {
         }
     }
 
-    /// Sends what can be sent, in payloads of up to `max_payload` bytes; `true` if the endpoint must
-    /// halt.
+    /// Sends what can be sent, in payloads of up to `max_payload` bytes; `true` if the endpoint
+    /// must halt.
     pub(super) fn pump(
         &mut self,
         max_payload: usize,
@@ -193,7 +194,8 @@ impl Video {
         false
     }
 
-    /// Makes the next frame the current one, unless there is one; `true` if a stall takes its place.
+    /// Makes the next frame the current one, unless there is one; `true` if a stall takes its
+    /// place.
     fn begin(&mut self, now: Duration) -> bool {
         if self.current.is_some() || self.frames.is_empty() || now < self.not_before {
             return false;
@@ -235,8 +237,8 @@ impl Video {
         false
     }
 
-    /// Completes one isochronous transfer. Packets are empty if there is no frame; a frame may begin
-    /// in any packet.
+    /// Completes one isochronous transfer. Packets are empty if there is no frame; a frame may
+    /// begin in any packet.
     fn isochronous(&mut self, waiting: &Waiting, now: Duration, outgoing: &mut Outgoing) {
         let mut parts = Vec::with_capacity(waiting.packets.len());
         let mut packets = waiting.packets.clone();

@@ -63,14 +63,14 @@ pub(super) enum Unfit {
 pub(super) fn unfit(node: &Node) -> Option<Unfit> {
     if !node.is_loopback() {
         return Some(Unfit::Kind(format!(
-            "{:?} of driver {}, no loopback",
+            "{:?} of driver {}, not a loopback",
             node.card,
             printable(&node.driver)
         )));
     }
     if node.is_forgotten() {
         return Some(Unfit::State(format!(
-            "{FORGOTTEN}; load the module anew: `{RELOAD}`"
+            "{FORGOTTEN}; reload the module: `{RELOAD}`"
         )));
     }
     if !node.outputs {
@@ -80,7 +80,7 @@ pub(super) fn unfit(node: &Node) -> Option<Unfit> {
         )));
     }
     if !node.streams {
-        return Some(Unfit::State("it has no queues of buffers".to_owned()));
+        return Some(Unfit::State("it does not support streaming".to_owned()));
     }
     None
 }

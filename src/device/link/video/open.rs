@@ -97,11 +97,11 @@ fn cannot_open(path: &Path, e: io::Error) -> Error {
             "a node of v4l2loopback (`phasmid doctor` lists them), auto or socket",
         ),
         Some(Errno::ACCESS | Errno::PERM) => Error::device(format!(
-            "{place}: permission denied; its users are mostly those of the group video: \
+            "{place}: permission denied; access is usually through the group video: \
              `sudo usermod -aG video $USER`, then log in again"
         )),
         Some(Errno::BUSY) => Error::device(format!(
-            "{place}: it is opened as often as it may be (`fuser -v {place}` names who has it)"
+            "{place}: too many programs have it open (`fuser -v {place}` names them)"
         )),
         _ => Error::io(path, e),
     }
@@ -121,11 +121,11 @@ fn settle(path: &Path, device: &Device, stream: &Stream, bits: u32) -> Result<()
     // A node with readers keeps its format.
     match (held, PixFormat::of_capture(device)) {
         (_, Ok(kept)) => Err(Error::device(format!(
-            "{place} stays at {kept} while another program has it open, {stream} is wanted \
+            "{place} stays at {kept} while another program has it open, expected {stream} \
              (`fuser -v {place}` names it)"
         ))),
         (Some(found), Err(_)) => Err(Error::device(format!(
-            "{place} makes {found} of {stream}: the module cannot carry such frames"
+            "{place} turns {stream} into {found}: the module cannot carry such frames"
         ))),
         (None, Err(e)) => Err(Error::io(path, e)),
     }

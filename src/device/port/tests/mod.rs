@@ -100,7 +100,8 @@ fn a_sequence_runs_over_plain_lines() {
     }
     assert_eq!(desk.line("mark?"), "ok 7\r\n");
     assert_eq!(desk.line("wait"), "", "nothing has been triggered");
-    // A trigger acts although the device waits; then come the events, and last what was asked first.
+    // A trigger acts although the device waits; then come the events, and last what was asked
+    // first.
     let mut expected = "ok\r\n".to_owned();
     for index in 0..13 {
         expected += &format!("!frame {index} {index}\r\n");

@@ -174,8 +174,8 @@ impl<P: CommandPort> Scpi<P> {
                 // void.
                 Some((query, word)) if tries == TRIES || query == EVENTS => {
                     return Err(Error::device(format!(
-                        "{}: {query} says {word:?}, which is not what was ordered: the device was \
-                         reset, or somebody else gives it orders",
+                        "{}: {query} says {word:?}, which is not what was set: the device was \
+                         reset, or another program controls it",
                         self.info()
                     )));
                 }
@@ -239,7 +239,7 @@ impl<P: CommandPort> Scpi<P> {
     fn probe(&mut self) -> Result<()> {
         if self.known.is_some() {
             return Err(Error::device(format!(
-                "{}: the device no longer knows what it has answered before",
+                "{}: the device no longer knows a query that it answered before",
                 self.info()
             )));
         }
@@ -268,7 +268,7 @@ impl<P: CommandPort> Scpi<P> {
             let place = self.place(operation);
             let value = agreed(&place, || self.operate(operation, &[]))?;
             let text = |value: Value| value.text().map(str::to_owned);
-            let not_text = || Error::device(format!("{place}: the answer is no text"));
+            let not_text = || Error::device(format!("{place}: the answer is not text"));
             return value
                 .map(|value| text(value).ok_or_else(not_text))
                 .transpose();

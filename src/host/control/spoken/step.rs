@@ -31,7 +31,7 @@ impl<P: CommandPort> Spoken<P> {
             self.line.hush()?;
         }
         Err(Error::device(format!(
-            "{}: the device does not say what it was told to remember",
+            "{}: the device does not return the number it was told to store",
             self.place(MARKED)
         )))
     }

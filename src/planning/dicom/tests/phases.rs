@@ -73,7 +73,7 @@ fn phases_are_told_by_what_the_images_say() {
     let none = Phases::open(with(|_, _| ()).path())
         .unwrap_err()
         .to_string();
-    assert!(none.contains("one series that says no phases"), "{none}");
+    assert!(none.contains("one series without phases"), "{none}");
 }
 
 #[test]
@@ -85,7 +85,9 @@ fn phases_that_do_not_match_are_named() {
     };
     let short = complaint(|s| s.retain(|(name, _)| name != "4/2"));
     assert!(
-        short.contains("phase 40 %: 4 x 3 x 2 voxels; expected as phase 0 % of "),
+        short.contains(
+            "phase 40 %: 4 x 3 x 2 voxels; expected 4 x 3 x 3 voxels, as in phase 0 % of "
+        ),
         "{short}"
     );
     let frame = complaint(|s| {
@@ -118,7 +120,7 @@ fn phases_that_do_not_match_are_named() {
     );
     let missing = complaint(|s| s.retain(|(name, _)| name != "4/1"));
     assert!(
-        missing.contains("slices of 3 mm each 6.000 mm: some are missing"),
+        missing.contains("slices of 3 mm every 6.000 mm: some are missing"),
         "{missing}"
     );
 }

@@ -31,7 +31,7 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
                     image.text((0x18, 0x50), "3");
                 }
             },
-            "0.dcm: slices of 3 mm each 6.000 mm: some are missing; expected ",
+            "0.dcm: slices of 3 mm every 6.000 mm: some are missing; expected ",
         ),
         (
             |s| {
@@ -48,13 +48,13 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
         ),
         (
             |s| s.push(("again.dcm".into(), s[1].1.clone())),
-            "again.dcm: a second slice at the place of ",
+            "again.dcm: a second slice at the position of ",
         ),
         (
             |s| {
                 s[3].1.text((0x20, 0x32), "-10\\21.5\\109");
             },
-            "3.dcm: a slice 1.500 mm beside that of ",
+            "3.dcm: a slice shifted sideways by 1.500 mm from that of ",
         ),
         (
             |s| {
@@ -63,7 +63,7 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
                     image.text((0x18, 0x1120), "18.4");
                 }
             },
-            "1.dcm: a slice 1.000 mm beside that of ",
+            "1.dcm: a slice shifted sideways by 1.000 mm from that of ",
         ),
         (
             |s| {
@@ -242,8 +242,8 @@ fn an_image_that_is_none_of_ours_is_named_with_the_element() {
         deep.extend([8, 0, 0x40, 0x11, b'S', b'Q', 0, 0, 0xFF, 0xFF, 0xFF, 0xFF]);
         deep.extend([0xFE, 0xFF, 0, 0xE0, 0xFF, 0xFF, 0xFF, 0xFF]);
     }
-    assert!(refused(&deep).contains("more than 64 sequences in each other"));
+    assert!(refused(&deep).contains("more than 64 nested sequences"));
     let mut stray = bytes;
     stray.extend([0xFE, 0xFF, 0xDD, 0xE0, 0, 0, 0, 0]);
-    assert!(refused(&stray).contains("a delimiter of nothing"));
+    assert!(refused(&stray).contains("a delimiter outside a sequence"));
 }

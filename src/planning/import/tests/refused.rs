@@ -28,7 +28,7 @@ fn phases_that_no_planning_has_are_named() {
         &twice,
         &[
             "phase 0 %: ",
-            "30.mhd: a second field; expected one field a phase: phase 0 %: ",
+            "30.mhd: a second field; expected one field per phase: phase 0 %: ",
         ],
     );
     let late = complaint(|_, import| import.phases[1].0 = 100.0);
@@ -62,13 +62,16 @@ fn fields_that_do_not_match_are_named() {
         &coarse,
         &[
             "phase 30 %: ",
-            "30.mhd: 9 x 9 x 9 voxels; expected as ",
-            "0.mhd: 17 x 17 x 17",
+            "30.mhd: 9 x 9 x 9 voxels; expected 17 x 17 x 17 voxels, as in ",
+            "0.mhd",
         ],
     );
     let mut other = grid(8.0, 64.0);
     other.spacing_mm.z = 8.5;
-    has(&with(other), &["a spacing of (8, 8, 8.5); expected as "]);
+    has(
+        &with(other),
+        &["a spacing of (8, 8, 8.5); expected a spacing of "],
+    );
     let absent = complaint(|dir, import| import.phases[1].1 = dir.join("no.mha"));
     has(
         &absent,
@@ -79,7 +82,7 @@ fn fields_that_do_not_match_are_named() {
         &ct,
         &[
             "phase 30 %: ",
-            "ct.mha: 1 number a voxel; expected three: a displacement field",
+            "ct.mha: 1 number per voxel; expected three numbers per voxel: a displacement field",
         ],
     );
     let moving = complaint(|_, import| import.reference_percent = 30.0);
@@ -87,7 +90,7 @@ fn fields_that_do_not_match_are_named() {
         &moving,
         &[
             "30.mhd: displacements of up to ",
-            "none above 0.5 mm from the reference phase to itself",
+            "at most 0.5 mm from the reference phase to itself",
         ],
     );
     let still = complaint(|_, import| {
@@ -169,8 +172,8 @@ fn fields_that_do_not_reach_are_named() {
     has(
         &with(grid(8.0, 64.0).shifted(DVec3::new(0.0, 300.0, 0.0))),
         &[
-            "ct.mha: a CT of (",
-            "expected one around the fields, which have (",
+            "ct.mha: a CT that spans (",
+            "expected a CT that contains the fields, which span (",
         ],
     );
     let mut turned = grid(8.0, 64.0);
@@ -190,7 +193,7 @@ fn what_is_no_ct_is_named() {
     let text = complaint(|dir, import| import.ct = dir.join("ct.nii.gz"));
     has(
         &text,
-        &["ct.nii.gz: no folder and no MetaImage; expected a folder with the images of a CT"],
+        &["ct.nii.gz: neither a folder nor a MetaImage; expected a folder with the images of a CT"],
     );
     let empty = complaint(|dir, import| {
         import.ct = dir.join("series");
@@ -200,7 +203,7 @@ fn what_is_no_ct_is_named() {
     let field = complaint(|_, import| import.ct = import.phases[0].1.clone());
     has(
         &field,
-        &["0.mhd: 3 numbers a voxel; expected one number a voxel"],
+        &["0.mhd: 3 numbers per voxel; expected one number per voxel"],
     );
     let raised = complaint(|_, import| {
         let ct = Volume::of(grid(4.0, 64.0), |p| body(p) + 1000.0, "ct").unwrap();
@@ -220,8 +223,9 @@ fn what_is_no_ct_is_named() {
         &swapped,
         &[
             "ct.mha: ",
-            " % of the voxels above 4095; expected Hounsfield units",
-            "order that the header says",
+            " % of the voxels are above 4095 HU: the scale or byte order may be wrong",
+            "expected Hounsfield units",
+            "above 4095 (metal)",
         ],
     );
     let high = complaint(|_, import| import.skin_hu = 3000.0);
@@ -288,7 +292,7 @@ fn a_tumour_that_is_none_is_named() {
         &far,
         &[
             "isocentre in ",
-            "ct.mha: (0, 0, 0) mm; expected a point in the CT's LPS that it shows, within (",
+            "ct.mha: (0, 0, 0) mm; expected a point inside the CT, in its LPS coordinates",
         ],
     );
 }

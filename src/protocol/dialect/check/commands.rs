@@ -20,7 +20,7 @@ pub(super) fn commands(check: &Check<'_>, framing: &Framing) -> Result<Vec<Comma
     check.that(
         (1..=MAX_COMMANDS).contains(&files.len()),
         "command",
-        format!("{} of them", files.len()),
+        format!("{} commands", files.len()),
         format!("1 to {MAX_COMMANDS}"),
     )?;
     let mut commands: Vec<Command> = Vec::with_capacity(files.len());
@@ -31,15 +31,15 @@ pub(super) fn commands(check: &Check<'_>, framing: &Framing) -> Result<Vec<Comma
         check.that(
             !taken,
             &format!("{path}.name"),
-            format!("{:?} again", file.name),
-            "a name of its own",
+            format!("{:?}, which is already used", file.name),
+            "a unique name",
         )?;
         let command = command(check, framing, &path, file)?;
         if let Framing::Packet(_) = framing {
             let same = |other: &&Command| (other.code, other.read) == (command.code, command.read);
             if let Some(other) = commands.iter().find(same) {
                 let found = format!("{:#06x}, which {} has", command.code, other.name);
-                let allowed = "a code of its own, or one to read and one to write";
+                let allowed = "a unique code, or one to read and one to write";
                 check.that(false, &format!("{path}.code"), found, allowed)?;
             }
         }
@@ -277,7 +277,7 @@ fn chunked(
         (1..=most).contains(&chunk.bytes),
         &format!("{path}.bytes"),
         chunk.bytes,
-        format!("1 to {most}, which a message holds"),
+        format!("1 to {most}, the capacity of a message"),
     )?;
     Ok(Chunk {
         offset: chunk.offset.clone(),

@@ -19,7 +19,7 @@ pub(super) fn fields(
     check.that(
         files.len() <= MAX_FIELDS,
         path,
-        format!("{} of them", files.len()),
+        format!("{} fields", files.len()),
         format!("up to {MAX_FIELDS}"),
     )?;
     let mut fields: Vec<Field> = Vec::with_capacity(files.len());
@@ -29,8 +29,8 @@ pub(super) fn fields(
         check.that(
             !taken,
             &format!("{path}.name"),
-            format!("{:?} again", file.name),
-            "a name of its own",
+            format!("{:?}, which is already used", file.name),
+            "a unique name",
         )?;
         let last = at + 1 == files.len();
         fields.push(field(check, framing, &path, file, last)?);
@@ -56,7 +56,7 @@ fn field(
         free || number && file.choices.is_none(),
         path,
         "unit, scale, min or max",
-        "those for numbers without choices",
+        "these for numbers without choices only",
     )?;
     let scale = file.scale.unwrap_or(1.0);
     check.that(
@@ -129,8 +129,8 @@ fn fits_framing(
         check.that(
             file.bytes.is_none(),
             &format!("{path}.bytes"),
-            "a size in a line",
-            "sizes in packets",
+            "a size in a text line",
+            "sizes in packets only",
         )?;
         return Ok(false);
     };
@@ -145,8 +145,8 @@ fn fits_framing(
     check.that(
         !sized || last || file.bytes.is_some(),
         path,
-        "text or bytes of any size with more behind it",
-        "bytes = SIZE, or the last place",
+        "text or bytes of variable size before another field",
+        "bytes = SIZE, or the last position",
     )?;
     Ok(layout.big)
 }
@@ -159,7 +159,7 @@ fn choices(check: &Check<'_>, path: &str, file: &FieldFile) -> Result<Vec<(Strin
     check.that(
         (1..=64).contains(&choices.len()) && !file.kind.is_bytes(),
         &path,
-        format!("{} of them", choices.len()),
+        format!("{} choices", choices.len()),
         "1 to 64, of numbers or words",
     )?;
     for (wire, word) in choices {
@@ -181,7 +181,7 @@ fn choices(check: &Check<'_>, path: &str, file: &FieldFile) -> Result<Vec<(Strin
             !word.is_empty() && !word.contains(char::is_control),
             &path,
             format!("{word:?}"),
-            "the device's word",
+            "a word without control characters",
         )?;
     }
     let pairs = choices.iter();

@@ -27,7 +27,7 @@ pub(super) fn framing(check: &Check<'_>) -> Result<Framing> {
     check.that(
         file.packet.is_some() == wants(FramingKind::Packet),
         "packet",
-        "packets in another framing, or none in this",
+        "[packet] with another framing, or missing with this one",
         allowed,
     )?;
     match (file.framing, &file.packet) {
@@ -86,12 +86,12 @@ fn layout(check: &Check<'_>, packet: &PacketFile) -> Result<Arc<Layout>> {
         packet.size_bytes.is_some() != packet.max_bytes.is_some(),
         "packet",
         "size_bytes and max_bytes, or neither",
-        "size_bytes for packets that are all alike, max_bytes for others",
+        "size_bytes for packets of equal size, max_bytes for others",
     )?;
     check.that(
         packet.size_bytes.is_some() || packet.length.is_some(),
         "packet.max_bytes",
-        "packets of any length without a length in them",
+        "packets of variable length without a length field",
         "length = { at, bytes, from }, or size_bytes",
     )?;
     let max = packet.size_bytes.or(packet.max_bytes).unwrap_or(0);
@@ -184,7 +184,7 @@ fn apart(
                 false,
                 field,
                 &found,
-                format!("bytes that {other} does not have"),
+                format!("bytes that do not overlap {other}"),
             )?;
         }
         let data_at = match *field {

@@ -17,13 +17,13 @@ pub(super) fn host(check: &Check<'_>, commands: &[Command]) -> Result<HostUse> {
         let known = OPERATIONS.iter().find(|(known, _)| known == name);
         let Some((_, inputs)) = known else {
             let names: Vec<_> = OPERATIONS.iter().map(|(name, _)| *name).collect();
-            let found = "an operation that no host has";
+            let found = "an unknown operation";
             return Err(check.source.violation(&path, found, names.join(", ")));
         };
         check.that(
             (1..=MAX_STEPS).contains(&file.steps.len()),
             &format!("{path}.steps"),
-            format!("{} of them", file.steps.len()),
+            format!("{} steps", file.steps.len()),
             format!("1 to {MAX_STEPS}"),
         )?;
         let mut steps = Vec::with_capacity(file.steps.len());
@@ -71,7 +71,7 @@ fn arguments(
         let path = format!("{path}.args.{name}");
         let Some(field) = command.arg(name) else {
             let allowed = format!("arguments of {}", command.name);
-            return Err(check.source.violation(&path, "no argument", allowed));
+            return Err(check.source.violation(&path, "not an argument", allowed));
         };
         let value = literal(check, &path, value)?;
         let input = match &value {

@@ -139,8 +139,8 @@ fn told_apart(check: &Check<'_>, dialect: &Dialect) -> Result<()> {
             check.that(
                 !clash,
                 &format!("command[{at}].line"),
-                format!("a line that may be {} too", other.name),
-                "lines that are told apart by their text",
+                format!("a line that also matches {}", other.name),
+                "lines that differ in their text",
             )?;
         }
         replies_apart(check, dialect, (at, command), &both)?;
@@ -154,7 +154,7 @@ fn told_apart(check: &Check<'_>, dialect: &Dialect) -> Result<()> {
             !clash,
             "events",
             "two events with the same line",
-            "lines that are told apart by their text",
+            "lines that differ in their text",
         )?;
     }
     Ok(())
@@ -179,8 +179,8 @@ fn replies_apart(
         check.that(
             !unasked,
             &field,
-            "a line that may be an error or an event too",
-            "lines that are told apart by their text",
+            "a line that also matches an error or an event",
+            "lines that differ in their text",
         )?;
         let earlier = command.reply[..line]
             .iter()
@@ -188,8 +188,8 @@ fn replies_apart(
         check.that(
             !earlier,
             &field,
-            "a line that may be one before it too",
-            "lines that are told apart by their text",
+            "a line that also matches an earlier one",
+            "lines that differ in their text",
         )?;
     }
     Ok(())

@@ -20,13 +20,18 @@ pub(super) fn errors(check: &Check<'_>, framing: &Framing) -> Result<Option<Erro
             matches!(framing, Framing::Scpi(_)),
             "errors",
             "none",
-            "[errors]: how the device refuses",
+            "[errors]: the device's replies to refused commands",
         )?;
         return Ok(None);
     };
     let mut line = None;
     match framing {
-        Framing::Scpi(_) => check.that(false, "errors", "errors in SCPI", "its error queue")?,
+        Framing::Scpi(_) => check.that(
+            false,
+            "errors",
+            "[errors] with SCPI",
+            "no [errors]: SCPI has an error queue",
+        )?,
         Framing::Line(_) => {
             let text = file.line.as_deref().unwrap_or("");
             let template = check.template("errors.line", text)?;
@@ -44,7 +49,7 @@ pub(super) fn errors(check: &Check<'_>, framing: &Framing) -> Result<Option<Erro
             check.that(
                 flag && file.line.is_none(),
                 "errors",
-                "a line, or packets that cannot say that they are refusals",
+                "a line, or packets without an error flag",
                 "packet.flags = { at, error }, and number = TYPE here",
             )?;
             let fits = file.number.is_none_or(|kind| {
@@ -72,7 +77,7 @@ pub(super) fn errors(check: &Check<'_>, framing: &Framing) -> Result<Option<Erro
             text.len() <= 100 && !text.contains(char::is_control) && text.trim() == text,
             &format!("{field}.text"),
             format!("{text:?}"),
-            "up to 100 bytes without controls",
+            "up to 100 bytes without control characters",
         )
     };
     one("errors.default", &file.default)?;
@@ -93,7 +98,7 @@ pub(super) fn errors(check: &Check<'_>, framing: &Framing) -> Result<Option<Erro
                 !taken && (-499..=-100).contains(code),
                 &format!("{path}.scpi"),
                 code,
-                "numbers of the device's errors, -499 to -100, once each",
+                "SCPI error numbers, -499 to -100, each once",
             )?;
         }
         map.push((entry.scpi.clone(), error));
@@ -114,7 +119,7 @@ pub(super) fn events(check: &Check<'_>, framing: &Framing) -> Result<Vec<(Event,
         let known = EVENTS.iter().find(|(known, _)| known == name);
         let Some((_, event)) = known.filter(|_| matches!(framing, Framing::Line(_))) else {
             let names: Vec<_> = EVENTS.iter().map(|(name, _)| *name).collect();
-            let allowed = format!("in lines: {}", names.join(", "));
+            let allowed = format!("in line framing: {}", names.join(", "));
             return Err(check.source.violation(&field, "an event", allowed));
         };
         let template = check.template(&field, text)?;
@@ -150,16 +155,14 @@ pub(super) fn boot(check: &Check<'_>, framing: &Framing) -> Result<Vec<Boot>> {
                     !line.contains(char::is_control),
                     &format!("{path}.line"),
                     format!("{line:?}"),
-                    "a line without its end",
+                    "a line without control characters",
                 )?;
                 [line.as_bytes(), ends.to_host.as_bytes()].concat()
             }
             (None, Some(bytes), _) => bytes.clone(),
             _ => {
                 let found = "a line and bytes, neither, or a line among packets";
-                return Err(check
-                    .source
-                    .violation(&path, found, "one of line and bytes"));
+                return Err(check.source.violation(&path, found, "either line or bytes"));
             }
         };
         check.that(
@@ -173,7 +176,7 @@ pub(super) fn boot(check: &Check<'_>, framing: &Framing) -> Result<Vec<Boot>> {
             boot.last().is_none_or(|before| before.delay_ns <= delay_ns),
             &format!("{path}.delay_ms"),
             file.delay_ms,
-            "at least that of the entry before",
+            "at least that of the previous entry",
         )?;
         boot.push(Boot { delay_ns, bytes });
     }

@@ -26,7 +26,11 @@ impl Field {
     pub(in crate::dialect) fn read_scpi(&self, raw: &[u8]) -> Outcome<Value> {
         let wrong = || {
             let start = &raw[..raw.len().min(40)];
-            let what = format!("{}: the answer \"{}\"", self.name, start.escape_ascii());
+            let what = format!(
+                "{}: unexpected answer \"{}\"",
+                self.name,
+                start.escape_ascii()
+            );
             ErrorCode::SystemError.with(what)
         };
         if self.kind.is_bytes() {

@@ -55,19 +55,19 @@ fn mistakes_in_lines_name_place_and_remedy() {
         (
             "line = \"select {name}\"",
             "line = \"select {name\"",
-            "without its brace",
+            "without a closing brace",
         ),
         (
             "line = \"list\"",
             "line = \"version\"",
-            "may be version too",
+            "also matches version",
         ),
         (
             "line = \"count?\"",
             "line = \"select x\"",
-            "may be select too",
+            "also matches select",
         ),
-        ("name = \"list\"", "name = \"version\"", "again"),
+        ("name = \"list\"", "name = \"version\"", "already used"),
         (
             "runs = [\"SEQ:SEL {name}\"]",
             "runs = [\"SEQ:SEL {x}\"]",
@@ -102,12 +102,12 @@ fn mistakes_in_lines_name_place_and_remedy() {
         (
             "reply = [\"sequences {names}\", \"ok\"]",
             "reply = [\"ok{names}\", \"ok\"]",
-            "one before it",
+            "an earlier one",
         ),
         (
             "type = \"int\", unit = \"us\", min = 1",
             "type = \"u8\", unit = \"us\", min = 1",
-            "in lines",
+            "or hex in lines",
         ),
         (
             "unit = \"us\", min = 1",
@@ -132,7 +132,7 @@ fn mistakes_in_lines_name_place_and_remedy() {
         (
             "choices = { on = \"1\", off = \"0\" }",
             "min = 3",
-            "those for numbers",
+            "these for numbers",
         ),
         (
             "chunk = { data = \"data\"",
@@ -143,9 +143,9 @@ fn mistakes_in_lines_name_place_and_remedy() {
         (
             "default = { number = 1, text = \"failed\" }",
             "default = { number = 1, text = \"a\\nb\" }",
-            "without controls",
+            "without control characters",
         ),
-        ("scpi = [-113]", "scpi = [-100]", "once each"),
+        ("scpi = [-113]", "scpi = [-100]", "each once"),
         ("scpi = [-113]", "scpi = [7]", "-499 to -100"),
         (
             "line = \"error {number} {text}\"",
@@ -153,7 +153,7 @@ fn mistakes_in_lines_name_place_and_remedy() {
             "{no}",
         ),
         ("delay_ms = 20", "delay_ms = -1", "0 to 600000"),
-        ("delay_ms = 20", "delay_ms = 200", "entry before"),
+        ("delay_ms = 20", "delay_ms = 200", "previous entry"),
         ("line = \"ready\"", "text = \"ready\"", "unknown field"),
         (
             "exposed = \"!frame {index} {id}\"",
@@ -180,7 +180,7 @@ fn mistakes_in_lines_name_place_and_remedy() {
         (
             "args = { name = \"{name}\" }",
             "args = { title = \"x\" }",
-            "no argument",
+            "not an argument",
         ),
         (
             "args = { state = \"1\" }",
@@ -188,11 +188,7 @@ fn mistakes_in_lines_name_place_and_remedy() {
             "allowed 0, 1",
         ),
         ("result = \"{names}\"", "result = \"{name}\"", "{name}"),
-        (
-            "light_on = {",
-            "light_off = {",
-            "an operation that no host has",
-        ),
+        ("light_on = {", "light_off = {", "an unknown operation"),
     ];
     assert_refused("okline", &cases);
 }
@@ -203,7 +199,7 @@ fn mistakes_in_packets_name_place_and_remedy() {
         (
             "sequence = { at = 1 }",
             "sequence = { at = 0 }",
-            "packet.flags does not have",
+            "do not overlap packet.flags",
         ),
         (
             "sequence = { at = 1 }",
@@ -213,7 +209,7 @@ fn mistakes_in_packets_name_place_and_remedy() {
         (
             "code = { at = 4, bytes = 2 }",
             "code = { at = 3, bytes = 2 }",
-            "packet.length does not have",
+            "do not overlap packet.length",
         ),
         (
             "code = { at = 4, bytes = 2 }",
@@ -239,11 +235,7 @@ fn mistakes_in_packets_name_place_and_remedy() {
             "read = 7, reply = 8",
             "different bits",
         ),
-        (
-            "reply = 6, error = 5",
-            "reply = 6",
-            "cannot say that they are refusals",
-        ),
+        ("reply = 6, error = 5", "reply = 6", "without an error flag"),
         (
             "number = \"u8\"",
             "number = \"f32\"",
@@ -256,7 +248,7 @@ fn mistakes_in_packets_name_place_and_remedy() {
         (
             "name = \"period\", type = \"u32\"",
             "name = \"exposure\", type = \"u32\"",
-            "again",
+            "already used",
         ),
         (
             "type = \"u32\", unit = \"us\", max",
@@ -271,7 +263,7 @@ fn mistakes_in_packets_name_place_and_remedy() {
         (
             "{ name = \"red\", type = \"u8\", scale = 255 },",
             "{ name = \"red\", type = \"text\" },",
-            "bytes = SIZE, or the last place",
+            "bytes = SIZE, or the last position",
         ),
         (
             "{ name = \"red\", type = \"u8\", scale = 255 },",

@@ -94,19 +94,19 @@ impl Command {
                 let (length, packets) = (u32_at(bytes, 24), u32_at(bytes, 32));
                 if direction > 1 || endpoint > 15 {
                     return bad(format!(
-                        "direction {direction}, endpoint {endpoint}; want 0 or 1, 0 to 15"
+                        "direction {direction}, endpoint {endpoint}; expected 0 or 1, 0 to 15"
                     ));
                 }
                 if length > MAX_TRANSFER {
                     return bad(format!(
-                        "a transfer of {length} bytes, at most {MAX_TRANSFER}"
+                        "a transfer of {length} bytes, expected at most {MAX_TRANSFER}"
                     ));
                 }
                 // Kernels send 0 or all ones for transfers that are not isochronous.
                 let packets = (packets != NO_PACKETS && packets != 0).then_some(packets);
                 if packets.is_some_and(|packets| packets > MAX_PACKETS) {
                     return bad(format!(
-                        "{} packets, at most {MAX_PACKETS}",
+                        "{} packets, expected at most {MAX_PACKETS}",
                         packets.unwrap_or_default()
                     ));
                 }

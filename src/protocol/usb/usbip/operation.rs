@@ -74,7 +74,7 @@ impl Operation {
             .find(|operation| (VERSION, operation.request()) == (version, code))
             .ok_or_else(|| {
                 Error::device(format!(
-                    "USB/IP: version {version:#06x}, operation {code:#06x}; want version \
+                    "USB/IP: version {version:#06x}, operation {code:#06x}; expected version \
                      {VERSION:#06x}, operation 0x8005 (list) or 0x8003 (import)"
                 ))
             })
@@ -93,7 +93,8 @@ impl Operation {
         let (version, code) = (u16_at(&bytes, 0), u16_at(&bytes, 2));
         if (version, code) != (VERSION, self.request() & 0x7FFF) {
             return Err(Error::device(format!(
-                "USB/IP: the answer is version {version:#06x}, operation {code:#06x}: this is no USB/IP server"
+                "USB/IP: the answer is version {version:#06x}, operation {code:#06x}: this is not \
+                 a USB/IP server"
             )));
         }
         Ok(Outcome::of(u32_at(&bytes, 4)))

@@ -81,7 +81,7 @@ impl Reply {
                 let packets = (packets != NO_PACKETS && packets != 0).then_some(packets);
                 if actual > MAX_TRANSFER || packets.is_some_and(|n| n > MAX_PACKETS) {
                     return Err(Error::device(format!(
-                        "USB/IP reply: {actual} bytes in {packets:?} packets, at most \
+                        "USB/IP reply: {actual} bytes in {packets:?} packets, expected at most \
                          {MAX_TRANSFER} in {MAX_PACKETS}"
                     )));
                 }

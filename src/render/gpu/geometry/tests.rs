@@ -1,6 +1,6 @@
 //! Compares the geometry pass on the GPU with the CPU's, for every pixel of every scene.
 
-use super::super::{Engine, looks, optics, scene, upload};
+use super::super::{Engine, materials, optics, scene, upload};
 use crate::aperture::Aperture;
 use crate::buffer::GeometryBuffer;
 use crate::geometry::{self as cpu, Rays};
@@ -25,7 +25,7 @@ pub(in crate::gpu) struct Case {
     pub(in crate::gpu) worlds: Worlds,
     pub(in crate::gpu) plan: Plan,
     pub(in crate::gpu) scene: scene::Scene,
-    looks: looks::Looks,
+    materials: materials::Materials,
 }
 
 impl Case {
@@ -47,7 +47,7 @@ impl Case {
             optics,
             plan,
             scene: scene::Scene::default(),
-            looks: looks::Looks::default(),
+            materials: materials::Materials::default(),
         }
     }
 
@@ -75,7 +75,7 @@ impl Case {
         optics::write(engine, &self.optics);
         super::write_rays(engine, table.as_deref());
         self.scene.update(engine, &self.worlds, size.1);
-        self.looks.update(engine, &self.optics, &self.worlds);
+        self.materials.update(engine, &self.optics, &self.worlds);
         let mut commands = engine.commands();
         super::run(engine, &mut commands, &self.plan, lens).unwrap();
         engine.submit(commands);
@@ -101,7 +101,7 @@ impl Case {
     }
 }
 
-/// Deviations of the GPU from the CPU.
+/// Differences between the maps of GPU and CPU.
 #[derive(Debug, Default)]
 struct Off {
     /// Error of the projector coordinate relative to its tolerance, the larger of 2e-3 px and 2e-4

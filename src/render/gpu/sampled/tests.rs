@@ -3,7 +3,7 @@
 mod places;
 
 use super::super::geometry::tests::SOLIDS;
-use super::super::{Engine, geometry, looks, mixed, optics, scene, upload};
+use super::super::{Engine, geometry, materials, mixed, optics, scene, upload};
 use super::Sampler;
 use crate::aperture::Aperture;
 use crate::buffer::{GeometryBuffer, Mixed};
@@ -91,7 +91,7 @@ impl Case {
         optics::write(engine, &self.optics);
         geometry::write_rays(engine, table.as_deref());
         scene::Scene::default().update(engine, &self.worlds, size.1);
-        looks::Looks::default().update(engine, &self.optics, &self.worlds);
+        materials::Materials::default().update(engine, &self.optics, &self.worlds);
         let mut sampler = self.sampler(engine);
         if let Some(heads) = room {
             sampler.room.heads = heads;
@@ -124,7 +124,7 @@ impl Case {
     }
 }
 
-/// Deviations of the GPU from the CPU.
+/// Differences between the maps of GPU and CPU.
 #[derive(Debug, Default)]
 struct Off {
     /// Number of pixels that are mixed on the CPU, and on only one of the two.

@@ -41,7 +41,7 @@ for i, (ratio, step) in enumerate(itertools.product(ratios, steps)):
     rise = [500.0, 3.0, 1e6][i % 3]
     for start in (starts[i % 5], starts[(i + 2) % 5]):
         cases.append((rise, rise * ratio, [0.3, 0.05, 0.9][i % 3 - 1], *start, rise * step))
-# What the issue names: steps of 1e-9 to 1e6 seconds.
+# Steps of 1e-9 to 1e6 seconds, in nanoseconds.
 for step in [1.0, 1e3, 1e6, 8e6, 1e9, 1e12, 1e15]:
     for start in starts:
         cases.append((1000.0, 1e12, 0.2, *start, step))

@@ -56,7 +56,7 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
          whatever they do to the noise. Bent responses of projector and camera make harmonics, of \
          which twelve steps cancel all up to the tenth. Blooming needs light beyond the full well, \
          which this scene has not; the light source of a sequence that was never started has not \
-         warmed up, and so keeps time; no slide varies along y: these terms change no byte. Noise is \
+         warmed up, and so keeps time; no pattern varies along y: these terms change no byte. Noise is \
          worth {} times its own pixels' bound, which here is less than that of the scans above: the \
          torso is brighter in the middle of the image, and the converter has 16 bits. The footprint \
          along the fringes' axis cannot be left out of a plan whose slides vary along it: the frames \

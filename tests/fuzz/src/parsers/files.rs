@@ -45,7 +45,7 @@ pub fn ply(bytes: &[u8]) -> bool {
 }
 
 /// A camera image of a sequence.
-pub fn picture(bytes: &[u8]) -> bool {
+pub fn image(bytes: &[u8]) -> bool {
     let frame = |name: &str, phase: f64| {
         format!(
             "[[frame]]\nfile = \"{name}\"\npattern = {{ kind = \"fringe\", axis = \"x\", \

@@ -63,7 +63,7 @@ pub const PARSERS: &[Parser] = &[
     parser("stl", files::stl),
     parser("obj", files::obj),
     parser("ply", files::ply),
-    parser("picture", files::picture),
+    parser("image", files::image),
     parser("metaimage", patient::metaimage),
     parser("dicom", patient::dicom),
     parser("planning", patient::planning),

@@ -1,7 +1,7 @@
 mod scene;
 
 use super::find;
-use crate::board::{NotFound, Picture, Seen};
+use crate::board::{BoardImage, NotFound, Seen};
 use glam::DVec3;
 use phasmid_geometry::{Board, Pose};
 use scene::{Random, Scene, lens};
@@ -170,8 +170,8 @@ fn squares_without_noise_are_exact() {
 }
 
 /// The error that a search returns.
-fn refusal(board: &Board, picture: &Picture) -> NotFound {
-    match find(board, picture) {
+fn refusal(board: &Board, image: &BoardImage) -> NotFound {
+    match find(board, image) {
         Ok(seen) => panic!("{} corners", seen.len()),
         Err(error) => error,
     }
@@ -188,7 +188,7 @@ fn chess(columns: u32, rows: u32) -> Board {
 #[test]
 fn another_board_or_part_of_one_is_refused_with_numbers() {
     let whole = scene(22.0, [12.0, 8.0, 5.0]);
-    let picture = whole.render();
+    let image = whole.render();
     for (board, needles) in [
         (
             chess(5, 4),
@@ -202,10 +202,10 @@ fn another_board_or_part_of_one_is_refused_with_numbers() {
             chess(7, 5),
             ["part of a board", "30 corners in a grid of 6 x 5", "7 x 5"],
         ),
-        (chess(6, 2), ["cannot be told", "6 x 2", "3 x 3"]),
-        (chess(0, 9), ["cannot be told", "0 x 9", "3 x 3"]),
+        (chess(6, 2), ["is ambiguous", "6 x 2", "3 x 3"]),
+        (chess(0, 9), ["is ambiguous", "0 x 9", "3 x 3"]),
     ] {
-        let message = refusal(&board, &picture).to_string();
+        let message = refusal(&board, &image).to_string();
         for needle in needles {
             assert!(message.contains(needle), "{needle} not in: {message}");
         }
@@ -220,7 +220,7 @@ fn another_board_or_part_of_one_is_refused_with_numbers() {
         NotFound::Partial { .. }
     ));
     let corners = [[2, 2], [4, 1], [0, 0], [3, 4]];
-    let mut hidden = hide(&whole, &picture, &corners);
+    let mut hidden = hide(&whole, &image, &corners);
     assert!(matches!(refusal(&BOARD, &hidden), NotFound::Partial { .. }));
     // Saturated pixels instead of grey ones.
     for level in hidden.level.iter_mut().filter(|v| **v == 20.0) {
@@ -230,8 +230,8 @@ fn another_board_or_part_of_one_is_refused_with_numbers() {
 }
 
 /// Covers corners with grey squares.
-fn hide(scene: &Scene, picture: &Picture, corners: &[[u32; 2]]) -> Picture {
-    let mut hidden = picture.clone();
+fn hide(scene: &Scene, image: &BoardImage, corners: &[[u32; 2]]) -> BoardImage {
+    let mut hidden = image.clone();
     for &index in corners {
         let corner = scene.truth(index).round();
         for (y, x) in (0..14).flat_map(|y| (0..14).map(move |x| (y, x))) {
@@ -276,11 +276,11 @@ fn sharp_edges_along_the_pixels_rows_are_measured() {
 }
 
 #[test]
-fn pictures_without_a_board_are_refused() {
+fn images_without_a_board_are_refused() {
     let mut random = Random(99);
     let mut noise = |width: usize, height: usize, size: f64| {
         let level = (0..width * height).map(|_| (100.0 + size * random.normal()) as f32);
-        Picture {
+        BoardImage {
             width,
             height,
             level: level.collect(),
@@ -288,9 +288,9 @@ fn pictures_without_a_board_are_refused() {
         }
     };
     for size in [0.0, 1.0, 40.0] {
-        let picture = noise(320, 240, size);
+        let image = noise(320, 240, size);
         assert!(
-            matches!(refusal(&BOARD, &picture), NotFound::Nothing { .. }),
+            matches!(refusal(&BOARD, &image), NotFound::Nothing { .. }),
             "{size}"
         );
     }

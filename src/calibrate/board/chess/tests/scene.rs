@@ -1,7 +1,7 @@
 //! Renders a chessboard by ray casting through 4 x 4 subpixels per pixel, each with the mean level
 //! of its small square, followed by blur and averaging over pixels.
 
-use crate::board::Picture;
+use crate::board::BoardImage;
 use glam::{DMat2, DVec2, DVec3};
 use phasmid_geometry::{Board, Lens, NoiseModel, Pose};
 use rayon::prelude::*;
@@ -96,7 +96,7 @@ impl Scene {
         0.48 - 0.42 * wave(at.x, by.row(0)) * wave(at.y, by.row(1))
     }
 
-    pub fn render(&self) -> Picture {
+    pub fn render(&self) -> BoardImage {
         let (width, height) = (self.lens.width_px as usize, self.lens.height_px as usize);
         let margin = (4.0 * self.blur).ceil() as usize + 1;
         let (w, h) = ((width + 2 * margin) * FINE, (height + 2 * margin) * FINE);
@@ -131,7 +131,7 @@ impl Scene {
             level.push((mean + noise) as f32);
             variance.push(of_mean as f32);
         }
-        Picture {
+        BoardImage {
             width,
             height,
             level,

@@ -64,15 +64,15 @@ fn in_focus_on_one_side_only() {
         scene
     };
     let (near, far) = (of(0.5), of(0.9));
-    let mut picture = near.picture();
-    let other = far.picture();
-    for (k, level) in picture.level.iter_mut().enumerate() {
+    let mut image = near.image();
+    let other = far.image();
+    for (k, level) in image.level.iter_mut().enumerate() {
         // The split lies between columns 5 and 6 of the board.
-        if k % picture.width > 121 {
+        if k % image.width > 121 {
             *level = other.level[k];
         }
     }
-    let e = super::of(&far, &find(&far.board, &picture).unwrap());
+    let e = super::of(&far, &find(&far.board, &image).unwrap());
     assert_eq!(e.found, e.there);
     assert!(e.rms < 0.0012 && e.worst < 0.006, "{} {}", e.rms, e.worst);
 }
@@ -133,16 +133,16 @@ fn no_ripple_along_a_pixel() {
 #[test]
 fn no_worse_than_the_cramer_rao_bound() {
     let scene = small(0.0, 0.0, 0.0);
-    let seen = find(&scene.board, &scene.picture()).unwrap();
+    let seen = find(&scene.board, &scene.image()).unwrap();
     // Derivative of the image by a shift of the board along x.
     let moved = |px: f64| {
         let mut scene = small(0.0, 0.0, 0.0);
         scene.pose.translation_mm.x += px * 1000.0 / 632.2;
         scene.noise = 0.0;
-        scene.picture()
+        scene.image()
     };
     let (minus, plus) = (moved(-0.05), moved(0.05));
-    let variance = scene.picture().variance;
+    let variance = scene.image().variance;
     for s in &seen {
         let mut information = 0.0;
         for (k, v) in variance.iter().enumerate() {
@@ -164,15 +164,15 @@ fn no_worse_than_the_cramer_rao_bound() {
 #[test]
 fn specks_and_dead_pixels_do_no_harm() {
     let scene = small(20.0, 30.0, 0.0);
-    let mut picture = scene.picture();
-    for (k, level) in picture.level.iter_mut().enumerate() {
+    let mut image = scene.image();
+    for (k, level) in image.level.iter_mut().enumerate() {
         match k % 211 {
             7 => *level = f32::NAN,
             100 => *level += 40.0,
             _ => {}
         }
     }
-    let seen = find(&scene.board, &picture).unwrap();
+    let seen = find(&scene.board, &image).unwrap();
     let e = of(&scene, &seen);
     // An unusable pixel on the edge rejects some dots.
     assert!(e.found * 10 > e.there * 8, "{} {}", e.found, e.there);

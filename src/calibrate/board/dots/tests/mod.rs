@@ -23,7 +23,7 @@ struct Errors {
 }
 
 fn errors(scene: &Scene) -> Errors {
-    let seen = find(&scene.board, &scene.picture()).unwrap();
+    let seen = find(&scene.board, &scene.image()).unwrap();
     of(scene, &seen)
 }
 

@@ -2,7 +2,7 @@
 
 use super::find;
 use super::render::{Draw, Scene, board, pose, small_lens};
-use crate::board::{NotFound, Picture};
+use crate::board::{BoardImage, NotFound};
 use glam::DVec3;
 use phasmid_geometry::Board;
 
@@ -15,9 +15,9 @@ fn scene() -> Scene {
     )
 }
 
-fn picture(level: impl Fn(usize, usize) -> f64) -> Picture {
+fn image(level: impl Fn(usize, usize) -> f64) -> BoardImage {
     let (width, height) = (230, 200);
-    Picture {
+    BoardImage {
         width,
         height,
         level: (0..width * height)
@@ -28,22 +28,22 @@ fn picture(level: impl Fn(usize, usize) -> f64) -> Picture {
 }
 
 #[test]
-fn a_mirrored_picture() {
-    let mut seen = scene().picture();
+fn a_mirrored_image() {
+    let mut seen = scene().image();
     for row in seen.level.chunks_exact_mut(seen.width) {
         row.reverse();
     }
     let why = find(&board(11, 9), &seen).unwrap_err();
     assert!(matches!(why, NotFound::Mirrored { .. }), "{why}");
     // Reversing all pixels turns the image by 180 degrees without mirroring it.
-    let mut seen = scene().picture();
+    let mut seen = scene().image();
     seen.level.reverse();
     assert!(find(&board(11, 9), &seen).is_ok());
 }
 
 #[test]
 fn another_board() {
-    let seen = scene().picture();
+    let seen = scene().image();
     for (columns, rows) in [(13, 9), (11, 11), (9, 9), (11, 7), (7, 7), (25, 19)] {
         let why = find(&board(columns, rows), &seen)
             .map(|s| s.len())
@@ -82,7 +82,7 @@ fn another_board() {
 fn too_few_markers() {
     let mut scene = scene();
     scene.hidden = vec![[7, 4], [5, 2]];
-    let why = find(&scene.board, &scene.picture()).unwrap_err();
+    let why = find(&scene.board, &scene.image()).unwrap_err();
     assert!(matches!(why, NotFound::Ambiguous { .. }), "{why}");
     assert!(why.to_string().contains("3 large dots"), "{why}");
 }
@@ -92,7 +92,7 @@ fn two_boards() {
     let at = |x: f64| DVec3::new(x, 0.0, 1000.0);
     let of = |x: f64| {
         let lens = small_lens(480, 200);
-        Scene::new(board(11, 9), lens, pose(at(x), 5.0, 0.0, 0.0)).picture()
+        Scene::new(board(11, 9), lens, pose(at(x), 5.0, 0.0, 0.0)).image()
     };
     let (mut left, right) = (of(-180.0), of(180.0));
     for (k, level) in left.level.iter_mut().enumerate() {
@@ -117,25 +117,25 @@ fn no_board() {
             )
         })
         .collect();
-    let pictures = [
-        picture(|u, v| noise[v * 230 + u]),
-        picture(|u, v| (u + v) as f64),
-        picture(|_, _| 0.0),
-        picture(|_, _| f64::NAN),
-        picture(|_, _| f64::INFINITY),
-        picture(|u, v| {
+    let images = [
+        image(|u, v| noise[v * 230 + u]),
+        image(|u, v| (u + v) as f64),
+        image(|_, _| 0.0),
+        image(|_, _| f64::NAN),
+        image(|_, _| f64::INFINITY),
+        image(|u, v| {
             let near = |s: &(f64, f64, f64)| (u as f64 - s.0).hypot(v as f64 - s.1) < s.2;
             if spots.iter().any(near) { 10.0 } else { 180.0 }
         }),
         // A chessboard, and a grid of dots without markers.
-        picture(|u, v| {
+        image(|u, v| {
             if (u / 12 + v / 12) % 2 == 0 {
                 10.0
             } else {
                 180.0
             }
         }),
-        picture(|u, v| {
+        image(|u, v| {
             let (x, y) = (u % 15, v % 15);
             if (x as f64 - 7.0).hypot(y as f64 - 7.0) < 3.2 {
                 10.0
@@ -144,8 +144,8 @@ fn no_board() {
             }
         }),
     ];
-    for (k, picture) in pictures.iter().enumerate() {
-        let why = find(&board(11, 9), picture).unwrap_err();
+    for (k, image) in images.iter().enumerate() {
+        let why = find(&board(11, 9), image).unwrap_err();
         assert!(
             matches!(why, NotFound::Nothing { .. } | NotFound::Ambiguous { .. }),
             "{k}: {why}"
@@ -154,14 +154,14 @@ fn no_board() {
 }
 
 #[test]
-fn odd_pictures_and_boards_are_no_panic() {
-    let of = |width: usize, height: usize, length: usize| Picture {
+fn odd_images_and_boards_are_no_panic() {
+    let of = |width: usize, height: usize, length: usize| BoardImage {
         width,
         height,
         level: vec![1.0; length],
         variance: vec![f32::NAN; length],
     };
-    for picture in [
+    for image in [
         of(0, 0, 0),
         of(1, 1, 1),
         of(7, 1, 7),
@@ -169,9 +169,9 @@ fn odd_pictures_and_boards_are_no_panic() {
         of(5, 5, 3),
         of(usize::MAX, 2, 9),
     ] {
-        assert!(find(&board(11, 9), &picture).is_err());
+        assert!(find(&board(11, 9), &image).is_err());
     }
-    let seen = scene().picture();
+    let seen = scene().image();
     for said in [
         board(0, 0),
         board(u32::MAX, u32::MAX),

@@ -3,7 +3,7 @@
 //! slight blur), multiplies by the light, and blurs the fine image with sampled weights before
 //! binning it.
 
-use crate::board::Picture;
+use crate::board::BoardImage;
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_geometry::{Board, Lens, Pose};
 use std::collections::BTreeMap;
@@ -213,13 +213,13 @@ impl Scene {
             .collect()
     }
 
-    pub fn picture(&self) -> Picture {
+    pub fn image(&self) -> BoardImage {
         let (width, height) = (self.lens.width_px as usize, self.lens.height_px as usize);
         let clean = self.clean();
         let of =
             |level: f64| self.noise.max(0.01).powi(2) * (0.0025 + 0.06 * level.max(0.0) / 188.0);
         let mut draw = Draw(self.seed);
-        Picture {
+        BoardImage {
             width,
             height,
             level: clean

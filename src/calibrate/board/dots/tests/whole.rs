@@ -29,7 +29,7 @@ fn turned_by_any_angle() {
 }
 
 #[test]
-fn partly_out_of_the_picture_on_each_side() {
+fn partly_out_of_the_image_on_each_side() {
     for (x, y) in [(90.0, 0.0), (-90.0, 0.0), (0.0, 70.0), (0.0, -70.0)] {
         let mut scene = scene(MIDDLE + DVec3::new(x, y, 0.0), 5.0, 10.0, 0.0);
         scene.lens.principal_px = scene.lens.principal_px.round();
@@ -56,13 +56,13 @@ fn with_dots_hidden_one_of_them_a_marker() {
 fn where_blobs_and_lattice_miss_them() {
     // A shadow too deep for the blob search but not for the fit.
     let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
-    let mut picture = scene.picture();
-    for (k, level) in picture.level.iter_mut().enumerate() {
-        if k % picture.width > 150 {
+    let mut image = scene.image();
+    for (k, level) in image.level.iter_mut().enumerate() {
+        if k % image.width > 150 {
             *level *= 0.2;
         }
     }
-    let seen = find(&scene.board, &picture).unwrap();
+    let seen = find(&scene.board, &image).unwrap();
     let e = of(&scene, &seen);
     assert!(e.found > 85 && e.worst < 0.01, "{} {}", e.found, e.worst);
 }
@@ -70,11 +70,11 @@ fn where_blobs_and_lattice_miss_them() {
 #[test]
 fn among_clutter() {
     let scene = scene(MIDDLE, 12.0, 20.0, 100.0);
-    let mut picture = scene.picture();
+    let mut image = scene.image();
     // Dark rectangles off the board, on a lit background.
-    for v in 0..picture.height {
-        for u in 0..picture.width {
-            let level = &mut picture.level[v * picture.width + u];
+    for v in 0..image.height {
+        for u in 0..image.width {
+            let level = &mut image.level[v * image.width + u];
             if *level < 3.0 {
                 *level = if u % 23 < 6 && v % 17 < 5 {
                     20.0
@@ -84,7 +84,7 @@ fn among_clutter() {
             }
         }
     }
-    let e = of(&scene, &find(&scene.board, &picture).unwrap());
+    let e = of(&scene, &find(&scene.board, &image).unwrap());
     assert!(
         e.found == e.there && e.worst < 0.005,
         "{} {}",
@@ -96,17 +96,17 @@ fn among_clutter() {
 #[test]
 fn beside_a_stain_as_large_as_a_marker() {
     let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
-    let mut picture = scene.picture();
+    let mut image = scene.image();
     // At the position of a further dot in row 4, six columns left of the middle.
     let stain = scene.lens.principal_px - DVec2::new(6.0 * 24.0 * 0.6322, 0.0);
-    for v in 0..picture.height {
+    for v in 0..image.height {
         for u in 0..25 {
             let away = (DVec2::new(u as f64, v as f64) - stain).length();
             let share = (6.5 - away).clamp(0.0, 1.0);
-            picture.level[v * picture.width + u] = (188.0 * (1.0 - 0.9 * share)) as f32;
+            image.level[v * image.width + u] = (188.0 * (1.0 - 0.9 * share)) as f32;
         }
     }
-    let e = of(&scene, &find(&scene.board, &picture).unwrap());
+    let e = of(&scene, &find(&scene.board, &image).unwrap());
     assert!(e.found == 99 && e.worst < 0.005, "{} {}", e.found, e.worst);
 }
 

@@ -1,5 +1,5 @@
-//! The video control interface: a camera terminal with exposure, a processing unit with gain, and an
-//! output terminal.
+//! The video control interface: a camera terminal with exposure, a processing unit with gain, and
+//! an output terminal.
 
 use super::configuration::{Draft, interface};
 use super::{CAMERA_TERMINAL, CLOCK_HZ, PROCESSING_UNIT, VIDEO_CONTROL, VIDEO_STREAMING};

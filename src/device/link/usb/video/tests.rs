@@ -45,8 +45,8 @@ fn transfer(video: &mut Video, seqnum: u32, length: u32, packets: &[u32]) {
     video.submit(submit, &packets, NOW);
 }
 
-/// Nothing is copied between the frame given to the link and the write to the socket: every pixel is
-/// written from the frame's own memory.
+/// Nothing is copied between the frame given to the link and the write to the socket: every pixel
+/// is written from the frame's own memory.
 #[test]
 fn pixels_are_written_from_the_frame_itself() {
     for isochronous in [false, true] {

@@ -1,6 +1,6 @@
 //! Sample positions, and footprint widths under blur.
 
-use super::super::super::{Engine, Stage};
+use super::super::super::{Engine, EntryPoint};
 use super::Case;
 use crate::Plan;
 use crate::aperture::widened;
@@ -17,7 +17,7 @@ fn focused(focus_mm: f64) -> Profile {
 }
 
 fn call(engine: &mut Engine, entry: &'static str, input: &[u32]) -> Vec<[f32; 4]> {
-    let stage = Stage::new("tests/samples_test", entry, &Plan::default());
+    let stage = EntryPoint::new("tests/samples_test", entry, &Plan::default());
     let output = engine.call_stage(&stage, input, input.len(), input.len() / 4);
     bytemuck::cast_vec(output)
 }

@@ -1,0 +1,178 @@
+//! The residuals of a fringe set's steps that are typical of a capture as a whole.
+//!
+//! Four or more steps leave a residual ([`FringeSet::check`](super::FringeSet::check)). A set of
+//! three steps on an axis with several sets is checked by the difference of its mean from that of
+//! the others. Residuals contain more than noise: a flickering lamp leaves a fraction of the light
+//! and of the fringe itself, and a response curve leaves its second harmonic with four steps and
+//! its third harmonic in the mean of three. Each is the same fraction everywhere, so a fit over the
+//! capture determines and removes them; damage to one pixel of one frame remains. The remainder is
+//! compared with the camera's noise, or with the remainder of most pixels if that is larger.
+
+use super::phase::{Check, OWN, RowNoise, SetKernel, TIED};
+use super::samples::Sample;
+use super::{Options, deviation};
+use nalgebra::{SMatrix, SVector};
+use phasmid_geometry::NoiseModel;
+
+/// Approximate number of pixels sampled.
+const PIXELS: usize = 4000;
+/// Minimum number of pixels for a fit.
+const FEWEST: usize = 50;
+/// Maximum residual in standard deviations; noise exceeds it in 6 of 100,000 pixels.
+const SIGMAS: f64 = 4.0;
+/// Maximum fraction of a harmonic by which blur changes it between parts of the image.
+const BLURRED: f64 = 0.75;
+/// Number of fitted terms: the light, both components of the fringe, and both of one of its
+/// harmonics.
+const TERMS: usize = 5;
+/// Iterations of the robust fit.
+const ROUNDS: usize = 4;
+/// Residual in standard deviations above which a pixel is down-weighted in the fit.
+const BENT: f64 = 2.0;
+/// Lower bound of the robust scale, as a fraction of the camera's noise.
+const LEAST: f64 = 0.5;
+
+/// The residual of a fringe set that is typical of a capture.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RobustScale {
+    /// Fitted coefficients of the terms.
+    terms: [f32; TERMS],
+    /// Allowed residual in standard deviations of the camera's noise.
+    deviations: f32,
+    /// Additional allowed residual as a fraction of the modulation.
+    modulation: f32,
+}
+
+impl Default for RobustScale {
+    /// Accepts every residual.
+    fn default() -> Self {
+        Self {
+            terms: [0.0; TERMS],
+            deviations: f32::INFINITY,
+            modulation: 0.0,
+        }
+    }
+}
+
+/// A sampled pixel.
+struct Pixel {
+    terms: SVector<f64, TERMS>,
+    check: f64,
+    /// Standard deviation of the camera's noise.
+    sigma: f64,
+    /// Remainder after the fit, in standard deviations.
+    left: f64,
+}
+
+impl RobustScale {
+    /// Fits the typical residual of one of an axis' sets to sampled pixels that have fringes and
+    /// are not saturated.
+    pub(super) fn of<T: Sample>(
+        sets: &[SetKernel],
+        set: &SetKernel,
+        frames: &[&[T]],
+        noise: &NoiseModel,
+        saturation: f32,
+        options: &Options,
+    ) -> Self {
+        let Some(first) = set.frames.first().filter(|_| set.check != Check::None) else {
+            return Self::default();
+        };
+        let row = RowNoise::new(noise);
+        let mut pixels = Vec::new();
+        // Odd, so that the samples do not all fall into one image column.
+        let stride = (frames[*first].len() / PIXELS) | 1;
+        for i in (0..frames[*first].len()).step_by(stride) {
+            let sample = |frame: usize| frames[frame][i].dn();
+            let [a, c, s, own] = set.solve(sample);
+            let b = c.hypot(s);
+            let light = a - row.black;
+            let dim = b < options.min_modulation_dn || b < options.min_contrast * light;
+            if dim || light <= 0.0 || a + b >= saturation {
+                continue;
+            }
+            let (check, terms) = match set.check {
+                Check::Tied => {
+                    let all = sets.iter().map(|set| set.solve(sample)[0]).sum();
+                    (set.tied(a, all), terms::<TIED>(light, c, s, b))
+                }
+                _ => (own, terms::<OWN>(light, c, s, b)),
+            };
+            let sigma = f64::from(row.variance(a).max(1e-6).sqrt());
+            pixels.push(Pixel {
+                terms: terms.map(f64::from).into(),
+                check: f64::from(check),
+                sigma,
+                left: f64::from(check) / sigma,
+            });
+        }
+        if pixels.len() < FEWEST {
+            return Self::default();
+        }
+        let mut fitted = SVector::zeros();
+        let mut scale = deviation(&pixels);
+        for _ in 0..ROUNDS {
+            let Some(found) = fit(&pixels, scale) else {
+                break;
+            };
+            fitted = found;
+            for pixel in &mut pixels {
+                pixel.left = (pixel.check - fitted.dot(&pixel.terms)) / pixel.sigma;
+            }
+            scale = deviation(&pixels);
+        }
+        Self {
+            terms: fitted.map(|v| v as f32).into(),
+            deviations: (SIGMAS * scale.max(1.0)) as f32,
+            modulation: (BLURRED * fitted[3].hypot(fitted[4])) as f32,
+        }
+    }
+
+    /// Returns the typical part of a pixel's residual, given its mean above black, both components
+    /// of its fringe and their modulation, all in DN.
+    #[inline(always)]
+    pub(super) fn part<const CHECK: u8>(&self, light: f32, c: f32, s: f32, modulation: f32) -> f32 {
+        let terms = terms::<CHECK>(light, c, s, modulation);
+        let mut sum = 0.0;
+        for (part, term) in self.terms.iter().zip(terms) {
+            sum += part * term;
+        }
+        sum
+    }
+
+    /// Returns the largest residual in DN, less the typical part, that is accepted for a pixel with
+    /// this mean above black and modulation.
+    #[inline(always)]
+    pub(super) fn most(self, light: f32, modulation: f32, noise: RowNoise) -> f32 {
+        self.deviations * noise.variance(noise.black + light).sqrt() + self.modulation * modulation
+    }
+}
+
+#[inline(always)]
+fn terms<const CHECK: u8>(light: f32, c: f32, s: f32, modulation: f32) -> [f32; TERMS] {
+    let (cos, sin) = (c / modulation, s / modulation);
+    let harmonic = match CHECK {
+        TIED => [(4.0 * cos * cos - 3.0) * c, (3.0 - 4.0 * sin * sin) * s],
+        _ => [cos * c - sin * s, 2.0 * cos * s],
+    };
+    [light, c, s, harmonic[0], harmonic[1]]
+}
+
+/// Least-squares fit of the terms; pixels far off in the last iteration are down-weighted.
+fn fit(pixels: &[Pixel], scale: f64) -> Option<SVector<f64, TERMS>> {
+    let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
+    let mut right = SVector::<f64, TERMS>::zeros();
+    for pixel in pixels {
+        let bent = (BENT * scale / pixel.left.abs().max(1e-9)).min(1.0);
+        let weight = bent / (pixel.sigma * pixel.sigma);
+        normal += pixel.terms * pixel.terms.transpose() * weight;
+        right += pixel.terms * (pixel.check * weight);
+    }
+    normal.cholesky().map(|c| c.solve(&right))
+}
+
+/// Robust scale of the remainders, in standard deviations of the camera's noise.
+fn deviation(pixels: &[Pixel]) -> f64 {
+    let mut sizes: Vec<f64> = pixels.iter().map(|p| p.left.abs()).collect();
+    deviation::of_most(&mut sizes, LEAST, LEAST)
+}

@@ -1,0 +1,267 @@
+//! Renders on a separate thread: rendering uses all cores for milliseconds, and the ports must stay
+//! responsive. Jobs run in order.
+
+use crate::{Exposure, Renderer, Shot, Truth};
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::Pattern;
+use phasmid_protocol::Frame;
+use phasmid_protocol::service::Placement;
+use phasmid_render::Pending;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+use tokio::sync::mpsc as results;
+use tokio::sync::oneshot;
+
+enum Job {
+    Expose(Box<Exposure>),
+    Truth(Box<TruthJob>),
+    /// Moves an object.
+    Place(Placement, oneshot::Sender<Result<()>>),
+}
+
+/// A request for ground truth.
+pub(super) struct TruthJob {
+    /// The sequence whose fringes the truth describes.
+    pub(super) sequence: Vec<(Pattern, Shot)>,
+    /// Device time in nanoseconds; `None` is the middle of the sequence.
+    pub(super) time_ns: Option<u64>,
+    /// Places of the objects at that time, and the places to restore afterwards.
+    pub(super) back: (Vec<Placement>, Vec<Placement>),
+    /// Receives the answer.
+    pub(super) reply: oneshot::Sender<Result<Truth>>,
+}
+
+/// Maximum number of finished frames in the channel; the thread blocks beyond that.
+const MAX_FRAMES: usize = 64;
+
+/// Handle of the render thread; dropping it stops the thread after the current job.
+pub(super) struct RenderThread {
+    jobs: Option<mpsc::Sender<Job>>,
+    /// Finished frames, followed by the error that ended the thread, if any.
+    frames: results::Receiver<Result<Arc<Frame>>>,
+    /// Number of submitted exposures whose frames have not been received.
+    backlog: usize,
+    stop: Arc<AtomicBool>,
+    /// Time spent on frames since power-on, in microseconds.
+    render_us: Arc<AtomicU64>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// State of the render thread.
+struct Work<W> {
+    renderer: Renderer,
+    /// Frames in progress, in order of exposure.
+    under_way: VecDeque<(Box<Exposure>, Pending)>,
+    wall: W,
+    spent: Arc<AtomicU64>,
+    done: results::Sender<Result<Arc<Frame>>>,
+}
+
+impl<W: Fn() -> Duration> Work<W> {
+    /// Returns the next job. Finishes frames in progress while there is none, or if the renderer is
+    /// at its limit of concurrent frames. Returns `None` when the handle has been dropped.
+    fn next(&mut self, queue: &mpsc::Receiver<Job>, notice: fn(&str)) -> Option<Job> {
+        loop {
+            if self.under_way.is_empty() {
+                return queue.recv().ok();
+            }
+            if self.under_way.len() < self.renderer.depth() {
+                match queue.try_recv() {
+                    Ok(job) => return Some(job),
+                    Err(mpsc::TryRecvError::Disconnected) => return None,
+                    Err(mpsc::TryRecvError::Empty) => {}
+                }
+            }
+            self.finish();
+            if !self.goes_on(notice) {
+                return None;
+            }
+        }
+    }
+
+    fn run(&mut self, job: Job) {
+        match job {
+            Job::Expose(exposure) => {
+                let start = (self.wall)();
+                let pending = self.renderer.submit(&exposure.shot);
+                self.account(start);
+                self.under_way.push_back((exposure, pending));
+            }
+            Job::Truth(job) => {
+                self.finish_all();
+                let (then, now) = &job.back;
+                let truth = self.place_all(then).map(|()| match job.time_ns {
+                    Some(time_ns) => self.renderer.truth_at(&job.sequence, time_ns),
+                    None => self.renderer.truth(&job.sequence),
+                });
+                let back = self.place_all(now);
+                // The client may have disconnected.
+                let _ = job.reply.send(truth.and_then(|truth| back.map(|()| truth)));
+            }
+            Job::Place(placement, reply) => {
+                // Frames in progress show the scene before the move.
+                self.finish_all();
+                let placed = self.place_all(&[placement]);
+                // The client may have disconnected.
+                let _ = reply.send(placed);
+            }
+        }
+    }
+
+    fn place_all(&mut self, placements: &[Placement]) -> Result<()> {
+        placements.iter().try_for_each(|placement| {
+            let Placement {
+                object,
+                position_mm,
+                rotation_deg,
+            } = *placement;
+            let object = object as usize;
+            self.renderer.place(object, position_mm, rotation_deg)
+        })
+    }
+
+    fn finish_all(&mut self) {
+        while !self.under_way.is_empty() {
+            self.finish();
+        }
+    }
+
+    /// Finishes the oldest frame in progress and sends it on.
+    fn finish(&mut self) {
+        if let Some((exposure, pending)) = self.under_way.pop_front() {
+            let start = (self.wall)();
+            let frame = self.renderer.finish(pending);
+            self.account(start);
+            // The receiver is gone when the device is switched off.
+            let _ = self
+                .done
+                .blocking_send(Ok(Arc::new(exposure.readout.read(frame))));
+        }
+    }
+
+    fn account(&self, start: Duration) {
+        let took = (self.wall)().saturating_sub(start).as_micros() as u64;
+        self.spent.fetch_add(took, Ordering::Relaxed);
+    }
+
+    /// Reports the renderer's messages for the user. Returns `false` if the renderer has failed;
+    /// all frames in progress are then sent before the error.
+    fn goes_on(&mut self, notice: fn(&str)) -> bool {
+        match self.renderer.news() {
+            Ok(news) => {
+                if let Some(news) = news {
+                    notice(&news);
+                }
+                true
+            }
+            Err(e) => {
+                self.finish_all();
+                let _ = self.done.blocking_send(Err(e));
+                false
+            }
+        }
+    }
+}
+
+impl RenderThread {
+    /// Starts the thread. `wall` returns how long the device has been on; `notice` receives
+    /// messages for the user.
+    pub(super) fn start(
+        renderer: Renderer,
+        wall: impl Fn() -> Duration + Send + 'static,
+        notice: fn(&str),
+    ) -> std::io::Result<Self> {
+        let (jobs, queue) = mpsc::channel();
+        let (done, frames) = results::channel(MAX_FRAMES);
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = stop.clone();
+        let render_us = Arc::new(AtomicU64::new(0));
+        let mut work = Work {
+            renderer,
+            under_way: VecDeque::new(),
+            wall,
+            spent: render_us.clone(),
+            done,
+        };
+        let work = move || {
+            while let Some(job) = work.next(&queue, notice) {
+                if stopped.load(Ordering::Relaxed) {
+                    return;
+                }
+                work.run(job);
+                if !work.goes_on(notice) {
+                    return;
+                }
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("optics".into())
+            .spawn(work)?;
+        Ok(Self {
+            jobs: Some(jobs),
+            frames,
+            backlog: 0,
+            stop,
+            render_us,
+            thread: Some(thread),
+        })
+    }
+
+    pub(super) fn backlog(&self) -> usize {
+        self.backlog
+    }
+
+    pub(super) fn expose(&mut self, exposure: Exposure) {
+        self.backlog += 1;
+        self.submit(Job::Expose(Box::new(exposure)));
+    }
+
+    /// Requests ground truth.
+    pub(super) fn truth(&self, job: TruthJob) {
+        self.submit(Job::Truth(Box::new(job)));
+    }
+
+    /// Moves an object, after the exposures submitted earlier.
+    pub(super) fn place(&self, placement: Placement, reply: oneshot::Sender<Result<()>>) {
+        self.submit(Job::Place(placement, reply));
+    }
+
+    /// Returns the time spent on frames since power-on, in microseconds.
+    pub(super) fn render_us(&self) -> u64 {
+        self.render_us.load(Ordering::Relaxed)
+    }
+
+    fn submit(&self, job: Job) {
+        if let Some(jobs) = &self.jobs {
+            // If the thread has died, the frames' channel ends.
+            let _ = jobs.send(job);
+        }
+    }
+
+    /// Receives the next frame.
+    ///
+    /// # Errors
+    /// Returns an error if the renderer has failed or the thread has died.
+    pub(super) async fn next(&mut self) -> Result<Arc<Frame>> {
+        let died = || Err(Error::device("the render thread panicked"));
+        let frame = self.frames.recv().await.unwrap_or_else(died)?;
+        self.backlog -= 1;
+        Ok(frame)
+    }
+}
+
+impl Drop for RenderThread {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.jobs = None;
+        // The thread may be blocked on a full channel.
+        self.frames.close();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

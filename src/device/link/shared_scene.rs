@@ -1,0 +1,362 @@
+//! The scene shared by several devices: the present and past places of its objects.
+//!
+//! Each device renders its own copy of the scene. An object moved through one device is recorded
+//! here, and every device updates its copy before its next exposure.
+
+use glam::DVec3;
+use phasmid_core::error::Result;
+use phasmid_geometry::Pose;
+use phasmid_phantom::{Day, Phantom};
+use phasmid_profile::{Object, RigPlace, Scene, Shape};
+use phasmid_protocol::service::{ObjectAbout, Objects, PatientAbout, PlaceAbout, Placement};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Maximum number of recorded moves.
+const MAX_MOVES: usize = 4096;
+
+/// A scene that several devices share.
+#[derive(Clone)]
+pub struct SharedScene {
+    shared: Arc<Mutex<Shared>>,
+}
+
+struct Shared {
+    scene: Scene,
+    /// Number of moves so far.
+    version: u64,
+    /// For each object, the version of its last move.
+    placed: Vec<u64>,
+    /// Earlier places of objects, for the latest moves.
+    moves: VecDeque<Move>,
+    /// For each object, the patient if it is one.
+    patients: Vec<Option<Patient>>,
+}
+
+/// A patient and its position on the couch.
+struct Patient {
+    phantom: Phantom,
+    day: Day,
+    held_percent: Option<f64>,
+}
+
+impl Patient {
+    /// Returns the patient of an object; `None` for other objects and for one that cannot be read,
+    /// which the renderer reports.
+    fn of(scene: &Scene, object: &Object) -> Option<Self> {
+        let Shape::Patient {
+            day, held_percent, ..
+        } = object.shape
+        else {
+            return None;
+        };
+        let patient = object.shape.patient(&scene.folder).ok()??;
+        Some(Self {
+            phantom: Phantom::new(&patient),
+            day,
+            held_percent,
+        })
+    }
+
+    /// Describes the patient at a device time, for an object with this scale and pose.
+    fn about(&self, time_ns: u64, scale: f64, scene_from_object: &Pose) -> PatientAbout {
+        let state = match self.held_percent {
+            Some(percent) => self.phantom.held(self.day, percent / 100.0),
+            None => self.phantom.state(self.day, time_ns as f64 * 1e-9),
+        };
+        let target = self.phantom.target(&state);
+        PatientAbout {
+            phase: state.phase,
+            tumour_mm: scene_from_object
+                .point(target.centroid_mm * scale)
+                .to_array(),
+            tumour_mm3: target.volume_mm3 * scale.powi(3),
+        }
+    }
+}
+
+/// A move of an object.
+struct Move {
+    /// The version after the move.
+    version: u64,
+    before: Placement,
+}
+
+impl SharedScene {
+    /// Returns the scene as described by its file.
+    pub fn new(scene: &Scene) -> Self {
+        Self {
+            shared: Arc::new(Mutex::new(Shared {
+                placed: vec![0; scene.object.len()],
+                patients: scene.object.iter().map(|o| Patient::of(scene, o)).collect(),
+                scene: scene.clone(),
+                version: 0,
+                moves: VecDeque::new(),
+            })),
+        }
+    }
+
+    /// Moves an object for all devices and returns its previous place.
+    ///
+    /// # Errors
+    /// Returns the error of [`Scene::place`]; nothing has changed then.
+    pub(super) fn place(&self, placement: Placement) -> Result<Placement> {
+        let mut shared = self.shared();
+        let at = placement.object as usize;
+        let before = shared.scene.object.get(at).map(|object| Placement {
+            object: placement.object,
+            position_mm: object.position_mm,
+            rotation_deg: object.rotation_deg,
+        });
+        let (position_mm, rotation_deg) = (placement.position_mm, placement.rotation_deg);
+        shared.scene.place(at, position_mm, rotation_deg)?;
+        let before = before.unwrap_or(placement);
+        shared.version += 1;
+        let version = shared.version;
+        shared.placed[at] = version;
+        shared.moves.push_back(Move { version, before });
+        if shared.moves.len() > MAX_MOVES {
+            shared.moves.pop_front();
+        }
+        Ok(before)
+    }
+
+    /// Returns the objects moved since a version with their present places, and the present
+    /// version.
+    pub(super) fn since(&self, version: u64) -> (Vec<Placement>, u64) {
+        let shared = self.shared();
+        if shared.version == version {
+            return (Vec::new(), version);
+        }
+        let objects = shared.placed.iter().enumerate();
+        let newer = objects.filter(|(_, placed)| **placed > version);
+        let placements = newer.map(|(at, _)| shared.placement(at)).collect();
+        (placements, shared.version)
+    }
+
+    /// Returns the places, at a version, of the objects moved since then; `None` if they are no
+    /// longer recorded.
+    pub(super) fn back_to(&self, version: u64) -> Option<Vec<Placement>> {
+        self.shared().back_to(version)
+    }
+
+    /// Returns the present places of the objects in `of`.
+    pub(super) fn now(&self, of: &[Placement]) -> Vec<Placement> {
+        let shared = self.shared();
+        of.iter()
+            .map(|placement| shared.placement(placement.object as usize))
+            .collect()
+    }
+
+    /// Returns the objects at a device time, placed as at a version, for a device whose rig stands
+    /// at `rig`; `None` if that version is no longer recorded.
+    pub(super) fn objects(&self, time_ns: u64, version: u64, rig: RigPlace) -> Option<Objects> {
+        let shared = self.shared();
+        let mut objects = shared.scene.object.clone();
+        for was in shared.back_to(version)? {
+            let object = &mut objects[was.object as usize];
+            object.position_mm = was.position_mm;
+            object.rotation_deg = was.rotation_deg;
+        }
+        let about = |(object, number): (&Object, u32)| {
+            let place = place(object, time_ns);
+            let [at, turn] = [place.position_mm, place.rotation_deg].map(DVec3::from_array);
+            let patient = shared.patients[number as usize].as_ref();
+            ObjectAbout {
+                object: number,
+                shape: kind(&object.shape).to_owned(),
+                moves: object.motion.as_ref().is_some_and(|m| m.goes_anywhere()),
+                deforms: object.deform.is_some() || object.shape.breathes(),
+                patient: patient.map(|patient| {
+                    patient.about(time_ns, object.scale, &Pose::from_xyz_deg(at, turn))
+                }),
+                place,
+            }
+        };
+        Some(Objects {
+            time_ns,
+            rig: PlaceAbout {
+                position_mm: rig.position_mm,
+                rotation_deg: rig.rotation_deg,
+            },
+            objects: objects.iter().zip(0..).map(about).collect(),
+        })
+    }
+
+    fn shared(&self) -> MutexGuard<'_, Shared> {
+        // A device that panicked leaves no partial change here.
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Shared {
+    fn placement(&self, at: usize) -> Placement {
+        let object = &self.scene.object[at];
+        Placement {
+            object: at as u32,
+            position_mm: object.position_mm,
+            rotation_deg: object.rotation_deg,
+        }
+    }
+
+    fn back_to(&self, version: u64) -> Option<Vec<Placement>> {
+        let oldest = self.moves.front().map_or(self.version, |m| m.version - 1);
+        if version < oldest {
+            return None;
+        }
+        let mut back: Vec<Placement> = Vec::new();
+        for change in self.moves.iter().rev() {
+            if change.version <= version {
+                break;
+            }
+            // The oldest move since the version decides.
+            let object = change.before.object;
+            match back.iter_mut().find(|placement| placement.object == object) {
+                Some(placement) => *placement = change.before,
+                None => back.push(change.before),
+            }
+        }
+        Some(back)
+    }
+}
+
+/// Returns the place of an object, before scaling, in the scene's frame.
+fn place(object: &Object, time_ns: u64) -> PlaceAbout {
+    let moved = match &object.motion {
+        Some(motion) if motion.goes_anywhere() => motion.trajectory().pose(time_ns as f64 * 1e-9),
+        // The exact numbers of the file.
+        _ => {
+            return PlaceAbout {
+                position_mm: object.position_mm,
+                rotation_deg: object.rotation_deg,
+            };
+        }
+    };
+    let pose: Pose = object.scene_from_object() * moved;
+    let (position_mm, rotation_deg) = pose.to_xyz_deg();
+    PlaceAbout {
+        position_mm: position_mm.to_array(),
+        rotation_deg: rotation_deg.to_array(),
+    }
+}
+
+fn kind(shape: &Shape) -> &'static str {
+    match shape {
+        Shape::Plane { .. } => "plane",
+        Shape::Board { .. } => "board",
+        Shape::Sphere { .. } => "sphere",
+        Shape::Cylinder { .. } => "cylinder",
+        Shape::Frustum { .. } => "frustum",
+        Shape::Torso { .. } => "torso",
+        Shape::Couch { .. } => "couch",
+        Shape::LinacHead { .. } => "linac-head",
+        Shape::Patient { .. } => "patient",
+        Shape::Mesh { .. } => "mesh",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "name = \"s\"\ndescription = \"\"\n\
+        [[object]]\nshape = { kind = \"plane\" }\nalbedo = 0.5\n\
+        [[object]]\nshape = { kind = \"sphere\", radius_mm = 9.0 }\nalbedo = 0.5\n\
+        position_mm = [0.0, 0.0, 500.0]\n\
+        motion = { keyframes = [{ time_s = 0.0 }, { time_s = 2.0, position_mm = [8.0, 0.0, 0.0] }] }\n";
+
+    fn placement(x: f64) -> Placement {
+        Placement {
+            object: 0,
+            position_mm: [x, 0.0, 0.0],
+            rotation_deg: [0.0; 3],
+        }
+    }
+
+    #[test]
+    fn what_is_placed_is_told_once_and_can_be_undone() {
+        let shared_scene = SharedScene::new(&Scene::parse(TEXT, "test").unwrap());
+        let other = shared_scene.clone();
+        assert_eq!(other.since(0), (vec![], 0));
+        assert_eq!(shared_scene.place(placement(1.0)).unwrap(), placement(0.0));
+        assert_eq!(shared_scene.place(placement(2.0)).unwrap(), placement(1.0));
+        assert!(
+            shared_scene
+                .place(Placement {
+                    object: 1,
+                    ..placement(3.0)
+                })
+                .is_err()
+        );
+        assert!(
+            shared_scene
+                .place(Placement {
+                    object: 9,
+                    ..placement(3.0)
+                })
+                .is_err()
+        );
+        assert_eq!(other.since(0), (vec![placement(2.0)], 2));
+        assert_eq!(other.since(2), (vec![], 2));
+        for (version, was) in [
+            (0, vec![placement(0.0)]),
+            (1, vec![placement(1.0)]),
+            (2, vec![]),
+        ] {
+            assert_eq!(other.back_to(version), Some(was.clone()));
+            assert_eq!(other.now(&was), vec![placement(2.0); was.len()]);
+        }
+        for x in 0..5000 {
+            shared_scene.place(placement(f64::from(x))).unwrap();
+        }
+        assert_eq!(shared_scene.back_to(900), None, "it is bounded");
+        assert_eq!(shared_scene.back_to(1000), Some(vec![placement(997.0)]));
+        assert_eq!(shared_scene.shared().moves.len(), MAX_MOVES);
+    }
+
+    #[test]
+    fn a_patient_has_a_tumour() {
+        let scene = Scene::load("treatment-room").unwrap();
+        let shared_scene = SharedScene::new(&scene);
+        let about = |time_s: u64| {
+            let now = shared_scene
+                .objects(time_s * 1_000_000_000, 0, scene.rig)
+                .unwrap();
+            let patients: Vec<_> = now.objects.iter().filter_map(|o| o.patient).collect();
+            assert_eq!(patients.len(), 1, "the couch has none");
+            patients[0]
+        };
+        // The planning isocentre is the room's origin; the remainder is set-up error and breathing.
+        let breath: Vec<_> = (0..5).map(about).collect();
+        for now in &breath {
+            let [x, y, z] = now.tumour_mm;
+            assert!((0.0..1.0).contains(&now.phase) && now.tumour_mm3 > 100.0);
+            assert!(DVec3::new(x, y, z).length() < 40.0, "{now:?}");
+        }
+        assert!(
+            breath
+                .iter()
+                .any(|b| (b.tumour_mm[1] - breath[0].tumour_mm[1]).abs() > 1.0)
+        );
+    }
+
+    #[test]
+    fn objects_are_where_they_were_then() {
+        let shared_scene = SharedScene::new(&Scene::parse(TEXT, "test").unwrap());
+        let rig = RigPlace {
+            position_mm: [1.0, 2.0, 3.0],
+            rotation_deg: [0.0; 3],
+        };
+        shared_scene.place(placement(5.0)).unwrap();
+        let now = shared_scene.objects(1_000_000_000, 1, rig).unwrap();
+        assert_eq!(now.rig.position_mm, [1.0, 2.0, 3.0]);
+        assert_eq!(now.objects[0].place.position_mm, [5.0, 0.0, 0.0]);
+        assert!(!now.objects[0].moves && now.objects[1].moves);
+        assert_eq!(now.objects[1].shape, "sphere");
+        let [x, y, z] = now.objects[1].place.position_mm;
+        assert!((x - 4.0).abs() < 1e-9 && y == 0.0 && z == 500.0);
+        let then = shared_scene.objects(0, 0, rig).unwrap();
+        assert_eq!(then.objects[0].place.position_mm, [0.0; 3]);
+        assert_eq!(then.objects[1].place.position_mm, [0.0, 0.0, 500.0]);
+    }
+}

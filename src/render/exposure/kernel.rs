@@ -1,0 +1,341 @@
+//! Blurred footprints as weights of pattern pixels.
+//!
+//! A footprint is a trapezoid (see `row_table`), convolved with a Gaussian blur. The fraction of
+//! the result left of a border at distance e from the middle is
+//!
+//! ```text
+//! (Q(e + (a+b)/2) - Q(e + (a-b)/2) - Q(e - (a-b)/2) + Q(e - (a+b)/2)) / (a b)
+//! ```
+//!
+//! with Q(e) = sigma^2 G(e / sigma) and G the second antiderivative of the normal distribution
+//! (`bell`). A pattern pixel's weight is the difference between its two borders. This is exact. It
+//! is computed once per scene state, in f64; a frame then needs a sum of a dozen products per
+//! pixel.
+//!
+//! Where the blur is wide, pattern pixels are averaged in groups of 2, 4, 8 and so on, never wider
+//! than a 48th of sigma, which keeps any pattern within 0.05 of 255 levels (within 0.5 where the
+//! end of the pattern truncates the blur). This bounds a kernel to a thousand weights plus the
+//! footprint's width.
+
+use super::bell::Bell;
+use super::blend::{Blend, Spread};
+use super::row_table::WIDEST;
+use rayon::prelude::*;
+
+/// SIMD lanes of the sum of products; the number of weights is a multiple of it.
+const LANES: usize = 8;
+/// Pixels per task and lookup block.
+const BLOCK: usize = 2048;
+/// Blur narrower than this fraction of the footprint changes a level by less than 0.05 of 255.
+const SHARP: f64 = 2e-4;
+/// Minimum standard deviation of a spread component, in projector pixels.
+const LEAST: f64 = 1e-6;
+/// Maximum number of groups of a kernel. Several Gaussians of very different widths would otherwise
+/// need more.
+const MOST_GROUPS: f64 = 1024.0;
+/// Groups of 2^0 to 2^10 pattern pixels.
+const GROUPINGS: usize = 11;
+
+/// The kernels of many footprints, in order.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Kernels {
+    blocks: Vec<Block>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Block {
+    runs: Vec<Run>,
+    weights: Vec<f32>,
+}
+
+/// Weights of one footprint; empty if it is sharp or unlit.
+#[derive(Debug, Clone, Copy, Default)]
+struct Run {
+    /// Index in the block of the first weight.
+    from: u32,
+    len: u32,
+    /// Group of the first weight.
+    group: u32,
+    /// Groups span 2^grouping pattern pixels.
+    grouping: u32,
+}
+
+/// Input for the kernel of a footprint.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Blurred<'a> {
+    /// Projector coordinate of the centre in pixels.
+    pub(crate) x: f32,
+    /// Derivatives of the coordinate with respect to camera column and row.
+    pub(crate) slope: [f32; 2],
+    /// Standard deviation of the blur in projector pixels; 0 if sharp or unlit.
+    pub(crate) sigma: f32,
+    /// Subsurface spread; `None` if it is not lit skin.
+    pub(crate) spread: Option<Spread<'a>>,
+}
+
+impl Kernels {
+    /// Computes the kernels of `count` footprints on a row of `len` pattern pixels.
+    pub(crate) fn new<'a>(
+        count: usize,
+        len: usize,
+        footprint: impl Fn(usize) -> Blurred<'a> + Sync,
+    ) -> Self {
+        let bell = Bell::new();
+        let blocks = (0..count.div_ceil(BLOCK))
+            .into_par_iter()
+            .map(|i| {
+                let mut block = Block::default();
+                for k in i * BLOCK..((i + 1) * BLOCK).min(count) {
+                    block.push(&bell, len, footprint(k));
+                }
+                block
+            })
+            .collect();
+        Self { blocks }
+    }
+
+    /// Returns the average level under a footprint; `None` if it has no blur.
+    #[inline(always)]
+    pub(super) fn average(&self, i: usize, row: &HeldRow) -> Option<f32> {
+        let block = &self.blocks[i / BLOCK];
+        let run = block.runs[i % BLOCK];
+        (run.len > 0).then(|| {
+            let weights = &block.weights[run.from as usize..][..run.len as usize];
+            let levels = &row.groupings[run.grouping as usize][run.group as usize..];
+            dot(weights, levels)
+        })
+    }
+}
+
+impl Block {
+    fn push(&mut self, bell: &Bell, len: usize, footprint: Blurred<'_>) {
+        let size = |slope: f32| f64::from(slope.abs().min(WIDEST));
+        let (a, b) = (size(footprint.slope[0]), size(footprint.slope[1]));
+        let sigma = f64::from(footprint.sigma);
+        let sharp = SHARP * a.max(b);
+        // A spread may have sharp components.
+        let least = sharp.max(LEAST);
+        let blend = Blend::new(bell, [a, b], sigma, footprint.spread, least);
+        let (outer, beyond) = blend.reach();
+        if sigma.is_nan() || beyond.is_nan() || blend.widest() <= sharp {
+            self.runs.push(Run::default());
+            return;
+        }
+        let fine = (blend.narrowest() / 48.0).log2().max(0.0);
+        let few = (2.0 * beyond / MOST_GROUPS).log2().ceil().max(0.0);
+        let grouping = (fine.max(few) as usize).min(GROUPINGS - 1);
+        let group = (1usize << grouping) as f64;
+        let last = (len.div_ceil(1 << grouping) - 1) as f64;
+        // Position from the left end of the pattern. The geometry pass accounts for the part beyond
+        // its ends; the kernel is the mean over the part inside.
+        let middle = f64::from(footprint.x) + 0.5;
+        let reach = outer + beyond;
+        let low = ((middle - reach) / group).floor().clamp(0.0, last);
+        let high = ((middle + reach) / group).floor().clamp(0.0, last);
+        let from = self.weights.len();
+        let (start, end) = (blend.left_of(-middle), blend.left_of(len as f64 - middle));
+        // A kernel far beyond an end degenerates to the last pixel.
+        let part = (end - start).max(1e-9);
+        let mut before = start;
+        for i in low as usize..high as usize {
+            let left = blend
+                .left_of((i + 1) as f64 * group - middle)
+                .clamp(start, end);
+            self.weights.push(((left - before) / part) as f32);
+            before = left;
+        }
+        let rest: f32 = self.weights[from..].iter().sum();
+        self.weights.push(1.0 - rest);
+        let count = (self.weights.len() - from).next_multiple_of(LANES);
+        self.weights.resize(from + count, 0.0);
+        self.runs.push(Run {
+            from: from as u32,
+            len: count as u32,
+            group: low as u32,
+            grouping: grouping as u32,
+        });
+    }
+}
+
+/// A pattern row for kernels: light of each pixel, and means of pixel groups.
+pub(crate) struct HeldRow {
+    groupings: Vec<Vec<f32>>,
+}
+
+impl HeldRow {
+    /// Creates a row from the `light` of each pixel, relative to full white.
+    pub(super) fn new(light: &[f64]) -> Self {
+        let last = light.last().copied().unwrap_or(0.0);
+        let mut means = light.to_vec();
+        let groupings = (0..GROUPINGS)
+            .map(|_| {
+                let mut row: Vec<f32> = means.iter().map(|&mean| mean as f32).collect();
+                // Weights are padded with zeros to whole lanes.
+                row.resize(row.len() + LANES, last as f32);
+                means = means
+                    .chunks(2)
+                    .map(|pair| (pair[0] + pair.get(1).unwrap_or(&last)) / 2.0)
+                    .collect();
+                row
+            })
+            .collect();
+        Self { groupings }
+    }
+
+    /// Returns the light of each pixel, then of each group of 2, 4 and so on.
+    pub(crate) fn groupings(&self) -> &[Vec<f32>] {
+        &self.groupings
+    }
+
+    /// Returns the memory size of the row in bytes.
+    pub(super) fn bytes(&self) -> usize {
+        self.groupings
+            .iter()
+            .map(|g| size_of_val(g.as_slice()))
+            .sum()
+    }
+}
+
+#[inline(always)]
+fn dot(weights: &[f32], levels: &[f32]) -> f32 {
+    let mut sums = [0.0f32; LANES];
+    for (w, l) in weights.chunks_exact(LANES).zip(levels.chunks_exact(LANES)) {
+        for k in 0..LANES {
+            sums[k] += w[k] * l[k];
+        }
+    }
+    let [a, b, c, d, e, f, g, h] = sums;
+    ((a + e) + (b + f)) + ((c + g) + (d + h))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bell::distribution;
+    use super::*;
+
+    fn blurred(x: f32, slope: [f32; 2], sigma: f32) -> Blurred<'static> {
+        Blurred {
+            x,
+            slope,
+            sigma,
+            spread: None,
+        }
+    }
+
+    /// Reference mean of a blurred row over the footprint: midpoint rule over the trapezoid,
+    /// summing for each position the normal distribution between the borders of each pixel,
+    /// normalised to the part on the pattern.
+    fn integrated(levels: &[f64], footprint: Blurred<'_>) -> f64 {
+        let [a, b] = footprint.slope.map(|s| f64::from(s.abs()));
+        let sigma = f64::from(footprint.sigma);
+        let (wide, narrow) = (a.max(b), a.min(b));
+        let outer = (wide + narrow) / 2.0;
+        let places = (40.0 * 2.0 * outer / sigma).clamp(400.0, 40_000.0) as usize;
+        let (mut sum, mut total) = (0.0, 0.0);
+        for i in 0..places {
+            let offset = ((i as f64 + 0.5) / places as f64 - 0.5) * 2.0 * outer;
+            let weight = ((outer - offset.abs()) / narrow).min(1.0);
+            let x = f64::from(footprint.x) + offset;
+            let near = |p: f64| (p.max(0.0) as usize).min(levels.len() - 1);
+            let (low, high) = (near(x - 7.0 * sigma), near(x + 7.0 * sigma + 1.0));
+            let border = |j: usize| distribution((j as f64 - 0.5 - x) / sigma);
+            let (mut mean, mut before) = (0.0, border(low));
+            for (j, level) in levels.iter().enumerate().take(high + 1).skip(low) {
+                let left = border(j + 1);
+                mean += level * (left - before);
+                total += weight * (left - before);
+                before = left;
+            }
+            sum += weight * mean;
+        }
+        sum / total
+    }
+
+    #[test]
+    fn kernels_agree_with_direct_integration() {
+        let stripes: Vec<f64> = (0..1200).map(|i| f64::from(i / 3 % 2)).collect();
+        let edge: Vec<f64> = (0..1200).map(|i| f64::from(u8::from(i >= 603))).collect();
+        let mut worst = 0.0f64;
+        for row in [stripes, edge] {
+            let held = HeldRow::new(&row);
+            for sigma in [0.02, 0.3, 0.57, 0.86, 2.5, 17.0, 48.1, 100.0] {
+                for slope in [
+                    [0.02, 0.0],
+                    [0.4, 0.3],
+                    [4.35, 0.0],
+                    [4.35, -4.0],
+                    [1.0, 30.0],
+                ] {
+                    for x in [0.2, 599.9, 602.3, 602.5, 603.7, 1199.0] {
+                        // Pixels are grouped at this sigma and above.
+                        let near_end = !(1.0..1198.0).contains(&x);
+                        let bar = if near_end && sigma >= 96.0 { 0.5 } else { 0.05 };
+                        let footprint = blurred(x, slope, sigma);
+                        let kernels = Kernels::new(1, row.len(), |_| footprint);
+                        let level = f64::from(kernels.average(0, &held).unwrap());
+                        let error = 255.0 * (level - integrated(&row, footprint)).abs();
+                        worst = worst.max(error);
+                        assert!(error < bar, "{footprint:?}: {error}");
+                    }
+                }
+            }
+        }
+        assert!(worst > 1e-6, "{worst}");
+    }
+
+    #[test]
+    fn a_blurred_cosine_has_the_contrast_of_the_closed_form() {
+        // Pixels attenuate a cosine by sinc(1/P), the footprint by sinc(a/P) sinc(b/P), and the
+        // Gaussian by exp(-2 pi^2 sigma^2 / P^2).
+        let period = 24.0;
+        let phase = |x: f64| std::f64::consts::TAU * x / period;
+        let row: Vec<f64> = (0..960)
+            .map(|i| 0.5 + 0.5 * phase(f64::from(i)).cos())
+            .collect();
+        let held = HeldRow::new(&row);
+        let sinc = |w: f64| (phase(w) / 2.0).sin() / (phase(w) / 2.0);
+        for sigma in [0.4, 1.7, 3.0, 5.0] {
+            let slope = [3.1, 1.2];
+            let spread = f64::from(sigma);
+            let contrast = sinc(1.0)
+                * sinc(f64::from(slope[0]))
+                * sinc(f64::from(slope[1]))
+                * (-0.5 * (phase(spread)).powi(2)).exp();
+            let mut sums = [0.0; 3];
+            for i in 0..240 {
+                let x = 400.0 + i as f32 * 0.1;
+                let kernels = Kernels::new(1, 960, |_| blurred(x, slope, sigma));
+                let level = f64::from(kernels.average(0, &held).unwrap());
+                sums[0] += level / 240.0;
+                sums[1] += level * phase(x.into()).cos() / 120.0;
+                sums[2] += level * phase(x.into()).sin() / 120.0;
+            }
+            assert!((sums[0] - 0.5).abs() < 1e-5, "{}", sums[0]);
+            assert!(
+                (sums[1] - 0.5 * contrast).abs() < 1e-5,
+                "{sigma} {}",
+                sums[1]
+            );
+            assert!(sums[2].abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn white_stays_white_and_sharp_footprints_have_no_kernel() {
+        let held = HeldRow::new(&[1.0; 77]);
+        for sigma in [1e-3, 1.0, 33.0, 1e4, 1e9] {
+            for x in [-900.0, 0.0, 76.0, 1e5] {
+                for slope in [[0.0, 0.0], [2.0, 1.0], [1e9, f32::INFINITY]] {
+                    let kernels = Kernels::new(1, 77, |_| blurred(x, slope, sigma));
+                    let level = kernels.average(0, &held).unwrap_or(1.0);
+                    assert!((level - 1.0).abs() < 1e-5, "{sigma} {x} {slope:?} {level}");
+                }
+            }
+        }
+        for sigma in [0.0, 1e-5, f32::NAN] {
+            let slope = [1.0, 0.2];
+            let kernels = Kernels::new(1, 77, |_| blurred(3.0, slope, sigma));
+            assert!(kernels.average(0, &held).is_none());
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Vignetting: factors applied to the light in the geometry pass.
+
+use super::super::shade::Shaded;
+use glam::{DVec2, DVec3};
+use phasmid_geometry::Lens;
+use phasmid_geometry::raycast::LANES;
+use phasmid_profile::vignetting::half_diagonal;
+use phasmid_profile::{Camera, Projector, Vignetting};
+
+/// One lens's factor over its field.
+pub(crate) struct Falloff {
+    pub(crate) vignetting: Vignetting,
+    /// Half of the image's diagonal in ideal image coordinates.
+    pub(crate) unit: f64,
+    /// Power of the cosine of natural vignetting contained in the factor.
+    pub(crate) cosines: i32,
+    lens: Lens,
+}
+
+impl Falloff {
+    pub(crate) fn of_camera(camera: &Camera) -> Self {
+        Self::new(camera.vignetting, camera.view().lens, 4)
+    }
+
+    /// Only one of the four cosines is applied here: that of the pupil seen at an angle. Light of
+    /// constant intensity over the field already falls with the other three on a screen, by distance
+    /// and angle of incidence.
+    pub(crate) fn of_projector(projector: &Projector) -> Self {
+        Self::new(projector.vignetting, projector.view().lens, 1)
+    }
+
+    fn new(vignetting: Vignetting, lens: Lens, cosines: i32) -> Self {
+        Self {
+            vignetting,
+            unit: half_diagonal(&lens),
+            cosines,
+            lens,
+        }
+    }
+
+    /// Returns the factor at an ideal image point, whose length is the tangent of the angle to the
+    /// axis.
+    pub(crate) fn at(&self, ideal: DVec2) -> f64 {
+        let tangent2 = ideal.length_squared();
+        let natural = if self.vignetting.natural {
+            (1.0 / (1.0 + tangent2)).sqrt().powi(self.cosines)
+        } else {
+            1.0
+        };
+        // Negative only outside the image.
+        natural
+            * self
+                .vignetting
+                .falloff_at(tangent2.sqrt() / self.unit)
+                .max(0.0)
+    }
+
+    /// Dims all light on its way to the camera; `directions` with z = 1.
+    pub(crate) fn dim_seen(&self, directions: &[DVec3; LANES], shaded: &mut Shaded) {
+        for lane in 0..LANES {
+            let factor = self.at(directions[lane].truncate());
+            shaded.projected[lane] *= factor;
+            shaded.ambient[lane] *= factor;
+            shaded.flickering[lane] *= factor;
+            shaded.evenly[lane] *= factor;
+        }
+    }
+
+    /// Dims the projector's light; `shaded` holds coordinates before the lens's distortion.
+    pub(crate) fn dim_projected(&self, shaded: &mut Shaded) {
+        for lane in 0..LANES {
+            let px = DVec2::new(shaded.px[0][lane], shaded.px[1][lane]);
+            let ideal = (px - self.lens.principal_px) / self.lens.focal_px;
+            shaded.projected[lane] *= self.at(ideal);
+        }
+    }
+}

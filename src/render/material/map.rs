@@ -1,0 +1,143 @@
+//! Spatial variation of an object's albedo: a texture, by mesh coordinates or mapped onto the
+//! shape, or a board's ink.
+
+use super::lay::Lay;
+use super::printed::Printed;
+use super::spot::Spot;
+use super::texture::Texture;
+use super::{barycentric, shares};
+use glam::DVec2;
+use phasmid_core::error::{Error, Result};
+use phasmid_geometry::{Board, Mesh, Pose};
+use phasmid_profile::{Object, Scene};
+use std::sync::Arc;
+
+/// A footprint counts as on an outline if it contains at least this fraction of ink and of paper.
+const EDGE: f64 = 1e-4;
+
+pub(crate) enum Map {
+    Image(ImageMap),
+    Board(Printed),
+}
+
+pub(crate) struct ImageMap {
+    pub(crate) texture: Arc<Texture>,
+    pub(crate) place: Place,
+}
+
+pub(crate) enum Place {
+    /// Texture coordinates at the corners of the object's triangles, v up.
+    Corners(Vec<[[f32; 2]; 3]>),
+    /// Mapped onto the shape, at a size in millimetres.
+    Over {
+        lay: Lay,
+        size_mm: DVec2,
+        object_from_rig: Pose,
+    },
+}
+
+impl Map {
+    pub(super) fn image(texture: Arc<Texture>, scene: &Scene, object: &Object) -> Self {
+        Self::Image(ImageMap::new(texture, scene, object))
+    }
+
+    pub(super) fn board(board: Board, ink: f64, scene: &Scene, object: &Object) -> Self {
+        Self::Board(Printed::new(board, ink, scene, object))
+    }
+
+    /// Stores the texture coordinates of the object's mesh.
+    ///
+    /// # Errors
+    /// Returns an error if the mesh has no texture coordinates and the scene sets no texture size.
+    pub(super) fn take(&mut self, mesh: &Mesh) -> Result<()> {
+        match self {
+            Self::Image(image) => image.take(mesh),
+            Self::Board(_) => Ok(()),
+        }
+    }
+
+    /// Returns the mean over a spot's footprint, with the object at rest. `index` is the triangle's
+    /// index within the object.
+    pub(super) fn albedo(&self, index: usize, spot: &Spot) -> f64 {
+        match self {
+            Self::Image(image) => image.albedo(index, spot),
+            Self::Board(printed) => printed.albedo(spot),
+        }
+    }
+
+    /// Returns whether a footprint with this mean lies on an outline, where the variation of light
+    /// within the footprint matters. Only for boards, whose outlines are measured.
+    pub(super) fn is_edge(&self, mean: f64) -> bool {
+        match self {
+            Self::Image(_) => false,
+            Self::Board(printed) => {
+                let ink = (1.0 - mean) / (1.0 - printed.ink);
+                ink > EDGE && ink < 1.0 - EDGE
+            }
+        }
+    }
+}
+
+impl ImageMap {
+    fn new(texture: Arc<Texture>, scene: &Scene, object: &Object) -> Self {
+        let place = match object.texture_size_mm {
+            Some(size) => Place::Over {
+                lay: Lay::new(&object.shape),
+                size_mm: DVec2::from_array(size),
+                object_from_rig: scene.rig_from_object(object).inverse(),
+            },
+            None => Place::Corners(Vec::new()),
+        };
+        Self { texture, place }
+    }
+
+    fn take(&mut self, mesh: &Mesh) -> Result<()> {
+        let Place::Corners(uv) = &mut self.place else {
+            return Ok(());
+        };
+        if mesh.uv.is_empty() {
+            return Err(Error::input(
+                "texture",
+                "a mesh without texture coordinates",
+                "a PLY file with s and t, an OBJ file with vt, or texture_size_mm",
+            ));
+        }
+        uv.clone_from(&mesh.uv);
+        Ok(())
+    }
+
+    fn albedo(&self, index: usize, spot: &Spot) -> f64 {
+        let Spot {
+            corners,
+            point,
+            normal,
+            sides,
+        } = *spot;
+        let (at, [across, down]) = match &self.place {
+            Place::Corners(uv) => {
+                let (Some(uv), Some(corners)) = (uv.get(index), corners) else {
+                    return 1.0;
+                };
+                // Image rows run downwards.
+                let uv = uv.map(|[u, v]| DVec2::new(u.into(), 1.0 - f64::from(v)));
+                let blend = |w: [f64; 3]| (0..3).map(|i| uv[i] * w[i]).sum::<DVec2>();
+                let side = |side| blend(shares(corners, side));
+                (blend(barycentric(corners, point)), sides.map(side))
+            }
+            Place::Over {
+                lay,
+                size_mm,
+                object_from_rig,
+            } => {
+                let local = object_from_rig.point(point);
+                let laid = lay.at(local, object_from_rig.direction(normal));
+                let side = |side| {
+                    let side = object_from_rig.direction(side);
+                    DVec2::from_array(laid.gradient.map(|g| g.dot(side))) / *size_mm
+                };
+                (laid.at / *size_mm + 0.5, sides.map(side))
+            }
+        };
+        self.texture.average(at, across, down)
+    }
+}

@@ -1,0 +1,304 @@
+//! Pending frames: a GPU has several in flight, the CPU renders each immediately.
+
+use super::{Passes, Renderer};
+use crate::Backend;
+use crate::gpu::{self, Adapter, Gpu, PassTime, Shown, Ticket, View};
+use crate::shot::Shot;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Frame;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Maximum number of times a frame is rendered again with more capacity. If nothing has moved, the
+/// size needed by the first attempt suffices for the next.
+const MOST_TRIES: usize = 4;
+
+/// A frame begun by a renderer.
+pub struct Pending(State);
+
+enum State {
+    Done(Frame),
+    /// Being rendered by the GPU.
+    Coming(Ticket, Box<Shot>),
+}
+
+/// Status of the requested GPU.
+#[derive(Default)]
+pub(super) struct News {
+    /// Notice not yet reported.
+    text: Option<String>,
+    /// Failure of an explicitly requested GPU.
+    failed: Option<String>,
+}
+
+/// Opens the GPU for a backend, or returns the reason for falling back to the CPU.
+///
+/// # Errors
+/// Returns an error if a GPU was explicitly requested and there is none.
+pub(super) fn open(
+    backend: Backend,
+    fits: impl Fn() -> Result<(), String>,
+    (pixels, samples): (u64, u64),
+) -> Result<(Option<Box<Passes>>, News)> {
+    let whole = |gpu: Arc<Gpu>| gpu.holds(pixels, samples).map(|()| gpu);
+    let opened = match backend {
+        Backend::Cpu => return Ok((None, News::default())),
+        Backend::Gpu => fits()
+            .map_err(|why| Error::input("--backend gpu", why, "--backend cpu for this scene"))
+            .and_then(|()| Gpu::open(true))
+            .and_then(whole),
+        Backend::Auto => fits()
+            .map_err(Error::device)
+            .and_then(|()| Gpu::open(false))
+            .and_then(whole),
+    };
+    match opened {
+        Ok(gpu) => Ok((Some(Box::new(Passes::new(gpu))), News::default())),
+        Err(e) if backend == Backend::Auto => {
+            let text = Some(format!("rendering on the CPU: {e}"));
+            Ok((None, News { text, failed: None }))
+        }
+        Err(e) => Err(e),
+    }
+}
+
+impl Renderer {
+    /// Returns the number of frames that may be begun before the first is finished.
+    pub fn depth(&self) -> usize {
+        match self.gpu {
+            Some(_) => gpu::DEPTH,
+            None => 1,
+        }
+    }
+
+    /// Returns the GPU in use, if any.
+    pub fn adapter(&self) -> Option<&Adapter> {
+        self.gpu.as_ref().map(|gpu| &gpu.gpu().adapter)
+    }
+
+    /// Begins the frame of one exposure. Frames must be finished in the order in which they were
+    /// begun.
+    pub fn submit(&mut self, shot: &Shot) -> Pending {
+        if let Some(mut gpu) = self.gpu.take() {
+            match self.submit_to(&mut gpu, shot) {
+                Ok(ticket) => {
+                    self.gpu = Some(gpu);
+                    return Pending(State::Coming(ticket, Box::new(shot.clone())));
+                }
+                Err(e) => self.give_up(&e),
+            }
+        }
+        Pending(State::Done(self.expose_here(shot)))
+    }
+
+    /// Returns a begun frame. No frame is lost if the GPU fails: the CPU renders it instead.
+    pub fn finish(&mut self, pending: Pending) -> Frame {
+        match pending.0 {
+            State::Done(frame) => frame,
+            State::Coming(ticket, shot) => {
+                if let Some(mut gpu) = self.gpu.take() {
+                    match self.take(&mut gpu, ticket, &shot) {
+                        Ok(data) => {
+                            self.gpu = Some(gpu);
+                            return self.frame(&shot, data);
+                        }
+                        Err(e) => self.give_up(&e),
+                    }
+                }
+                self.expose_here(&shot)
+            }
+        }
+    }
+
+    /// Renders the frame of one exposure. The same seed, noise id and settings give the same bytes
+    /// on any number of threads.
+    pub fn expose(&mut self, shot: &Shot) -> Frame {
+        let pending = self.submit(shot);
+        self.finish(pending)
+    }
+
+    /// Returns a notice for the user about the backend in use, once.
+    ///
+    /// # Errors
+    /// Returns an error if an explicitly requested GPU has failed; the frames so far are complete.
+    pub fn news(&mut self) -> Result<Option<String>> {
+        match self.news.failed.take() {
+            Some(words) => Err(Error::device(words)),
+            None => Ok(self.news.text.take()),
+        }
+    }
+
+    /// Enables timing of the GPU's passes.
+    pub fn time_passes(&mut self) {
+        if let Some(gpu) = &mut self.gpu {
+            gpu.time_passes();
+        }
+    }
+
+    /// Returns the GPU time spent in passes since timing was enabled, by shader and entry point;
+    /// empty if the adapter has no timestamps.
+    pub fn pass_times(&mut self) -> BTreeMap<String, PassTime> {
+        self.gpu.as_mut().map(|gpu| gpu.times()).unwrap_or_default()
+    }
+
+    /// Stops using the GPU and records the reason; the CPU renders from here on.
+    pub(super) fn give_up(&mut self, e: &Error) {
+        self.gpu = None;
+        match self.options.backend {
+            Backend::Gpu => self.news.failed = Some(e.to_string()),
+            _ => self.news.text = Some(format!("{e}; rendering continues on the CPU")),
+        }
+    }
+
+    /// Waits for a frame; renders it again if the capacity for mixed pixels was too small.
+    fn take(&mut self, gpu: &mut Passes, mut ticket: Ticket, shot: &Shot) -> Result<Vec<u8>> {
+        for _ in 0..MOST_TRIES {
+            if let Some(data) = gpu.take(ticket)? {
+                return Ok(data);
+            }
+            ticket = self.submit_to(gpu, shot)?;
+        }
+        Err(Error::device(
+            "GPU: the samples of mixed pixels still exceed the buffers",
+        ))
+    }
+
+    /// Submits a frame to the GPU.
+    fn submit_to(&mut self, gpu: &mut Passes, shot: &Shot) -> Result<Ticket> {
+        let mut adds = false;
+        for (moment, part) in self.instants(shot) {
+            if let Some(moment) = &moment {
+                self.go_to(moment);
+            }
+            let (when, tables) = self.pattern_images(&part);
+            gpu.geometry_pass(&self.view())?;
+            gpu.expose(&Shown {
+                plan: &self.plan,
+                when: &when,
+                tables: &tables,
+                pixels: self.pixel_count(),
+                adds,
+            })?;
+            adds = true;
+        }
+        gpu.read(&self.sensor(shot))
+    }
+
+    fn view(&self) -> View<'_> {
+        View {
+            profile: &self.profile,
+            worlds: &self.worlds,
+            optics: &self.optics,
+            rays: self.rays.as_deref(),
+            plan: &self.plan,
+            options: self.options,
+            fixed: self.fixed.as_ref(),
+            revision: self.revision,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Options;
+    use crate::pattern_image::PatternImage;
+    use phasmid_profile::{Profile, Scene};
+
+    fn renderer(backend: Backend) -> Result<Renderer> {
+        let profile = Profile::load("webcam-grey").unwrap();
+        let scene = Scene::load("plane").unwrap();
+        let options = Options {
+            backend,
+            ..Options::default()
+        };
+        Renderer::with_options(&profile, &scene, 3, options)
+    }
+
+    fn shot(noise_id: u64) -> Shot {
+        Shot {
+            noise_id,
+            pattern_image: Some(Arc::new(PatternImage::Uniform(200))),
+            light: 1.0,
+            exposure_ns: 5_000_000,
+            ..Shot::default()
+        }
+    }
+
+    /// Checks that all frames arrive after `fail`, and that frames after the failure equal the CPU's.
+    fn goes_on_after(fail: impl Fn(&mut Passes), backend: Backend) -> Renderer {
+        let mut alone = renderer(Backend::Cpu).unwrap();
+        let mut renderer = renderer(Backend::Gpu).unwrap();
+        renderer.options.backend = backend;
+        renderer.expose(&shot(0));
+        assert!(renderer.adapter().is_some() && renderer.depth() > 1);
+        let under_way = [1, 2].map(|id| renderer.submit(&shot(id)));
+        fail(renderer.gpu.as_mut().unwrap());
+        for (pending, id) in under_way.into_iter().zip(1..) {
+            let frame = renderer.finish(pending);
+            assert_eq!(frame.data.len(), alone.expose(&shot(id)).data.len());
+        }
+        assert_eq!(renderer.expose(&shot(3)), alone.expose(&shot(3)));
+        assert!(renderer.adapter().is_none());
+        renderer
+    }
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn without_a_gpu_that_is_lost_the_processor_goes_on() {
+        for fail in [
+            |gpu: &mut Passes| gpu.gpu().fail("lost: pulled out"),
+            |gpu: &mut Passes| gpu.gpu().device.destroy(),
+        ] {
+            let mut renderer = goes_on_after(fail, Backend::Auto);
+            let news = renderer.news().unwrap().unwrap();
+            assert!(news.ends_with("; rendering continues on the CPU"), "{news}");
+            assert_eq!(renderer.news().unwrap(), None, "said once");
+        }
+    }
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn a_gpu_that_was_asked_for_and_is_lost_is_an_error() {
+        let fail = |gpu: &mut Passes| gpu.gpu().fail("lost: pulled out");
+        let mut renderer = goes_on_after(fail, Backend::Gpu);
+        let said = renderer.news().unwrap_err().to_string();
+        assert!(said.contains("lost: pulled out"), "{said}");
+    }
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn memory_that_a_gpu_has_not_is_told() {
+        let fail = |gpu: &mut Passes| gpu.reserve("frame", u64::MAX / 2);
+        let mut renderer = goes_on_after(fail, Backend::Auto);
+        let news = renderer.news().unwrap().unwrap();
+        assert!(
+            news.contains("frame takes") && news.contains("bytes"),
+            "{news}"
+        );
+    }
+
+    /// A hardware adapter is used without a notice; without one, the notice explains the CPU
+    /// fallback.
+    #[test]
+    fn auto_takes_a_gpu_that_is_hardware_or_says_why_not() {
+        let mut renderer = renderer(Backend::Auto).unwrap();
+        let news = renderer.news().unwrap();
+        match renderer.adapter() {
+            Some(adapter) => assert!(adapter.hardware && news.is_none()),
+            None => assert!(news.unwrap().starts_with("rendering on the CPU: ")),
+        }
+        assert_eq!(renderer.news().unwrap(), None);
+    }
+
+    #[test]
+    fn a_scene_that_f32_cannot_hold_is_the_processors() {
+        let why = || Err("the scene reaches far".to_owned());
+        let (gpu, mut news) = open(Backend::Auto, why, (1, 1)).unwrap();
+        assert!(gpu.is_none());
+        assert!(news.text.take().unwrap().contains("the scene reaches far"));
+        let refused = open(Backend::Gpu, why, (1, 1)).err().unwrap();
+        assert_eq!(refused.exit_code(), 2);
+        assert!(refused.to_string().contains("the scene reaches far"));
+    }
+}

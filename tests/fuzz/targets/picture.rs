@@ -1,5 +1,0 @@
-#![no_main]
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    phasmid_fuzz::parsers::run("picture", bytes);
-});
