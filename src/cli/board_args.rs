@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_given_is_in_proportion() {
+    fn sizes_not_given_are_in_proportion() {
         assert_eq!(board("", 1.0).unwrap(), Board::DOTS);
         assert_eq!(board("", 4.0).unwrap(), Board::DOTS.scaled(4.0));
         assert_eq!(board("--scale 1", 4.0).unwrap(), Board::DOTS);
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused_with_its_flag() {
+    fn impossible_values_are_refused_with_their_flag() {
         for (line, words) in [
             ("--columns 6", "--columns: 6; expected 7 to 199"),
             ("--board chess --rows 1", "--rows: 1; expected 2 to 199"),

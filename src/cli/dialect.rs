@@ -145,7 +145,7 @@ mod tests {
     use crate::cli::profile::names_dialect;
 
     #[test]
-    fn the_device_has_what_the_shipped_dialects_name() {
+    fn device_has_all_commands_of_the_shipped_dialects() {
         for name in Dialect::names() {
             check(name, Dialect::load(name).unwrap()).unwrap();
             assert!(names_dialect(name).unwrap(), "{name}");
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_told_by_their_content_and_commands_by_the_device() {
+    fn recognises_dialect_files_and_checks_their_commands() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("own.toml");
         let file = path.to_str().unwrap();

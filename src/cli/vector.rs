@@ -27,7 +27,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn three_numbers_are_read_and_others_named() {
+    fn reads_three_numbers_and_refuses_anything_else() {
         let read = |text| vector("--at", text, 1e5, "X,Y,Z in millimetres, as 1,2,3");
         assert_eq!(
             read("-12.5, 140,-812").unwrap(),

@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn is_bounded_and_of_files_alone() {
+    fn reads_only_regular_files_up_to_the_limit() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("ten");
         std::fs::write(&path, [7; 10]).unwrap();

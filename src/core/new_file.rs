@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_write_leaves_the_old_file_and_no_litter() {
+    fn failed_write_keeps_old_file_and_leaves_no_temporary_file() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.ply");
         for (force, left) in [(false, vec![]), (true, vec!["a.ply"])] {
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_comes_meanwhile_stays() {
+    fn file_created_during_the_write_is_kept() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a");
         let refused = write(&path, false, |_| fs::write(&path, "theirs"));

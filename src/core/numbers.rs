@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_of_the_right_length_are_taken() {
+    fn accepts_lists_of_the_right_length() {
         let rows = "rows = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]";
         let lists = read(&format!("two = [1, 2.5]\nthree = [3, 4, 5]\n{rows}\n")).unwrap();
         assert_eq!(lists.two, [1.0, 2.5]);
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn others_are_refused_with_line_and_both_counts() {
+    fn refuses_lists_of_other_lengths_with_line_and_counts() {
         for (text, words) in [
             ("\ntwo = [1]", "file.toml:2: a list of 1 number; expected 2"),
             ("two = []", "file.toml:1: a list of 0 numbers; expected 2"),

@@ -34,7 +34,7 @@ mod tests {
 
     /// Known-answer vectors from Random123's `kat_vectors` for philox4x32-10.
     #[test]
-    fn published_vectors() {
+    fn matches_published_test_vectors() {
         assert_eq!(
             philox([0; 4], [0; 2]),
             [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]

@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn both_sides_of_a_step_go_and_creases_stay() {
+    fn removes_both_sides_of_a_step_and_keeps_creases() {
         // A flank that steepens towards its silhouette, then the surface behind it.
         let x = [
             1654.0, 1659.3, 1665.0, 1671.4, 1677.8, 1840.7, 1845.0, 1849.3,
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn partly_lit_pixels_go_where_it_biases_them() {
+    fn removes_partly_lit_pixels_where_they_are_biased() {
         let lit = [0.4, 0.4, 0.4, 0.4, 0.2, 0.0];
         let x = [0.0, 4.0, 8.0, 12.0, 15.0, N];
         assert_eq!(flags(&x, &lit, 0.02, 0.0), [0, 0, 0, 0, 1, 0]);

@@ -45,7 +45,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_that_of_normal_noise_whatever_a_few_are() {
+    fn deviation_of_normal_noise_is_robust_to_outliers() {
         let mut sizes: Vec<f64> = normal(20_000, 2.5).iter().map(|v| v.abs()).collect();
         let clean = of_most(&mut sizes, 0.5, 0.3);
         assert!((clean / 2.5 - 1.0).abs() < 0.01, "{clean}");
@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_of_which_most_are_zero_have_one() {
+    fn integers_that_are_mostly_zero_have_a_deviation() {
         let mut sizes: Vec<f64> = normal(20_000, 0.6)
             .iter()
             .map(|v| v.round().abs())

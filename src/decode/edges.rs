@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn steep_curved_and_creased_surfaces_stay() {
+    fn keeps_steep_curved_and_creased_surfaces() {
         let sphere: Vec<f32> = (0..60).map(|i| 400.0 * (i as f32 / 60.0).asin()).collect();
         let crease: Vec<f32> = (0..20)
             .map(|i| {
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_column_or_row_by_itself_does_not_tell_how_steep_it_is() {
+    fn keeps_line_of_pixels_without_known_slope_across() {
         let n = f32::NAN;
         let (nan, row) = ([n; 5], [n, n, 7.0, n, n]);
         let mut padded = vec![n; 3];

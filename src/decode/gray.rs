@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hole_leaves_the_coarser_code_and_is_named() {
+    fn missing_bit_leaves_the_coarser_code_and_is_named() {
         let found = find(Axis::X, 1920.0, &frames(&[(16.0, 7)], Some((16.0, 3))));
         let code = found.code.unwrap();
         assert_eq!((code.cell_px, code.bits.len()), (256.0, 3));

@@ -228,7 +228,7 @@ mod tests {
     use image::{ImageBuffer, Rgba};
 
     #[test]
-    fn colour_is_let_go_of_picture_by_picture() {
+    fn colour_picture_is_converted_to_grey_when_opened() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("wide.png");
         let colour = Rgba([30000_u16, 30000, 30000, 65535]);
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_that_are_decoded_together_fit_into_memory() {
+    fn number_of_pictures_decoded_at_once_fits_memory() {
         for (side, count) in [(1024, 128), (8192, 2), (MAX_SIDE_PX, 1)] {
             assert_eq!(at_once(side, side), count, "{side}");
         }

@@ -367,7 +367,7 @@ mod tests {
 
     /// Candidates far from some set's positions are skipped only if they could not win.
     #[test]
-    fn a_search_near_all_positions_finds_what_a_search_of_all_does() {
+    fn pruned_search_finds_the_same_as_full_search() {
         let periods = [10.0f32, 96.0, 960.0];
         let ensemble = Ensemble::new(periods.to_vec());
         let (mut certain, mut state) = (0, 1u32);

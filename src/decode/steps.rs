@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_solved_names_its_steps() {
+    fn unsolvable_phase_steps_are_refused_by_name() {
         for phases in [vec![0.0, 1.0], vec![0.0, TAU / 2.0, TAU, 1.5 * TAU]] {
             let n = phases.len();
             let error = FringeSet::new("axis x, period 16 px", 16.0, (0..n).collect(), phases)
@@ -192,7 +192,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn unequal_steps_give_back_what_they_were_made_of(
+        fn unequal_steps_recover_offset_amplitude_and_phase(
             phases in proptest::collection::vec(0.0..TAU, 3..13),
             x in 0.0..16.0f64, a in 0.0..200.0f64, b in 1.0..100.0f64,
         ) {

@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn nearest_is_nearest() {
+    fn nearest_rounds_like_round() {
         for v in [-3.7f32, -0.4, 0.0, 0.49, 1.51, 119.6] {
             assert_eq!(nearest(v), v.round());
         }

@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_smooth_surface_comes_back_up_to_whole_periods_per_region() {
+    fn smooth_surface_is_unwrapped_up_to_whole_periods() {
         let (width, height) = (60, 40);
         let truth: Vec<f32> = (0..width * height)
             .map(|i| ((i % width) as f32) * 3.1 + ((i / width) as f32 * 0.2).sin() * 20.0)

@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_that_are_few_or_not_equal_have_none() {
+    fn few_or_unequal_steps_have_no_harmonics() {
         for n in [3, 4, 5] {
             assert!(harmonics(&equal(n)).is_none());
         }

@@ -25,7 +25,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_jumps_and_never_goes_back() {
+    fn waiting_advances_the_clock_and_never_sets_it_back() {
         let mut clock = VirtualClock::default();
         assert_eq!(clock.now_ns(), 0);
         clock.wait(7_000_000);

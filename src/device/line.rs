@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_while_the_wire_is_busy_follows_without_a_gap() {
+    fn bytes_queued_on_a_busy_wire_follow_without_a_gap() {
         let mut line = line(115_200);
         line.receive(b"ab", 0);
         line.receive(b"cd", ns(1, 115_200));
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_is_seen_and_replies_are_bounded() {
+    fn flood_is_detected_and_replies_are_bounded() {
         let mut line = line(9600);
         assert!(!line.crowded());
         line.receive(&[0; CROWDED_TO_DEVICE], 0);
@@ -320,7 +320,7 @@ mod tests {
         /// Bursts sent and taken at arbitrary times: each byte arrives when it would on a wire that
         /// sends it as soon as wire and byte are available, without drift inside a burst.
         #[test]
-        fn every_byte_arrives_when_it_would(
+        fn bytes_arrive_as_on_a_real_wire(
             baud in prop_oneof![Just(9600u32), Just(115_200), 50u32..12_000_000],
             puts in proptest::collection::vec((0u64..5_000_000, 1usize..40), 1..20),
             look_ns in 1u64..3_000_000,

@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exposure_that_covers_the_pattern_sees_it_whole() {
+    fn exposure_that_covers_the_pattern_sees_all_of_it() {
         let ramp = ramp();
         for (start, exposure, pattern_image, then) in [
             (5000, 255_000, true, 0),
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exposure_that_does_not_sees_the_bits_that_fall_in_it() {
+    fn partial_exposure_sees_only_the_bits_within_it() {
         let ramp = ramp();
         let planes = Planes::default();
         for (from, to) in [
@@ -263,7 +263,7 @@ mod tests {
 
     /// Without bit planes the level is shown all the time, and a one-bit pattern needs no split.
     #[test]
-    fn what_has_no_bits_is_not_taken_apart() {
+    fn pattern_without_bit_planes_is_not_split() {
         let ramp = ramp();
         let mut half = shot(0, 500);
         show(&mut half, [lit(&ramp, 0, 1000)], None);

@@ -64,7 +64,7 @@ mod tests {
     use phasmid_protocol::PixelFormat;
 
     #[test]
-    fn keeps_the_pixels_of_the_region() {
+    fn crop_keeps_the_pixels_of_the_region() {
         let frame = Frame {
             id: 7,
             pattern_index: Some(1),

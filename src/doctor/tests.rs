@@ -133,7 +133,7 @@ fn fix(check: &Check) -> &str {
 }
 
 #[test]
-fn a_machine_with_nothing_serves_the_embedded_device() {
+fn bare_machine_suffices_for_the_embedded_device() {
     let fake = Fake::bare();
     let report = fake.report();
     assert!(report.suffices(&[]));
@@ -155,7 +155,7 @@ fn a_machine_with_nothing_serves_the_embedded_device() {
 }
 
 #[test]
-fn what_is_installed_is_loaded() {
+fn installed_module_only_needs_loading() {
     let fake = Fake::bare();
     fake.file(
         &format!("lib/modules/{RELEASE}/modules.dep"),
@@ -168,7 +168,7 @@ fn what_is_installed_is_loaded() {
 }
 
 #[test]
-fn without_ptys_nothing_works() {
+fn missing_pty_or_run_directory_fails_the_check() {
     let fake = Fake::bare();
     fs::remove_file(fake.path("dev/ptmx")).unwrap();
     assert_eq!(fake.check("pty").status, Status::Missing);
@@ -182,7 +182,7 @@ fn without_ptys_nothing_works() {
 }
 
 #[test]
-fn a_good_machine_lacks_nothing() {
+fn complete_machine_passes_all_checks() {
     let fake = Fake::good();
     fake.node(2, "Other", "2");
     let report = fake.report();
@@ -225,7 +225,7 @@ fn a_good_machine_lacks_nothing() {
 }
 
 #[test]
-fn bad_options_are_named_with_their_consequence() {
+fn bad_module_options_are_reported_with_their_effect() {
     let fake = Fake::good();
     fake.loaded("N,Y", 2);
     fake.node(10, "Phasmid 1", "2");
@@ -245,7 +245,7 @@ fn bad_options_are_named_with_their_consequence() {
 }
 
 #[test]
-fn nodes_of_others_are_no_camera() {
+fn foreign_video_nodes_are_no_camera() {
     let fake = Fake::bare();
     fake.loaded("Y,Y", 32);
     fake.node(10, "OBS Virtual Camera", "32");
@@ -258,7 +258,7 @@ fn nodes_of_others_are_no_camera() {
 }
 
 #[test]
-fn a_shrunk_ring_is_mended_by_loading_the_module_anew() {
+fn reduced_buffer_count_is_fixed_by_reloading_the_module() {
     let fake = Fake::good();
     fake.node(10, "Phasmid 1", "4");
     let camera = fake.check("camera");
@@ -391,7 +391,7 @@ fn installed_files_are_compared() {
 }
 
 #[test]
-fn vulkan_is_loader_and_driver() {
+fn vulkan_needs_loader_and_driver() {
     let fake = Fake::bare();
     let lib = "usr/lib/x86_64-linux-gnu";
     fake.file(&format!("{lib}/libvulkan.so.1"), "");

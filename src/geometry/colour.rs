@@ -27,7 +27,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn white_black_and_the_standards_middle() {
+    fn reflectance_matches_the_srgb_standard() {
         assert!((reflectance([1.0; 3]) - 1.0).abs() < 1e-6);
         assert_eq!(reflectance([0.0; 3]), 0.0);
         // Photographers' 18 % grey is 118 of 255 in sRGB: 0.1812.

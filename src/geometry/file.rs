@@ -59,14 +59,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_end_three_ways() {
+    fn splits_lines_at_lf_crlf_and_cr() {
         let mut rest: &[u8] = b"a\nb\r\nc\rd";
         let lines: Vec<_> = std::iter::from_fn(|| next_line(&mut rest)).collect();
         assert_eq!(lines, [b"a", b"b", b"c", b"d"]);
     }
 
     #[test]
-    fn a_folder_is_no_mesh() {
+    fn refuses_folder_as_mesh() {
         let dir = tempfile::tempdir().unwrap();
         assert_eq!(read(dir.path()).unwrap_err().exit_code(), 2);
     }

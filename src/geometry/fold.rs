@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn there_and_back_over_a_sweep_of_lenses() {
+    fn distortion_is_inverted_for_lenses_that_do_not_fold() {
         let mut draw = draws(9);
         let (mut inverted, mut refused) = (0, 0);
         for _ in 0..400 {

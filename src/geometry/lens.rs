@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn there_and_back_over_the_image() {
+    fn projection_inverts_ray_over_the_image() {
         let lens = lens([-0.21, 0.08, 1.2e-3, -7e-4, -0.011]);
         for v in (0..489).step_by(16) {
             for u in (0..1138).step_by(16) {
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fold_is_nan_and_behind_is_none() {
+    fn points_beyond_a_fold_or_behind_the_lens_are_refused() {
         // x (1 - r2) peaks at r = 1/sqrt(3) with 0.385: no ideal point maps beyond it.
         assert!(
             lens([-1.0, 0.0, 0.0, 0.0, 0.0])

@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn names_the_culprit() {
+    fn errors_name_the_faulty_vertex_or_triangle() {
         let good = Mesh {
             vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
             triangles: vec![[0, 1, 2], [0, 0, 0], [0, 1, 2]],

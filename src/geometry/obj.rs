@@ -239,14 +239,14 @@ mod tests {
                           v 0 1 0 0.5 0.5 0.5\nf 1/1/1 2//1 3/2 4\nf -4 -3 \\\n -2 # last\n";
 
     #[test]
-    fn polygons_negative_indices_and_continued_lines() {
+    fn reads_polygons_negative_indices_and_continued_lines() {
         let mesh = parse(SQUARE.as_bytes(), "m.obj").unwrap();
         assert_eq!(mesh.vertices.len(), 4);
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 2]]);
     }
 
     #[test]
-    fn colours_and_texture_coordinates_where_there_are_any() {
+    fn reads_optional_colours_and_texture_coordinates() {
         let plain = parse(SQUARE.as_bytes(), "m.obj").unwrap();
         assert_eq!(plain.colours.len(), 4, "one vertex has a colour");
         assert_eq!(plain.colours[..3], [1.0; 3]);

@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn inverse_and_product_cancel() {
+    fn inverse_times_pose_is_identity() {
         let pose = Pose::from_xyz_deg(DVec3::new(1.0, -2.0, 3e4), DVec3::new(10.0, 200.0, -33.0));
         let p = DVec3::new(0.3, 7.0, -11.0);
         let back = (pose.inverse() * pose).point(p);
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_make_the_pose_again() {
+    fn angles_of_a_pose_give_the_same_pose() {
         let angles = [-170.0, -90.0, -33.0, 0.0, 20.0, 90.0, 180.0];
         for x in angles {
             for y in angles {

@@ -234,14 +234,14 @@ mod tests {
     }
 
     #[test]
-    fn a_calibration_goes_round() {
+    fn calibration_is_written_as_it_was_read() {
         let rig = Rig::from_toml(text(), "c.toml").unwrap();
         assert_eq!(rig.to_toml(), text());
         assert_eq!(rig.projector.center(), DVec3::new(400.0, 0.0, 0.0));
     }
 
     #[test]
-    fn impossible_rigs_are_named_with_their_line() {
+    fn impossible_rigs_are_refused_with_their_line() {
         for (from, to, needle) in [
             ("[400.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]", "zero baseline"),
             (

@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn cylinder_side_cap_and_miss() {
+    fn rays_hit_side_or_cap_of_cylinder_or_miss() {
         let c = Solid::Cylinder {
             radius: 2.0,
             half_length: 5.0,
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn frustum_top_sides_and_miss() {
+    fn rays_hit_top_or_sides_of_frustum_or_miss() {
         let f = Solid::frustum(200.0, 100.0, 80.0);
         let top = f
             .intersect(DVec3::new(10.0, -20.0, -1000.0), DVec3::Z, 0.0)

@@ -254,7 +254,7 @@ mod tests {
         }
 
         #[test]
-        fn binary_comes_back(raw in proptest::collection::vec(-1e6_f32..1e6, 9..90)) {
+        fn written_binary_reads_back_equal(raw in proptest::collection::vec(-1e6_f32..1e6, 9..90)) {
             let triangles: Vec<[[f32; 3]; 3]> = raw
                 .chunks_exact(9)
                 .map(|c| [[c[0], c[1], c[2]], [c[3], c[4], c[5]], [c[6], c[7], c[8]]])

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_period_comes_again_without_a_seam() {
+    fn periodic_timeline_repeats_smoothly() {
         let times = [1.0, 1.7, 2.9];
         let values = [0.0, 5.0, -2.0];
         let line = Timeline::new(times.to_vec(), Some(2.5));
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_is_met_ever_closer() {
+    fn interpolation_of_a_sine_converges_with_more_keys() {
         let worst = |keys: usize| {
             let times: Vec<f64> = (0..keys).map(|k| k as f64 / keys as f64).collect();
             let values: Vec<f64> = times.iter().map(|t| (TAU * t).sin()).collect();

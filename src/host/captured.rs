@@ -179,7 +179,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn is_written_so_that_it_reads_back() {
+    fn written_capture_reads_back_equal() {
         let manifest = Manifest::parse(
             "[projector]\nwidth_px = 8\nheight_px = 4\n\
              [[frame]]\npattern = { kind = \"white\" }\n\
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_follow_nothing_say_the_likeliest_cause() {
+    fn frames_without_modulation_name_the_likely_cause() {
         let manifest = Manifest::parse(
             "[projector]\nwidth_px = 64\nheight_px = 48\n\
              [[frame]]\npattern = { kind = \"white\" }\n\

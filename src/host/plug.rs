@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_is_found_by_its_serial_number_wherever_it_is_plugged_in() {
+    fn device_is_found_by_serial_number_on_any_usb_port() {
         let fake = Fake::new();
         fake.plug("1-1", "0001", ["video0", "video1"], "ttyACM0");
         fake.plug("1-2", "0002", ["video2", "video3"], "ttyACM1");
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn an_adapter_s_port_hangs_below_its_interface_and_what_is_not_usb_s_is_nobody_s() {
+    fn finds_port_of_usb_adapter_and_ignores_nodes_without_usb() {
         let fake = Fake::new();
         fake.plug("1-1", "0001", ["video0", "video1"], "ttyACM0");
         let below = fake.0.path().join("devices/usb1/1-1/1-1:1.2/ttyUSB0");

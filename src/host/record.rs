@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn camera_and_port_are_on_one_tape() {
+    fn camera_and_port_are_recorded_in_one_file() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("rec");
         let tape = tape(&path);
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn a_port_that_goes_and_comes_back_is_on_the_tape() {
+    fn unplugging_and_replugging_of_the_port_is_recorded() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("rec");
         let mut port = RecordedPort::new(Loose::default(), Some(tape(&path)));

@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_of_known_distances() {
+    fn figures_of_known_distances_match_closed_forms() {
         let d = Directed::of((1..=100).map(|i| f64::from(i) / 50.0).collect()).unwrap();
         assert_eq!(d.points, 100);
         assert!((d.mae_mm - 1.01).abs() < 1e-12);
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn an_offset_plane_with_a_hole() {
+    fn figures_of_an_offset_plane_with_a_hole_are_exact() {
         // Offset by a quarter millimetre; the scan covers the left half of the floor.
         let truth = Truth::Mesh(floor(1000.0));
         let mut cloud = grid(100, 1000.25);
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_compare_is_an_error() {
+    fn refuses_cloud_without_finite_points() {
         let truth = Truth::Mesh(floor(0.0));
         let surface = Surface::new(&truth).unwrap();
         let empty = Cloud {

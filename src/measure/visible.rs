@@ -120,7 +120,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_share_in_both_fields_and_out_of_the_shadow() {
+    fn counts_points_in_both_fields_and_not_in_shadow() {
         // A floor of 4 m side at 1000 mm: the fields of view overlap on 1.6 m by 2 m of it.
         let mut mesh = square(2000.0, 0.0, 1000.0);
         let share = |mesh: &Mesh| {
@@ -140,7 +140,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn grazing_and_two_sided_views_do_not_count() {
+    fn grazing_and_opposite_views_do_not_count_as_visible() {
         // A sheet seen edge-on between camera (x = 0) and projector (x = 400): each sees a
         // different side.
         let sheet = quad([

@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn fringe_follows_the_convention() {
+    fn fringe_is_brightest_at_phase_zero() {
         let fringe = Pattern::Fringe {
             axis: Axis::X,
             period_px: 16.0,
@@ -216,7 +216,7 @@ mod tests {
 
     /// Rounding to levels does not shift a fringe, for phases written as in the profiles.
     #[test]
-    fn rounding_has_no_side() {
+    fn rounding_of_levels_does_not_shift_a_fringe() {
         let (mut sine, mut cosine) = (0.0, 0.0);
         for step in 0..12 {
             let phase_rad = (f64::from(step) * TAU / 12.0 * 1e11).trunc() / 1e11;

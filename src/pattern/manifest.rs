@@ -154,7 +154,7 @@ mod tests {
     const HEAD: &str = "[projector]\nwidth_px = 1920\nheight_px = 1080\n";
 
     #[test]
-    fn every_kind_reads_and_goes_round() {
+    fn every_pattern_kind_is_read_and_written_back() {
         let text = format!(
             "{HEAD}
 [[frame]]
@@ -178,7 +178,7 @@ pattern = {{ kind = \"image\", file = \"speckle.png\" }}
     }
 
     #[test]
-    fn mistakes_name_the_line_and_the_range() {
+    fn errors_name_line_value_and_range() {
         for (frame, needles) in [
             (
                 "pattern = { kind = \"fringe\", axis = \"x\", period_px = -4, phase_rad = 0 }",

@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn the_trunk_has_the_mass_that_it_is_made_for() {
+    fn trunk_has_the_share_of_the_body_mass() {
         let mut p = Patient::load("p01-woman-mean").unwrap();
         for (mass, index) in [
             (55.0, 55.0 / 1.63f64.powi(2)),

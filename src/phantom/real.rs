@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_those_of_differences() {
+    fn gradient_matches_finite_differences() {
         for place in [
             DVec3::new(0.4, 0.3, -0.9),
             DVec3::new(-1.2, 0.8, 0.5),
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_end_where_they_say() {
+    fn smooth_step_rises_from_zero_to_one() {
         assert_eq!((-0.1).rise(), 0.0);
         assert_eq!(1.5.rise(), 1.0);
         assert_eq!(0.5.rise(), 0.5);

@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_breast_has_its_volume() {
+    fn breasts_have_the_stated_volume() {
         let without = of(|p| p.chest.breast_ml = [0.0, 1e-9]);
         for volume in [150.0, 500.0] {
             let mut with = of(|p| p.chest.breast_ml = [0.0, volume]);
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scar_is_where_it_is_said_to_be() {
+    fn scar_has_its_stated_place_and_depth() {
         let scar = Scar {
             from_mm: [20.0, -40.0],
             to_mm: [120.0, 30.0],

@@ -185,7 +185,7 @@ mod tests {
     use phasmid_geometry::shapes::check::closed;
 
     #[test]
-    fn closed_even_and_as_many_as_asked_for() {
+    fn mesh_is_closed_and_even_with_the_requested_triangles() {
         let mut p = Patient::load("p01-woman-mean").unwrap();
         p.chest.fold_mm = Some(8.0);
         let skin = Skin::new(&p);
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_are_zero_on_the_skin_and_right_beside_it() {
+    fn distance_is_zero_on_the_skin_and_exact_beside_it() {
         let skin = Skin::new(&Patient::load("p01-woman-mean").unwrap());
         let mesh = mesh(&skin, 20_000);
         for (i, &[a, b, c]) in mesh.triangles.iter().enumerate().step_by(37) {

@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wander_has_the_deviations_that_it_states_and_no_kink() {
+    fn wander_has_its_stated_deviations_and_is_smooth() {
         let draws = Draws::new(5, 1);
         let count = 40_000;
         let at = |i: i64| wander(draws, i as f64, 1.0).0;

@@ -74,7 +74,7 @@ mod tests {
     use crate::profile_names;
 
     #[test]
-    fn every_device_has_a_sequence_for_it() {
+    fn every_profile_names_a_calibration_sequence() {
         for name in profile_names() {
             let profile = Profile::load(name).unwrap();
             let sequence = profile.calibration_sequence().unwrap();
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_profile_that_says_nothing_has_the_first_one_of_both_axes() {
+    fn default_sequence_is_the_first_with_both_axes() {
         let text = phasmid_device_profiles::WEBCAM_GREY;
         let mut table: toml::Table = text.parse().unwrap();
         table.remove("calibration");
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_name_the_field_and_what_there_is() {
+    fn errors_name_field_and_allowed_values() {
         let text = phasmid_device_profiles::WEBCAM_GREY;
         for (line, needles) in [
             (

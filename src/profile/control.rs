@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_the_bits_that_it_states() {
+    fn line_coding_follows_the_profile() {
         let line = BENCH.lines().count() + 2;
         let places = Places {
             dialect: format!("it:{line}: control.dialect"),

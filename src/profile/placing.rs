@@ -70,7 +70,7 @@ mod tests {
         motion = { keyframes = [{ time_s = 0.0 }, { time_s = 1.0, position_mm = [1.0, 0.0, 0.0] }] }\n";
 
     #[test]
-    fn what_cannot_be_placed_is_named_and_stays() {
+    fn refused_placement_names_the_field_and_changes_nothing() {
         let mut scene = Scene::parse(TEXT, "test").unwrap();
         let before = scene.clone();
         for (object, position, rotation, needles) in [

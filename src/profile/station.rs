@@ -213,7 +213,7 @@ mod tests {
         [[device]]\nname = \"b\"\nprofile = \"pods/b.toml\"\nrotation_deg = [0.0, 9.0, 0.0]\n";
 
     #[test]
-    fn built_in_ones_are_whole() {
+    fn built_in_stations_and_profiles_load() {
         for name in station_names() {
             let Configuration::Station(station) = Configuration::load(name).unwrap() else {
                 panic!("{name} is a device");
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_found_beside_it_and_rigs_stand_where_it_says() {
+    fn station_resolves_files_and_places_rigs() {
         let mut station = Station::parse(TEXT, "test").unwrap();
         station.folder = PathBuf::from("/desk");
         assert_eq!(station.scene().as_deref(), Some("/desk/mine.toml"));

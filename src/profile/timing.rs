@@ -341,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_decide_what_a_pattern_takes() {
+    fn bit_depth_sets_shortest_exposure_and_load_time() {
         let t = timing();
         let gray = Pattern::Gray {
             axis: Axis::X,
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn the_camera_starts_with_the_pattern_or_when_it_is_told() {
+    fn camera_delay_defaults_to_the_start_of_the_pattern() {
         let mut t = Timing {
             dark_before_us: 171.0,
             trigger_delay_us: 25.0,

@@ -179,7 +179,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn comes_back_as_it_went_in(
+        fn stripped_data_line_restores_the_frame(
             noise: u64, width in WIDTH_PX..700, full in 200u16.., kind in 0..3
         ) {
             let (format, full) = match kind {
@@ -207,7 +207,7 @@ mod tests {
         }
 
         #[test]
-        fn a_flipped_bit_is_damage_and_noise_is_nothing(noise: u64, pixel in 16usize..256) {
+        fn flipped_bit_is_damage_and_noise_is_no_data_line(noise: u64, pixel in 16usize..256) {
             let lined = prepend(frame(PixelFormat::Grey, 256, noise), 255);
             let mut bad = lined.clone();
             bad.data[pixel] = if bad.data[pixel] > 128 { 15 } else { 240 };
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_small_and_narrow_images_carry_nothing() {
+    fn flat_and_narrow_images_have_no_data_line() {
         for level in [0u8, 128, 255] {
             let mut flat = frame(PixelFormat::Grey, 256, 1);
             flat.data.fill(level);

@@ -33,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_steers_a_terminal_and_json_says_the_same() {
+    fn control_characters_are_escaped_in_text_and_json() {
         let odd = "Gr\u{fc}n \"C:\\\" \u{1b}[2J\u{7}\u{7f}\u{9b}1m\u{202e}\n";
         let shown = printable(odd);
         assert!(shown.starts_with("Gr\u{fc}n \"C:\\\" \\u{1b}[2J\\u{7}"));

@@ -302,7 +302,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn goes_round_in_pieces_of_any_size(a in frames(), b in frames(), step in 1usize..100) {
+        fn frames_decode_from_pieces_of_any_size(a in frames(), b in frames(), step in 1usize..100) {
             let bytes = [encode(&a), encode(&b)].concat();
             prop_assert_eq!(decode(&bytes, step).unwrap(), vec![a, b]);
         }
@@ -322,7 +322,7 @@ mod tests {
 
         /// With a correct checksum the fields themselves are validated before memory is allocated.
         #[test]
-        fn any_header_is_checked(mut bytes in proptest::collection::vec(any::<u8>(), HEADER_LEN - 12)) {
+        fn header_with_valid_checksum_is_still_checked(mut bytes in proptest::collection::vec(any::<u8>(), HEADER_LEN - 12)) {
             let mut header = Vec::from(MAGIC);
             header.extend([1, 0, 72, 0]);
             header.append(&mut bytes);
@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_named() {
+    fn invalid_headers_are_refused_by_field() {
         let frame = Frame {
             id: 1,
             pattern_index: None,

@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sharp_is_left_alone() {
+    fn footprint_without_blur_is_unchanged() {
         assert_eq!(widened([1.5, -0.25], 0.0), [1.5, -0.25]);
         assert_eq!(widened([1.5, -0.25], f64::NAN), [1.5, -0.25]);
     }

@@ -264,7 +264,7 @@ mod tests {
 
     /// Reference: the Gaussian integrated over the bright rectangle and its reflections.
     #[test]
-    fn is_the_gaussian() {
+    fn glare_matches_the_integrated_gaussian() {
         for sigma_px in [32.0, 63.0, 90.0] {
             let before = image();
             let mut after = before.clone();
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn no_light_is_lost() {
+    fn glare_conserves_light() {
         for sigma_px in [32.0, 75.0, 3000.0] {
             let mut frame = image();
             let before = sum(&frame);

@@ -453,7 +453,7 @@ mod tests {
     /// A lens with its distortion term disabled gives exactly the image of a straight lens, and is
     /// distorted again afterwards.
     #[test]
-    fn a_lens_without_its_distortion_is_straight() {
+    fn disabled_distortion_term_gives_image_of_straight_lens() {
         let straight = Profile::load("webcam-grey").unwrap();
         let mut bent = straight.clone();
         bent.camera.distortion = [-0.2, 0.05, 1e-3, -2e-3, 0.0];

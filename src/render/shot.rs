@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_follow_each_other_inside_the_region() {
+    fn rows_start_one_after_another_within_the_region() {
         let shot = shot();
         let starts = [0, 5, 6, 16, 17, 4000].map(|row| shot.row_start_ns(row));
         assert_eq!(starts, [1000, 1000, 1010, 1110, 1110, 1110]);
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exposure_is_divided_among_what_is_shown() {
+    fn exposure_is_divided_among_the_patterns_shown() {
         let shot = shot();
         let seen = |start| shot.seen(start).collect::<Vec<_>>();
         assert_eq!(seen(1000), [(0, 1000..1060)]);

@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn goes_round_and_misses_what_is_missing() {
+    fn maps_read_back_and_missing_maps_are_named() {
         let truth = Truth {
             width: 2,
             height: 1,

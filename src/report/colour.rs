@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn oklab_of_known_colours() {
+    fn oklab_conversion_matches_known_colours() {
         assert_eq!(srgb([1.0, 0.0, 0.0]), [255, 255, 255]);
         assert_eq!(srgb([0.0, 0.0, 0.0]), [0, 0, 0]);
         // sRGB red in Oklab, computed from Ottosson's table of XYZ and Oklab pairs.
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn lighter_is_more_on_one_scale_and_nearer_to_zero_on_the_other() {
+    fn lightness_orders_sizes_and_marks_zero_of_signs() {
         let (sizes, signs) = (Scale::sizes(), Scale::signs());
         let at = |scale: &Scale, i: usize| luminance(scale.0[i]);
         for i in 0..255 {

@@ -3,8 +3,8 @@
 //! | module | contents |
 //! | --- | --- |
 //! | `plot` | plots as SVG |
-//! | `map_image` | maps as images with a colour scale, and shaded relief |
-//! | `colour`, `font` | colour scales and a bitmap font for these images |
+//! | `map_image` | maps as images with title, colour bar and legend |
+//! | `colour`, `font`, `relief` | colour scales, text and shading of these images |
 //! | `lab` | the framework of the studies |
 //! | `stopwatch`, `spread` | measured times and their quartiles |
 
@@ -13,5 +13,6 @@ pub mod font;
 pub mod lab;
 pub mod map_image;
 pub mod plot;
+pub mod relief;
 pub mod spread;
 pub mod stopwatch;

@@ -1,329 +1,318 @@
-//! Draws maps as images: in colours with a scale beside them, and as shaded relief.
-//!
-//! Values are row-major, `width * height` of them. NaN is drawn in dark grey. If there are fewer values
-//! than pixels, the missing ones count as NaN.
+//! Draws maps as images: a title, the map in colours, a colour bar with a unit, and a legend for pixels
+//! without a value or beyond the bar.
 
 use crate::colour::Scale;
-use crate::font;
+use crate::font::Font;
+use crate::plot::linear_ticks;
+use image::imageops::replace;
 use image::{Rgb, RgbImage};
 
-const NOTHING: [u8; 3] = [38, 38, 40];
-const PAPER: [u8; 3] = [22, 22, 24];
-const INK: [u8; 3] = [225, 225, 225];
+const PAPER: [u8; 3] = [255; 3];
+const INK: [u8; 3] = [32, 32, 36];
+/// Colour of a pixel without a value, which is on neither scale.
+const INVALID: [u8; 3] = [112; 3];
+/// Fraction of the values beyond the bar from which the legend has an entry for them.
+const BEYOND: f32 = 0.005;
 
-/// Draws a map of values from `range.0` (dark) to `range.1` (light) in `unit`, with its scale at the
-/// right, which makes the image wider than the map.
-pub fn colour_mapped(
-    width: u32,
-    height: u32,
-    values: &[f32],
-    range: (f32, f32),
-    unit: &str,
-) -> RgbImage {
-    mapped(width, height, values, None, range, unit, &Scale::sizes())
+/// A map of values, row-major; NaN where invalid. Missing values at the end count as NaN.
+#[derive(Debug, Clone)]
+pub struct Map<'a> {
+    /// Title: the quantity, without the unit.
+    pub title: &'a str,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// The values.
+    pub values: &'a [f32],
+    /// Unit of the values.
+    pub unit: &'a str,
+    /// Values at the ends of the colour bar.
+    pub colours: Colours,
+    /// Brightness of each pixel from [`crate::relief::shades`], if the map is drawn as a relief. NaN is
+    /// full light. The darkest shade halves a colour, so that it remains recognisable.
+    pub relief: Option<&'a [f32]>,
+    /// Side of a value's square in pixels of the image.
+    pub zoom: u32,
 }
 
-/// Draws a map like [`colour_mapped`], with shading: `shade` is the result of [`shades`], with NaN as
-/// full light. Colour shows the value and shading the shape. The darkest shade halves a colour, so that
-/// it remains recognisable.
-pub fn colour_mapped_relief(
-    width: u32,
-    height: u32,
-    values: &[f32],
-    shade: &[f32],
-    range: (f32, f32),
-    unit: &str,
-) -> RgbImage {
-    mapped(
-        width,
-        height,
-        values,
-        Some(shade),
-        range,
-        unit,
-        &Scale::sizes(),
-    )
+/// Colours of a map. Values beyond an end have its colour.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Colours {
+    /// Dark violet at the first value over blue and green to light yellow at the second.
+    Range(f32, f32),
+    /// Blue at minus the limit over light grey at zero to red at the limit.
+    Signed(f32),
 }
 
-/// Draws a map of signed values, from `-limit` (blue) over 0 (light grey) to `limit` (red) in `unit`, with
-/// its scale at the right.
-pub fn diverging(width: u32, height: u32, values: &[f32], limit: f32, unit: &str) -> RgbImage {
-    let limit = limit.abs();
-    mapped(
-        width,
-        height,
-        values,
-        None,
-        (-limit, limit),
-        unit,
-        &Scale::signs(),
-    )
-}
-
-/// Draws a depth map in millimetres as shaded relief, in grey, without a scale. `focal_px` is the
-/// camera's focal length in pixels.
-pub fn shaded(width: u32, height: u32, depth_mm: &[f32], focal_px: f32) -> RgbImage {
-    let shade = shades(width, height, depth_mm, focal_px);
-    RgbImage::from_fn(width, height, |x, y| {
-        let s = value(&shade, width, x, y);
-        Rgb(if s.is_finite() {
-            [(40.0 + 210.0 * s) as u8; 3]
+impl Map<'_> {
+    /// Draws the map with title, colour bar and legend.
+    pub fn draw(&self) -> RgbImage {
+        let (low, high, scale) = match self.colours {
+            Colours::Range(low, high) => (low, high, Scale::sizes()),
+            Colours::Signed(limit) => (-limit.abs(), limit.abs(), Scale::signs()),
+        };
+        let map = self.coloured(low, high, &scale);
+        let font = Font::for_image(map.height());
+        let bar = Bar::new(map.height(), (low, high), self.unit, font);
+        let legend = self.legend(low, high, &scale);
+        let words: u32 = legend.iter().map(|(_, text)| entry_width(font, text)).sum();
+        let header = font.line() * 3 / 2;
+        let footer = if legend.is_empty() {
+            font.line() / 2
         } else {
-            NOTHING
+            header
+        };
+        let width = (map.width() + bar.width())
+            .max(font.width(self.title) + font.line() / 2)
+            .max(words);
+        let mut image = RgbImage::from_pixel(width, header + map.height() + footer, Rgb(PAPER));
+        font.draw(
+            &mut image,
+            self.title,
+            (font.line() / 4, font.line() / 4),
+            INK,
+        );
+        replace(&mut image, &map, 0, i64::from(header));
+        bar.draw(&mut image, (map.width(), header), &scale);
+        let mut left = font.line() / 4;
+        for (colour, text) in legend {
+            let (side, top) = (font.line() * 3 / 4, header + map.height() + font.line() / 4);
+            rectangle(
+                &mut image,
+                (left, top + font.line() / 8),
+                (side, side),
+                colour,
+            );
+            font.draw(&mut image, &text, (left + font.line(), top), INK);
+            left += entry_width(font, &text);
+        }
+        image
+    }
+
+    fn coloured(&self, low: f32, high: f32, scale: &Scale) -> RgbImage {
+        // With an empty range, all values get the middle colour.
+        let span = high - low;
+        let zoom = self.zoom.max(1);
+        RgbImage::from_fn(self.width * zoom, self.height * zoom, |x, y| {
+            let at = (y / zoom) as usize * self.width as usize + (x / zoom) as usize;
+            let v = self.values.get(at).copied().unwrap_or(f32::NAN);
+            let t = if span > 0.0 { (v - low) / span } else { 0.5 };
+            if v.is_nan() || t.is_nan() {
+                return Rgb(INVALID);
+            }
+            let shade = self.relief.and_then(|shades| shades.get(at)).copied();
+            // A surface that faces the camera has a shade of 0.7 and keeps nearly all its colour.
+            let light = shade
+                .filter(|s| !s.is_nan())
+                .map_or(1.0, |s| (0.45 + 0.75 * s).clamp(0.5, 1.0));
+            Rgb(scale.at(t).map(|c| (f32::from(c) * light).round() as u8))
         })
-    })
+    }
+
+    /// Returns a colour and its meaning for pixels without a value, and for values beyond the bar if they
+    /// are more than a few.
+    fn legend(&self, low: f32, high: f32, scale: &Scale) -> Vec<([u8; 3], String)> {
+        let pixels = self.width as usize * self.height as usize;
+        let known = self.values.iter().take(pixels).filter(|v| !v.is_nan());
+        let mut legend = Vec::new();
+        if known.clone().count() < pixels {
+            legend.push((INVALID, "not measured".to_owned()));
+        }
+        if matches!(self.colours, Colours::Range(..)) {
+            let share = |beyond: &dyn Fn(f32) -> bool| {
+                known.clone().filter(|v| beyond(**v)).count() as f32 > BEYOND * pixels as f32
+            };
+            if share(&|v| v < low) {
+                legend.push((scale.at(0.0), format!("below {low:.0} {}", self.unit)));
+            }
+            if share(&|v| v > high) {
+                legend.push((scale.at(1.0), format!("above {high:.0} {}", self.unit)));
+            }
+        }
+        legend
+    }
 }
 
-/// Computes the brightness of each pixel of a depth map under a lamp at the upper left, 0 to 1; NaN for
-/// pixels without depth, or without a neighbour along x or y. The surface is Lambertian, with 12 %
-/// ambient light.
-///
-/// The normal is (dz/du, dz/dv, -z / focal_px): depth as a height over the image, with the width of a
-/// pixel at its depth. Derivatives are differences between neighbours.
-pub fn shades(width: u32, height: u32, depth_mm: &[f32], focal_px: f32) -> Vec<f32> {
-    const LAMP: [f32; 3] = [-0.45, -0.6, -0.66];
-    let z = |x: u32, y: u32| value(depth_mm, width, x, y);
-    // Central difference if both neighbours are known, one-sided if one is.
-    let slope = |before: Option<f32>, here: f32, after: Option<f32>| {
-        let known = |v: Option<f32>| v.filter(|v| v.is_finite());
-        match (known(before), known(after)) {
-            (Some(a), Some(b)) => (b - a) / 2.0,
-            (Some(a), None) => here - a,
-            (None, Some(b)) => b - here,
-            (None, None) => f32::NAN,
-        }
-    };
-    let mut out = Vec::with_capacity(width as usize * height as usize);
-    for y in 0..height {
-        for x in 0..width {
-            let here = z(x, y);
-            let across = slope(
-                x.checked_sub(1).map(|x| z(x, y)),
-                here,
-                (x + 1 < width).then(|| z(x + 1, y)),
-            );
-            let down = slope(
-                y.checked_sub(1).map(|y| z(x, y)),
-                here,
-                (y + 1 < height).then(|| z(x, y + 1)),
-            );
-            let normal = [across, down, -here / focal_px];
-            let length = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
-            let lit = normal.iter().zip(LAMP).map(|(n, l)| n * l).sum::<f32>() / length;
-            out.push(if lit.is_nan() {
-                lit
-            } else {
-                0.12 + 0.88 * lit.max(0.0)
-            });
-        }
+/// Draws a title above an image.
+pub fn titled(title: &str, image: &RgbImage) -> RgbImage {
+    let font = Font::for_image(image.height());
+    let header = font.line() * 3 / 2;
+    let width = image.width().max(font.width(title) + font.line() / 2);
+    let height = header + image.height() + font.line() / 2;
+    let mut out = RgbImage::from_pixel(width, height, Rgb(PAPER));
+    font.draw(&mut out, title, (font.line() / 4, font.line() / 4), INK);
+    replace(&mut out, image, 0, i64::from(header));
+    out
+}
+
+/// Draws images below one another.
+pub fn stacked(images: &[RgbImage]) -> RgbImage {
+    let width = images.iter().map(RgbImage::width).max().unwrap_or(0);
+    let height = images.iter().map(RgbImage::height).sum();
+    let mut out = RgbImage::from_pixel(width, height, Rgb(PAPER));
+    let mut top = 0;
+    for image in images {
+        replace(&mut out, image, 0, i64::from(top));
+        top += image.height();
     }
     out
 }
 
-fn value(values: &[f32], width: u32, x: u32, y: u32) -> f32 {
-    let at = y as usize * width as usize + x as usize;
-    values.get(at).copied().unwrap_or(f32::NAN)
+/// Width of a legend's entry: a square, a text, and the gap to the next entry.
+fn entry_width(font: Font, text: &str) -> u32 {
+    font.width(text) + 2 * font.line()
 }
 
-fn mapped(
-    width: u32,
-    height: u32,
-    values: &[f32],
-    shade: Option<&[f32]>,
-    range: (f32, f32),
-    unit: &str,
-    scale: &Scale,
-) -> RgbImage {
-    let bar = Bar::new(height, range, unit);
-    let mut image = RgbImage::from_pixel(width + bar.width(), height, Rgb(PAPER));
-    let (low, high) = range;
-    // With an empty range, all values get the middle colour.
-    let span = high - low;
-    for y in 0..height {
-        for x in 0..width {
-            let v = value(values, width, x, y);
-            let t = if span > 0.0 { (v - low) / span } else { 0.5 };
-            let colour = if v.is_nan() || t.is_nan() {
-                NOTHING
-            } else {
-                let s = shade.map_or(1.0, |s| value(s, width, x, y));
-                // A surface that faces the camera has a shade of 0.7 and keeps nearly all its colour.
-                let light = if s.is_nan() {
-                    1.0
-                } else {
-                    (0.45 + 0.75 * s).clamp(0.5, 1.0)
-                };
-                scale.at(t).map(|c| (f32::from(c) * light).round() as u8)
-            };
-            image.put_pixel(x, y, Rgb(colour));
+fn rectangle(image: &mut RgbImage, (x, y): (u32, u32), (w, h): (u32, u32), colour: [u8; 3]) {
+    for row in y..(y + h).min(image.height()) {
+        for column in x..(x + w).min(image.width()) {
+            image.put_pixel(column, row, Rgb(colour));
         }
     }
-    bar.draw(&mut image, width, scale);
-    image
 }
 
-/// The scale at the right: a strip of colours with ticks at round values and the unit above.
+/// The colour bar at the right: a strip of colours with ticks at round values and the unit above.
 struct Bar {
-    dot: u32,
+    font: Font,
+    rows: u32,
     range: (f32, f32),
-    ticks: Vec<(f32, String)>,
+    ticks: Vec<(f64, String)>,
     unit: String,
 }
 
 impl Bar {
-    fn new(height: u32, range: (f32, f32), unit: &str) -> Self {
-        let dot = (height / 160).clamp(1, 6);
+    fn new(rows: u32, range: (f32, f32), unit: &str, font: Font) -> Self {
+        let (low, high) = (f64::from(range.0), f64::from(range.1));
+        let most = (rows / (3 * font.line())).clamp(2, 8) as usize;
         Self {
-            dot,
+            font,
+            rows,
             range,
-            ticks: ticks(range, 3 + (height / (40 * dot)).min(6)),
+            ticks: linear_ticks(low, high, most),
             unit: unit.chars().take(12).collect(),
         }
     }
 
-    fn width(&self) -> u32 {
-        let widest = self.ticks.iter().map(|t| t.1.as_str()).chain([&*self.unit]);
-        let label = widest.map(|t| font::size(t, self.dot).0).max().unwrap_or(0);
-        label + 20 * self.dot
+    /// Width of the strip; also of the gap between map and strip.
+    fn thick(&self) -> u32 {
+        self.font.line() / 2
     }
 
-    fn draw(&self, image: &mut RgbImage, left: u32, scale: &Scale) {
-        let dot = self.dot;
-        let (strip, thick) = (left + 4 * dot, 8 * dot);
-        let (top, bottom) = (12 * dot, image.height().saturating_sub(6 * dot));
-        if bottom <= top + 8 * dot {
+    fn width(&self) -> u32 {
+        let texts = self.ticks.iter().map(|t| &t.1).chain([&self.unit]);
+        let widest = texts.map(|text| self.font.width(text)).max().unwrap_or(0);
+        widest + 4 * self.thick()
+    }
+
+    fn draw(&self, image: &mut RgbImage, (x, y): (u32, u32), scale: &Scale) {
+        let (line, thick) = (self.font.line(), self.thick());
+        let left = x + thick;
+        self.font.draw(image, &self.unit, (left, y), INK);
+        let (top, bottom) = (y + 3 * line / 2, y + self.rows.saturating_sub(line / 2));
+        if bottom <= top + line {
             return;
         }
-        let rows = (bottom - top) as f32;
-        for y in top..bottom {
-            let colour = scale.at(1.0 - (y - top) as f32 / (rows - 1.0));
-            for x in strip..strip + thick {
-                image.put_pixel(x, y, Rgb(colour));
-            }
+        let last = (bottom - top - 1) as f32;
+        for row in top..bottom {
+            let colour = scale.at(1.0 - (row - top) as f32 / last);
+            rectangle(image, (left, row), (thick, 1), colour);
         }
-        font::draw(image, &self.unit, (strip, 4 * dot), dot, INK);
         let (low, high) = self.range;
         for (at, text) in &self.ticks {
-            let t = if high > low {
-                (at - low) / (high - low)
-            } else {
-                0.5
-            };
-            let y = top + ((1.0 - t) * (rows - 1.0)).round() as u32;
-            for x in strip + thick..strip + thick + 2 * dot {
-                image.put_pixel(x, y, Rgb(INK));
-            }
-            let (_, tall) = font::size(text, dot);
-            let place = (strip + thick + 4 * dot, y.saturating_sub(tall / 2));
-            font::draw(image, text, place, dot, INK);
+            let t = ((*at as f32 - low) / (high - low)).clamp(0.0, 1.0);
+            let row = top + ((1.0 - t) * last).round() as u32;
+            rectangle(image, (left + thick, row), (thick / 2, 1), INK);
+            let place = (left + 2 * thick, row.saturating_sub(line / 2));
+            self.font.draw(image, text, place, INK);
         }
     }
-}
-
-/// Returns about `count` round values within a range, 1, 2 or 5 times a power of ten apart, with as many
-/// decimals as distinguish them.
-fn ticks((low, high): (f32, f32), count: u32) -> Vec<(f32, String)> {
-    let (low, high) = (f64::from(low), f64::from(high));
-    let span = high - low;
-    if !(low.is_finite() && high.is_finite()) {
-        return Vec::new();
-    }
-    if span <= 0.0 {
-        return vec![(low as f32, format!("{low}").chars().take(9).collect())];
-    }
-    let rough = span / f64::from(count.max(1));
-    let power = 10_f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0]
-        .map(|m| m * power)
-        .into_iter()
-        .find(|s| *s >= rough * 0.999)
-        .unwrap_or(10.0 * power);
-    let decimals = (-step.log10()).ceil().clamp(0.0, 9.0) as usize;
-    let first = (low / step - 1e-6).ceil();
-    let last = (high / step + 1e-6).floor();
-    // A step that is small relative to the values is lost in rounding.
-    if last - first >= 100.0 {
-        return Vec::new();
-    }
-    (0..=(last - first) as u32)
-        .map(|k| {
-            let at = (first + f64::from(k)) * step;
-            // Adding zero turns -0 into 0.
-            (
-                at.clamp(low, high) as f32,
-                format!("{:.decimals$}", at + 0.0),
-            )
-        })
-        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn labels(range: (f32, f32), count: u32) -> Vec<String> {
-        ticks(range, count).into_iter().map(|t| t.1).collect()
-    }
-
-    #[test]
-    fn ticks_are_round() {
-        assert_eq!(
-            labels((0.0, 1.0), 5),
-            ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]
-        );
-        let around_zero = labels((-0.05, 0.05), 4);
-        assert_eq!(around_zero, ["-0.05", "0.00", "0.05"]);
-        assert_eq!(labels((780.0, 1003.0), 4), ["800", "900", "1000"]);
-        assert_eq!(labels((3.0, 3.0), 4), ["3"]);
-        assert!(labels((f32::NAN, 1.0), 4).is_empty());
-        assert!(labels((0.0, f32::INFINITY), 4).is_empty());
-        assert!(labels((1.0, 1.0 + f32::EPSILON), 4).len() < 100);
-    }
-
-    #[test]
-    fn values_are_coloured_and_nan_is_dark() {
-        let (width, height) = (64, 200);
-        let mut values: Vec<f32> = (0..width * height).map(|i| (i % width) as f32).collect();
-        values[5] = f32::NAN;
-        let image = colour_mapped(width, height, &values, (0.0, 63.0), "mm");
-        assert_eq!(image.get_pixel(5, 0).0, NOTHING);
-        let scale = Scale::sizes();
-        assert_eq!(image.get_pixel(0, 3).0, scale.at(0.0));
-        assert_eq!(image.get_pixel(63, 3).0, scale.at(1.0));
-        // The ends of the strip have the colours of the ends of the scale.
-        assert!(image.width() > width && image.height() == height);
-        let strip = width + 6;
-        assert_eq!(image.get_pixel(strip, 12).0, scale.at(1.0));
-        assert_eq!(image.get_pixel(strip, height - 7).0, scale.at(0.0));
-        let ink = image.pixels().filter(|p| p.0 == INK).count();
-        assert!(ink > 40, "{ink}");
-    }
-
-    #[test]
-    fn nothing_odd_breaks_it() {
-        for (width, height) in [(0, 0), (1, 1), (3, 30), (2, 700)] {
-            let values = vec![f32::INFINITY; (width * height / 2) as usize];
-            for range in [(0.0, 0.0), (1.0, -1.0), (f32::NAN, 0.0), (-1e38, 1e38)] {
-                colour_mapped(width, height, &values, range, "very long unit \u{3bc}");
-                colour_mapped_relief(width, height, &values, &values, range, "");
-            }
-            diverging(width, height, &values, f32::NAN, "mm");
-            shaded(width, height, &values, 600.0);
+    fn map(width: u32, height: u32, values: &[f32], colours: Colours) -> Map<'_> {
+        Map {
+            title: "depth",
+            width,
+            height,
+            values,
+            unit: "mm",
+            colours,
+            relief: None,
+            zoom: 1,
         }
     }
 
+    fn pixels(image: &RgbImage, colour: [u8; 3]) -> usize {
+        image.pixels().filter(|p| p.0 == colour).count()
+    }
+
     #[test]
-    fn a_plane_is_evenly_lit_and_slopes_differ() {
-        let flat = vec![1000.0; 20 * 20];
-        let shade = shades(20, 20, &flat, 500.0);
-        assert!(shade.iter().all(|s| (s - shade[0]).abs() < 1e-6));
-        // The surface rises towards the camera to the right, so it faces the lamp at the left.
-        let tilt = |sign: f32| -> Vec<f32> {
-            let z: Vec<f32> = (0..400).map(|i| 1000.0 - sign * (i % 20) as f32).collect();
-            shades(20, 20, &z, 500.0)
+    fn values_are_coloured_and_the_bar_has_the_colours_of_its_ends() {
+        let (width, height) = (64, 200);
+        let values: Vec<f32> = (0..width * height).map(|i| (i % width) as f32).collect();
+        let image = map(width, height, &values, Colours::Range(0.0, 63.0)).draw();
+        let header = 24;
+        let scale = Scale::sizes();
+        assert_eq!(image.get_pixel(0, header + 3).0, scale.at(0.0));
+        assert_eq!(image.get_pixel(63, header + 3).0, scale.at(1.0));
+        let strip = width + 8;
+        assert_eq!(image.get_pixel(strip, header + 24).0, scale.at(1.0));
+        assert_eq!(image.get_pixel(strip, header + height - 9).0, scale.at(0.0));
+        assert_eq!(pixels(&image, INVALID), 0);
+        let title = image
+            .enumerate_pixels()
+            .filter(|p| p.1 < header && p.2.0[0] < 128);
+        assert!(title.count() > 20);
+    }
+
+    #[test]
+    fn the_legend_names_missing_values_and_values_beyond_the_bar() {
+        let mut values = vec![1.0; 100 * 100];
+        let legend = |values: &[f32]| -> Vec<String> {
+            let map = map(100, 100, values, Colours::Range(0.0, 5.0));
+            let entries = map.legend(0.0, 5.0, &Scale::sizes());
+            entries.into_iter().map(|entry| entry.1).collect()
         };
-        assert!(tilt(1.0)[210] > shade[0] && tilt(-1.0)[210] < shade[0]);
-        let hole = [1000.0, f32::NAN, 1000.0, 1000.0];
-        assert!(shades(2, 2, &hole, 500.0)[1].is_nan());
+        assert!(legend(&values).is_empty());
+        values[7] = f32::NAN;
+        values[9] = 6.0;
+        assert_eq!(legend(&values), ["not measured"]);
+        values[1000..2000].fill(6.0);
+        assert_eq!(legend(&values), ["not measured", "above 5 mm"]);
+        let image = map(100, 100, &values, Colours::Range(0.0, 5.0)).draw();
+        // One pixel of the map, and the legend's square of 12 pixels.
+        assert_eq!(pixels(&image, INVALID), 1 + 12 * 12);
+    }
+
+    #[test]
+    fn a_zoomed_map_repeats_each_value() {
+        let values = [0.0, 1.0, f32::NAN, 1.0];
+        let mut map = map(2, 2, &values, Colours::Signed(1.0));
+        map.zoom = 3;
+        let coloured = map.coloured(-1.0, 1.0, &Scale::signs());
+        assert_eq!(coloured.dimensions(), (6, 6));
+        assert_eq!(pixels(&coloured, INVALID), 9);
+        assert_eq!(pixels(&coloured, Scale::signs().at(1.0)), 18);
+    }
+
+    #[test]
+    fn empty_maps_and_extreme_ranges_are_drawn() {
+        for (width, height) in [(0, 0), (1, 1), (3, 30), (2, 700)] {
+            let values = vec![f32::INFINITY; (width * height / 2) as usize];
+            let ranges = [(0.0, 0.0), (1.0, -1.0), (f32::NAN, 0.0), (-1e38, 1e38)];
+            let ranges = ranges.map(|(low, high)| Colours::Range(low, high));
+            for colours in ranges.into_iter().chain([Colours::Signed(f32::NAN)]) {
+                let mut map = map(width, height, &values, colours);
+                map.unit = "very long unit \u{3bc}";
+                map.draw();
+                map.relief = Some(&values);
+                map.zoom = 0;
+                map.draw();
+            }
+        }
     }
 }

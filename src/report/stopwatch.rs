@@ -120,7 +120,7 @@ mod tests {
     use std::sync::atomic::{AtomicU64, Ordering};
 
     #[test]
-    fn rounds_end_when_time_is_up() {
+    fn stopwatch_ends_rounds_when_time_is_up() {
         let ticks = AtomicU64::new(0);
         let clock = || Duration::from_millis(ticks.load(Ordering::Relaxed));
         let watch = Stopwatch::new(&clock);

@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scale_and_inflation_of_normal_residuals() {
+    fn scale_and_inflation_of_normal_residuals_are_unbiased() {
         let mut random = Random::new(5);
         let mut residuals: Vec<f64> = (0..200_000).map(|_| 2.0 * random.normal()).collect();
         let mut inflation = Inflation::default();
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_fall_to_nothing() {
+    fn weights_fall_to_zero() {
         assert_eq!(weight(0.0), 1.0);
         assert!(weight(2.0) > weight(3.0) && weight(3.0) > 0.0);
         assert_eq!(weight(4.7), 0.0);

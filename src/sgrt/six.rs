@@ -136,7 +136,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]
-        fn six_numbers_make_the_pose_again(t in proptest::array::uniform3(-50.0_f64..50.0),
+        fn six_numbers_of_a_pose_give_the_same_pose(t in proptest::array::uniform3(-50.0_f64..50.0),
             pitch in -89.9_f64..89.9, roll in -179.0_f64..179.0, yaw in -179.0_f64..179.0)
         {
             let six = SixDof {

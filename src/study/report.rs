@@ -7,7 +7,8 @@ use phasmid_core::new_file::replace_image;
 use phasmid_decode::Decoded;
 use phasmid_geometry::Rig;
 use phasmid_render::truth::Truth;
-use phasmid_report::map_image;
+use phasmid_report::map_image::{self, Colours, Map};
+use phasmid_report::relief;
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
@@ -108,11 +109,11 @@ fn cell(value: f64, digits: usize, unit: &str) -> String {
 }
 
 /// Writes `depth.png`, the measured surface in colour and relief, `error.png`, measured minus true
-/// depth, each with a scale, and `overview.png`: `frame`, what the camera saw, above the two, all
-/// cut to what was measured.
+/// depth, and `overview.png`: `frame`, an image of the camera, above the two, all cut to the measured
+/// region. Each has a title, a scale with its unit, and a legend for pixels without a measurement.
 ///
 /// # Errors
-/// What the system refuses.
+/// Returns an error if a file cannot be written.
 pub fn write_images(
     folder: &Path,
     frame: &GrayImage,
@@ -120,30 +121,27 @@ pub fn write_images(
     truth: &Truth,
     rig: &Rig,
 ) -> Result<()> {
-    let (width, height) = (decoded.width as u32, decoded.height as u32);
     let maps = Maps::new(decoded, truth, rig);
-    let depth = map_image::colour_mapped_relief(
-        width,
-        height,
-        &decoded.depth,
-        &maps.shade,
-        maps.range,
-        "mm",
-    );
+    let whole = Area {
+        left: 0,
+        top: 0,
+        width: decoded.width as u32,
+        height: decoded.height as u32,
+        stride: decoded.width as u32,
+    };
+    let [depth, error] = maps.draw(decoded, &whole, 1);
     save(&depth, &folder.join(PICTURES[0]))?;
-    let error = map_image::diverging(width, height, &maps.errors, maps.limit, "mm");
     save(&error, &folder.join(PICTURES[1]))?;
-    let overview = maps.overview(frame, decoded);
-    save(&overview, &folder.join(PICTURES[2]))
+    save(&maps.overview(frame, decoded), &folder.join(PICTURES[2]))
 }
 
-/// What `overview.png` shows: `frame`, what the camera saw, above depth and error, all cut to what
-/// was measured.
+/// Draws `overview.png`: `frame`, an image of the camera, above depth and error, all cut to the
+/// measured region.
 pub fn overview(frame: &GrayImage, decoded: &Decoded, truth: &Truth, rig: &Rig) -> RgbImage {
     Maps::new(decoded, truth, rig).overview(frame, decoded)
 }
 
-/// What pictures of a scan show, and their scales.
+/// Maps of a scan, and their scales.
 struct Maps {
     shade: Vec<f32>,
     range: (f32, f32),
@@ -158,10 +156,11 @@ impl Maps {
         let errors = depth_errors(decoded, truth);
         let sizes: Vec<f32> = errors.iter().map(|e| e.abs()).collect();
         Self {
-            shade: map_image::shades(width, height, &decoded.depth, focal),
-            range: quantiles(&decoded.depth, 0.001, 0.999).unwrap_or((0.0, 1.0)),
+            shade: relief::shades(width, height, &decoded.depth, focal),
+            range: depth_range(&decoded.depth).unwrap_or((0.0, 1.0)),
             errors,
-            // Four out of a hundred go beyond the scale's end, so that the rest is told apart.
+            // Four in a hundred errors exceed the end of the scale, so that the colours resolve the
+            // rest.
             limit: quantiles(&sizes, 0.0, 0.96).map_or(1.0, |(_, high)| high.max(1e-4)),
         }
     }
@@ -169,28 +168,41 @@ impl Maps {
     fn overview(&self, frame: &GrayImage, decoded: &Decoded) -> RgbImage {
         let (width, height) = (decoded.width as u32, decoded.height as u32);
         let area = Area::around(&decoded.depth, width, height);
-        let wide = (area.width * ZOOM, area.height * ZOOM);
-        let enlarged = |values: &[f32]| area.enlarge(&area.cut(values));
-        let depth = map_image::colour_mapped_relief(
-            wide.0,
-            wide.1,
-            &enlarged(&decoded.depth),
-            &enlarged(&self.shade),
-            self.range,
-            "mm",
-        );
-        let errors = enlarged(&self.errors);
-        let error = map_image::diverging(wide.0, wide.1, &errors, self.limit, "mm");
-        stack(&[area.frame(frame), depth, error])
+        let [depth, error] = self.draw(decoded, &area, ZOOM);
+        let frame = map_image::titled("Camera image under the first pattern", &area.frame(frame));
+        map_image::stacked(&[frame, depth, error])
+    }
+
+    /// Draws depth and error within an area.
+    fn draw(&self, decoded: &Decoded, area: &Area, zoom: u32) -> [RgbImage; 2] {
+        let shade = area.cut(&self.shade);
+        let depth = Map {
+            title: "Measured depth",
+            width: area.width,
+            height: area.height,
+            values: &area.cut(&decoded.depth),
+            unit: "mm",
+            colours: Colours::Range(self.range.0, self.range.1),
+            relief: Some(&shade),
+            zoom,
+        };
+        let error = Map {
+            title: "Measured minus true depth",
+            values: &area.cut(&self.errors),
+            colours: Colours::Signed(self.limit),
+            relief: None,
+            ..depth
+        };
+        [depth.draw(), error.draw()]
     }
 }
 
-/// How many pixels of the overview a pixel of the camera takes, along each side.
+/// Side of a camera pixel in the overview, in pixels.
 const ZOOM: u32 = 2;
-/// Pixels of the camera around what was measured.
+/// Width of the margin around the measured region, in camera pixels.
 const MARGIN: u32 = 12;
 
-/// The part of the image that was measured.
+/// A rectangle of the image.
 struct Area {
     left: u32,
     top: u32,
@@ -201,7 +213,7 @@ struct Area {
 }
 
 impl Area {
-    /// The box around the finite values with a margin; all of the image if there are none.
+    /// Returns the bounding box of the finite values with a margin; the whole image if there are none.
     fn around(values: &[f32], width: u32, height: u32) -> Self {
         let finite = || (0..width * height).filter(|&i| values[i as usize].is_finite());
         let span = |at: &dyn Fn(u32) -> u32, end: u32| {
@@ -227,16 +239,6 @@ impl Area {
             .collect()
     }
 
-    /// Each value of a cut map `ZOOM` times along each side.
-    fn enlarge(&self, values: &[f32]) -> Vec<f32> {
-        (0..self.height * ZOOM)
-            .flat_map(|y| {
-                (0..self.width * ZOOM)
-                    .map(move |x| values[(y / ZOOM * self.width + x / ZOOM) as usize])
-            })
-            .collect()
-    }
-
     fn frame(&self, frame: &GrayImage) -> RgbImage {
         RgbImage::from_fn(self.width * ZOOM, self.height * ZOOM, |x, y| {
             let level = frame.get_pixel(self.left + x / ZOOM, self.top + y / ZOOM).0[0];
@@ -245,22 +247,50 @@ impl Area {
     }
 }
 
-/// Pictures below one another.
-fn stack(pictures: &[RgbImage]) -> RgbImage {
-    let width = pictures.iter().map(RgbImage::width).max().unwrap_or(0);
-    let height = pictures.iter().map(RgbImage::height).sum();
-    let mut out = RgbImage::from_pixel(width, height, Rgb([22, 22, 24]));
-    let mut top = 0;
-    for picture in pictures {
-        image::imageops::replace(&mut out, picture, 0, i64::from(top));
-        top += picture.height();
-    }
-    out
+fn save(image: &RgbImage, path: &Path) -> Result<()> {
+    replace_image(path, |out| image.write_to(out, image::ImageFormat::Png))
 }
 
-fn save(picture: &RgbImage, path: &Path) -> Result<()> {
-    replace_image(path, |out| picture.write_to(out, image::ImageFormat::Png))
+/// Range of depths for the colours. A background that is separated from the object in front of it by a
+/// gap in depth is left out, so that the colours resolve the object.
+///
+/// The gap is the longest run of empty bins among [`BINS`] between the quantiles 0.001 and 0.999, where
+/// bins with fewer than one in 5000 values count as empty.
+fn depth_range(depth: &[f32]) -> Option<(f32, f32)> {
+    let (low, high) = quantiles(depth, 0.001, 0.999)?;
+    if low == high {
+        return Some((low, high));
+    }
+    let mut bins = [0_usize; BINS];
+    let mut all = 0;
+    for v in depth.iter().filter(|v| v.is_finite()) {
+        let t = ((v - low) / (high - low)).clamp(0.0, 1.0);
+        bins[((t * BINS as f32) as usize).min(BINS - 1)] += 1;
+        all += 1;
+    }
+    let empty = |i: usize| bins[i] <= all / 5000;
+    let mut gap = 0..0;
+    let mut begin = 0;
+    for i in 0..BINS {
+        if !empty(i) {
+            begin = i + 1;
+        } else if i + 1 - begin > gap.len() {
+            gap = begin..i + 1;
+        }
+    }
+    let nearer: usize = bins[..gap.start].iter().sum();
+    if gap.len() < SHORTEST_GAP || nearer < all / 20 {
+        return Some((low, high));
+    }
+    let end = low + (high - low) * gap.start as f32 / BINS as f32;
+    let object: Vec<f32> = depth.iter().copied().filter(|v| *v < end).collect();
+    quantiles(&object, 0.001, 0.999)
 }
+
+/// Bins of the histogram of depths.
+const BINS: usize = 100;
+/// Minimum length of the gap before a background, in bins.
+const SHORTEST_GAP: usize = 10;
 
 /// Two quantiles of the finite values; `None` without any.
 fn quantiles(values: &[f32], low: f64, high: f64) -> Option<(f32, f32)> {
@@ -280,5 +310,21 @@ mod tests {
         let values: Vec<f32> = (0..=100).map(|i| i as f32).chain([f32::NAN]).collect();
         assert_eq!(quantiles(&values, 0.0, 0.96), Some((0.0, 96.0)));
         assert_eq!(quantiles(&[f32::NAN], 0.0, 1.0), None);
+    }
+    #[test]
+    fn the_range_of_depths_leaves_out_a_background_behind_a_gap() {
+        let object = (0..500).map(|i| 900.0 + 0.3 * i as f32);
+        let wall = std::iter::repeat_n(1150.0, 800);
+        let both: Vec<f32> = object.clone().chain(wall).collect();
+        let (low, high) = depth_range(&both).unwrap();
+        assert!(
+            low < 901.0 && (1048.0..1050.0).contains(&high),
+            "{low} {high}"
+        );
+        let only: Vec<f32> = object.collect();
+        let (low, high) = depth_range(&only).unwrap();
+        assert!(low < 901.0 && high > 1048.0, "{low} {high}");
+        assert_eq!(depth_range(&[7.0; 30]), Some((7.0, 7.0)));
+        assert_eq!(depth_range(&[f32::NAN]), None);
     }
 }

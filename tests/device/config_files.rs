@@ -33,7 +33,7 @@ fn broken<T>(
 
 /// The message names the line that enables the option, whichever other option it conflicts with.
 #[test]
-fn a_data_line_needs_its_columns_and_exposures_that_it_can_tell() {
+fn data_line_refuses_narrow_images_and_long_exposures() {
     for (from, to, needles) in [
         (
             "width_px = 1138",
@@ -451,7 +451,7 @@ fn impossible_scenes_are_refused_with_line_and_range() {
 }
 
 #[test]
-fn the_built_in_ones_are_sound() {
+fn built_in_profiles_and_scenes_load() {
     for name in profile_names() {
         assert_eq!(Profile::load(name).unwrap().name, name);
     }

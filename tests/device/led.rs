@@ -65,7 +65,7 @@ fn light(renderer: &mut Renderer, shot: &Shot, row: usize) -> f64 {
 }
 
 #[test]
-fn a_frame_is_the_mean_of_what_is_shown_while_it_lasts() {
+fn frame_is_the_mean_of_the_patterns_shown() {
     let profile = small(Some(led(1.0, &[])));
     let scene = Scene::load("sphere").unwrap();
     let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
@@ -193,7 +193,7 @@ fn brightness(frame: &Frame) -> f64 {
 
 /// A source with neither a rise time nor warm-up changes no byte.
 #[test]
-fn an_ideal_source_is_none() {
+fn ideal_source_changes_no_byte() {
     let lines = [
         (0, "TRIG:SOUR BUS;:INIT"),
         (100, "*TRG"),
@@ -207,7 +207,7 @@ fn an_ideal_source_is_none() {
 /// With a free-running camera, the light depends on the lamp's state, its current and their
 /// history, all in device time.
 #[test]
-fn commands_drive_the_source() {
+fn light_follows_lamp_commands_in_device_time() {
     let source = led(5.0, &[(1.5, 0.3)]);
     let lines = [
         (2006, "PROJ:POW OFF"),
@@ -239,7 +239,7 @@ fn commands_drive_the_source() {
 /// A projector with pattern timing lights its source only while it shows patterns: it stays cooler
 /// than one that is always on, and each frame sees the corresponding light.
 #[test]
-fn patterns_light_the_source() {
+fn source_is_lit_only_while_patterns_are_shown() {
     let source = led(30.0, &[(0.2, 0.4)]);
     let mut profile = Profile::load("dlp-evm").unwrap();
     profile.camera.data_line = false;

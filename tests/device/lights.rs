@@ -315,7 +315,7 @@ fn flicker_is_the_integral_over_each_exposure() {
 
 /// If all light flickers by one factor, so do all pixels, however they are averaged.
 #[test]
-fn mixed_pixels_flicker_like_all_others() {
+fn mixed_pixels_flicker_by_the_same_factor() {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.camera.vignetting.natural = true;
     let black = profile.camera.sensor.black_level_dn as f32;

@@ -10,7 +10,7 @@ const EVM: &str = include_str!("../../device-profiles/dlp-evm.toml");
 
 /// Contradictory lines of the profile are rejected by name.
 #[test]
-fn contradictions_are_refused_where_they_stand() {
+fn contradictory_timing_is_refused_by_field() {
     for (line, instead, field, words) in [
         (
             "margin_us = 230.0 ",
@@ -189,7 +189,7 @@ fn a_scan_decodes_as_well_as_its_noise_allows() {
 /// the sum of the bit planes, each weighted by its share of the exposure: bit k lasts 2^k / 255 of
 /// the pattern.
 #[test]
-fn half_of_a_pattern_is_the_sum_of_the_bits_in_it() {
+fn half_of_a_pattern_shows_the_sum_of_its_bits() {
     let mut profile = evm();
     profile.camera.sensor.noiseless = true;
     let mut renderer = Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap();

@@ -23,7 +23,7 @@ fn term<'a>(report: &'a Value, name: &str) -> &'a Value {
 }
 
 #[test]
-fn every_term_is_told_with_its_reason_and_its_cost() {
+fn plan_lists_every_term_with_reason_and_cost() {
     let plane = json(&["--profile", "webcam-grey", "--scene", "plane"]);
     assert_eq!(plane["pixels"], 640 * 480);
     assert_eq!(plane["triangles"], 0);
@@ -55,7 +55,7 @@ fn every_term_is_told_with_its_reason_and_its_cost() {
 }
 
 #[test]
-fn profile_and_scene_decide() {
+fn profile_and_scene_decide_which_terms_are_included() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("bent.toml");
     let text = include_str!("../../device-profiles/webcam-grey.toml");
@@ -71,7 +71,7 @@ fn profile_and_scene_decide() {
 }
 
 #[test]
-fn the_table_says_the_same_and_mistakes_are_named() {
+fn plan_prints_a_table_and_refuses_bad_arguments() {
     let output = plan(&["--profile", "webcam-grey", "--scene", "plane"]);
     let text = String::from_utf8(output.stdout).unwrap();
     for words in [

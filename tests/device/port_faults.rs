@@ -346,7 +346,7 @@ fn dialects_scan_as_scpi_does() {
 /// One bit turns the name of one sequence into that of the other: it never decides which is
 /// scanned, and never aborts a scan.
 #[test]
-fn a_damaged_name_is_no_other_sequence() {
+fn damaged_sequence_name_does_not_select_another() {
     for name in ["scpi", "okline", "dlpc350"] {
         let dialect = Dialect::load(name).unwrap();
         for sequence in [None, Some("quick-4"), Some(OTHER)] {

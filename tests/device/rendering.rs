@@ -273,7 +273,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn what_the_plan_leaves_out_changes_no_byte() {
+fn terms_left_out_by_the_plan_change_no_byte() {
     let profile = bench(false);
     for name in ["plane", "sphere"] {
         let scene = Scene::load(name).unwrap();
@@ -302,7 +302,7 @@ fn what_the_plan_leaves_out_changes_no_byte() {
 /// The same beside a surface that ends in the projector's light, including within the block of
 /// pixels that are averaged together.
 #[test]
-fn pixels_that_see_nothing_read_the_black_level() {
+fn pixels_without_surface_read_the_black_level() {
     let profile = bench(false);
     let text = "name = \"s\"\ndescription = \"\"\n[[object]]\n\
         shape = { kind = \"plane\", size_mm = [211.0, 173.0] }\nposition_mm = [3, 5, 1000]\nalbedo = 0.8\n";

@@ -130,7 +130,7 @@ const AMBIENT: &str = "ambient = { irradiance_w_m2 = 0.3, flicker = { frequency_
     position_mm = [0, 0, 1000]\nalbedo = 0.7\n";
 
 #[test]
-fn mains_light_makes_bands() {
+fn rolling_shutter_sees_bands_of_mains_light() {
     let (line_s, exposure_s) = (25e-6, 4e-3);
     let profile = rolling(25.0);
     let scene = scene(AMBIENT, Path::new(""));

@@ -111,7 +111,7 @@ fn truth_and_mask_name_the_pixels_that_would_be_beyond_full() {
 }
 
 #[test]
-fn no_light_is_not_full_and_too_much_is_full_all_over() {
+fn no_pixel_saturates_in_darkness_and_all_do_in_excess_light() {
     let profile = profile(0.0239);
     let dark = see(&profile, "PROJ:POW OFF");
     assert_eq!(dark.agreed(), 0);

@@ -208,7 +208,7 @@ fn prnu_and_dsnu_are_found_by_the_standards_method() {
 /// The fixed pattern depends on the device, not on the noise seed; another device has another
 /// pattern.
 #[test]
-fn the_fixed_pattern_is_the_devices_own() {
+fn fixed_pattern_depends_on_device_not_on_noise_seed() {
     let expected = |pattern_seed: u64, noise_seed: u64| {
         let profile = camera(|p| {
             p.camera.sensor.prnu_percent = 2.0;
@@ -366,7 +366,7 @@ fn extremes_are_numbers_and_the_same_on_any_number_of_threads() {
 
 /// Enabling each term of the sensor with a neutral parameter changes no byte.
 #[test]
-fn a_term_that_does_nothing_changes_no_byte() {
+fn neutral_sensor_terms_change_no_byte() {
     let profile = camera(|_| ());
     let mut lean = Renderer::new(&profile, &sphere(), 3).unwrap();
     let before = lean.expose(&shot(1e-3, 4)).data;

@@ -103,7 +103,7 @@ fn ball(radius: f64, across: u32) -> Mesh {
 }
 
 #[test]
-fn facets_do_not_glint() {
+fn highlights_on_meshes_are_smooth_across_facets() {
     let profile = Profile::load("pmp-bench").unwrap();
     let dir = tempfile::tempdir().unwrap();
     ply::write_mesh(&dir.path().join("ball.ply"), &ball(75.0, 60)).unwrap();
@@ -150,7 +150,7 @@ fn facets_do_not_glint() {
 /// Specular lobes over textures and vertex colours, under all kinds of light, through the whole
 /// renderer.
 #[test]
-fn what_surfaces_throw_back_agrees_with_the_reference_path() {
+fn reflection_agrees_with_the_reference_path() {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.projector.radiant_intensity_w_sr = 0.5;
     profile.camera.vignetting.natural = true;

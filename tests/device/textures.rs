@@ -29,7 +29,7 @@ const EVEN: &str = "ambient = { irradiance_w_m2 = 0.3 }\n";
 const TILTED: &str = "position_mm = [10, -5, 1000]\nrotation_deg = [20, -35, 15]\nalbedo = 0.8\n";
 
 #[test]
-fn a_checkerboard_is_what_4096_samples_of_each_pixel_see() {
+fn checkerboard_matches_4096_samples_a_pixel() {
     let profile = Profile::load("pmp-bench").unwrap();
     let dir = tempfile::tempdir().unwrap();
     let n = 64;
@@ -76,7 +76,7 @@ fn a_checkerboard_is_what_4096_samples_of_each_pixel_see() {
 }
 
 #[test]
-fn a_checkerboard_out_of_focus_is_what_rays_through_the_whole_pupil_see() {
+fn checkerboard_out_of_focus_matches_rays_through_the_pupil() {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.camera.f_number = 1.0;
     profile.camera.height_px = 201;
@@ -281,7 +281,7 @@ fn vertex_colours_are_interpolated() {
 }
 
 #[test]
-fn what_a_surface_asks_for_and_lacks_is_named() {
+fn missing_textures_and_colours_are_refused_by_name() {
     let dir = tempfile::tempdir().unwrap();
     let profile = Profile::load("webcam-grey").unwrap();
     std::fs::write(

@@ -4,7 +4,7 @@ use phasmid::profile::faults::{Schedule, What};
 use std::path::Path;
 
 #[test]
-fn the_example_is_a_schedule() {
+fn example_schedule_holds_the_documented_faults() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let schedule = Schedule::read(&root.join("device-profiles/faults/bad-day.toml")).unwrap();
     let what: Vec<_> = schedule.fault.iter().map(|fault| fault.what).collect();

@@ -21,7 +21,7 @@ fn json(options: &[&str]) -> Value {
 }
 
 #[test]
-fn the_processors_figures() {
+fn bench_reports_figures_of_the_cpu() {
     let report = json(&["--backend", "cpu"]);
     assert_eq!(
         (&report["width"], &report["height"]),
@@ -49,7 +49,7 @@ fn the_processors_figures() {
 }
 
 #[test]
-fn without_a_gpu_auto_says_so_and_gpu_fails() {
+fn without_a_gpu_auto_reports_it_and_gpu_fails() {
     let report = json(&["--backend", "auto"]);
     let why = report["without_gpu"].as_str().unwrap();
     assert!(why.contains("no Vulkan adapter"), "{why}");

@@ -159,7 +159,7 @@ fn its_captures_give_the_same_rig() {
 }
 
 #[test]
-fn poses_that_do_not_do_are_named_and_the_rest_is_used() {
+fn unusable_poses_are_named_and_left_out() {
     let folder = tempdir().unwrap();
     let captures = folder.path().join("captures");
     copy(&out().join("captures"), &captures);
@@ -208,7 +208,7 @@ fn poses_that_do_not_do_are_named_and_the_rest_is_used() {
 }
 
 #[test]
-fn what_determines_nothing_is_refused_with_numbers() {
+fn refuses_captures_that_determine_no_rig_with_numbers() {
     let folder = tempdir().unwrap();
     let (one, target) = (folder.path().join("one"), folder.path().join("out"));
     copy(&out().join("captures/pose_03"), &one.join("only"));
@@ -270,7 +270,7 @@ fn what_determines_nothing_is_refused_with_numbers() {
 }
 
 #[test]
-fn mistakes_are_told_before_anything_is_made() {
+fn refuses_bad_arguments_before_writing_anything() {
     let folder = tempdir().unwrap();
     let target = folder.path().join("out");
     let here = folder.path().to_str().unwrap();
@@ -333,7 +333,7 @@ fn mistakes_are_told_before_anything_is_made() {
 }
 
 #[test]
-fn nothing_of_the_users_is_overwritten() {
+fn refuses_to_overwrite_files() {
     let folder = tempdir().unwrap();
     let mine = folder.path().join("calibration.toml");
     fs::write(&mine, "mine").unwrap();
@@ -344,7 +344,7 @@ fn nothing_of_the_users_is_overwritten() {
 }
 
 #[test]
-fn what_an_earlier_run_left_does_not_stay_beside_a_new_one() {
+fn results_of_an_earlier_run_are_removed() {
     let folder = tempdir().unwrap();
     let target = folder.path().join("out");
     copy(&out(), &target);

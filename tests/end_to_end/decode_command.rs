@@ -137,7 +137,7 @@ fn every_image_format_decodes_to_the_same_columns() {
 }
 
 #[test]
-fn pictures_in_another_order_are_told_and_refused_where_that_is_wanted() {
+fn pictures_in_wrong_order_are_warned_of_or_refused() {
     let root = tempfile::tempdir().unwrap();
     let (frames, out) = (root.path().join("frames"), root.path().join("out"));
     std::fs::create_dir(&frames).unwrap();
@@ -308,7 +308,7 @@ fn with_a_calibration_there_are_points() {
 }
 
 #[test]
-fn mistakes_are_named_and_leave_nothing() {
+fn refuses_bad_input_by_name_and_writes_nothing() {
     let root = tempfile::tempdir().unwrap();
     let folder = |name: &str| {
         let folder = root.path().join(name);

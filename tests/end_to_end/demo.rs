@@ -73,7 +73,7 @@ fn without_noise_the_error_is_that_of_rounding() {
 }
 
 #[test]
-fn mistakes_are_told_and_nothing_of_the_users_is_touched() {
+fn refuses_bad_arguments_and_keeps_existing_files() {
     let folder = tempdir().unwrap();
     let mine = folder.path().join("cloud.ply");
     std::fs::write(&mine, "mine").unwrap();
@@ -99,7 +99,7 @@ fn mistakes_are_told_and_nothing_of_the_users_is_touched() {
 }
 
 #[test]
-fn nothing_measured_is_no_perfect_score() {
+fn no_measured_point_fails_without_figures() {
     let folder = tempdir().unwrap();
     let scene = folder.path().join("empty.toml");
     std::fs::write(&scene, "name = \"empty\"\ndescription = \"\"\n").unwrap();
@@ -124,7 +124,7 @@ fn nothing_measured_is_no_perfect_score() {
 }
 
 #[test]
-fn a_missing_mesh_is_the_users_mistake_in_one_message() {
+fn missing_mesh_is_a_usage_error_of_one_line() {
     let folder = tempdir().unwrap();
     let scene = folder.path().join("mesh.toml");
     let text = "name = \"m\"\ndescription = \"\"\n[[object]]\nalbedo = 0.5\n\

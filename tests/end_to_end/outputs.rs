@@ -31,7 +31,7 @@ const WRITERS: [&str; 14] = [
 ];
 
 #[test]
-fn every_command_that_writes_is_driven() {
+fn every_command_that_writes_is_tested() {
     let mut found = Vec::new();
     let mut left = vec![String::new()];
     while let Some(command) = left.pop() {
@@ -192,7 +192,7 @@ fn leaves_nothing_in_folder(command: &str, whole: &Path) {
 }
 
 #[test]
-fn single_files_are_kept() {
+fn commands_with_a_single_output_keep_existing_files() {
     for command in [
         "board --out",
         "faults matrix --out",
@@ -221,7 +221,7 @@ fn single_files_are_kept() {
 }
 
 #[test]
-fn a_demo_keeps_files() {
+fn demo_keeps_existing_files() {
     let dir = tempdir().unwrap();
     let command = "demo --profile dlp-evm --scene plane --out";
     succeeds(&format!("{command} {}", dir.path().display()));
@@ -230,7 +230,7 @@ fn a_demo_keeps_files() {
 }
 
 #[test]
-fn scans_decodings_and_exports_keep_files() {
+fn scans_decodings_and_exports_keep_existing_files() {
     let dir = tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     let (scan, recording) = (at("scan"), at("scan.rec"));
@@ -263,7 +263,7 @@ fn scans_decodings_and_exports_keep_files() {
 }
 
 #[test]
-fn plannings_keep_files() {
+fn plannings_keep_existing_files() {
     let dir = tempdir().unwrap();
     let planning = dir.path().join("planning");
     let plan = "patient plan p01-woman-mean --spacing-mm 20 --ct";
@@ -292,7 +292,7 @@ fn plannings_keep_files() {
 }
 
 #[test]
-fn calibrations_and_studies_keep_files() {
+fn calibrations_and_studies_keep_existing_files() {
     let truth = [
         "truth.json",
         "calibration.yml",

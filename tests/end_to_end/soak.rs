@@ -239,12 +239,12 @@ fn soak(triggers: u64, clients: u64) {
 }
 
 #[test]
-fn ten_thousand_triggers_and_a_thousand_clients() {
+fn survives_ten_thousand_triggers_and_a_thousand_clients() {
     soak(10_000, 1000);
 }
 
 #[test]
 #[ignore = "minutes"]
-fn a_million_triggers_and_a_hundred_thousand_clients() {
+fn survives_a_million_triggers_and_a_hundred_thousand_clients() {
     soak(1_000_000, 100_000);
 }

@@ -60,7 +60,7 @@ fn median(values: &[f32]) -> f64 {
 }
 
 #[test]
-fn weighted_phases_are_less_noisy_and_say_so() {
+fn weighted_phases_are_less_noisy_and_report_it() {
     let root = tempfile::tempdir().unwrap();
     let at = |name: &str| root.path().join(name);
     let demo = |name: &str, options: &[&str]| {

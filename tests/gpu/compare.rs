@@ -181,7 +181,7 @@ fn leave(case: &Case, i: usize, a: &[u32], b: &[u32]) -> String {
 }
 
 #[test]
-fn differences_are_told_apart() {
+fn comparison_tells_small_differences_from_large() {
     let grey = [100u32; 20_000];
     let silhouette: Vec<_> = (0..grey.len()).map(|i| i >= 10_000).collect();
     let with = |i: usize, by: u32| {

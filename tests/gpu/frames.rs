@@ -8,7 +8,7 @@ use phasmid::protocol::Frame;
 /// Frames submitted together equal frames rendered one by one.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn frames_under_way_together_are_the_same() {
+fn frames_submitted_together_equal_single_ones() {
     let case = Case::new("frames", "plane");
     let shots: Vec<Shot> = (0..7)
         .map(|i| Shot {
@@ -23,7 +23,7 @@ fn frames_under_way_together_are_the_same() {
 /// The same for a moving scene, in which edges come into view from frame to frame.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn frames_under_way_together_while_a_scene_moves_are_the_same() {
+fn frames_of_moving_scene_submitted_together_equal_single_ones() {
     let ball = |i: i32| {
         let (x, y) = (
             f64::from(i % 5) * 60.0 - 120.0,

@@ -222,39 +222,39 @@ fn hill(height: f64) -> String {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn lenses_projector_and_sensor_of_a_real_bench() {
+fn gpu_matches_cpu_for_a_real_bench() {
     agree(&real_bench());
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn bent_responses_and_blooming() {
+fn gpu_matches_cpu_for_response_curves_and_blooming() {
     agree(&bent());
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn textures_highlights_and_lamps() {
+fn gpu_matches_cpu_for_textures_highlights_and_lamps() {
     let folder = tempfile::tempdir().unwrap();
     agree(&looks(folder.path()));
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn light_under_skin() {
+fn gpu_matches_cpu_for_skin() {
     agree(&skin());
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn light_between_surfaces() {
+fn gpu_matches_cpu_for_interreflection() {
     agree(&interreflection());
 }
 
 /// Pattern timing, with a global shutter and with a rolling one in a moving scene.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn patterns_in_their_time() {
+fn gpu_matches_cpu_for_pattern_timing() {
     let mut case = timed();
     agree(&case);
     case = interreflection();

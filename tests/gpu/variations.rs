@@ -29,32 +29,32 @@ specular = { f0 = 0.04, roughness = 0.35 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn solids_and_pattern_images_of_every_kind() {
+fn gpu_matches_cpu_for_every_solid_and_pattern_image() {
     agree(&solids());
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn a_mesh() {
+fn gpu_matches_cpu_for_a_mesh() {
     agree(&Case::new("mesh", &torso("")));
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn boards_of_dots_and_squares() {
+fn gpu_matches_cpu_for_boards() {
     agree(&boards());
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn motion_and_deformation() {
+fn gpu_matches_cpu_for_motion_and_deformation() {
     let folder = tempfile::tempdir().unwrap();
     agree(&motion(folder.path()));
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn a_rolling_shutter_with_all_that_moves() {
+fn gpu_matches_cpu_for_rolling_shutter_and_motion() {
     let folder = tempfile::tempdir().unwrap();
     let mut case = motion(folder.path());
     case.name = "rolling";
@@ -64,7 +64,7 @@ fn a_rolling_shutter_with_all_that_moves() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn several_rays_a_pixel() {
+fn gpu_matches_cpu_for_several_rays_a_pixel() {
     for samples in [4, 16, 64] {
         let mut case = solids();
         case.name = "samples";
@@ -76,7 +76,7 @@ fn several_rays_a_pixel() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn a_camera_far_out_of_focus() {
+fn gpu_matches_cpu_far_out_of_focus() {
     let mut case = real("defocus", SOLIDS, |profile| {
         profile.camera.f_number = 2.0;
         profile.camera.focus_mm = Some(850.0);
@@ -89,7 +89,7 @@ fn a_camera_far_out_of_focus() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn without_noise() {
+fn gpu_matches_cpu_without_noise() {
     let mut case = Case::with(
         "no-noise",
         "pmp-bench",

@@ -75,7 +75,7 @@ fn full_scan(profile: &str, scene: &str, seed: u64, noise: bool) -> Scan {
 }
 
 #[test]
-fn trapezoid_with_default_noise() {
+fn trapezoid_is_accurate_with_default_noise() {
     let s = scan("pmp-bench", "trapezoid", 1, true);
     assert!(s.mae_mm <= 0.035 && s.gross_error_rate <= 0.001, "{s:?}");
     assert!(s.coverage >= 0.99 && s.ratio_to_bound <= 1.15, "{s:?}");
@@ -131,13 +131,13 @@ fn phase_to_height_is_worse_where_lenses_distort() {
 }
 
 #[test]
-fn trapezoid_without_noise() {
+fn trapezoid_is_accurate_without_noise() {
     let s = scan("pmp-bench", "trapezoid", 1, false);
     assert!(s.mae_mm <= 0.012 && s.gross_error_rate <= 0.001, "{s:?}");
 }
 
 #[test]
-fn other_scenes_and_the_webcam() {
+fn other_scenes_and_the_webcam_are_accurate() {
     for scene in ["torso", "sphere", "plane", "couch"] {
         let s = scan("pmp-bench", scene, 2, true);
         assert!(s.gross_error_rate <= 0.001, "{scene} {s:?}");
@@ -157,7 +157,7 @@ fn other_scenes_and_the_webcam() {
 /// The effects of lenses, projector and sensor leave the error at the noise bound: the decoder
 /// knows the distortions, and the other effects only reduce contrast.
 #[test]
-fn the_bench_with_real_parts() {
+fn bench_with_real_parts_is_accurate() {
     for scene in ["trapezoid", "torso", "couch"] {
         let s = scan("pmp-real", scene, 4, true);
         assert!(

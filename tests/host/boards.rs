@@ -71,7 +71,7 @@ fn meets(profile: &Profile, scene: &Scene, px: DVec2) -> DVec2 {
 }
 
 #[test]
-fn a_pixel_has_the_ink_that_4096_rays_find() {
+fn ink_of_a_pixel_matches_4096_rays() {
     for (name, pattern, place) in [
         (
             "pmp-bench",
@@ -214,7 +214,7 @@ fn light_varies_within_the_pixels_of_an_outline() {
 }
 
 #[test]
-fn the_reference_path_sees_the_same_board() {
+fn board_agrees_with_the_reference_path() {
     let profile = Profile::load("pmp-real").unwrap();
     let level = (1 << profile.projector.bits) - 1;
     for pattern in [DOTS, CHESS] {
@@ -289,7 +289,7 @@ fn samples_of_a_pixel_see_the_same_ink_and_the_back_is_blank() {
 }
 
 #[test]
-fn a_board_goes_along_with_its_motion() {
+fn board_pattern_follows_the_motion_of_the_board() {
     let profile = Profile::load("pmp-bench").unwrap();
     let there = "position_mm = [30, -20, 980]\nrotation_deg = [0, 25, 0]";
     let still = before(CHESS, there);
@@ -310,7 +310,7 @@ fn a_board_goes_along_with_its_motion() {
 }
 
 #[test]
-fn what_is_no_board_is_refused_with_its_line() {
+fn impossible_boards_are_refused_with_their_line() {
     let refused = |shape: &str, more: &str, words: &str| {
         let text = format!(
             "name = \"s\"\ndescription = \"\"\n[[object]]\nalbedo = 0.5\nshape = {{ {shape} }}\n{more}"

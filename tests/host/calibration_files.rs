@@ -80,7 +80,7 @@ fn files_of_all_kinds_hold_the_same_rig() {
 }
 
 #[test]
-fn hostile_files_are_read_or_refused() {
+fn damaged_files_are_read_or_refused() {
     for path in files() {
         let bytes = std::fs::read(&path).unwrap();
         calibration::run(&bytes);

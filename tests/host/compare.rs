@@ -68,7 +68,7 @@ fn scene(dir: &Path) {
 }
 
 #[test]
-fn table_and_json() {
+fn prints_metrics_as_table_and_json() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     scene(dir);
@@ -113,7 +113,7 @@ fn table_and_json() {
 }
 
 #[test]
-fn mistakes_are_named() {
+fn refuses_bad_input_by_name() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     scene(dir);

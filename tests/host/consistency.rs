@@ -180,12 +180,12 @@ fn every_fault_is_found(name: &str) {
 }
 
 #[test]
-fn every_fault_of_twelve_steps_is_found_and_no_sound_capture_doubted() {
+fn finds_faults_of_twelve_steps_and_accepts_sound_captures() {
     every_fault_is_found("pmp-bench");
 }
 
 #[test]
-fn every_fault_of_four_steps_is_found_and_no_sound_capture_doubted() {
+fn finds_faults_of_four_steps_and_accepts_sound_captures() {
     every_fault_is_found("webcam-grey");
 }
 
@@ -269,7 +269,7 @@ fn gray(cell_px: u32, bits: u32, bit: u32, inverted: bool) -> String {
 
 /// Sequences that no profile has, with every fault but one, which is named below.
 #[test]
-fn every_fault_of_other_sequences_is_found_and_no_sound_capture_doubted() {
+fn finds_faults_of_other_sequences_and_accepts_sound_captures() {
     let three_sets = |fine, steps| {
         [fine, 106.0, 854.0]
             .map(|period| fringes(period, steps))
@@ -381,7 +381,7 @@ fn a_fault_is_named_and_the_run_repeated_once() {
 }
 
 #[test]
-fn a_camera_that_does_not_see_the_projector_is_told_so() {
+fn camera_that_does_not_see_the_projector_is_reported() {
     let mut captured = scan(&profile("webcam-grey", 1.0), "plane", |frames| frames, 0).unwrap();
     let lit = captured.frames[11].clone();
     // A static image with noise, and a counter that changes in one corner.
@@ -464,7 +464,7 @@ fn depths(captured: &Captured) -> Option<Vec<f32>> {
 /// Rows missing from any one frame, whatever it shows, are either detected or displace hardly any
 /// point.
 #[test]
-fn rows_missing_in_any_frame_are_told_or_move_hardly_a_point() {
+fn missing_rows_of_a_frame_are_found_or_harmless() {
     for (name, scene) in [("webcam-grey", "sphere"), ("dlp-evm", "torso")] {
         let captured = scan(&profile(name, 1.0), scene, |frames| frames, 0).unwrap();
         let sound = depths(&captured).unwrap();
@@ -501,7 +501,7 @@ fn rows_missing_in_any_frame_are_told_or_move_hardly_a_point() {
 
 /// Bit planes missed by an exposure leave steps in the fringes, the same in every frame.
 #[test]
-fn an_exposure_that_does_not_cover_the_patterns_is_named() {
+fn exposure_shorter_than_the_patterns_is_reported() {
     let mut short = profile("dlp-evm", 1.0);
     short.camera.exposure_us = 4000.0;
     let error = scan(&short, "plane", |frames| frames, 0)
@@ -513,7 +513,7 @@ fn an_exposure_that_does_not_cover_the_patterns_is_named() {
 /// For any fraction of the bit planes that an exposure covers, the capture is either doubted or its
 /// points match those of a full exposure.
 #[test]
-fn no_exposure_of_some_bit_planes_gives_another_surface() {
+fn partial_bit_planes_are_doubted_or_give_the_same_surface() {
     let whole = profile("dlp-evm", 1.0);
     for scene in ["torso", "sphere"] {
         let sound = depths(&scan(&whole, scene, |frames| frames, 0).unwrap()).unwrap();
@@ -544,7 +544,7 @@ fn no_exposure_of_some_bit_planes_gives_another_surface() {
 /// One or several frames, Gray code or fringes, lit for part of their exposure: either detected, or
 /// the points are present and correct.
 #[test]
-fn frames_with_less_light_are_told_or_cost_no_points() {
+fn frames_with_less_light_are_found_or_harmless() {
     for (name, scene) in [
         ("webcam-grey", "sphere"),
         ("dlp-evm", "torso"),
@@ -608,7 +608,7 @@ fn frames_with_less_light_are_told_or_cost_no_points() {
 
 /// Flipped bits in every second frame, so many that hardly a pixel is intact.
 #[test]
-fn bits_flipped_in_most_pixels_are_told() {
+fn flipped_bits_in_most_pixels_are_found() {
     for name in ["pmp-bench", "webcam-grey", "dlp-evm", "sgrt-pod"] {
         let captured = match name {
             "sgrt-pod" => pod(1.0, 1.0),
@@ -635,7 +635,7 @@ fn bits_flipped_in_most_pixels_are_told() {
 
 /// Rows missing from many or all frames are detected by what they leave at the bottom of the image.
 #[test]
-fn rows_missing_in_many_frames_are_told() {
+fn missing_rows_in_many_frames_are_found() {
     for (name, scene, farther_mm) in [
         ("webcam-grey", "sphere", 0.0),
         ("dlp-evm", "torso", 0.0),
@@ -674,7 +674,7 @@ fn rows_missing_in_many_frames_are_told() {
 /// full size the light ends within the image, and only a few lit rows may lie beyond the tear. A
 /// tear that changes hardly a pixel need not be detected, because it displaces hardly a point.
 #[test]
-fn a_frame_torn_anywhere_is_told() {
+fn frame_torn_anywhere_is_found() {
     for (name, scene, farther_mm) in [
         ("webcam-grey", "sphere", 0.0),
         ("webcam-grey", "torso", 0.0),
@@ -798,7 +798,7 @@ fn pod(light: f64, gamma: f64) -> Captured {
 /// Sets of three steps have no residual of their own; the check relies on all of them having the
 /// same mean.
 #[test]
-fn sets_of_three_steps_are_held_against_each_other() {
+fn sets_of_three_steps_are_checked_against_each_other() {
     for (light, gamma) in [(0.1, 1.0), (0.5, 1.0), (0.5, 0.5), (0.5, 2.2), (1.0, 0.7)] {
         let captured = pod(light, gamma);
         let found = check_sequence(&captured.manifest, &captured.frames);
@@ -851,7 +851,7 @@ fn sets_of_three_steps_are_held_against_each_other() {
 /// The first and third of four steps, exchanged, mirror the phase within each period and leave no
 /// residual.
 #[test]
-fn fringes_that_run_against_the_code_are_told() {
+fn fringes_that_run_against_the_code_are_found() {
     for (name, scene) in [
         ("webcam-grey", "plane"),
         ("webcam-grey", "sphere"),
@@ -871,7 +871,7 @@ fn fringes_that_run_against_the_code_are_told() {
 /// Reordered frames of a set, or bits of a code, may fit the sequence as well as the right ones,
 /// but the decoded result does not.
 #[test]
-fn sets_and_codes_in_another_order_are_told_by_what_they_decode_to() {
+fn reordered_sets_and_codes_are_found_by_their_result() {
     let captured = [
         pod(0.5, 1.0),
         scan(&profile("webcam-grey", 1.0), "torso", |frames| frames, 0).unwrap(),

@@ -264,7 +264,7 @@ fn judge(name: &str, surface: &(dyn Fn(f64) -> f64 + Sync), coverage: f64) -> (F
 }
 
 #[test]
-fn the_frustum_keeps_its_slopes() {
+fn slopes_of_a_frustum_are_not_removed() {
     // 200 mm base, 100 mm top, 80 mm high: 58 degrees.
     let frustum = |x: f64| 1000.0 - 80.0 * ((100.0 - x.abs()) / 50.0).clamp(0.0, 1.0);
     let (f, _) = judge("frustum", &frustum, 0.99);
@@ -272,7 +272,7 @@ fn the_frustum_keeps_its_slopes() {
 }
 
 #[test]
-fn a_torso_like_bulge_keeps_its_flanks() {
+fn flanks_of_a_torso_like_bulge_are_not_removed() {
     let torso = |x: f64| {
         let r = (x / 170.0).abs();
         1000.0

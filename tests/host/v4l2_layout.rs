@@ -161,7 +161,7 @@ fn the_bindings_are_laid_out_as_the_kernel_has_them() {
 /// Values as printed by strace and the kernel's documentation for 64-bit systems.
 #[test]
 #[cfg(target_pointer_width = "64")]
-fn the_codes_of_requests_are_the_published_ones() {
+fn request_codes_match_published_values() {
     let published = [
         (vidioc::VIDIOC_QUERYCAP, 0x8068_5600),
         (vidioc::VIDIOC_ENUM_FMT, 0xc040_5602),

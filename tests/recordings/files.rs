@@ -11,7 +11,7 @@ fn run(args: &[&str], file: &Path) -> Output {
 }
 
 #[test]
-fn a_file_that_is_there_is_kept_unless_forced() {
+fn existing_file_is_kept_unless_forced() {
     let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let file = base.path().join("thesis.tex");
@@ -104,7 +104,7 @@ fn a_recording_has_a_device_and_a_place_of_its_own() {
 }
 
 #[test]
-fn others_can_read_a_recording_and_so_can_people() {
+fn recording_is_exported_as_text_and_read_by_python() {
     let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let at = |name: &str| base.path().join(name);

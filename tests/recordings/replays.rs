@@ -128,7 +128,7 @@ fn wait_for(file: &Path, received: u64) {
 }
 
 #[test]
-fn who_leaves_the_path_is_told_where_and_a_killed_recorder_has_written_all() {
+fn departure_is_located_and_killed_recorder_lost_nothing() {
     let _alone = alone();
     let base = tempfile::tempdir().unwrap();
     let file = base.path().join("killed.rec");

@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_come_back_bit_by_bit() {
+    fn numbers_read_back_bit_for_bit() {
         for value in [
             0.0,
             -0.0,

@@ -212,7 +212,7 @@ fn slstudio_s_texts_want_the_sizes_from_elsewhere() {
 }
 
 #[test]
-fn json_is_read_and_named_where_it_is_broken() {
+fn reads_json_and_errors_name_line_and_field() {
     assert_eq!(read(JSON).unwrap(), read(SLSTUDIO_XML).unwrap());
     let flat = JSON.replace('\n', " ");
     assert_eq!(read(&flat).unwrap(), read(JSON).unwrap());
@@ -269,7 +269,7 @@ fn json_is_read_and_named_where_it_is_broken() {
 }
 
 #[test]
-fn what_else_stands_in_a_file_is_passed_over() {
+fn skips_unrelated_content_of_a_file() {
     let yaml = to_opencv(&rig(), &Reprojection::default(), Format::Yaml);
     let rest = "calibration_time: \"Sat: 21\"\nflags: 0\nimages:\n   - \"a: b.png\"\n- c\n\
         nested:\n   R: 7\n   deep: { a:1 }\npoints: !!opencv-matrix\n   rows: broken\n# R: 1\n\
@@ -291,7 +291,7 @@ fn what_else_stands_in_a_file_is_passed_over() {
 }
 
 #[test]
-fn what_is_broken_is_named_with_its_line() {
+fn errors_name_line_and_field() {
     let yaml = to_opencv(&rig(), &Reprojection::default(), Format::Yaml);
     let xml = to_opencv(&rig(), &Reprojection::default(), Format::Xml);
     // Without SLStudio's names, which repeat the values.
@@ -447,7 +447,7 @@ fn a_file_of_any_nesting_and_size_is_read_in_no_time() {
 }
 
 #[test]
-fn files_are_known_by_what_is_in_them() {
+fn format_is_recognised_by_content_not_by_extension() {
     let dir = tempfile::tempdir().unwrap();
     let rig = rig();
     for name in ["c.yml", "c.yaml", "c.xml"] {

@@ -108,7 +108,7 @@ fn the_formula_is_exact_on_the_bench_with_the_projector_on_any_side() {
 }
 
 #[test]
-fn the_phase_moves_as_the_paper_says() {
+fn phase_shift_follows_formula_of_the_paper() {
     // h = L dphi / (2 pi f0 D + dphi), solved for dphi: 80 mm on the bench are 37.6 rad, 6 fringes.
     let rig = rig(DVec3::new(400.0, 0.0, 0.0), false);
     let mapping = Mapping::of_plane(&rig, Axis::X, PERIOD, 1000.0).unwrap();
@@ -203,7 +203,7 @@ fn a_captured_plane_gives_the_constants_of_the_computed_one() {
 }
 
 #[test]
-fn where_the_assumptions_fail_the_error_is_what_the_module_says() {
+fn error_of_violated_assumptions_is_as_documented() {
     // The projector 40 mm nearer to the plane: e = -0.04.
     let nearer = rig(DVec3::new(400.0, 0.0, 40.0), false);
     let mapping = Mapping::of_plane(&nearer, Axis::X, PERIOD, 1000.0).unwrap();
@@ -251,7 +251,7 @@ fn given_constants_take_the_place_of_the_calibration_s() {
 }
 
 #[test]
-fn what_is_no_reference_is_refused() {
+fn refuses_invalid_reference_plane() {
     let rig = rig(DVec3::new(400.0, 0.0, 0.0), false);
     let error = |mapping: phasmid_core::error::Result<Mapping>| mapping.err().unwrap().to_string();
     for (axis, z, needle) in [

@@ -17,7 +17,7 @@ fn aimed_mm(name: &str) -> f64 {
 }
 
 #[test]
-fn boards_are_shown_to_every_device_all_over_its_field() {
+fn boards_cover_the_field_of_every_device() {
     for name in nominal::names() {
         let (rig, scale) = rig(name);
         for (board, seed) in [
@@ -63,7 +63,7 @@ fn boards_are_shown_to_every_device_all_over_its_field() {
 }
 
 #[test]
-fn a_seed_decides_and_chessboards_are_whole() {
+fn poses_depend_on_seed_and_show_whole_chessboards() {
     let (rig, scale) = rig("pmp-bench");
     let board = Board::CHESS;
     let wanted = Wanted {
@@ -92,7 +92,7 @@ fn a_seed_decides_and_chessboards_are_whole() {
 }
 
 #[test]
-fn where_dots_would_be_too_small_a_tilt_gives_way() {
+fn tilt_is_reduced_where_dots_would_be_too_small() {
     for name in nominal::names() {
         let (rig, scale) = rig(name);
         let board = Board::DOTS.scaled(scale);
@@ -118,7 +118,7 @@ fn where_dots_would_be_too_small_a_tilt_gives_way() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_told_with_numbers() {
+fn impossible_poses_are_refused_with_numbers() {
     let (rig, _) = rig("pmp-bench");
     let told = |board: Board, wanted: Wanted| poses(&board, &rig, &wanted).unwrap_err().to_string();
     let words = told(Board::DOTS, Wanted::default());
@@ -179,7 +179,7 @@ fn what_cannot_be_shown_is_told_with_numbers() {
 }
 
 #[test]
-fn the_middles_of_the_fields_meet_where_they_were_aimed() {
+fn optical_axes_meet_at_the_aimed_distance() {
     for name in nominal::names() {
         let (rig, _) = rig(name);
         let meeting = meeting_mm(&rig).unwrap();

@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_is_overwritten_unless_forced() {
+    fn existing_files_are_kept_unless_forced() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("a/b");
         prepare(&out, &["truth.json"], false).unwrap();

@@ -63,14 +63,14 @@ mod tests {
     }
 
     #[test]
-    fn names_stay_one_field() {
+    fn names_with_special_characters_stay_one_csv_field() {
         assert_eq!(field("pose_00"), "pose_00");
         assert_eq!(field("a,\"b\""), "\"a,\"\"b\"\"\"");
         assert_eq!(shown("a\u{1b}[2J\n"), "a\u{fffd}[2J\u{fffd}");
     }
 
     #[test]
-    fn values_end_where_they_are_not_known() {
+    fn values_are_shown_to_the_digits_of_their_sigma() {
         assert_eq!(to_sigma(632.123_456, 0.034), "632.123");
         assert_eq!(to_sigma(632.123_456, 3.4), "632.1");
         assert_eq!(to_sigma(632_123.456, 3400.0), "632123");

@@ -217,7 +217,7 @@ fn assert_well_formed(text: &str) {
 }
 
 #[test]
-fn the_page_is_well_formed_and_needs_nothing() {
+fn page_is_well_formed_and_self_contained() {
     let text = html(&made_up(&["first", "second", "third"]), &about());
     assert_well_formed(&text);
     for absent in ["<script", "http", "NaN", "inf ", "@import", "url("] {
@@ -241,7 +241,7 @@ fn the_page_is_well_formed_and_needs_nothing() {
 }
 
 #[test]
-fn names_from_folders_cannot_act() {
+fn markup_in_folder_names_is_escaped() {
     let bad = "\"><script>alert('x')</script>&\u{1b}[2J,\n";
     let mut calibration = made_up(&[bad, "b"]);
     calibration.warnings.push(bad.to_owned());
@@ -270,7 +270,7 @@ fn read(folder: &Path, name: &str) -> String {
 }
 
 #[test]
-fn tables_hold_the_numbers_to_the_last_bit() {
+fn tables_hold_numbers_at_full_precision() {
     let calibration = made_up(&["first", "second"]);
     let dir = tempfile::tempdir().unwrap();
     prepare(dir.path(), &[], false).unwrap();
@@ -342,7 +342,7 @@ fn tables_hold_the_numbers_to_the_last_bit() {
 }
 
 #[test]
-fn bars_are_the_poses_errors() {
+fn bars_show_errors_of_poses() {
     let calibration = made_up(&["first", "second", "third"]);
     let text = html(&calibration, &about());
     for pose in &calibration.solution.poses {
@@ -353,7 +353,7 @@ fn bars_are_the_poses_errors() {
 }
 
 #[test]
-fn a_screenful_says_it_all() {
+fn summary_has_counts_seed_and_warnings() {
     let text = Summary::new(&made_up(&["first"]), &about()).to_string();
     for line in [
         "poses: 1 used, 2 left out; a board of 25 x 19 points",
@@ -371,7 +371,7 @@ fn a_screenful_says_it_all() {
 }
 
 #[test]
-fn nothing_breaks_on_empty_or_senseless_data() {
+fn empty_or_invalid_data_does_not_panic() {
     let mut none = made_up(&[]);
     none.solution.parameters.clear();
     none.solution.covariance = DMatrix::zeros(0, 0);

@@ -65,7 +65,7 @@ fn task<'a>(board: &'a Board, nominal: &'a Rig) -> Task<'a> {
 }
 
 #[test]
-fn dots_come_to_their_centres_and_the_rig_out_right() {
+fn corrects_bias_of_dots_and_recovers_rig() {
     let (cases, poses): (Vec<_>, Vec<_>) = poses(1.0, 10).into_iter().unzip();
     let truth = cases[0].rig;
     let noise = NoiseModel {
@@ -120,7 +120,7 @@ fn dots_come_to_their_centres_and_the_rig_out_right() {
 }
 
 #[test]
-fn a_board_of_another_size_is_told_by_the_baseline() {
+fn board_of_another_size_gives_a_warning_about_the_baseline() {
     let (cases, poses): (Vec<_>, Vec<_>) = poses(1.0, 6).into_iter().unzip();
     let truth = cases[0].rig;
     let said = BOARD.scaled(0.25);
@@ -135,7 +135,7 @@ fn a_board_of_another_size_is_told_by_the_baseline() {
 }
 
 #[test]
-fn what_determines_no_rig_is_an_error() {
+fn refuses_poses_that_determine_no_rig() {
     let (cases, mut poses): (Vec<_>, Vec<_>) = poses(1.0, 4).into_iter().unzip();
     let truth = cases[0].rig;
     let solve = |poses: &[PoseData]| calibrate(&task(&BOARD, &truth), poses, vec![]);

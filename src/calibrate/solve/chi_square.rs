@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn closed_forms_and_tables() {
+    fn distribution_matches_closed_forms_and_tables() {
         for x in [1e-3, 0.3, 1.0, 4.0, 30.0] {
             // Two degrees of freedom: exponential distribution. Four: 1 - (1 + x/2) exp(-x/2).
             assert!((chi_square_below(x, 2) - (1.0 - (-x / 2.0).exp())).abs() < 1e-10);

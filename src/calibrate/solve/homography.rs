@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_points_give_the_map_back() {
+    fn exact_points_give_the_exact_homography() {
         let found = Homography::fit(&pairs(), true).unwrap();
         assert!(found.fits.iter().all(|f| *f) && found.keeps_sense());
         for (p, q) in pairs() {
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn a_third_of_outliers_is_told_apart() {
+    fn a_third_of_outliers_is_recognised() {
         let mut pairs = pairs();
         for i in (0..pairs.len()).step_by(3) {
             pairs[i].1 += DVec2::new(40.0, (i % 7) as f64 * 30.0 - 90.0);
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mirror_changes_the_sense_and_a_line_is_no_map() {
+    fn mirror_is_detected_and_collinear_points_are_refused() {
         let mirrored: Vec<Pair> = pairs()
             .into_iter()
             .map(|(p, q)| (p, DVec2::new(1137.0 - q.x, q.y)))

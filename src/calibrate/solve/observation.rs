@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_whitener_whitens_and_no_covariance_has_none() {
+    fn whitener_whitens_and_refuses_invalid_covariance() {
         let c = DMat2::from_cols(DVec2::new(4.0, -1.5), DVec2::new(-1.5, 0.9));
         let w = whitener(c).unwrap();
         assert!((w * c * w.transpose() - DMat2::IDENTITY).abs_diff_eq(DMat2::ZERO, 1e-14));

@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_shifted_projector_comes_back_from_exact_points() {
+    fn exact_points_give_the_pose_of_a_shifted_projector() {
         let lens = Lens {
             width_px: 1920,
             height_px: 1080,

@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_homographies_give_lens_and_poses_back() {
+    fn exact_homographies_give_exact_lens_and_poses() {
         for (focal, distance) in [(632.0, 1000.0), (5.0, 80.0), (1e5, 1e5)] {
             let (lens, boards) = (lens(focal), boards(4, distance));
             let maps: Vec<DMat3> = boards.iter().map(|b| map(&lens, b)).collect();

@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_printed_is_the_board() {
+    fn printed_page_has_the_ink_of_the_board() {
         let odd = Board::Dots {
             columns: 8,
             rows: 7,
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn the_strip_says_what_it_is() {
+    fn strip_of_text_describes_board_and_ruler() {
         let svg = page(&Board::DOTS.scaled(4.0));
         let about = "25 x 19, pitch 24 mm, dots 10 mm, markers 20 mm; ruler 100 mm</text>";
         assert!(svg.contains(about), "{svg}");

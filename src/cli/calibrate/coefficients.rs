@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_and_lists_are_taken() {
+    fn accepts_words_and_lists_of_coefficients() {
         let choice = |text: &str| text.parse::<Choice>().map(|choice| choice.0);
         assert_eq!(choice("auto"), Ok(Coefficients::Auto));
         assert_eq!(choice("none"), Ok(Coefficients::Fixed([false; 5])));

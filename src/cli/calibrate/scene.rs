@@ -53,7 +53,7 @@ mod tests {
     use phasmid_profile::Scene;
 
     #[test]
-    fn the_scene_says_what_was_meant_and_goes() {
+    fn scene_file_holds_board_and_pose_and_is_removed() {
         let at = Pose::from_xyz_deg(DVec3::new(1.5, -2e-7, 1000.0), DVec3::new(20.0, -31.5, 7.0));
         for board in [Board::DOTS.scaled(4.0), Board::CHESS] {
             let file = SceneFile::write(&board, &at).unwrap();

@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn masks_have_no_sign_and_what_was_not_read_says_so() {
+    fn masks_are_unsigned_and_unread_values_are_marked() {
         assert_eq!(
             line("bit mask", Some(ControlValue::Mask(0x8000_2000))),
             "It (bit mask) = 0x80002000, of 0xffffffff, default 0x10"

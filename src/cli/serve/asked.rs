@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_come_again_have_a_number() {
+    fn repeated_names_get_a_number() {
         let profiles = ["pmp-bench", "webcam-grey", "pmp-bench", "pmp-bench"];
         let line = profiles.map(|profile| ["--profile", profile]).concat();
         let (devices, scenes) = devices(&line).unwrap();

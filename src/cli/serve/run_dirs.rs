@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_made_goes_even_after_a_kill_and_what_was_there_stays() {
+    fn removes_only_directories_that_it_made_also_after_a_kill() {
         let base = tempfile::tempdir().unwrap();
         let run = base.path().join("run");
         let dirs = ["left", "right"].map(|name| run.join(name));

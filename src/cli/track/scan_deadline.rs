@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_takes_long_is_waited_for_and_no_longer() {
+    fn deadline_adapts_to_the_interval_of_scans() {
         let begin = Instant::now();
         let at = |ms: u64| begin + Duration::from_millis(ms);
         let ms = Duration::from_millis;

@@ -38,7 +38,7 @@ fn error(frames: &[(&'static str, f64, f64)]) -> String {
 }
 
 #[test]
-fn what_is_missing_is_named() {
+fn errors_name_the_missing_patterns() {
     let gray = |skip: f64| {
         (0..7)
             .map(f64::from)

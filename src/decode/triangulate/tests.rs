@@ -72,7 +72,7 @@ fn worst(rig: &Rig, use_x: bool, use_y: bool) -> (f64, f64) {
 }
 
 #[test]
-fn depth_comes_back_with_and_without_distortion() {
+fn depth_is_exact_with_and_without_distortion() {
     let k = [-0.12, 0.03, 8e-4, -5e-4, 0.0];
     let none = [0.0; 5];
     for (camera, projector) in [(none, none), (k, none), (none, k), (k, k)] {
@@ -99,7 +99,7 @@ fn sigma_is_the_slope_of_depth() {
 }
 
 #[test]
-fn what_has_no_parallax_has_no_depth() {
+fn impossible_coordinates_give_no_depth() {
     let rig = rig([0.0; 5], [0.0; 5]);
     let triangulator = Triangulator::new(&rig, 160, 90).unwrap();
     let px = DVec2::new(80.0, 40.0);

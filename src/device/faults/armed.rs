@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_and_conditions() {
+    fn fault_strikes_by_its_counts_and_conditions() {
         let when = |nth, every| When {
             nth,
             every,
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_probability_is_met_and_the_same_again() {
+    fn probability_is_met_and_reproducible() {
         let when = When {
             probability: Some(0.25),
             ..When::default()

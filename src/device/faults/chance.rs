@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn draws_are_a_function_of_their_counters() {
+    fn draws_depend_only_on_seed_device_fault_and_event() {
         let chance = Chance::new(7, "left");
         let take = |chance: Chance, fault, event| {
             let mut draws = chance.draws(fault, event);

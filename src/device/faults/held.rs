@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn order_time_and_room() {
+    fn holds_items_in_order_until_due_within_its_capacity() {
         let mut held = Held::new(10);
         assert!(held.push(0, 5, 100, 'a') && !held.push(4, 0, 1, 'b'));
         assert_eq!((held.pop(4), held.next_ns()), (None, Some(5)));

@@ -236,7 +236,7 @@ fn replies_are_lost_late_doubled_and_refused() {
 }
 
 #[test]
-fn bytes_are_added_and_bits_are_flipped_where_it_is_said() {
+fn adds_garbage_and_flips_bits_at_the_stated_place() {
     for (text, len) in [
         ("what = \"garbage-before\"\ncount = 5", 8),
         ("what = \"garbage-inside\"\ncount = 5", 8),
@@ -263,7 +263,7 @@ fn bytes_are_added_and_bits_are_flipped_where_it_is_said() {
 }
 
 #[test]
-fn messages_in_pieces_are_struck_whole() {
+fn fault_strikes_a_message_that_arrives_in_pieces() {
     let mut faults = faults("[[fault]]\nwhat = \"nak\"\nwhen = { command = \"two\" }");
     let mut out = Vec::new();
     for piece in ["on", "e\ntw", "o", "\nthr"] {
@@ -277,7 +277,7 @@ fn messages_in_pieces_are_struck_whole() {
 }
 
 #[test]
-fn a_port_goes_and_comes_back_and_a_device_boots() {
+fn disconnected_port_returns_and_reset_device_reboots() {
     let gone = "[[fault]]\nwhat = \"disconnect\"\nfor_ms = 0.00015\nwhen = { command = \"B\" }";
     let mut faults = faults(gone);
     let out = ask(&mut faults, &["A?", "B?", "C?", "D?"]);
@@ -301,7 +301,7 @@ fn a_port_goes_and_comes_back_and_a_device_boots() {
 }
 
 #[test]
-fn faults_come_and_go_and_only_concern_their_device() {
+fn faults_are_added_and_cleared_for_their_device_only() {
     let mut faults = faults(
         "[[fault]]\nwhat = \"dark\"\ndevice = \"right\"\n[[fault]]\nwhat = \"torn\"\ntimes = 1",
     );

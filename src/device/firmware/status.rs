@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_queue_says_so_and_stays_bounded() {
+    fn full_error_queue_reports_overflow_and_stays_bounded() {
         let mut status = Status::power_on();
         for _ in 0..100 {
             status.report(ErrorCode::UndefinedHeader.into());

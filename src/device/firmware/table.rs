@@ -92,7 +92,7 @@ mod tests {
 
     /// Every header in its short and its long form finds its own command, and no other's.
     #[test]
-    fn no_header_hides_another() {
+    fn every_header_finds_its_own_command() {
         for (pattern, command) in TABLE {
             let long = pattern.replace(['[', ']'], "");
             let short: String = pattern

@@ -398,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_that_reads_nothing_gives_its_place_up() {
+    fn client_that_reads_nothing_is_dropped() {
         run(async |mut socket, path| {
             socket.stall = Duration::from_millis(50);
             let _stuck: Vec<_> = (0..MAX_CLIENTS)

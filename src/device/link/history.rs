@@ -102,7 +102,7 @@ mod tests {
     use phasmid_profile::Profile;
 
     #[test]
-    fn it_knows_the_last_frames_and_no_others() {
+    fn history_finds_only_the_last_frames() {
         let firmware = Firmware::new(&Profile::load("webcam-grey").unwrap(), &[]).unwrap();
         let mut history = History::default();
         assert!(

@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_burst_is_spread_as_it_was_exposed() {
+    fn frames_of_a_burst_are_spaced_as_exposed() {
         let times = burst(&[
             frame(0, Some(0)),
             frame(20, Some(1)),

@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_client_gets_nothing_of_the_last_one_s() {
+    fn new_client_gets_no_reply_to_the_last_one() {
         run(async |mut pty| {
             let mut old = client(&pty);
             old.write_all(&b"*IDN?\n".repeat(500)).unwrap();
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_new_client_has_written_is_kept() {
+    fn input_of_a_new_client_is_kept_on_hang_up() {
         run(async |mut pty| {
             let mut old = client(&pty);
             old.write_all(&b"*IDN?\n".repeat(200)).unwrap();
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_client_wrote_before_it_left_is_its_own() {
+    fn input_is_delivered_before_the_hang_up() {
         run(async |mut pty| {
             // The client is counted, and there is nothing to read.
             let mut old = client(&pty);
@@ -361,7 +361,7 @@ mod tests {
     /// Clients that open the port as soon as the last one has closed it, while other threads
     /// preempt them between their write and its report.
     #[test]
-    fn clients_in_quick_succession_are_all_heard() {
+    fn clients_in_quick_succession_are_all_served() {
         const CLIENTS: usize = 3000;
         let busy = Busy::threads(4);
         run(async |mut pty| {

@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_directory_comes_and_goes() {
+    fn new_directory_is_created_and_removed() {
         let base = tempfile::tempdir().unwrap();
         let path = base.path().join("run");
         let mut dir = RunDir::claim(&path).unwrap();
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_directory_is_given_back_as_it_was() {
+    fn empty_directory_is_restored() {
         let base = tempfile::tempdir().unwrap();
         let path = base.path().join("run");
         fs::create_dir(&path).unwrap();
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_device_left_is_cleared_and_nothing_else() {
+    fn clears_only_remains_of_a_killed_device() {
         let base = tempfile::tempdir().unwrap();
         let path = base.path().join("run");
         fs::DirBuilder::new().mode(0o700).create(&path).unwrap();
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_directory_or_too_long_is_refused() {
+    fn refuses_paths_that_are_too_long_or_no_directory() {
         let base = tempfile::tempdir().unwrap();
         let file = base.path().join("file");
         fs::write(&file, "").unwrap();

@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_placed_is_told_once_and_can_be_undone() {
+    fn placements_are_reported_once_and_can_be_undone() {
         let shared_scene = SharedScene::new(&Scene::parse(TEXT, "test").unwrap());
         let other = shared_scene.clone();
         assert_eq!(other.since(0), (vec![], 0));
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_patient_has_a_tumour() {
+    fn patient_reports_its_moving_tumour() {
         let scene = Scene::load("treatment-room").unwrap();
         let shared_scene = SharedScene::new(&scene);
         let about = |time_s: u64| {
@@ -341,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn objects_are_where_they_were_then() {
+    fn objects_are_reported_at_their_past_places() {
         let shared_scene = SharedScene::new(&Scene::parse(TEXT, "test").unwrap());
         let rig = RigPlace {
             position_mm: [1.0, 2.0, 3.0],

@@ -56,7 +56,7 @@ fn devices_on_threads_of_their_own_take_turns_by_device_time() {
 }
 
 #[test]
-fn nobody_passes_what_another_has_to_wait_for() {
+fn time_does_not_pass_the_limit_of_a_waiting_device() {
     let timeline = timeline(ClockPace::Fast);
     let (mut one, mut two) = (timeline.seat(), timeline.seat());
     run(async {
@@ -84,7 +84,7 @@ fn nobody_passes_what_another_has_to_wait_for() {
 }
 
 #[test]
-fn stepped_time_goes_where_it_is_told_and_says_when_all_is_done() {
+fn stepped_time_stops_at_target_and_reports_completion() {
     let timeline = timeline(ClockPace::Stepped);
     let log = Arc::new(Mutex::new(Vec::new()));
     let mut seat = timeline.seat();
@@ -129,7 +129,7 @@ fn stepped_time_goes_where_it_is_told_and_says_when_all_is_done() {
 }
 
 #[test]
-fn steps_are_called_off() {
+fn steps_can_be_cancelled() {
     const DAY: u64 = MAX_STEP_NS;
     let timeline = timeline(ClockPace::Stepped);
     let mut seat = timeline.seat();

@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_named() {
+    fn impossible_boards_are_refused_by_field() {
         for good in [
             Board::DOTS,
             Board::CHESS,

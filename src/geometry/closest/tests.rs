@@ -64,7 +64,7 @@ fn tree_agrees_with_brute_force() {
 }
 
 #[test]
-fn ten_thousand_coincident_triangles() {
+fn finds_nearest_of_ten_thousand_coincident_triangles() {
     let mesh = Mesh {
         vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
         triangles: vec![[0, 1, 2]; 10_000],
@@ -94,7 +94,7 @@ fn far_from_the_origin_the_boxes_still_hold() {
 }
 
 #[test]
-fn nothing_to_find() {
+fn empty_mesh_or_invalid_point_has_no_closest_point() {
     let tree = MeshTree::new(&Mesh::default());
     assert_eq!(tree.closest(DVec3::ZERO), None);
     assert!(!tree.blocks(DVec3::ZERO, DVec3::X, 0.0));
@@ -127,7 +127,7 @@ fn a_wall_blocks_what_crosses_it() {
 }
 
 #[test]
-fn no_ray_slips_between_triangles() {
+fn rays_do_not_pass_between_triangles() {
     let mesh = crate::shapes::torso(&crate::shapes::Torso {
         triangles: 4000,
         ..Default::default()

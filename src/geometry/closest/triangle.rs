@@ -81,7 +81,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(48))]
 
         #[test]
-        fn nearest_point_of_a_triangle(raw in proptest::collection::vec(-10.0_f64..10.0, 12),
+        fn nearest_point_of_a_triangle_agrees_with_grid_search(raw in proptest::collection::vec(-10.0_f64..10.0, 12),
             collapse in 0..5_u8)
         {
             let v: Vec<DVec3> = raw.chunks_exact(3).map(|c| DVec3::new(c[0], c[1], c[2])).collect();

@@ -45,14 +45,14 @@ fn binary(big: bool, end: &str) -> Vec<u8> {
 }
 
 #[test]
-fn ascii_with_unknown_elements_lists_and_polygons() {
+fn reads_ascii_with_unknown_elements_lists_and_polygons() {
     let mesh = parse_mesh(ASCII.as_bytes(), "m.ply").unwrap();
     assert_eq!(mesh.vertices[1], DVec3::new(1.0, 0.0, 0.5));
     assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 2]]);
 }
 
 #[test]
-fn binary_in_both_orders_and_all_line_ends() {
+fn reads_binary_in_both_byte_orders_and_all_line_ends() {
     for (big, end) in [(false, "\n"), (true, "\n"), (false, "\r\n"), (false, "\r")] {
         let Ply::Mesh(mesh) = parse(&binary(big, end), "m.ply").unwrap() else {
             panic!("a face makes a mesh");
@@ -166,7 +166,7 @@ proptest! {
     }
 
     #[test]
-    fn clouds_and_meshes_come_back(
+    fn written_clouds_and_meshes_read_back_equal(
         raw in proptest::collection::vec(-1e5_f32..1e5, 9..60),
         with_normals in any::<bool>(),
         with_intensity in any::<bool>(),

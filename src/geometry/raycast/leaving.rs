@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_what_testing_all_triangles_in_f64_finds() {
+    fn agrees_with_brute_force_in_f64() {
         let (vertices, triangles) = soup();
         let bvh = Bvh::build(&vertices, &triangles);
         let (mut hits, mut scratch) = (0, Scratch::default());

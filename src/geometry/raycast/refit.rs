@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refitted_tree_finds_what_a_fresh_one_does() {
+    fn refitted_tree_gives_the_hits_of_a_fresh_one() {
         let mesh = shapes::torso(&shapes::Torso {
             triangles: 5000,
             ..shapes::Torso::default()

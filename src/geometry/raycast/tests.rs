@@ -83,7 +83,7 @@ fn a_soup_of_triangles_agrees_with_brute_force() {
 }
 
 #[test]
-fn no_ray_from_inside_slips_out_through_edges_or_corners() {
+fn rays_from_inside_do_not_pass_edges_or_corners() {
     let mesh = shapes::torso(&shapes::Torso {
         triangles: 2000,
         ..shapes::Torso::default()
@@ -132,7 +132,7 @@ fn shadow_rays_stop_before_their_end_and_skip_their_own_triangle() {
 }
 
 #[test]
-fn degenerate_and_coincident_triangles_do_no_harm() {
+fn degenerate_and_coincident_triangles_give_correct_hits() {
     let p = DVec3::new(0.0, 0.0, 5.0);
     let mesh = Mesh {
         vertices: vec![

@@ -216,7 +216,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn closed_and_of_the_size_asked_for() {
+    fn mesh_is_closed_and_of_the_requested_size() {
         for (width_mm, length_mm, thickness_mm, triangles) in [
             (530.0, 900.0, 50.0, 40_000),
             (400.0, 2000.0, 80.0, 20_000),
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_out_of_range_are_named_and_survived() {
+    fn parameters_out_of_range_are_named_and_do_not_panic() {
         let mad = Couch {
             width_mm: 0.0,
             notch_spacing_mm: f64::NAN,

@@ -126,7 +126,7 @@ mod tests {
     use crate::MeshTree;
 
     #[test]
-    fn closed_and_outward_in_every_part() {
+    fn every_part_is_closed_and_faces_outward() {
         for part in &PARTS {
             check::closed(&part.mesh());
         }

@@ -236,7 +236,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn closed_smooth_and_of_the_size_asked_for() {
+    fn mesh_is_closed_smooth_and_of_the_requested_size() {
         for seed in [0, 1, 2, 77] {
             let params = Torso {
                 seed,
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_is_a_body() {
+    fn seed_determines_the_shape_of_the_body() {
         let small = |seed| {
             torso(&Torso {
                 seed,
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_out_of_range_are_named_and_survived() {
+    fn parameters_out_of_range_are_named_and_do_not_panic() {
         let mad = Torso {
             seed: 1,
             length_mm: f64::NAN,

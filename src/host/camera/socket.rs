@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn addresses_that_are_none_are_the_user_s_mistake() {
+    fn invalid_addresses_are_usage_errors() {
         for address in [
             "",
             "socket:",
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_only_count_are_told_apart() {
+    fn frames_without_pattern_identity_are_recognised() {
         let (here, mut device) = std::os::unix::net::UnixStream::pair().unwrap();
         let mut camera = SocketCamera::new(Stream::Unix(here), "socket:test");
         for (header, identifies) in [

@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_camera_is_refused() {
+    fn refuses_path_that_is_no_camera() {
         for (address, needle) in [
             ("/dev/null", "no V4L2 device"),
             ("/dev/no-such-video", "no such device"),

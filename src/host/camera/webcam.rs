@@ -299,7 +299,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nodes_have_numbers() {
+    fn reads_number_of_video_node_from_its_path() {
         assert_eq!(number(Path::new("/dev/video10")), Some(10));
         for other in ["/dev/videoX", "/dev/v4l/by-id/cam", "/dev/video"] {
             assert_eq!(number(Path::new(other)), None);
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jpeg_picture_ends_at_its_marker_and_noise_is_none() {
+    fn decodes_jpeg_up_to_its_end_marker_and_refuses_noise() {
         let ramp = image::GrayImage::from_fn(64, 48, |x, y| image::Luma([(2 * x + y) as u8]));
         let mut bytes = Cursor::new(Vec::new());
         image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95)

@@ -257,7 +257,7 @@ fn a_device_that_was_reset_is_found_out() {
 }
 
 #[test]
-fn a_sequence_that_is_not_there_is_the_user_s_mistake() {
+fn unknown_sequence_is_a_usage_error() {
     let (mut control, _) = behind(good, |reply, _| reply);
     let error = control.prepare(Some("z")).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
@@ -353,7 +353,7 @@ fn bad_lines_do_not_fool_dialects() {
 /// Power-on messages in the middle of a run do not spoil it; a power cycle does, whatever the
 /// device sends.
 #[test]
-fn what_is_said_at_power_on_is_no_reset() {
+fn power_on_message_alone_is_not_taken_for_a_reset() {
     let okline = Dialect::load("okline").unwrap();
     for nth in 1..30 {
         let late = |reply: Vec<u8>, n| match n == nth {

@@ -46,7 +46,7 @@ fn instrument(
 const FINE: (&str, &[u8]) = ("SYST:ERR?", b"0,\"No error\"");
 
 #[test]
-fn lines_blocks_and_questions_that_are_not_known() {
+fn queries_return_lines_and_blocks_or_name_the_error() {
     let mut fine = instrument(&[
         ("*IDN?", b"a,b,c,d"),
         ("DATA?", b"#15a\n;#9"),
@@ -80,7 +80,7 @@ fn lines_blocks_and_questions_that_are_not_known() {
 
 /// The device reports each unknown query once.
 #[test]
-fn a_question_that_is_not_known_has_no_answer() {
+fn unknown_block_query_returns_none() {
     let mut complained = false;
     let device = move |line: &[u8]| {
         let unknown = question(line).is_some_and(|(_, body)| body == "DATA?");
@@ -199,7 +199,7 @@ fn through(
 }
 
 #[test]
-fn what_a_line_does_to_replies_does_not_fool_anyone() {
+fn damaged_or_repeated_replies_do_not_give_wrong_answers() {
     let odd = |n: u32| n % 2 == 1;
     type Line = Box<dyn Fn(Vec<u8>, u32) -> Vec<u8>>;
     let bad: Vec<(&str, Line)> = vec![
@@ -313,7 +313,7 @@ impl CommandPort for Chatty {
 }
 
 #[test]
-fn what_a_device_says_at_power_on_is_no_damaged_answer() {
+fn power_on_message_is_not_taken_for_a_damaged_answer() {
     let known: Vec<Vec<u8>> = vec![b"Ready.\n".to_vec(), b"> ".to_vec(), b"A\r\nB\r\n".to_vec()];
     for (greeting, asked) in [
         (&b"Ready.\n"[..], 1),

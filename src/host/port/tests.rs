@@ -15,7 +15,7 @@ const SHORT: Duration = Duration::from_millis(50);
 const LONG: Duration = Duration::from_secs(60);
 
 #[test]
-fn what_is_no_serial_port_is_the_user_s_mistake() {
+fn path_that_is_no_serial_port_is_a_usage_error() {
     for (path, found) in [
         ("/dev/null", "no serial port"),
         ("/dev", "no serial port"),
@@ -89,7 +89,7 @@ fn fill(port: &mut SerialPort) -> (String, usize, Duration) {
 }
 
 #[test]
-fn a_device_that_reads_nothing_is_no_hang_and_is_served_again_when_it_does() {
+fn send_to_device_that_reads_nothing_times_out_and_recovers() {
     in_time(|| {
         let (device, path) = pty();
         let mut port = SerialPort::open(&path).unwrap();
@@ -124,7 +124,7 @@ fn a_device_that_reads_nothing_is_no_hang_and_is_served_again_when_it_does() {
 }
 
 #[test]
-fn what_does_not_fit_at_once_is_sent_while_the_device_reads() {
+fn long_message_is_sent_while_the_device_reads() {
     in_time(|| {
         let (device, path) = pty();
         let mut port = SerialPort::open(&path).unwrap();
@@ -145,7 +145,7 @@ fn what_does_not_fit_at_once_is_sent_while_the_device_reads() {
 }
 
 #[test]
-fn opened_again_the_port_forgets_what_nobody_took() {
+fn reopening_discards_unread_output() {
     in_time(|| {
         let (device, path) = pty();
         let mut port = SerialPort::open(&path).unwrap();
@@ -163,7 +163,7 @@ fn opened_again_the_port_forgets_what_nobody_took() {
 }
 
 #[test]
-fn a_port_is_one_program_s_until_it_is_closed() {
+fn port_is_exclusive_until_closed() {
     let (_device, path) = pty();
     let port = SerialPort::open(&path).unwrap();
     let error = SerialPort::open(&path).err().unwrap();
@@ -174,7 +174,7 @@ fn a_port_is_one_program_s_until_it_is_closed() {
 }
 
 #[test]
-fn a_device_that_goes_is_told() {
+fn closed_device_is_reported() {
     in_time(|| {
         let (device, path) = pty();
         let mut port = SerialPort::open(&path).unwrap();

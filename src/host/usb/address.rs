@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_are_read_or_refused_with_what_is_allowed() {
+    fn reads_addresses_and_refuses_others_with_expected_form() {
         let read = |address| UsbAddress::parse(address, "--device");
         let address = read("usb:[::1]:3240/1-2").unwrap();
         assert_eq!(address.host, "[::1]:3240");

@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_told_and_the_next_frame_is_whole() {
+    fn damage_is_reported_and_the_next_frame_is_whole() {
         let whole: [&[u8]; 2] = [&[2, 0x80, 0, 1, 2, 3, 4, 5], &[2, 0x82, 6, 7, 8, 9]];
         let bad: [(&[&[u8]], &str); 5] = [
             (&[&[2, 0xC1, 1], &[2, 0x83]], "reports an error"),
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_lost_between_frames_damages_the_next() {
+    fn loss_between_frames_marks_the_next_frame_damaged() {
         let mut assembler = Assembler::new(1, 8);
         let mut got = Vec::new();
         let mut out = |event| got.push(event);
@@ -286,7 +286,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_payload_is_too_odd(transfers: Vec<Vec<u8>>, max_payload in 0usize..40) {
+        fn any_payload_gives_only_whole_frames(transfers: Vec<Vec<u8>>, max_payload in 0usize..40) {
             let pieces: Vec<&[u8]> = transfers.iter().map(|t| &t[..t.len().min(ROOM)]).collect();
             for event in events(max_payload, &pieces) {
                 if let Event::Frame(data) = event {

@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_sense_is_said() {
+    fn truncated_or_misordered_descriptors_are_refused() {
         let whole = configuration();
         for len in 0..whole.len() {
             assert!(Configuration::parse(&whole[..len]).is_err(), "{len}");
@@ -213,7 +213,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_bytes_are_too_odd(bytes: Vec<u8>, flips: [(u8, u8); 3]) {
+        fn any_bytes_do_not_panic(bytes: Vec<u8>, flips: [(u8, u8); 3]) {
             let _ = Configuration::parse(&bytes);
             let mut near = configuration();
             for (at, value) in flips {

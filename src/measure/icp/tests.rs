@@ -142,7 +142,7 @@ fn a_plane_holds_three_degrees_and_does_not_drift() {
 }
 
 #[test]
-fn one_point_and_none() {
+fn aligns_one_point_and_refuses_clouds_without_matches() {
     let one = Cloud {
         points: vec![[1.0, 2.0, 5.0]],
         ..Cloud::default()

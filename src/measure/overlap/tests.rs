@@ -54,7 +54,7 @@ fn cube(lo: DVec3, side: f64) -> Mesh {
 }
 
 #[test]
-fn moments_of_a_cube_and_a_ball() {
+fn moments_of_cube_and_ball_match_closed_forms() {
     let lo = DVec3::new(1e4, -3.0, 7.0);
     let c = cube(lo, 10.0);
     let (volume, centroid) = solid_moments(&c.vertices, &c.triangles);
@@ -66,7 +66,7 @@ fn moments_of_a_cube_and_a_ball() {
 }
 
 #[test]
-fn balls_apart_share_a_lens() {
+fn overlap_of_shifted_balls_matches_closed_form() {
     let r = 15.0;
     let a = ball(DVec3::ZERO, r);
     for (d, along) in [
@@ -104,7 +104,7 @@ fn the_error_falls_with_the_columns() {
 }
 
 #[test]
-fn cubes_and_hollows_are_exact_where_columns_fit() {
+fn overlap_of_cubes_is_exact_where_columns_fit() {
     // Columns coincide with the edges of both cubes: each must count once.
     let (a, b) = (
         cube(DVec3::ZERO, 16.0),
@@ -131,7 +131,7 @@ fn cubes_and_hollows_are_exact_where_columns_fit() {
 }
 
 #[test]
-fn what_is_no_solid_is_named() {
+fn refuses_mesh_that_is_no_solid_by_name() {
     let c = cube(DVec3::ZERO, 1.0);
     let mut inside_out = c.clone();
     inside_out.triangles.iter_mut().for_each(|t| t.swap(1, 2));
@@ -142,7 +142,7 @@ fn what_is_no_solid_is_named() {
 }
 
 #[test]
-fn errors_of_a_target_add_up() {
+fn statistics_of_target_errors_match_closed_forms() {
     assert!(PositionErrors::of(&[]).is_none());
     let errors: Vec<TargetError> = (1..=100)
         .map(|i| TargetError {

@@ -19,7 +19,7 @@ fn slope(normals: bool) -> Cloud {
 }
 
 #[test]
-fn distance_to_a_sampled_plane() {
+fn distance_to_a_sampled_plane_is_exact() {
     let n = DVec3::new(0.1, 0.0, -1.0).normalize();
     for normals in [true, false] {
         let surfels = Surfels::new(&slope(normals)).unwrap();
@@ -109,7 +109,7 @@ fn a_point_alone_does_not_cover_a_hole() {
 }
 
 #[test]
-fn coincident_and_collinear_points_do_no_harm() {
+fn coincident_and_collinear_points_have_correct_distance() {
     for points in [
         vec![[1.0, 2.0, 3.0]],
         vec![[1.0, 2.0, 3.0]; 50],

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn what_cannot_be_a_patient_is_named() {
+fn impossible_patients_are_refused_by_field() {
     let text = phasmid_device_profiles::PATIENTS_P01_WOMAN_MEAN;
     for (from, to, words) in [
         (
@@ -66,7 +66,7 @@ fn what_cannot_be_a_patient_is_named() {
 }
 
 #[test]
-fn a_patient_is_written_as_it_is_read() {
+fn written_patient_reads_back_equal() {
     for name in patient_names() {
         let patient = Patient::load(name).unwrap();
         assert_eq!(patient.name, name);

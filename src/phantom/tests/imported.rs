@@ -28,7 +28,7 @@ fn of_planning(folder: &Path) -> Import {
 }
 
 #[test]
-fn what_a_phantom_has_written_is_imported_as_it_was() {
+fn exported_planning_is_imported_unchanged() {
     let dir = tempfile::tempdir().unwrap();
     let [from, to, about] = ["from", "to", "about"].map(|name| dir.path().join(name));
     let phantom = Phantom::new(&Patient::load("p07-child").unwrap());

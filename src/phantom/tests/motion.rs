@@ -4,7 +4,7 @@ use super::*;
 use phasmid_geometry::shapes::check::closed;
 
 #[test]
-fn the_gradient_is_that_of_differences() {
+fn motion_gradient_matches_finite_differences() {
     let phantom = one("p14-man-deep");
     for state in [
         phantom.planning_phase(0),
@@ -25,7 +25,7 @@ fn the_gradient_is_that_of_differences() {
 
 /// At states and points that are not on the lattice of the check.
 #[test]
-fn nothing_folds_over() {
+fn motion_does_not_fold_tissue() {
     for phantom in all() {
         let bounds = phantom.weight_bounds_mm();
         let lattice = phantom.modes.least_determinant(&bounds);
@@ -60,7 +60,7 @@ fn nothing_folds_over() {
 }
 
 #[test]
-fn the_inverse_takes_back() {
+fn inverse_motion_returns_to_the_start() {
     for name in ["p14-man-deep", "p15-woman-restless", "p07-child"] {
         let phantom = one(name);
         for state in states(&phantom) {
@@ -75,7 +75,7 @@ fn the_inverse_takes_back() {
 }
 
 #[test]
-fn at_the_reference_phase_nothing_has_moved() {
+fn motion_is_zero_at_the_reference_phase() {
     for phantom in all() {
         let state = phantom.planning_phase(REFERENCE_PHASE);
         assert!(state.weights_mm.iter().all(|w| w.abs() < 1e-12));

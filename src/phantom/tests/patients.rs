@@ -16,7 +16,7 @@ fn excursion(phantom: &Phantom, x: DVec3) -> f64 {
 
 /// Sizes by the surveys, motion by the literature cited in [`breathing`] and [`outline`].
 #[test]
-fn the_patients_are_plausible() {
+fn patients_match_surveys_and_literature() {
     let mut count = 0;
     for phantom in all() {
         count += 1;
@@ -123,7 +123,7 @@ fn tumours_go_on_loops_of_published_width() {
 /// Volume of both lungs by counting points, within ICRP 89's functional residual capacity and
 /// tissue.
 #[test]
-fn lungs_hold_what_lungs_hold() {
+fn lung_volumes_match_published_values() {
     for (name, litres) in [
         ("p01-woman-mean", 2.2..4.2),
         ("p02-man-mean", 3.0..5.2),

@@ -31,7 +31,7 @@ fn a_ct_shows_air_skin_lung_and_tumour() {
 }
 
 #[test]
-fn a_planning_folder_says_what_the_phantom_does() {
+fn exported_planning_matches_the_phantom() {
     let dir = tempfile::tempdir().unwrap();
     let phantom = one("p07-child");
     let folder = dir.path().join("plan");

@@ -26,7 +26,7 @@ fn harmonics_are_orthonormal() {
 }
 
 #[test]
-fn volume_is_that_of_its_ball_and_of_its_mesh() {
+fn volume_equals_that_of_its_ball_and_its_mesh() {
     let shape = rough();
     let ball = PI / 6.0 * 27_000.0;
     assert!((shape.volume_mm3() / ball - 1.0).abs() < 1e-12);
@@ -40,7 +40,7 @@ fn volume_is_that_of_its_ball_and_of_its_mesh() {
 }
 
 #[test]
-fn its_centroid_is_that_of_its_parts() {
+fn centroid_equals_that_of_its_parts() {
     let shape = rough();
     let moment: DVec3 = shape.inside().map(|(x, v)| x * v).sum();
     let off = moment / shape.volume_mm3() - shape.centroid();
@@ -49,7 +49,7 @@ fn its_centroid_is_that_of_its_parts() {
 }
 
 #[test]
-fn it_is_rough_and_not_more_than_allowed() {
+fn roughness_of_the_tumour_is_within_its_bounds() {
     let shape = rough();
     let radii: Vec<f64> = directions().map(|(n, _)| shape.radius(n)).collect();
     let (least, most) = radii

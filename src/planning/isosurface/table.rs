@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lone_corner_is_cut_off_with_the_normal_away_from_it() {
+    fn single_corner_is_cut_off_with_outward_normal() {
         // Edges along i, j, k at corner 0.
         assert_eq!(TRIANGLES[1], [[0, 4, 8]]);
         assert_eq!(TRIANGLES[254], [[0, 8, 4]]);

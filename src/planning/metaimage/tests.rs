@@ -18,7 +18,7 @@ fn each_voxel() -> impl Iterator<Item = (usize, [f64; 3])> {
 }
 
 #[test]
-fn volumes_of_itk_are_read_as_it_meant_them() {
+fn volumes_written_by_itk_are_read_exactly() {
     let turned = DMat3::from_rotation_z(-0.3).transpose();
     for (name, offset, direction, whole) in [
         ("oblique_short.mha", 0.0, Some(turned), true),
@@ -46,7 +46,7 @@ fn volumes_of_itk_are_read_as_it_meant_them() {
 }
 
 #[test]
-fn fields_of_itk_are_read_as_it_meant_them() {
+fn fields_written_by_itk_are_read_exactly() {
     for (name, flip) in [("field_float.mha", 1.0), ("field_double_packed.mha", -1.0)] {
         let field = read_field(&itk(name)).unwrap();
         let across = DVec3::new(1.0, flip, flip);
@@ -72,7 +72,7 @@ fn oblique() -> Grid {
 }
 
 #[test]
-fn what_is_written_is_read_to_the_bit() {
+fn written_data_read_back_bit_for_bit() {
     let dir = tempfile::tempdir().unwrap();
     let grid = oblique();
     let short = (0..60).map(|n| (n * 1091 - 32000) as i16).collect();
@@ -135,7 +135,7 @@ fn read(bytes: &[u8]) -> Result<Volume> {
 }
 
 #[test]
-fn other_names_and_orders_mean_the_same() {
+fn synonyms_and_other_line_orders_are_read_alike() {
     let volume = read(&with(&[])).unwrap();
     assert_eq!(volume.grid().spacing_mm, DVec3::new(1.0, 1.0, 2.0));
     assert_eq!(volume.grid().origin_mm, DVec3::new(1.0, 2.0, 3.0));
@@ -180,7 +180,7 @@ fn fields_of_plastimatch_are_read() {
 }
 
 #[test]
-fn what_is_wrong_is_named_with_its_line() {
+fn errors_name_line_and_key() {
     for (line, words) in [
         (
             ("ObjectType", "Scene"),
@@ -288,7 +288,7 @@ fn what_is_wrong_is_named_with_its_line() {
 }
 
 #[test]
-fn packed_data_that_are_not_the_declared_ones_are_named() {
+fn refuses_packed_data_that_differ_from_the_header() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("p.mha");
     let volume = Volume::new(oblique(), Voxels::I16(vec![7; 60]), "v").unwrap();
@@ -319,7 +319,7 @@ fn packed_data_that_are_not_the_declared_ones_are_named() {
 }
 
 #[test]
-fn numbers_that_are_none_are_named() {
+fn refuses_voxels_that_are_not_finite() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("f.mhd");
     let grid = Grid::upright([2, 2, 1], DVec3::ONE, DVec3::ZERO);

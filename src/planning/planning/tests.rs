@@ -73,7 +73,7 @@ fn a_folder_is_handed_out_about_the_isocentre() {
 }
 
 #[test]
-fn what_is_saved_is_loaded() {
+fn saved_planning_loads_equal() {
     let (_dir, path) = folder();
     let planning = Planning::load(&path).unwrap();
     let again = path.join("a/b");
@@ -84,7 +84,7 @@ fn what_is_saved_is_loaded() {
 }
 
 #[test]
-fn a_file_that_no_plan_has_is_named_with_its_line() {
+fn refuses_invalid_planning_file_with_its_line() {
     for (from, to, words) in [
         ("\"p01\"", "\"p 01\"", "planning.toml:1: name: \"p 01\""),
         (
@@ -168,7 +168,7 @@ fn complaint(change: impl Fn(&Path)) -> String {
 }
 
 #[test]
-fn fields_that_do_not_match_are_named() {
+fn refuses_fields_that_do_not_match() {
     let other = |grid: Grid| {
         complaint(|path| {
             let field = Field::of(grid, |_| DVec3::ZERO, "dvf").unwrap();
@@ -225,7 +225,7 @@ fn fields_that_do_not_match_are_named() {
 }
 
 #[test]
-fn a_ct_that_lies_elsewhere_is_named() {
+fn refuses_ct_that_does_not_contain_the_fields() {
     let other = |grid: Grid| {
         complaint(|path| {
             let ct = Volume::new(grid, Voxels::I16(vec![0; grid.voxels()]), "ct").unwrap();
@@ -250,7 +250,7 @@ fn a_ct_that_lies_elsewhere_is_named() {
 }
 
 #[test]
-fn surfaces_that_do_not_fit_are_named() {
+fn refuses_surfaces_that_do_not_fit() {
     let mesh = |name: &'static str, change: fn(&mut Mesh)| {
         complaint(|path| {
             let mut mesh = ball(6.0);

@@ -60,7 +60,7 @@ fn interpolation_takes_trilinear_functions_exactly() {
 }
 
 #[test]
-fn beyond_the_voxels_there_is_nothing() {
+fn value_beyond_the_voxels_is_none() {
     let grid = oblique();
     let volume = Volume::of(grid, |p| grid.index(p).x, "v").unwrap();
     let at = |i: f64| volume.at(grid.point(DVec3::new(i, 2.0, 1.0)));
@@ -77,7 +77,7 @@ fn beyond_the_voxels_there_is_nothing() {
 }
 
 #[test]
-fn what_cannot_be_is_named() {
+fn impossible_grids_and_fields_are_refused_by_value() {
     let good = oblique();
     let words = |grid: Grid| grid.checked("ct.mha").unwrap_err().to_string();
     let mut grid = good;

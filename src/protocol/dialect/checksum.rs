@@ -51,7 +51,7 @@ mod tests {
 
     /// Check values from the usual catalogues, for the digits 1 to 9.
     #[test]
-    fn check_values() {
+    fn matches_published_check_values() {
         for (kind, value) in [
             (Checksum::Sum8, 0xDD),
             (Checksum::Xor8, 0x31),

@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn what_could_not_be_read_back_is_not_written() {
+    fn refuses_values_that_would_not_read_back() {
         let template = Template::parse("{a},{b}").unwrap();
         let fill = |a: &str| {
             template.fill(|name| Ok::<_, String>(if name == "a" { a } else { "," }.into()))
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn templates_that_are_none_are_refused() {
+    fn refuses_invalid_templates() {
         for (text, needle) in [
             ("{", "without a closing brace"),
             ("}", "} without {"),

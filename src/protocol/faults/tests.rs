@@ -19,7 +19,7 @@ fn kinds_stand_in_the_order_of_the_enum_and_parse_by_their_names() {
 }
 
 #[test]
-fn a_schedule_says_what_and_when() {
+fn schedule_is_read_with_faults_and_conditions() {
     let schedule = parse(
         "seed = 7\n[[fault]]\nwhat = \"bit-errors\"\ndirection = \"to-device\"\nrate = 1e-3\n\
          when = { command = \"seq:\", probability = 0.5, window_s = [1, 2.5] }\ntimes = 3\n\
@@ -53,7 +53,7 @@ fn a_fault_for_a_device_that_is_not_there_is_refused_with_its_line() {
 }
 
 #[test]
-fn what_it_may_not_say_is_refused_with_its_line() {
+fn invalid_schedule_is_refused_with_its_line() {
     for (fields, complaint) in [
         ("what = \"torm\"", "bad-day.toml:3: unknown variant `torm`"),
         (

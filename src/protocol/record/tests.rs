@@ -91,7 +91,7 @@ fn offsets(events: &[(u64, Channel, Event)]) -> Vec<usize> {
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn written_events_read_back_equal() {
     let events = events();
     assert_eq!(read(&encode(&events)).unwrap(), (events, None));
 }
@@ -116,7 +116,7 @@ fn a_file_cut_anywhere_gives_its_whole_records() {
 }
 
 #[test]
-fn every_byte_that_is_flipped_is_found_where_it_is() {
+fn every_flipped_bit_is_found_at_its_record() {
     let events = events();
     let (sound, offsets) = (encode(&events), offsets(&events));
     for at in 0..sound.len() {
@@ -161,7 +161,7 @@ fn a_record_that_is_missing_is_noticed_and_unknown_kinds_are_skipped() {
 
 proptest! {
     #[test]
-    fn nothing_that_is_read_is_a_panic(
+    fn any_bytes_do_not_panic(
         bytes in prop::collection::vec(any::<u8>(), 0..200),
         kind in 0..14_u16,
         at in 0..400_usize,
@@ -182,7 +182,7 @@ proptest! {
 }
 
 #[test]
-fn texts_are_cut_to_what_a_reader_takes() {
+fn texts_are_cut_to_the_readers_limit() {
     let long = "\u{e9}".repeat(MAX_TEXT);
     let wide = About {
         name: "\u{1}".repeat(MAX_TEXT),
@@ -261,7 +261,7 @@ fn taken(bytes: &Mutex<Vec<u8>>) -> Vec<u8> {
 }
 
 #[test]
-fn a_recorder_writes_what_it_is_given_and_ends_in_order() {
+fn recorder_writes_all_events_and_an_end_record() {
     let (disk, bytes) = Disk::new(usize::MAX, None);
     let (recorder, told) = start(disk, Limits::default());
     let events = &events()[..10];
@@ -283,7 +283,7 @@ fn a_recorder_writes_what_it_is_given_and_ends_in_order() {
 }
 
 #[test]
-fn a_slow_disk_ends_the_recording_and_holds_nobody_up() {
+fn slow_disk_ends_the_recording_without_blocking() {
     let (go, wait) = mpsc::channel();
     let (disk, bytes) = Disk::new(usize::MAX, Some(wait));
     let limits = Limits {
@@ -305,7 +305,7 @@ fn a_slow_disk_ends_the_recording_and_holds_nobody_up() {
 }
 
 #[test]
-fn a_full_disk_leaves_whole_records_and_a_word() {
+fn full_disk_leaves_whole_records_and_is_reported_once() {
     let whole = encode(&events()[..1]).len();
     let (disk, bytes) = Disk::new(whole + 150, None);
     let (recorder, told) = start(disk, Limits::default());
@@ -324,7 +324,7 @@ fn a_full_disk_leaves_whole_records_and_a_word() {
 }
 
 #[test]
-fn a_summary_counts_what_is_there() {
+fn summary_counts_the_records() {
     let mut events = events();
     let file = encode(&events[..10]);
     let summary = Summary::of(&mut Reader::new(&file[..], "f").unwrap());

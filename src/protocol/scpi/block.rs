@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn goes_round_and_refuses_what_is_none() {
+    fn block_reads_back_and_malformed_blocks_are_refused() {
         for content in [&b""[..], b"a\n;\"#", &[0u8; 1234]] {
             let mut bytes = encode(content);
             bytes.extend_from_slice(b"tail");

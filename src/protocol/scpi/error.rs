@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reads_as_the_standard_has_it() {
+    fn error_text_follows_the_standard() {
         assert_eq!(
             DeviceError::from(ErrorCode::NoError).to_string(),
             "0,\"No error\""

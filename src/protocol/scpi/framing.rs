@@ -208,7 +208,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_cut_of_the_chunks_does_not_matter(
+        fn messages_do_not_depend_on_how_input_is_split(
             bytes in proptest::collection::vec(
                 prop_oneof![any::<u8>(), Just(b'\n'), Just(b'#'), Just(b'1'), Just(b'"')], 0..200),
             cuts in proptest::collection::vec(0usize..200, 0..6),

@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn short_and_long_forms_and_nodes_left_out() {
+    fn matches_short_and_long_forms_and_optional_nodes() {
         let trigger = "TRIGger[:SEQuence][:IMMediate]";
         for (pattern, header, expected) in [
             ("CAMera:EXPosure", "cam:exposure", HeaderMatch::Yes),

@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn booleans_words_and_strings() {
+    fn reads_booleans_words_and_strings_and_refuses_others() {
         assert_eq!(with("ON", |a| a.boolean()), Ok(true));
         assert_eq!(with("0", |a| a.boolean()), Ok(false));
         assert_eq!(with("MAYBE", |a| a.boolean()), Err(-141));
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_say_themselves() {
+    fn range_error_states_the_range() {
         let error = Number::Value(9.0).within(0.0, 1.0, 0.5).unwrap_err();
         assert_eq!(
             error.to_string(),

@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_go_round_with_their_nans() {
+    fn maps_with_nans_read_back_equal() {
         let maps = Maps {
             width: 3,
             height: 2,
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_an_end() {
+    fn reply_line_beyond_the_limit_is_refused() {
         assert!(answer(vec![b'x'; MAX_REPLY_LINE + 10]).is_err());
     }
 

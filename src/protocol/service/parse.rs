@@ -137,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_request_is_told_with_what_is_allowed() {
+    fn invalid_requests_are_refused_with_what_is_allowed() {
         let requests = format!("expected one of {REQUESTS}");
         for (line, words) in [
             ("{", vec!["EOF while parsing", "expected a line of JSON"]),
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_long_is_shown_in_part() {
+    fn long_values_are_shortened_in_errors() {
         let name = "x".repeat(4000);
         for line in [
             format!("{{\"{name}\":1}}"),

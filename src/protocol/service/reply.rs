@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reply_may_not_promise_the_moon() {
+    fn refuses_reply_with_impossible_sizes() {
         for bad in [
             "{\"width\":99999999,\"height\":1,\"maps\":[\"a\"],\"bytes\":399999996}",
             "{\"width\":2,\"height\":1,\"maps\":[\"a\"],\"bytes\":9}",

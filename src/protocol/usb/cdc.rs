@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_and_codings_come_back() {
+    fn encoded_lines_and_codings_decode_equal() {
         let coding = LineCoding {
             baud: 9600,
             stop_bits: 2,

@@ -134,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn walks_to_the_end_or_to_what_is_broken() {
+    fn walk_ends_at_the_end_or_at_a_broken_descriptor() {
         let bytes = [3, 4, 9, 2, 5];
         let mut walk = Walk::new(&bytes);
         assert_eq!(
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn strings_come_back() {
+    fn encoded_strings_decode_equal() {
         assert_eq!(string("Ph"), [6, 3, b'P', 0, b'h', 0]);
         assert_eq!(text(&string("Prüfgerät")).as_deref(), Some("Prüfgerät"));
         assert_eq!(string(&"x".repeat(500)).len(), 254);

@@ -157,7 +157,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn negotiations_and_formats_come_back() {
+    fn encoded_negotiations_and_formats_decode_equal() {
         let negotiation = Negotiation {
             hint: 1,
             format: 2,

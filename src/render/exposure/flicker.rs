@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn is_the_integral_over_the_exposure() {
+    fn flicker_is_the_integral_over_the_exposure() {
         for (hz, phase, start, exposure) in [
             (100, 0.0, 0, 8_000_000),
             (120, 77.0, 1_234_567, 1_000),
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn a_billion_frames_on_nothing_has_drifted() {
+    fn flicker_does_not_drift_over_a_billion_frames() {
         // 10^9 frames of 20 ms are whole periods of 100 Hz.
         let light = flicker(100, 12.0);
         let late = 1_000_000_000 * 20_000_000;

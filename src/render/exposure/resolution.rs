@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_period_a_pixel_is_the_end() {
+    fn fringes_down_to_one_period_a_pixel_are_resolved() {
         assert!(is_resolved([4.35, 0.0], 0.0, 1.0, 16.0));
         assert!(is_resolved([-7.6, 0.0], 0.0, 1.0, 16.0), "2.1 px a period");
         assert!(

@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn one_held_pixel_gives_its_own_level_for_any_footprint_on_it() {
+    fn footprint_within_one_pixel_has_its_level() {
         let levels = random_row();
         let row = RowTable::new(&levels, 1.0 / 255.0);
         for size in [0.0, 1e-30, 1e-4, 0.01, 0.1, 0.3] {

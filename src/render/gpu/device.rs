@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn what_does_not_fit_is_told_before_it_is_tried() {
+    fn sizes_beyond_gpu_memory_are_refused_beforehand() {
         let gpu = Gpu::open(true).unwrap();
         gpu.holds(1138 * 489, 64).unwrap();
         let words = gpu.holds(1 << 40, 1).unwrap_err().to_string();
@@ -233,7 +233,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn a_failure_is_said_as_it_was_first() {
+    fn first_failure_is_the_one_reported() {
         let gpu = Gpu::open(true).unwrap();
         gpu.check().unwrap();
         gpu.fail("first");

@@ -405,7 +405,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn passes_are_timed() {
+    fn each_pass_is_counted_and_timed() {
         let mut engine = Engine::for_tests();
         engine.time_passes();
         engine.call("tests/linear_test", &[1; 1000], 1000, 1000);

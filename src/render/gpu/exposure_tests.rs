@@ -294,7 +294,7 @@ fn upload_interreflection(engine: &mut Engine, map: &GeometryBuffer) {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn pattern_images_of_all_kinds() {
+fn exposes_all_kinds_of_pattern_images_like_the_cpu() {
     let plain = Setup::new(SOLIDS, |_| {}, Options::default());
     plain.check("solids", 0.01);
     let bent = |profile: &mut Profile| {
@@ -306,7 +306,7 @@ fn pattern_images_of_all_kinds() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn pattern_images_out_of_focus() {
+fn exposes_pattern_images_out_of_focus_like_the_cpu() {
     let blurred = |profile: &mut Profile| {
         profile.projector.focus = Some(Focus {
             distance_mm: 900.0,
@@ -325,7 +325,7 @@ fn pattern_images_out_of_focus() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn pattern_images_on_skin() {
+fn exposes_pattern_images_on_skin_like_the_cpu() {
     let skin = "albedo = 0.8\nskin = { absorption_per_mm = 0.02, reduced_scattering_per_mm = 2.0 }";
     let scene = SOLIDS.replace("albedo = 0.8", skin);
     let scene = scene.replace("albedo = 0.7", "albedo = 0.7\nskin = { fitzpatrick = 2 }");
@@ -341,14 +341,14 @@ fn pattern_images_on_skin() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn light_that_bounces() {
+fn exposes_interreflection_like_the_cpu() {
     let scene = format!("interreflection = {{ samples = 64, step_px = 4 }}\n{SOLIDS}");
     Setup::new(&scene, |_| {}, Options::default()).check("interreflection", 0.01);
 }
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn pixels_of_many_samples() {
+fn exposes_pixels_of_many_samples_like_the_cpu() {
     let options = Options {
         samples: 64,
         ..Options::default()
@@ -377,7 +377,7 @@ flicker = { frequency_hz = 100, depth = 0.5, phase_deg = 25 }
 /// light.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn rows_that_follow_each_other() {
+fn exposes_rolling_rows_like_the_cpu() {
     let rolling = |profile: &mut Profile| profile.camera.line_time_us = 30.0;
     let setup = Setup::new(&format!("{FLICKER}{SOLIDS}"), rolling, Options::default());
     let [white, fringe, _, gray, image] = setup

@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_far_too_small_or_too_long_is_told() {
+    fn scenes_beyond_f32_are_refused_with_the_reason() {
         let mut profile = Profile::load("pmp-real").unwrap();
         for name in phasmid_profile::scene_names() {
             let scene = Scene::load(name).unwrap();

@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn light_is_spread_as_on_the_cpu() {
+    fn gpu_glare_matches_the_cpu() {
         let mut engine = Engine::for_tests();
         for (size, percent, sigma_px) in [
             ([402usize, 211usize], 8.0, 32.0),

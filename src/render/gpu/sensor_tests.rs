@@ -160,7 +160,7 @@ fn most_that_differ(bits: u32) -> usize {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn frames_of_every_depth_are_the_cpus() {
+fn gpu_frames_of_every_bit_depth_match_the_cpu() {
     for bits in [8, 10, 12, 16] {
         let linear = Parameters {
             response: CameraResponse::Linear {},
@@ -184,7 +184,7 @@ fn frames_of_every_depth_are_the_cpus() {
 /// Checks each term alone, and all other terms without it.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn every_term_is_the_cpus() {
+fn every_gpu_sensor_term_matches_the_cpu() {
     for term in TERMS {
         let rest = TERMS.into_iter().filter(|t| *t != term).collect::<Vec<_>>();
         for terms in [&[term][..], &rest] {
@@ -197,7 +197,7 @@ fn every_term_is_the_cpus() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn expected_numbers_are_the_cpus() {
+fn gpu_expected_numbers_match_the_cpu() {
     for terms in [&TERMS[..], &TERMS[..2], &[]] {
         let mut both = Both::new(sensor(12), terms);
         let [cpu, gpu] = both.frames(true);

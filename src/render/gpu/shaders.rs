@@ -118,7 +118,7 @@ mod tests {
 
     /// Checks that every file in `shaders/` is embedded.
     #[test]
-    fn no_shader_is_forgotten() {
+    fn every_shader_file_is_registered() {
         let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders");
         for (folder, prefix) in [(root.to_owned(), ""), (format!("{root}/tests"), "tests/")] {
             for entry in std::fs::read_dir(folder).unwrap() {

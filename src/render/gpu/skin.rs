@@ -81,7 +81,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn light_travels_under_skin_as_on_the_cpu() {
+    fn gpu_skin_transport_matches_the_cpu() {
         for distorted in [false, true] {
             let bench = TestScene::new(SKINS, Path::new(""), |profile| {
                 if distorted {
@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn samples_of_mixed_pixels_are_those_of_the_cpu() {
+    fn gpu_skin_of_mixed_pixels_matches_the_cpu() {
         let bench = TestScene::new(SKINS, Path::new(""), |_| {});
         let mut engine = bench.engine();
         bench.see_mixed(&mut engine);

@@ -214,7 +214,7 @@ fn image() -> PatternImage {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn rows_are_averaged_as_on_the_cpu() {
+fn gpu_rows_are_averaged_as_on_the_cpu() {
     for (bits, plan) in [("8", plan(&[])), ("16", plan(&[Term::ProjectorResponse]))] {
         for (name, pattern_image) in rows() {
             let usual = cases(40_000, [1e-3, 30.0], [1.0, 1.0]);
@@ -239,7 +239,7 @@ fn rows_are_averaged_as_on_the_cpu() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn images_are_averaged_as_on_the_cpu() {
+fn gpu_images_are_averaged_as_on_the_cpu() {
     for (bits, terms) in [("8", vec![]), ("16", vec![Term::ProjectorResponse])] {
         let plan = plan(&terms);
         let usual = cases(20_000, [1e-3, 30.0], [0.1, 5.0]);
@@ -263,7 +263,7 @@ fn images_are_averaged_as_on_the_cpu() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn blurred_rows_are_averaged_as_on_the_cpu() {
+fn gpu_blurred_rows_are_averaged_as_on_the_cpu() {
     let plan = plan(&[Term::ProjectorDefocus]);
     for (name, pattern_image) in rows() {
         // There is no light to blur outside the pattern.
@@ -334,7 +334,7 @@ fn pattern_images_that_do_not_fit_together_take_turns() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn wide_numbers_are_those_of_64_bits() {
+fn gpu_wide_numbers_match_64_bit_integers() {
     let edges = [
         0,
         1,

@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_furnace_gives_back_what_went_in_and_no_more() {
+    fn furnace_test_conserves_energy() {
         for (f0, roughness) in MATERIALS {
             let ggx = Ggx::new(f0, roughness);
             for cos in [0.08, 0.3, 0.7, 0.98] {
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn light_and_camera_may_change_places() {
+    fn reflectance_is_reciprocal() {
         for (f0, roughness) in MATERIALS {
             let ggx = Ggx::new(f0, roughness);
             for (a, b, azimuth) in [(0.9, 0.3, 2.0), (0.05, 0.6, 3.1), (0.5, 0.51, 0.2)] {
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn the_roughest_metal_loses_what_would_scatter_twice() {
+    fn roughest_metal_matches_closed_form() {
         // At alpha 1 and F 1: D = 1/pi and Lambda(c) = (1/c - 1)/2, so pi f_s = 1/(2 (n.l + n.v)),
         // E(c) = 1 - c ln(1 + 1/c) and its mean 4/3 (1 - ln 2).
         let ggx = Ggx::new(1.0, 1.0);
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_nan_at_any_angle() {
+    fn reflectance_is_finite_at_any_angle() {
         for (f0, roughness) in [(0.0, 0.05), (1.0, 0.05), (0.04, 1.0)] {
             let ggx = Ggx::new(f0, roughness);
             for (l, v) in [

@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_checkerboard_is_what_4096_samples_find() {
+    fn average_of_checkerboard_matches_4096_samples() {
         let n = 16;
         let texture = checker(n);
         let texel = 1.0 / n as f64;

@@ -245,7 +245,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn without_a_gpu_that_is_lost_the_processor_goes_on() {
+    fn cpu_continues_after_loss_of_the_gpu() {
         for fail in [
             |gpu: &mut Passes| gpu.gpu().fail("lost: pulled out"),
             |gpu: &mut Passes| gpu.gpu().device.destroy(),
@@ -259,7 +259,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn a_gpu_that_was_asked_for_and_is_lost_is_an_error() {
+    fn loss_of_a_requested_gpu_is_an_error() {
         let fail = |gpu: &mut Passes| gpu.gpu().fail("lost: pulled out");
         let mut renderer = goes_on_after(fail, Backend::Gpu);
         let said = renderer.news().unwrap_err().to_string();
@@ -268,7 +268,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn memory_that_a_gpu_has_not_is_told() {
+    fn lack_of_gpu_memory_is_reported() {
         let fail = |gpu: &mut Passes| gpu.reserve("frame", u64::MAX / 2);
         let mut renderer = goes_on_after(fail, Backend::Auto);
         let news = renderer.news().unwrap().unwrap();
@@ -281,7 +281,7 @@ mod tests {
     /// A hardware adapter is used without a notice; without one, the notice explains the CPU
     /// fallback.
     #[test]
-    fn auto_takes_a_gpu_that_is_hardware_or_says_why_not() {
+    fn auto_uses_a_hardware_gpu_or_reports_why_not() {
         let mut renderer = renderer(Backend::Auto).unwrap();
         let news = renderer.news().unwrap();
         match renderer.adapter() {
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_that_f32_cannot_hold_is_the_processors() {
+    fn scene_beyond_f32_is_rendered_on_the_cpu() {
         let why = || Err("the scene reaches far".to_owned());
         let (gpu, mut news) = open(Backend::Auto, why, (1, 1)).unwrap();
         assert!(gpu.is_none());

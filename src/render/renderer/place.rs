@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_those_of_a_scene_that_says_so() {
+    fn placed_object_renders_like_scene_with_that_position() {
         for (text, object) in [
             (SCENE.to_owned(), 0),
             (format!("{SCENE}{SPHERE}"), 1),
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn a_gpu_sees_what_was_placed() {
+    fn placed_object_renders_alike_on_the_gpu() {
         for (text, object) in [
             (SCENE.to_owned(), 0),
             (format!("{SCENE}{SPHERE}"), 1),
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_moved_by_100_mm_is_there_in_truth() {
+    fn truth_follows_a_plane_moved_by_100_mm() {
         let scene = Scene::parse(SCENE, "test").unwrap();
         let mut renderer = renderer(&scene, Backend::Cpu);
         let sequence = [(Pattern::White {}, shot(0))];
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn the_plan_follows_the_place() {
+    fn plan_is_updated_after_placement() {
         let text = format!("{SCENE}{SPHERE}").replace(
             "shape = { kind = \"plane\" }",
             "shape = { kind = \"plane\", size_mm = [1.0, 1.0] }",

@@ -31,7 +31,7 @@ mod tests {
 
     /// Mean and variance of flat fields match the noise model.
     #[test]
-    fn flat_fields_have_the_models_noise() {
+    fn noise_of_flat_fields_matches_the_model() {
         let sensor = Profile::load("pmp-bench").unwrap().camera.sensor;
         let model = sensor.noise_model(0.0, 0.0);
         for (id, mean) in [20.0f32, 90.3, 180.7].into_iter().enumerate() {

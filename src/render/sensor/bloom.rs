@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn what_reaches_the_end_is_drained() {
+    fn charge_beyond_the_end_of_the_column_is_drained() {
         let total: f32 = bloomed(&[(1, 1e6)], 1.0).iter().sum();
         assert_eq!(total, 1000.0 * ROWS as f32);
     }

@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn logarithm_against_f64() {
+    fn logarithm_agrees_with_f64() {
         for i in 1..200_000u32 {
             let x = (f64::from(i) / 200_000.0).powi(5) as f32;
             let exact = f64::from(x).ln();
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn exponential_against_f64() {
+    fn exponential_agrees_with_f64() {
         for i in 0..=800_000u32 {
             let x = i as f32 * 1e-4;
             let exact = (-f64::from(x)).exp();

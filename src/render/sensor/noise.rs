@@ -336,7 +336,7 @@ mod tests {
 
     /// The test rejects a wrong distribution: a normal one with equal mean and variance.
     #[test]
-    fn the_test_sees_what_is_not_poisson() {
+    fn chi_square_test_rejects_a_normal_distribution() {
         let below = |x: f64| normal((x - 12.3) / 12.3f64.sqrt());
         let (statistic, critical) = chi_square(&drawn(12.3, 0.0, [13, 0]), below);
         assert!(statistic > 10.0 * critical, "{statistic} {critical}");
@@ -364,7 +364,7 @@ mod tests {
 
     /// A pixel's draw depends only on its own mean and position, not on its neighbours.
     #[test]
-    fn neighbours_and_cuts_change_nothing() {
+    fn draw_depends_only_on_pixel_mean_and_position() {
         let noise = Noise::new([3, 9], 2.3, 600.0, false);
         let mean = |i: usize| [5.0, 40.0, 100.0, 31.0, 900.0, 590.0, 0.0][i * 7919 % 7];
         let mut all: Vec<f32> = (0..1000).map(mean).collect();
@@ -402,7 +402,7 @@ mod tests {
 
     /// The output contains no NaN, whatever the input.
     #[test]
-    fn any_mean_gives_a_number() {
+    fn any_mean_gives_finite_electrons() {
         for read in [0.0, 2.0] {
             let noise = Noise::new([1, u64::MAX], read, 1e4, false);
             let mut electrons: Vec<f32> = [0.0, 1e-38, 1e-9, 31.999_998, 32.0, 1e9, 1e30]

@@ -130,7 +130,7 @@ mod tests {
     /// between.
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn gpu_functions_are_within_rounding() {
+    fn gpu_functions_match_the_cpu_within_rounding() {
         let spread = |i: u32| i.wrapping_mul(2_654_435_769);
         let ends = (0..1000).flat_map(|i| [i, !i, (1 << 31) + i, (1 << 31) - i - 1]);
         let words: Vec<u32> = ends.chain((0..500_000).map(spread)).collect();
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn inverts_the_distribution() {
+    fn quantiles_invert_the_normal_distribution() {
         for i in 0..=2000u32 {
             // Includes the last words of the tail.
             let word = (f64::from(i) / 2000.0).powi(6) * 2_147_483_647.0;

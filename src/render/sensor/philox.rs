@@ -69,7 +69,7 @@ mod tests {
     /// pixels.
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn gpu_words_are_the_same() {
+    fn gpu_words_equal_those_of_the_cpu() {
         let mut input = vec![0; 6];
         input.extend([u32::MAX; 6]);
         input.extend([0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344]);
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_is_eight_counters() {
+    fn block_holds_words_of_eight_counters() {
         let (key, frame) = (0x0123_4567_89ab_cdef, 0xfedc_ba98_7654_3210u64);
         let words = block(key, 7, 3, frame);
         for lane in 0..WIDTH {

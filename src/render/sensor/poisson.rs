@@ -138,7 +138,7 @@ mod tests {
     /// Compares lanes with f64 sums: the numbers agree, except for words at the border of two
     /// numbers.
     #[test]
-    fn inverts_the_distribution() {
+    fn numbers_invert_the_poisson_distribution() {
         let mut differ = 0;
         for k in 0..60_000u32 {
             let words: [u32; BLOCK] =
@@ -165,7 +165,7 @@ mod tests {
     /// Covers any mean with any word, and words of the far tail, where the GPU lacks f64.
     #[test]
     #[ignore = "needs a Vulkan adapter"]
-    fn gpu_numbers_are_the_same() {
+    fn gpu_numbers_match_the_cpu() {
         let hash = |i: u32| (i ^ i >> 15).wrapping_mul(0x85eb_ca6b);
         let mean = |i: u32| match i % 5 {
             0 => 0.0,
@@ -222,7 +222,7 @@ mod tests {
 
     /// The remaining uniform number is the word's position within the step of its number.
     #[test]
-    fn the_rest_is_uniform() {
+    fn remaining_randomness_is_uniform() {
         let mean = 1.5;
         let step = 1 << 12;
         let words: [u32; BLOCK] = std::array::from_fn(|i| (0.3e9 as u32) + i as u32 * step);

@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn follows_the_curve_and_its_inverse_returns() {
+    fn response_follows_its_curve_and_inverts() {
         for gamma in [0.25, 0.45, 2.2, 4.0] {
             let curve = profile::CameraResponse::Gamma { gamma };
             for full in [255.0, 65535.0] {

@@ -37,6 +37,8 @@ pub struct Series {
     pub labelled: bool,
     /// Error bars: x, low, high.
     pub spans: Vec<[f64; 3]>,
+    /// Whether it has the colour of the series before it: the truth and the measurement of one quantity.
+    pub paired: bool,
 }
 
 impl Series {
@@ -49,7 +51,15 @@ impl Series {
             tips: Vec::new(),
             labelled: false,
             spans: Vec::new(),
+            paired: false,
         }
+    }
+
+    /// Draws it in the colour of the series before it.
+    #[must_use]
+    pub fn paired(mut self) -> Self {
+        self.paired = true;
+        self
     }
 }
 
@@ -69,7 +79,7 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// Draws the chart. Colours repeat after eight series. The legend omits series without a point in the
+    /// Draws the chart. Colours repeat after eight unpaired series. The legend omits series without a point in the
     /// panel.
     pub fn sheet(&self) -> Sheet {
         let rows = self.series.len() as f64;
@@ -84,11 +94,15 @@ impl Chart {
         panel.draw(&mut sheet);
         panel.head(&mut sheet, &self.heading);
         let mut named = 0.0;
+        let mut colours = 0;
         for (i, series) in self.series.iter().enumerate() {
+            if i > 0 && !series.paired {
+                colours += 1;
+            }
             if !series.points.iter().any(|p| panel.inside(*p).is_some()) {
                 continue;
             }
-            let colour = format!("c{}", i % 8);
+            let colour = format!("c{}", colours % 8);
             let dash = if series.look == Look::Dashed {
                 " dash"
             } else {

@@ -293,7 +293,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_program_is_the_same_whatever_commit_is_told_of_it() {
+    fn program_is_identified_by_checksum_not_by_commit() {
         let at = |revision: &str| About {
             made_by: "phasmid 0".to_owned(),
             study: "noise".to_owned(),

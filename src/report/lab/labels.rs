@@ -68,7 +68,7 @@ mod tests {
     use crate::plot::Axis;
 
     #[test]
-    fn names_stay_clear_of_each_other_and_inside() {
+    fn labels_do_not_overlap_and_stay_inside() {
         let panel = Panel {
             corner: DVec2::new(60.0, 20.0),
             size: DVec2::new(300.0, 200.0),

@@ -117,7 +117,7 @@ mod tests {
 
     /// Test vectors of RFC 4648, section 10.
     #[test]
-    fn pictures_become_text() {
+    fn base64_matches_rfc_4648() {
         let words = ["", "f", "fo", "foo", "foob", "fooba", "foobar"];
         let texts = [
             "", "Zg==", "Zm8=", "Zm9v", "Zm9vYg==", "Zm9vYmE=", "Zm9vYmFy",

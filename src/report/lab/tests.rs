@@ -82,7 +82,7 @@ fn go(fails_at: Option<usize>, path: &std::path::Path, jobs: usize, seed: u64) -
 }
 
 #[test]
-fn an_interrupted_study_goes_on_where_it_was() {
+fn interrupted_study_resumes() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("study");
     let error = go(Some(7), &path, 1, 5).unwrap_err().to_string();

@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_lie_where_they_should() {
+    fn axis_maps_values_to_positions() {
         let axis = Axis::between("x", 10.0, 20.0);
         assert_eq!(axis.at(10.0), Some(0.0));
         assert_eq!(axis.at(12.5), Some(0.25));

@@ -76,7 +76,7 @@ mod tests {
     use crate::plot::Axis;
 
     #[test]
-    fn heights_are_the_values() {
+    fn bar_heights_are_proportional_to_values() {
         let values = [0.25, f64::NAN, 1.0];
         let panel = Panel {
             corner: DVec2::new(60.0, 20.0),
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn any_number_of_bars_with_any_names() {
+    fn draws_any_number_of_bars_with_few_labels() {
         for count in [0, 1, 20, 5000] {
             let names: Vec<String> = (0..count).map(|i| format!("a long name ä {i}")).collect();
             let named: Vec<(&str, f64)> = names.iter().map(|n| (n.as_str(), 1.0)).collect();

@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn empty_and_senseless_data_have_no_bars_to_speak_of() {
+    fn empty_or_invalid_data_do_not_panic() {
         assert_eq!(Histogram::new([], 0.0, 1.0, 4).densities(), [0.0; 4]);
         let odd = Histogram::new([1.0], f64::NAN, 1.0, 4);
         assert_eq!(odd.total(), 1);

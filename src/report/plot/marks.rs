@@ -58,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_breaks_where_it_leaves() {
+    fn curve_is_broken_outside_the_panel() {
         let mut sheet = Sheet::new(100.0, 100.0);
         let points: Vec<DVec2> = [1.0, 2.0, f64::NAN, 4.0, 99.0, 6.0, 7.0, 8.0]
             .iter()

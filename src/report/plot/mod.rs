@@ -28,3 +28,4 @@ pub use quiver::{Arrow, quiver};
 pub use sheet::{Anchor, Sheet};
 pub use style::{PAGE_STYLE, STYLE};
 pub use text::{escaped, figures};
+pub(crate) use ticks::linear as linear_ticks;

@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_arrows_are_left_out() {
+    fn invalid_arrows_are_left_out_and_output_is_bounded() {
         let mut sheet = Sheet::new(120.0, 130.0);
         let odd = [
             Arrow {

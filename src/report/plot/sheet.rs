@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_has_no_place_is_left_out() {
+    fn marks_at_invalid_positions_are_left_out() {
         let mut sheet = Sheet::new(10.0, 10.0);
         let nan = DVec2::new(f64::NAN, 1.0);
         sheet.polyline("line", &[nan, DVec2::ONE], false, None);

@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_markup_and_no_control_character_gets_through() {
+    fn markup_and_control_characters_are_escaped() {
         assert_eq!(
             escaped("<a href=\"x\">'&\u{0}\u{1b}\u{FFFE}ü木\t"),
             "&lt;a href=&quot;x&quot;&gt;&#39;&amp;\u{FFFD}\u{FFFD}\u{FFFD}ü木\t"

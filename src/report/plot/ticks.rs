@@ -26,7 +26,7 @@ fn scaled(m: f64, exponent: i32) -> f64 {
 
 /// Returns ticks at multiples of a round step within [low, high], at most about `most` of them, each with
 /// its label.
-pub(super) fn linear(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
+pub(crate) fn linear(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
     let step = round_step((high - low) / most.max(1) as f64);
     let slack = 1e-6 * step;
     let first = ((low - slack) / step).ceil();
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_are_round() {
+    fn ticks_have_round_steps() {
         assert_eq!(
             labels(0.0, 1.0, 5),
             ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn powers_of_ten() {
+    fn logarithmic_ticks_are_powers_of_ten() {
         let ticks: Vec<String> = logarithmic(0.05, 20.0).into_iter().map(|t| t.1).collect();
         assert_eq!(ticks, ["0.1", "1", "10"]);
         let ticks: Vec<String> = logarithmic(1.0, 10.0).into_iter().map(|t| t.1).collect();
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn senseless_ranges_end() {
+    fn invalid_ranges_give_few_ticks() {
         for (low, high) in [
             (f64::NAN, 1.0),
             (0.0, f64::INFINITY),

@@ -54,7 +54,7 @@ fn truth(phase: f64) -> DVec3 {
 }
 
 #[test]
-fn a_tumour_is_found_between_the_phases() {
+fn tumour_is_located_between_the_phases() {
     let tracker = tracker(&options());
     let start = MotionState::mean(&CASE.model);
     for phase in [0.0, 0.3, 1.9, 3.5, 5.0] {
@@ -72,7 +72,7 @@ fn a_tumour_is_found_between_the_phases() {
 }
 
 #[test]
-fn a_deeper_breath_is_still_one() {
+fn deeper_breath_is_followed_with_the_predicted_error() {
     // 1.5 times the depth: mean and variation both grow. The two components can follow the variation,
     // but only the part of the mean that lies along them.
     let tracker = tracker(&options());
@@ -120,7 +120,7 @@ fn a_covariance_of_the_fit_is_honest() {
 }
 
 #[test]
-fn what_the_skin_does_not_show_stays_uncertain() {
+fn motion_not_visible_on_skin_stays_uncertain() {
     // One component only: the lag is left out and appears in the tumour's uncertainty.
     let one = ModelOptions {
         most: 1,
@@ -171,7 +171,7 @@ fn what_the_skin_does_not_show_stays_uncertain() {
 }
 
 #[test]
-fn set_up_and_breath_are_told_apart() {
+fn set_up_error_is_separated_from_breathing() {
     let pose = SixDof {
         translation_mm: DVec3::new(1.5, -2.0, 1.0),
         rotation_deg: DVec3::new(0.4, -0.3, 0.5),
@@ -202,7 +202,7 @@ fn set_up_and_breath_are_told_apart() {
 }
 
 #[test]
-fn outliers_and_warm_starts() {
+fn outliers_are_tolerated_and_warm_starts_are_faster() {
     let tracker = tracker(&options());
     let mut scan = measured(1.0, 1.0, 8000, 0.1, 6);
     let mut random = Random::new(7);
@@ -222,7 +222,7 @@ fn outliers_and_warm_starts() {
 }
 
 #[test]
-fn what_does_not_fit_is_said() {
+fn misfit_is_warned_of_and_bad_input_refused() {
     let tracker = tracker(&options());
     let start = MotionState::mean(&CASE.model);
     let empty = Measured::isotropic(Vec::new(), 0.1);
@@ -267,7 +267,7 @@ impl Snapshots2 {
 }
 
 #[test]
-fn threads_do_not_matter() {
+fn result_does_not_depend_on_thread_count() {
     let tracker = tracker(&options());
     let scan = measured(1.0, 1.0, 3000, 0.1, 9);
     let start = MotionState::mean(&CASE.model);

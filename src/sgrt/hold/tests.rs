@@ -26,7 +26,7 @@ fn on_after(times: impl Iterator<Item = u64>) -> Hold {
 }
 
 #[test]
-fn comes_on_after_a_while_inside() {
+fn beam_comes_on_after_settling_within_tolerance() {
     let mut hold = on_after((0..=400).step_by(100));
     assert_eq!(hold.beam(), &Beam::Held(Reason::Settling));
     assert_eq!(hold.update(500 * MS, &reading(0.5)), &Beam::On);
@@ -50,7 +50,7 @@ fn comes_on_after_a_while_inside() {
 }
 
 #[test]
-fn warnings_gaps_and_clocks_hold() {
+fn warnings_gaps_and_wrong_clocks_hold_the_beam() {
     let on = || on_after((0..=500).step_by(100));
     let mut warned = reading(0.0);
     warned.warnings.push("not determined".to_owned());
@@ -89,7 +89,7 @@ fn warnings_gaps_and_clocks_hold() {
 }
 
 #[test]
-fn rules_out_of_range_are_named() {
+fn refuses_rules_out_of_range_by_name() {
     for (rules, word) in [
         (
             HoldRules {
@@ -122,7 +122,7 @@ proptest! {
     /// Whatever the readings, the beam is on only if every reading of the last `settle_ns` was within
     /// tolerance and without a warning.
     #[test]
-    fn on_is_never_unfounded(steps in proptest::collection::vec((0_u64..300, 0.0_f64..4.0, 0..20_u8), 1..60)) {
+    fn beam_is_on_only_after_settled_readings(steps in proptest::collection::vec((0_u64..300, 0.0_f64..4.0, 0..20_u8), 1..60)) {
         let rules = HoldRules::default();
         let mut hold = Hold::new(rules).unwrap();
         let (mut time, mut history) = (0, Vec::new());

@@ -37,7 +37,7 @@ fn two_motions_in_quadrature_are_two_components() {
 }
 
 #[test]
-fn what_is_left_out_is_told() {
+fn error_of_omitted_components_is_predicted() {
     let case = breathing(4000, 0.6);
     let one = ModelOptions {
         most: 1,
@@ -84,7 +84,7 @@ fn outer(v: DVec3) -> DMat3 {
 }
 
 #[test]
-fn energy_chooses_the_number() {
+fn energy_sets_the_number_of_components() {
     let mut case = breathing(4000, 0.6);
     let mut random = Random::new(3);
     for field in case.snapshots.skin.iter_mut().flatten() {
@@ -100,7 +100,7 @@ fn energy_chooses_the_number() {
 }
 
 #[test]
-fn what_does_not_match_is_named() {
+fn refuses_mismatched_snapshots_by_name() {
     let case = breathing(2000, 0.6);
     let words = |snapshots: &Snapshots, options: &ModelOptions| {
         MotionModel::new(snapshots, &case.tumour, options)

@@ -67,7 +67,7 @@ fn normals_are_those_of_the_smooth_surface() {
 }
 
 #[test]
-fn rough_facets_tell_how_rough() {
+fn estimates_roughness_of_facets() {
     let mut mesh = plane();
     let mut random = Random::new(3);
     for v in &mut mesh.vertices {
@@ -87,7 +87,7 @@ fn rough_facets_tell_how_rough() {
 }
 
 #[test]
-fn regions_choose_triangles() {
+fn regions_select_triangles_wholly_inside() {
     let mesh = plane();
     let area = |region: &Region| Reference::new(&mesh, region).unwrap().area_mm2();
     assert!((area(&Region::All) - 160_000.0).abs() < 1e-6);
@@ -120,7 +120,7 @@ fn regions_choose_triangles() {
 }
 
 #[test]
-fn what_is_no_region_is_named() {
+fn refuses_invalid_regions_by_name() {
     let mesh = plane();
     let words = |region: &Region| match Reference::new(&mesh, region) {
         Err(e) => e.to_string(),

@@ -72,7 +72,9 @@ pub(super) fn block(rows: &Rows) -> Block {
             let points = of(rows, input, None);
             let points = points.map(|row| (row.value("time_s") - BEGIN_S, row.value(column)));
             let name = format!("{name}, {word}");
-            series.push(Series::new(&name, look, points.collect::<Vec<_>>()));
+            let mut one = Series::new(&name, look, points.collect::<Vec<_>>());
+            one.paired = input == "followed";
+            series.push(one);
         }
     }
     let chart = Chart {

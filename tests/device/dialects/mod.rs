@@ -81,7 +81,7 @@ fn gspark() -> String {
 }
 
 #[test]
-fn the_guide_s_example_scans() {
+fn dialect_of_the_guide_gives_the_same_scan() {
     let (plain, _) = scan("scpi", None);
     let identify = "identify = { steps = [{ command = \"firmware\" }], ";
     let result = "result = \"{maker},{model},{serial},{version}\" }\n";
@@ -145,7 +145,7 @@ fn every_dialect_gives_the_same_scan() {
 }
 
 #[test]
-fn a_slow_line_takes_its_time_and_changes_nothing() {
+fn slow_line_takes_longer_and_gives_the_same_frames() {
     for dialect in ["scpi", "okline", "dlpc350"] {
         let (fast, fast_ns) = scan(dialect, None);
         let (slow, slow_ns) = scan(dialect, Some(115_200));

@@ -110,7 +110,7 @@ fn the_device_s_own_file_changes_no_byte() {
 }
 
 #[test]
-fn a_device_with_other_headers_is_scanned_by_its_file() {
+fn device_with_other_headers_is_scanned_with_its_file() {
     for sequence in [None, Some("quick-4-xy")] {
         let (plain, _) = scan(None, false, sequence);
         let (captured, said) = scan(Some(parse(&other())), true, sequence);
@@ -138,7 +138,7 @@ fn a_device_with_other_headers_is_scanned_by_its_file() {
 }
 
 #[test]
-fn what_the_device_refuses_is_told_in_its_words_and_names_it_does_not_have_too() {
+fn refusals_and_unknown_sequences_are_reported() {
     let (captured, _) = scan(Some(parse(&other())), true, Some("moon"));
     let error = captured.unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
@@ -152,7 +152,7 @@ fn what_the_device_refuses_is_told_in_its_words_and_names_it_does_not_have_too()
 }
 
 #[test]
-fn what_a_file_has_no_words_for_a_scan_does_without() {
+fn scan_omits_optional_operations_that_a_file_lacks() {
     let without = |operation: &str| {
         let text = other();
         let line = |line: &&str| !line.starts_with(&format!("{operation} = "));
@@ -206,7 +206,7 @@ fn what_a_file_has_no_words_for_a_scan_does_without() {
 }
 
 #[test]
-fn a_file_of_scpi_says_words_and_what_comes_at_power_on_and_no_more() {
+fn scpi_file_may_only_set_commands_and_boot_messages() {
     let with = |more: &str| format!("{}\n{more}\n", other());
     for more in [
         "[line]\necho = true",

@@ -27,7 +27,7 @@ pub fn plane(tilt_deg: f64, z_mm: f64) -> Plane {
 }
 
 #[test]
-fn planes_of_any_tilt() {
+fn planes_of_any_tilt_are_exact() {
     for profile in [bench(), distorted(), wide()] {
         for tilt_deg in [0.0, 35.0, -60.0] {
             let held = hold(&profile, &plane(tilt_deg, 1000.0));
@@ -37,7 +37,7 @@ fn planes_of_any_tilt() {
 }
 
 #[test]
-fn planes_seen_almost_edge_on() {
+fn planes_seen_almost_edge_on_are_exact() {
     let mut profile = bench();
     profile.projector.throw_ratio = 0.5;
     for tilt_deg in [89.0, 89.9, -89.9] {
@@ -47,7 +47,7 @@ fn planes_seen_almost_edge_on() {
 }
 
 #[test]
-fn spheres() {
+fn spheres_are_exact() {
     for profile in [bench(), distorted(), wide()] {
         for (center_mm, radius_mm) in [
             (DVec3::new(30.0, -10.0, 1000.0), 120.0),

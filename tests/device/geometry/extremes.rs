@@ -12,7 +12,7 @@ use phasmid::profile::Profile;
 use std::sync::Arc;
 
 #[test]
-fn near_and_far_scenes_and_a_baseline_of_a_millimetre() {
+fn near_and_far_scenes_and_a_tiny_baseline_are_exact() {
     // 50 mm: a small rig, a macro lens. 100 m: the bench's own.
     let mut near = bench();
     near.projector.position_mm = [20.0, 0.0, 0.0];
@@ -66,7 +66,7 @@ impl Surface for Far<Plane> {
 }
 
 #[test]
-fn a_rig_ten_kilometres_from_the_origin() {
+fn rig_ten_kilometres_from_the_origin_is_exact() {
     assert!(DVec3::from(FAR_MM).length() > 9.9e6);
     for tilt_deg in [0.0, -50.0] {
         assert!(hold(&bench(), &Far(plane(tilt_deg, 1000.0))) > 20_000);
@@ -148,7 +148,7 @@ fn from_nanometres_to_kilometres() -> Mesh {
 }
 
 #[test]
-fn triangles_of_a_nanometre_beside_ones_of_a_kilometre() {
+fn triangles_of_a_nanometre_and_a_kilometre_are_exact() {
     let mut profile = bench();
     profile.projector.throw_ratio = 0.5;
     for mesh in [giants(), from_nanometres_to_kilometres()] {
@@ -233,7 +233,7 @@ fn mean_level(levels: &[u16], x: f64, boxes: [f64; 2]) -> f64 {
 }
 
 #[test]
-fn fringes_from_two_pixels_to_the_whole_width() {
+fn fringes_from_two_pixels_to_the_whole_width_are_exact() {
     let profile = bench();
     let plane = plane(15.0, 1000.0);
     let rig = Rig::new(&profile);
@@ -266,7 +266,7 @@ fn fringes_from_two_pixels_to_the_whole_width() {
 }
 
 #[test]
-fn a_thousand_million_frames_into_a_run() {
+fn frames_are_sound_after_a_thousand_million_frames() {
     let profile = bench();
     let plane = plane(0.0, 1000.0);
     let mut renderer = Renderer::new(&profile, &scene(&plane), 1).unwrap();
@@ -284,7 +284,7 @@ fn a_thousand_million_frames_into_a_run() {
 }
 
 #[test]
-fn exposures_from_a_microsecond_to_ten_seconds() {
+fn longer_exposures_are_never_darker_from_1_us_to_10_s() {
     let profile = bench();
     let ball = Sphere {
         center_mm: DVec3::new(0.0, 0.0, 1000.0),
@@ -308,7 +308,7 @@ fn exposures_from_a_microsecond_to_ten_seconds() {
 /// Needs 2.7 GB: `.ci/run` runs it by name, with `--ignored --nocapture`, so that it prints.
 #[test]
 #[ignore = "ten million triangles: 2.7 GB, and a quarter of a minute"]
-fn ten_million_triangles() {
+fn renders_ten_million_triangles() {
     let text = "name = \"s\"\ndescription = \"\"\n[[object]]\n\
         shape = { kind = \"torso\", triangles = 10000000 }\nposition_mm = [0, 0, 1150]\n\
         rotation_deg = [0, 0, 80]\nalbedo = 0.5\n";

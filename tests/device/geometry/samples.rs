@@ -88,7 +88,7 @@ fn a_sliver_that_no_centre_sees_is_found_by_more_samples() {
 }
 
 #[test]
-fn where_the_closed_form_stands_more_samples_change_nothing() {
+fn more_samples_do_not_change_closed_form_pixels() {
     for distortion in [[0.0; 5], [-0.12, 0.05, 8e-4, -5e-4, -0.004]] {
         let mut profile = bench();
         profile.camera.height_px = 121;
@@ -170,7 +170,7 @@ fn segment(t: f64) -> f64 {
 }
 
 #[test]
-fn the_edge_of_a_plate_out_of_focus_spreads_as_the_disc_has_it() {
+fn edge_out_of_focus_spreads_by_the_disc_of_confusion() {
     // The wall, the plate or neither is in focus.
     for (focus_mm, plate_mm) in [(1000.0, 700.0), (1000.0, 950.0), (820.0, 700.0)] {
         let profile = blurred(focus_mm);
@@ -279,7 +279,7 @@ fn a_fringe_on_a_plane_out_of_focus_loses_the_disc_s_contrast() {
 }
 
 #[test]
-fn a_scene_in_depth_is_blurred_as_the_reference_has_it() {
+fn blur_of_a_scene_in_depth_matches_the_reference() {
     let profile = blurred(960.0);
     let object = |shape: &str, place: &str| {
         format!("[[object]]\nshape = {{ {shape} }}\n{place}\nalbedo = 0.7\n")

@@ -33,7 +33,7 @@ fn ball(center: DVec3, radius: f64, across: u32) -> Mesh {
 }
 
 #[test]
-fn nothing_bounces_where_nothing_is_concave() {
+fn convex_scenes_have_no_interreflection() {
     let profile = Profile::load("pmp-bench").unwrap();
     let folder = tempfile::tempdir().unwrap();
     let round = ball(DVec3::new(20.0, -10.0, 940.0), 75.0, 60);
@@ -79,7 +79,7 @@ fn nothing_bounces_where_nothing_is_concave() {
 }
 
 #[test]
-fn light_adds_up_and_no_more_comes_back_than_went_in() {
+fn interreflection_is_linear_and_conserves_energy() {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.projector.radiant_intensity_w_sr = 0.4;
     let mut renderer = Renderer::new(&profile, &clutter(64, 4), 1).unwrap();

@@ -10,7 +10,7 @@ use std::path::Path;
 /// (e.g. Howell, Menguc, Siegel, "Thermal Radiation Heat Transfer"): one reflection adds everywhere
 /// the albedo times the mean irradiance, which follows from the lamp's total power.
 #[test]
-fn inside_of_a_sphere_all_power_comes_back_evenly() {
+fn interreflection_in_a_sphere_is_uniform_and_exact() {
     let profile = Profile::load("pmp-bench").unwrap();
     let (radius, albedo, intensity) = (500.0, 0.7, 0.05);
     for (samples, bar) in [(64, 0.03), (256, 0.01)] {

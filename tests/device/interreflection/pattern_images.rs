@@ -41,7 +41,7 @@ fn integrated(profile: &Profile, point: DVec3, levels: &[u16]) -> f64 {
 }
 
 #[test]
-fn fringes_bounce_as_direct_integration_has_it() {
+fn bounced_fringes_match_direct_integration() {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.projector.radiant_intensity_w_sr = 0.5;
     for period in [16.0, 480.0] {

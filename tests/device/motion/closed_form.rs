@@ -40,7 +40,7 @@ fn sliding(tilt_deg: f64, from: [f64; 3], to: [f64; 3]) -> Scene {
 }
 
 #[test]
-fn a_plane_that_moves_lies_where_its_speed_has_taken_it() {
+fn moving_plane_lies_where_its_speed_puts_it() {
     let profile = bench();
     let (pattern, pattern_image) = fringe(&profile, 16.0, 0.0);
     for (tilt, from, to) in [

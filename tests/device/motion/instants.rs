@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 #[test]
-fn exposures_from_a_microsecond_to_ten_seconds() {
+fn moving_scene_is_exposed_from_1_us_to_10_s() {
     let mut profile = bench();
     profile.projector.radiant_intensity_w_sr = 0.8;
     let (_, pattern_image) = fringe(&profile, 16.0, 0.4);
@@ -155,7 +155,7 @@ fn meshes_that_do_not_fit_are_refused() {
 /// instants. Later rows count too: an object at rest during the first row's exposure may move
 /// during the last one's.
 #[test]
-fn what_hardly_goes_is_looked_at_once() {
+fn slow_motion_is_rendered_at_one_instant() {
     let profile = bench();
     let (_, pattern_image) = fringe(&profile, 16.0, 0.4);
     let mean = |mm: f64, from_s: f64| {

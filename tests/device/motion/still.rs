@@ -85,7 +85,7 @@ fn same(profile: &Profile, still: &Scene, moving: &Scene, time_ns: u64, what: &s
 }
 
 #[test]
-fn what_moves_looks_like_what_stands_there() {
+fn moving_object_looks_like_a_still_one_at_its_place() {
     let dir = tempfile::tempdir().unwrap();
     write_sheet(&dir.path().join("sheet.obj"), 30.0);
     write_checker(&dir.path().join("checker.png"));
@@ -240,7 +240,7 @@ fn a_mesh_that_deforms_is_its_keyframe_and_half_way_their_mean() {
 }
 
 #[test]
-fn what_has_a_way_but_stands_still_keeps_every_byte() {
+fn object_at_rest_with_a_motion_keeps_every_byte() {
     let mut profile = bench();
     profile.camera.sensor.noiseless = false;
     let folder = Path::new("");

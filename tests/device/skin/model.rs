@@ -61,7 +61,7 @@ fn the_published_formula_solves_the_diffusion_equation() {
 }
 
 #[test]
-fn what_the_formulas_give_at_a_few_places() {
+fn formulas_match_values_computed_by_hand() {
     // Computed by hand from the papers: n = 1.4 gives Reff = 0.5295 and A = 0.1538.
     let tissue = Tissue {
         absorption_per_mm: 0.02,

@@ -40,7 +40,7 @@ fn cells(line: &str) -> Vec<&str> {
 /// A table below `<!-- study NAME -->` equals the output of `phasmid study NAME` in
 /// `tests/studies/NAME.md`; a name that ends in `.quick` refers to the quick form.
 #[test]
-fn tables_are_those_of_the_studies() {
+fn tables_equal_output_of_the_studies() {
     let found = tables();
     for (name, table) in &found {
         let printed = snapshot(&format!("{name}.md"));
@@ -79,7 +79,7 @@ fn thousands(count: u64) -> String {
 }
 
 #[test]
-fn how_good_it_is() {
+fn accuracy_figures_equal_output_of_demo() {
     let said = demo(&[]);
     let number = |key: &str| said[key].as_f64().unwrap();
     assert_eq!(
@@ -111,7 +111,7 @@ fn how_good_it_is() {
 
 /// Improvement of depth by `--weighted`, over the scenes in front of the bench in full light.
 #[test]
-fn weights_win_what_the_study_of_noise_says() {
+fn stated_gain_of_weights_equals_the_study_of_noise() {
     let study = snapshot("noise.md");
     let mut lines = study
         .lines()

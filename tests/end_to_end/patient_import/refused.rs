@@ -8,7 +8,7 @@ use phasmid::patient::volume::{Field, Grid, Volume, Voxels};
 use tempfile::tempdir;
 
 #[test]
-fn what_does_not_fit_is_named() {
+fn refuses_input_that_does_not_fit_by_name() {
     let folder = tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let ct = read_volume(&from().join("ct_50.mha")).unwrap();

@@ -9,7 +9,7 @@ use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 #[test]
-fn clients_that_misbehave_do_no_harm() {
+fn misbehaving_clients_do_not_disturb_scans() {
     let served = Served::start(&["--tcp", "0"]);
     let camera = served.at.camera.strip_prefix("socket:").unwrap();
 
@@ -65,7 +65,7 @@ fn clients_that_misbehave_do_no_harm() {
 }
 
 #[test]
-fn a_client_that_stops_reading_replies_is_told_of_it() {
+fn client_that_stops_reading_gets_an_error_for_lost_replies() {
     let served = Served::start(&[]);
     let mut port = SerialPort::open(served.at.control.to_str().unwrap()).unwrap();
     port.send(b"*IDN?\n", LONG).unwrap();

@@ -32,7 +32,7 @@ pub fn device(stream: &mut UnixStream) -> DeviceAbout {
 }
 
 #[test]
-fn a_step_exposes_what_falls_into_it() {
+fn step_exposes_the_frames_within_it() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
     let mut instrument = served.instrument();
@@ -72,7 +72,7 @@ fn a_step_exposes_what_falls_into_it() {
 }
 
 #[test]
-fn a_step_of_a_day_is_called_off() {
+fn step_of_a_day_can_be_cancelled() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
     // With a reader, each of the three million frames must be rendered.
@@ -138,7 +138,7 @@ fn only_a_stepped_clock_is_stepped() {
 }
 
 #[test]
-fn on_the_wall_s_time_lateness_is_measured_and_told() {
+fn real_clock_reports_lateness() {
     let mut command = serve();
     command.args(["--clock", "real", "--camera", "socket"]);
     let base = tempfile::tempdir().unwrap();

@@ -24,7 +24,7 @@ fn check(file: &str) -> Output {
 
 /// With real time and with the fast clock: the device finishes its power-on messages during a scan.
 #[test]
-fn a_scan_speaks_what_the_device_s_file_says() {
+fn scan_uses_the_dialect_of_the_device_file() {
     for dialect in ["okline", "dlpc350"] {
         let served = Served::spawn_as_it_is(serve().args(["--dialect", dialect]));
         assert_eq!(served.at.dialect.as_deref(), Some(dialect));
@@ -60,7 +60,7 @@ fn a_scan_speaks_what_the_device_s_file_says() {
 
 /// The guide's example from its file; what it cannot report is read from files as well.
 #[test]
-fn a_dialect_of_one_s_own_scans() {
+fn scan_works_with_a_custom_dialect() {
     let base = tempfile::tempdir().unwrap();
     let guide = include_str!("../../../src/protocol/dialect/guide.md");
     let (_, rest) = guide.split_once("```toml\n").unwrap();
@@ -94,7 +94,7 @@ fn a_dialect_of_one_s_own_scans() {
 
 /// A long answer at 9600 baud takes at least as long as its bytes need, and so does the question.
 #[test]
-fn bytes_take_their_time_on_the_wall() {
+fn real_clock_delays_bytes_by_the_baud_rate() {
     let base = tempfile::tempdir().unwrap();
     let file = profile(base.path(), "dialect = \"okline\"\nbaud = 9600");
     let mut command = phasmid();
@@ -222,7 +222,7 @@ fn profile_check_judges_a_port_as_serve_does() {
 }
 
 #[test]
-fn profile_check_says_what_decides_the_time() {
+fn profile_check_lists_what_determines_timing() {
     let base = tempfile::tempdir().unwrap();
     let file = profile(
         base.path(),

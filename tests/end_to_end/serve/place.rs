@@ -26,7 +26,7 @@ fn frames(folder: &Path) -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn a_plane_goes_where_it_is_told() {
+fn plane_moves_to_the_requested_place() {
     let base = tempfile::tempdir().unwrap();
     let served = Served::start(&["--seed", "7"]);
     let mut stream = UnixStream::connect(&served.at.service).unwrap();

@@ -95,7 +95,7 @@ fn refused(command: &mut Command, words: &[&str]) {
 }
 
 #[test]
-fn a_pod_that_was_knocked_is_found_where_it_stands_now() {
+fn pod_that_was_moved_is_located_again() {
     let folder = tempfile::tempdir().unwrap();
     let planned = include_str!("../../../device-profiles/stations/sgrt-ceiling.toml");
     let knocked = planned

@@ -5,7 +5,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
 #[test]
-fn a_scan_over_pty_and_socket_leaves_what_a_decoder_needs() {
+fn scan_over_pty_and_socket_writes_decoder_input() {
     let served = Served::start(&["--seed", "7"]);
     assert_eq!(served.at.seed, Some(7));
     assert_eq!(
@@ -87,7 +87,7 @@ fn a_sequence_from_a_file_is_projected() {
 }
 
 #[test]
-fn nobody_there_is_said_so() {
+fn missing_camera_or_port_is_reported() {
     let base = tempfile::tempdir().unwrap();
     let scan = |camera: &str, control: &str| {
         phasmid()

@@ -30,7 +30,7 @@ fn expose(served: &Served, stream: &mut UnixStream) {
 }
 
 #[test]
-fn all_that_is_documented_is_answered() {
+fn every_documented_request_is_answered() {
     let (served, mut stream) = exposed();
     let rows = DOCUMENTED
         .lines()
@@ -138,7 +138,7 @@ const SOCKET: &str = "PHASMID_TEST_SERVICE_SOCKET";
 /// The socket's file mode excludes other users; if the mode has been relaxed, the device itself
 /// does.
 #[test]
-fn it_is_its_owner_s_alone() {
+fn service_socket_refuses_other_users() {
     let served = Served::start(&[]);
     let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
     assert_eq!(

@@ -49,7 +49,7 @@ fn end(mut child: Child) {
 }
 
 #[test]
-fn each_has_its_own_endpoints_scene_and_noise() {
+fn each_device_has_its_own_endpoints_scene_and_noise() {
     let base = tempfile::tempdir().unwrap();
     let run = base.path().join("run");
     let options = [
@@ -93,7 +93,7 @@ fn each_has_its_own_endpoints_scene_and_noise() {
 }
 
 #[test]
-fn one_usb_server_has_them_all() {
+fn one_usb_server_exports_all_devices() {
     let base = tempfile::tempdir().unwrap();
     let profiles = ["A1", "B2"].map(|serial| profile(base.path(), "bench", serial));
     let options = [
@@ -144,7 +144,7 @@ fn one_usb_server_has_them_all() {
 }
 
 #[test]
-fn what_does_not_go_together_is_refused_before_anything_is_made() {
+fn conflicting_options_are_refused_before_anything_is_made() {
     let base = tempfile::tempdir().unwrap();
     let other = profile(base.path(), "other", "0001");
     let run = base.path().join("run");
@@ -181,7 +181,7 @@ fn what_does_not_go_together_is_refused_before_anything_is_made() {
 }
 
 #[test]
-fn what_killed_devices_left_goes_after_the_next_ones() {
+fn remains_of_killed_devices_are_removed_by_the_next_run() {
     let base = tempfile::tempdir().unwrap();
     let run = base.path().join("run");
     let two = ["--profile", "webcam-grey", "--profile", "webcam-grey"];
@@ -197,7 +197,7 @@ fn what_killed_devices_left_goes_after_the_next_ones() {
 }
 
 #[test]
-fn a_fault_is_for_a_device_that_is_there() {
+fn faults_for_a_device_that_is_not_served_are_refused() {
     let base = tempfile::tempdir().unwrap();
     let run = base.path().join("run");
     let bad = base.path().join("bad.toml");
@@ -253,7 +253,7 @@ fn a_fault_is_for_a_device_that_is_there() {
 }
 
 #[test]
-fn one_that_cannot_be_served_ends_the_rest() {
+fn device_that_cannot_be_served_ends_the_others() {
     let base = tempfile::tempdir().unwrap();
     let run = base.path().join("run");
     let taken = run.join("pmp-bench");

@@ -87,7 +87,7 @@ fn depth(stream: &mut UnixStream) -> f32 {
 }
 
 #[test]
-fn one_steps_the_clock_of_both() {
+fn stepping_one_device_steps_the_clock_of_both() {
     let pair = Pair::start("stepped");
     let [mut near, mut far] = pair.services();
     assert_eq!(pair.at.each_ref().map(|at| at.seed), [5, 1].map(Some));
@@ -114,7 +114,7 @@ fn one_steps_the_clock_of_both() {
 }
 
 #[test]
-fn time_is_one_where_it_goes_by_itself_too() {
+fn devices_share_one_time_on_the_fast_clock() {
     let pair = Pair::start("fast");
     let [mut near, mut far] = pair.services();
     for number in [0, 1] {
@@ -137,7 +137,7 @@ fn time_is_one_where_it_goes_by_itself_too() {
 }
 
 #[test]
-fn an_object_moves_for_both_and_each_sees_it_from_its_place() {
+fn moved_object_is_seen_by_both_from_their_places() {
     let pair = Pair::start("fast");
     let [mut near, mut far] = pair.services();
     let rest = depth(&mut near);

@@ -10,7 +10,7 @@ use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 #[test]
-fn same_seed_and_triggers_same_bytes() {
+fn same_seed_and_triggers_give_the_same_bytes() {
     let frames = |threads: &str| {
         let served = Served::spawn(serve().env("RAYON_NUM_THREADS", threads));
         let mut instrument = served.instrument();

@@ -83,22 +83,22 @@ fn leaves_what_the_socket_leaves(name: &str, usb: &str) {
 }
 
 #[test]
-fn high_speed_bulk_leaves_what_the_socket_leaves() {
+fn high_speed_bulk_scan_equals_that_of_the_socket() {
     leaves_what_the_socket_leaves("pmp-bench", "speed = 'high'\ntransfer = 'bulk'");
 }
 
 #[test]
-fn superspeed_bulk_leaves_what_the_socket_leaves() {
+fn superspeed_bulk_scan_equals_that_of_the_socket() {
     leaves_what_the_socket_leaves("webcam-grey", "speed = 'super'\ntransfer = 'bulk'");
 }
 
 #[test]
-fn high_speed_isochronous_leaves_what_the_socket_leaves() {
+fn high_speed_isochronous_scan_equals_that_of_the_socket() {
     leaves_what_the_socket_leaves("webcam-grey", "speed = 'high'\ntransfer = 'isochronous'");
 }
 
 #[test]
-fn superspeed_isochronous_leaves_what_the_socket_leaves() {
+fn superspeed_isochronous_scan_equals_that_of_the_socket() {
     leaves_what_the_socket_leaves("pmp-bench", "speed = 'super'\ntransfer = 'isochronous'");
 }
 
@@ -125,7 +125,7 @@ fn one_message(output: &Output, status: i32, says: &str) {
 }
 
 #[test]
-fn addresses_ports_and_devices_that_cannot_be_had() {
+fn unavailable_addresses_ports_and_devices_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let profile = profile(dir.path(), "webcam-grey", AS_IT_IS, "");
     let served = Served::spawn(&mut serve_usb(&profile));
@@ -202,7 +202,7 @@ fn scan_when_free(address: &str, out: &Path) -> Output {
 }
 
 #[test]
-fn an_address_that_others_reach_is_warned_of() {
+fn public_listen_address_is_warned_of() {
     let dir = tempfile::tempdir().unwrap();
     let profile = profile(dir.path(), "webcam-grey", AS_IT_IS, "");
     for (listen, warned) in [
@@ -302,7 +302,7 @@ fn rendering_us(served: &Served) -> u64 {
 }
 
 #[test]
-fn nothing_is_rendered_for_a_camera_that_nobody_reads() {
+fn unread_camera_is_not_rendered() {
     let dir = tempfile::tempdir().unwrap();
     let profile = profile(dir.path(), "webcam-grey", AS_IT_IS, "");
     let served = Served::spawn_as_it_is(serve_usb(&profile).args(["--clock", "real"]));
@@ -428,7 +428,7 @@ fn line_coding_breaks_and_lines_reach_the_firmware() {
 
 /// The pty and the USB port are two endpoints of one port: closing one does not disturb the other.
 #[test]
-fn an_end_of_the_port_that_closes_leaves_the_other_alone() {
+fn closing_pty_or_usb_end_does_not_disturb_the_other() {
     let dir = tempfile::tempdir().unwrap();
     let profile = profile(dir.path(), "webcam-grey", AS_IT_IS, "");
     let mut command = serve_usb(&profile);

@@ -73,7 +73,7 @@ fn scan_error_mm(desk: &Desk, rig: &Rig) -> f64 {
 
 /// The paper's own board, whose dots are 3.2 px here, at 500 mm.
 #[test]
-fn the_papers_own_board_at_half_the_distance() {
+fn board_of_the_paper_at_500_mm_gives_the_rig() {
     let mut profile = Profile::load("pmp-bench").unwrap();
     // Four times as bright.
     profile.camera.exposure_us /= 4.0;
@@ -105,7 +105,7 @@ fn the_papers_own_board_at_half_the_distance() {
 /// Distorting, blurring lenses, glare, and a sensor with fixed-pattern noise.
 #[test]
 #[ignore = "a minute: every dot has a blur of its own"]
-fn a_scanner_with_real_parts() {
+fn calibration_of_a_scanner_with_real_parts_is_accurate() {
     let desk = Desk::new("pmp-real", Board::DOTS.scaled(4.0));
     let poses = desk.poses(&Wanted::default());
     let seen = desk.sight(&poses, 0);
@@ -124,7 +124,7 @@ fn a_scanner_with_real_parts() {
 }
 
 #[test]
-fn built_in_profiles_say_what_they_are_calibrated_with() {
+fn built_in_profiles_name_a_calibration_sequence() {
     for name in ["pmp-bench", "pmp-real", "webcam-grey"] {
         assert!(
             Profile::load(name)

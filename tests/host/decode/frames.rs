@@ -6,7 +6,7 @@ use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
 use phasmid::pattern::{Axis, Pattern};
 
 #[test]
-fn saturated_and_dark_pixels_are_masked_and_said_so() {
+fn saturated_and_dark_pixels_are_masked_with_the_reason() {
     let positions = sweep(16);
     let manifest = manifest([equal(Axis::X, 16.0, 4), gray(Axis::X, 8.0, 0..8, true)].concat());
     let bright = Scene {
@@ -30,7 +30,7 @@ fn saturated_and_dark_pixels_are_masked_and_said_so() {
 }
 
 #[test]
-fn threads_do_not_change_a_bit() {
+fn result_does_not_depend_on_thread_count() {
     let positions = sweep(100);
     let scene = Scene::default();
     let patterns = [

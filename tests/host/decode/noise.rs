@@ -8,7 +8,7 @@ use phasmid::pattern::{Axis, Manifest, Pattern};
 use std::f64::consts::TAU;
 
 #[test]
-fn phase_noise_sits_on_the_bound() {
+fn phase_noise_reaches_the_bound() {
     let scene = Scene::default();
     let positions = sweep(128);
     let deviation = (scene.noise.powi(2) + 1.0 / 12.0).sqrt();

@@ -7,7 +7,7 @@ use phasmid::geometry::NoiseModel;
 use phasmid::pattern::Axis;
 
 #[test]
-fn exact_at_wraps_and_at_code_edges() {
+fn decoding_is_exact_at_wraps_and_code_edges() {
     // 16-bit samples without noise, positions at and next to multiples of half a period.
     let positions: Vec<[f64; 2]> = (0..WIDTH)
         .flat_map(|u| [-0.5, -1e-3, -1e-6, 0.0, 1e-6, 1e-3, 0.5].map(|d| [8.0 + 7.4 * u as f64, d]))
@@ -55,7 +55,7 @@ fn exact_at_wraps_and_at_code_edges() {
 }
 
 #[test]
-fn every_way_to_find_the_order_finds_it() {
+fn every_kind_of_sequence_gives_the_right_order() {
     let positions = sweep(64);
     let third = 200.0 / 3.0;
     for (name, patterns) in [
@@ -141,7 +141,7 @@ fn every_way_to_find_the_order_finds_it() {
 }
 
 #[test]
-fn both_axes_and_gray_alone() {
+fn decodes_both_axes_and_gray_code_alone() {
     let positions = sweep(64);
     let scene = Scene::default();
     let both = [

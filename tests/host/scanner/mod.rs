@@ -322,7 +322,7 @@ fn a_sequence_that_is_not_there_is_refused_with_those_that_are() {
 }
 
 #[test]
-fn a_device_that_is_none_is_told_apart() {
+fn port_without_a_scpi_device_is_reported() {
     let mark = "*ESE 85;*ESE?;*ESE 0;*ESE?\n";
     for (greets, answer, needle) in [
         (false, &b""[..], "no answer to *ESE? within 0.02 s"),

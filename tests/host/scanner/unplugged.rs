@@ -258,14 +258,14 @@ fn unplugged_at_any_line_and_back_in_time_the_scan_is_whole() {
 }
 
 #[test]
-fn the_camera_s_cable_alone_leaves_the_port_as_it_is() {
+fn unplugged_camera_reopens_only_the_camera() {
     let outcome = scan(Pulled::Camera(4), 1, 1);
     assert_eq!(outcome.captured.unwrap().frames.len(), 13);
     assert_eq!(outcome.opened, ["camera"]);
 }
 
 #[test]
-fn what_does_not_come_back_is_told_in_one_line_and_not_waited_for_again() {
+fn device_that_stays_unplugged_fails_once_in_one_line() {
     for (pulled, opened) in [
         (Pulled::Frame(4), "port"),
         (Pulled::Line(4), "port"),
@@ -287,7 +287,7 @@ fn what_does_not_come_back_is_told_in_one_line_and_not_waited_for_again() {
 }
 
 #[test]
-fn a_loose_contact_ends_the_scan() {
+fn repeated_unplugging_ends_the_scan() {
     assert!(scan(Pulled::Frame(4), 2, 9).captured.is_ok());
     let outcome = scan(Pulled::Frame(4), 3, 9);
     let words = outcome.captured.unwrap_err().to_string();

@@ -89,7 +89,7 @@ const GET: Setup = Setup {
 };
 
 #[test]
-fn lists_that_are_none() {
+fn refuses_invalid_device_lists() {
     let reply = |bytes: Vec<u8>| {
         let host = server(move |mut stream| {
             let _ = take::<OPERATION_LEN>(&mut stream);
@@ -115,7 +115,7 @@ fn lists_that_are_none() {
 }
 
 #[test]
-fn one_that_is_silent_or_drips() {
+fn silent_or_slow_server_times_out() {
     let silent = server(|stream| {
         std::thread::sleep(5 * TIMEOUT);
         drop(stream);
@@ -135,7 +135,7 @@ fn one_that_is_silent_or_drips() {
 }
 
 #[test]
-fn no_device_several_devices_and_another_device() {
+fn refuses_no_device_several_devices_and_another_device() {
     let exports = |names: &'static [&str]| {
         server(move |mut stream| {
             let _ = take::<OPERATION_LEN>(&mut stream);
@@ -169,7 +169,7 @@ fn no_device_several_devices_and_another_device() {
 }
 
 #[test]
-fn replies_that_nobody_can_mean() {
+fn refuses_impossible_replies() {
     type Bytes = fn(u32) -> Vec<u8>;
     let cases: [(Bytes, &str); 8] = [
         (
@@ -228,7 +228,7 @@ fn replies_that_nobody_can_mean() {
 }
 
 #[test]
-fn silence_and_a_break_in_the_middle() {
+fn reports_silence_and_a_broken_connection() {
     let silent = answers(|_| Vec::new());
     let start = Instant::now();
     let error = silent.control(GET, &[], TIMEOUT).unwrap_err().to_string();

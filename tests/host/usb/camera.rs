@@ -30,17 +30,17 @@ fn streams(speed: Speed, transfer: Transfer, frames: u64) {
 }
 
 #[test]
-fn bulk_at_high_speed() {
+fn streams_bulk_at_high_speed() {
     streams(Speed::High, Transfer::Bulk, 300);
 }
 
 #[test]
-fn bulk_at_superspeed() {
+fn streams_bulk_at_superspeed() {
     streams(Speed::Super, Transfer::Bulk, 300);
 }
 
 #[test]
-fn isochronous() {
+fn streams_isochronous_at_high_speed() {
     streams(Speed::High, Transfer::Isochronous, 20);
 }
 
@@ -61,7 +61,7 @@ fn an_isochronous_stream_that_is_ended_at_any_moment_leaves_the_device() {
 }
 
 #[test]
-fn time_of_transfers_that_were_taken_back_is_not_waited_for() {
+fn cancelled_transfers_do_not_delay_the_next_stream() {
     let served = Served::new(Speed::High, Transfer::Isochronous);
     let device = served.open();
     for _ in 0..50 {
@@ -96,7 +96,7 @@ fn a_stream_starts_again_in_another_format() {
 }
 
 #[test]
-fn a_reader_that_stops_reading_holds_the_device_and_misses_nothing() {
+fn paused_reader_misses_no_frame() {
     let served = Served::new(Speed::Super, Transfer::Bulk);
     let device = served.open();
     let mut camera = UsbCamera::open(&device, None).unwrap();

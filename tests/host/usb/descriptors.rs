@@ -377,21 +377,21 @@ fn check_other_speed(whole: &[u8], high: &[&[u8]]) {
 }
 
 #[test]
-fn high_speed_bulk() {
+fn descriptors_are_valid_for_high_speed_bulk() {
     check(Speed::High, Transfer::Bulk);
 }
 
 #[test]
-fn high_speed_isochronous() {
+fn descriptors_are_valid_for_high_speed_isochronous() {
     check(Speed::High, Transfer::Isochronous);
 }
 
 #[test]
-fn superspeed_bulk() {
+fn descriptors_are_valid_for_superspeed_bulk() {
     check(Speed::Super, Transfer::Bulk);
 }
 
 #[test]
-fn superspeed_isochronous() {
+fn descriptors_are_valid_for_superspeed_isochronous() {
     check(Speed::Super, Transfer::Isochronous);
 }

@@ -97,7 +97,7 @@ fn transfers_taken_back_at_random_end_once_each() {
 }
 
 #[test]
-fn a_device_let_go_of_at_any_moment_can_be_had_again() {
+fn device_released_at_any_moment_can_be_opened_again() {
     let served = Served::new(Speed::Super, Way::Bulk);
     let mut random = Random(7);
     for _ in 0..25 {

@@ -5,7 +5,7 @@ use crate::usb::fuzz::{device, host};
 use std::time::Duration;
 
 #[test]
-fn a_hostile_host_gets_sound_replies_or_is_let_go() {
+fn hostile_host_gets_valid_replies_or_is_disconnected() {
     let seeds = device::seeds();
     for seed in &seeds {
         device::run(seed);
@@ -14,7 +14,7 @@ fn a_hostile_host_gets_sound_replies_or_is_let_go() {
 }
 
 #[test]
-fn a_hostile_server_gets_the_host_to_give_up_in_time() {
+fn host_gives_up_in_time_on_a_hostile_server() {
     each(150, &host::seeds(), |script| {
         host::run(script);
     });
@@ -22,7 +22,7 @@ fn a_hostile_server_gets_the_host_to_give_up_in_time() {
 
 /// Scripts without damage reach the end; otherwise the cases above would test little.
 #[test]
-fn a_server_without_harm_gives_frames_and_an_echo() {
+fn well_behaved_server_gives_frames_and_an_echo() {
     for script in [&[][..], &[1], &[0, 1], &[1, 1]] {
         let reached = host::run_within(script, Duration::from_secs(60));
         assert!(reached.opened && reached.echoed, "{reached:?}");

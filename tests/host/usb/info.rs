@@ -19,7 +19,7 @@ fn text(bytes: Vec<u8>) -> String {
 }
 
 #[test]
-fn it_tells_identity_formats_and_controls_and_starts_no_stream() {
+fn info_lists_device_and_starts_no_stream() {
     let served = Served::new(Speed::Super, Transfer::Bulk);
     let profile = Profile::load("webcam-grey").unwrap();
     let address = format!("usb:{}", served.host);
@@ -51,7 +51,7 @@ fn it_tells_identity_formats_and_controls_and_starts_no_stream() {
 }
 
 #[test]
-fn what_a_device_says_does_not_steer_a_terminal() {
+fn control_characters_of_a_device_are_escaped() {
     let mut profile = Profile::load("webcam-grey").unwrap();
     profile.identity.model = "A\u{1b}[2J\u{9b}1m".to_owned();
     let served = Served::of(&profile, 1);
@@ -72,7 +72,7 @@ fn what_a_device_says_does_not_steer_a_terminal() {
 }
 
 #[test]
-fn what_is_no_usb_device_is_one_clear_error() {
+fn invalid_or_busy_device_is_reported() {
     let done = info(&["usb:127.0.0.1"]);
     assert_eq!(done.status.code(), Some(2));
     assert!(text(done.stderr).contains("usb:HOST:PORT/BUSID"));

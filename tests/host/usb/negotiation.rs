@@ -13,7 +13,7 @@ const COMMIT: u16 = 0x0200;
 const STREAMING: u16 = 1;
 
 #[test]
-fn odd_wishes_become_what_the_camera_does() {
+fn any_negotiation_ends_at_supported_values() {
     let served = Served::new(Speed::High, Transfer::Bulk);
     let device = served.open();
     let function = VideoFunction::find(device.configuration()).unwrap();

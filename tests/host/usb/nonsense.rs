@@ -25,7 +25,7 @@ fn talk(host: &str, bytes: &[u8]) {
 }
 
 #[test]
-fn a_stream_goes_on_beside_nonsense() {
+fn stream_continues_beside_invalid_connections() {
     let served = Served::several(2, Speed::High, Transfer::Bulk);
     let device = served.open();
     let camera = RefCell::new((UsbCamera::open(&device, None).unwrap(), 0));
@@ -68,7 +68,7 @@ fn a_stream_goes_on_beside_nonsense() {
 }
 
 #[test]
-fn silent_sockets_keep_nobody_out() {
+fn silent_connections_do_not_keep_clients_out() {
     let served = Served::new(Speed::High, Transfer::Bulk);
     // Many more connections than the server keeps open at a time; each may be silent for 10 s.
     let silent: Vec<_> = (0..200)

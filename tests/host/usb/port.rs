@@ -21,7 +21,7 @@ fn read(port: &mut UsbPort, len: usize) -> Vec<u8> {
 }
 
 #[test]
-fn an_echo_beside_a_stream() {
+fn port_echoes_beside_a_stream() {
     let served = Served::new(Speed::High, Transfer::Bulk);
     let device = served.open();
     let mut port = UsbPort::open(&device).unwrap();
@@ -41,7 +41,7 @@ fn an_echo_beside_a_stream() {
 }
 
 #[test]
-fn much_data_comes_back_whole() {
+fn long_data_is_echoed_whole() {
     let served = Served::new(Speed::Super, Transfer::Bulk);
     let mut port = UsbPort::open(&served.open()).unwrap();
     let bytes: Vec<u8> = (0..300_000u32)
@@ -54,7 +54,7 @@ fn much_data_comes_back_whole() {
 }
 
 #[test]
-fn lines_and_breaks_reach_the_other_side() {
+fn control_lines_and_breaks_reach_the_other_side() {
     let served = Served::new(Speed::High, Transfer::Bulk);
     let device = served.open();
     let mut port = UsbPort::open(&device).unwrap();

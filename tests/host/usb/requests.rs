@@ -34,7 +34,7 @@ fn endpoint_status(device: &UsbDevice, endpoint: u8) -> Option<u8> {
 }
 
 #[test]
-fn endpoints_halt_with_what_waits_on_them_and_go_on() {
+fn halted_endpoints_end_waiting_transfers_and_resume() {
     let served = Served::new(Speed::High, BULK);
     let device = served.open();
     for endpoint in [VIDEO_IN, NOTIFY_IN, SERIAL_IN, SERIAL_OUT] {
@@ -70,7 +70,7 @@ fn endpoints_halt_with_what_waits_on_them_and_go_on() {
 }
 
 #[test]
-fn what_the_device_does_not_have_is_refused() {
+fn requests_for_absent_parts_are_refused() {
     let served = Served::new(Speed::High, BULK);
     let device = served.open();
     for endpoint in [0x01, 0x02, 0x04, 0x84, 0x8F] {
@@ -114,7 +114,7 @@ fn what_the_device_does_not_have_is_refused() {
 }
 
 #[test]
-fn settings_of_an_isochronous_stream_start_and_end_it() {
+fn alternate_settings_start_and_end_an_isochronous_stream() {
     for (transfer, known) in [
         (Transfer::Isochronous, [true, true, false]),
         (BULK, [true, false, false]),
@@ -234,7 +234,7 @@ fn controls_tell_their_length_abilities_step_and_bounds() {
 }
 
 #[test]
-fn the_error_code_says_what_the_last_request_lacked() {
+fn error_code_tells_why_the_last_request_failed() {
     let served = Served::new(Speed::High, BULK);
     let device = served.open();
     let (cur, gain) = (uvc::request::GET_CUR, uvc::selector::GAIN);

@@ -34,7 +34,7 @@ fn conic_middle(lens: &Lens, pose: &Pose, centre: DVec2, radius: f64) -> DVec2 {
 }
 
 #[test]
-fn without_distortion_it_is_the_conics() {
+fn without_distortion_bias_equals_that_of_conic() {
     for tilt in [0.0, 20.0, 45.0, 60.0, -75.0] {
         for centre in [DVec2::ZERO, DVec2::new(-280.0, 210.0)] {
             let (lens, pose) = (lens([0.0; 5]), pose(DVec3::new(tilt, 0.6 * tilt, 30.0)));
@@ -52,7 +52,7 @@ fn without_distortion_it_is_the_conics() {
 /// Reference: samples a fine grid of the image and keeps the points whose rays, by the inverse lens
 /// model, meet the disc.
 #[test]
-fn with_distortion_it_is_the_counts() {
+fn with_distortion_bias_equals_counted_samples() {
     let lens = lens([-0.3, 0.2, 2e-3, -3e-3, 0.05]);
     let pose = pose(DVec3::new(-35.0, 40.0, 10.0));
     let (centre, radius) = (DVec2::new(-250.0, 150.0), 40.0);
@@ -82,7 +82,7 @@ fn with_distortion_it_is_the_counts() {
 }
 
 #[test]
-fn a_disc_that_cannot_be_seen_has_none() {
+fn invisible_disc_has_no_bias() {
     let behind = Pose::from_xyz_deg(DVec3::new(0.0, 0.0, -100.0), DVec3::ZERO);
     let across = Pose::from_xyz_deg(DVec3::new(0.0, 0.0, 5.0), DVec3::new(90.0, 0.0, 0.0));
     let nan = Pose::from_xyz_deg(DVec3::splat(f64::NAN), DVec3::ZERO);

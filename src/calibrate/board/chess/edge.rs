@@ -146,7 +146,7 @@ mod tests {
     use std::f64::consts::FRAC_1_SQRT_2;
 
     #[test]
-    fn the_normal_distribution_is_the_published_one() {
+    fn normal_distribution_matches_published_table() {
         // Abramowitz and Stegun, table 26.1.
         for (x, p) in [
             (0.0, 0.5),
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn without_blur_it_is_the_area_itself() {
+    fn share_without_blur_equals_area() {
         let edge = Edge::new(1.0, 0.0, 0.0);
         for (t, share) in [
             (-0.6, 0.0),

@@ -22,7 +22,7 @@ const INK: [u8; 3] = [240, 240, 240];
 const X: [u8; 3] = [255, 70, 60];
 const Y: [u8; 3] = [60, 230, 90];
 /// Images are enlarged by an integer factor of at most 4 while the longer side stays within this.
-const SIDE: usize = 1000;
+const SIDE: usize = 1400;
 
 /// Draws the points on the image, enlarged if it is small. Saturated pixels are yellowish. Returns
 /// an empty image if the number of levels differs from the number of pixels.
@@ -42,9 +42,8 @@ pub fn draw(picture: &BoardImage, board: &Board, seen: &[Seen]) -> RgbImage {
     });
     let mut pen = Pen::new(&mut image, f64::from(zoom));
     let at: BTreeMap<[u32; 2], DVec2> = seen.iter().map(|s| (s.index, s.px)).collect();
-    let rows = board.grid()[1];
     for s in seen {
-        let colour = colour_of(s.index[1], rows);
+        let colour = colour_of(s.index[1]);
         let [column, row] = s.index;
         let next = column.checked_add(1).and_then(|c| at.get(&[c, row]));
         if let Some(next) = next {
@@ -89,9 +88,10 @@ fn tones(level: &[f32]) -> Vec<[u8; 3]> {
     level.iter().map(tone).collect()
 }
 
-/// Colour of a row: the hues of all rows span 0.9 of the colour wheel.
-fn colour_of(row: u32, rows: u32) -> [u8; 3] {
-    let turn = 0.9 * f64::from(row) / f64::from(rows.max(1));
+/// Colour of a row: hues advance by the golden angle, so that neighbouring rows differ clearly.
+fn colour_of(row: u32) -> [u8; 3] {
+    const GOLDEN: f64 = 0.381_966;
+    let turn = GOLDEN * f64::from(row);
     [0.0, 1.0 / 3.0, 2.0 / 3.0].map(|phase| {
         let wave = 0.5 + 0.5 * (TAU * (turn - phase)).cos();
         (40.0 + 215.0 * wave.sqrt()) as u8
@@ -148,15 +148,16 @@ fn axes(pen: &mut Pen<'_>, at: &BTreeMap<[u32; 2], DVec2>) {
     for (to, aside, colour, name) in [(right, down, X, "x"), (down, right, Y, "y")] {
         let tip = px + (to - px) * 1.6;
         pen.arrow(px, tip, colour);
-        pen.text(tip - (aside - px) * 0.5, name, colour);
+        let away = px - aside;
+        pen.text(tip + away * 0.3, away, name, colour);
     }
-    let back = (px - right) + (px - down);
-    pen.text(px + back * 0.6, &format!("{} {}", index[0], index[1]), INK);
+    let away = (px - right) + (px - down);
+    let index = format!("({}, {})", index[0], index[1]);
+    pen.text(px + away * 0.3, away, &index, INK);
 }
 
 fn caption(image: &mut RgbImage, text: &str) {
-    let dot = (image.height() / 240).clamp(1, 4);
-    pen::label(image, text, (2 * dot, 2 * dot), dot, INK);
+    pen::label(image, text, (0, 0), INK);
 }
 
 #[cfg(test)]
@@ -187,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn points_are_marked_where_they_are() {
+    fn points_are_marked_at_their_places() {
         let board = Board::DOTS;
         let mut picture = picture(1000, 500);
         picture.level[400_000] = f32::NAN;
@@ -196,7 +197,7 @@ mod tests {
         let found = seen(&board, 20.0, 5.0);
         let image = draw(&picture, &board, &found);
         assert_eq!((image.width(), image.height()), (1000, 500));
-        let colour = |row| colour_of(row, 19);
+        let colour = |row| colour_of(row);
         // A cross and an outline in the row's colour, away from the row's line.
         for s in &found {
             let [column, row] = s.index;
@@ -223,11 +224,11 @@ mod tests {
     }
 
     #[test]
-    fn small_pictures_are_enlarged_and_odd_ones_no_harm() {
+    fn small_pictures_are_enlarged_and_invalid_ones_do_not_panic() {
         let board = Board::CHESS;
         assert_eq!(
             draw(&picture(300, 200), &board, &seen(&board, 10.0, 0.0)).width(),
-            900
+            1200
         );
         for (width, height) in [(0, 0), (1, 1), (3, 1), (1, 9)] {
             draw(&picture(width, height), &board, &seen(&board, 30.0, 0.0));

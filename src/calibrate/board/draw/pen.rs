@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 use image::{Rgb, RgbImage};
-use phasmid_report::font;
+use phasmid_report::font::Font;
 
 /// Background of text.
 pub(super) const PAPER: [u8; 3] = [22, 22, 24];
@@ -62,43 +62,30 @@ impl<'a> Pen<'a> {
         }
     }
 
-    /// Draws text centred at a position.
-    pub(super) fn text(&mut self, at: DVec2, text: &str, colour: [u8; 3]) {
-        let dot = (self.image.height() / 240).clamp(1, 4);
-        let (wide, tall) = font::size(text, dot);
-        let corner = self.place(at) - DVec2::new(wide.into(), tall.into()) / 2.0;
+    /// Draws text that touches `at` and lies beyond it in the direction of `away`.
+    pub(super) fn text(&mut self, at: DVec2, away: DVec2, text: &str, colour: [u8; 3]) {
+        let font = Font::for_image(self.image.height());
+        let half = DVec2::new(font.width(text).into(), font.line().into()) / 2.0;
+        let away = away.normalize_or_zero();
+        let corner = self.place(at) + away * half.dot(away.abs()) - half;
         let size = DVec2::new(self.image.width().into(), self.image.height().into());
         // The font takes unsigned pixel positions: text that would start outside moves to the
         // border.
         let corner = corner.max(DVec2::ZERO).round();
         if corner.cmplt(size).all() {
-            font::draw(
-                self.image,
-                text,
-                (corner.x as u32, corner.y as u32),
-                dot,
-                colour,
-            );
+            label(self.image, text, (corner.x as u32, corner.y as u32), colour);
         }
     }
 }
 
-/// Draws text with its upper left corner at (x, y), on a dark plate two dots larger on each side.
-pub(super) fn label(
-    image: &mut RgbImage,
-    text: &str,
-    (x, y): (u32, u32),
-    dot: u32,
-    colour: [u8; 3],
-) {
-    let (wide, tall) = font::size(text, dot);
-    let span = |from: u32, length: u32, size: u32| {
-        from.saturating_sub(2 * dot)..from.saturating_add(length + 2 * dot).min(size)
-    };
-    for row in span(y, tall, image.height()) {
-        for column in span(x, wide, image.width()) {
+/// Draws text with its upper left corner at (x, y), on a dark plate.
+pub(super) fn label(image: &mut RgbImage, text: &str, (x, y): (u32, u32), colour: [u8; 3]) {
+    let font = Font::for_image(image.height());
+    let right = x.saturating_add(font.width(text)).min(image.width());
+    for row in y..y.saturating_add(font.line()).min(image.height()) {
+        for column in x..right {
             image.put_pixel(column, row, Rgb(PAPER));
         }
     }
-    font::draw(image, text, (x, y), dot, colour);
+    font.draw(image, text, (x, y), colour);
 }

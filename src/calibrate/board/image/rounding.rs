@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn is_what_rounding_leaves() {
+    fn series_equals_integrated_rounding_error() {
         // Without noise the variance is 1/12; four terms of the series give 0.865 of it.
         assert!((left_by_rounding(0.0) * 12.0 - 0.865).abs() < 1e-3);
         for sigma in [0.15_f64, 0.25, 0.4] {

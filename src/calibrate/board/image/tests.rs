@@ -68,7 +68,7 @@ fn image(manifest: &Manifest, frames: &[Vec<u16>]) -> phasmid_core::error::Resul
 }
 
 #[test]
-fn patterns_leave_no_ripple() {
+fn board_image_has_no_trace_of_the_patterns() {
     let equal: Vec<f64> = (0..12).map(|i| TAU * f64::from(i) / 12.0).collect();
     let uneven = vec![0.0, 0.9, 2.2, 3.1, 5.5];
     for phases in [equal, uneven, vec![0.0, TAU / 3.0, 2.0 * TAU / 3.0]] {
@@ -88,7 +88,7 @@ fn patterns_leave_no_ripple() {
 }
 
 #[test]
-fn one_photograph_is_itself_without_black() {
+fn single_photograph_is_used_with_black_subtracted() {
     let manifest = manifest(vec![Pattern::White {}]);
     let mut frames = render(&manifest);
     frames[0][7] = 60_000;
@@ -118,7 +118,7 @@ fn variance_is_that_of_the_weighted_sum_and_near_the_least() {
 }
 
 #[test]
-fn what_shows_no_board_is_said() {
+fn refuses_frames_that_show_no_board() {
     let speckle = Pattern::Image {
         file: "speckle.png".into(),
     };

@@ -68,7 +68,7 @@ fn exact_maps_through_two_lenses_are_read_exactly() {
 /// Errors over their standard deviations have unit variance, and neighbours' errors are
 /// independent.
 #[test]
-fn the_covariance_is_what_noise_does() {
+fn covariance_matches_scatter_of_noise() {
     let case = dots();
     let (mut whitened, mut beside) = (Vec::new(), Vec::new());
     for seed in 0..6 {
@@ -93,7 +93,7 @@ fn the_covariance_is_what_noise_does() {
 
 /// Wrong fringe orders in every tenth pixel, and pixels on outlines off by half a pixel.
 #[test]
-fn wrong_pixels_do_no_harm() {
+fn wrong_pixels_hardly_change_coordinates() {
     let case = dots();
     let clean = rms(case
         .errors(&case.decoded(1.0, 3, |_, _| ()))
@@ -129,7 +129,7 @@ fn standard_deviations_three_times_too_small_cost_no_point() {
 }
 
 #[test]
-fn what_is_not_lit_all_about_a_point_has_no_coordinates() {
+fn point_not_lit_on_all_sides_has_no_coordinates() {
     let case = dots();
     let edge = 400.0;
     let decoded = case.decoded(1.0, 5, |px, values| {
@@ -145,7 +145,7 @@ fn what_is_not_lit_all_about_a_point_has_no_coordinates() {
 }
 
 #[test]
-fn maps_that_lack_something_give_nothing_and_do_not_panic() {
+fn incomplete_maps_give_no_coordinates_and_no_panic() {
     let case = dots();
     let whole = case.decoded(1.0, 7, |_, _| ());
     let none = |decoded: &Decoded, seen: &[Seen]| {

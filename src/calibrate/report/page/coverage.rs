@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_are_counted_where_they_lie() {
+    fn points_are_counted_in_the_cell_that_contains_them() {
         let lens = Lens {
             width_px: 80,
             height_px: 60,

@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_stay_beside_the_page() {
+    fn addresses_are_relative_and_escaped() {
         assert_eq!(address("found_a.png"), "./found_a.png");
         assert_eq!(
             address("javascript:\"a b\"?#ü"),

@@ -28,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_are_those_of_the_tables() {
+    fn shares_match_published_tables() {
         for (z, share) in [
             (0.0, 0.5),
             (1.0, 0.841_344_746_068_542_9),

@@ -39,7 +39,7 @@ fn one_pose_and_none_are_too_few() {
 }
 
 #[test]
-fn parallel_boards_are_named_with_their_angle() {
+fn refuses_parallel_boards_and_names_the_angle() {
     for (tilt, seed) in [(0.0, None), (30.0, None), (0.0, Some(1)), (30.0, Some(2))] {
         let boards = (0..6)
             .map(|i| {
@@ -64,7 +64,7 @@ fn parallel_boards_are_named_with_their_angle() {
 
 /// Enough tilt for a closed form, too little for bundle adjustment.
 #[test]
-fn boards_that_hardly_differ_are_named_with_their_angle() {
+fn refuses_hardly_tilted_boards_and_names_the_angle() {
     let boards = (0..6)
         .map(|i| {
             let azimuth = 2.399_963 * f64::from(i);
@@ -93,7 +93,7 @@ fn boards_that_hardly_differ_are_named_with_their_angle() {
 }
 
 #[test]
-fn points_finer_than_rounding_are_named() {
+fn refuses_points_finer_than_rounding() {
     let scene = Scene {
         noise: [1e-10; 2],
         ..scene(poses(6, 1000.0, 4))
@@ -107,7 +107,7 @@ fn points_finer_than_rounding_are_named() {
 }
 
 #[test]
-fn mirrored_images_and_coordinates_are_named() {
+fn refuses_mirrored_images_and_coordinates() {
     let scene = scene(poses(5, 1000.0, 1));
     let mut flipped = scene.sightings(Some(1));
     for s in flipped.iter_mut().flat_map(|p| &mut p.sightings) {
@@ -132,7 +132,7 @@ fn mirrored_images_and_coordinates_are_named() {
 }
 
 #[test]
-fn boards_in_the_dark_and_labels_at_random_are_refused() {
+fn refuses_unlit_boards_and_random_labels() {
     let scene = scene(poses(6, 1000.0, 2));
     let mut dark = scene.sightings(Some(1));
     for s in dark.iter_mut().flat_map(|p| &mut p.sightings) {
@@ -191,7 +191,7 @@ fn two_poses_are_enough_but_not_without_a_warning() {
 
 /// Invalid and extreme numbers cause no panic.
 #[test]
-fn hostile_numbers_are_no_panic() {
+fn invalid_and_extreme_numbers_do_not_panic() {
     let scene = scene(poses(4, 1000.0, 1));
     let whole = scene.sightings(Some(1));
     let spoilers: [fn(&mut Sighting); 12] = [

@@ -36,7 +36,7 @@ fn worst(found: &Solution, scene: &Scene) -> f64 {
 }
 
 #[test]
-fn exact_sightings_give_the_rig_back() {
+fn exact_sightings_give_the_exact_rig() {
     for (profile, choice) in [
         ("pmp-bench", NONE),
         (

@@ -77,7 +77,7 @@ fn squared_distances_follow_the_chi_square_distribution() {
 
 #[test]
 #[ignore = "50 rigs of 20 poses with 475 points take 10 s"]
-fn squared_distances_at_full_size() {
+fn squared_distances_at_full_size_follow_chi_square() {
     check(&Scene::bench(20, 1), 50, &Choice::default());
 }
 

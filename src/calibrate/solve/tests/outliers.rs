@@ -68,7 +68,7 @@ fn five_per_cent_of_outliers_leave_the_covariance_honest() {
 }
 
 #[test]
-fn a_pose_that_does_not_belong_is_named_and_left_out() {
+fn inconsistent_pose_is_named_and_left_out() {
     let scene = scene();
     // One pose has a board of another size. The camera alone cannot detect this; camera and
     // projector together can.
@@ -92,7 +92,7 @@ fn a_pose_that_does_not_belong_is_named_and_left_out() {
 }
 
 #[test]
-fn poses_without_a_usable_board_are_named_and_the_rest_is_used() {
+fn poses_without_a_usable_board_are_named_and_left_out() {
     let scene = scene();
     let mut sightings = scene.sightings(Some(1));
     sightings[0].sightings.truncate(4);

@@ -20,7 +20,7 @@ fn square(placed: &Placed, truth: &Pose) -> f64 {
 }
 
 #[test]
-fn exact_sightings_give_the_place_back_through_any_lens() {
+fn exact_sightings_give_the_exact_place_through_any_lens() {
     for profile in ["pmp-bench", "pmp-real"] {
         let scene = Scene {
             rig: rig(profile),
@@ -52,7 +52,7 @@ fn errors_are_as_large_as_the_covariance_says() {
 }
 
 #[test]
-fn strays_are_left_out_and_a_wrong_rig_shows() {
+fn outliers_are_left_out_and_a_wrong_rig_raises_residuals() {
     let scene = Scene::bench(1, 5);
     let mut sightings = scene.sightings(Some(1));
     for sighting in sightings[0].sightings.iter_mut().step_by(20) {
@@ -74,7 +74,7 @@ fn strays_are_left_out_and_a_wrong_rig_shows() {
 }
 
 #[test]
-fn what_is_no_board_is_named() {
+fn refuses_sightings_that_determine_no_place() {
     let scene = Scene::bench(1, 5);
     let whole = scene.sightings(None).remove(0);
     let refused = |change: &dyn Fn(&mut super::super::PoseSightings)| {

@@ -53,7 +53,7 @@ fn scene(focal: f64, angle: f64, size_mm: f64, noise: f64) -> Scene {
 }
 
 #[test]
-fn any_scale_of_lens_board_and_noise() {
+fn solves_any_scale_of_lens_board_and_noise() {
     for (focal, angle) in [(5.0, 1.5), (600.0, 1.0), (1e5, 0.3)] {
         for size_mm in [1.0, 300.0, 1e5] {
             // Noise from a millionth of a pixel to one pixel, skipping values that are large for a

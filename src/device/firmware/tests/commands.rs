@@ -4,7 +4,7 @@ use super::{MS, Port};
 use proptest::prelude::*;
 
 #[test]
-fn queries_answer_and_settings_stick() {
+fn queries_answer_with_the_current_settings() {
     let mut port = Port::new();
     for (order, query, answer) in [
         ("", "*IDN?", "Phasmid,webcam-grey,0001,0.1.0"),
@@ -51,7 +51,7 @@ fn queries_answer_and_settings_stick() {
 }
 
 #[test]
-fn mistakes_have_the_standard_s_numbers() {
+fn errors_have_the_numbers_of_the_standard() {
     let mut port = Port::new();
     for (line, code) in [
         ("FOO:BAR", -113),
@@ -128,7 +128,7 @@ fn a_stalled_block_is_given_up() {
 proptest! {
     /// Whatever comes, the device survives, its queue drains, and it then answers.
     #[test]
-    fn survives_any_bytes(chunks in proptest::collection::vec(
+    fn answers_after_any_bytes(chunks in proptest::collection::vec(
         prop_oneof![
             proptest::collection::vec(any::<u8>(), 0..40),
             prop_oneof![

@@ -13,7 +13,7 @@ fn documented() -> Vec<&'static str> {
 
 /// Each command has one row, which says whether it can be ordered, asked, or both.
 #[test]
-fn the_documentation_has_every_command_and_no_other() {
+fn documentation_lists_exactly_the_commands() {
     let firmware = Port::new().firmware;
     let takes = |text: &str| {
         let program = phasmid_protocol::scpi::parse(text.as_bytes());
@@ -43,7 +43,7 @@ fn the_documentation_has_every_command_and_no_other() {
 
 /// The table's fixed values after `*RST`, and bounds that no profile decides.
 #[test]
-fn the_documentation_s_values_are_the_device_s() {
+fn documented_values_match_the_device() {
     let mut port = Port::new();
     port.tell("*RST");
     for (query, answer) in [

@@ -50,7 +50,7 @@ fn a_frame_ends_with_its_last_row_and_the_next_one_does_not_wait() {
 }
 
 #[test]
-fn a_period_as_long_as_the_frame_keeps_it_clean_and_so_does_a_trigger_a_pattern() {
+fn long_period_or_step_trigger_avoids_leaking_patterns() {
     let mut port = port();
     port.tell("TRIG:SOUR BUS;:SEQ:PER 21.58ms;:INIT;*TRG");
     port.at(1000 * MS);
@@ -64,7 +64,7 @@ fn a_period_as_long_as_the_frame_keeps_it_clean_and_so_does_a_trigger_a_pattern(
 }
 
 #[test]
-fn with_its_light_off_the_projector_leaks_none() {
+fn projector_with_light_off_leaks_no_pattern() {
     let mut port = port();
     port.tell("PROJ:POW OFF;:TRIG:SOUR BUS;:SEQ:PER 12ms;:INIT;*TRG");
     port.at(1000 * MS);
@@ -77,7 +77,7 @@ fn with_its_light_off_the_projector_leaks_none() {
 }
 
 #[test]
-fn no_row_is_exposed_before_all_have_been_read() {
+fn period_is_at_least_the_readout_of_all_rows() {
     let mut port = port();
     // Short exposures: it is the rows that take their time.
     port.tell("CAM:EXP 1ms");

@@ -77,7 +77,7 @@ fn the_data_line_needs_its_columns() {
 }
 
 #[test]
-fn a_link_is_told_before_the_frames_change_and_only_then() {
+fn link_is_notified_only_when_frame_format_changes() {
     let (mut port, node) = attached(&bench());
     port.tell("CAM:GAIN 3;EXP 5ms");
     assert_eq!(node.told(), [], "the interval is longer than the exposure");
@@ -98,7 +98,7 @@ fn a_link_is_told_before_the_frames_change_and_only_then() {
 }
 
 #[test]
-fn a_link_that_cannot_change_leaves_the_setting_as_it_is() {
+fn setting_stays_when_the_link_cannot_change() {
     let (mut port, node) = attached(&bench());
     port.tell("CAM:FORM YUYV;GAIN 3");
     node.read(true);

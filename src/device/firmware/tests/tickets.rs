@@ -17,7 +17,7 @@ fn codes(done: &Done) -> Vec<i16> {
 }
 
 #[test]
-fn answers_and_errors_come_back_with_the_ticket() {
+fn answers_and_errors_carry_their_ticket() {
     let mut port = Port::new();
     let done = submit(&mut port, 7, "*TST?;CAM:GAIN?");
     let answers = vec![b"0".to_vec(), b"0".to_vec()];
@@ -64,7 +64,7 @@ fn a_ticket_waits_and_a_trigger_does_not() {
 }
 
 #[test]
-fn a_line_s_replies_say_what_they_answer() {
+fn replies_name_the_line_that_they_answer() {
     let mut port = Port::new();
     port.firmware
         .receive(b"*TST?\nCAM:GAIN 1\n*TST?;*TST?\n", 0);
@@ -106,7 +106,7 @@ fn events_tell_of_exposures_the_end_and_missed_pulses() {
 }
 
 #[test]
-fn power_goes_and_only_the_ids_go_on() {
+fn power_cycle_resets_all_but_frame_ids() {
     let mut port = Port::new();
     port.tell("*CLS");
     port.tell("CAM:GAIN 3;ROI 0,0,320,200;:PROJ:POW OFF;*ESE 5;*SRE 4");

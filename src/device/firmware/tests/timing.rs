@@ -76,7 +76,7 @@ fn the_longest_exposure_is_one_that_is_accepted() {
 }
 
 #[test]
-fn what_a_controller_cannot_show_is_refused() {
+fn timing_beyond_the_controller_is_refused() {
     let mut port = port(|_| {});
     for (line, code) in [
         ("PROJ:EXP 9771us", -221),
@@ -275,7 +275,7 @@ fn a_trigger_that_comes_too_early_is_missed_and_counted() {
 
 /// Without a time the projector keeps nobody waiting, but an exposure does.
 #[test]
-fn any_device_counts_the_triggers_that_it_misses() {
+fn device_without_timing_counts_missed_triggers() {
     let mut port = Port::new();
     port.tell("TRIG:SOUR BUS;MODE STEP;:INIT;*TRG");
     port.ask("*TRG");
@@ -356,7 +356,7 @@ fn sequences_follow_each_other_without_a_trigger_missed() {
 }
 
 #[test]
-fn own_patterns_that_take_longer_than_the_period_make_it_longer() {
+fn period_is_raised_for_own_patterns_that_take_longer() {
     let mut port = port(|timing| timing.exposure_us = None);
     port.tell("CAM:EXP 1ms;:SEQ:PER 9ms");
     let toml = "[projector]\nwidth_px = 912\nheight_px = 570\n[[frame]]\n\

@@ -36,7 +36,7 @@ fn one_trigger_runs_the_sequence_on_time() {
 }
 
 #[test]
-fn what_would_break_a_run_is_refused_during_it() {
+fn changes_that_would_break_a_run_are_refused() {
     let mut port = Port::new();
     port.tell("TRIG:SOUR BUS;:INIT;*TRG");
     port.at(20 * MS);
@@ -75,7 +75,7 @@ fn step_mode_takes_a_trigger_a_pattern() {
 }
 
 #[test]
-fn abort_ends_a_run_and_continuous_arms_again() {
+fn abort_ends_a_run_and_continuous_mode_rearms() {
     let mut port = Port::new();
     port.tell("TRIG:SOUR BUS;:INIT:CONT ON");
     port.ask("INIT");
@@ -113,7 +113,7 @@ fn only_the_source_that_is_set_triggers() {
 }
 
 #[test]
-fn runs_free_for_those_who_read() {
+fn free_run_exposes_only_while_streaming() {
     let mut port = Port::new();
     port.at(1000 * MS);
     assert_eq!(port.taken(), [], "nobody reads");
@@ -177,7 +177,7 @@ fn a_sequence_has_the_same_noise_however_long_the_camera_ran_free() {
 }
 
 #[test]
-fn shots_carry_what_was_set() {
+fn shots_carry_the_current_settings() {
     let mut port = Port::new();
     port.tell("CAM:EXP 4ms;GAIN 3;ROI 8,8,16,16;:PROJ:CURR 0.25;:TRIG:SOUR BUS;:INIT;*TRG");
     port.at(1000 * MS);
@@ -198,7 +198,7 @@ fn shots_carry_what_was_set() {
 }
 
 #[test]
-fn same_triggers_same_shots() {
+fn same_triggers_give_the_same_shots() {
     let run = |steps: &[u64]| {
         let mut port = Port::new();
         port.tell("CAM:GAIN 1;:TRIG:SOUR BUS;:INIT:CONT ON");

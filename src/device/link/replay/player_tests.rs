@@ -77,7 +77,7 @@ fn outputs<R: Read>(player: &mut Player<R>, now_ns: u64) -> Vec<String> {
 }
 
 #[test]
-fn a_client_that_follows_gets_what_was_recorded_when_it_was() {
+fn matching_client_gets_replies_at_recorded_times() {
     let mut player = player(&two_sessions());
     assert_eq!(
         (player.next(u64::MAX), player.next_event_ns()),
@@ -129,7 +129,7 @@ fn a_client_that_sends_ahead_gets_all_in_order() {
 }
 
 #[test]
-fn fast_means_at_once() {
+fn fast_replay_sends_replies_at_once() {
     let bytes = std::io::Cursor::new(file(&two_sessions()));
     let mut player = Player::new(Reader::new(bytes, "rec").unwrap(), true, None);
     player.receive(b"*IDN?\n", 7);
@@ -137,7 +137,7 @@ fn fast_means_at_once() {
 }
 
 #[test]
-fn a_departure_is_told_once_with_its_place_and_the_next_client_starts_anew() {
+fn departure_is_reported_once_and_ends_with_the_client() {
     let mut player = player(&two_sessions());
     player.receive(b"*IDN?\nINIT:", 1000);
     player.receive(b"CONT ON\n", 1001);
@@ -172,7 +172,7 @@ fn a_departure_is_told_once_with_its_place_and_the_next_client_starts_anew() {
 }
 
 #[test]
-fn a_client_that_leaves_early_departs_too() {
+fn client_that_leaves_early_counts_as_departure() {
     let mut player = player(&two_sessions());
     player.receive(b"*IDN?\nIN", 1000);
     player.hang_up(1001);
@@ -185,7 +185,7 @@ fn a_client_that_leaves_early_departs_too() {
 }
 
 #[test]
-fn a_viewer_s_frames_begin_when_somebody_comes() {
+fn frames_of_a_camera_recording_start_with_the_first_reader() {
     let mut player = player(&[
         (40, Event::Opened),
         (50, Event::Frame(frame(1))),
@@ -200,7 +200,7 @@ fn a_viewer_s_frames_begin_when_somebody_comes() {
 }
 
 #[test]
-fn damage_and_cuts_are_told_and_what_is_before_them_is_played() {
+fn plays_records_before_damage_and_reports_it() {
     let mut bytes = file(&two_sessions()[..3]);
     bytes.truncate(bytes.len() - 1);
     let cursor = std::io::Cursor::new(bytes);
@@ -217,7 +217,7 @@ fn damage_and_cuts_are_told_and_what_is_before_them_is_played() {
 }
 
 #[test]
-fn no_more_is_read_ahead_than_is_bounded() {
+fn read_ahead_is_bounded() {
     let frames = (0..2000).map(|id| (id, Event::Frame(frame(id))));
     let events: Vec<_> = frames
         .chain([(2000, sent("x")), (2001, received("y"))])
@@ -244,7 +244,7 @@ fn no_more_is_read_ahead_than_is_bounded() {
 }
 
 #[test]
-fn a_port_that_went_goes_and_comes_back() {
+fn recorded_unplugging_of_the_port_is_replayed() {
     let events = [
         (10, sent("x")),
         (12, Event::Unplugged),
@@ -270,7 +270,7 @@ fn a_port_that_went_goes_and_comes_back() {
 }
 
 #[test]
-fn a_camera_that_went_goes_and_comes_back() {
+fn recorded_unplugging_of_the_camera_is_replayed() {
     let camera = Channel::Camera;
     let events = [
         (10, PORT, sent("x")),
@@ -305,7 +305,7 @@ fn a_camera_that_went_goes_and_comes_back() {
 }
 
 #[test]
-fn what_is_said_while_the_port_goes_is_lost_with_it() {
+fn input_while_the_port_is_unplugged_is_lost() {
     let events = [
         (10, sent("x")),
         (11, received("a")),
@@ -331,7 +331,7 @@ fn what_is_said_while_the_port_goes_is_lost_with_it() {
 }
 
 #[test]
-fn frames_that_only_count_keep_their_distance_from_what_was_sent() {
+fn counted_frames_keep_their_delay_after_the_command() {
     let counted = |id: u64, taken_ns: u64| {
         let frame = Frame {
             exposure_end_ns: taken_ns,

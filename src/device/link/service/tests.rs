@@ -128,7 +128,7 @@ fn a_line_that_is_too_long_is_refused_and_the_connection_goes_on() {
 }
 
 #[test]
-fn one_too_many_is_told_so() {
+fn client_beyond_the_limit_is_refused() {
     let channel = Channel::open(NEVER);
     let mut clients: Vec<_> = (0..MAX_CLIENTS).map(|_| channel.client()).collect();
     for client in &mut clients {
@@ -156,7 +156,7 @@ fn one_too_many_is_told_so() {
 }
 
 #[test]
-fn who_has_asked_nothing_for_the_longest_makes_room() {
+fn longest_idle_client_makes_room() {
     let channel = Channel::open(Duration::ZERO);
     let mut clients: Vec<_> = (0..MAX_CLIENTS).map(|_| channel.client()).collect();
     // The first client waits for its answer; the others are idle, the second one the longest.
@@ -178,7 +178,7 @@ fn who_has_asked_nothing_for_the_longest_makes_room() {
 }
 
 #[test]
-fn the_device_hears_when_somebody_who_waits_has_left() {
+fn device_learns_when_a_waiting_client_has_left() {
     let channel = Channel::open(NEVER);
     let mut listens = channel.client();
     send(&mut listens, SLOW);

@@ -80,7 +80,7 @@ mod tests {
     use phasmid_protocol::usb::cdc::HostLines;
 
     #[test]
-    fn the_last_setting_counts_and_triggers_part_them() {
+    fn repeated_settings_merge_between_triggers() {
         let rts = |rts| Event::Lines(HostLines { dtr: true, rts });
         let mut events = Events::default();
         for event in [

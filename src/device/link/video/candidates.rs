@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_loopback_without_a_producer_will_do() {
+    fn only_a_loopback_node_without_a_producer_is_accepted() {
         assert_eq!(unfit(&node(LOOPBACK_DRIVER, true, true)), None);
         assert_eq!(unfit(&node(LOOPBACK_DRIVER, true, false)), None);
         assert!(matches!(

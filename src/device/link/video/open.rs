@@ -197,7 +197,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn intervals_become_the_rates_that_are_meant() {
+    fn rounded_intervals_become_common_frame_rates() {
         for (us, rate) in [
             (33_333, (1, 30)),
             (33_366, (1, 30)),
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_opened_says_why() {
+    fn opening_what_is_no_video_node_names_the_reason() {
         let refused = |path: &str| {
             let stream = Stream {
                 width: 320,

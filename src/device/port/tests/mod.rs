@@ -143,7 +143,7 @@ fn errors_have_the_dialect_s_numbers_and_are_not_left_behind() {
 }
 
 #[test]
-fn the_cut_of_the_bytes_does_not_matter() {
+fn replies_do_not_depend_on_how_input_is_split() {
     let script = b"version\ngain 3\ngain?\nnonsense\nstop\nsource soft\narm\nfire\nwait\nframes?\n";
     let whole = Desk::new("okline", None).talk(script);
     let mut desk = Desk::new("okline", None);
@@ -222,7 +222,7 @@ fn half_a_packet_is_given_up_and_the_next_one_is_read() {
 }
 
 #[test]
-fn replies_arrive_when_they_would() {
+fn replies_arrive_at_the_times_of_the_baud_rate() {
     for baud in [9600, 115_200] {
         let mut desk = Desk::new("scpi", Some(baud));
         let baud = u64::from(baud);
@@ -254,7 +254,7 @@ fn a_trigger_starts_when_its_line_has_arrived() {
 }
 
 #[test]
-fn after_a_power_cycle_the_banner_comes_again() {
+fn banner_is_sent_again_after_a_power_cycle() {
     let mut desk = Desk::new("okline", None);
     assert_eq!(desk.line("mark 9"), format!("ok\r\n{BANNER}"));
     desk.machine.power_cycle(desk.now_ns);
@@ -262,7 +262,7 @@ fn after_a_power_cycle_the_banner_comes_again() {
 }
 
 #[test]
-fn what_waits_is_bounded() {
+fn waiting_commands_are_bounded() {
     let mut desk = Desk::new("okline", None);
     desk.talk(b"");
     desk.line("source soft");
@@ -278,7 +278,7 @@ fn what_waits_is_bounded() {
 }
 
 #[test]
-fn commands_that_the_device_lacks_are_refused_with_their_line() {
+fn unknown_device_commands_are_refused_with_their_line() {
     let text = Dialect::text("okline").unwrap();
     let text = text.replace("runs = [\"*RST\"]", "runs = [\"CAMera:NONSense 1\"]");
     let line = 1 + text.lines().position(|l| l.contains("NONSense")).unwrap();

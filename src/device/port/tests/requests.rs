@@ -62,7 +62,7 @@ fn timing(desk: &mut Desk, dialect: &Dialect) -> [f64; 2] {
 }
 
 #[test]
-fn a_refused_timing_changes_nothing() {
+fn refused_timing_leaves_settings_unchanged() {
     let dialect = Dialect::load("dlpc350").unwrap();
     let mut desk = Desk::new("dlpc350", None);
     let before = timing(&mut desk, &dialect);
@@ -161,7 +161,7 @@ fn a_request_is_done_whole_or_not_at_all() {
 }
 
 #[test]
-fn what_was_set_before_a_wait_stays() {
+fn settings_before_a_wait_stay_after_a_later_failure() {
     let mut desk = Desk::of(with_long_commands(), None);
     desk.talk(b"");
     for line in ["exposure 5000", "source soft", "arm"] {

@@ -354,7 +354,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn answers_of_a_line_are_told_apart() {
+    fn answers_of_a_line_are_split_outside_quotes() {
         assert_eq!(split("\"a;b\";BUS;0"), ["\"a;b\"", "BUS", "0"]);
         assert_eq!(split("\"a\"\";\"\"b\";1"), ["\"a\"\";\"\"b\"", "1"]);
         assert_eq!(split(""), [""]);

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 #[test]
-fn series_of_pydicom_are_read_as_it_meant_them() {
+fn series_written_by_pydicom_are_read_exactly() {
     // 4 x 3 x 3 voxels of -1000 + i + 10 j + 100 k, in files whose names do not follow the slice
     // order. One series is explicit and unsigned, with 12 bits from -1024; the other is implicit
     // and signed, in steps of 1/2 from 7.25. Sequences of defined and undefined length and private

@@ -36,7 +36,7 @@ fn check_ten(dir: &Path) -> Phases {
 }
 
 #[test]
-fn phases_are_told_by_what_the_series_are_called() {
+fn phases_are_recognised_by_series_descriptions() {
     check_ten(folder(four_d(|p| format!("Gated, {p}.0%A"))).path());
     let mut images = four_d(|p| format!("T={p}%"));
     for k in 0..3 {
@@ -52,7 +52,7 @@ fn phases_are_told_by_what_the_series_are_called() {
 }
 
 #[test]
-fn phases_are_told_by_what_the_images_say() {
+fn phases_are_recognised_by_image_elements() {
     // All phases in one series, divided by nominal percentage, temporal position or trigger time.
     let with = |change: fn(&mut Image, u32)| {
         let mut images = four_d(|_| "4D".to_owned());
@@ -77,7 +77,7 @@ fn phases_are_told_by_what_the_images_say() {
 }
 
 #[test]
-fn phases_that_do_not_match_are_named() {
+fn phases_that_do_not_match_are_refused_by_name() {
     let complaint = |change: fn(&mut Images)| {
         let mut images = four_d(|p| format!("T{p}"));
         change(&mut images);
@@ -167,7 +167,7 @@ fn the_reference_phase_is_the_one_that_is_asked_for() {
 }
 
 #[test]
-fn descriptions_say_a_phase_or_none() {
+fn reads_phase_from_series_description() {
     for (text, percent) in [
         ("T=50%", Some(50.0)),
         ("Gated, 0.0%A", Some(0.0)),

@@ -12,7 +12,7 @@ fn complaint(images: Vec<(String, Image)>) -> String {
 }
 
 #[test]
-fn a_series_that_is_no_volume_is_named_with_the_file() {
+fn refuses_series_that_is_no_volume_and_names_the_file() {
     let good = read_series(folder(series()).path()).unwrap();
     assert_eq!(good.grid().size, [4, 3, 5]);
     assert_eq!(good.grid().spacing_mm, DVec3::new(1.5, 1.5, 3.0));
@@ -133,7 +133,7 @@ fn a_series_that_is_no_volume_is_named_with_the_file() {
 }
 
 #[test]
-fn an_image_that_is_none_of_ours_is_named_with_the_element() {
+fn refuses_unsupported_image_and_names_the_element() {
     let refused = |bytes: &[u8]| {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("x.dcm");

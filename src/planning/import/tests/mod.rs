@@ -71,7 +71,7 @@ fn small() -> (tempfile::TempDir, Import) {
 }
 
 #[test]
-fn a_body_of_a_closed_form_is_where_it_was() {
+fn imported_body_matches_its_closed_form() {
     let (dir, mut import) = small();
     let out = dir.path().join("a/planning");
     let steps = std::cell::RefCell::new(Vec::new());
@@ -148,7 +148,7 @@ fn fields_on_a_coarser_grid_say_the_same() {
 }
 
 #[test]
-fn rays_tell_what_a_surface_encloses() {
+fn finds_points_outside_a_closed_surface() {
     let surface = ball(13.0);
     let near = surface.vertices[0];
     // Include points of the grid on which the surface was made: rays along its edges.

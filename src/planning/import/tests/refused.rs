@@ -22,7 +22,7 @@ fn has(found: &str, words: &[&str]) {
 }
 
 #[test]
-fn phases_that_no_planning_has_are_named() {
+fn refuses_invalid_phases_by_name() {
     let twice = complaint(|_, import| import.phases[1].0 = 0.0);
     has(
         &twice,
@@ -50,7 +50,7 @@ fn phases_that_no_planning_has_are_named() {
 }
 
 #[test]
-fn fields_that_do_not_match_are_named() {
+fn refuses_fields_that_do_not_match() {
     let with = |grid: Grid| {
         complaint(move |_, import| {
             let field = Field::of(grid, |_| DVec3::ZERO, "dvf").unwrap();
@@ -152,7 +152,7 @@ fn fields_that_do_not_match_are_named() {
 }
 
 #[test]
-fn fields_that_do_not_reach_are_named() {
+fn refuses_fields_that_do_not_cover_skin_and_ct() {
     let with = |grid: Grid| {
         complaint(move |_, import| {
             for (percent, path) in &import.phases {
@@ -185,7 +185,7 @@ fn fields_that_do_not_reach_are_named() {
 }
 
 #[test]
-fn what_is_no_ct_is_named() {
+fn refuses_what_is_no_ct() {
     has(
         &complaint(|dir, import| import.ct = dir.join("no.mha")),
         &["no.mha: "],
@@ -236,7 +236,7 @@ fn what_is_no_ct_is_named() {
 }
 
 #[test]
-fn a_tumour_that_is_none_is_named() {
+fn refuses_invalid_tumour() {
     let mesh = |change: fn(&mut Mesh)| {
         complaint(move |_, import| {
             let mut mesh = ball(TUMOUR_MM);
@@ -298,7 +298,7 @@ fn a_tumour_that_is_none_is_named() {
 }
 
 #[test]
-fn nothing_that_is_there_is_overwritten() {
+fn refuses_to_overwrite_existing_files() {
     for name in ["planning.toml", "skin.ply", "dvf_30.mha"] {
         let (dir, import) = small();
         let out = dir.path().join("planning");

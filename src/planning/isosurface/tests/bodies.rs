@@ -101,7 +101,7 @@ fn the_same_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_level_that_nothing_reaches_is_named() {
+fn refuses_level_above_all_voxels() {
     let grid = Grid::upright([2, 2, 2], DVec3::ONE, DVec3::ZERO);
     let air = Volume::new(grid, Voxels::I16(vec![-1000; 8]), "ct").unwrap();
     let words = |level| {

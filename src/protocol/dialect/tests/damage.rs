@@ -56,7 +56,7 @@ fn every_flipped_bit_of_a_checked_packet_is_refused() {
 }
 
 #[test]
-fn garbage_before_a_message_is_dropped_and_told_once() {
+fn garbage_before_a_message_is_dropped_and_reported_once() {
     let okline = Dialect::load("okline").unwrap();
     let mut stream = vec![b'x'; 5000];
     stream.extend_from_slice(b"\r\n\n  ; nothing\nmark? ; a question\r\n");
@@ -121,7 +121,7 @@ fn packets_without_a_checksum_are_in_step_after_garbage() {
 
 proptest! {
     #[test]
-    fn the_cut_of_the_pieces_does_not_matter(
+    fn messages_do_not_depend_on_how_input_is_split(
         bytes in proptest::collection::vec(
             prop_oneof![any::<u8>(), Just(b'\n'), Just(0xAA), Just(0x55), Just(0), Just(8)], 0..400),
         step in 1usize..60,

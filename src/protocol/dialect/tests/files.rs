@@ -22,7 +22,7 @@ fn assert_refused(name: &str, cases: &[(&str, &str, &str)]) {
 }
 
 #[test]
-fn mistakes_in_lines_name_place_and_remedy() {
+fn errors_in_line_dialects_name_place_and_remedy() {
     let cases = [
         (
             "framing = \"line\"",
@@ -194,7 +194,7 @@ fn mistakes_in_lines_name_place_and_remedy() {
 }
 
 #[test]
-fn mistakes_in_packets_name_place_and_remedy() {
+fn errors_in_packet_dialects_name_place_and_remedy() {
     let cases = [
         (
             "sequence = { at = 1 }",
@@ -283,7 +283,7 @@ fn mistakes_in_packets_name_place_and_remedy() {
 }
 
 #[test]
-fn what_is_no_dialect_is_refused() {
+fn refuses_what_is_no_dialect() {
     for (text, needle) in [
         ("", "missing field"),
         (

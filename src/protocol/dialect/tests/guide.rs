@@ -10,7 +10,7 @@ fn example() -> Dialect {
 }
 
 #[test]
-fn its_example_does_what_it_says() {
+fn example_of_the_guide_works_as_described() {
     let gspark = example();
     let host = gspark.host().get("exposure").unwrap();
     let args = host.steps[0].args(&[("exposure", 0.008.into())]).unwrap();
@@ -45,7 +45,7 @@ fn its_example_does_what_it_says() {
 
 /// The guide mentions every field of the dialect file.
 #[test]
-fn it_has_every_field() {
+fn guide_mentions_every_field() {
     let guide = include_str!("../guide.md");
     let file = include_str!("../file.rs");
     for line in file.lines() {

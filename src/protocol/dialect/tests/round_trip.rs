@@ -132,7 +132,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn every_command_of_every_dialect_goes_round(seed: u64) {
+    fn every_command_of_every_dialect_is_read_as_written(seed: u64) {
         for dialect in DIALECTS.iter() {
             for (at, command) in dialect.commands.iter().enumerate() {
                 goes_round(dialect, command, seed.wrapping_add(at as u64));

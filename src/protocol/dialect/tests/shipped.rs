@@ -14,7 +14,7 @@ fn asked(dialect: &Dialect, command: &str, args: &[(&str, Value)]) -> Asked {
 }
 
 #[test]
-fn units_are_the_device_s() {
+fn units_are_converted_to_those_of_the_device() {
     let okline = load("okline");
     for (line, run) in [
         ("exposure 8000", "CAM:EXP 0.008"),
@@ -191,7 +191,7 @@ fn long_answers_come_in_pieces() {
 }
 
 #[test]
-fn what_is_said_unasked_is_no_answer() {
+fn events_and_boot_messages_are_not_taken_for_answers() {
     let okline = load("okline");
     let frame = Event::Exposed { index: 3, id: 41 };
     assert_eq!(okline.event(frame).unwrap(), b"!frame 3 41\r\n");
@@ -228,7 +228,7 @@ fn what_is_said_unasked_is_no_answer() {
 }
 
 #[test]
-fn echoes_are_told_from_replies() {
+fn echoes_are_not_taken_for_replies() {
     let text = Dialect::text("okline")
         .unwrap()
         .replace("echo = false", "echo = true");

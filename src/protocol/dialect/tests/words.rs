@@ -2,7 +2,7 @@ use super::super::Dialect;
 
 /// Lines that begin with a command's word get other errors than lines of unknown commands.
 #[test]
-fn what_fits_no_template_has_the_number_of_what_is_wrong_with_it() {
+fn error_number_tells_bad_arguments_from_unknown_commands() {
     let text = "name = \"w\"\ndescription = \"\"\nframing = \"line\"\n[errors]\n\
         line = \"no {number} {detail}\"\ndefault = { number = 1, text = \"\" }\n\
         busy = { number = 2, text = \"\" }\n";
@@ -46,7 +46,7 @@ fn what_fits_no_template_has_the_number_of_what_is_wrong_with_it() {
 
 /// Error messages for invalid names describe exactly the characters that names may contain.
 #[test]
-fn a_wrong_name_is_told_what_it_may_hold() {
+fn error_for_invalid_name_lists_allowed_characters() {
     let text = Dialect::text("okline").unwrap();
     for (old, new, allowed) in [
         (

@@ -40,7 +40,7 @@ fn headers_that_inherit_ever_more_end_the_message() {
 }
 
 #[test]
-fn parameters_of_every_kind() {
+fn parses_parameters_of_every_kind() {
     let number = |value, suffix: &str| Param::Number {
         value,
         suffix: suffix.into(),
@@ -81,7 +81,7 @@ fn parameters_of_every_kind() {
 }
 
 #[test]
-fn mistakes_have_their_number() {
+fn syntax_errors_have_their_standard_numbers() {
     use ErrorCode as E;
     for (message, code) in [
         (&b"1ABC"[..], E::CommandHeaderError),
@@ -128,12 +128,12 @@ proptest! {
     }
 
     #[test]
-    fn any_text_of_the_grammar_s_characters(text in "[A-Ca-c0-9:;,?*#\"' .eE+-]{0,60}") {
+    fn any_text_of_grammar_characters_does_not_panic(text in "[A-Ca-c0-9:;,?*#\"' .eE+-]{0,60}") {
         parse(text.as_bytes());
     }
 
     #[test]
-    fn numbers_go_round(value in -1e30f64..1e30) {
+    fn written_numbers_parse_back_equal(value in -1e30f64..1e30) {
         let program = parse(format!("A {value:e}").as_bytes());
         prop_assert_eq!(
             &program.units[0].params[0],

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 /// Import and transfer examples from the kernel's documentation.
 #[test]
-fn reads_as_the_kernel_documents() {
+fn reads_examples_of_the_kernel_documentation() {
     assert_eq!(
         Operation::Import.encode(),
         [0x01, 0x11, 0x80, 0x03, 0, 0, 0, 0]
@@ -37,7 +37,7 @@ fn reads_as_the_kernel_documents() {
 
 proptest! {
     #[test]
-    fn commands_and_replies_come_back(words: [u32; 12]) {
+    fn encoded_commands_and_replies_decode_equal(words: [u32; 12]) {
         let mut bytes = [0u8; HEADER_LEN];
         put_words(&mut bytes, &words);
         bytes[3] %= 5;
@@ -55,7 +55,7 @@ proptest! {
     }
 
     #[test]
-    fn devices_come_back(bus_id in "[0-9]{1,3}-[0-9]{1,3}", numbers: [u32; 3], ids: [u16; 3]) {
+    fn encoded_devices_decode_equal(bus_id in "[0-9]{1,3}-[0-9]{1,3}", numbers: [u32; 3], ids: [u16; 3]) {
         let device = DeviceInfo {
             bus_id,
             bus: numbers[0],

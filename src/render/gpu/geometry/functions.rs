@@ -67,7 +67,7 @@ fn lens_off(engine: &mut Engine, profile: &Profile) {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn lenses_are_the_cpus() {
+fn gpu_lenses_match_the_cpu() {
     let mut engine = Engine::for_tests();
     for name in ["pmp-bench", "pmp-real"] {
         let mut profile = Profile::load(name).unwrap();
@@ -81,7 +81,7 @@ fn lenses_are_the_cpus() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn solids_are_the_cpus() {
+fn gpu_solids_match_the_cpu() {
     let solids = [
         Solid::Plane {
             half: DVec2::new(60.0, 1e30),
@@ -231,7 +231,7 @@ fn rays_off(engine: &mut Engine, case: &mut Case, rays: &[(usize, DVec3, DVec3)]
 /// Random rays from a slightly offset pupil, and rays through triangle vertices and edge midpoints.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn rays_are_the_cpus() {
+fn gpu_rays_match_the_cpu() {
     let mut engine = Engine::for_tests();
     let profile = small(Profile::load("pmp-bench").unwrap());
     let folder = tempfile::tempdir().unwrap();

@@ -274,7 +274,7 @@ albedo = 0.4
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn still_scenes_are_the_cpus() {
+fn gpu_geometry_of_still_scenes_matches_the_cpu() {
     let mut engine = Engine::for_tests();
     let named = ["plane", "sphere", "trapezoid", "torso", "couch"];
     let mut scenes: Vec<_> = named.map(|name| Scene::load(name).unwrap()).into();
@@ -290,7 +290,7 @@ fn still_scenes_are_the_cpus() {
 /// Views from inside a sphere and with a strongly distorting lens.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn odd_views_are_the_cpus() {
+fn gpu_geometry_from_inside_a_sphere_matches_the_cpu() {
     let mut engine = Engine::for_tests();
     let around = r#"
 name = "around"
@@ -368,7 +368,7 @@ motion = { keyframes = [ { time_s = 0 }, { time_s = 1, position_mm = [200, 40, 0
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn scenes_that_move_are_the_cpus() {
+fn gpu_geometry_of_moving_scenes_matches_the_cpu() {
     let mut engine = Engine::for_tests();
     let folder = tempfile::tempdir().unwrap();
     let scene = moving(folder.path());

@@ -86,7 +86,7 @@ fn pixels_are_interpolated_from_the_points_that_the_cpu_takes() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn directions_are_those_of_the_cpu() {
+fn gpu_directions_match_the_cpu() {
     let mut engine = Engine::for_tests();
     let samples = 64;
     engine.write("interreflection_disc", bytemuck::cast_slice(&disc(samples)));
@@ -249,7 +249,7 @@ fn ray_words(engine: &Engine, name: &str, points: u32, samples: u32) -> Vec<[f32
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn as_much_light_bounces_as_on_the_cpu() {
+fn gpu_interreflection_matches_the_cpu() {
     check(
         "clutter",
         &mut TestScene::new(CLUTTER, Path::new(""), |_| {}),

@@ -77,7 +77,7 @@ fn piece(board: &Board, k: usize) -> [Vec2; 3] {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn gpu_boards_have_the_ink_of_the_cpus() {
+fn gpu_boards_have_the_ink_of_the_cpu() {
     let mut engine = Engine::for_tests();
     for board in boards() {
         let cases: Vec<[Vec2; 3]> = (0..20_000).map(|k| piece(&board, k)).collect();
@@ -116,7 +116,7 @@ fn gpu_boards_have_the_ink_of_the_cpus() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn gpu_boards_take_what_is_no_piece() {
+fn gpu_boards_handle_degenerate_footprints() {
     let board = Board::DOTS;
     let huge = Vec2::splat(1e20);
     let marker = board.point([12, 9]).as_vec2();

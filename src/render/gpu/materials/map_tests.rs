@@ -321,7 +321,7 @@ fn dim(mut profile: Profile) -> Profile {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn gpu_materials_of_still_scenes_are_the_cpus() {
+fn gpu_materials_of_still_scenes_match_the_cpu() {
     let folder = tempfile::tempdir().unwrap();
     picture(folder.path());
     torsos(folder.path());
@@ -346,7 +346,7 @@ fn gpu_materials_of_still_scenes_are_the_cpus() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn gpu_materials_go_along_with_what_moves() {
+fn gpu_materials_of_moving_scenes_match_the_cpu() {
     let folder = tempfile::tempdir().unwrap();
     picture(folder.path());
     torsos(folder.path());

@@ -50,7 +50,7 @@ fn floats(words: &[u32]) -> Vec<f32> {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn gpu_materials_reflect_as_the_cpus() {
+fn gpu_materials_reflect_as_on_the_cpu() {
     let materials: Vec<Ggx> = [
         (0.0, 0.05),
         (1.0, 0.05),
@@ -154,7 +154,7 @@ fn textures(dice: &mut Dice) -> Vec<Texture> {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn gpu_textures_are_averaged_as_the_cpus() {
+fn gpu_textures_are_averaged_as_on_the_cpu() {
     let mut dice = Dice::new();
     let textures = textures(&mut dice);
     let mut sums: Vec<[u32; 2]> = Vec::new();
@@ -235,7 +235,7 @@ fn gpu_textures_are_averaged_as_the_cpus() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn gpu_borders_are_as_soft_as_the_cpus() {
+fn gpu_borders_are_as_soft_as_on_the_cpu() {
     let mut dice = Dice::new();
     let bell = Bell::new();
     let mut cases: Vec<([f32; 2], f32, f32)> = Vec::new();
@@ -283,7 +283,7 @@ fn gpu_borders_are_as_soft_as_the_cpus() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn gpu_images_lie_as_the_cpus() {
+fn gpu_images_lie_as_on_the_cpu() {
     let mut dice = Dice::new();
     let mut cases: Vec<(Lay, [Vec3; 4])> = Vec::new();
     for k in 0..6000 {
@@ -352,7 +352,7 @@ fn gpu_images_lie_as_the_cpus() {
 /// Lenses with vignetting, and a projector with a finite depth of focus.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn gpu_lenses_dim_as_the_cpus() {
+fn gpu_lenses_dim_as_on_the_cpu() {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.camera.vignetting = Vignetting {
         natural: true,

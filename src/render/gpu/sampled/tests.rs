@@ -294,7 +294,7 @@ irradiance_w_m2 = 0.1
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn mixed_pixels_are_the_cpus() {
+fn gpu_mixed_pixels_match_the_cpu() {
     let engine = &mut Engine::for_tests();
     let named = ["sphere", "trapezoid", "torso", "couch"];
     let mut scenes: Vec<_> = named.map(|name| Scene::load(name).unwrap()).into();
@@ -309,7 +309,7 @@ fn mixed_pixels_are_the_cpus() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn more_samples_are_the_cpus() {
+fn gpu_pixels_of_more_samples_match_the_cpu() {
     let engine = &mut Engine::for_tests();
     for of in ["pmp-bench", "pmp-real"] {
         for scene in [solids(), Scene::load("torso").unwrap()] {
@@ -324,7 +324,7 @@ fn more_samples_are_the_cpus() {
 /// Camera out of focus, also with a projector that has defocus.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn depth_of_field_is_the_cpus() {
+fn gpu_depth_of_field_matches_the_cpu() {
     let engine = &mut Engine::for_tests();
     for of in ["pmp-bench", "pmp-real"] {
         for (samples, focus_mm) in [(1, 900.0), (64, 1030.0)] {
@@ -344,7 +344,7 @@ fn depth_of_field_is_the_cpus() {
 /// Depth of field over a varying albedo keeps the samples of all pixels that see it.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn what_blurs_a_texture_is_the_cpus() {
+fn gpu_depth_of_field_over_a_texture_matches_the_cpu() {
     let engine = &mut Engine::for_tests();
     let folder = tempfile::tempdir().unwrap();
     let picture = image::RgbImage::from_fn(64, 48, |u, v| {
@@ -387,7 +387,7 @@ albedo = 0.5
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn rows_that_follow_each_other_are_the_cpus() {
+fn gpu_samples_of_rolling_rows_match_the_cpu() {
     let engine = &mut Engine::for_tests();
     let text = r#"
 name = "moving"
@@ -422,7 +422,7 @@ motion = { keyframes = [ { time_s = 0 }, { time_s = 1, position_mm = [200, 40, 0
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn what_has_no_room_is_sampled_again() {
+fn buffer_that_is_too_small_grows_and_is_sampled_again() {
     let engine = &mut Engine::for_tests();
     for samples in [1, 64] {
         let case = Case::new(small("pmp-bench"), &solids(), samples);

@@ -22,7 +22,7 @@ fn close(found: f64, exact: f64) {
 }
 
 #[test]
-fn what_drives_it_is_kept_in_device_time() {
+fn drive_history_is_kept_in_device_time() {
     let model = model();
     let mut source = Source::new(model.clone());
     source.drive(10 * MS, 1.0);
@@ -58,7 +58,7 @@ fn what_drives_it_is_kept_in_device_time() {
 }
 
 #[test]
-fn patterns_open_it_in_whatever_order_it_is_told() {
+fn emission_does_not_depend_on_order_of_notifications() {
     let mut told_late = Source::new(model());
     told_late.drive(0, 0.9);
     told_late.drive(7 * MS, 0.5);

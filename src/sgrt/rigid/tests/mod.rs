@@ -47,7 +47,7 @@ fn miss(fit: &RigidFit, truth: &SixDof) -> (f64, f64) {
 }
 
 #[test]
-fn a_torso_is_found_without_noise() {
+fn pose_of_torso_is_exact_without_noise() {
     let (mesh, reference) = &*PATIENT;
     let truth = six([4.0, -6.0, 3.0], [1.0, -0.7, 1.5]);
     let points = scan(mesh, 10_000, &mut Random::new(1), is_front);
@@ -136,7 +136,7 @@ fn noise_along_oblique_rays_hardly_shifts() {
 }
 
 #[test]
-fn what_noise_lifts_is_taken_off() {
+fn bias_of_noise_on_curved_surface_is_corrected() {
     // On a sphere of 150 mm radius the bias is s^2 / R outwards: uncorrected, the residuals would
     // have a mean of 0.027 mm.
     let mesh = sphere();
@@ -169,7 +169,7 @@ fn what_noise_lifts_is_taken_off() {
 }
 
 #[test]
-fn a_fifth_of_outliers_and_missing_parts_do_not_matter() {
+fn tolerates_a_fifth_of_outliers_and_missing_parts() {
     let (mesh, reference) = &*PATIENT;
     let truth = six([3.0, 5.0, -4.0], [-0.8, 0.6, 0.9]);
     let mut random = Random::new(7);
@@ -219,7 +219,7 @@ fn a_patient_far_away_is_found() {
 }
 
 #[test]
-fn threads_do_not_matter() {
+fn result_does_not_depend_on_thread_count() {
     let (mesh, reference) = &*PATIENT;
     let mut random = Random::new(13);
     let points = scan(mesh, 5000, &mut random, is_front);
@@ -239,7 +239,7 @@ fn threads_do_not_matter() {
 }
 
 #[test]
-fn what_gives_no_answer_says_so() {
+fn refuses_scans_without_answer_and_warns_of_misfit() {
     let (mesh, reference) = &*PATIENT;
     let say = |points: Vec<DVec3>| match track_rigid(
         &Measured::isotropic(points, 0.1),

@@ -37,7 +37,7 @@ fn a_slow_frame_comes_when_its_time_is_over() {
 }
 
 #[test]
-fn a_stall_ends_what_waits_and_lasts_until_it_is_cleared() {
+fn stall_ends_waiting_transfers_and_lasts_until_cleared() {
     let mut host = Host::new(Speed::Super, Transfer::Bulk);
     let payload = host.start().max_payload;
     for _ in 0..8 {

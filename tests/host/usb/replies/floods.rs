@@ -14,7 +14,7 @@ fn reason(host: Host) -> String {
 }
 
 #[test]
-fn transfers_that_wait() {
+fn too_many_waiting_transfers_end_the_connection() {
     let mut host = Host::new(Speed::High, Transfer::Bulk);
     for _ in 0..2000 {
         host.read(3, 64);
@@ -32,7 +32,7 @@ fn transfers_that_wait() {
 }
 
 #[test]
-fn isochronous_packets_that_wait() {
+fn too_many_waiting_packets_end_the_connection() {
     let mut host = Host::new(Speed::High, Transfer::Isochronous);
     for _ in 0..100 {
         host.read_packets(1024, 0);
@@ -41,7 +41,7 @@ fn isochronous_packets_that_wait() {
 }
 
 #[test]
-fn bytes_that_the_firmware_does_not_take() {
+fn bytes_beyond_the_buffer_end_the_connection() {
     let mut host = Host::new(Speed::High, Transfer::Bulk);
     let data = vec![b'x'; 16 << 10];
     for _ in 0..300 {
@@ -59,7 +59,7 @@ fn bytes_that_the_firmware_does_not_take() {
 /// A firmware that takes nothing: settings are replaced, and everything else is bounded, over any
 /// number of connections.
 #[test]
-fn events_that_the_firmware_does_not_take() {
+fn events_beyond_the_limit_end_the_connection() {
     let mut host = Host::new(Speed::High, Transfer::Bulk);
     let exposure = u16::from(uvc::selector::EXPOSURE_TIME_ABSOLUTE) << 8;
     let set = uvc::request::SET_CUR;

@@ -59,7 +59,7 @@ fn an_unlink_after_the_answer_comes_too_late() {
 }
 
 #[test]
-fn a_transfer_without_room_for_a_header_overflows_and_loses_nothing() {
+fn transfer_too_short_for_a_header_overflows_without_loss() {
     let mut host = Host::new(Speed::High, Transfer::Bulk);
     let agreed = host.start();
     host.read(1, 1);

@@ -53,7 +53,7 @@ fn assert_found(scene: &Scene, limit: f64, what: &str) {
 }
 
 #[test]
-fn corners_are_where_they_are() {
+fn finds_corners_at_their_true_places() {
     for (square, turn) in [
         (22.0, [0.0, 0.0, 0.0]),
         (24.0, [10.0, -15.0, 7.0]),
@@ -72,7 +72,7 @@ fn corners_are_where_they_are() {
 }
 
 #[test]
-fn blur_light_tilt_and_distortion_do_no_harm() {
+fn finds_corners_under_blur_uneven_light_tilt_and_distortion() {
     for blur in [0.0, 0.3, 1.0, 2.0] {
         let sharp = Scene {
             blur,
@@ -112,7 +112,7 @@ fn blur_light_tilt_and_distortion_do_no_harm() {
 }
 
 #[test]
-fn errors_are_those_of_the_noise() {
+fn errors_match_stated_covariance() {
     // One frame in poor light, so that noise dominates over errors of the model.
     let (mut sum, mut n) = (0.0, 0.0);
     for seed in 0..6 {
@@ -133,7 +133,7 @@ fn errors_are_those_of_the_noise() {
 }
 
 #[test]
-fn errors_of_sharp_corners_are_those_of_the_noise() {
+fn errors_of_sharp_corners_match_stated_covariance() {
     let (mut sum, mut n) = (0.0, 0.0);
     for (seed, turn) in [
         [3.0, 2.0, 1.0],
@@ -326,7 +326,7 @@ fn images_without_a_board_are_refused() {
 }
 
 #[test]
-fn turns_that_look_alike_take_the_uppermost_corner() {
+fn ambiguous_rotation_starts_at_uppermost_corner() {
     // Columns and rows with an even sum, and equal numbers of both.
     for (board, turns) in [
         (chess(6, 4), [0.0, 20.0, 180.0, 200.0]),
@@ -353,7 +353,7 @@ fn turns_that_look_alike_take_the_uppermost_corner() {
 }
 
 #[test]
-fn two_boards_are_one_too_many() {
+fn refuses_image_of_two_boards() {
     let one = scene(16.0, [5.0, 3.0, 10.0]).render();
     let mut two = one.clone();
     two.width *= 2;

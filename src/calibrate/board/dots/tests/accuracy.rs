@@ -17,7 +17,7 @@ fn small(turn: f64, tilt: f64, axis: f64) -> Scene {
 }
 
 #[test]
-fn the_benchs_board_to_the_bound_of_its_noise() {
+fn finds_bench_board_with_errors_at_noise_bound() {
     let at = DVec3::new(10.0, -5.0, 1000.0);
     let scene = Scene::new(
         Board::DOTS.scaled(4.0),
@@ -33,7 +33,7 @@ fn the_benchs_board_to_the_bound_of_its_noise() {
 }
 
 #[test]
-fn at_60_degrees_in_any_direction() {
+fn is_accurate_at_60_degrees_in_any_direction() {
     for axis in [0.0, 45.0, 90.0, 135.0] {
         let mut scene = small(axis * 1.7, 60.0, axis);
         scene.seed = axis as u64;
@@ -45,7 +45,7 @@ fn at_60_degrees_in_any_direction() {
 }
 
 #[test]
-fn under_blur() {
+fn is_accurate_under_blur() {
     for (blur, tilt) in [(0.3, 20.0), (0.7, 20.0), (1.5, 20.0), (0.6, 58.0)] {
         let mut scene = small(10.0, tilt, 30.0);
         scene.blur = blur;
@@ -57,7 +57,7 @@ fn under_blur() {
 }
 
 #[test]
-fn in_focus_on_one_side_only() {
+fn is_accurate_in_focus_on_one_side_only() {
     let of = |blur: f64| {
         let mut scene = small(0.0, 0.0, 0.0);
         scene.blur = blur;
@@ -78,7 +78,7 @@ fn in_focus_on_one_side_only() {
 }
 
 #[test]
-fn under_light_that_falls_to_a_fifth() {
+fn is_accurate_under_light_that_falls_to_a_fifth() {
     for blur in [0.0, 1.0] {
         let mut scene = small(100.0, 25.0, 70.0);
         scene.light = |px| 188.0 * (-px.dot(DVec2::new(0.8, 0.6)) / 220.0 * 5f64.ln()).exp();
@@ -92,7 +92,7 @@ fn under_light_that_falls_to_a_fifth() {
 }
 
 #[test]
-fn under_four_times_the_noise() {
+fn is_accurate_under_four_times_the_noise() {
     let mut scene = small(-60.0, 35.0, 10.0);
     scene.noise = 4.0;
     let e = errors(&scene);
@@ -101,7 +101,7 @@ fn under_four_times_the_noise() {
 }
 
 #[test]
-fn through_a_lens_that_bends() {
+fn is_accurate_through_a_distorting_lens() {
     let mut scene = Scene::new(
         board(15, 13),
         small_lens(300, 270),
@@ -116,7 +116,7 @@ fn through_a_lens_that_bends() {
 }
 
 #[test]
-fn no_ripple_along_a_pixel() {
+fn has_no_error_that_varies_within_a_pixel() {
     for blur in [0.0, 0.5] {
         for step in 0..5 {
             let px = f64::from(step) / 5.0;
@@ -131,7 +131,7 @@ fn no_ripple_along_a_pixel() {
 }
 
 #[test]
-fn no_worse_than_the_cramer_rao_bound() {
+fn covariance_is_near_cramer_rao_bound() {
     let scene = small(0.0, 0.0, 0.0);
     let seen = find(&scene.board, &scene.image()).unwrap();
     // Derivative of the image by a shift of the board along x.
@@ -162,7 +162,7 @@ fn no_worse_than_the_cramer_rao_bound() {
 }
 
 #[test]
-fn specks_and_dead_pixels_do_no_harm() {
+fn is_accurate_despite_specks_and_dead_pixels() {
     let scene = small(20.0, 30.0, 0.0);
     let mut image = scene.image();
     for (k, level) in image.level.iter_mut().enumerate() {

@@ -28,7 +28,7 @@ fn image(level: impl Fn(usize, usize) -> f64) -> BoardImage {
 }
 
 #[test]
-fn a_mirrored_image() {
+fn refuses_mirrored_image() {
     let mut seen = scene().image();
     for row in seen.level.chunks_exact_mut(seen.width) {
         row.reverse();
@@ -42,7 +42,7 @@ fn a_mirrored_image() {
 }
 
 #[test]
-fn another_board() {
+fn refuses_another_board() {
     let seen = scene().image();
     for (columns, rows) in [(13, 9), (11, 11), (9, 9), (11, 7), (7, 7), (25, 19)] {
         let why = find(&board(columns, rows), &seen)
@@ -79,7 +79,7 @@ fn another_board() {
 }
 
 #[test]
-fn too_few_markers() {
+fn refuses_too_few_markers() {
     let mut scene = scene();
     scene.hidden = vec![[7, 4], [5, 2]];
     let why = find(&scene.board, &scene.image()).unwrap_err();
@@ -88,7 +88,7 @@ fn too_few_markers() {
 }
 
 #[test]
-fn two_boards() {
+fn refuses_two_boards() {
     let at = |x: f64| DVec3::new(x, 0.0, 1000.0);
     let of = |x: f64| {
         let lens = small_lens(480, 200);
@@ -154,7 +154,7 @@ fn no_board() {
 }
 
 #[test]
-fn odd_images_and_boards_are_no_panic() {
+fn refuses_malformed_images_and_boards_without_panic() {
     let of = |width: usize, height: usize, length: usize| BoardImage {
         width,
         height,

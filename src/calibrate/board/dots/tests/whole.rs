@@ -15,7 +15,7 @@ fn scene(at: DVec3, turn: f64, tilt: f64, axis: f64) -> Scene {
 const MIDDLE: DVec3 = DVec3::new(0.0, 0.0, 1000.0);
 
 #[test]
-fn turned_by_any_angle() {
+fn finds_board_turned_by_any_angle() {
     for k in 0..8 {
         // Wrong labels would cause errors of 15 px.
         let e = errors(&scene(
@@ -29,7 +29,7 @@ fn turned_by_any_angle() {
 }
 
 #[test]
-fn partly_out_of_the_image_on_each_side() {
+fn finds_board_partly_out_of_the_image() {
     for (x, y) in [(90.0, 0.0), (-90.0, 0.0), (0.0, 70.0), (0.0, -70.0)] {
         let mut scene = scene(MIDDLE + DVec3::new(x, y, 0.0), 5.0, 10.0, 0.0);
         scene.lens.principal_px = scene.lens.principal_px.round();
@@ -45,7 +45,7 @@ fn partly_out_of_the_image_on_each_side() {
 }
 
 #[test]
-fn with_dots_hidden_one_of_them_a_marker() {
+fn finds_board_with_dots_and_a_marker_hidden() {
     let mut scene = scene(MIDDLE, 33.0, 40.0, 20.0);
     scene.hidden = vec![[7, 4], [0, 0], [1, 5], [2, 5], [10, 8]];
     let e = errors(&scene);
@@ -53,7 +53,7 @@ fn with_dots_hidden_one_of_them_a_marker() {
 }
 
 #[test]
-fn where_blobs_and_lattice_miss_them() {
+fn finds_dots_missed_by_the_blob_search() {
     // A shadow too deep for the blob search but not for the fit.
     let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
     let mut image = scene.image();
@@ -68,7 +68,7 @@ fn where_blobs_and_lattice_miss_them() {
 }
 
 #[test]
-fn among_clutter() {
+fn finds_board_among_clutter() {
     let scene = scene(MIDDLE, 12.0, 20.0, 100.0);
     let mut image = scene.image();
     // Dark rectangles off the board, on a lit background.
@@ -94,7 +94,7 @@ fn among_clutter() {
 }
 
 #[test]
-fn beside_a_stain_as_large_as_a_marker() {
+fn finds_board_beside_a_stain_as_large_as_a_marker() {
     let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
     let mut image = scene.image();
     // At the position of a further dot in row 4, six columns left of the middle.
@@ -111,7 +111,7 @@ fn beside_a_stain_as_large_as_a_marker() {
 }
 
 #[test]
-fn near_and_far() {
+fn finds_board_near_and_far() {
     // Dot diameters of 3.2 px and 25 px.
     for (z, focal) in [(2000.0, 632.0), (500.0, 1250.0)] {
         let mut scene = Scene::new(

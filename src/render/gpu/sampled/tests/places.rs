@@ -24,7 +24,7 @@ fn call(engine: &mut Engine, entry: &'static str, input: &[u32]) -> Vec<[f32; 4]
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn samples_are_where_the_cpu_has_them() {
+fn gpu_sample_positions_match_the_cpu() {
     let mut case = Case::new(focused(900.0), &Scene::load("plane").unwrap(), 16);
     let (engine, aperture) = (&mut Engine::for_tests(), case.aperture());
     let (width, height) = (151usize, 70usize);
@@ -56,7 +56,7 @@ fn samples_are_where_the_cpu_has_them() {
 
 #[test]
 #[ignore = "needs a Vulkan adapter"]
-fn blur_widens_as_on_the_cpu() {
+fn gpu_blur_widens_as_on_the_cpu() {
     let case = Case::new(focused(900.0), &Scene::load("plane").unwrap(), 16);
     let (engine, aperture) = (&mut Engine::for_tests(), case.aperture());
     case.sampler(engine);
