@@ -41,8 +41,7 @@ pub struct Camera {
     pub focus_mm: Option<f64>,
     /// Pixel format on the link at power-on.
     pub format: PixelFormat,
-    /// Puts the embedded data line above each image, which adds one row on every link: see
-    /// [`data_line`].
+    /// Adds a row above each image, on every link, that carries the frame's identity and metadata.
     #[serde(default)]
     pub data_line: bool,
     /// Exposure at power-on in microseconds.

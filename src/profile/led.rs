@@ -13,7 +13,7 @@ pub struct Led {
     /// constants.
     pub rise_us: f64,
     /// Parts that warm up, such as junction, board and heat sink, each with its own time constant.
-    /// At most [`Self::MAX_DROOPS`].
+    /// At most eight.
     #[serde(default)]
     pub droop: Vec<Droop>,
 }

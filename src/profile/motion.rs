@@ -14,8 +14,8 @@ const MAX_KEYFRAMES: usize = 4096;
 /// Maximum number of meshes of a deformation.
 const MAX_MESHES: usize = 1024;
 
-/// A rigid motion: poses in the object's own frame, interpolated smoothly (see [`Trajectory`]).
-/// Without a period the object is at rest before the first and after the last keyframe.
+/// A rigid motion: poses in the object's own frame, interpolated smoothly. Without a period the object
+/// is at rest before the first and after the last keyframe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
@@ -42,8 +42,8 @@ pub struct Keyframe {
     pub rotation_deg: [f64; 3],
 }
 
-/// A deformation through a series of meshes that replace the object's own. Each vertex follows a
-/// [`Timeline`]'s spline. The object may also have a [`Motion`].
+/// A deformation through a series of meshes that replace the object's own. Each vertex moves
+/// smoothly through its keyframes. The object may also have a rigid `motion`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Deform {

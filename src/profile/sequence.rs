@@ -14,8 +14,8 @@ use serde::{Deserialize, Serialize};
 pub struct Sequence {
     /// Name used by `SEQuence:SELect`.
     pub name: String,
-    /// Pattern period in microseconds: at least exposure plus readout, and a period that satisfies
-    /// [`Timing`](super::Timing) if the projector has it.
+    /// Pattern period in microseconds: at least exposure plus readout, and a period that the
+    /// projector's `timing` allows if there is one.
     pub period_us: f64,
     /// The patterns in order.
     pub frame: Vec<ManifestFrame>,

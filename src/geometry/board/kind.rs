@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "pattern", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Board {
-    /// Dark dots on white paper. A few larger dots, the [`MARKERS`](super::MARKERS), identify the
-    /// position in the grid.
+    /// Dark dots on white paper. Five larger dots, the markers, identify the position in the
+    /// grid.
     Dots {
         /// Dots per row, at least 7.
         columns: u32,

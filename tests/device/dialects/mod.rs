@@ -76,7 +76,7 @@ fn scan_in(
 /// The guide's example, as a reader would copy it.
 fn gspark() -> String {
     let guide = include_str!("../../../src/protocol/dialect/guide.md");
-    let (_, rest) = guide.split_once("```toml\n").unwrap();
+    let (_, rest) = guide.split_once("```toml dialect\n").unwrap();
     rest.split_once("```").unwrap().0.to_owned()
 }
 

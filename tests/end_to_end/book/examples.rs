@@ -3,6 +3,7 @@
 use super::{Block, blocks, pages};
 use phasmid::pattern::Manifest;
 use phasmid::profile::{Profile, Scene, Station};
+use phasmid::protocol::dialect::Dialect;
 use std::path::Path;
 
 /// Puts a table's values over another's, table by table.
@@ -35,6 +36,7 @@ fn check(block: &Block, place: &str) {
             drop(Scene::parse(&table.to_string(), place).unwrap());
         }
         Some("station") => drop(Station::parse(&block.text, place).unwrap()),
+        Some("dialect") => drop(Dialect::parse(&block.text, place).unwrap()),
         Some("manifest") => drop(Manifest::parse(&block.text, place).unwrap()),
         _ => assert!(
             block.file().is_some(),

@@ -18,22 +18,6 @@ fn normalised(path: &Path) -> PathBuf {
     out
 }
 
-/// Returns the text of a page with the files that `{{#include FILE}}` names.
-fn expanded(page: &Path) -> String {
-    let mut out = String::new();
-    for line in text(page).lines() {
-        let include = line
-            .strip_prefix("{{#include ")
-            .and_then(|rest| rest.strip_suffix("}}"));
-        match include {
-            Some(file) => out += &text(&normalised(&page.parent().unwrap().join(file))),
-            None => out += line,
-        }
-        out.push('\n');
-    }
-    out
-}
-
 /// Returns the anchors of a page's headings, made as mdBook and GitHub do.
 fn anchors(text: &str) -> HashSet<String> {
     let mut counts = HashMap::new();
@@ -84,7 +68,7 @@ fn targets(text: &str) -> Vec<String> {
 fn links_and_anchors_resolve() {
     let mut broken = Vec::new();
     for page in pages() {
-        for target in targets(&expanded(&page)) {
+        for target in targets(&text(&page)) {
             // Included code documentation also has links to items.
             if target.starts_with("https://") || target.starts_with("crate::") {
                 continue;
@@ -97,7 +81,7 @@ fn links_and_anchors_resolve() {
             let outside = page.starts_with("docs") && !path.starts_with("docs/src");
             let found = !outside
                 && root().join(&path).is_file()
-                && (anchor.is_empty() || anchors(&expanded(&path)).contains(anchor));
+                && (anchor.is_empty() || anchors(&text(&path)).contains(anchor));
             if !found {
                 broken.push(format!("{}: {target}", page.display()));
             }

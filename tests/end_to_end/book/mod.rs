@@ -2,6 +2,7 @@
 //! anchor resolves, and generated pages are up to date.
 
 mod commands;
+mod copies;
 mod crates;
 mod examples;
 mod fields;
@@ -52,7 +53,7 @@ fn pages() -> Vec<PathBuf> {
     found
 }
 
-/// Returns the text of a page without the files that it includes.
+/// Returns the text of a file in the repository.
 fn text(page: &Path) -> String {
     let path = root().join(page);
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))

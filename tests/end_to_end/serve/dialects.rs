@@ -63,7 +63,7 @@ fn scan_uses_the_dialect_of_the_device_file() {
 fn scan_works_with_a_custom_dialect() {
     let base = tempfile::tempdir().unwrap();
     let guide = include_str!("../../../src/protocol/dialect/guide.md");
-    let (_, rest) = guide.split_once("```toml\n").unwrap();
+    let (_, rest) = guide.split_once("```toml dialect\n").unwrap();
     let file = base.path().join("gspark.toml");
     fs::write(&file, rest.split_once("```").unwrap().0).unwrap();
     let plain = base.path().join("plain");

@@ -4,7 +4,7 @@ use super::{messages, only};
 /// Returns the guide's example, as a reader would copy it.
 fn example() -> Dialect {
     let guide = include_str!("../guide.md");
-    let (_, rest) = guide.split_once("```toml\n").unwrap();
+    let (_, rest) = guide.split_once("```toml dialect\n").unwrap();
     let (toml, _) = rest.split_once("```").unwrap();
     Dialect::parse(toml, "guide.md").unwrap()
 }
