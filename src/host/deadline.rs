@@ -53,7 +53,7 @@ pub(super) fn again<T>(timeout: Duration, mut open: impl FnMut() -> Result<T>) -
         match open() {
             Err(error) if begin.elapsed() >= timeout => {
                 return Err(Error::device(format!(
-                    "the device has gone and has not come back within {} s: {error}",
+                    "the device disconnected and did not come back within {} s: {error}",
                     timeout.as_secs_f64()
                 )));
             }

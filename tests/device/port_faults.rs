@@ -142,7 +142,7 @@ impl CommandPort for Port {
             _ => {}
         }
         if self.gone {
-            return Err(Error::device("bad line: the device has gone"));
+            return Err(Error::device("bad line: the device disconnected"));
         }
         let mut reply = self.bench.control(&bytes);
         let late = std::mem::take(&mut self.late);
@@ -175,7 +175,7 @@ impl CommandPort for Port {
 
     fn receive(&mut self, buffer: &mut [u8], _timeout: Duration) -> Result<usize, Error> {
         if self.gone {
-            return Err(Error::device("bad line: the device has gone"));
+            return Err(Error::device("bad line: the device disconnected"));
         }
         self.replies
             .read(buffer)

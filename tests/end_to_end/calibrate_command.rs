@@ -258,7 +258,7 @@ fn refuses_captures_that_determine_no_rig_with_numbers() {
         &target,
         &["--captures", mixed.to_str().unwrap(), "--scale", "3"],
         &[
-            "face one way",
+            "face the same way",
             "degrees",
             "2 other poses cannot be used",
             "other: ",

@@ -128,7 +128,7 @@ fn recording_is_exported_as_text_and_read_by_python() {
         "*IDN?",
         "pattern 12",
         "frame_000012.png",
-        "ended in order",
+        "ended normally",
     ] {
         assert!(lines.contains(needle), "{needle}\n{lines}");
     }

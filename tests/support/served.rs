@@ -102,7 +102,10 @@ fn come_up(child: &mut Child, dir: &Path) -> Endpoints {
             let _ = child.kill();
             panic!("the device does not come up");
         }
-        assert!(child.try_wait().unwrap().is_none(), "the device has gone");
+        assert!(
+            child.try_wait().unwrap().is_none(),
+            "the device disconnected"
+        );
         std::thread::sleep(Duration::from_millis(5));
     }
     Endpoints::read(dir).unwrap()

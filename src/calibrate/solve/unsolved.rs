@@ -20,7 +20,7 @@ pub enum Unsolved {
         wanted: String,
     },
     /// The boards are parallel to each other.
-    #[error("boards that face one way: {found}; expected {wanted}")]
+    #[error("boards face the same way: {found}; expected {wanted}")]
     Parallel {
         /// Largest angle between the normals of two boards.
         found: String,

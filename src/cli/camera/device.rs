@@ -87,7 +87,7 @@ pub(super) fn report(address: &str, as_json: bool) -> Result<()> {
             ))
         ),
         None if node.is_forgotten() => {
-            println!("format       none: {FORGOTTEN}; load the module anew: `{RELOAD}`");
+            println!("format       none: {FORGOTTEN}; reload the module: `{RELOAD}`");
         }
         None if node.is_loopback() => {
             println!("format       none yet: no producer streams into it");

@@ -128,7 +128,7 @@ fn once(option: &str, mut names: Vec<String>) -> Result<()> {
     match names.windows(2).find(|pair| pair[0] == pair[1]) {
         Some(pair) => Err(Error::input(
             option,
-            format!("{:?} a second time", pair[0]),
+            format!("{:?} twice", pair[0]),
             "each pod once",
         )),
         None => Ok(()),

@@ -93,9 +93,9 @@ fn words(record: &Record) -> String {
         }
         Event::Note(text) => format!("note: {}", text.escape_debug()),
         Event::Cut(why) => format!("cut: {}", why.escape_debug()),
-        Event::End => "ended in order".to_owned(),
-        Event::Unplugged => "has gone".to_owned(),
-        Event::Plugged => "is back".to_owned(),
+        Event::End => "ended normally".to_owned(),
+        Event::Unplugged => "disconnected".to_owned(),
+        Event::Plugged => "reconnected".to_owned(),
     };
     format!("{channel} {what}")
 }

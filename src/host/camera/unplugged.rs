@@ -51,7 +51,7 @@ impl Camera for PluggedCamera {
     fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
         let Some(camera) = &mut self.camera else {
             let address = &self.address;
-            return Err(Error::device(format!("{address}: the device has gone")));
+            return Err(Error::device(format!("{address}: the device disconnected")));
         };
         let frame = camera.next_frame(timeout);
         self.identifies = camera.identifies();

@@ -30,7 +30,7 @@ pub fn explain(address: &str, doing: &str, error: io::Error) -> Error {
             "another program uses it (v4l2loopback 0.14 and later allows one reader at a time); \
              close that one"
         }
-        Some(ENODEV | ENXIO) => "the device has gone",
+        Some(ENODEV | ENXIO) => "the device disconnected",
         Some(ENOTTY) => {
             return Error::input(place, "no V4L2 device", "a camera such as /dev/video0");
         }

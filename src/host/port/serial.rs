@@ -64,7 +64,7 @@ impl SerialPort {
     }
 
     fn gone(&self) -> Error {
-        Error::device(format!("{}: the device has gone", self.path))
+        Error::device(format!("{}: the device disconnected", self.path))
     }
 }
 

@@ -112,7 +112,10 @@ impl Connection {
 
     /// Returns the reason why the connection ended, as an error.
     pub(super) fn error(&self) -> Error {
-        let why = self.failure.get().map_or("the device has gone", |why| why);
+        let why = self
+            .failure
+            .get()
+            .map_or("the device disconnected", |why| why);
         Error::device(format!("{}: {why}", self.place))
     }
 

@@ -141,7 +141,7 @@ pub(super) fn reason(error: &io::Error) -> String {
     use io::ErrorKind as Kind;
     match error.kind() {
         Kind::UnexpectedEof | Kind::ConnectionReset | Kind::BrokenPipe => {
-            "the device has gone".to_owned()
+            "the device disconnected".to_owned()
         }
         Kind::WouldBlock | Kind::TimedOut => "the server accepts no more commands".to_owned(),
         _ => error.to_string(),

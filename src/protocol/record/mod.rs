@@ -33,8 +33,8 @@
 //! | 6 frame | a frame as on the frame socket, [`crate::wire`]: 72 bytes and the pixels |
 //! | 7 note | text: something that happened, a damaged frame or a fault that struck |
 //! | 8 cut | text: why the recording ends here while the device went on |
-//! | 9 end | none: the recording was ended in order; the last record |
-//! | 10 unplugged | none: the device's end of the channel has gone, as when a cable is pulled |
+//! | 9 end | none: the recording ended normally; the last record |
+//! | 10 unplugged | none: the device's end of the channel disappeared, as when a cable is pulled |
 //! | 11 plugged | none: it is back |
 //!
 //! Readers skip unknown kinds. On the device side times are device time; on the host side they

@@ -231,17 +231,17 @@ fn degenerate(context: &Context<'_>) -> Result<Vec<Case>> {
         refused(
             "six times the same pose",
             &bench.sightings(&[whole[0]; 6]),
-            "face one way",
+            "face the same way",
         ),
         refused(
             "six places in one plane",
             &bench.sightings(&shifted),
-            "face one way",
+            "face the same way",
         ),
         refused(
             "six parallel planes",
             &bench.sightings(&deeper),
-            "face one way",
+            "face the same way",
         ),
         refused("mirrored pictures", &mirrored, "mirrored"),
         refused("boards in the dark", &dark, "too few points"),

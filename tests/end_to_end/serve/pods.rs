@@ -309,7 +309,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     command.arg("track").arg("--planning").arg(&planning);
     refused(
         command.args(["--device", &twice, "--device", &twice]),
-        &["--device: \"left\" a second time; expected each pod once"],
+        &["--device: \"left\" twice; expected each pod once"],
     );
     let mut command = phasmid();
     command.arg("track").arg("--planning").arg(&planning);

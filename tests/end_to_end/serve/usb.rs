@@ -274,7 +274,7 @@ fn a_device_that_is_killed_in_the_middle_of_a_scan_is_one_error() {
     let start = Instant::now();
     let ended = scan.wait_with_output().unwrap();
     assert!(start.elapsed() < LONG / 2, "no waiting for the dead");
-    one_message(&ended, 1, "has gone");
+    one_message(&ended, 1, "disconnected");
     assert!(text(&ended).contains(&served.at.camera), "{}", text(&ended));
     assert!(!out.exists(), "no half recording");
 }

@@ -80,7 +80,7 @@ impl Camera for Unplugged {
         cable.pull(now);
         self.gone |= !cable.plugged;
         if self.gone {
-            return Err(Error::device("camera on a cable: the device has gone"));
+            return Err(Error::device("camera on a cable: the device disconnected"));
         }
         let frame = cable.waiting.next_frame(timeout)?;
         cable.frames += usize::from(frame.is_some());
@@ -110,7 +110,7 @@ impl<D> Line<D> {
         let cable = self.cable.borrow();
         self.gone |= !cable.plugged && !matches!(cable.pulled, Pulled::Camera(_));
         match self.gone {
-            true => Err(Error::device("port on a cable: the device has gone")),
+            true => Err(Error::device("port on a cable: the device disconnected")),
             false => Ok(()),
         }
     }
@@ -234,7 +234,10 @@ fn unplugged_at_any_frame_and_back_in_time_the_scan_is_whole() {
         let outcome = scan(Pulled::Frame(at), 1, 1);
         assert!(outcome.pulled, "{at}");
         assert_eq!(indices(&outcome.captured.unwrap()), all, "{at}");
-        assert_eq!(outcome.retries, ["camera on a cable: the device has gone"]);
+        assert_eq!(
+            outcome.retries,
+            ["camera on a cable: the device disconnected"]
+        );
         // The device is stopped before its camera is opened.
         assert_eq!(outcome.opened, ["port", "camera"], "{at}");
     }
@@ -276,7 +279,7 @@ fn device_that_stays_unplugged_fails_once_in_one_line() {
         assert_eq!(error.exit_code(), 1, "{pulled:?}");
         let words = error.to_string();
         assert!(
-            words.contains(" on a cable: the device has gone; then: "),
+            words.contains(" on a cable: the device disconnected; then: "),
             "{words}"
         );
         assert!(words.ends_with("it has not come back"), "{words}");
@@ -291,6 +294,6 @@ fn repeated_unplugging_ends_the_scan() {
     assert!(scan(Pulled::Frame(4), 2, 9).captured.is_ok());
     let outcome = scan(Pulled::Frame(4), 3, 9);
     let words = outcome.captured.unwrap_err().to_string();
-    assert_eq!(words, "camera on a cable: the device has gone");
+    assert_eq!(words, "camera on a cable: the device disconnected");
     assert_eq!(outcome.retries.len(), 2);
 }

@@ -105,9 +105,12 @@ impl VideoOutput {
         match node.queue.put(&frame.data, time) {
             Ok(()) => Ok(Put::Done),
             Err(e) if e.kind() == io::ErrorKind::WouldBlock => Ok(Put::Lost),
-            Err(e) if Errno::from_io_error(&e) == Some(Errno::NODEV) => Err(Error::device(
-                format!("{} has gone: its module was removed", path.display()),
-            )),
+            Err(e) if Errno::from_io_error(&e) == Some(Errno::NODEV) => {
+                Err(Error::device(format!(
+                    "{} disappeared: its kernel module was removed",
+                    path.display()
+                )))
+            }
             Err(e) => Err(Error::io(&*path, e)),
         }
     }
