@@ -1,6 +1,7 @@
 //! The results of the checks, as text and JSON.
 
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
 
 /// Result of a check.
@@ -16,7 +17,7 @@ pub enum Status {
 }
 
 /// A feature that checks belong to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Feature {
     /// The device without kernel modules: control port on a pty, frames on a socket.
@@ -117,14 +118,13 @@ impl Report {
 
     /// Returns the report as JSON.
     pub fn to_json(&self) -> serde_json::Value {
+        let features: BTreeMap<Feature, bool> = Feature::ALL
+            .map(|feature| (feature, self.works(feature)))
+            .into();
         serde_json::json!({
             "kernel": self.kernel,
             "container": self.container,
-            "features": {
-                "embedded": self.works(Feature::Embedded),
-                "v4l2": self.works(Feature::V4l2),
-                "vulkan": self.works(Feature::Vulkan),
-            },
+            "features": features,
             "checks": self.checks,
         })
     }

@@ -220,7 +220,9 @@ fn complete_machine_passes_all_checks() {
             .contains("streams GREY:640x480@30")
     );
     let json = report.to_json();
-    assert_eq!(json["features"]["v4l2"], true);
+    let features = json["features"].as_object().unwrap();
+    assert_eq!(features.len(), Feature::ALL.len());
+    assert_eq!(features["v4l2"], true);
     assert_eq!(json["checks"][0]["status"], "ok");
 }
 

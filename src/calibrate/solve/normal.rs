@@ -1,7 +1,7 @@
 //! Normal equations of bundle adjustment, with the board poses eliminated.
 //!
 //! The matrix is [U V; V' W], where W is block diagonal with a 6 x 6 block per board. The Schur
-//! complement U - V W^-1 V' leaves the rig's unknowns (Triggs et al., "Bundle adjustment: a modern
+//! complement U - V W^-1 V' has only the rig's unknowns (Triggs et al., "Bundle adjustment: a modern
 //! synthesis", 2000, section 6.1). The inverse of the whole matrix is the covariance of all
 //! unknowns.
 

@@ -43,8 +43,8 @@ const OPENCV: [&str; 2] = ["calibration.yml", "calibration.xml"];
 /// File that compares the calibration with the true rig, which only an emulated device knows.
 const TRUTH: &str = "truth.json";
 
-/// Calibrate a scanner from images of a board in many poses: an emulated device, or any device from
-/// its captures
+/// Calibrate an emulated device, or any scanner from its captures, with images of a board in many
+/// poses
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example:\n  phasmid calibrate --profile webcam-grey --poses 8 --out calibrated"

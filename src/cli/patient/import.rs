@@ -41,8 +41,9 @@ pub(super) struct Args {
     /// Name of the patient in the planning folder [default: the folder's name].
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
-    /// Voxel spacing of the written fields in millimetres, not below that of the input [default: the
-    /// input's]. Fields on a CT's own grid exceed the memory of tracking; 3 mm is sufficient.
+    /// Voxel spacing of the written fields in millimetres, no finer than that of the input [default:
+    /// the input's]. At a CT's full resolution the fields are too large to track with; 3 mm is
+    /// sufficient.
     #[arg(long, value_name = "MM")]
     spacing_mm: Option<f64>,
     /// Also write the CT to the folder.

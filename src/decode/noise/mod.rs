@@ -20,10 +20,11 @@ const PIXELS: usize = 60_000;
 /// Minimum number of distinct values for their greatest common divisor to be meaningful.
 const VALUES: usize = 16;
 
-/// One pixel's estimate.
+/// Mean and variance estimated at one pixel.
 struct Estimate {
     mean: f64,
     variance: f64,
+    /// Degrees of freedom of the variance.
     freedom: f64,
 }
 

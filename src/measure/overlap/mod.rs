@@ -99,7 +99,7 @@ pub fn overlap(a: &Mesh, b: &Mesh, columns: usize) -> Result<Overlap> {
     let [sampled_a, sampled_b] = lengths.map(|l| l * area);
     let error = ((sampled_a / volumes[0] - 1.0).abs()).max((sampled_b / volumes[1] - 1.0).abs());
     Ok(Overlap {
-        // All three volumes are by columns, so that their common errors cancel in the ratio.
+        // All three volumes are summed over the same columns, so that their common errors cancel.
         dice: 2.0 * shared * area / (sampled_a + sampled_b),
         a_mm3: volumes[0],
         b_mm3: volumes[1],

@@ -1,6 +1,6 @@
 //! The tumour's shape: star-shaped around its centre, with a radius that is a sum of real spherical
-//! harmonics of degrees 2 to 5 with random coefficients. Its volume is exactly that of the ball of
-//! its diameter.
+//! harmonics of degrees 2 to 5 with random coefficients. Its volume is exactly that of a
+//! ball with the diameter that the patient's parameters give.
 
 mod icosphere;
 mod sphere;

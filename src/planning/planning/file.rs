@@ -47,9 +47,9 @@ pub struct PlanningFile {
     pub isocentre_mm: DVec3,
     /// Voxel spacing of the fields, in millimetres.
     pub spacing_mm: Spacing,
-    /// Skin file, in the folder.
+    /// Name of the skin file, in the folder of this file.
     pub skin: String,
-    /// Tumour file, in the folder.
+    /// Name of the tumour file, likewise.
     pub tumour: String,
     /// CT file of the reference phase, in the folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Maximum number of storage buffers per entry point.
 const STORAGE_BUFFERS: u32 = 24;
 
-/// Bytes per pixel of the largest map.
+/// Bytes per pixel of the map with the largest pixels.
 const LARGEST_ELEMENT: u64 = 16;
 /// Maximum number of threads per pass: fits 32 bits, with headroom for the padding of the dispatch
 /// grid.

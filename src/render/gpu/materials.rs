@@ -35,7 +35,7 @@ pub(crate) struct Materials {
 struct Deforming {
     object: u16,
     shape: usize,
-    /// Offset among the material values.
+    /// Offset of the normals among the material values.
     at: u32,
     /// Shape currently uploaded.
     blend: Option<Blend>,

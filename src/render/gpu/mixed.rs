@@ -1,5 +1,5 @@
-//! Mixed pixels in GPU memory: `mixed_types.wgsl` and related buffers. A head describes one group of
-//! sixteen samples of a pixel.
+//! Mixed pixels in GPU memory: `mixed_types.wgsl` and related buffers. The samples of a pixel are
+//! stored in groups of sixteen; a record called head describes each group.
 
 use super::Engine;
 #[cfg(test)]

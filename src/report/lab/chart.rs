@@ -11,7 +11,7 @@ const LEGEND: f64 = 250.0;
 
 /// How a series is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Look {
+pub enum SeriesStyle {
     /// A line through its points.
     Line,
     /// A dashed line: bounds and published figures.
@@ -28,7 +28,7 @@ pub struct Series {
     /// Its name in the legend.
     pub name: String,
     /// How it is drawn.
-    pub look: Look,
+    pub style: SeriesStyle,
     /// Values along x and y; values that are not finite are omitted.
     pub points: Vec<DVec2>,
     /// Tooltip of each point; may be shorter than `points`.
@@ -43,10 +43,14 @@ pub struct Series {
 
 impl Series {
     /// Makes a series without tooltips and error bars.
-    pub fn new(name: &str, look: Look, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+    pub fn new(
+        name: &str,
+        style: SeriesStyle,
+        points: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Self {
         Self {
             name: name.to_owned(),
-            look,
+            style,
             points: points.into_iter().map(DVec2::from).collect(),
             tips: Vec::new(),
             labelled: false,
@@ -103,16 +107,16 @@ impl Chart {
                 continue;
             }
             let colour = format!("c{}", colours % 8);
-            let dash = if series.look == Look::Dashed {
+            let dash = if series.style == SeriesStyle::Dashed {
                 " dash"
             } else {
                 ""
             };
             let class = format!("{colour}{dash}");
-            if series.look != Look::Dots {
+            if series.style != SeriesStyle::Dots {
                 curve(&mut sheet, &panel, &class, &series.points);
             }
-            if matches!(series.look, Look::Dots | Look::Both) {
+            if matches!(series.style, SeriesStyle::Dots | SeriesStyle::Both) {
                 dots(
                     &mut sheet,
                     &panel,
@@ -126,10 +130,10 @@ impl Chart {
             let at = DVec2::new(ROOM.x + SIZE.x + 14.0, HEADING + 10.0 + 20.0 * named);
             named += 1.0;
             let end = at + DVec2::new(22.0, 0.0);
-            if series.look != Look::Dots {
+            if series.style != SeriesStyle::Dots {
                 sheet.polyline(&format!("line {class}"), &[at, end], false, None);
             }
-            if matches!(series.look, Look::Dots | Look::Both) {
+            if matches!(series.style, SeriesStyle::Dots | SeriesStyle::Both) {
                 sheet.disc(&format!("fill {colour}"), (at + end) / 2.0, 3.0, None);
             }
             let words = end + DVec2::new(6.0, 4.0);

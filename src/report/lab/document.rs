@@ -31,7 +31,7 @@ pub enum Block {
     /// A plot, which is also written to its own file.
     Figure(Figure),
     /// An image that a trial has written.
-    Picture(Picture),
+    Image(Image),
     /// Limits on results.
     Checks(Vec<Check>),
 }
@@ -66,7 +66,7 @@ pub struct Figure {
 
 /// An image that a trial has written with [`super::Folder::leave`].
 #[derive(Debug, Clone)]
-pub struct Picture {
+pub struct Image {
     /// The file's name, which ends in `.png`.
     pub file: String,
     /// What it shows.

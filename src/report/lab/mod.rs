@@ -30,9 +30,9 @@ mod runner;
 mod settings;
 mod trial;
 
-pub use chart::{Chart, Look, Series};
+pub use chart::{Chart, Series, SeriesStyle};
 pub use check::Check;
-pub use document::{Block, Document, Figure, Picture, Section, Table};
+pub use document::{Block, Document, Figure, Image, Section, Table};
 pub use folder::Folder;
 pub use page::page;
 pub use row::{Row, Rows};

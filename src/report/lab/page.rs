@@ -1,6 +1,6 @@
 //! Writes a self-contained HTML page, without scripts or external resources.
 
-use super::document::{Block, Document, Picture, Table};
+use super::document::{Block, Document, Image, Table};
 use super::folder::Folder;
 use super::markdown::checks_table;
 use crate::plot::{PAGE_STYLE, STYLE, escaped};
@@ -53,7 +53,7 @@ fn html(block: &Block, folder: &Folder) -> Result<String> {
             let caption = escaped(&figure.caption);
             format!("<div class=\"wide\">{element}</div>\n<p class=\"note\">{caption}</p>\n")
         }
-        Block::Picture(picture) => of_image(picture, folder)?,
+        Block::Image(image) => of_image(image, folder)?,
     })
 }
 
@@ -74,10 +74,10 @@ fn of_table(table: &Table) -> String {
     format!("{caption}<div class=\"wide\"><table>\n{head}{body}</table></div>\n")
 }
 
-fn of_image(picture: &Picture, folder: &Folder) -> Result<String> {
-    let bytes = folder.left(&picture.file)?;
+fn of_image(image: &Image, folder: &Folder) -> Result<String> {
+    let bytes = folder.left(&image.file)?;
     if let Err(e) = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png) {
-        let place = folder.files().join(&picture.file);
+        let place = folder.files().join(&image.file);
         return Err(Error::input(
             place.display(),
             e,
@@ -85,7 +85,7 @@ fn of_image(picture: &Picture, folder: &Folder) -> Result<String> {
         ));
     }
     let data = base64(&bytes);
-    let caption = escaped(&picture.caption);
+    let caption = escaped(&image.caption);
     Ok(format!(
         "<figure class=\"large\"><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"/>\
          <figcaption class=\"note\">{caption}</figcaption></figure>\n"

@@ -100,8 +100,8 @@ impl MotionModel {
         };
         let at_mean = place(&moving.mean);
         let (_, centroid) = solid_moments(&at_mean, &tumour.triangles);
-        // The centroid is nearly linear in the vertices: central differences over a full coefficient
-        // leave a third of its cubic part.
+        // The centroid is nearly linear in the coefficients: central differences with a step of one
+        // coefficient err by a third-order term only.
         let slope = |mode: usize, modes: &[Vec3], all: usize| {
             let along = |sign: f64| {
                 let moved: Vec<DVec3> = at_mean

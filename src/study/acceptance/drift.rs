@@ -8,7 +8,8 @@ use phasmid_core::error::Result;
 use phasmid_decode::Decoded;
 use phasmid_profile::{Droop, Led, Profile};
 use phasmid_report::lab::{
-    Block, Chart, Check, Context, Figure, Look, Row, Rows, Section, Series, Settings, Table, Trial,
+    Block, Chart, Check, Context, Figure, Row, Rows, Section, Series, SeriesStyle, Settings, Table,
+    Trial,
 };
 use phasmid_sgrt::{POINTS, Region, SixDof, six};
 
@@ -328,7 +329,7 @@ fn figure(rows: &Rows) -> Figure {
         let points = all
             .iter()
             .map(|row| (row.value("time_s") / 60.0, gone(row, all[0])[0]));
-        Series::new(name, Look::Both, points)
+        Series::new(name, SeriesStyle::Both, points)
     });
     let chart = Chart {
         heading: "Drift of a still patient".to_owned(),

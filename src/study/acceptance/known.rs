@@ -8,7 +8,8 @@ use super::subject::{Body, Subject, time_ns};
 use crate::clinic::Pods;
 use phasmid_core::error::Result;
 use phasmid_report::lab::{
-    Block, Chart, Check, Context, Figure, Look, Row, Rows, Section, Series, Settings, Table, Trial,
+    Block, Chart, Check, Context, Figure, Row, Rows, Section, Series, SeriesStyle, Settings, Table,
+    Trial,
 };
 use phasmid_sgrt::{POINTS, SixDof, six};
 
@@ -191,7 +192,11 @@ fn figure(rows: &Rows) -> Figure {
             let points = all.map(|row| (row.value("by"), row.value(ERRORS[k])));
             let mut points: Vec<(f64, f64)> = points.collect();
             points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            Series::new(&format!("{body}, {}", six::NAMES[k]), Look::Both, points)
+            Series::new(
+                &format!("{body}, {}", six::NAMES[k]),
+                SeriesStyle::Both,
+                points,
+            )
         })
     });
     let chart = Chart {

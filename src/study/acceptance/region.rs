@@ -9,7 +9,8 @@ use super::subject::{Body, Subject, everywhere, time_ns};
 use crate::clinic::Pods;
 use phasmid_core::error::Result;
 use phasmid_report::lab::{
-    Block, Chart, Check, Context, Figure, Look, Row, Rows, Section, Series, Settings, Table, Trial,
+    Block, Chart, Check, Context, Figure, Row, Rows, Section, Series, SeriesStyle, Settings, Table,
+    Trial,
 };
 use phasmid_sgrt::{POINTS, Reference, Region, SixDof};
 
@@ -144,7 +145,7 @@ fn figure(rows: &Rows) -> Figure {
             let y = if name == "found" { found } else { predicted };
             (all[0].value("area_cm2"), y)
         });
-        Series::new(name, Look::Both, points)
+        Series::new(name, SeriesStyle::Both, points)
     });
     let chart = Chart {
         heading: "Error of the place".to_owned(),

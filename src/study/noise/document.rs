@@ -3,7 +3,7 @@
 use super::bound::{floor_of_many, rounded};
 use super::tables::{self, WHITE_FROM_DN, bench, of, signal_to_noise, spoken_of, values};
 use phasmid_report::lab::{
-    Block, Chart, Check, Document, Figure, Look, Row, Rows, Section, Series,
+    Block, Chart, Check, Document, Figure, Row, Rows, Section, Series, SeriesStyle,
 };
 
 /// By how much errors may exceed the bound.
@@ -157,12 +157,16 @@ fn over_steps(rows: &Rows) -> Chart {
         let points = here().map(|row| (row.value("steps"), row.value("ratio")));
         series.push(Series::new(
             &format!("noise {noise} DN"),
-            Look::Both,
+            SeriesStyle::Both,
             points,
         ));
     }
     let expected = (3..=32u32).map(|n| (f64::from(n), rounded(n as usize, MODULATION_DN, 0.1)));
-    series.push(Series::new("expected at 0.1 DN", Look::Dashed, expected));
+    series.push(Series::new(
+        "expected at 0.1 DN",
+        SeriesStyle::Dashed,
+        expected,
+    ));
     Chart {
         heading: format!("B = {MODULATION_DN} DN"),
         x: "steps N".to_owned(),
@@ -180,7 +184,7 @@ fn over_noise(rows: &Rows, label: &str, value: impl Fn(&Row) -> f64) -> Chart {
             .map(|row| (signal_to_noise(row), value(row)))
             .collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Series::new(&format!("N = {steps}"), Look::Dots, points)
+        Series::new(&format!("N = {steps}"), SeriesStyle::Dots, points)
     });
     Chart {
         heading: String::new(),
@@ -210,11 +214,23 @@ fn against_bound(rows: &Rows) -> Chart {
         y: "root mean square error, projector px".to_owned(),
         log: [true, true],
         series: vec![
-            Series::new("even, 0.5 DN or more", Look::Dots, points("even", false)),
-            Series::new("even, below 0.5 DN", Look::Dots, points("even", true)),
-            Series::new("sensors", Look::Dots, points("shot", false)),
-            Series::new("sensors, below 0.5 DN", Look::Dots, points("shot", true)),
-            Series::new("bound", Look::Dashed, ends.map(|end| (end, end))),
+            Series::new(
+                "even, 0.5 DN or more",
+                SeriesStyle::Dots,
+                points("even", false),
+            ),
+            Series::new(
+                "even, below 0.5 DN",
+                SeriesStyle::Dots,
+                points("even", true),
+            ),
+            Series::new("sensors", SeriesStyle::Dots, points("shot", false)),
+            Series::new(
+                "sensors, below 0.5 DN",
+                SeriesStyle::Dots,
+                points("shot", true),
+            ),
+            Series::new("bound", SeriesStyle::Dashed, ends.map(|end| (end, end))),
         ],
     }
 }
@@ -232,9 +248,9 @@ fn over_swing(rows: &Rows) -> Chart {
         y: "error over the least-squares bound".to_owned(),
         log: [false, false],
         series: vec![
-            Series::new("least squares", Look::Dots, points("ratio")),
-            Series::new("weighted", Look::Dots, points("weighted_ratio")),
-            Series::new("Cramer-Rao bound", Look::Dashed, bound),
+            Series::new("least squares", SeriesStyle::Dots, points("ratio")),
+            Series::new("weighted", SeriesStyle::Dots, points("weighted_ratio")),
+            Series::new("Cramer-Rao bound", SeriesStyle::Dashed, bound),
         ],
     }
 }

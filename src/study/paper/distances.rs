@@ -8,7 +8,8 @@ use super::scan::{Scan, with_f0_of};
 use super::{of, percent, three};
 use phasmid_core::error::Result;
 use phasmid_report::lab::{
-    Block, Chart, Check, Context, Figure, Look, Row, Rows, Section, Series, Settings, Table, Trial,
+    Block, Chart, Check, Context, Figure, Row, Rows, Section, Series, SeriesStyle, Settings, Table,
+    Trial,
 };
 use phasmid_report::plot::figures;
 
@@ -250,7 +251,7 @@ fn apart(rows: &Rows) -> Table {
 fn chart(rows: &Rows) -> Chart {
     let ours = |name: &str, method: &str| {
         let points = DISTANCES.map(|(l, _)| (l, value(rows, l, method, "mae_mm")));
-        Series::new(name, Look::Both, points)
+        Series::new(name, SeriesStyle::Both, points)
     };
     let closed = (0..=80).map(|i| 800.0 + 5.0 * f64::from(i));
     // At 1000 mm it is nothing, where the curve breaks.
@@ -263,10 +264,10 @@ fn chart(rows: &Rows) -> Chart {
         series: vec![
             Series::new(
                 "the paper",
-                Look::Both,
+                SeriesStyle::Both,
                 DISTANCES.map(|(l, paper)| (l, paper.mae)),
             ),
-            Series::new("f0 held, closed form", Look::Dashed, closed),
+            Series::new("f0 held, closed form", SeriesStyle::Dashed, closed),
             ours("formula, f0 held at 1000 mm's", HELD),
             ours("formula, f0 measured anew", ANEW),
             ours("triangulation", TRIANGULATION),

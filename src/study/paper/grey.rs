@@ -7,7 +7,8 @@ use super::scan::Scan;
 use super::{of, three};
 use phasmid_core::error::{Error, Result};
 use phasmid_report::lab::{
-    Block, Chart, Context, Figure, Folder, Look, Row, Rows, Section, Series, Settings, Table, Trial,
+    Block, Chart, Context, Figure, Folder, Row, Rows, Section, Series, SeriesStyle, Settings,
+    Table, Trial,
 };
 
 /// Columns to either side of the middle that the chart shows: four fringes, as five curves of more
@@ -82,7 +83,11 @@ pub(super) fn section(rows: &Rows, folder: &Folder) -> Result<Section> {
             .skip(middle.saturating_sub(SHOWN))
             .take(2 * SHOWN)
             .collect::<Vec<_>>();
-        series.push(Series::new(&format!("{distance} mm"), Look::Both, shown));
+        series.push(Series::new(
+            &format!("{distance} mm"),
+            SeriesStyle::Both,
+            shown,
+        ));
     }
     let chart = Chart {
         heading: "Grey levels along the middle row".to_owned(),

@@ -6,7 +6,7 @@ use crate::report::overview;
 use image::{GrayImage, ImageFormat};
 use phasmid_core::error::{Error, Result};
 use phasmid_profile::Scene;
-use phasmid_report::lab::{Block, Context, Picture, Row, Section, Settings, Trial};
+use phasmid_report::lab::{Block, Context, Image, Row, Section, Settings, Trial};
 use std::io::Cursor;
 
 const NAMES: [&str; 2] = ["trapezoid", "torso"];
@@ -52,7 +52,7 @@ pub(super) fn section() -> Section {
         "The torso from its left at 45 degrees, head to the right: the same three.",
     ];
     let pictures = NAMES.into_iter().zip(captions).map(|(name, caption)| {
-        Block::Picture(Picture {
+        Block::Image(Image {
             file: file(name),
             caption: caption.to_owned(),
         })

@@ -6,7 +6,7 @@ use glam::DVec3;
 use phasmid_core::error::Result;
 use phasmid_geometry::Pose;
 use phasmid_report::lab::{
-    Block, Chart, Context, Figure, Look, Row, Rows, Series, Settings, Trial,
+    Block, Chart, Context, Figure, Row, Rows, Series, SeriesStyle, Settings, Trial,
 };
 use phasmid_sgrt::{FitOptions, MotionState, MotionTracker, POINTS, Region};
 
@@ -65,14 +65,14 @@ fn follow(context: &Context<'_>, patient: &str, effort: Effort) -> Result<Vec<Ro
 pub(super) fn block(rows: &Rows) -> Block {
     let mut series = Vec::new();
     for (name, column) in AXES {
-        for (input, word, look) in [
-            ("way", "true", Look::Line),
-            ("followed", "followed", Look::Dots),
+        for (input, word, style) in [
+            ("way", "true", SeriesStyle::Line),
+            ("followed", "followed", SeriesStyle::Dots),
         ] {
             let points = of(rows, input, None);
             let points = points.map(|row| (row.value("time_s") - BEGIN_S, row.value(column)));
             let name = format!("{name}, {word}");
-            let mut one = Series::new(&name, look, points.collect::<Vec<_>>());
+            let mut one = Series::new(&name, style, points.collect::<Vec<_>>());
             one.paired = input == "followed";
             series.push(one);
         }

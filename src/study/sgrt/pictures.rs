@@ -6,7 +6,7 @@ use crate::report::overview;
 use crate::scanned::Levels;
 use image::{GrayImage, ImageFormat};
 use phasmid_core::error::{Error, Result};
-use phasmid_report::lab::{Block, Context, Picture, Row, Settings, Trial};
+use phasmid_report::lab::{Block, Context, Image, Row, Settings, Trial};
 use phasmid_sgrt::Region;
 use std::io::Cursor;
 
@@ -48,7 +48,7 @@ fn draw(context: &Context<'_>, patient: &str) -> Result<Vec<Row>> {
 }
 
 pub(super) fn block() -> Block {
-    Block::Picture(Picture {
+    Block::Image(Image {
         file: FILE.to_owned(),
         caption:
             "The pod over the foot end: a patient on the couch under fringes, the depth that it \

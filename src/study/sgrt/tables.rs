@@ -2,7 +2,7 @@
 
 use super::paired::{Spread, difference, values};
 use super::published;
-use phasmid_report::lab::{Block, Chart, Check, Figure, Look, Rows, Series, Table};
+use phasmid_report::lab::{Block, Chart, Check, Figure, Rows, Series, SeriesStyle, Table};
 use phasmid_report::plot::figures;
 
 /// The deviation that is stated may be too small by so much, for two patients tell little of it.
@@ -125,7 +125,7 @@ fn figure(rows: &Rows, patients: &[&str]) -> Figure {
             let [x, y] = ["moved_mm", "tpe_mm"].map(|c| values(rows, input, patient, c));
             x.into_iter().zip(y).collect::<Vec<_>>()
         });
-        Series::new(input, Look::Dots, points)
+        Series::new(input, SeriesStyle::Dots, points)
     });
     let chart = Chart {
         heading: "Position error beside the way of the tumour".to_owned(),

@@ -3,7 +3,7 @@
 use super::case::checks;
 use super::sweep::{GROUPS, Group, Sweep};
 use phasmid_report::lab::{
-    Block, Chart, Document, Figure, Look, Row, Rows, Section, Series, Table,
+    Block, Chart, Document, Figure, Row, Rows, Section, Series, SeriesStyle, Table,
 };
 use phasmid_report::plot::figures;
 
@@ -193,8 +193,8 @@ fn figure(sweep: &Sweep, rows: &[&Row]) -> Option<Figure> {
         y: sweep.error.to_owned(),
         log: [true, true],
         series: vec![
-            Series::new("found", Look::Dots, found),
-            Series::new("allowed", Look::Dashed, sorted),
+            Series::new("found", SeriesStyle::Dots, found),
+            Series::new("allowed", SeriesStyle::Dashed, sorted),
         ],
     };
     Some(Figure {

@@ -24,14 +24,14 @@ struct Outline {
 }
 
 /// An orthographic view, given by its right and up directions.
-struct Look {
+struct Direction {
     name: &'static str,
     right: DVec3,
     up: DVec3,
     axes: [&'static str; 2],
 }
 
-fn looks() -> [Look; 3] {
+fn directions() -> [Direction; 3] {
     // From behind the camera, to its left and above it.
     let (yaw, pitch) = (35f64.to_radians(), 25f64.to_radians());
     let forward = DVec3::new(
@@ -41,19 +41,19 @@ fn looks() -> [Look; 3] {
     );
     let right = DVec3::Y.cross(forward).normalize();
     [
-        Look {
+        Direction {
             name: "From above",
             right: DVec3::X,
             up: DVec3::Z,
             axes: ["x, mm", "z, mm"],
         },
-        Look {
+        Direction {
             name: "From the side",
             right: DVec3::Z,
             up: -DVec3::Y,
             axes: ["z, mm", "-y, mm"],
         },
-        Look {
+        Direction {
             name: "From behind, left and above",
             right,
             up: -forward.cross(right),
@@ -62,7 +62,7 @@ fn looks() -> [Look; 3] {
     ]
 }
 
-impl Look {
+impl Direction {
     fn at(&self, p: DVec3) -> DVec2 {
         DVec2::new(p.dot(self.right), p.dot(self.up))
     }
@@ -71,8 +71,8 @@ impl Look {
 pub(super) fn stage(calibration: &Calibration) -> String {
     let outlines = outlines(calibration);
     let mut out = String::new();
-    for look in looks() {
-        out.push_str(&view(&look, &outlines));
+    for direction in directions() {
+        out.push_str(&view(&direction, &outlines));
     }
     let rig = &calibration.solution.rig;
     let baseline = (rig.projector.center() - rig.camera.center()).length();
@@ -151,11 +151,11 @@ fn field(view: &View, class: &'static str, name: &str, reach: f64) -> Vec<Outlin
     (0..4).map(side).collect()
 }
 
-fn view(look: &Look, outlines: &[Outline]) -> String {
+fn view(direction: &Direction, outlines: &[Outline]) -> String {
     let flat: Vec<DVec2> = outlines
         .iter()
         .flat_map(|o| &o.points)
-        .map(|p| look.at(*p))
+        .map(|p| direction.at(*p))
         .filter(|p| p.is_finite())
         .collect();
     let low = flat
@@ -179,17 +179,17 @@ fn view(look: &Look, outlines: &[Outline]) -> String {
     let panel = Panel {
         corner: DVec2::new(ROOM.x, HEADING),
         size: DVec2::new(WIDTH, height),
-        x: Axis::between(look.axes[0], middle.x - half.x, middle.x + half.x),
-        y: Axis::between(look.axes[1], middle.y - half.y, middle.y + half.y),
+        x: Axis::between(direction.axes[0], middle.x - half.x, middle.x + half.x),
+        y: Axis::between(direction.axes[1], middle.y - half.y, middle.y + half.y),
     };
     let mut sheet = Sheet::new(ROOM.x + WIDTH + 12.0, HEADING + height + ROOM.y);
     panel.draw(&mut sheet);
-    panel.head(&mut sheet, look.name);
+    panel.head(&mut sheet, direction.name);
     for outline in outlines {
         let points: Option<Vec<DVec2>> = outline
             .points
             .iter()
-            .map(|p| panel.at(look.at(*p)))
+            .map(|p| panel.at(direction.at(*p)))
             .collect();
         let Some(points) = points else { continue };
         sheet.polyline(outline.class, &points, outline.closed, Some(&outline.tip));
@@ -199,7 +199,7 @@ fn view(look: &Look, outlines: &[Outline]) -> String {
             sheet.text("", beside, Anchor::End, label);
         }
     }
-    sheet.into_element(&format!("Camera, projector and boards. {}", look.name))
+    sheet.into_element(&format!("Camera, projector and boards. {}", direction.name))
 }
 
 #[cfg(test)]
@@ -208,12 +208,12 @@ mod tests {
 
     #[test]
     fn every_look_is_a_pair_of_unit_directions() {
-        for look in looks() {
-            assert!((look.right.length() - 1.0).abs() < 1e-12);
-            assert!((look.up.length() - 1.0).abs() < 1e-12);
-            assert!(look.right.dot(look.up).abs() < 1e-12);
+        for direction in directions() {
+            assert!((direction.right.length() - 1.0).abs() < 1e-12);
+            assert!((direction.up.length() - 1.0).abs() < 1e-12);
+            assert!(direction.right.dot(direction.up).abs() < 1e-12);
             // Up in the scene (-y) must not point down in the drawing.
-            assert!(look.up.dot(-DVec3::Y) > -1e-12, "{}", look.name);
+            assert!(direction.up.dot(-DVec3::Y) > -1e-12, "{}", direction.name);
         }
     }
 

@@ -12,7 +12,7 @@ pub(super) struct Words {
     file: Option<Dialect>,
 }
 
-/// Which commands perform an operation.
+/// Commands that perform one of the operations of a scan.
 pub(super) enum Wording<'a> {
     /// The device's own commands.
     Own,

@@ -117,8 +117,8 @@ impl Packer {
         self.materials.push(packed);
     }
 
-    /// Adds smooth normals, for a moving mesh in its own frame. Returns their offset and the stride
-    /// between shapes.
+    /// Adds the smooth normals of a mesh, in the mesh's own frame if it moves. Returns their offset and
+    /// the stride between shapes, 0 if the mesh does not deform.
     fn normals(&mut self, object: u16, material: &Material, instances: &[&Instance]) -> (u32, u32) {
         let at = self.values.len() as u32;
         let first = instances.first();
@@ -212,7 +212,7 @@ impl Packer {
     }
 }
 
-/// Packs a board, whose plane is kept in its own frame.
+/// Packs a board. Its plane is expressed in the board's own frame.
 fn board(printed: &Printed, packed: &mut Packed) {
     let [columns, rows] = printed.board.grid();
     (packed.width, packed.height) = (columns, rows);

@@ -1,7 +1,9 @@
 //! The links: latency and frames a second.
 
 use crate::speed::links::Link;
-use phasmid_report::lab::{Block, Chart, Check, Figure, Look, Row, Rows, Section, Series, Table};
+use phasmid_report::lab::{
+    Block, Chart, Check, Figure, Row, Rows, Section, Series, SeriesStyle, Table,
+};
 use phasmid_report::plot::figures;
 
 /// Bytes of a megabyte, as rates of links count them.
@@ -160,7 +162,7 @@ fn points(latency: &[&Row], throughput: &[&Row]) -> Vec<Series> {
         let same = |other: &&&Row| other.get("name") == row.get("name");
         let rate = throughput.iter().filter(there).find(same)?.value("rate");
         let ms = ["median_us", "p99_us"].map(|column| (row.value(column) * 1e-3, rate));
-        let mut one = Series::new(row.get("name"), Look::Both, ms);
+        let mut one = Series::new(row.get("name"), SeriesStyle::Both, ms);
         one.tips = ["median", "99th percentile"].map(str::to_owned).into();
         Some(one)
     });

@@ -3,7 +3,7 @@
 use super::{figure, of_bound, percent, um, with_spread, words};
 use crate::work_precision::pareto::front;
 use crate::work_precision::row::spread;
-use phasmid_report::lab::{Block, Check, Figure, Look, Row, Section, Series, Table};
+use phasmid_report::lab::{Block, Check, Figure, Row, Section, Series, SeriesStyle, Table};
 use phasmid_report::plot::figures;
 
 /// Part of the noise bound that the fast path's own error may have.
@@ -116,9 +116,9 @@ fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Sec
 /// All of them by time and error, and the front.
 fn plot(all: &[&Row], best: &[bool]) -> Figure {
     let point = |row: &Row| (row.value("ns"), row.value("inlier_rmse_mm"));
-    let by = |name: &str, look: Look, is: &dyn Fn(&Row) -> bool| {
+    let by = |name: &str, style: SeriesStyle, is: &dyn Fn(&Row) -> bool| {
         let of = || all.iter().filter(|row| is(row));
-        let mut series = Series::new(name, look, of().map(|row| point(row)));
+        let mut series = Series::new(name, style, of().map(|row| point(row)));
         series.tips = of()
             .map(|row| format!("{} rays", row.get("samples")))
             .collect();
@@ -126,23 +126,23 @@ fn plot(all: &[&Row], best: &[bool]) -> Figure {
     };
     let of_gpu = |row: &Row| row.get("group") == "gpu";
     let mut series: Vec<Series> = [
-        ("closed form, f32", Look::Both),
-        ("closed form, f64", Look::Dots),
-        ("sampled, f64", Look::Both),
+        ("closed form, f32", SeriesStyle::Both),
+        ("closed form, f64", SeriesStyle::Dots),
+        ("sampled, f64", SeriesStyle::Both),
     ]
-    .map(|(name, look)| {
-        by(name, look, &|row| {
+    .map(|(name, style)| {
+        by(name, style, &|row| {
             !of_gpu(row) && row.get("setting") == name
         })
     })
     .into();
     if all.iter().any(|row| of_gpu(row)) {
-        series.push(by("closed form, f32, GPU", Look::Both, &of_gpu));
+        series.push(by("closed form, f32, GPU", SeriesStyle::Both, &of_gpu));
     }
     let on = all.iter().zip(best).filter(|(_, best)| **best);
     let mut on: Vec<(f64, f64)> = on.map(|(row, _)| point(row)).collect();
     on.sort_by(|a, b| a.0.total_cmp(&b.0));
-    series.push(Series::new("Pareto front", Look::Dashed, on));
+    series.push(Series::new("Pareto front", SeriesStyle::Dashed, on));
     figure(
         "work-precision-frames",
         "Error of frames without noise, on smooth surfaces, against time.",

@@ -4,7 +4,9 @@ use super::grid::{by_steps, least_work};
 use super::{figure, percent, um, with_spread, words};
 use crate::work_precision::pareto::front;
 use crate::work_precision::row::spread;
-use phasmid_report::lab::{Block, Check, Figure, Look, Row, Section, Series, Settings, Table};
+use phasmid_report::lab::{
+    Block, Check, Figure, Row, Section, Series, SeriesStyle, Settings, Table,
+};
 use phasmid_report::plot::figures;
 
 /// Accuracies that are asked for, in millimetres.
@@ -182,7 +184,7 @@ fn scan_figure(scans: &[&Row], best: &[bool]) -> Figure {
             };
             let mut one = Series::new(
                 &format!("{scale} x the pixels a side"),
-                Look::Both,
+                SeriesStyle::Both,
                 of().map(|row| point(row)),
             );
             one.tips = of()
@@ -194,7 +196,7 @@ fn scan_figure(scans: &[&Row], best: &[bool]) -> Figure {
     let sampled = || scans.iter().filter(|row| row.get("samples") != "1");
     let mut more = Series::new(
         "4, 16, 64 samples",
-        Look::Dots,
+        SeriesStyle::Dots,
         sampled().map(|row| point(row)),
     );
     more.tips = sampled()
@@ -204,11 +206,15 @@ fn scan_figure(scans: &[&Row], best: &[bool]) -> Figure {
     let bound = |row: &&&Row| row.get("scale") == "1" && row.get("samples") == "1";
     let bounds = scans.iter().filter(bound);
     let bounds = bounds.map(|row| (scan_s(row) * 1e3, row.value("bound_mm")));
-    series.push(Series::new("noise bound at 1 x", Look::Dashed, bounds));
+    series.push(Series::new(
+        "noise bound at 1 x",
+        SeriesStyle::Dashed,
+        bounds,
+    ));
     let on = scans.iter().zip(best).filter(|(_, best)| **best);
     let mut on: Vec<(f64, f64)> = on.map(|(row, _)| point(row)).collect();
     on.sort_by(|a, b| a.0.total_cmp(&b.0));
-    series.push(Series::new("Pareto front", Look::Dashed, on));
+    series.push(Series::new("Pareto front", SeriesStyle::Dashed, on));
     figure(
         "work-precision-scans",
         "Error of scans with noise against the time to render and decode them.",

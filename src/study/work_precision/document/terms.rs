@@ -2,7 +2,7 @@
 
 use super::{figure, of_bound, percent, um, with_spread, words};
 use crate::work_precision::row::spread;
-use phasmid_report::lab::{Block, Check, Look, Row, Section, Series, Table};
+use phasmid_report::lab::{Block, Check, Row, Section, Series, SeriesStyle, Table};
 use phasmid_report::plot::figures;
 
 pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
@@ -71,7 +71,7 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
             return None;
         }
         let place = |row: &&Row| (saved(row), row.value("inlier_rmse_mm"));
-        let mut series = Series::new(pass, Look::Dots, dots.iter().map(place));
+        let mut series = Series::new(pass, SeriesStyle::Dots, dots.iter().map(place));
         series.tips = dots
             .iter()
             .map(|row| row.get("setting").to_owned())
