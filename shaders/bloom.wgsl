@@ -4,8 +4,8 @@
 // each step depends on the one before it, and neighbouring threads read neighbouring words.
 
 @group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
-// Charge of each pixel beyond the full well: the way down has clipped the pixel by the time the way
-// up needs it.
+// Charge that each pixel spills in each direction. It is stored because the downward pass clips the
+// pixel before the upward pass needs it.
 @group(0) @binding(78) var<storage, read_write> bloom_excess: array<f32>;
 
 @compute @workgroup_size(64)
@@ -15,7 +15,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     if column >= width {
         return;
     }
-    // Most columns have nothing to spill.
+    // Columns without excess charge, the usual case, are skipped.
     var most = 0.0;
     for (var i = column; i < sensor_parameters.pixels; i += width) {
         most = max(most, electrons[i]);

@@ -80,7 +80,8 @@ fn cell_count(board: Board) -> vec2f {
     return board.grid + select(1.0, 0.0, board.is_dots);
 }
 
-// Column and row of the first cell beyond a position, and of the last one before it.
+// Column and row of the cell that contains a position, as the start of a range of cells. It is
+// clamped so that a range beyond the board is empty; `cells_to` returns the end of the range.
 fn cells_from(board: Board, place: vec2f) -> vec2i {
     let cells = cell_count(board);
     return vec2i(clamp(floor(place / board.pitch + 0.5 * cells), vec2f(0.0), cells));
@@ -129,7 +130,7 @@ fn dot_center(board: Board, cell: vec2i) -> vec2f {
     return (vec2f(cell) - 0.5 * (board.grid - 1.0)) * board.pitch;
 }
 
-// The markers' positions are those of geometry/board/points.rs.
+// Radius of a dot. The positions of the markers must match geometry/board/points.rs.
 fn dot_radius(board: Board, cell: vec2i) -> f32 {
     let place = cell - vec2i(board.grid) / 2;
     let is_marker = all(place == vec2i(0, 0)) || all(place == vec2i(2, 0))
@@ -139,8 +140,9 @@ fn dot_radius(board: Board, cell: vec2i) -> f32 {
 
 // Outline of the intersection of a piece with the unit circle, built side by side.
 struct Outline {
-    // Twice the area of the polygon, and that of the circle segments.
+    // Twice the area of the polygon.
     polygon: f32,
+    // Area of the circle segments.
     segments: f32,
     // Angle covered since the outline last left the circle, or since the start.
     angle: f32,

@@ -23,18 +23,20 @@ const LEVELS: u32 = 48u;
 
 // A hierarchy at an instant.
 struct Tree {
-    // Rows of the pose that takes the rig's frame to its own.
+    // Rows of the pose that transforms from the rig's frame to the hierarchy's own.
     x: vec4f,
     y: vec4f,
     z: vec4f,
-    // Where its nodes and its triangles begin.
+    // Index of its first node.
     nodes: u32,
+    // Index of its first triangle in `triangles`.
     triangles: u32,
-    // Number of its first triangle among the world's surfaces, and the number of triangles.
+    // Number of its first triangle among the world's surfaces.
     first: u32,
+    // Number of triangles.
     count: u32,
-    // For a deforming mesh, which of its shapes between the frame's first and last row this row
-    // sees.
+    // For a deforming mesh, the number of the shape that this row sees. A few shapes are stored for
+    // the time between the frame's first and last row.
     shape: u32,
     spare_0: u32,
     spare_1: u32,
@@ -86,7 +88,8 @@ fn walk(tree: Tree, origin: vec3f, direction: vec3f, start: f32, end: f32, own: 
     if node.t == NEVER {
         return found;
     }
-    // Each round visits one node, and no node is visited twice.
+    // Each round visits one node and no node is visited twice. A hierarchy of `count` triangles has
+    // fewer than 2 * count nodes.
     for (var round = 0u; round < 2u * tree.count; round++) {
         var down = false;
         if node.count > 0u {

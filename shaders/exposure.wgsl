@@ -1,7 +1,6 @@
 // needs: plan, maps_in, skin_in, footprint, flicker
 // The exposure pass: the light of the pattern images at each pixel, averaged over its footprint,
-// plus ambient light. Twin of `exposure.rs` and of `Schedule::line` of `schedule.rs`. One thread
-// per pixel.
+// plus ambient light. Twin of `exposure/pass.rs` and `schedule.rs`. One thread per pixel.
 
 // Mean electrons of each pixel.
 @group(0) @binding(55) var<storage, read_write> electrons: array<f32>;
@@ -15,7 +14,8 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     if i >= schedule_pixels() {
         return;
     }
-    // Mixed pixels get their light from their samples only.
+    // Mixed pixels get their light from `mixed_exposure.wgsl`, which overwrites the value written
+    // here unless it adds to the light of other instants.
     if adds && (marks[i] & CREASE) != 0u {
         return;
     }

@@ -1,5 +1,6 @@
 // needs: plan, schedule, row_table, image_table, kernel, diffused
-// The average level of any pattern image under a footprint. Twin of the choices of `exposure.rs`.
+// The average level of any pattern image under a footprint. Twin of `average` in
+// `exposure/pass.rs`, which chooses between the tables.
 
 // Kinds of tables that a frame uses besides uniform ones.
 override along_rows: bool = false;

@@ -15,7 +15,8 @@ override rays_a_point: u32 = 16u;
 
 // One bit for each ray kept in the current round.
 var<workgroup> mask: array<atomic<u32>, 2>;
-// Light under full white, and of lamps (mean and flicker), summed over each thread's rays.
+// Sums over each thread's rays: projector light under full white, mean lamp light, and amplitude of
+// the lamp light's flicker.
 var<workgroup> sums: array<vec3f, 64>;
 
 // A point at which light is gathered.
@@ -31,7 +32,7 @@ struct GatherPlace {
 struct Brought {
     x: vec4f,
     y: vec4f,
-    // Light under full white, then of lamps (mean and flicker).
+    // Projector light under full white, mean lamp light, and amplitude of the lamp light's flicker.
     light: vec3f,
 }
 

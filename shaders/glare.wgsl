@@ -13,14 +13,14 @@
 @group(0) @binding(64) var<storage, read_write> glare_cells: array<f32>;
 // The same, blurred along rows.
 @group(0) @binding(65) var<storage, read_write> glare_across: array<f32>;
-// Sums of electrons and of scattered electrons, each as a compensated pair: first the total over
-// the image, then those of its parts.
+// Sums of electrons and of scattered electrons, each as a compensated pair. Element 0 holds the
+// sums over the image, element i + 1 the sums over part i.
 @group(0) @binding(66) var<storage, read_write> glare_sums: array<vec4f>;
 
 struct GlareSize {
     width: u32,
     height: u32,
-    // Cells.
+    // Number of columns and rows of cells.
     columns: u32,
     rows: u32,
     // Maximum number of pixels that a cell covers along each axis.

@@ -6,15 +6,15 @@
 @group(0) @binding(97) var<storage, read_write> interreflection_points: array<GatherPoint>;
 @group(0) @binding(100) var<storage, read_write> interreflection_first: array<u32>;
 @group(0) @binding(101) var<storage, read_write> interreflection_shares: array<vec4f>;
-// Number of points, those of the grid first; initially only those.
+// Number of points. It starts as the number of grid points; `shares` adds the additional points.
 @group(0) @binding(103) var<storage, read_write> interreflection_count: array<atomic<u32>>;
 
-// Normals of one smooth surface differ by less than 20 degrees over a grid cell.
+// Minimum cosine between two normals of one smooth surface within a grid cell: 20 degrees.
 const COS_BENT: f32 = 0.9396926207859084;
 // Maximum distance of a grid point from a pixel's tangent plane, as a fraction of its distance from
 // the pixel's point.
 const OFF_PLANE: f32 = 0.2;
-// If the usable grid points have less than this total weight, they do not represent the pixel.
+// Minimum total weight of the usable grid points; below it they do not represent the pixel.
 const LEAST: f32 = 0.2;
 
 // Pixel coordinate of a grid position along one axis.
@@ -51,7 +51,8 @@ fn onward(at: u32, place: u32, places: u32, count: u32) -> f32 {
     return f32(at - low) / f32(at_place(place + 1u, count) - low);
 }
 
-// Whether the pixel sees the continuation of the smooth surface here.
+// Whether a pixel sees a smooth continuation of the surface that another pixel sees along `ray`.
+// `here` holds the normal and the depth at that other pixel.
 fn goes_on_to(here: vec4f, ray: vec3f, pixel: u32) -> bool {
     if (marks[pixel] & SEEN) == 0u {
         return false;
@@ -62,8 +63,8 @@ fn goes_on_to(here: vec4f, ray: vec3f, pixel: u32) -> bool {
         && abs(dot(here.xyz, way)) <= OFF_PLANE * length(way);
 }
 
-// The weights of the pixels. Pixels that no grid point represents become points themselves, in any
-// order.
+// Computes the weights of the points for each pixel. Pixels that no grid point represents become
+// points themselves, in any order.
 @compute @workgroup_size(64)
 fn shares(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let pixel = linear(id, groups);
@@ -113,7 +114,7 @@ fn shares(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
     interreflection_shares[pixel] = kept;
 }
 
-// Writes the additional points, outside of the grid.
+// Writes the additional points, which do not belong to the grid.
 @compute @workgroup_size(64)
 fn alone(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let pixel = linear(id, groups);

@@ -4,10 +4,10 @@
 //
 // The CPU takes differences of large sums in f64, interpolated between corners. Here sums are
 // integers, and their exact differences are sums of levels over blocks of whole pixels: the
-// rectangle's first column, its inner columns and its last one, combined with the same for rows.
+// rectangle's first column, its inner columns and its last column, combined with the same for rows.
 // Blocks are weighted by the fraction of them that the rectangle covers, so that nothing is
 // subtracted in floating point, and the only f32 error is that of the weights. Positions are
-// relative to the held pixel at the centre.
+// relative to the pattern pixel at the centre.
 
 const PARTS_PER_PX: f32 = 2.0;
 const IMAGE_PARTS: f32 = 8.0;
@@ -41,7 +41,7 @@ fn image_average(table: Table, at: vec2f, slope: vec4f, deviation: vec2f) -> f32
 }
 
 // Extent of a rectangle along one axis: its first and last pixel, and the covered fractions of the
-// first, of each inner one and of the last, divided by its length.
+// first pixel, of each inner pixel and of the last pixel, divided by the rectangle's length.
 struct Cover {
     first: u32,
     last: u32,
@@ -49,7 +49,7 @@ struct Cover {
 }
 
 fn image_cover(pixel: f32, middle: f32, size: f32, count: u32) -> Cover {
-    // Relative to the held pixel's left edge.
+    // Relative to the left edge of `pixel`.
     let end = f32(count) - pixel;
     let low = clamp(middle + 0.5 - 0.5 * size, -pixel, end - 1e-3);
     let high = min(max(middle + 0.5 + 0.5 * size, low + 1e-3), end);
@@ -66,7 +66,7 @@ fn image_cover(pixel: f32, middle: f32, size: f32, count: u32) -> Cover {
     return Cover(u32(first), u32(last), vec3f(start, 1.0, rest) / max(whole, 1e-6));
 }
 
-// Mean level over a rectangle; its centre is given relative to the centre of a held pixel.
+// Mean level over a rectangle; `middle` is its centre relative to the centre of `pixel`.
 fn image_rectangle(table: Table, pixel: vec2f, middle: vec2f, size: vec2f) -> f32 {
     let x = image_cover(pixel.x, middle.x, size.x, table.width);
     let y = image_cover(pixel.y, middle.y, size.y, table.height);
@@ -79,8 +79,8 @@ fn image_rectangle(table: Table, pixel: vec2f, middle: vec2f, size: vec2f) -> f3
         + y.weights.z * image_between(c, d, x.weights);
 }
 
-// Sums of all levels above a boundary between rows: in the first column, in the inner ones and in
-// the last; as two words.
+// Sums of all levels above a boundary between rows, as two words: in the first column, in the inner
+// columns and in the last column.
 struct Sums {
     low: vec3u,
     high: vec3u,

@@ -7,8 +7,8 @@
 
 var<workgroup> sums: array<f32, 64>;
 
-// Averages the tables over the points that light is reflected from: one workgroup per point and
-// table; each thread takes every 64th ray.
+// Averages each table over the hits of each point's rays: one workgroup per point and table; each
+// thread takes every 64th ray.
 @compute @workgroup_size(64)
 fn average(
     @builtin(workgroup_id) group: vec3u,

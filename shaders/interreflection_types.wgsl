@@ -17,7 +17,7 @@ struct InterreflectionParams {
     step: u32,
     // Rays per point.
     samples: u32,
-    // Number of points, of the grid and additional ones.
+    // Number of points: grid points and additional points.
     points: u32,
     spare: u32,
 }
@@ -28,8 +28,9 @@ const NO_PIXEL: u32 = 0xffffffffu;
 struct GatherPoint {
     // Pixel whose centre the point lies on, or NO_PIXEL.
     pixel: u32,
-    // First of its rays, and their number: only rays that end in the projector's light are kept.
+    // Index of its first ray. Only rays that end in the projector's light are kept.
     first: u32,
+    // Number of its rays.
     kept: u32,
     // Irradiance in W/m^2 under full white.
     white: f32,

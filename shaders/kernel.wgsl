@@ -1,10 +1,10 @@
 // needs: plan, pattern_images, blend, skin_types, row_table
 // Blurred footprints on a pattern image that varies along one axis. Twin of `kernel.rs`.
 //
-// The CPU computes the weights of held pixels once per state of the scene, then only sums products
-// for each frame. Here the weights are recomputed in every frame: a dozen of them per pixel cost
-// less than reading them from memory. Each Gaussian of a spread has its own range and grouping of
-// pixels.
+// The CPU computes the weights of pattern pixels once per state of the scene, then only sums
+// products for each frame. Here the weights are recomputed in every frame: a dozen of them per
+// pixel cost less than reading them from memory. Each Gaussian of a spread has its own range and
+// grouping of pixels.
 
 // Kernel reach beyond the footprint, in standard deviations. Weights are zero past KERNEL_END.
 const KERNEL_REACH: f32 = 4.0;
@@ -17,7 +17,8 @@ const MOST_GROUPS: f32 = 1024.0;
 // Groups of 2^0 to 2^10 projector pixels.
 const LAST_GROUPING: u32 = 10u;
 
-// Whether a footprint's blur needs a kernel, and if so its average level.
+// Result of `kernel_average`. `level` is valid only if `blurred` is set: otherwise the blur is too
+// small to need a kernel.
 struct Kernel {
     blurred: bool,
     level: f32,
@@ -28,7 +29,7 @@ struct Kernel {
 fn kernel_average(table: Table, x: f32, slope: vec2f, sigma: f32, tissue: u32, px_per_mm: f32) -> Kernel {
     let sizes = min(abs(slope), vec2f(WIDEST));
     let sharp = KERNEL_SHARP * max(sizes.x, sizes.y);
-    // Level times weight, weight, and the level beyond the pattern image.
+    // Sum of level times weight, sum of weights, and the level beyond the pattern image's end.
     var sum: vec3f;
     if has_subsurface && tissue != NO_TISSUE {
         let least = max(sharp, KERNEL_LEAST);
@@ -58,8 +59,8 @@ fn kernel_average(table: Table, x: f32, slope: vec2f, sigma: f32, tissue: u32, p
     return Kernel(true, sum.x / sum.y);
 }
 
-// For one Gaussian: level times weight on the pattern image, weight, and the level beyond the
-// pattern image.
+// For one Gaussian, returns the sum of level times weight on the pattern image, the sum of weights,
+// and the level beyond the pattern image's end.
 fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -> vec3f {
     let blend = blend_new(sizes.x, sizes.y, sigma, reaches.y);
     let reach = reaches.x * sigma;
@@ -70,8 +71,8 @@ fn kernel_part(table: Table, x: f32, sizes: vec2f, sigma: f32, reaches: vec2f) -
         group *= 2.0;
     }
     let last = (table.width + (1u << grouping) - 1u) / (1u << grouping) - 1u;
-    // Positions are a held pixel plus an offset from its left edge: measured from the pattern
-    // image's left end in f32, small blurs would be lost in distant columns.
+    // A position is stored as a pattern pixel plus an offset from that pixel's left edge. Relative
+    // to the pattern image's left end, f32 would not resolve small blurs in distant columns.
     let pixel = floor(clamp(x, -LAST_PIXEL, LAST_PIXEL) + 0.5);
     let inside = clamp(x - pixel, -FAR, FAR) + 0.5;
     let whole = min(0.5 * (sizes.x + sizes.y) + reach, FAR);

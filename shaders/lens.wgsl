@@ -18,7 +18,8 @@ struct Lens {
     spare: u32,
 }
 
-// A pixel, and whether the polynomial has folded over before it is reached.
+// Pixel of an ideal image point. It is invalid if `folded` is set: the distortion polynomial folds
+// over closer to the axis than the image point.
 struct LensPlace {
     px: vec2f,
     folded: bool,

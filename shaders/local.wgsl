@@ -1,6 +1,6 @@
 // needs: plan, ggx
 //
-// Twin of look::Local: a surface point with the quantities that its illumination needs.
+// Twin of material::Local: a surface point with the quantities that its illumination needs.
 
 struct Local {
     // Position in the rig's frame in millimetres.
@@ -16,8 +16,8 @@ struct Local {
     lobe: u32,
 }
 
-// Light reflected of 1 W/m^2 from a direction, relative to a white Lambertian surface that faces
-// it: reflectance times cosine, 0 from behind.
+// Reflected light for 1 W/m^2 from a direction, relative to a white Lambertian surface that faces
+// that direction: reflectance times cosine; 0 for light from behind.
 fn local_reflected(local: Local, towards: vec3f) -> f32 {
     if !(dot(local.facet, towards) > 0.0) {
         return 0.0;

@@ -5,7 +5,7 @@
 @group(0) @binding(0) var<storage, read> place: array<vec2f>;
 // Derivatives of x, then of y, by the camera's column and row.
 @group(0) @binding(1) var<storage, read> slopes: array<vec4f>;
-// Electrons per second under full white (0 if unlit), and of ambient light.
+// Electrons per second of projector light under full white (0 if unlit), then of ambient light.
 @group(0) @binding(2) var<storage, read> light: array<vec2f>;
 // Unit normal on the camera's side, and depth in millimetres; 0 if no surface is seen.
 @group(0) @binding(3) var<storage, read> seen: array<vec4f>;

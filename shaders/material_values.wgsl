@@ -7,8 +7,9 @@
 
 @group(0) @binding(32) var<storage, read> material_values: array<f32>;
 
-// Start of the lamps (at most 32), and of the table of soft.wgsl.
+// Start of the lamps, of which there are at most 32.
 const LAMPS_AT: u32 = 0u;
+// Start of the table of soft.wgsl.
 const SOFT_AT: u32 = 256u;
 
 fn material_value3(at: u32) -> vec3f {

@@ -15,13 +15,16 @@ struct Material {
     first_triangle: u32,
     // How a texture is mapped onto the object (`LAY_...`).
     lay: u32,
-    // Corner attributes: smooth normals, nine numbers a triangle, in the frame of the object's
-    // hierarchy, and the step from one of its shapes to the next; colours, three; texture
-    // coordinates, six; rest positions of a deforming mesh, nine.
+    // Smooth normals at triangle corners, in the frame of the object's hierarchy: nine numbers per
+    // triangle.
     normals: u32,
+    // Distance from the normals of one shape of a deforming mesh to the normals of the next.
     normals_step: u32,
+    // Vertex colours: three numbers per triangle.
     colours: u32,
+    // Texture coordinates: six numbers per triangle.
     coordinates: u32,
+    // Rest positions of a deforming mesh: nine numbers per triangle.
     rest: u32,
     // For a texture: index of its sums, columns, rows, mean. For a board: columns, rows, mean.
     sums: u32,
@@ -43,7 +46,7 @@ fn material_varies(object: u32) -> bool {
     return materials[object].colours != NOTHING || materials[object].lay != LAY_NONE;
 }
 
-// Whether look.wgsl applies the albedo later; until then the surface is lit as white.
+// Whether material.wgsl applies the albedo later; until then the surface is lit as white.
 fn material_is_white(object: u32) -> bool {
     return (has_specular && materials[object].lobe != NOTHING)
         || (has_albedo_maps && material_varies(object));

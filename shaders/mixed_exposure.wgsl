@@ -1,6 +1,6 @@
 // needs: plan, mixed_in, skin_in, footprint, flicker
-// The exposure of mixed pixels: the mean over their samples. Twin of `mixed` of `exposure.rs` and
-// of `schedule.rs`.
+// The exposure of mixed pixels: the mean over their samples. Twin of `mixed` in
+// `exposure/pass.rs` and in `schedule.rs`.
 //
 // A workgroup takes 64 groups of samples, sixteen threads each, so that samples are read side by
 // side; then each thread adds up one group in the order of its samples.

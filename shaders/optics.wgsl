@@ -25,9 +25,10 @@ struct Optics {
     shown: Falloff,
     // Electrons per second of a pixel that sees a white surface under 1 W/m^2.
     electrons_per_irradiance: f32,
-    // The same under the projector's white, 1 mm away.
+    // Electrons per second of a pixel that sees a white surface 1 mm from the projector, under the
+    // projector's full white.
     projected: f32,
-    // The same under the ambient light.
+    // Electrons per second of a pixel that sees a white surface under the ambient light.
     ambient: f32,
     // Amplitude of the ambient light's flicker relative to its mean.
     ambient_depth: f32,

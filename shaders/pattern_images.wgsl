@@ -1,5 +1,5 @@
-// Tables of the pattern images, computed on the CPU, all in one buffer. Twin of `Table` of
-// `exposure.rs`.
+// Tables of the pattern images, computed on the CPU, all in one buffer. Twin of `Table` in
+// `exposure/pass.rs`.
 
 @group(0) @binding(57) var<storage, read> pattern_image_cells: array<vec4u>;
 
@@ -13,7 +13,8 @@ struct Table {
     kind: u32,
     // Its start in `pattern_image_cells`.
     first: u32,
-    // Held pixels of a one-dimensional pattern image; columns and rows of a two-dimensional one.
+    // Number of pixels of a pattern image that varies along one axis; columns and rows of a
+    // two-dimensional one.
     width: u32,
     height: u32,
     // Light per unit of the levels; for a uniform pattern image, the light of the whole pattern

@@ -5,8 +5,8 @@
 
 // For means from here on, noise.wgsl uses a normal number instead.
 const POISSON_BELOW: f32 = 32.0;
-// Probabilities are in units of 2^-24: those of a word's upper bits are integers that f32
-// represents exactly.
+// Probabilities are in units of 2^-24: a uniform number from the upper 24 bits of a word is then an
+// integer that f32 represents exactly.
 const POISSON_ONE: f32 = 16777216.0;
 // Maximum number of steps for any mean.
 const POISSON_STEPS: u32 = 84u;
@@ -41,9 +41,10 @@ fn poisson_rest(low: f32, high: f32) -> Tail {
     return Tail(min(tail, 0.5), select(0u, SIGN, lower));
 }
 
-// Rounding leaves the f32 sums about 1e-7 short of one: handles words that lie in that gap. The CPU
-// sums in f64 from 0 up. Here the tail is summed from its far end until it reaches the uniform
-// number's distance from one, which is exact: increasing terms lose nothing to rounding.
+// Rounding leaves the f32 sums about 1e-7 short of one; this function handles words in that gap.
+// The CPU sums in f64 from 0 up. Here the tail is summed from its far end until it reaches the
+// uniform number's distance from one. This is exact, since increasing terms lose nothing to
+// rounding.
 fn poisson_far_tail(mean: f32, word: u32) -> f32 {
     // Terms below this are negligible compared with a probability of 2^-25.
     const NOTHING: f32 = 1e-14;

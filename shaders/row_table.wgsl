@@ -8,7 +8,7 @@ const ROW_NARROWEST: f32 = 1.0 / 65536.0;
 const ROW_SMALLEST: f32 = 1.0 / 512.0;
 // A coordinate beyond the largest pattern image.
 const LAST_PIXEL: f32 = 65536.0;
-// Beyond this distance from a held pixel the result no longer changes; the limit keeps integer
+// Beyond this distance from a pattern pixel the result no longer changes; the limit keeps integer
 // conversions exact.
 const FAR: f32 = 2097152.0;
 
@@ -22,8 +22,8 @@ fn row_average(table: Table, x: f32, slope: vec2f) -> f32 {
     let outer = (wide + narrow) * 0.5;
     let inner = (wide - narrow) * 0.5;
     let last = i32(table.width) - 1;
-    // Positions are relative to the held pixel at x, so that rounding scales with the footprint and
-    // not with the coordinate.
+    // Positions are relative to the pattern pixel at x, so that rounding scales with the footprint
+    // and not with the coordinate.
     let pixel = floor(clamp(x, -0.5, LAST_PIXEL) + 0.5);
     let inside = clamp(x - pixel, -FAR, FAR);
     let offsets = vec4f(inside) + vec4f(-outer, -inner, inner, outer) + 0.5;

@@ -51,7 +51,7 @@ fn pinhole_body(ray: Ray, hit: Hit, albedo: f32) -> Shaded {
     return shaded;
 }
 
-// Converts the projector's pinhole coordinates and footprints into those of its distorted lens.
+// Applies the projector's lens distortion to pinhole coordinates and footprints.
 fn distort(shaded: ptr<function, Shaded>) {
     let lens = optics[0].projector;
     let ideal = ((*shaded).px - lens.principal) * lens.scale;

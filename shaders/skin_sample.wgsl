@@ -4,9 +4,9 @@
 // For each sample of the mixed pixels, sixteen per head.
 @group(0) @binding(91) var<storage, read_write> mixed_skin: array<UnderSkin>;
 
-// Records the subsurface scattering of a sample, with index `number` among those of all mixed
-// pixels, at its surface point in the rig's frame; returns the position on the pattern image that
-// the light comes from.
+// Records the subsurface scattering of a sample at its surface point in the rig's frame. `number`
+// is the index among the samples of all mixed pixels. Returns the position on the pattern image
+// that the light comes from.
 fn into_sample(
     number: u32, is_lit: bool, place: vec2f, surface: u32, at: vec3f, normal: vec3f,
 ) -> vec2f {

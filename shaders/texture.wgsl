@@ -22,7 +22,7 @@ const NARROWEST: f32 = 1e-3;
 const WIDEST_FOOTPRINT: f32 = 1e8;
 
 struct Picture {
-    // Index of its sums.
+    // Index of its first corner sum in `texel_sums`.
     sums: u32,
     width: u32,
     height: u32,
@@ -110,7 +110,7 @@ fn texture_weight(stretch: Stretch, k: u32) -> f32 {
     return select(select(stretch.last_part, 1.0, k == 1u), stretch.first_part, k == 0u);
 }
 
-// Mean over a rectangle that starts in the texture and is no larger than it.
+// Mean over a rectangle that starts in the texture and is at most as large as the texture.
 fn texture_part(image: Picture, low: vec2f, sides: vec2f) -> f32 {
     let x = texture_stretch(low.x, sides.x, image.width);
     let y = texture_stretch(low.y, sides.y, image.height);

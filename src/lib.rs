@@ -84,8 +84,8 @@
 //!
 //! - The frames of every link contain the embedded data line, as a sensor outputs it, so the bytes
 //!   are the same on all links. The host removes it wherever it finds one.
-//! - There is no trait for clocks: a bench has a virtual clock, a server has one timeline for all of
-//!   its devices, which must know what each device waits for before time may advance.
+//! - Clocks do not share a trait. A bench has a virtual clock. A server has one timeline for all of
+//!   its devices, which advances only when it knows what each device waits for.
 //! - [`emulator::Machine`] is between the serial line and the firmware, and applies the faults. The
 //!   firmware handles commands independently of the dialect and does not know about faults.
 //! - Frames leave for a V4L2 node no closer together than they were exposed: a v4l2loopback reader

@@ -71,7 +71,7 @@ def with_pyserial(device):
     tell("camera:exposure 5 ms;gain 3 dB")
     expect("pyserial: exposure in seconds", float(ask("CAM:EXP?")), 0.005)
 
-    # A whole scan.
+    # Runs a whole scan.
     tell("TRIG:SOUR BUS;MODE SEQ;:PROJ:POW ON;CURR 0.5")
     camera = socket.socket(socket.AF_UNIX)
     camera.settimeout(10)
@@ -86,7 +86,7 @@ def with_pyserial(device):
     expect("pyserial: completed", ask("*OPC?"), "1")
     expect("pyserial: no complaint", ask("SYST:ERR?"), '0,"No error"')
 
-    # A block holds the manifest.
+    # The manifest arrives as a block.
     tell("SEQ:DATA?")
     expect("pyserial: block", control.read(1), b"#")
     length = int(control.read(int(control.read(1))))
@@ -99,7 +99,7 @@ def with_pyserial(device):
 
 def with_pyvisa(device):
     manager = pyvisa.ResourceManager("@py")
-    # By the pty's own name: VISA's resource strings do not take any path.
+    # Uses the pty's own name, because VISA resource strings do not accept every path.
     port = pathlib.Path(device["control"]).resolve()
     control = manager.open_resource(
         f"ASRL{port}::INSTR", read_termination="\n", write_termination="\n", timeout=5000

@@ -18,9 +18,9 @@ import tomllib
 import numpy as np
 from PIL import Image
 
-# Largest RMS difference in projector pixels over the pixels that both have.
+# Maximum RMS difference in projector pixels, over the pixels on which both agree.
 MOST_PX = 0.001
-# Least share of our pixels that numpy must have too.
+# Minimum fraction of our valid pixels on which numpy must agree within a quarter of a pixel.
 SHARED = 0.999
 
 
@@ -66,7 +66,7 @@ def gray_middle(frames):
     of_kind = {pattern["kind"]: picture for pattern, picture in frames}
     for pattern, picture in frames:
         if pattern["kind"] == "gray" and pattern["axis"] == "x":
-            # A bit of the reflected code changes where those of cells of half its width do not.
+            # Each bit is identified by the width of its cells; its inverse has the same width.
             width = pattern["cell_px"] * 2 ** pattern["bit"]
             (inverse if pattern.get("inverted") else plain)[width] = picture
     if not plain:
@@ -77,7 +77,7 @@ def gray_middle(frames):
             threshold = (plain[width] + inverse[width]) / 2
         else:
             threshold = (of_kind["white"] + of_kind["black"]) / 2
-        # Reflected to plain binary, from the most significant bit on.
+        # Converts reflected to plain binary, starting with the most significant bit.
         bit = bit ^ (plain[width] > threshold)
         number = 2 * number + bit
     cell = min(plain)
@@ -90,12 +90,14 @@ def decode(frames, columns):
     middle = gray_middle(frames)
     if middle is None:
         period, position, _ = sets[-1]
-        # It covers the picture; what little lies left of it wraps to the right end.
+        # The coarsest period covers the projector; positions slightly left of column 0 wrap to its
+        # right end.
         middle = np.where(position > (columns + period) / 2, position - period, position)
     near = middle
     for period, position, _ in reversed(sets):
         near = nearest(position, period, near)
-    # All periods' positions near the finest one, each by its variance.
+    # Averages all periods' positions nearest to the finest one, weighted by the inverse of their
+    # variances.
     weights = [1 / variance for _, _, variance in sets]
     positions = [nearest(position, period, near) for period, position, _ in sets]
     return sum(w * x for w, x in zip(weights, positions)) / sum(weights)
@@ -117,7 +119,7 @@ def main():
             found = np.load(ours / "projector_x.npy").astype(np.float64)
             columns, frames = read(capture)
             difference = decode(frames, columns) - found
-        # Beyond a quarter of a pixel numpy has chosen another period.
+        # If the difference exceeds a quarter of a pixel, numpy has chosen another period.
         valid = np.isfinite(found)
         shared = valid & (np.abs(difference) < 0.25)
         share = shared.sum() / valid.sum()

@@ -19,9 +19,10 @@ import tomllib
 import cv2
 import numpy as np
 
-# Deviations by which two estimates from the same points may differ. Ours weighs each point by its
-# own noise and sees the projector's points too; OpenCV's camera does neither, and the variance of
-# the difference of an efficient estimate and another is at most the other's.
+# Maximum difference of two estimates from the same points, in standard deviations. Our estimate
+# weights each point by its own noise and includes the projector's points; OpenCV's camera
+# calibration does neither. The variance of the difference between an efficient estimate and another
+# estimate is at most the variance of the other.
 FEW = 5.0
 
 
@@ -121,8 +122,9 @@ def flags_for(distortion):
 
 def calibrate(what, board, pixels, lens):
     k, distortion, size = lens
-    # Off the answer, so that finding it is OpenCV's work. It refuses a principal point outside the
-    # image, where a projector's is; beside a guess the size is used for nothing else.
+    # Starts away from the solution, so that OpenCV has to find it. OpenCV rejects a principal point
+    # outside of the image, as a projector with lens shift has, so the size is enlarged. With an
+    # initial guess, OpenCV uses the size for nothing else.
     size = [int(max(w, 2.0 * c)) for w, c in zip(size, k[:2, 2])]
     guess = k.copy()
     guess[0, 0] *= 1.03
@@ -208,14 +210,15 @@ def read_back(phasmid, capture, folder, rig):
     """Depths with what cv2 has written, against those with calibration.toml."""
     with tempfile.TemporaryDirectory() as scratch:
         scratch = pathlib.Path(scratch)
-        # The noise model of the camera is in none of OpenCV's files; without it, it is estimated.
+        # OpenCV's files do not contain the camera's noise model. It is removed here too, so that
+        # the decoder estimates the noise in all runs.
         rig_only = (folder / "calibration.toml").read_text().split("[noise]")[0]
         (scratch / "rig.toml").write_text(rig_only)
         wanted = decoded(phasmid, capture, scratch / "rig.toml", scratch / "toml")
         for path, bound in write_files(scratch, rig):
             depth = decoded(phasmid, capture, path, scratch / path.name.replace(".", "-"))
             same = np.array_equal(np.isnan(depth), np.isnan(wanted))
-            # The cut at the worst deviation may fall otherwise for a pixel or two.
+            # A few pixels at the limit of the allowed error may be masked in only one of the runs.
             same = same or (np.isnan(depth) != np.isnan(wanted)).sum() < 10
             off = np.nanmax(np.abs(depth - wanted))
             expect(f"phasmid decode --calibration {path.name}", same and off < bound, f"{off:.1e} mm off")

@@ -1,7 +1,7 @@
 // needs: plan, optics
-// Rays through pixels of both lenses, and back. For each pixel: the camera's ray, the pixel of that
-// ray, the Jacobian there; the projector's pixel of that ray, and whether the distortion has folded
-// over.
+// Converts pixels to rays and back. Output for each pixel: the camera's ray, the camera's pixel of
+// that ray and the Jacobian there; the projector's pixel of the ray at twice the distance from the
+// axis; and for projector and camera a flag that is set beyond the fold of the distortion.
 
 @group(0) @binding(110) var<storage, read> input: array<u32>;
 @group(0) @binding(111) var<storage, read_write> output: array<u32>;

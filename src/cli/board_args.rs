@@ -56,7 +56,7 @@ impl BoardArgs {
             Kind::Dots => Board::DOTS,
             Kind::Chess => Board::CHESS,
         };
-        // A given scale multiplies the default board as it is printed, not the scaled default.
+        // A given `--scale` applies to the default board; it replaces `default_scale`.
         let by_default = match self.scale {
             Some(_) => default,
             None => default.scaled(default_scale),

@@ -69,8 +69,8 @@ pub(super) fn from_anywhere(name_or_path: &str) -> String {
         .unwrap_or_else(|| name_or_path.to_owned())
 }
 
-/// Returns the dialect of a control port: the requested one, or the one in the `device.json` beside
-/// the port; `None` if there is neither.
+/// Returns the dialect of a control port: the requested one, else the dialect that the
+/// `device.json` beside the port names; `None` if neither exists.
 ///
 /// # Errors
 /// Returns an error if [`Dialect::load`] does.

@@ -75,11 +75,11 @@ impl MethodArgs {
         }
     }
 
-    /// Replaces the depths of triangulation by those of this method.
+    /// Replaces triangulated depths by depths from this method.
     ///
     /// # Errors
-    /// Returns an error if there is no calibration, the reference is invalid, or the sequence has no
-    /// coordinate along the baseline.
+    /// Returns an error if the calibration is missing, the reference is invalid, or the sequence
+    /// does not encode a coordinate along the baseline.
     pub(super) fn apply(
         &self,
         decoder: &Decoder,

@@ -116,8 +116,8 @@ enum Command {
     Report(report::Args),
 }
 
-/// Ends the program because standard output cannot be written: with success when the reader closed
-/// the pipe, with status 1 otherwise.
+/// Ends the program because standard output cannot be written: with status 0 if the reader has
+/// closed the pipe, else with status 1.
 fn unheard(e: &std::io::Error) {
     if e.kind() == std::io::ErrorKind::BrokenPipe {
         std::process::exit(0);

@@ -181,7 +181,7 @@ fn line(control: &Control) -> String {
     }
 }
 
-/// Whether a name or a file is that of a dialect. A file is one if it has the key `framing`.
+/// Whether a name or a path denotes a dialect. A file is a dialect if it has the key `framing`.
 pub(super) fn names_dialect(file: &str) -> Result<bool> {
     if profile_names().any(|name| name == file) {
         return Ok(false);

@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         notice: |text| eprintln!("phasmid: {text}"),
     };
     let outcome = runtime()?.block_on(async {
-        // Before creating anything that would have to be removed.
+        // Watch before creating anything that must be removed at the end.
         let mut shutdown = Shutdown::watch(args.while_stdin)?;
         let run_dir = RunDir::claim(&run_dir)?;
         let ready = |endpoints: &Endpoints| announce(args, endpoints);
@@ -87,7 +87,7 @@ fn announce(args: &Args, endpoints: &Endpoints) {
         text += &format!("           {tcp}\n");
     }
     text += "Ctrl-C ends it.\n";
-    // A closed standard output is no reason to stop serving.
+    // Keep serving even if standard output is closed.
     let mut out = std::io::stdout();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }

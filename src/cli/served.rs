@@ -169,7 +169,7 @@ fn terminate(child: &mut Child) -> Option<i32> {
         return status.code();
     }
     if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
-        // The process may have ended in the meantime.
+        // The process may have ended since.
         let _ = kill_process(pid, Signal::TERM);
     }
     let deadline = Instant::now() + PATIENCE;

@@ -211,7 +211,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
     Ok(())
 }
 
-/// Returns the warnings of the rigid fit, then those of the reading.
+/// Returns the warnings of the rigid fit, followed by the warnings of the reading.
 fn warnings(
     rigid: &std::result::Result<phasmid_sgrt::RigidFit, phasmid_sgrt::Lost>,
     reading: &Reading,

@@ -194,7 +194,7 @@ pub fn discard(folder: &Path, names: impl IntoIterator<Item = impl AsRef<Path>>)
     }
 }
 
-/// Returns whether a name is that of a temporary file left by a killed program.
+/// Returns whether a name belongs to a temporary file left by a killed program.
 pub fn is_unfinished(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
     name.starts_with(PREFIX) && name.ends_with(SUFFIX)

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 /// Receives the frames of a device.
 pub trait FrameSink {
-    /// Returns whether a client reads; a free-running camera does not expose otherwise.
+    /// Returns whether a client reads. Without a reader a free-running camera does not expose.
     fn attended(&self) -> bool;
 
     /// Receives a frame; must not block.

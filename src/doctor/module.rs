@@ -76,7 +76,7 @@ fn install(machine: &Machine) -> String {
 fn loaded(machine: &Machine) -> Check {
     let version = version(machine).unwrap_or_else(|| "of unknown version".into());
     let mut found = format!("{version} is loaded");
-    // From 0.14 on, a format and a stream belong to one opener.
+    // Since 0.14, format and stream belong to one open file handle, so only one reader can stream.
     let mut parts = version.split('.').map(|part| part.parse::<u32>().ok());
     if (parts.next().flatten(), parts.next().flatten()) >= (Some(0), Some(14)) {
         found += "; one reader at a time";

@@ -23,7 +23,8 @@ struct Node {
     stream: Option<String>,
     buffers: Option<u32>,
     path: PathBuf,
-    /// Whether it has lost both its sides, so that nobody can use it. Checked only for our nodes.
+    /// Whether the node has lost both its capture and its output side, which makes it unusable.
+    /// Checked only for nodes that are labelled for Phasmid.
     forgotten: bool,
 }
 

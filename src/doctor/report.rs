@@ -53,13 +53,13 @@ impl Feature {
 /// One check and its result.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Check {
-    /// What was checked.
+    /// Subject of the check.
     pub topic: &'static str,
     /// The feature that needs it.
     pub feature: Feature,
     /// The result.
     pub status: Status,
-    /// What was found, and its consequence.
+    /// Finding and its consequence.
     pub found: String,
     /// The command that fixes it.
     pub fix: Option<String>,

@@ -154,8 +154,8 @@ impl Coordinates {
         index
     }
 
-    /// Returns the texture coordinates of all triangles; those of corners without an index are 0.
-    /// Empty if the file has no `vt`, whatever its faces refer to.
+    /// Returns the texture coordinates of all triangles; corners without an index get (0, 0). Empty
+    /// if the file has no `vt`, even if its faces have texture indices.
     fn of_triangles(self, place: &str) -> Result<Vec<[[f32; 2]; 3]>> {
         let (highest, line) = self.highest;
         if self.of.is_empty() || highest == 0 {

@@ -10,7 +10,7 @@ pub struct Pose {
     /// Rotation matrix, serialised as three rows.
     #[serde(with = "rows")]
     pub rotation: DMat3,
-    /// Translation in millimetres: the position of b's origin in a.
+    /// Translation in millimetres.
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub translation_mm: DVec3,
 }

@@ -206,7 +206,7 @@ mod tests {
                 .intersect(DVec3::new(1.1, 0.0, -9.0), DVec3::Z, 0.0)
                 .is_none()
         );
-        // From inside, the far wall is hit.
+        // A ray that starts inside hits the far wall.
         let inside = sphere.intersect(DVec3::ZERO, DVec3::X, 0.0).unwrap();
         assert!((inside.t - 1.0).abs() < 1e-15);
     }

@@ -25,8 +25,8 @@ impl Captured {
     /// Calls `then` with the frames as a stack, the form that decoders take.
     ///
     /// # Errors
-    /// Returns the errors of `then`, and an error if there is no frame or the frames do not match
-    /// each other.
+    /// Returns the errors of `then`, and an error if there are no frames or they do not match each
+    /// other.
     pub fn with_stack<T>(&self, then: impl FnOnce(&FrameStack<'_>) -> Result<T>) -> Result<T> {
         let (width, height) = self
             .frames

@@ -27,7 +27,7 @@ pub(super) struct Plug {
     index: Option<String>,
     /// USB location, such as `1-2.4`.
     place: String,
-    /// Only the location distinguishes it from another device.
+    /// Whether the location must match too, because the device has no unique serial number.
     stays: bool,
 }
 

@@ -23,7 +23,7 @@ const RIB: f64 = 350.0;
 const SPINE: f64 = 220.0;
 /// Mass density of lung relative to water at the reference phase.
 const LUNG_DENSITY: f64 = 0.25;
-/// Minimum half width of a border, that of the finest voxels.
+/// Minimum half width of a border, which suits the finest voxels.
 pub(super) const BORDER_MM: f64 = 1.0;
 /// Thickness of the skin.
 const SKIN_MM: f64 = 2.0;

@@ -142,8 +142,8 @@ impl Modes {
     }
 
     /// Returns the point that the displacement maps to `y`, by Newton's method with step halving.
-    /// If I + grad u folds nowhere, there is exactly one, and the result maps to within 1e-9 mm of
-    /// `y`.
+    /// If the determinant of I + grad u is positive everywhere (no folds), exactly one such point
+    /// exists, and the result maps to within 1e-9 mm of `y`.
     pub(super) fn inverse(&self, y: DVec3, weights: &[f64; MODES]) -> DVec3 {
         let miss = |x: DVec3| x + self.displacement(x, weights) - y;
         let mut x = y - self.displacement(y, weights);

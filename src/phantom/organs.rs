@@ -28,7 +28,7 @@ const BACK: [f64; ROWS] = [
     55., 62., 68., 72., 74., 74., 74., 74., 75., 77., 80., 84., 88., 90., 91., 90., 86., 78., 66.,
     52., 42., 38., 38., 38.,
 ];
-/// Size of a woman's cavity relative to that of a man of the same stature.
+/// Ratio of a woman's cavity to a man's of the same stature, in size.
 const FEMALE: f64 = 0.93;
 
 /// The organs of one patient.
@@ -37,7 +37,7 @@ pub(super) struct Organs {
     side: Spline,
     front: Spline,
     back: Spline,
-    /// Stature relative to that of the tables.
+    /// Stature of the patient divided by the stature of the tables.
     scale: f64,
     /// The same factor across the body, smaller for women.
     across: f64,
@@ -74,8 +74,8 @@ impl Organs {
         }
     }
 
-    /// Returns the relative position between the axis (0) and the cavity's wall (1): the 2.5th
-    /// power of the distance from the axis over that of the wall, twice continuously
+    /// Returns the relative position between the axis (0) and the cavity's wall (1): (distance from
+    /// the axis / distance of the wall from the axis)^2.5, which is twice continuously
     /// differentiable.
     pub(super) fn cavity<T: Real>(&self, [x, y, z]: [T; 3]) -> T {
         let depth = if y.value() < 0.0 {

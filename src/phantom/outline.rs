@@ -5,10 +5,10 @@
 //! Body frame: the patient's axes (x left, y posterior, z to the head) with the origin on the axis
 //! at the height of the tip of the breastbone, in millimetres.
 //!
-//! Proportions are those of the mean adult: heights of landmarks, breadths and depths from Gordon
-//! et al., "1988 Anthropometric Survey of U.S. Army Personnel", NATICK/TR-89/044, with the core on
-//! the lean side of the mean. The trunk between the notch of the breastbone and the hip joints has
-//! 43.46 % (male) or 42.57 % (female) of the body's mass at a mass index of 24 kg/m2 (de Leva, J.
+//! Proportions follow the mean adult: heights of landmarks, breadths and depths from Gordon et al.,
+//! "1988 Anthropometric Survey of U.S. Army Personnel", NATICK/TR-89/044, with the core on the lean
+//! side of the mean. The trunk between the notch of the breastbone and the hip joints has 43.46 %
+//! (male) or 42.57 % (female) of the body's mass at a mass index of 24 kg/m2 (de Leva, J.
 //! Biomechanics 29, 1996, table 4), and 0.6 % of that more for each further kg/m2, the slope of
 //! Pearsall, Reid and Ross, Annals of Biomedical Engineering 22, 1994, for a man of 175 cm. Its
 //! density is taken as that of water, lungs included. Children are modelled as small adults.

@@ -27,7 +27,7 @@ const ABOVE: f64 = 1.12;
 /// The relief of one patient.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Relief {
-    /// Stature relative to that of the tables.
+    /// Stature of the patient divided by the stature of the tables.
     scale: f64,
     /// Mean radius of the chest.
     chest_mm: f64,

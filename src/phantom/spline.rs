@@ -59,27 +59,27 @@ fn blend(c: [f64; 4], share: f64) -> (f64, f64) {
     )
 }
 
-/// Standard deviation of [`wander`] at integers, relative to that of its coefficients.
+/// Ratio of the standard deviation of [`wander`] at integers to that of its coefficients.
 const AT_KNOTS: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Standard deviation of the difference between adjacent integers, on the same scale.
 const BETWEEN_KNOTS: f64 = 0.745_355_992_499_929_9;
 
-/// An unbounded random function that can be evaluated at any time independently: its coefficients
-/// at the integers are uniform between -1 and 1 times `most`. Returns value and slope, whose
-/// magnitudes never exceed `most` and twice `most`.
+/// A random function over unlimited time, which can be evaluated at any time independently. Its
+/// coefficients at the integers are uniform between -1 and 1 times `most`. Returns value and slope,
+/// whose magnitudes never exceed `most` and twice `most`.
 pub(super) fn wander(draws: Draws, time: f64, most: f64) -> (f64, f64) {
     let whole = time.floor();
     let coefficient = |i: i64| most * draws.even((whole as i64).wrapping_add(i));
     blend([-1, 0, 1, 2].map(coefficient), time - whole)
 }
 
-/// Returns the `most` of a wander with standard deviation `deviation` at integers.
+/// Returns the bound `most` for which [`wander`] has the given standard deviation at integers.
 pub(super) fn most_of(deviation: f64) -> f64 {
     3f64.sqrt() * deviation / AT_KNOTS
 }
 
-/// Returns the `most` of a wander whose differences between adjacent integers have the standard
-/// deviation `deviation`.
+/// Returns the bound `most` for which differences of [`wander`] between adjacent integers have the
+/// given standard deviation.
 pub(super) fn most_of_differences(deviation: f64) -> f64 {
     3f64.sqrt() * deviation / BETWEEN_KNOTS
 }

@@ -63,7 +63,7 @@ pub struct Flicker {
 }
 
 impl Ambient {
-    /// Returns the flicker; `None` if there is no light or it is steady.
+    /// Returns the flicker; `None` if the light is off or steady.
     #[inline]
     pub fn pulse(&self) -> Option<Flicker> {
         let pulsates = |f: &Flicker| f.depth > 0.0 && self.irradiance_w_m2 > 0.0;
@@ -83,7 +83,7 @@ impl Light {
         }
     }
 
-    /// Returns the flicker; `None` if there is no light or it is steady.
+    /// Returns the flicker; `None` if the light is off or steady.
     pub fn pulse(&self) -> Option<Flicker> {
         let pulsates = |f: &Flicker| f.depth > 0.0 && self.is_on();
         self.flicker().filter(pulsates)

@@ -72,7 +72,7 @@ impl Motion {
         self.keyframes.iter().any(elsewhere)
     }
 
-    /// Returns the pose over time that maps the moving object's coordinates to those of its rest
+    /// Returns the pose over time that maps coordinates in the moving object's frame to its rest
     /// frame.
     pub fn trajectory(&self) -> Trajectory {
         let key = |k: &Keyframe| {

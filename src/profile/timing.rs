@@ -11,8 +11,8 @@
 //! The exposure is the whole period, or shorter than it by at least a margin in which the
 //! controller loads the next pattern (TI's DLP SDK: 230 us for the LightCrafter 4500 with its
 //! DLPC350, 105 us for the LightCrafter 6500 with its DLPC900). It leaves room for the dark times
-//! around it and is no shorter than the pattern's bits take. Between patterns the light is off. All
-//! times are multiples of the controller's clock step.
+//! around it and is long enough to show all bits of the pattern. Between patterns the light is off.
+//! All times are multiples of the controller's clock step.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
@@ -300,7 +300,7 @@ mod tests {
         }
     }
 
-    /// Checks the rules of a DLPC350, and those of a DLPC3478 with its dark times.
+    /// Checks the rules of a DLPC350 and of a DLPC3478, which has dark times.
     #[test]
     fn an_exposure_is_the_period_or_shorter_by_the_margin() {
         let dlpc350 = timing();

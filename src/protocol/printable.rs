@@ -5,7 +5,8 @@ pub fn printable(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in text.chars() {
         let escaped = c.escape_debug();
-        // Quotes and backslashes are as harmless as they are frequent.
+        // Keep quotes and backslashes, which `escape_debug` would escape: they are harmless and
+        // frequent.
         if c.is_ascii_graphic() || escaped.len() == 1 {
             shown.push(c);
         } else {
@@ -15,7 +16,8 @@ pub fn printable(text: &str) -> String {
     shown
 }
 
-/// JSON with the controls escaped that its strings may hold as they are.
+/// Formats JSON and escapes the control characters that JSON allows unescaped in strings, such as
+/// U+007F and U+009B.
 pub fn printable_json(value: &serde_json::Value) -> String {
     let mut shown = String::new();
     for c in value.to_string().chars() {

@@ -19,9 +19,9 @@
 //! | 64 | 4 | reserved, 0 |
 //! | 68 | 4 | CRC-32 of the 68 bytes before |
 //!
-//! With flag 1 the id is a mere counter, there is no pattern index, and both times are the driver's
-//! timestamp of the frame, which most drivers take from the system's monotonic clock. A device
-//! never sends such a frame.
+//! With flag 1 the id is only a running number, the pattern index is missing, and both times are
+//! the driver's timestamp of the frame, which most drivers take from the system's monotonic clock.
+//! A device never sends such a frame.
 //!
 //! A reader validates the header before it allocates the payload, and the payload before it passes
 //! the frame on.

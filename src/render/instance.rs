@@ -150,8 +150,8 @@ impl Instance {
         spot.on(model.triangles[id].map(corner))
     }
 
-    /// Returns the current smooth normals at the corners of one of its triangles, given those at
-    /// rest.
+    /// Returns the current smooth normals at the corners of one of its triangles, given the normals
+    /// at rest.
     pub(super) fn smooth(&self, surface: Surface, rest: [DVec3; 3]) -> [DVec3; 3] {
         let id = (surface.0 - self.model.first) as usize;
         match self.form.normals.get(id) {

@@ -27,7 +27,8 @@ pub enum Backend {
     /// CPU: the same seed gives the same bytes on any machine.
     #[default]
     Cpu,
-    /// A Vulkan adapter, software if there is no other; rendering fails without one.
+    /// A Vulkan adapter; a software adapter only if no hardware adapter exists. Rendering fails
+    /// without an adapter.
     Gpu,
     /// A hardware Vulkan adapter if there is one that can hold the scene, else the CPU.
     Auto,

@@ -19,13 +19,15 @@ use glam::{DMat2, DVec2, DVec3, Vec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
-/// Maximum deviation of a sample from the closed form, as a fraction of the footprint's width.
+/// Maximum distance of a sample from the position predicted by the closed form, as a fraction of
+/// the footprint's width.
 const BENT: f64 = 0.02;
 
-/// Step between the pupil points of consecutive samples. As it is odd, it visits all of them. This
-/// value minimizes the correlation between pupil points and pixel positions: at the worst position
-/// of an edge, the fraction of sixteen samples beyond the edge is off by 0.12 on average over
-/// directions and blurs, that of sixty-four by 0.05 (independent samples: 0.13 and 0.06).
+/// Step between the pupil points of consecutive samples. Since it is odd, it visits all points.
+/// This value minimizes the correlation between pupil points and pixel positions. At the worst
+/// position of an edge, the fraction of samples beyond the edge is off by 0.12 for sixteen samples
+/// and 0.05 for sixty-four, on average over directions and blurs (independent samples: 0.13 and
+/// 0.06).
 const STEP: usize = 55;
 
 /// Returns the index of the pupil point of the kth of `count` samples.
@@ -84,8 +86,8 @@ impl Sampler<'_> {
         uneven
     }
 
-    /// Casts all samples, tile by tile, and passes on those of uneven pixels. Returns one result
-    /// per band of rows, unordered within the band.
+    /// Casts all samples, tile by tile, and passes the samples of uneven pixels on. Returns one
+    /// result per band of rows, unordered within the band.
     fn visit<T: Send>(
         &self,
         map: &GeometryBuffer,
@@ -135,7 +137,7 @@ impl Sampler<'_> {
     }
 
     /// Returns whether all samples of a pixel see the same smooth surface as its centre, in the
-    /// same light, where the closed form of its footprint predicts.
+    /// same light, and at the positions that the closed form of its footprint predicts.
     fn even(&self, map: &GeometryBuffer, tile: &Tile, lane: usize, casts: &[Cast]) -> bool {
         let pixel = tile.pixel(map.width, lane);
         let here = Surface(map.surface[pixel]);

@@ -107,8 +107,8 @@ impl Optics {
         self.intensity_w_sr * 1e6 * cos / distance2
     }
 
-    /// Returns the standard deviation of the projector's blur, in projector pixels, at a point in the
-    /// rig's frame.
+    /// Returns the standard deviation of the projector's blur, in projector pixels, at a point in
+    /// the rig's frame.
     pub(super) fn blur_px(&self, point: DVec3) -> f32 {
         self.defocus.sigma_px(point) as f32
     }
@@ -279,7 +279,7 @@ fn pinhole_body(
     }
 }
 
-/// Converts pinhole projector coordinates and footprints to those of the distorted lens.
+/// Applies the projector's lens distortion to pinhole coordinates and footprints.
 fn distort(lens: &Lens, shaded: &mut Shaded) {
     for lane in 0..LANES {
         let px = DVec2::new(shaded.px[0][lane], shaded.px[1][lane]);

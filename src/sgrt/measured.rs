@@ -166,7 +166,8 @@ mod tests {
         measured.push_pod(&points, &sigma, &room_from_rig, 10);
         assert_eq!(measured.len(), 8);
         assert_eq!(measured.points[1], DVec3::new(10.0, 5.0, 1000.0));
-        // Straight ahead and along the normal it is that of the depth; across, at least a fifth.
+        // Along the ray, the standard deviation equals that of the depth; across it, the minimum of
+        // a fifth applies.
         assert!((measured.sigma_along(0, DVec3::Z) - 0.1).abs() < 1e-6);
         assert!((measured.sigma_along(0, DVec3::X) - 0.02).abs() < 1e-6);
         assert_eq!(measured.thinned(3).points[2].x, 70.0);

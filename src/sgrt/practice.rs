@@ -25,8 +25,8 @@ const SKIN_TURN_DEG: f64 = 0.03;
 const DAY_SHARE: f64 = 0.15;
 
 impl RigidFit {
-    /// Computes the standard deviations as [`Self::deviations`] does, for a patient's skin: noise and
-    /// subsurface scattering combined.
+    /// Computes the standard deviations for a patient's skin: [`Self::deviations`] combined with
+    /// the effect of subsurface scattering.
     pub fn total_deviations(&self) -> [f64; 6] {
         let [shift, turn] = [SKIN_SHIFT_MM, SKIN_TURN_DEG];
         let skin = [shift, shift, shift, turn, turn, turn];

@@ -10,11 +10,11 @@ const Q80: f64 = 1.281_551_565_544_600_4;
 /// How to estimate the scale of the residuals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Spread {
-    /// From the 80th percentile. Far from the solution most residuals of a flat surface are small in
+    /// By the 80th percentile. Far from the solution most residuals of a flat surface are small in
     /// any pose; the large residuals on slopes, which alone show the direction, must not count as
     /// outliers.
     Wide,
-    /// From the median absolute residual: up to half of the points may be outliers.
+    /// By the median absolute residual: up to half of the points may be outliers.
     Narrow,
 }
 

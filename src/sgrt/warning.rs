@@ -92,7 +92,7 @@ impl fmt::Display for Warning {
     }
 }
 
-/// The reason why there is no result.
+/// The reason why tracking has failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Lost {
     /// Too few points lie over the region.

@@ -29,7 +29,7 @@ pub struct Control {
     pub name: String,
     /// Type of the value.
     pub kind: &'static str,
-    /// Minimum, maximum, step and default; `None` if there is no range.
+    /// Minimum, maximum, step and default; `None` if the control has none.
     pub range: Option<(i64, i64, u64, i64)>,
     /// Current value, if it is a single number or text and could be read.
     pub value: Option<Value>,

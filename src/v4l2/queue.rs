@@ -202,10 +202,10 @@ fn offset(buffer: &v4l2_buffer) -> u32 {
     }
 }
 
-/// Frame time reported by the driver, for most drivers on the system's monotonic clock.
+/// Properties of a captured frame, as reported by the driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Taken {
-    /// The driver's time of the frame, on the system's monotonic clock for most.
+    /// The driver's time of the frame; most drivers use the system's monotonic clock.
     pub timestamp: Duration,
     /// Frame counter of the driver.
     pub sequence: u32,
@@ -221,7 +221,7 @@ impl CaptureQueue {
     /// streaming.
     ///
     /// # Errors
-    /// Returns the driver's error: EINVAL or EIO if there is no format yet, EBUSY if another
+    /// Returns the driver's error: EINVAL or EIO if no format has been set yet, EBUSY if another
     /// program streams.
     pub fn start(device: &Device, count: u32) -> io::Result<Self> {
         let queue = Queue::new(device, CAPTURE, count)?;

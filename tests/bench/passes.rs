@@ -1,5 +1,5 @@
-//! Rates of the passes, each compared with a memory copy of the same bytes in the same run:
-//! absolute rates differ between machines and over time, the ratio less so. The cases are those of
+//! Measures the rate of each pass relative to a memory copy of the same bytes in the same run: this
+//! ratio varies less between machines and over time than the rate itself. Uses the cases of
 //! `phasmid study speed`. Finally measures the cost of the decoder's options, as ratios to decoding
 //! without them; the option that is always on has a maximum ratio.
 //!
@@ -60,7 +60,7 @@ fn main() {
             dear = Some(ratio);
         }
     }
-    // A ratio within one run, so that it holds on any machine.
+    // The limit is a ratio within one run, so that it applies on any machine.
     assert_eq!(
         dear, None,
         "more than {MOST_FOR_CONSISTENCY} times decoding without"

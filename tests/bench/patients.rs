@@ -1,5 +1,5 @@
-//! Cost of processing patient data: the skin of a CT, volume and field files, point displacements;
-//! each compared with a memory copy of the same bytes.
+//! Measures the cost of processing patient data (the skin of a CT, volume and field files, point
+//! displacements) relative to a memory copy of the same bytes.
 //!
 //! `cargo bench --bench patients`
 

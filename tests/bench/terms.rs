@@ -1,9 +1,10 @@
-//! Cost of each term of image formation alone, and of each plan compared with the full one.
+//! Measures the cost of each term of image formation on its own, and compares plans with the full
+//! plan.
 //!
-//! Times the paper's bench with its torso, alternating between a typical parameter of the term and
-//! none, and compares the cost with a memory copy of the data that the term's pass writes per
-//! pixel. A term that the bench has anyway is disabled instead, and a term that no parameter here
-//! enables is forced on.
+//! Times the paper's bench in front of a torso, alternately with and without a typical parameter of
+//! the term, and compares the cost with a memory copy of the data of the term's pass. A term that
+//! the bench always has is disabled for the comparison, and a term that no parameter here enables
+//! is forced on.
 //!
 //! `cargo bench --bench terms`
 
@@ -89,14 +90,14 @@ fn plain(folder: &Path) -> (Profile, Scene) {
     (Profile::load("pmp-bench").expect("built in"), scene)
 }
 
-/// The same with a typical parameter of a term.
+/// Returns [`plain`] with a typical parameter of a term.
 fn needing(term: Term, folder: &Path) -> (Profile, Scene) {
     let (mut profile, mut scene) = plain(folder);
     need(term, &mut profile, &mut scene);
     (profile, scene)
 }
 
-/// Nanoseconds per pixel of a term's pass, without and with it.
+/// Nanoseconds per pixel of a term's pass, without and with the term.
 fn costs(
     watch: Stopwatch<'_>,
     term: Term,

@@ -1,5 +1,5 @@
-//! Stages of tracking, each compared with a memory copy of a scan's points (the bytes of 10,000 of
-//! them) in the same run: absolute times differ between machines and over time, the ratio less so.
+//! Measures the time of each stage of tracking relative to a memory copy of 10,000 points in the
+//! same run: this ratio varies less between machines and over time than the time itself.
 
 use glam::{DVec3, Vec3};
 use phasmid::emulator::render;
@@ -165,7 +165,7 @@ fn captured() -> Captured {
     device.expect("a device").scan(0).captured()
 }
 
-/// A patient on the back in the room frame, with the isocentre in the chest.
+/// A supine patient in the room frame, with the isocentre in the chest.
 fn patient() -> Mesh {
     let mut mesh = torso(&Torso {
         seed: 3,
@@ -178,7 +178,7 @@ fn patient() -> Mesh {
     mesh
 }
 
-/// Points on the front, one for every nth triangle, with 0.2 mm of pseudo-noise.
+/// Centroids of evenly spaced triangles on the front, with 0.2 mm RMS of pseudo-noise in height.
 fn points(mesh: &Mesh) -> Vec<DVec3> {
     let front: Vec<DVec3> = (0..mesh.triangles.len())
         .map(|i| mesh.corners(i).iter().sum::<DVec3>() / 3.0)
@@ -211,7 +211,7 @@ fn breathing(skin: &Mesh) -> Snapshots {
     snapshots
 }
 
-/// A lump of 25 mm from the same generator, cropped.
+/// A torso from the same generator, scaled to 6 % and moved to the tumour's place.
 fn tumour() -> Mesh {
     let mut mesh = torso(&Torso {
         triangles: 3000,

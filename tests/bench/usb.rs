@@ -43,7 +43,7 @@ fn main() {
         );
         slow |= share < LEAST_SHARE;
     }
-    // A ratio within one run, so that it holds on any machine.
+    // The limit is a ratio within one run, so that it applies on any machine.
     assert!(!slow, "less than {} % of the socket", 100.0 * LEAST_SHARE);
 }
 

@@ -223,7 +223,8 @@ fn impossible_profiles_are_refused_with_line_and_range() {
         for needle in needles {
             assert!(message.contains(needle), "{needle:?} is not in: {message}");
         }
-        // For a field of a table the line is its own; for a bare word it may be that of its table.
+        // A message about a `field = value` line usually names that line; other messages may name
+        // the line of the enclosing table.
         let line_named = message.contains(&format!("file.toml:{line}"));
         assert!(line_named || message.contains("file.toml:"), "{message}");
         if from.contains('=') && !to.contains("wdith") && !to.contains("bits") {
@@ -232,8 +233,8 @@ fn impossible_profiles_are_refused_with_line_and_range() {
     }
 }
 
-/// A rolling-shutter frame takes the line times of its rows, which also bounds intervals and
-/// periods.
+/// Reading a rolling-shutter frame takes one line time per row. Frame intervals and sequence
+/// periods cannot be shorter.
 #[test]
 fn rows_have_to_be_read_before_the_next_exposure() {
     let with = |line_time_us: &str, from: &str, to: &str| {
@@ -241,8 +242,8 @@ fn rows_have_to_be_read_before_the_next_exposure() {
         let text = BENCH.replacen("f_number = 16.0", &line, 1);
         Profile::parse(&text.replacen(from, to, 1), "file.toml")
     };
-    // 489 rows of 20 us take 9.78 ms, and of 20.449 us 9.99956 ms; both fit in the sequence's 10
-    // ms.
+    // 489 rows take 9.78 ms at 20 us each and 9.99956 ms at 20.449 us each: both fit in the
+    // sequence's period of 10 ms.
     for line_time_us in ["20.0", "20.449"] {
         with(line_time_us, "", "").unwrap();
     }
@@ -566,7 +567,7 @@ fn lists_of_numbers_have_the_length_that_they_have_everywhere() {
     for folder in ["", "scenes", "stations", "faults", "patients"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
-            // The folder is itself a crate.
+            // The folder also contains the files of its crate.
             let of_the_crate = path.ends_with("Cargo.toml") || path.ends_with("lib.rs");
             if !path.is_file() || of_the_crate {
                 continue;

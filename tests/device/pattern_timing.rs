@@ -114,7 +114,7 @@ fn contradictory_timing_is_refused_by_field() {
             "{instead}: {message}"
         );
     }
-    // Each of them alone is valid.
+    // Each of these changes alone is valid.
     for instead in [
         "",
         "dark_before_us = 171.0\ndark_after_us = 31.0\n",

@@ -32,9 +32,9 @@ enum Fault {
     Reply(usize),
     /// One bit of the message is flipped.
     Message(usize),
-    /// Flips the bit of the reply that turns a sequence's name into that of the other sequence.
+    /// Flips the bit of the reply that turns a sequence's name into the other sequence's name.
     OtherInReply,
-    /// The same in the message.
+    /// Flips the same bit in the message.
     OtherInMessage,
     /// The cable is pulled before the message, and the port has to be reopened.
     Gone,
@@ -343,8 +343,8 @@ fn dialects_scan_as_scpi_does() {
     }
 }
 
-/// One bit turns the name of one sequence into that of the other: it never decides which is
-/// scanned, and never aborts a scan.
+/// The sequences' names differ in one bit. Flipping it never changes which sequence is scanned, and
+/// never aborts a scan.
 #[test]
 fn damaged_sequence_name_does_not_select_another() {
     for name in ["scpi", "okline", "dlpc350"] {

@@ -299,8 +299,8 @@ fn terms_left_out_by_the_plan_change_no_byte() {
     }
 }
 
-/// The same beside a surface that ends in the projector's light, including within the block of
-/// pixels that are averaged together.
+/// Must hold beside a surface that ends in the projector's light, even within the block of pixels
+/// that are averaged together.
 #[test]
 fn pixels_without_surface_read_the_black_level() {
     let profile = bench(false);

@@ -39,8 +39,8 @@ fn fringe(profile: &Profile, axis: Axis, period_px: f64) -> Arc<PatternImage> {
     Arc::new(PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
-/// Each row is the mean of its images under the single pattern images, weighted by the time that it
-/// sees each of them; so are the pixels on edges, which are sampled.
+/// Each row equals the mean of its images under each pattern image alone, weighted by the time for
+/// which the row sees that pattern image. This includes the pixels on edges, which are sampled.
 #[test]
 fn pattern_images_leak_into_rows_by_the_time_that_they_share() {
     let mut profile = rolling(10.0);
@@ -175,8 +175,8 @@ fn rolling_shutter_sees_bands_of_mains_light() {
     assert!(whole_periods(shutter(25_000)) == whole_periods(Shutter::default()));
 }
 
-/// With steady light and one pattern image, the bytes do not depend on the shutter; nor with a line
-/// time of 0 in any light, nor on pattern images that come after the last row has ended.
+/// With steady light and one pattern image, the bytes do not depend on the shutter. With a line
+/// time of 0, this holds in any light. Pattern images after the end of the last row have no effect.
 #[test]
 fn without_a_cause_rows_are_those_of_a_global_shutter() {
     let flickering = scene(
@@ -260,11 +260,12 @@ fn compared(one: &Decoded, other: &Decoded, rows: std::ops::Range<usize>) -> (us
         })
 }
 
-/// With a period as long as the frame, the scan equals a global shutter's. With a shorter one, the
-/// lower rows see the next pattern image. This biases coordinates in proportion, and the check of
-/// the sequence rejects the capture: the steps contradict each other even where the decoder's masks
-/// keep most pixels. From a quarter on, the order becomes uncertain (`Verdict::Uncertain`), and
-/// from half on, white is no longer the brightest frame, because the black frame after it leaks in.
+/// With a period as long as the frame, the scan equals a global shutter's. With a shorter period,
+/// the lower rows see the next pattern image. This biases coordinates in proportion, and the check
+/// of the sequence rejects the capture: the steps contradict each other even where the decoder's
+/// masks keep most pixels. If the next pattern image lights a row for a quarter of its exposure,
+/// the fringe order becomes uncertain (`Verdict::Uncertain`). From half of the exposure on, white
+/// is no longer the brightest frame, because the black frame after it leaks in.
 #[test]
 fn a_period_too_short_for_the_rows_is_seen_in_the_frames() {
     let mut global = Profile::load("webcam-grey").unwrap();

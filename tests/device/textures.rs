@@ -36,7 +36,7 @@ fn checkerboard_matches_4096_samples_a_pixel() {
     checkerboard(&dir.path().join("board.png"), n);
     let black = profile.camera.sensor.black_level_dn;
     let contrast = 0.8 * 0.3 * dn_per_irradiance(&profile, 8e-3);
-    // Texels from a third of a pixel (1.58 mm at 1000 mm) to four.
+    // Texel sizes from a third of a pixel (1.58 mm at 1000 mm) to four pixels.
     for texel_mm in [0.5, 1.9, 6.3] {
         let size = texel_mm * f64::from(n);
         let text = format!(
@@ -134,7 +134,7 @@ fn checkerboard_out_of_focus_matches_rays_through_the_pupil() {
         bias / count,
         (spread / count).sqrt(),
     );
-    // Sixty-four samples; a board in focus would spread by a half.
+    // The exact means spread little, because the board is out of focus; in focus the spread is 0.5.
     assert!(spread < 0.3, "{spread}");
     assert!(rms < 0.05 && bias.abs() < 0.005, "{rms} {bias}");
 }

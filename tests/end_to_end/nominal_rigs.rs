@@ -1,5 +1,5 @@
 //! Checks that the nominal rigs in `src/geometry/nominal`, which serve as test data for modules
-//! that do not load profiles, equal those of the built-in profiles.
+//! that do not load profiles, equal the rigs of the built-in profiles.
 
 use phasmid::profile::{Profile, profile_names};
 use std::collections::BTreeMap;

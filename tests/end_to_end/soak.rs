@@ -25,7 +25,8 @@ use std::time::{Duration, Instant};
 const BATCH: u64 = 100;
 /// Maximum time for an answer or a frame.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Allowed growth in kB between the first hundredth and the end, because allocators round.
+/// Allowed growth in kB between the first hundredth and the end; not zero, because allocators round
+/// up.
 const GROWTH_KB: u64 = 1024;
 
 /// Resources of a process.
@@ -92,7 +93,7 @@ impl Device {
         }
     }
 
-    /// Resources that it holds after all clients have left.
+    /// Resources that the device holds after all clients have left.
     fn held_at_rest(&self, like: Option<&Held>) -> Held {
         let deadline = Instant::now() + Duration::from_secs(10);
         loop {

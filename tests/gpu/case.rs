@@ -14,7 +14,7 @@ const SIZE: [u32; 2] = [400, 240];
 /// A profile, a scene, and the patterns to expose.
 #[derive(Clone)]
 pub struct Case {
-    /// Name in messages, and of the folder of images left after a failure.
+    /// Name in messages and of the folder that keeps the images of a failure.
     pub name: &'static str,
     pub profile: Profile,
     pub scene: Scene,
@@ -23,8 +23,8 @@ pub struct Case {
 }
 
 impl Case {
-    /// The centre of the paper's bench in front of a scene of a few lines, or of a built-in one;
-    /// exposes a fringe and white.
+    /// The centre of the paper's bench in front of a built-in scene or a scene of a few lines of
+    /// TOML. Exposes a fringe and white.
     pub fn new(name: &'static str, scene: &str) -> Self {
         Self::with(name, "pmp-bench", scene, Path::new("."), |_| {})
     }

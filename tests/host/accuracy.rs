@@ -85,8 +85,8 @@ fn trapezoid_is_accurate_with_default_noise() {
     );
 }
 
-/// Mean absolute errors on the trapezoid: of triangulation, and of phase-to-height over a computed
-/// and over a captured reference plane.
+/// Mean absolute errors on the trapezoid by three methods: triangulation, phase-to-height over a
+/// computed reference plane, and phase-to-height over a captured one.
 fn both_ways(name: &str) -> [f64; 3] {
     let profile = Profile::load(name).unwrap();
     let (rig, manifest) = (
@@ -177,10 +177,10 @@ fn bench_with_real_parts_is_accurate() {
 /// column and row.
 ///
 /// Held pixels are the fringe sampled at whole x and convolved with a box one pixel wide. Sampling
-/// repeats its line at 1/period + k for every whole k, with the same phase step from frame to
-/// frame, so that no number of steps tells the images apart; box and footprint weaken each line by
-/// sinc(f) sinc(a f) sinc(b f). The phase is therefore off by the sum over k of r(k) sin(2 pi k x),
-/// r(k) being a line's strength over that of k = 0.
+/// repeats the fringe's spectral line at 1/period + k for every integer k. All of these lines have
+/// the same phase step from frame to frame, so that no number of steps separates them. Box and
+/// footprint attenuate each line by sinc(f) sinc(a f) sinc(b f). The phase error is therefore the
+/// sum over k of r(k) sin(2 pi k x), where r(k) is the amplitude of line k relative to line 0.
 fn held_pixel_error(x: f64, [a, b]: [f64; 2], period: f64) -> f64 {
     let sinc = |t: f64| {
         let t = std::f64::consts::PI * t;
@@ -199,13 +199,14 @@ fn held_pixel_error(x: f64, [a, b]: [f64; 2], period: f64) -> f64 {
 
 /// Sources of the error without noise, on the trapezoid (0.0120 px RMS, 0.0108 mm):
 ///
-/// - 0.0102 px is the image of the held pixels, an optical effect in closed form (above) that is in
-///   the light itself: the frames before rounding show it through an independent f64 phase;
-/// - 0.0062 px is rounding to whole DN, as white noise of 1/12 DN^2 predicts (0.0065 px at the
-///   B of 64 DN that the slopes leave);
-/// - 0.0012 px is all the rest: the projector's 8-bit levels, irradiance within a pixel, f32.
+/// - 0.0102 px is due to held pixels, an optical effect with a closed form (above). It is in the
+///   light itself: the phase of the frames before rounding, computed here in f64, shows it.
+/// - 0.0062 px is due to rounding to whole DN. White noise of 1/12 DN^2 predicts 0.0065 px at the
+///   modulation B of 64 DN that remains on the slopes.
+/// - 0.0012 px is the rest: the projector's 8-bit levels, irradiance within a pixel, f32.
 ///
-/// With noise the first is 0.4 of the bound, and sqrt(1 + 0.4^2) = 1.08 of the ratio of 1.10.
+/// With noise, the first source is 0.4 of the noise bound. It accounts for sqrt(1 + 0.4^2) = 1.08
+/// of the ratio of 1.10 between error and bound.
 #[test]
 fn the_error_without_noise_is_held_pixels_and_rounding() {
     const PERIOD: f64 = 16.0;
@@ -217,8 +218,8 @@ fn the_error_without_noise_is_held_pixels_and_rounding() {
     };
     let x = |i: usize| f64::from(truth.projector_x[i]);
     let measured = &scan.decoded.x.as_ref().unwrap().coordinate;
-    // Sums of squares: unrounded error, it less the image, decoded error less the unrounded,
-    // rounding's variance.
+    // Sums of the squares of the unrounded error, of the same minus the error of held pixels, and
+    // of the decoded minus the unrounded error; and the sum of the variances due to rounding.
     let (mut n, mut sums) = (0.0, [0.0; 4]);
     for i in w..truth.depth_mm.len() - w {
         let around = [i, i - 1, i + 1, i - w, i + w];

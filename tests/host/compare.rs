@@ -94,13 +94,14 @@ fn prints_metrics_as_table_and_json() {
         "rig.toml",
         "--json",
     ]);
-    // Lifted by 0.1 mm off each triangle; at the edge of a hollow the neighbouring triangle is
-    // slightly nearer.
+    // Each point is 0.1 mm above its triangle; at the edge of a hollow, the neighbouring triangle
+    // is slightly nearer.
     let mae = found["cloud_to_truth"]["mae_mm"].as_f64().unwrap();
     assert!((mae - 0.1).abs() < 1e-4, "{mae}");
     let back = found["truth_to_cloud"]["inlier_rmse_mm"].as_f64().unwrap();
     assert!((0.08..0.3).contains(&back), "{back}");
-    // The cloud contains slopes up to 60 degrees, the truth counts those up to 80.
+    // The cloud contains slopes up to 60 degrees; coverage counts the truth's slopes up to 80
+    // degrees.
     let coverage = found["coverage"].as_f64().unwrap();
     assert!((0.8..0.999).contains(&coverage), "{coverage}");
 

@@ -267,7 +267,8 @@ fn gray(cell_px: u32, bits: u32, bit: u32, inverted: bool) -> String {
     )
 }
 
-/// Sequences that no profile has, with every fault but one, which is named below.
+/// Tests sequences that no built-in profile has, with every fault except the undetectable one that
+/// is described below.
 #[test]
 fn finds_faults_of_other_sequences_and_accepts_sound_captures() {
     let three_sets = |fine, steps| {
@@ -510,8 +511,8 @@ fn exposure_shorter_than_the_patterns_is_reported() {
     assert!(error.contains("not sinusoidal"), "{error}");
 }
 
-/// For any fraction of the bit planes that an exposure covers, the capture is either doubted or its
-/// points match those of a full exposure.
+/// For any fraction of the bit planes that an exposure covers, the capture is reported as doubtful
+/// or its points match the points of a full exposure.
 #[test]
 fn partial_bit_planes_are_doubted_or_give_the_same_surface() {
     let whole = profile("dlp-evm", 1.0);
@@ -606,7 +607,8 @@ fn frames_with_less_light_are_found_or_harmless() {
     }
 }
 
-/// Flipped bits in every second frame, so many that hardly a pixel is intact.
+/// Flips bits in a large part of the pixels of every second frame, so that in most pixels some
+/// frame is damaged.
 #[test]
 fn flipped_bits_in_most_pixels_are_found() {
     for name in ["pmp-bench", "webcam-grey", "dlp-evm", "sgrt-pod"] {
@@ -633,7 +635,8 @@ fn flipped_bits_in_most_pixels_are_found() {
     }
 }
 
-/// Rows missing from many or all frames are detected by what they leave at the bottom of the image.
+/// Rows missing from many or all frames are detected by the zero-filled rows at the bottom of the
+/// image.
 #[test]
 fn missing_rows_in_many_frames_are_found() {
     for (name, scene, farther_mm) in [

@@ -187,7 +187,8 @@ fn run(surface: &(dyn Fn(f64) -> f64 + Sync)) -> Case {
     }
 }
 
-/// Statistics of the pixels whose footprint sees one lit, unbroken surface, and of all others.
+/// Statistics of the clean pixels, whose footprint sees one lit, unbroken surface, and of the other
+/// pixels.
 #[derive(Debug, Default)]
 struct Figures {
     clean: usize,
@@ -196,9 +197,10 @@ struct Figures {
     clean_gross: usize,
     clean_squares: f64,
     clean_relative: f64,
-    /// Valid pixels at depth edges and light borders, and those of them more than 1 mm outside of
-    /// the depth range of the lit surface in their footprint.
+    /// Valid pixels at depth edges and light borders.
     edge_valid: usize,
+    /// Pixels counted in `edge_valid` that are more than 1 mm outside of the depth range of the lit
+    /// surface in their footprint.
     edge_gross: usize,
 }
 

@@ -6,8 +6,8 @@ use phasmid::decode::{Decoder, Options, Plan, load_frames};
 use phasmid::pattern::{Axis, Manifest};
 use std::path::Path;
 
-/// Returns the numbers of valid pixels, of pixels whose whole 5 x 5 neighbourhood is valid, and of
-/// those among them that differ by more than 20 px from its median.
+/// Returns three numbers of pixels: valid pixels; pixels whose whole 5 x 5 neighbourhood is valid;
+/// and pixels among the latter that differ by more than 20 px from the neighbourhood's median.
 fn isolated_errors(width: usize, x: &[f32]) -> (usize, usize, usize) {
     let height = x.len() / width;
     let (mut inside, mut gross) = (0, 0);

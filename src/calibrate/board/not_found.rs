@@ -1,22 +1,22 @@
 //! Reasons why no usable board was found in an image.
 
-/// What was found in an image instead of the board, and what was expected.
+/// Error of a failed search: describes the content of the image and the expected content.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotFound {
     /// Nothing that resembles the board.
     #[error("no board: {found}; expected {wanted}")]
     Nothing {
-        /// What was found.
+        /// Description of the image's content.
         found: String,
-        /// What a board would show.
+        /// Features of an image that shows the board.
         wanted: String,
     },
     /// A grid with several possible orientations, or with none that fits.
     #[error("a board whose orientation is ambiguous: {found}; expected {wanted}")]
     Ambiguous {
-        /// What was found.
+        /// Description of the image's content.
         found: String,
-        /// What would resolve the ambiguity.
+        /// Features that would resolve the ambiguity.
         wanted: String,
     },
     /// The board's markers are in mirrored order.

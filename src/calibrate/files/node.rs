@@ -109,7 +109,7 @@ impl Nodes {
     }
 }
 
-/// Names of nodes: our own, SLStudio's, and those of other tools based on OpenCV.
+/// Names of nodes in our own files, in SLStudio's, and in files of other tools based on OpenCV.
 pub(super) mod names {
     pub const CAMERA: &[&str] = &["camera_matrix", "Kc", "cam_K", "M1"];
     pub const CAMERA_LENS: &[&str] = &["distortion_coefficients", "kc", "cam_kc", "D1"];

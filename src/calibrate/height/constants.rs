@@ -15,7 +15,7 @@ pub struct Constants {
     pub fringes_per_mm: f64,
 }
 
-/// Measured constants that replace those of the calibration.
+/// Measured constants, which replace constants computed from the calibration.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Given {
     /// L in mm.

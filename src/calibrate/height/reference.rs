@@ -21,7 +21,7 @@ pub struct Quality {
     /// RMS difference, in projector pixels, between the coordinate and the best linear function of
     /// the position on the plane.
     pub linear_rms_px: f64,
-    /// Distance of the projector's pupil from the plane minus that of the camera's, in mm.
+    /// Distance of the projector's pupil from the plane minus the camera pupil's distance, in mm.
     pub farther_mm: f64,
 }
 
@@ -87,9 +87,9 @@ impl Mapping {
         Self::new(rig, axis, period_px, (plane, 0.0), rays, reference, lit)
     }
 
-    /// Takes the reference from a captured plane: its coordinates along `axis` and their standard
-    /// deviations (projector pixels), and its depths and their standard deviations (mm). Each map
-    /// is height x width in row-major order; missing values are NaN.
+    /// Takes the reference from a captured plane. Coordinates along `axis` and their sigmas are in
+    /// projector pixels, depths and their sigmas in mm. Each map is height x width in row-major
+    /// order; missing values are NaN.
     ///
     /// # Errors
     /// Returns an error if the maps do not have the size of the camera's image, if the points are
@@ -223,10 +223,10 @@ impl Mapping {
         (z > 0.0 && s <= WORST_RELATIVE_SIGMA * z && z.is_finite()).then_some((z, s))
     }
 
-    /// Computes depths and their standard deviations in mm from coordinates and their standard
-    /// deviations in projector pixels. Each map is height x width in row-major order; missing
-    /// values are NaN. If lengths differ, elements past the end of the shortest map are left
-    /// unchanged.
+    /// Computes depths from coordinates. Depths and their standard deviations are in mm,
+    /// coordinates and their standard deviations in projector pixels. Each map is height x width in
+    /// row-major order; missing values are NaN. If lengths differ, elements past the end of the
+    /// shortest map are left unchanged.
     pub fn depths(&self, [px, sigma]: [&[f32]; 2], depth: &mut [f32], depth_sigma: &mut [f32]) {
         let n = self.rays.len().min(px.len()).min(sigma.len());
         depth

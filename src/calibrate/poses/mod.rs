@@ -237,7 +237,7 @@ fn meeting_mm(rig: &Rig) -> Option<f64> {
         let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
         view.ray((size - 1.0) / 2.0)
     });
-    // Least squares for the closest points of the two rays, center + s ray.
+    // Solve for the closest points of the two rays, center + s ray, by least squares.
     let between = rig.projector.center() - rig.camera.center();
     let (aa, bb, ab) = (seen.dot(seen), lit.dot(lit), seen.dot(lit));
     let determinant = aa * bb - ab * ab;

@@ -40,7 +40,7 @@ pub struct Task<'a> {
     pub nominal: Option<&'a Rig>,
     /// The camera's noise model, copied to the resulting rig.
     pub noise: Option<NoiseModel>,
-    /// Distortion coefficients to estimate, and whether to exclude outliers.
+    /// Options of the solver: distortion coefficients to estimate, exclusion of outliers.
     pub choice: Choice,
 }
 
@@ -71,7 +71,7 @@ pub struct Calibration {
     pub largest_bias_px: f64,
     /// Largest distance that a point would move in another round, in pixels.
     pub last_move_px: f64,
-    /// Warnings about the reliability of the result: the solver's and those of the comparison with
+    /// Warnings about the reliability of the result: from the solver and from the comparison with
     /// the nominal rig.
     pub warnings: Vec<String>,
 }

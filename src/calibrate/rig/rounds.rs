@@ -102,7 +102,7 @@ fn unread_poses(solution: &Solution, poses: &[PoseData]) -> Vec<String> {
         .collect()
 }
 
-/// Biases according to a solution. Points and poses for which it gives none keep their bias.
+/// Computes biases from a solution. Points and poses for which it yields none keep their bias.
 fn biases_of(
     board: &Board,
     solution: &Solution,

@@ -7,7 +7,7 @@ use glam::DVec2;
 use phasmid_decode::Decoded;
 use phasmid_geometry::Board;
 
-/// What a calibration keeps of a pose: some hundred bytes per point.
+/// Data of a pose that a calibration keeps in memory: some hundred bytes per point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseData {
     /// Name of the pose.

@@ -28,12 +28,12 @@ pub(super) struct Effort {
 }
 
 impl Effort {
-    /// Close enough for the next stage.
+    /// Stops early: close enough to the minimum for the next stage.
     pub const ROUGH: Self = Self {
         most: 25,
         gain: 1e-3,
     };
-    /// To rounding error.
+    /// Iterates down to rounding errors.
     pub const FULL: Self = Self {
         most: 60,
         gain: 0.0,

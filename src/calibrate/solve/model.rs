@@ -72,7 +72,7 @@ fn step_pose(pose: &Pose, step: &[f64]) -> Pose {
 pub(super) struct Residual {
     /// In camera pixels.
     pub camera: DVec2,
-    /// In projector pixels; `None` if the point has no projector coordinate.
+    /// Projector residual in pixels; `None` if the point has no projector coordinate.
     pub projector: Option<DVec2>,
 }
 

@@ -73,7 +73,7 @@ pub struct SolvedPose {
     pub camera_errors: Errors,
     /// Residual statistics of its projector coordinates.
     pub projector_errors: Errors,
-    /// Its points in the given order, without those that lack a valid index or covariance.
+    /// Its points in the given order, except points without a valid index or covariance.
     pub points: Vec<PointResidual>,
 }
 

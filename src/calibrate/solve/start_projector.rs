@@ -99,8 +99,8 @@ fn pairs(bundle: &Bundle, maps: &Maps, state: &State, used: &[usize]) -> Vec<(DV
     pairs
 }
 
-/// Estimates the projector by Zhang's method. Each board gives one pose of the projector; the one
-/// with the least sum of distances to the others is returned.
+/// Estimates the projector by Zhang's method. Each board gives one pose of the projector. Returns
+/// the pose with the smallest sum of distances to the other poses.
 fn from_homographies(
     maps: &Maps,
     state: &State,

@@ -30,7 +30,7 @@ pub enum Unsolved {
     /// The boards appear mirrored.
     #[error("mirrored: {found}; expected {wanted}")]
     Mirrored {
-        /// What is mirrored, and in how many poses.
+        /// The mirrored image and the number of poses in which it is mirrored.
         found: String,
         /// The correct orientation.
         wanted: String,
@@ -38,7 +38,7 @@ pub enum Unsolved {
     /// Too few points have projector coordinates: they are not illuminated, or were not decoded.
     #[error("too few points whose projector coordinates are known: {found}; expected {wanted}")]
     Unlit {
-        /// Number of points, and of poses that have them.
+        /// Number of points with projector coordinates and number of poses with such points.
         found: String,
         /// Number of points needed.
         wanted: String,
@@ -46,7 +46,7 @@ pub enum Unsolved {
     /// No pose of the board fits the observations for a known rig.
     #[error("the board cannot be placed: {found}; expected {wanted}")]
     Unplaced {
-        /// What is wrong with the points.
+        /// Description of the problem with the points.
         found: String,
         /// Points needed.
         wanted: String,

@@ -54,13 +54,13 @@ struct Report<'a> {
     threads: usize,
     /// Time of a memory copy of a frame's bytes on one thread, in microseconds.
     copy_us: f64,
-    /// Results of the CPU, and of the GPU if one was timed.
+    /// Results of each backend: the CPU and, if one was timed, the GPU.
     runs: Vec<Run>,
     /// Why no GPU was timed; `None` if one was timed or none was requested.
     without_gpu: Option<String>,
 }
 
-/// What is timed; the same for every backend.
+/// Inputs of the measurement, equal for every backend.
 struct Subject<'a> {
     args: &'a Args,
     profile: &'a Profile,

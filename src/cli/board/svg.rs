@@ -63,7 +63,7 @@ fn dots(board: &Board, middle: DVec2) -> String {
     board.indices().map(dot).collect()
 }
 
-/// Draws the dark squares, which are those of [`Board::ink`].
+/// Draws the dark squares, with the same colours as in [`Board::ink`].
 fn squares(board: &Board, middle: DVec2) -> String {
     let ([columns, rows], side) = (board.grid(), board.pitch_mm());
     let first = middle + board.point([0, 0]) - side;

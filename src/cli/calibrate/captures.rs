@@ -38,7 +38,7 @@ fn name(folder: &Path) -> String {
 /// Returns the folders of the poses in a folder, sorted by name.
 ///
 /// # Errors
-/// Returns an error if there is no folder for a pose, or too many.
+/// Returns an error if the folder contains no subfolder, or more than `MOST_POSES` of them.
 pub(super) fn poses(folder: &Path) -> Result<Vec<PathBuf>> {
     let place = || format!("--captures {}", folder.display());
     let allowed = format!("a folder with a folder for each pose: pictures and {MANIFEST_FILE}");

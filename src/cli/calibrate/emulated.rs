@@ -226,7 +226,7 @@ fn serve_arguments(args: &Args, profile: &str, scene: &Path) -> Vec<String> {
         &args.samples.to_string(),
         "--backend",
         &args.backend.to_string(),
-        // There is no need to wait in real time for exposures.
+        // Do not wait in real time for exposures.
         "--clock",
         "fast",
     ]

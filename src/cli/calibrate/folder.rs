@@ -117,7 +117,7 @@ fn create_private(path: &Path) -> std::io::Result<()> {
     fs::create_dir(path)
 }
 
-/// Whether poses are read from this folder, from one inside it, or from one around it.
+/// Whether poses are read from this folder, from a subfolder, or from a parent folder.
 fn is_read(args: &Args, folder: &Path) -> bool {
     let Some(read) = &args.captures else {
         return false;

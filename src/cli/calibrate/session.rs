@@ -18,7 +18,7 @@ type Sizes = [[u32; 2]; 2];
 /// The poses received so far.
 pub(super) struct Session {
     folder: PathBuf,
-    /// Name of each expected pose, and of the file for its image.
+    /// For each expected pose: its name, and the name of its image file.
     names: Vec<(String, String)>,
     images: Vec<(String, String)>,
     found: Vec<Found>,
@@ -38,7 +38,7 @@ struct Found {
 
 /// All poses of a calibration.
 pub(super) struct Poses {
-    /// Name of each pose that has an image, and of the image's file.
+    /// For each pose with an image: its name, and the name of its image file.
     pub(super) images: Vec<(String, String)>,
     /// Indices of the poses with a board, among all poses.
     pub(super) places: Vec<usize>,
@@ -113,7 +113,8 @@ impl Session {
             ..
         } = self;
         let many = |sizes: Sizes| found.iter().filter(|pose| pose.sizes == sizes).count();
-        // Of equal counts, the first: `max_by_key` returns the last, so the order is reversed.
+        // Prefer the first of equal counts: `max_by_key` returns the last one, so reverse the
+        // order.
         let most = found.iter().rev().max_by_key(|pose| many(pose.sizes));
         let sizes = most.map(|pose| pose.sizes).unwrap_or_default();
         let mut poses = Poses {

@@ -13,7 +13,7 @@ use v4l::framesize::FrameSizeEnum;
 use v4l::video::Capture as _;
 use v4l::{Device, FourCC, Fraction};
 
-/// Maximum number of sizes listed per format, and of intervals per size.
+/// Maximum number of sizes listed per format; also of intervals listed per size.
 const MAX_LISTED: usize = 64;
 
 /// Prints the report.

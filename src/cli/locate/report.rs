@@ -7,12 +7,12 @@ use phasmid_geometry::Pose;
 use serde::Serialize;
 use std::path::Path;
 
-/// Maximum RMS residual of a pod's points, in standard deviations of their noise. A larger one means that
-/// the calibration or the size of the board is wrong.
+/// Maximum RMS residual of a pod's points, in standard deviations of their noise. A larger one
+/// means that the calibration or the size of the board is wrong.
 const MOST_WHITENED: f64 = 1.5;
 
-/// Maximum deviation of a mounted pod from the pose in the station file, in position and in rotation. A
-/// larger one means that the pod is another one, or the board is elsewhere.
+/// Maximum distance and angle between the measured pose and the pose in the station file. Larger
+/// values mean that another pod was measured, or that the board is not where it was stated to be.
 const FAR_MM: f64 = 50.0;
 const FAR_DEG: f64 = 5.0;
 

@@ -20,8 +20,7 @@ pub(super) fn move_to(station: &mut Station, name: &str, room_from_rig: &Pose) {
 /// Writes a new station file. Its paths are absolute, so that it works from any folder.
 ///
 /// # Errors
-/// Returns an error if a file has appeared there in the meantime (without `force`), or it cannot be
-/// written.
+/// Returns an error if the file exists and `force` is not set, or if it cannot be written.
 pub(super) fn write(station: &Station, path: &Path, force: bool) -> Result<()> {
     let mut whole = station.clone();
     whole.scene = match station.scene() {

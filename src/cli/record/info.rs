@@ -90,7 +90,7 @@ fn tell_about(about: &About) {
 
 fn tell_size(bytes: u64, seconds: f64) {
     let mebibytes = bytes as f64 / f64::from(1 << 20);
-    // Without a duration there is no rate.
+    // The rate is undefined for a duration of 0.
     match seconds > 0.0 {
         true => println!(
             "size         {mebibytes:.1} MiB, {:.1} MiB/s",

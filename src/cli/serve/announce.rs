@@ -68,7 +68,7 @@ pub(super) fn announce_lateness(late: Option<Late>) {
 }
 
 fn say(text: &str) {
-    // A closed standard output is no reason to stop serving.
+    // Keep serving even if standard output is closed.
     let mut out = std::io::stdout();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }

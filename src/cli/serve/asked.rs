@@ -11,7 +11,8 @@ const SCENE: &str = "torso";
 
 /// A requested device.
 pub(super) struct Asked {
-    /// Its name in the server: the one in its station, or its profile's. Repeated names get a number.
+    /// Its name in the server: its name in the station, or its profile's name. A number is appended
+    /// to a repeated name.
     pub(super) name: String,
     /// Name or path of its profile, as given.
     pub(super) label: String,

@@ -200,7 +200,7 @@ impl Power {
 }
 
 async fn serve(args: &Args, devices: &[Asked], mut units: Vec<Unit>, power: Power) -> Result<()> {
-    // Before creating anything that would have to be removed.
+    // Watch before creating anything that must be removed at the end.
     let mut shutdown = Shutdown::watch(args.while_stdin)?;
     let dirs = run_dirs::run_dirs(args, devices)?;
     let _holder = run_dirs::Holder::make(&dirs, args.run_dir.is_some())?;

@@ -43,12 +43,12 @@ fn runtime_dir() -> Option<PathBuf> {
     dir.filter(|dir| dir.is_absolute() && dir.is_dir())
 }
 
-/// Marks a directory that was created to hold those of several devices, so that a later run recognises
-/// it even if the process that created it was killed.
+/// Marks a parent directory that was created for the run directories of several devices. A later
+/// run recognises it by the mark, even if the process that created it was killed.
 const MARK: &str = ".phasmid-made-this";
 
-/// The directory that holds those of several devices. Dropping this value removes it if it was created
-/// for that and is empty.
+/// Parent directory of the run directories of several devices. Dropping this value removes the
+/// directory if it was created for this purpose and is empty.
 pub(super) struct Holder(Option<PathBuf>);
 
 impl Holder {
@@ -111,7 +111,7 @@ mod tests {
         std::fs::create_dir(&dirs[0]).unwrap();
         drop(holder);
         assert!(run.exists(), "somebody's");
-        // As after a kill: each device removes its own directory.
+        // Same state as after a kill: each device removes its own directory.
         let holder = Holder::make(&dirs, true).unwrap();
         std::fs::remove_dir(&dirs[0]).unwrap();
         drop(holder);

@@ -38,7 +38,7 @@ struct Made {
 impl Drop for Made {
     fn drop(&mut self) {
         if !self.kept.get() {
-            // Best effort: the error that is reported is why the device did not start.
+            // Best effort: the reported error is the reason why the device did not start.
             let _ = std::fs::remove_file(&self.path);
         }
     }

@@ -1,5 +1,4 @@
-//! The state of one fault of a schedule: events counted, number of occurrences, and whether it
-//! strikes now.
+//! One fault of a schedule: counts events and decides which of them it strikes.
 
 use super::chance::{Chance, Draws};
 use phasmid_protocol::faults::{Direction, Effect, Fault, Frames, Side};

@@ -10,7 +10,7 @@ use phasmid_protocol::faults::Effect;
 use std::sync::Arc;
 
 /// Maximum number of struck exposures whose frames have not arrived. Beyond it the oldest entry is
-/// dropped; a served device never has so many in flight.
+/// dropped; a served device never has that many frames in flight.
 const MAX_PLANNED: usize = 16_384;
 
 /// Pattern images of the selected sequence; `None` where the projector's light is off.

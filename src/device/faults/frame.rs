@@ -4,8 +4,8 @@
 use super::chance::Draws;
 use phasmid_protocol::Frame;
 
-/// Replaces the rows from `row` on by those of the previous frame, or by black if that has another
-/// shape.
+/// Replaces the rows from `row` on by the same rows of the previous frame, or by black if the
+/// previous frame has another shape.
 pub(super) fn torn(frame: &mut Frame, before: Option<&Frame>, row: Option<u32>) {
     let at = offset(frame, row);
     let same = before.filter(|before| {
@@ -99,7 +99,8 @@ mod tests {
     fn as_many_bits_are_flipped_as_are_asked_for() {
         let mut bytes = vec![0u8; 1 << 16];
         bits_flipped(&mut bytes, 20, &mut Chance::new(1, "").draws(1, 1));
-        // That two of twenty draws hit the same of half a million bits is very unlikely.
+        // Two of twenty draws hit the same of half a million bits with a probability of 4e-4, and
+        // the seed is fixed.
         assert_eq!(bytes.iter().map(|b| b.count_ones()).sum::<u32>(), 20);
         bits_flipped(&mut [], 20, &mut Chance::new(1, "").draws(1, 1));
     }

@@ -20,8 +20,8 @@ impl<T> Held<T> {
         }
     }
 
-    /// Appends an item of `bytes` bytes. Returns `false` and drops it if there is no room behind
-    /// the waiting items.
+    /// Appends an item of `bytes` bytes. Returns `false` and drops it if it does not fit behind
+    /// items that are not due yet.
     pub(super) fn push(&mut self, now_ns: u64, from_ns: u64, bytes: usize, thing: T) -> bool {
         let waits = self.next_ns().is_some_and(|next_ns| next_ns > now_ns);
         if waits && self.bytes.saturating_add(bytes) > self.most_bytes {
@@ -68,7 +68,7 @@ mod tests {
             (held.pop(6), held.pop(7), held.pop(7)),
             (None, Some('c'), Some('d'))
         );
-        // Items that are due take no room.
+        // Items that are due do not count towards the limit.
         assert!(held.push(9, 0, 10, 'f') && held.push(9, 0, 10, 'g'));
         held.clear();
         assert_eq!((held.pop(9), held.next_ns()), (None, None));

@@ -180,7 +180,7 @@ impl Faults {
         self.armed.clear();
     }
 
-    /// Returns the active faults by number, including those that have struck as often as allowed.
+    /// Returns the active faults by number, including faults that have struck as often as allowed.
     pub fn standing(&self) -> impl Iterator<Item = Standing<'_>> {
         self.armed.iter().map(|armed| Standing {
             id: armed.id,

@@ -53,7 +53,7 @@ fn pattern_images() -> Vec<Option<Arc<PatternImage>>> {
         .collect()
 }
 
-/// Passes eight frames, 100 ns apart, and returns those that leave: time, id, last byte.
+/// Passes eight frames, 100 ns apart. Returns time, id and last byte of each frame that leaves.
 fn eight(faults: &mut Faults) -> Vec<(u64, u64, u8)> {
     let mut out = Vec::new();
     let mut take = |faults: &mut Faults, now: u64| {
@@ -81,7 +81,7 @@ fn eight(faults: &mut Faults) -> Vec<(u64, u64, u8)> {
     out
 }
 
-/// As [`eight`], without the bytes; times in hundreds of nanoseconds.
+/// Same as [`eight`] without the bytes; times are in hundreds of nanoseconds.
 fn ids(text: &str) -> Vec<(u64, u64)> {
     let out = eight(&mut faults(text)).into_iter();
     out.map(|(now, id, _)| (now / 100, id)).collect()
@@ -106,7 +106,7 @@ fn frames_are_dropped_repeated_late_and_swapped() {
         ids("[[fault]]\nwhat = \"repeated\"\nwhen = { nth = 3 }"),
         wanted
     );
-    // 150 ns late, and the frames behind it wait.
+    // The third frame is 250 ns late, and the frames behind it wait.
     let late = "[[fault]]\nwhat = \"late\"\nby_ms = 0.00025\nwhen = { nth = 3 }";
     let wanted = [
         (0, 0),

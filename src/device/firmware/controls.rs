@@ -1,5 +1,6 @@
 //! Camera settings that a host changes without the control port, through the controls of a USB
-//! camera. They are the same settings as those of the commands, with the same rules.
+//! camera. Commands change the same settings, but reject values out of range instead of clamping
+//! them.
 
 use super::settings::Settings;
 use super::{Firmware, State};

@@ -17,8 +17,8 @@ const FREE_RUNNING: u64 = 1 << 63;
 
 impl Firmware {
     /// Returns the patterns and shots of the selected sequence with the present settings, for
-    /// ground truth. Start times are those of the last complete run of the sequence, or of a
-    /// trigger now if there was none. Exposes nothing.
+    /// ground truth. Start times are taken from the last complete run of the sequence. Without one
+    /// they assume a start now. Exposes nothing.
     pub fn selected_sequence(&self) -> Vec<(Pattern, Shot)> {
         let count = self.selected.pattern_images.len();
         let start_ns = |i: usize| {

@@ -14,7 +14,7 @@ pub(super) enum Source {
     Internal,
 }
 
-/// What one trigger starts.
+/// Part of the sequence that one trigger starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Mode {
     /// The whole sequence.
@@ -23,7 +23,7 @@ pub(super) enum Mode {
     Step,
 }
 
-/// What the projector shows while the camera runs free.
+/// Content shown by the projector while the camera runs free.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Shown {
     White,

@@ -22,8 +22,7 @@ pub(super) const WAITING_FOR_TRIGGER: u16 = 1 << 5;
 
 /// Bit of the operation register: a sequence is being loaded (SCPI's "settling").
 pub(super) const LOADING: u16 = 1 << 1;
-/// Bit of the questionable register (one of those that SCPI leaves to the device): a trigger came
-/// too early.
+/// Bit of the questionable register: a trigger came too early. SCPI leaves this bit to the device.
 pub(super) const TRIGGER_MISSED: u16 = 1 << 9;
 
 /// A condition register with its event and enable registers; an event bit is set when its condition

@@ -5,11 +5,11 @@
 //! | --- | --- | --- |
 //! | Idle | `INITiate` | Armed at pattern 0 |
 //! | Armed | a trigger | Running: the sequence, or in STEP mode the next pattern |
-//! | Running | last exposure of the trigger ends | Armed at the next pattern, where one is left |
+//! | Running | last exposure of the trigger ends | Armed at the next pattern, if one is left |
 //! | Running | last exposure of the sequence ends | Idle; Armed with `INITiate:CONTinuous ON` |
 //! | Armed, Running | `ABORt` | Idle; Armed with `INITiate:CONTinuous ON` |
-//! | Idle | source INTernal and somebody reads | Free |
-//! | Free | another source, or nobody reads | Idle; Armed with `INITiate:CONTinuous ON` |
+//! | Idle | source INTernal and a client reads | Free |
+//! | Free | another source, or no client reads | Idle; Armed with `INITiate:CONTinuous ON` |
 
 use super::settings::{Mode, Settings, Source};
 use phasmid_protocol::scpi::{DeviceError, ErrorCode};
@@ -24,7 +24,8 @@ pub enum State {
         /// Start of the next exposure in nanoseconds of device time.
         start_ns: u64,
     },
-    /// Waiting for the trigger that exposes this pattern and those that follow it.
+    /// Waiting for a trigger. It exposes pattern `next` and, unless in STEP mode, all later
+    /// patterns.
     Armed {
         /// Position in the sequence.
         next: u32,

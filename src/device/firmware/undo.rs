@@ -36,7 +36,8 @@ impl Firmware {
     pub fn put_back(&mut self, before: Before) {
         let now = self.settings.clone();
         if self.apply(before.settings.clone()).is_err() {
-            // A link that cannot go back keeps its format; there is no client to report it to.
+            // A link that cannot change back keeps its format. The request already fails with
+            // another error, so this error is not reported.
             self.settings = Settings {
                 roi: now.roi,
                 format: now.format,

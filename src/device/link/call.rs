@@ -107,8 +107,8 @@ impl Server {
         let faults = struck.filter(|s| s.frame == Some(id)).cloned().collect();
         let (sender, truth) = oneshot::channel();
         let job = TruthJob {
-            // Levels depend on settings that may have changed since the exposure, so there are
-            // none.
+            // Signal levels depend on settings that may have changed since the exposure, so they
+            // are left out.
             sequence: Vec::new(),
             time_ns: Some(time_ns),
             back: (then, now),

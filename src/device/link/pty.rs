@@ -2,7 +2,7 @@
 //!
 //! The device keeps a descriptor of the client's side open, so that the port outlives its clients;
 //! an inotify watch reports when the last client has closed it. Unread output is then discarded and
-//! an exclusive lock is cleared (that of a crashed client would remain), as if a cable had been
+//! an exclusive lock is cleared (the lock of a crashed client would remain), as if a cable had been
 //! pulled. Replies sent while there is no client are lost, as on a wire.
 
 use super::readiness::{stirs, watched};
@@ -46,9 +46,9 @@ pub(super) struct Pty {
     clients: usize,
     /// The last client has closed the port and this has not been reported yet.
     hung_up: bool,
-    /// The system reports writes: one has been observed.
+    /// A write has been reported, so the system is known to report writes.
     tells_writes: bool,
-    /// No write has been observed since a client opened the unused port.
+    /// No write has been reported since a client opened the unused port.
     unwritten: bool,
     /// A write was reported that is not known to have been read.
     written: bool,
@@ -236,8 +236,8 @@ impl Pty {
         if left {
             self.hung_up = true;
             self.output.clear();
-            // Discards replies in the kernel's buffer, then those that have arrived. Failure is
-            // harmless: a client must expect stale replies on any line.
+            // Discards replies in the kernel's buffer, then replies that have reached the client's
+            // side. Failure is harmless: a client must expect stale replies on any line.
             let _ = termios::tcflush(&self.master, QueueSelector::OFlush);
             let _ = termios::tcflush(&self.slave, QueueSelector::IFlush);
             if self.clients == 0 {

@@ -313,7 +313,7 @@ impl Server {
 
     /// Passes exposures to the optics and replies to the port.
     fn dispatch(&mut self, now_ns: u64, wall: Duration) {
-        // The client that requested a placement is told if the optics reject it.
+        // The result is not needed: `answer_place` reports to the client that requested the move.
         let _ = self.follow();
         for exposure in self.machine.take_exposures(now_ns) {
             let (firmware, version) = (self.machine.firmware(), self.version);

@@ -73,7 +73,7 @@ struct Place {
     wake: Arc<Notify>,
 }
 
-/// What an idle device waits for.
+/// Conditions for which an idle device waits.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Wait {
     /// Time of its next event.

@@ -134,9 +134,9 @@ impl Interpreter {
         }
     }
 
-    /// Continues the requests as far as the firmware does: the messages of the first request one by
-    /// one until one fails, and likewise those of urgent requests behind it. On an error, settings
-    /// made by the request since its last wait are restored.
+    /// Continues the requests until the firmware makes one wait. The messages of the first request
+    /// execute one by one until one fails, and so do the messages of urgent requests behind it. On
+    /// an error, settings made by the request since its last wait are restored.
     fn run(&mut self, firmware: &mut Firmware, now_ns: u64) {
         loop {
             for done in firmware.take_done() {

@@ -21,8 +21,8 @@ use std::sync::Arc;
 pub struct Message {
     /// The bytes on the wire.
     pub bytes: Vec<u8>,
-    /// What it answers: the received line, or the command name of a packet; `None` for an
-    /// unsolicited message.
+    /// The received line, or the command name of the received packet, that it answers; `None` for
+    /// an unsolicited message.
     pub to: Option<String>,
 }
 

@@ -219,7 +219,7 @@ fn parallel_rays_agree_with_brute_force() {
             bvh.blocked_along(Parallel::new(direction.as_vec3(), &lanes), scratch)
         };
         let all = ask(&|_| NO_TRIANGLE, &mut scratch);
-        // With the nearest triangle ignored, the surfaces behind it decide.
+        // If the nearest triangle is ignored, the ray is blocked only by surfaces behind it.
         let but_nearest = ask(
             &|i| found[i].map_or(NO_TRIANGLE, |f| f.0 as u32),
             &mut scratch,

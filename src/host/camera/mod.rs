@@ -48,8 +48,8 @@ pub trait Camera {
 
     /// Returns whether the frames received so far identify themselves, that is, their id, pattern
     /// index and times come from the device. Otherwise the id is a running number (a gap is a frame
-    /// lost by the driver), there is no pattern index, and both times are the driver's timestamp,
-    /// which most drivers take from the system's monotonic clock.
+    /// lost by the driver), the pattern index is missing, and both times are the driver's
+    /// timestamp, which most drivers take from the system's monotonic clock.
     fn identifies(&self) -> bool {
         true
     }

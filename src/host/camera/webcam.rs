@@ -2,8 +2,8 @@
 //!
 //! The library waits for a frame without a timeout, returns buffers twice after an error, and
 //! panics when its stream ends on a failing device. It therefore runs in a thread of its own, which
-//! copies frames into a bounded queue and ends at the first error. The thread is told to stop when
-//! the camera is dropped, and ends with the next frame; until then it holds the device.
+//! copies frames into a bounded queue and ends at the first error. Dropping the camera sets a flag
+//! that the thread checks after each frame; until the next frame the thread keeps the device open.
 //!
 //! The library does not report how many bytes of a buffer are used: YUYV is cut to its size, and a
 //! JPEG image ends at its own end marker. Both times of a frame are when it was taken from the
@@ -32,7 +32,7 @@ use v4l::frameinterval::FrameIntervalEnum;
 use v4l::video::Capture as _;
 use v4l::video::capture::Parameters;
 
-/// Maximum number of waiting frames, and of the bytes that they occupy.
+/// Maximum number of waiting frames; also maximum number of bytes that they occupy.
 const MAX_WAITING: usize = 32;
 const MAX_WAITING_BYTES: usize = 256 << 20;
 /// Maximum time for the library to open a device.
@@ -182,8 +182,8 @@ impl Camera for WebcamCamera {
     }
 }
 
-/// Thread body: opens the device, reports the result, and copies frames until it is told to stop or
-/// the camera fails.
+/// Thread body: opens the device, reports the result, and copies frames until `stop` is set or the
+/// camera fails.
 fn read(
     index: u32,
     wanted: CameraFormat,

@@ -27,7 +27,7 @@ enum Outcome {
     Done(Values),
     /// The text of the device's refusal.
     Refused(String),
-    /// What is wrong with the answer.
+    /// Description of the damage to the answer.
     Damaged(String),
     Silent,
 }
@@ -40,7 +40,8 @@ pub(super) struct Line<P> {
     timeout: Duration,
     /// Sequence number of the last query.
     sequence: u8,
-    /// Late answers to earlier queries may still arrive, and cannot be told from current ones.
+    /// Late answers to earlier queries may still arrive and cannot be distinguished from current
+    /// ones.
     pub(super) stray: bool,
     /// The device has reported a restart.
     pub(super) booted: bool,
@@ -103,7 +104,7 @@ impl<P: CommandPort> Line<P> {
             }
             asked.push(self.sequence);
             let outcome = self.answer(command, &asked)?;
-            // Without numbered answers, a late duplicate may follow.
+            // Without numbered answers, a late answer to an earlier attempt cannot be recognised.
             self.stray |= !self.dialect.has_sequence()
                 && (attempt > 1 || matches!(outcome, Outcome::Damaged(_) | Outcome::Silent));
             error = match outcome {

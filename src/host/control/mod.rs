@@ -81,7 +81,7 @@ fn no_words(name: &str, dialect: &str) -> Error {
     )
 }
 
-/// Combines a failure with the result of the search for the device that followed.
+/// Combines a failure with the error of the subsequent search for the device.
 pub(super) fn both(error: &Error, then: &Error) -> Error {
     Error::device(format!("{error}; then: {then}"))
 }

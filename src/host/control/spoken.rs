@@ -16,8 +16,8 @@ const MAX_PIECES: u32 = 1 << 16;
 /// The settings that determine what a run shows, in the order in which they are queried.
 const SETTINGS: [&str; 3] = [SELECTED, "source", MARKED];
 const SELECTED: &str = "selected";
-/// Whether the device still knows the number (mark) that it was last told; it forgets the mark on
-/// power-off.
+/// Whether the device still knows the number (mark) that was last sent to it; it forgets the mark
+/// on power-off.
 const MARKED: &str = "marked";
 /// Whether the device has restarted.
 const STARTED: &str = "started anew";
@@ -25,9 +25,9 @@ const STARTED: &str = "started anew";
 /// A device that speaks a dialect described by a file.
 pub(crate) struct Spoken<P> {
     line: Line<P>,
-    /// The mark that the device was last told to remember.
+    /// The mark that was last sent to the device.
     mark: u8,
-    /// The device had already forgotten its mark when it was told another one.
+    /// The device had already forgotten its mark when the next one was sent.
     forgotten: bool,
 }
 

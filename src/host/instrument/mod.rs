@@ -23,7 +23,7 @@ const LAST_MARK: u8 = 125;
 /// than a device waits for the rest of a block that an earlier client broke off; the first attempt
 /// is lost in that block.
 const ASK_AGAIN: Duration = Duration::from_millis(1500);
-/// Maximum number of errors read from a device before it is told to forget the rest.
+/// Maximum number of errors read from a device's queue at a time.
 const MAX_ERRORS: usize = 64;
 /// Number of errors shown in a message; the others are only counted.
 const SHOWN_ERRORS: usize = 5;

@@ -1,4 +1,4 @@
-//! What a scan reads from the device before it captures: manifest and calibration.
+//! Reads manifest and calibration from the device before a scan captures frames.
 
 use super::{ScanOptions, Scanner};
 use crate::{Camera, CommandPort};

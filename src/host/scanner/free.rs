@@ -13,7 +13,7 @@ const WAKE: Duration = Duration::from_millis(2);
 /// Maximum number of frames waiting in a driver.
 const WAITING: usize = 64;
 
-/// Stands in for the answer to `*IDN?` when there is no control port.
+/// Replaces the answer to `*IDN?` for a capture without a control port.
 const NOBODY: &str = "no control port";
 
 /// Captures as many consecutive frames as `manifest` has, from a camera that is not triggered by

@@ -115,8 +115,8 @@ fn two_failed(place: &str, first: &str, second: &str) -> Error {
 }
 
 impl<C: Camera, P: CommandPort> Scanner<C, P> {
-    /// Creates a scanner. The device is told to stop free-running before `open_camera` is called,
-    /// so that the camera delivers no frames yet when it is opened.
+    /// Creates a scanner. Stops the device's free-running before it calls `open_camera`, so that
+    /// the camera delivers no frames yet when it is opened.
     ///
     /// # Errors
     /// Returns an error if the port, the device or the camera fails or refuses.
@@ -269,8 +269,8 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     }
 
     /// Restores contact with a device whose camera is gone. If one device provides both the port
-    /// and the camera, the port is gone too. As at the start, the device is told to stop
-    /// free-running before its camera is opened.
+    /// and the camera, the port is gone too. As in [`Self::new`], free-running is stopped before
+    /// the camera is opened.
     fn plug_in(&mut self, timeout: Duration) -> Result<()> {
         self.control.recover()?;
         self.control.persist(Control::quiet)?;

@@ -21,7 +21,7 @@ const PLAUSIBLE_NS: u64 = 10_000_000_000;
 /// Tolerance for driver timestamps that are coarse or too early.
 const TIMING_NS: u64 = 1_000_000;
 
-/// What a run expects.
+/// Expected frames of a run.
 pub(super) struct Wanted {
     /// Number of frames.
     pub count: usize,
@@ -38,8 +38,8 @@ pub(super) struct Wanted {
 }
 
 impl<C: Camera, P: CommandPort> Scanner<C, P> {
-    /// Arms, triggers and captures; `settings` are those of the run, and must be unchanged after
-    /// it.
+    /// Arms, triggers and captures; `settings` are the settings before the run, which must be
+    /// unchanged after it.
     pub(super) fn run(
         &mut self,
         manifest: &Manifest,

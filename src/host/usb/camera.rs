@@ -143,7 +143,8 @@ impl UsbCamera {
         control.write(&self.feed.device, &self.function, to)
     }
 
-    /// Returns the buffer of a frame that is no longer needed, so that its memory is reused.
+    /// Gives back the buffer of a frame that the caller has finished with, so that its memory is
+    /// reused.
     pub fn give_back(&self, buffer: Vec<u8>) {
         let mut state = lock(&self.queue.state);
         if state.spare.len() < MAX_SPARE {
@@ -256,8 +257,8 @@ impl Drop for UsbCamera {
 
 impl Receiver for Stream {
     fn reply(&mut self, done: &Done, data: &mut dyn Read) -> io::Result<usize> {
-        // The transfers of an endpoint end in order, except those that were unlinked. The wrapping
-        // difference stays valid when sequence numbers wrap around.
+        // The transfers of an endpoint end in order, except unlinked ones. The wrapping difference
+        // stays valid when sequence numbers wrap around.
         if done.status != status::UNLINKED {
             if let Some(last) = self.last
                 && (done.seqnum.wrapping_sub(last) as i32) <= 0

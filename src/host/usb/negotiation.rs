@@ -80,7 +80,8 @@ pub(super) fn agree(
         .iter()
         .find(|c| c.1.kind == TransferKind::Bulk);
     if let Some((_, endpoint)) = bulk {
-        // Use whole packets: otherwise a short packet could not be told from a full transfer.
+        // Use whole packets: otherwise a short packet could not be distinguished from a full
+        // transfer.
         let packet = u32::from(endpoint.max_packet);
         let len = need.min(BULK_TRANSFER).next_multiple_of(packet);
         return Ok(carrier(endpoint, len, None));

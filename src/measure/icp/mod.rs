@@ -50,7 +50,7 @@ impl Default for IcpOptions {
 /// Result of a registration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Alignment {
-    /// Maps the cloud's coordinates to those of the truth, in millimetres.
+    /// Maps coordinates in the cloud's frame to the truth's frame, in millimetres.
     pub truth_from_cloud: Pose,
     /// Number of steps.
     pub iterations: usize,

@@ -19,7 +19,8 @@ pub(super) fn pairs(points: &[DVec3], feet: &[Option<Foot>]) -> Vec<Pair> {
         .filter_map(|(&point, foot)| {
             let foot = foot.as_ref()?;
             let residual = (point - foot.point).dot(foot.normal);
-            // If the closest point is on a border, the point lies beside the surface, not over it.
+            // If the closest point is on a border, the point lies beside the surface instead of
+            // over it.
             let over = residual.abs() >= 0.7 * foot.distance_mm || foot.distance_mm < 1e-9;
             (over && foot.normal != DVec3::ZERO).then_some(Pair {
                 point,

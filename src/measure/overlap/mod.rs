@@ -41,7 +41,7 @@ pub struct Overlap {
 }
 
 /// Returns volume in cubic millimetres and centroid of a closed mesh with outward triangles, by
-/// signed tetrahedra. The centroid of a mesh without volume is that of its vertices.
+/// signed tetrahedra. A mesh without volume gets the mean of its vertices as centroid.
 pub fn solid_moments(vertices: &[DVec3], triangles: &[[u32; 3]]) -> (f64, DVec3) {
     let count = vertices.len().max(1) as f64;
     // Use an origin near the solid to avoid cancellation.

@@ -35,7 +35,7 @@ const OWN: u32 = 12;
 const BASELINE: u32 = 20;
 /// Time scale of the baseline's wander, in seconds.
 const WANDER_S: f64 = 15.0;
-/// Drift of the thorax as a fraction of that of the abdomen.
+/// Drift of the thorax as a fraction of the abdomen's drift.
 const THORAX_DRIFT: f64 = 0.4;
 /// Upward motion of the diaphragm during a cough as a fraction of the abdomen's inward motion.
 const THROWN_UP: f64 = 0.5;

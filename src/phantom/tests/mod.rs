@@ -1,4 +1,4 @@
-//! Tests of the parts together, and of all built-in patients.
+//! Tests of the modules in combination, with all built-in patients.
 
 mod files;
 mod imported;

@@ -244,7 +244,7 @@ impl Slice {
     }
 }
 
-/// Returns the number of bits stored, and whether pixels are signed.
+/// Returns `(bits, signed)`: the number of bits stored, and whether pixels are signed.
 fn representation(e: &Elements<'_>) -> Result<(u16, bool)> {
     let allocated = e.short(ALLOCATED, "BitsAllocated")?;
     if allocated != 16 {

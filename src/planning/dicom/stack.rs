@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use phasmid_core::error::{Error, Result};
 use rayon::prelude::*;
 
-/// Maximum deviation of slice distances, as a fraction of the typical one.
+/// Maximum difference between a slice distance and the typical one, as a fraction of the latter.
 const UNEVEN: f64 = 0.02;
 
 /// Maximum slice distance in units of the slice thickness: some scanners leave gaps, but narrower

@@ -186,8 +186,8 @@ impl Fields {
     }
 }
 
-/// Returns a grid with cubic voxels of the given spacing, centred on `grid`, whose outermost
-/// centres reach those of `grid` or beyond.
+/// Returns a grid with cubic voxels of the given spacing, centred on `grid`. Its outermost voxel
+/// centres lie at or beyond the outermost centres of `grid`.
 fn coarser(grid: &Grid, spacing_mm: f64) -> Grid {
     let length_mm = grid.last() * grid.spacing_mm;
     // Rounding errors of an integer number of steps must not add one.

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 const MOST_RUNS: usize = 1 << 26;
 
-/// Clears all bits except those of the component with the most voxels, the first of equals.
+/// Clears all bits outside the largest component (by number of voxels; the first of equal ones).
 pub(super) fn keep_largest(bits: &mut Bits, place: &str) -> Result<()> {
     let mut runs = Runs::of(bits, true, place)?;
     let mut voxels = vec![0_u64; runs.spans.len()];

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Maximum length of a header; ITK copies a study's complete dictionary into it.
 const LONGEST_HEADER: u64 = 1 << 20;
 
-/// Maximum number of values in a file: that of the largest volume.
+/// Maximum number of values in a file, equal to the maximum number of voxels of a volume.
 const MOST_NUMBERS: u64 = 1 << 28;
 
 /// Content of a header.

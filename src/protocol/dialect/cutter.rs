@@ -13,9 +13,9 @@ use std::sync::Arc;
 /// Direction of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// From the host to the device.
+    /// Host to device.
     ToDevice,
-    /// From the device to the host.
+    /// Device to host.
     ToHost,
 }
 

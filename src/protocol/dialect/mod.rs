@@ -93,7 +93,7 @@ impl Dialect {
         builtin::DIALECTS.iter().map(|(name, _)| *name)
     }
 
-    /// Returns the file of a shipped dialect.
+    /// Returns the text of a built-in dialect's file.
     pub fn text(name: &str) -> Option<&'static str> {
         let found = builtin::DIALECTS.iter().find(|(known, _)| *known == name);
         found.map(|(_, text)| *text)

@@ -1,8 +1,8 @@
 //! Templates with `{name}` placeholders: formatted in one direction, parsed in the other.
 //!
-//! A `{name}` ends at the first occurrence of the text that follows it, and the last one at the end
-//! of the line, so parsing is unambiguous and needs no backtracking. Quoted strings and blocks
-//! (IEEE 488.2, 7.7.5 and 7.7.6) determine their own end.
+//! A `{name}` ends at the first occurrence of the text that follows it; a `{name}` at the end of
+//! the template takes the rest of the line. Parsing is therefore unambiguous and needs no
+//! backtracking. Quoted strings and blocks (IEEE 488.2, 7.7.5 and 7.7.6) determine their own end.
 
 use crate::scpi::{BlockPrefix, block_header};
 

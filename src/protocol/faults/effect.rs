@@ -15,17 +15,17 @@ pub enum Effect {
         /// Delay.
         by_ns: u64,
     },
-    /// The frame arrives after the next one, or after a maximum wait if there is no next one.
+    /// The frame arrives after the next one, or after a maximum wait if none follows.
     Swapped {
         /// Maximum wait.
         wait_ns: u64,
     },
-    /// From a row on, the frame shows the previous frame.
+    /// The frame shows the previous frame in all rows from `row` on.
     Torn {
         /// First affected row; the middle row when absent.
         row: Option<u32>,
     },
-    /// Rows are missing: those below move up, and the same number at the bottom are black.
+    /// Rows are missing: the rows below move up, and as many rows at the bottom are black.
     RowsMissing {
         /// First missing row; the middle row when absent.
         row: Option<u32>,

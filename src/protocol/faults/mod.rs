@@ -2,9 +2,9 @@
 //! faults.
 //!
 //! ```toml
-//! seed = 7                     # of all that is left to chance; 0 when absent
+//! seed = 7                     # of all random choices; 0 when absent
 //!
-//! [[fault]]                    # the third frame of a sequence comes torn, once
+//! [[fault]]                    # the third frame of a sequence is torn, once
 //! what = "torn"
 //! when = { nth = 3 }
 //!
@@ -164,7 +164,7 @@ pub enum Direction {
 pub struct Struck {
     /// Device time in nanoseconds.
     pub time_ns: u64,
-    /// Id of the fault: those of a schedule are numbered from 1; faults added later continue the
+    /// Id of the fault. Faults of a schedule are numbered from 1; faults added later continue the
     /// numbering.
     pub fault: u64,
     /// Kind of fault.

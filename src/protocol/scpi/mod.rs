@@ -1,10 +1,11 @@
-//! SCPI over a serial line, as IEEE 488.2-1992 and SCPI-1999 have it: program messages, parameters,
-//! blocks and device errors. Pure functions and values; the firmware and the host share them.
+//! SCPI over a serial line, as defined by IEEE 488.2-1992 and SCPI-1999: program messages,
+//! parameters, blocks and device errors. Pure functions and values; the firmware and the host share
+//! them.
 //!
 //! A message is a line. Its units are separated by `;`, a unit is a header and its parameters, and
 //! a header without a leading colon continues at the node of the unit before it (SCPI-1999 vol 1,
 //! 6.2.4). Blocks (`#<digits><length><bytes>`) are binary and may hold newlines, so the stream is
-//! cut into messages by [`Framer`], which knows strings and blocks.
+//! split into messages by [`Framer`], which recognises strings and blocks.
 
 mod block;
 mod error;

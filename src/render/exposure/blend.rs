@@ -17,9 +17,10 @@ pub(crate) struct Spread<'a> {
 const REACH: f64 = 4.0;
 /// Beyond this many standard deviations past the footprint the tail of a Gaussian is neglected.
 const END: f64 = 6.0;
-/// Ratio of a Gaussian's standard deviation to the wider box from which on its convolution with both
-/// boxes is replaced by a Gaussian with the sum of the variances. The error of the fraction of light
-/// left of a border is at most 8e-5 (from the fourth cumulant of the boxes).
+/// Minimum ratio of a Gaussian's standard deviation to the width of the wider box at which its
+/// convolution with both boxes is replaced by a Gaussian with the sum of the variances. The error
+/// of the fraction of light left of a border is at most 8e-5 (from the fourth cumulant of the
+/// boxes).
 const SMOOTH: f64 = 1.25;
 
 /// Convolution of two boxes with a mixture of Gaussians, along one pattern axis.
@@ -35,17 +36,17 @@ struct Part<'a> {
     soft: Soft<'a>,
     sigma: f64,
     reach: f64,
-    /// Distance of a border from the centre beyond which all light counts as on one side of it.
+    /// Distance of a border from the centre beyond which all light is taken to lie on one side.
     end: f64,
-    /// If its convolution with the boxes is replaced by a Gaussian, one over that Gaussian's standard
-    /// deviation; otherwise 0.
+    /// Inverse standard deviation of the Gaussian that replaces the convolution with the boxes; 0
+    /// if the convolution is not replaced.
     smooth: f64,
 }
 
 impl<'a> Blend<'a> {
     /// Creates the blend of boxes of widths |`slope`|, a blur of standard deviation `sigma` and the
-    /// spread under skin, all in projector pixels except the spread. Gaussians narrower than `least`
-    /// are widened to it.
+    /// spread under skin, all in projector pixels except the spread. Gaussians narrower than
+    /// `least` are widened to it.
     pub(super) fn new(
         bell: &'a Bell,
         slope: [f64; 2],

@@ -11,8 +11,9 @@
 //!
 //! with S the second antiderivative of the levels, quadratic on each pixel. Levels are integers, of
 //! 8 bits as displayed or of 16 with a non-linear response, so the sums are kept in wrapping
-//! integers relative to the centre, exact at any distance from the pattern's origin. Only
-//! deviations from the level at the centre are summed: zero if the footprint lies within one pixel.
+//! integers relative to the centre, exact at any distance from the pattern's origin. The sums
+//! contain only differences from the level at the centre, which are zero if the footprint lies
+//! within one pixel.
 //!
 //! The difference of S over b suffers cancellation if b is small. If b is less than a pixel, each
 //! flank of the trapezoid contains at most one border, and the mean of the first antiderivative P
@@ -109,8 +110,8 @@ impl RowTable {
     /// |`slope`|. The pattern is extended by its end levels; whether light falls there is decided
     /// by the geometry pass.
     ///
-    /// Written lane by lane in stages, so that all but the lookups runs in SIMD registers; without
-    /// closures over lanes, which are not inlined into them.
+    /// The stages are loops over lanes, so that everything except the lookups runs in SIMD
+    /// registers. Closures over lanes are avoided, because they are not inlined.
     #[inline(always)]
     pub(super) fn average(&self, x: &Lanes, slope: &[[f32; 2]; LANES]) -> Lanes {
         let at = self.place(x, slope);
@@ -167,14 +168,14 @@ impl RowTable {
             let narrow = greatest(least(a, b), wide * NARROWEST);
             (at.wide[lane], at.narrow[lane]) = (wide, narrow);
             let (outer, inner) = ((wide + narrow) * 0.5, (wide - narrow) * 0.5);
-            // Positions are kept relative to the held pixel at x, so that they round like the
-            // footprint and not like the coordinate.
+            // Positions are relative to the pattern pixel at x, so that rounding scales with the
+            // footprint and not with the coordinate.
             let here = floor(least(greatest(x[lane], -0.5), LAST_PIXEL) + 0.5);
             at.middle[lane] = here.clamp(0, last);
             let inside = x[lane] - here as f32;
             let corners = [-outer, -inner, inner, outer];
             for k in 0..4 {
-                // Relative to the left border of the held pixel at x.
+                // Relative to the left border of the pattern pixel at x.
                 let offset = inside + corners[k] + 0.5;
                 let index = (here + floor(offset)).clamp(0, last);
                 at.index[k][lane] = index;
@@ -191,7 +192,7 @@ impl RowTable {
         let mut average = [0.0; LANES];
         for lane in 0..LANES {
             let here = self.cells[at.middle[lane] as usize];
-            // S of the deviation from the centre's level, starting at the centre pixel's left
+            // S of the differences from the centre's level, starting at the centre pixel's left
             // border.
             let s = |k: usize| {
                 let t = at.t[k][lane];

@@ -22,9 +22,9 @@ impl Falloff {
         Self::new(camera.vignetting, camera.view().lens, 4)
     }
 
-    /// Only one of the four cosines is applied here: that of the pupil seen at an angle. Light of
-    /// constant intensity over the field already falls with the other three on a screen, by distance
-    /// and angle of incidence.
+    /// Of the four cosines of natural vignetting only one is applied here: the foreshortening of
+    /// the pupil. Light of constant intensity over the field already falls with the other three on
+    /// a screen, by distance (two) and angle of incidence (one).
     pub(crate) fn of_projector(projector: &Projector) -> Self {
         Self::new(projector.vignetting, projector.view().lens, 1)
     }

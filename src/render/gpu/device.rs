@@ -88,7 +88,7 @@ impl Gpu {
     /// Opens the fastest available kind of adapter; software adapters only if `software` is set.
     ///
     /// # Errors
-    /// Returns an error if there is no such adapter, if its limits are too small, or if it cannot
+    /// Returns an error if no such adapter exists, if its limits are too small, or if it cannot
     /// be opened.
     pub fn open(software: bool) -> Result<Arc<Self>> {
         let mut refusal = None;

@@ -26,14 +26,15 @@ impl EntryPoint {
         }
     }
 
-    /// Sets an `override` constant of the shader's own.
+    /// Sets an `override` constant that the shader declares besides those of `plan.wgsl`.
     #[must_use]
     pub(crate) fn with(mut self, name: &'static str, value: f64) -> Self {
         self.constants.push((name, value));
         self
     }
 
-    /// Returns all constants, including those of the plan.
+    /// Returns all constants: one for each term of the plan, and the constants set by
+    /// [`Self::with`].
     pub(super) fn all_constants(&self) -> Vec<(String, f64)> {
         let of_plan = Term::ALL
             .into_iter()

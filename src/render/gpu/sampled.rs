@@ -51,7 +51,7 @@ impl Sampler {
         let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
         let side = options.side(depth_of_field);
         let pixels = u64::from(lens.width_px) * u64::from(lens.height_px);
-        // Typical need: pixels on edges, and some of those that may be out of focus.
+        // Typical need: the pixels on edges, and with depth of field some of the blurred pixels.
         let heads = match side {
             1 | 2 => pixels / 16,
             _ => pixels / 4,

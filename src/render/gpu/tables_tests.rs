@@ -137,9 +137,9 @@ fn on_gpu(
 /// Checks that every level is within `bar` (of 255) of the CPU's; prints the maximum and mean
 /// error.
 fn compare(name: &str, pattern_image: &PatternImage, plan: &Plan, cases: &[Case], bar: f32) {
-    // The CPU positions the parts of a footprint on an image to within 1e-4 of a projector pixel,
-    // which changes the contribution of borders by that fraction of the footprint's width. The GPU
-    // is more precise.
+    // On an image, the CPU places the parts of a footprint to within 1e-4 of a projector pixel.
+    // This changes the contribution of borders by 1e-4 over the footprint's width. The GPU is more
+    // precise.
     let placed = |case: &Case| match pattern_image {
         PatternImage::Image { .. } => {
             let width = |s: [f32; 2]| (s[0].hypot(s[1]) / 8.0).max(3.4 * case.sigma).max(1e-3);
@@ -266,7 +266,7 @@ fn gpu_images_are_averaged_as_on_the_cpu() {
 fn gpu_blurred_rows_are_averaged_as_on_the_cpu() {
     let plan = plan(&[Term::ProjectorDefocus]);
     for (name, pattern_image) in rows() {
-        // There is no light to blur outside the pattern.
+        // Outside the pattern there is no light to blur, so only positions on it are compared.
         let on_pattern_image = |case: &Case| {
             let [x, y] = case.at;
             (-0.5..1919.5).contains(&x) && (-0.5..1079.5).contains(&y)

@@ -11,7 +11,7 @@ use crate::worlds::Moment;
 
 /// Light of a shot's pixels.
 pub(super) enum Light {
-    /// To be computed from the current geometry.
+    /// Schedule that computes the light from the current geometry.
     Scheduled(Schedule),
     /// Mean electrons of the pixels, summed over instants.
     Summed(Vec<f32>),
@@ -65,8 +65,8 @@ fn parts(world: &World, shot: &Shot, shutter: Shutter, count: u32) -> Vec<(Momen
 }
 
 impl Renderer {
-    /// Returns the instants that represent a shot's exposure, each with its part of it; a single
-    /// one if nothing moves.
+    /// Returns the instants that represent a shot's exposure, each with the part of the shot that
+    /// it represents; a single instant if nothing moves.
     pub(super) fn instants(&self, shot: &Shot) -> Vec<(Option<Moment>, Shot)> {
         if !self.plan.has(Term::Motion) {
             return vec![(None, shot.clone())];

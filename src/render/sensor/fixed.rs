@@ -1,16 +1,17 @@
 //! Fixed-pattern noise of one device: differences between pixels that are the same in every frame.
 //!
 //! EMVA 1288 release 4.0, section 4, describes it by two standard deviations over the pixels. PRNU
-//! is that of their sensitivities, which scale a pixel's mean electrons before shot noise. DSNU is
-//! that of their dark signals. DSNU is measured at short exposures, where the readout dominates, so
-//! it is modelled as an offset after the full well that causes no shot noise and may be negative.
+//! is the standard deviation of the sensitivities, which scale a pixel's mean electrons before shot
+//! noise. DSNU is the standard deviation of the dark signals. It is measured at short exposures,
+//! where the readout dominates, so it is modelled as an offset after the full well that causes no
+//! shot noise and may be negative.
 
 use super::normal::{Tails, quantiles};
 use super::philox::{self, BLOCK};
 use phasmid_core::simd::widest;
 use phasmid_profile::Sensor as Parameters;
 
-/// Draw indices, distinct from those of the temporal noise.
+/// Draw indices, distinct from the draw indices of the temporal noise.
 const DRAW_SENSITIVITY: u32 = 2;
 const DRAW_OFFSET: u32 = 3;
 

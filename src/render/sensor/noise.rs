@@ -297,8 +297,8 @@ mod tests {
 
     /// The same test with read noise, which is drawn from the pixel's same random word: the sum is
     /// distributed as a mixture of normal distributions weighted by the Poisson probabilities. Bins
-    /// are one electron wide; at a read noise of 0.3 electrons values are scaled by ten, so that
-    /// the bins resolve the comb.
+    /// are one electron wide. At a read noise of 0.3 electrons values are scaled by ten, so that
+    /// the bins resolve the peaks at whole electrons.
     #[test]
     fn read_noise_is_normal_and_independent() {
         for (i, (mean, read, zoom)) in [

@@ -2,8 +2,7 @@
 //!
 //! x = sqrt(2) erfinv(2 p - 1), with Giles's single-precision erfinv ("Approximating the erfinv
 //! function", GPU Computing Gems Jade, 2011). It is evaluated for the smaller tail of the word and
-//! the sign is restored afterwards, so that both tails reach as far as 32 bits allow: 6.3 standard
-//! deviations.
+//! the sign is restored afterwards, so that both tails reach as far as 32 bits allow: 6.3 sigma.
 
 use super::elementary::ln;
 use std::f32::consts::SQRT_2;

@@ -1,8 +1,8 @@
 //! Poisson numbers of small means, vectorized, by inversion of the distribution.
 //!
 //! Devroye, "Non-Uniform Random Variate Generation" (1986), X.3.3: starting at 0, the probability
-//! of n is that of n - 1 times mean / n; the result is the n at which their sum exceeds a uniform
-//! number. The position of the uniform number within that last step is again uniform and
+//! of n is the probability of n - 1 times mean / n; the result is the n at which their sum exceeds
+//! a uniform number. The position of the uniform number within that last step is again uniform and
 //! independent of n. The read noise is drawn from it, so that dark pixels also need only one random
 //! word.
 
@@ -31,17 +31,17 @@ const INVERSE_OF_NEXT: [f32; STEPS] = {
 };
 
 /// Returns Poisson numbers of `means` (0 or more) and, from the same words, independent uniform
-/// numbers. Lanes with a mean of [`BELOW`] or more are skipped: their uniform numbers are those of
-/// the words themselves.
+/// numbers. Lanes with a mean of [`BELOW`] or more are skipped; each of their uniform numbers is
+/// the whole word.
 #[inline(always)]
 pub(super) fn numbers(means: &[f32; BLOCK], words: &[u32; BLOCK]) -> ([f32; BLOCK], Tails<BLOCK>) {
     let mut mean = [0.0; BLOCK];
     let mut probability = [0.0; BLOCK];
     // The uniform number minus the probabilities so far: positive at first, negative in the end.
     let mut left = [0.0; BLOCK];
-    // The smallest positive and the smallest negative of these values, as f32 bits: compared as
-    // unsigned integers, positive values come first; compared as signed integers, negative values
-    // do. Both orders rise with the magnitude.
+    // The smallest positive and the smallest negative of these values by magnitude, as f32 bits.
+    // Compared as unsigned integers, positive values come first; compared as signed integers,
+    // negative values come first. Both orders rise with the magnitude.
     let mut low = [0u32; BLOCK];
     let mut high = [i32::MAX; BLOCK];
     // Minus the number of negative values.
@@ -158,7 +158,7 @@ mod tests {
                 assert!(tails.probability[i] > 0.0 && tails.probability[i] <= 0.5);
             }
         }
-        // Of 1.9 million words, ten differ, each within 1e-7 of a border.
+        // Ten of 1.9 million words differ, each within 1e-7 of a border.
         assert!(differ <= 20, "{differ}");
     }
 

@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Skin maps over the camera's pixels, row-major. The projector coordinates of the geometry buffer
-/// remain those of the surface, which are the ground truth, so that measurements show the error
+/// Skin maps over the camera's pixels, row-major. The projector coordinates in the geometry buffer
+/// still belong to the surface point and serve as ground truth, so that measurements show the error
 /// that skin causes.
 #[derive(Debug, Clone)]
 pub(crate) struct SkinMaps {

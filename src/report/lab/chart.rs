@@ -37,7 +37,8 @@ pub struct Series {
     pub labelled: bool,
     /// Error bars: x, low, high.
     pub spans: Vec<[f64; 3]>,
-    /// Whether it has the colour of the series before it: the truth and the measurement of one quantity.
+    /// Whether it has the colour of the series before it, as for truth and measurement of one
+    /// quantity.
     pub paired: bool,
 }
 

@@ -3,7 +3,7 @@
 /// A result and its limit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
-    /// What is checked, with the unit.
+    /// Checked quantity, with its unit.
     pub what: String,
     /// The result.
     pub found: f64,

@@ -8,7 +8,7 @@ use crate::plot::Sheet;
 pub struct Document {
     /// The heading.
     pub title: String,
-    /// What follows it.
+    /// Content below the heading.
     pub sections: Vec<Section>,
 }
 
@@ -17,7 +17,7 @@ pub struct Document {
 pub struct Section {
     /// The heading.
     pub title: String,
-    /// What follows it.
+    /// Content below the heading.
     pub blocks: Vec<Block>,
 }
 
@@ -41,7 +41,7 @@ pub enum Block {
 pub struct Table {
     /// Unique name among the tables of all studies, such as `paper-distances`.
     pub name: String,
-    /// What it shows, with the conditions.
+    /// Description of the content, with the conditions of the measurement.
     pub caption: String,
     /// Names of the columns, with units.
     pub header: Vec<String>,
@@ -49,7 +49,8 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
     /// Whether it contains measured times, which differ between runs.
     pub timed: bool,
-    /// Whether it is a detail that another table summarises: written to the files, not to the terminal.
+    /// Whether another table summarises this one, which is then written to the files but not to the
+    /// terminal.
     pub detail: bool,
 }
 
@@ -58,7 +59,7 @@ pub struct Table {
 pub struct Figure {
     /// The file's name without `.svg`.
     pub name: String,
-    /// What it shows.
+    /// Description of the content.
     pub caption: String,
     /// The drawing.
     pub sheet: Sheet,
@@ -69,7 +70,7 @@ pub struct Figure {
 pub struct Image {
     /// The file's name, which ends in `.png`.
     pub file: String,
-    /// What it shows.
+    /// Description of the content.
     pub caption: String,
 }
 

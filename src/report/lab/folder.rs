@@ -107,7 +107,7 @@ impl Folder {
     /// Opens a folder in which a study was run.
     ///
     /// # Errors
-    /// Returns an error if there is no folder or it contains no study.
+    /// Returns an error if the folder does not exist or contains no study.
     pub(super) fn open(path: &Path) -> Result<(Self, About)> {
         let folder = Self {
             path: path.to_owned(),

@@ -50,7 +50,7 @@ pub trait Study: Sync {
     /// Describes it in one sentence.
     fn about(&self) -> &'static str;
 
-    /// Returns the columns of its rows, without those that all studies have ([`Row::COMMON`]).
+    /// Returns the columns of its rows, except the columns common to all studies ([`Row::COMMON`]).
     fn columns(&self) -> &'static [&'static str];
 
     /// Returns the parts that can run alone: the keys of their trials begin with the part's name and

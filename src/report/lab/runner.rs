@@ -201,7 +201,7 @@ impl Runner<'_> {
     }
 }
 
-/// Returns all trials, or those of the requested part.
+/// Returns all trials, or only the trials of the requested part.
 fn trials(study: &dyn Study, settings: &Settings) -> Result<Vec<Trial>> {
     let mut trials = study.trials(settings)?;
     if let Some(only) = &settings.only {

@@ -78,8 +78,8 @@ impl<'a> Moved<'a> {
         (foot.normal + flat(to) - flat(at)).normalize_or_zero()
     }
 
-    /// Computes the rows of all points. On entry, `rows` holds those of the previous coefficients, if
-    /// any.
+    /// Computes the rows of all points. On entry, `rows` holds the rows for the previous
+    /// coefficients, if any.
     pub(super) fn rows(
         &self,
         rows: &mut Vec<Row>,

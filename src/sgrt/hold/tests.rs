@@ -1,4 +1,4 @@
-//! Tests the bands, gaps and clocks, and that the beam is never on without grounds.
+//! Tests the bands, gaps and clocks. Tests that the beam is on only after sufficient readings.
 
 use super::*;
 use proptest::prelude::*;

@@ -86,8 +86,8 @@ impl MotionModel {
     ///
     /// # Errors
     /// Returns an error if there are fewer than two phases, if phases or the tumour differ in their
-    /// number of vertices, if a displacement is not finite, if there is no motion, or if an option is
-    /// out of range.
+    /// number of vertices, if a displacement is not finite, if the phases contain no motion, or if
+    /// an option is out of range.
     pub fn new(snapshots: &Snapshots, tumour: &Mesh, options: &ModelOptions) -> Result<Self> {
         check(snapshots, tumour, options)?;
         let parts = [&snapshots.skin, &snapshots.tumour];
@@ -148,8 +148,8 @@ impl MotionModel {
         &self.energies
     }
 
-    /// Returns the coefficients of the kept components at each phase of planning, in standard
-    /// deviations.
+    /// Returns the coefficients (in standard deviations) of the kept components at each phase of
+    /// planning.
     pub fn coefficients(&self) -> &[Vec<f64>] {
         &self.coefficients
     }

@@ -53,8 +53,8 @@ pub(super) struct Limits {
     pub(super) anywhere: bool,
 }
 
-/// Computes the rows of all points for a pose of the reference. On entry, `rows` holds those of the
-/// previous pose; the search for each foot starts at its previous triangle unless `afresh`.
+/// Computes the rows of all points for a pose of the reference. On entry, `rows` holds the rows for
+/// the previous pose; the search for each foot starts at its previous triangle unless `afresh`.
 pub(super) fn update(
     rows: &mut Vec<Row>,
     measured: &Measured,

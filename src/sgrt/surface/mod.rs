@@ -65,8 +65,8 @@ pub struct Foot {
     pub border: bool,
 }
 
-/// A surface prepared for tracking. Coordinates are those of the mesh: for a patient, the room frame
-/// with its origin at the isocentre, in millimetres.
+/// A surface prepared for tracking, in the mesh's frame: for a patient, the room frame with its
+/// origin at the isocentre, in millimetres.
 pub struct Reference {
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
@@ -140,7 +140,7 @@ impl Reference {
         &self.vertices
     }
 
-    /// Returns the triangles that are searched: those of the mesh in its order, without degenerate
+    /// Returns the triangles that are searched: all of the mesh, in its order, except degenerate
     /// ones.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
@@ -196,9 +196,8 @@ impl Reference {
         self.foot(triangle, &nearest)
     }
 
-    /// Computes the mean distance, in millimetres, by which isotropic noise of this standard
-    /// deviation shifts points outwards near a triangle: half the variance times the sum of the
-    /// principal curvatures.
+    /// Computes the mean distance, in millimetres, by which isotropic noise shifts points outwards
+    /// near a triangle: half the noise variance times the sum of the principal curvatures.
     #[inline]
     pub fn lift_mm(&self, triangle: u32, sigma_mm: f64) -> f64 {
         self.bends[triangle as usize].isotropic(sigma_mm)

@@ -13,7 +13,8 @@ use std::sync::Arc;
 
 #[test]
 fn near_and_far_scenes_and_a_tiny_baseline_are_exact() {
-    // 50 mm: a small rig, a macro lens. 100 m: the bench's own.
+    // At 50 mm: a baseline of 20 mm and a lens of twice the bench's focal length. At 1 m and at
+    // 100 m: the bench's lens with a baseline of 1 mm.
     let mut near = bench();
     near.projector.position_mm = [20.0, 0.0, 0.0];
     near.projector.lens_shift_px = [0.0, 0.0];
@@ -126,8 +127,8 @@ fn giants() -> Mesh {
     }
 }
 
-/// A square of a nanometre in the centre, and rings of ever larger triangles around it, the last of
-/// them a kilometre wide and adjacent to one of a millimetre.
+/// A square of a nanometre in the centre, and rings of ever larger triangles around it. The last
+/// ring is a kilometre wide and adjoins one of 2 mm.
 fn from_nanometres_to_kilometres() -> Mesh {
     let sides = [5e-7, 6e-7, 1e-3, 1.0, HALF_MM];
     let vertices: Vec<_> = sides.iter().flat_map(|&half| corners(half)).collect();

@@ -199,8 +199,8 @@ fn edge_out_of_focus_spreads_by_the_disc_of_confusion() {
                 bias = bias.max(mean.abs());
                 worst = errors.iter().fold(worst, |m, e| m.max(e.abs()));
             }
-            // So few points sample four dimensions, two of the pixel and two of the pupil, that
-            // single pixels scatter; their mean does not.
+            // The samples are sparse in four dimensions, two of the pixel and two of the pupil:
+            // single pixels scatter, but their mean does not.
             let bar = if samples == 64 { 0.11 } else { 0.24 };
             assert!(
                 worst < bar && bias < 0.02,

@@ -93,7 +93,8 @@ fn interreflection_is_linear_and_conserves_energy() {
     let mut of =
         |pattern_image: PatternImage| bounced(&profile, &mut renderer, &shot(Some(pattern_image)));
     let (dark, uniform) = (of(full(0)), of(PatternImage::Uniform(255)));
-    // Light at the nearest distance of about 800 mm plus the lamp's; the albedo is at most 0.85.
+    // Irradiance by the projector at the nearest distance of about 800 mm, plus that by the lamp,
+    // after two reflections with an albedo of at most 0.85.
     let most = 0.85f64.powi(2) * (0.4e6 / 6.4e5 + 0.04e6 / 1e5);
     assert!(uniform.iter().all(|&e| (-1e-6..most).contains(&e)));
     assert!(uniform.iter().filter(|&&e| e > 0.01).count() > 50_000);

@@ -29,8 +29,9 @@ fn interreflection_in_a_sphere_is_uniform_and_exact() {
     }
 }
 
-/// The same with surfaces that absorb nothing, whatever fraction their highlights reflect, and with
-/// a fine chequered texture, of which each point has its own mean.
+/// The same with an albedo of 1, once with specular highlights and once with a fine chequered
+/// texture. Results are relative to each pixel's response to uniform light, because each pixel
+/// averages a different part of the texture.
 #[test]
 fn highlights_and_pictures_keep_the_energy() {
     let profile = Profile::load("pmp-bench").unwrap();

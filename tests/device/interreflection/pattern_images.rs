@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// Irradiance in W/m^2 of a point of the first wall by the second one under a row pattern image
-/// along x: the midpoint rule over the wall's lit part, in f64.
+/// Irradiance in W/m^2 that the second wall, lit by a row pattern image along x, causes at a point
+/// of the first wall. Integrates over the lit part of the second wall by the midpoint rule, in f64.
 fn integrated(profile: &Profile, point: DVec3, levels: &[u16]) -> f64 {
     let view = profile.projector.view();
     let pupil = view.center();

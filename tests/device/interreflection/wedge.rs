@@ -9,9 +9,9 @@ use phasmid::profile::Profile;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// Form factor between a point of the first wall and the second wall: the sum of those of an
-/// element to two perpendicular rectangles, each with a corner opposite it (Howell, "A Catalog of
-/// Radiation Heat Transfer Configuration Factors", B-5).
+/// Form factor between a point of the first wall and the second wall: the sum of the form factors
+/// between an element and two perpendicular rectangles, each with a corner opposite it (Howell, "A
+/// Catalog of Radiation Heat Transfer Configuration Factors", B-5).
 fn wedge_factor(point: DVec3) -> f64 {
     let d = OUT[0].dot(point - CREASE);
     let far = d.hypot(WIDTH[1]);

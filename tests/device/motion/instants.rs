@@ -30,7 +30,7 @@ fn moving_scene_is_exposed_from_1_us_to_10_s() {
         };
         let found = renderer.expected_dn(&exposure);
         assert!(found.iter().all(|v| v.is_finite()));
-        // The mean over as many renderers of still scenes, each for a fifth of the time.
+        // Shorter exposures may be too dark to show the sphere, because `light` is at most 1.
         let middle = (77.0 + exposure_ns as f64 / 2.0) * 1e-9;
         let bright = found.iter().filter(|v| **v > 8.0).count();
         if exposure_ns >= 8 * MS {
@@ -150,10 +150,10 @@ fn meshes_that_do_not_fit_are_refused() {
     }
 }
 
-/// Motion of up to an eighth of a pixel is rendered at one instant, whatever number is requested,
-/// yet is still a mean over many parts of the exposure; larger motion is rendered at several
-/// instants. Later rows count too: an object at rest during the first row's exposure may move
-/// during the last one's.
+/// Motion of up to an eighth of a pixel is rendered at one instant, whatever number is requested.
+/// The result still equals the sum over many parts of the exposure. Larger motion is rendered at
+/// several instants. Later rows count too: an object at rest during the first row's exposure may
+/// move during the last row's.
 #[test]
 fn slow_motion_is_rendered_at_one_instant() {
     let profile = bench();

@@ -116,7 +116,7 @@ fn moving_object_looks_like_a_still_one_at_its_place() {
              { time_s = 3.0, position_mm = [50, -60, -40], rotation_deg = [0, 0, 50] } ] }",
         );
         same(&profile, &still, &moving, 2_000_000_000, shape);
-        // First its own pose, then its rest position.
+        // The keyframe's pose applies first, then the object's rest position.
         let still = object("position_mm = [30, -20, 1000]\nrotation_deg = [20, 0, 0]");
         let moving = object(
             "position_mm = [30, -20, 980]\nmotion = { period_s = 4.0, keyframes = [\n\

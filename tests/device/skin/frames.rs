@@ -138,7 +138,8 @@ fn fringes_and_gray_code_go_through_one_transfer() {
 fn an_edge_of_skin_has_the_levels_of_its_inside() {
     // A horizontal edge: patterns along x look the same in the pixels that it crosses.
     let profile = bench();
-    // It crosses a pixel between the cells of the sample grid: a quarter below its centre.
+    // The edge crosses a pixel between two rows of its sample grid: a quarter of a pixel below its
+    // centre.
     let lens = profile.camera.view().lens;
     let edge = (lens.principal_px.y - 190.25) * 1000.0 / lens.focal_px.y;
     let size = [400.0, 2.0 * edge];
@@ -244,7 +245,7 @@ fn truth_is_that_of_the_surface_and_says_where_skin_swallows_fringes() {
     let ratio = f64::from(mean(&skin) / mean(&sharp));
     let expected = TISSUE.reflectance(TAU * 1.433 * 1920.0 / 1000.0 / 16.0);
     assert!((ratio / expected - 1.0).abs() < 0.01, "{ratio} {expected}");
-    // Tissue that keeps less than a twentieth of it.
+    // Tissue that preserves less than a twentieth of the modulation.
     let milk = "skin = { absorption_per_mm = 0.002, reduced_scattering_per_mm = 0.3 }\n";
     let lost = modulation(&profile, &format!("{PLANE}{milk}"), 16.0);
     assert!(lost.flags[middle] & Truth::UNRESOLVED != 0);

@@ -11,11 +11,15 @@ use syn::{
 };
 
 /// Folders and files that define the types of the documents.
-const SOURCES: [&str; 8] = [
+const SOURCES: [&str; 12] = [
     "src/profile",
     "src/pattern",
     "src/geometry/board/kind.rs",
+    "src/geometry/lens.rs",
+    "src/geometry/pose.rs",
+    "src/geometry/rig.rs",
     "src/phantom/lib.rs",
+    "src/phantom/parameters.rs",
     "src/phantom/tissue.rs",
     "src/phantom/breathing/mod.rs",
     "src/protocol/faults",
@@ -23,7 +27,7 @@ const SOURCES: [&str; 8] = [
 ];
 
 /// Type of a document's root, title, and what it is for.
-const DOCUMENTS: [(&str, &str, &str); 5] = [
+const DOCUMENTS: [(&str, &str, &str); 7] = [
     (
         "Profile",
         "Profile",
@@ -43,6 +47,17 @@ const DOCUMENTS: [(&str, &str, &str); 5] = [
         "Manifest",
         "Manifest",
         "Lists the projected patterns; `phasmid decode --manifest`, `phasmid serve --sequence`.",
+    ),
+    (
+        "Rig",
+        "Calibration",
+        "Gives lenses and poses of camera and projector; `calibration.toml` of `phasmid calibrate` and \
+         `phasmid scan`, `phasmid decode --calibration`.",
+    ),
+    (
+        "Patient",
+        "Patient",
+        "Describes a generated patient; `phasmid patient check`, `phasmid patient plan`.",
     ),
     (
         "Schedule",
@@ -289,6 +304,9 @@ impl Document<'_> {
             "u8" | "u16" | "u32" | "u64" | "usize" | "i32" | "i64" => "integer".into(),
             "bool" => "boolean".into(),
             "String" => "text".into(),
+            "DVec2" => "2 x number".into(),
+            "DVec3" => "3 x number".into(),
+            "DMat3" => "3 x 3 x number".into(),
             "PathBuf" => "file".into(),
             "Option" | "Box" => self.value(arguments[0], path),
             "Vec" => match self.value(arguments[0], &format!("{path}[]")) {

@@ -92,7 +92,7 @@ fn scan_works_with_a_custom_dialect() {
     served.stop(rustix::process::Signal::TERM);
 }
 
-/// A long answer at 9600 baud takes at least as long as its bytes need, and so does the question.
+/// At 9600 baud, a long question and a long answer each take at least the time of their bytes.
 #[test]
 fn real_clock_delays_bytes_by_the_baud_rate() {
     let base = tempfile::tempdir().unwrap();

@@ -119,7 +119,7 @@ fn pod_that_was_moved_is_located_again() {
     let found = station(out.to_str().unwrap());
     assert_eq!(found.scene().as_deref(), Some("treatment-room"));
     for (place, truth) in places(&found).iter().zip(&places(&station(file))) {
-        // Error of a point at the isocentre, and of a direction.
+        // The located pod must map the isocentre to the right place and keep directions.
         let off = *place * truth.inverse();
         assert!(off.translation_mm.length() < 0.01, "{off:?}");
         let turned = off.rotation - glam::DMat3::IDENTITY;
@@ -252,7 +252,7 @@ fn pod_that_was_moved_is_located_again() {
     );
 }
 
-/// Complete lines, without the first.
+/// Complete lines of a file, without the first line.
 fn lines(path: &Path) -> Vec<String> {
     let text = fs::read_to_string(path).unwrap_or_default();
     let whole = text

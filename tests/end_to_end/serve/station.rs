@@ -100,8 +100,8 @@ fn stepping_one_device_steps_the_clock_of_both() {
     assert_eq!(to(5_000_000), [0, 0]);
     let mut instrument = pair.instrument(1);
     instrument.order("TRIG:SOUR BUS;:INIT;*TRG").unwrap();
-    // The exposures of one device end at 12 ms and every 16 ms after it; those of the other, 5 ms
-    // later.
+    // The exposures of one device end at 12 ms and every 16 ms after it. The exposures of the other
+    // device end 5 ms later.
     assert_eq!(to(16_999_999), [1, 0]);
     assert_eq!(to(17_000_000), [1, 1]);
     assert_eq!(to(92_000_000), [6, 5]);

@@ -16,20 +16,24 @@ pub struct Figures {
     pub dots_px: f64,
     /// The same, divided by their standard deviations.
     pub dots_whitened: f64,
-    /// Mean reprojection errors in pixels.
+    /// Mean reprojection error of the camera in pixels.
     pub camera_px: f64,
+    /// Mean reprojection error of the projector in pixels.
     pub projector_px: f64,
     /// Root mean square of the whitened residuals of camera and projector.
     pub whitened: [f64; 2],
     /// Root mean square of the errors of the projector's coordinates at the points' exact
-    /// positions, divided by their standard deviations, and in pixels.
+    /// positions, divided by their standard deviations.
     pub lit_whitened: f64,
+    /// Root mean square of the same errors in pixels.
     pub lit_px: f64,
-    /// Squared Mahalanobis distance from the truth and its degrees of freedom: for all parameters,
-    /// and for those of the rig.
+    /// Squared Mahalanobis distance of all parameters from the truth.
     pub distance: f64,
+    /// Degrees of freedom of `distance`.
     pub freedom: usize,
+    /// Squared Mahalanobis distance of the rig's parameters from the truth.
     pub rig_distance: f64,
+    /// Degrees of freedom of `rig_distance`.
     pub rig_freedom: usize,
     variance_factor: f64,
     inflation: [f64; 2],

@@ -34,7 +34,7 @@ fn decode(scene: &Scene, manifest: &Manifest, frames: &[Vec<u8>]) -> Decoded {
         .unwrap()
 }
 
-/// Number of wrongly decoded pixels, and of those rejected as contradictory.
+/// Returns the number of wrongly decoded pixels and the number of pixels rejected as contradictory.
 fn wrong(decoded: &Decoded, positions: &[[f64; 2]]) -> (usize, usize) {
     let map = decoded.axis(Axis::X).unwrap();
     let off = |(x, p): &(&f32, &[f64; 2])| (f64::from(**x) - p[0]).abs() > WRONG_PX;

@@ -104,9 +104,9 @@ fn shot_noise_is_carried_pixel_by_pixel_even_with_three_steps() {
     }
 }
 
-/// With variances that vary by a factor m, weights reduce errors by sqrt(1 - t^2 / (1 - t^2)), t =
-/// m / 2, for eight or more steps, and by sqrt(1 - t^2) for six; the stated errors shrink
-/// accordingly.
+/// If the noise variance varies between the steps with the relative amplitude m, weights reduce
+/// errors by sqrt(1 - t^2 / (1 - t^2)), t = m / 2, for eight or more steps, by sqrt(1 - t^2) for
+/// six, and not at all for three. The stated errors shrink accordingly.
 #[test]
 fn weights_make_use_of_shot_noise() {
     let positions = sweep(128);
@@ -174,7 +174,7 @@ fn noise_is_estimated_from_redundancy() {
             assert!((f.ratio - 1.0).abs() < 0.06, "{f:?}");
         }
     }
-    // Three steps and plain bits determine no noise; a note says so.
+    // The noise cannot be estimated from three steps and plain bits; a note reports this.
     let (_, _, notes) = estimate(
         [
             equal(Axis::X, 16.0, 3),

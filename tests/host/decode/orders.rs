@@ -239,7 +239,7 @@ fn at_high_noise_orders_are_masked_rather_than_wrong() {
 
 #[test]
 fn a_lone_period_is_wrapped_or_unwrapped_along_space() {
-    // One pixel in the plane is far below half a period.
+    // Neighbouring pixels differ by far less than half a period.
     let positions: Vec<[f64; 2]> = (0..WIDTH * 64)
         .map(|i| {
             [

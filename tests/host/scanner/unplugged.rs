@@ -32,7 +32,7 @@ struct Cable {
     returns: u32,
     frames: usize,
     lines: usize,
-    /// What the host has reopened, in order.
+    /// Names of the endpoints that the host has reopened, in order.
     opened: Vec<&'static str>,
     /// Frames that the host has not taken yet.
     waiting: MemoryCamera,
@@ -210,7 +210,7 @@ fn scan(pulled: Pulled, pulls: u32, returns: u32) -> Outcome {
     let opened = cable.borrow().opened.clone();
     let finished = scanner.finish();
     if captured.is_err() && returns == 0 {
-        // The host waited for it once; a device that comes back is left as it was found.
+        // The scan has already waited for the device in vain: finishing must not reopen anything.
         assert_eq!(cable.borrow().opened, opened, "{pulled:?}");
     }
     let captured = captured.and_then(|captured| finished.map(|()| captured));

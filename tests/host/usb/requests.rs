@@ -1,5 +1,5 @@
-//! Single requests on the control endpoint: those that USB 2.0 (chapter 9) and UVC 1.1 (chapter 4)
-//! require to be answered, and those that they require to be rejected.
+//! Tests single requests on the control endpoint: requests that USB 2.0 (chapter 9) and UVC 1.1
+//! (chapter 4) require a device to answer, and requests that they require it to reject.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
 use phasmid::host::usb::{UsbCamera, UsbDevice, UsbPort, VideoFunction};
@@ -42,7 +42,7 @@ fn halted_endpoints_end_waiting_transfers_and_resume() {
         let input = endpoint & 0x80 != 0;
         let waiting = input.then(|| device.client().submit(endpoint, 512, &[]).unwrap());
         if endpoint == NOTIFY_IN {
-            // It reports the lines once, whoever asks; the next request waits.
+            // The endpoint reports the lines once to the first request; the next request waits.
             waiting.unwrap().wait(TIMEOUT).unwrap().unwrap();
             drop(device.client().submit(endpoint, 512, &[]).unwrap());
         } else if let Some(waiting) = waiting {

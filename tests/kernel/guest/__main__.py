@@ -15,9 +15,9 @@ from lab.failure import Failure
 from lab.kernel_log import KernelLog
 
 FILTERS = pathlib.Path("/mnt/out/filters")
-# Names the test at work, for a guest that does not come back.
+# Holds the name of the running test, so that the host can report it if the guest breaks off.
 RUNNING = pathlib.Path("/mnt/out/running")
-# What unregisters nodes goes last: the module cannot be loaded anew after it.
+# Tests that unregister nodes run last: the module cannot be reloaded afterwards.
 LAST = ["test_unplug"]
 
 
@@ -62,7 +62,8 @@ def main():
     if sys.argv[1:] == ["--list"]:
         print("\n".join(name for name, _ in tests()))
         return 0
-    # Parts of names; "*" is all, and without any, all but those marked `whole`.
+    # Parts of test names. "*" selects all tests; an empty list selects all tests not marked
+    # `whole`.
     wanted = FILTERS.read_text().split()
     failed = 0
     print("begins")

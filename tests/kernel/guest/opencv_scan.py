@@ -24,7 +24,7 @@ def main(node, port, folder):
     camera = cv2.VideoCapture(node, cv2.CAP_V4L2)
     assert camera.isOpened(), f"{node} does not open"
     assert camera.set(cv2.CAP_PROP_CONVERT_RGB, 0)
-    # OpenCV starts to stream with the first frame that is read.
+    # OpenCV starts streaming when the first frame is read.
     assert camera.read()[0], "the camera does not run free"
 
     with serial.Serial(port, timeout=20) as control:
@@ -48,10 +48,10 @@ def main(node, port, folder):
         while len(frames) < count:
             grabbed, frame = camera.read()
             assert grabbed, "the camera gives no frame"
-            # Of YUYV, which OpenCV prefers where it is offered, the luma.
+            # OpenCV prefers YUYV if the camera offers it: keeps only the luma.
             frame = frame.reshape(241, 320, -1)[:, :, 0]
             identity, index, triggered = data_line(frame[0])
-            # What came before the trigger belongs to the free-running camera.
+            # Frames from before the trigger belong to the free-running camera.
             if triggered:
                 frames[index] = (identity, frame[1:])
         assert ask("*OPC?") == "1"

@@ -12,7 +12,7 @@ from lab.v4l2 import produce
 
 
 def report(scratch, *options):
-    # It fails, since the module does: its report counts, not its status.
+    # Ignores the exit status, which is nonzero because of the module's own failures.
     return scratch.run("v4l2-compliance", "-d", loopback.PHASMID, *options).out
 
 
@@ -20,7 +20,7 @@ def test_the_module_fails_what_is_listed(scratch):
     """Under a producer of ten lines: what fails here is nothing that `phasmid serve` could mend."""
     loopback.load()
     node = produce(loopback.PHASMID, 320, 241, b"GREY")
-    # The first frame makes it a capture node.
+    # The node becomes a capture node with the first frame.
     os.write(node, bytes(320 * 241))
     over = threading.Event()
 

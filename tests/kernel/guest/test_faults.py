@@ -43,7 +43,7 @@ def reader(scratch, *options):
 def in_the_middle(scan, path=loopback.PHASMID):
     """Waits until a scan has begun. Not by the control port, which is the scan's own."""
     wait_until("the scan opens the camera", lambda: scan.has_open(path))
-    # The trigger follows at once; a sequence takes 1.8 s.
+    # The trigger follows at once and a sequence takes 1.8 s, so this ends in its middle.
     time.sleep(0.8)
 
 
@@ -104,7 +104,7 @@ def test_a_slow_scan(scratch):
     for variation in (GREY, PLAIN):
         wanted = reference_scan(scratch, variation, "--no-noise")
         device = loaded_and_served(scratch, variation)
-        # A small ring, which such a reader overruns.
+        # Sets a ring of two buffers, in which a stopped scan loses frames.
         small = reader(scratch, "--stream-mmap=2")
         out = f"slow-{variation.data_line}"
         job = device.scan(out, wait=False)
@@ -134,7 +134,7 @@ def test_serve_killed_and_started_again(scratch):
     done = job.wait(60).with_status(1)
     expect_true(f"it says why: {done.err}", len(done.err.strip()) > 20)
     expect_true("no panic", "panicked" not in done.err)
-    # The reader holds the node and its format over the producer's death.
+    # The reader keeps the node and its format after the producer's death.
     again = served(scratch)
     expect_next_scan_right(again)
     held.end()
@@ -150,13 +150,14 @@ def test_a_foreign_producer_holds_the_node(scratch):
     said = refused(scratch)
     expect_in("serve", "/dev/video10", said)
     expect_in("serve", "another program streams into it", said)
-    # Left to itself it takes the next node.
+    # With `auto`, the device takes the next free node.
     device = served(scratch, camera="auto", name="auto")
     expect("camera", device.camera, loopback.SECOND)
     expect_in("serve", "labelled Phasmid; /dev/video10: another program streams into it", device.job.said()[0])
     expect_next_scan_right(device)
     device.stop()
-    # The module forgets the output side of a node that was written to, until it is loaded anew.
+    # After a program has written to a node, the module no longer offers the node for output until
+    # it is reloaded.
     scratch.let_go(foreign)
     expect_in("serve after it", "sudo modprobe -r v4l2loopback", refused(scratch))
     after = loaded_and_served(scratch)

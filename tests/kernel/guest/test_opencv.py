@@ -9,7 +9,7 @@ from lab.guest import LANE
 from lab.profiles import GREY
 
 
-@limit(180)  # the interpreter of the guest takes its time over OpenCV's libraries
+@limit(180)  # loading OpenCV's libraries takes long in the emulated guest
 def test_a_scan_in_python_gives_the_same_points(scratch):
     wanted = reference_scan(scratch, GREY)
     loopback.load()

@@ -10,14 +10,14 @@ from lab.v4l2 import names
 
 def test_the_module_makes_the_nodes_with_their_names(scratch):
     loopback.load()
-    # vivid's nodes may be there too.
+    # Nodes of vivid may exist too.
     for number, label in loopback.NODES:
         expect(f"name of node {number}", names().get(f"/dev/video{number}"), label)
 
 
 def test_frames_of_ffmpeg_reach_v4l2_ctl(scratch):
     loopback.load()
-    frame = bytes(range(256)) * 300  # 320 x 240, each row like the others
+    frame = bytes(range(256)) * 300  # 320 x 240 pixels; the rows repeat every four
     raw = scratch.dir / "in.raw"
     raw.write_bytes(frame * 60)
     scratch.start(

@@ -65,7 +65,7 @@ def test_auto_takes_the_free_labelled_node(scratch):
     third = Device(scratch, GREY, "auto", name="third").ready()
     expect_in("first", "/dev/video10", first.camera)
     expect_in("second", "/dev/video11", second.camera)
-    # The third node bears another label.
+    # The third node's label does not begin with Phasmid.
     expect_in("third", "socket:", third.camera)
     another = "another phasmid serves its camera there"
     for device, reason in (

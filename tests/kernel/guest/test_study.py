@@ -8,7 +8,7 @@ from lab.failure import expect, expect_in, expect_true, limit, whole
 from lab.guest import wait_until
 
 LINKS = ["in memory", "pty and frame socket", "pty and TCP", "USB/IP", "pty and V4L2", "USB of the kernel"]
-# A frame of the quick form, with its data line.
+# Bytes of a frame in the quick form, with its data line.
 BYTES = 380 * 161
 TRIGGERS, SEQUENCES = 44, 5 * 22
 
@@ -35,7 +35,7 @@ def test_speed_over_every_link(scratch):
     for name, row in rows_of(rows, "latency").items():
         expect(f"{name}: frames one by one", int(row["frames"]), TRIGGERS)
         least, median, p99, most = (float(row[f"{key}_us"]) for key in ("least", "median", "p99", "most"))
-        # No frame comes faster than its bytes are copied, and none later than is waited for.
+        # No frame arrives in less time than its bytes take to copy, or after the timeout.
         ordered = float(row["copy_us"]) < least <= median <= p99 <= most < 20e6
         expect_true(f"{name}: latencies {least}, {median}, {p99}, {most} us", ordered)
     for name, row in rows_of(rows, "throughput").items():
@@ -50,6 +50,6 @@ def test_speed_over_every_link(scratch):
     tables = (out / "tables.md").read_text()
     for name in LINKS:
         expect_in("tables.md", f"| {name} ", tables)
-    # The kernel is rid of the device, and the node has no producer.
+    # The kernel has removed the device, and the node has no producer.
     wait_until("the camera is gone", lambda: usb.video_node() is None)
     loopback.unload()

@@ -46,7 +46,7 @@ def test_modprobe_takes_our_options(scratch):
     config = scratch.dir / "modprobe.d"
     config.mkdir()
     shutil.copy(REPO / "udev/v4l2loopback-phasmid.conf", config)
-    # What modules-load.d names, as systemd does at the start.
+    # Loads the module that the modules-load.d file names, as systemd does at boot.
     lines = (REPO / "udev/phasmid-modules.conf").read_text().splitlines()
     (module,) = [line for line in lines if line and not line.startswith("#")]
     scratch.run("modprobe", "-d", scratch.dir / "root", "-C", config, module).ok()

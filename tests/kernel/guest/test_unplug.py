@@ -24,7 +24,7 @@ def nodes():
 
 
 def unplug(path):
-    # It never stays loaded.
+    # The module never stays loaded: its initialisation always returns an error.
     done = loopback.insmod("/mnt/modules/unplug.ko", f"node={path}")
     expect_in("insmod", "temporarily unavailable", done.stderr)
     expect_true("the node is gone", path not in names())

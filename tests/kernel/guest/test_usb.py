@@ -18,7 +18,7 @@ from lab.profiles import GREY, SCENE, Y12, YUYV, replace
 from lab.streams import split
 from lab.usb import UsbDevice, UsbVariation, plugged
 
-# Cycles of plugging in and out until a server has what it goes on with.
+# Number of cycles of plugging and unplugging until the server's resources are steady.
 WARM_UP = 10
 
 
@@ -41,7 +41,7 @@ def test_both_drivers_bind_and_lsusb_reads_it(scratch):
 def test_a_scan_gives_the_frames_of_the_frame_socket(scratch):
     super_speed = UsbVariation(GREY, 'speed = "super"')
     for name, variation in (("grey", GREY), ("yuyv", YUYV), ("y12", Y12), ("super", super_speed)):
-        # A folder for the device, another for its scan.
+        # The device and its scan use separate folders.
         wanted = reference_scan(scratch, getattr(variation, "base", variation))
         device = UsbDevice(scratch, variation, name=f"device-{name}").ready().plugged()
         device.scan_usb(name).ok()
@@ -59,8 +59,9 @@ def test_isochronous_frames_come_whole(scratch):
     expect("frames", len(frames), 10)
     expect("images that are alike", len({GREY.image(frame) for frame in frames}), 1)
     ids = [Line(frame, GREY).id for frame in frames]
-    # uvcvideo numbers frames as they begin, but copies each transfer in a worker of its own: on a
-    # busy machine a small frame is complete, and handed out, before the one that it follows.
+    # uvcvideo numbers frames when they begin, but copies each transfer in a separate worker. On a
+    # busy machine, a small frame may be complete before the previous frame, and is then delivered
+    # first.
     numbers = [int(n) for n in re.findall(r"dqbuf: *\d+ seq: *(\d+)", done.out + done.err)]
     expect_true(f"ten numbers of the driver in {numbers}", len(numbers) >= 10)
     as_begun = [at for _, at in sorted(zip(numbers, ids))]
@@ -98,7 +99,8 @@ def test_a_thousand_frames_without_loss(scratch):
         "v4l2-ctl", "-d", device.node, "--verbose", "--stream-mmap=16", "--stream-count=1050",
         f"--stream-to={saved}")
     wait_until("STREAMON", lambda: "VIDIOC_STREAMON" in "".join(reader.said()))
-    # Triggered, because a free-running camera drops what a busy machine cannot make in time.
+    # Uses triggers, because a free-running camera drops frames that a busy machine cannot render in
+    # time.
     with serial.Serial(device.port, timeout=20) as port:
         port.write(b"INIT:CONT OFF;:ABOR;:TRIG:SOUR BUS;MODE SEQ;:SEQ:PER 0.02;:SYST:ERR?\n")
         expect("armed", port.readline(), b'0,"No error"\n')
@@ -128,7 +130,7 @@ def test_rts_triggers_and_dsr_tells(scratch):
         expect("DSR at rest", port.dsr, False)
         port.rts = True
         wait_until("DSR while a sequence is projected", lambda: port.dsr)
-        # Those before were of the free-running camera.
+        # Skips the frames of the free-running camera.
         index = None
         while index is None:
             index = Line(frames.frame(), GREY).index
@@ -168,7 +170,7 @@ def test_unplugged_in_a_scan_that_goes_on_when_it_is_back(scratch):
     wanted = reference_scan(scratch, GREY, "--no-noise")
     device = plugged(scratch, GREY, "--no-noise")
     before = device.node, device.port
-    # Whoever holds a node keeps its name from the device that comes back.
+    # While a program holds a node open, the device that comes back cannot get the node's name.
     for node in before:
         scratch.hold(os.open(node, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
     job = device.scan_usb("scan", wait=False)
@@ -199,10 +201,11 @@ def test_fifty_times_in_and_out(scratch):
             after.append(device.resources())
             log.write(f"cycle {cycle}: descriptors, resident kB: {after[-1]}\n")
     warm = after[:WARM_UP]
-    # A connection may outlive its plug by a moment.
+    # A connection may stay open for a moment after its device has been unplugged.
     least = min(descriptors for descriptors, _ in warm)
     wait_until(f"{least} descriptors", lambda: device.resources()[0] == least)
-    # What leaks does so all along; an allocator that takes another page does so once.
+    # A leak makes memory grow in both halves; an allocator that takes another page does so in only
+    # one.
     resident = [kilobytes for _, kilobytes in after]
     halves = resident[29] - resident[WARM_UP - 1], resident[49] - resident[29]
     expect_true(f"memory grew by {halves} kB in twenty cycles each",

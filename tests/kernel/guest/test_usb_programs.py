@@ -12,7 +12,8 @@ from lab.profiles import FRAMES, GREY
 from lab.streams import split
 from lab.usb import plugged
 
-# Frames to record: the sequence's, and those of the free-running camera before and after it.
+# Number of frames to record: the sequence, and frames of the free-running camera before and after
+# it.
 COUNT = 40
 
 
@@ -60,7 +61,8 @@ def test_v4l2_ctl_records_a_scan(scratch):
 
 @whole
 def test_ffmpeg_records_a_scan(scratch):
-    # The camera offers YUYV as well, which ffmpeg would take, and stretch its luma to full range.
+    # Requests grey frames: the camera also offers YUYV, which ffmpeg would select, stretching its
+    # luma to full range.
     recorded(
         scratch, "ffmpeg", "-nostdin", "-loglevel", "error", "-f", "v4l2", "-input_format", "gray", "-i", "NODE",
         "-frames:v", COUNT, "-vsync", "passthrough", "-f", "rawvideo", "-pix_fmt", "gray", "SAVED")
@@ -74,7 +76,7 @@ def test_gstreamer_records_a_scan(scratch):
 
 
 @whole
-@limit(180)  # the interpreter of the guest takes its time over OpenCV's libraries
+@limit(180)  # loading OpenCV's libraries takes long in the emulated guest
 def test_opencv_and_pyserial_scan(scratch):
     wanted = reference_scan(scratch, GREY)
     device = plugged(scratch, GREY)

@@ -19,7 +19,7 @@ def test_it_is_listed_with_its_format_and_interval(scratch):
     device = Device(scratch, GREY, loopback.PHASMID).ready()
     expect("camera in device.json", device.camera, loopback.PHASMID)
     expect("its name", names()[loopback.PHASMID], "Phasmid one")
-    # Its status tells about /dev/video0, which is not there.
+    # Ignores the exit status, which depends on /dev/video0, a node that does not exist.
     listed = scratch.run("v4l2-ctl", "--list-devices").out
     expect_in("list of devices", "Phasmid one (platform:v4l2loopback-000):\n\t/dev/video10", listed)
     formats = scratch.run(*CTL, "--list-formats-ext").ok().out
@@ -43,7 +43,7 @@ def saved_sequence(scratch, variation):
         *CTL, "--stream-mmap=32", f"--stream-count={FRAMES + 4}", f"--stream-to={saved}", "--verbose")
     wait_until("STREAMON", lambda: "VIDIOC_STREAMON" in "".join(reader.said()))
     device.control.run_sequence()
-    # Frames of the free-running camera fill up the count.
+    # Frames of the free-running camera complete the requested number.
     device.control.run_free()
     reader.wait().ok()
     expect_sequence(split(saved.read_bytes(), variation), rendered, variation)
@@ -90,7 +90,8 @@ def test_buffers_bear_the_time_of_the_exposure(scratch):
     frames = split(saved.read_bytes(), GREY)
     expect("times of frames", len(times), len(frames))
     starts = [Line(frame, GREY).start_ns for frame in frames]
-    # The first one's is the module's: asking for buffers stamps those that wait.
+    # Excludes the first frame, whose time is the module's: it stamps waiting buffers when a reader
+    # requests buffers.
     for at in range(2, len(frames)):
         between = times[at] - times[at - 1] - (starts[at] - starts[at - 1]) / 1e9
         expect_true(f"frame {at} is {between} s off", abs(between) < 5e-6)

@@ -7,7 +7,8 @@ from lab.profiles import GREY, YUYV
 from lab.streams import expect_free_run, split
 
 COUNT = 8
-# The module may hand out a buffer that has not been given back; GStreamer gives up on it.
+# The module may hand out a buffer that has not been returned yet; GStreamer then fails with this
+# message.
 MODULES_OWN = "Failed to allocate a buffer"
 
 

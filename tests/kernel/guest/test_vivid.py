@@ -23,7 +23,7 @@ def expect_no_surface(scratch, done, out):
 @whole
 def test_a_scan_without_a_port_says_no_modulation(scratch):
     node = vivid.load()
-    # A manifest of what a projector would have shown.
+    # The manifest of a sequence that a projector would have shown.
     manifest = scratch.dir / "sequence.toml"
     manifest.write_bytes(reference_scan(scratch, GREY)["sequence.toml"])
     for capture in ("v4l", "nokhwa"):

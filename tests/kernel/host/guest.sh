@@ -1,13 +1,14 @@
 # Boots the guest and follows what its tests report. Sourced by ../run.
 
-# boot FILTER...: one guest; its tests' lines go to standard output and $out/report. Status: the
-# guest's own, 125 when it did not report one.
+# boot FILTER...: boots a guest; prints the lines of its tests and writes them to $out/report.
+# Returns the guest's exit status, or 125 if it reported none.
 boot() {
   local status
   : > "$out/console.log"
   printf '%s\n' "$@" > "$out/filters"
-  # The first serial port is the kernel's console, the second is the report. Root is this machine's,
-  # for its programs, read-only; the checkout has a mount of its own, so that it may lie in /tmp.
+  # The first serial port is the kernel's console, the second carries the report. The guest mounts
+  # this machine's root read-only to use its programs. The checkout is mounted separately, because
+  # it may be in /tmp, which the guest replaces.
   timeout -k 5 "$limit_s" qemu-system-x86_64 \
     -accel tcg,thread=multi -cpu max -smp 2 -m 2048 -nodefaults -no-reboot -display none \
     -kernel "$stock/root/boot/vmlinuz-$kernel" -initrd "$stock/initramfs.cpio" \

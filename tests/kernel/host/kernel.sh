@@ -1,13 +1,15 @@
-# A stock Debian kernel, v4l2loopback for it, our own module, and an initramfs with them: made once
-# and kept in $cache/KERNEL-VERSION. Sourced by ../run.
+# Prepares a stock Debian kernel, v4l2loopback for it, our own module, and an initramfs that
+# contains them, in $cache/KERNEL-VERSION. The kernel and v4l2loopback are prepared only once.
+# Sourced by ../run.
 
-# Modules of the kernel that the guest loads, in this order, with what they depend on. vivid and the
-# drivers of USB are loaded by the tests that want them.
+# Kernel modules that the guest loads at boot, in this order, each after its dependencies. vivid and
+# the USB drivers are loaded by the tests that need them.
 boot_modules=(virtio_pci 9p 9pnet_virtio videodev)
 vivid_modules=(vivid)
 usb_modules=(vhci-hcd uvcvideo cdc-acm)
 
-# Sets $kernel and $stock. A kernel that is in the cache is used; otherwise what apt offers now.
+# Sets $kernel and $stock. Uses the newest kernel in the cache; if there is none, the kernel that
+# apt offers.
 choose_kernel() {
   local ready
   ready=$(find "$cache" -mindepth 2 -maxdepth 2 -name ready 2> /dev/null | sort -V | tail -n 1)
@@ -23,7 +25,7 @@ choose_kernel() {
 # Fetches the packages of the kernel without installing them.
 download_kernel() {
   local kbuild options=(-qq)
-  # As root apt would hand the download to a user who may not be able to write here.
+  # As root, apt would download as another user, who may not have write access here.
   [ "$(id -u)" -ne 0 ] || options+=(-o APT::Sandbox::User=root)
   kbuild=$(apt-cache depends "linux-headers-$kernel" | sed -n 's/.*Depends: \(linux-kbuild-.*\)/\1/p')
   mkdir -p "$stock/debs"
@@ -36,17 +38,17 @@ download_kernel() {
   depmod -b "$stock/root" "$kernel"
 }
 
-# build_module FOLDER NAME
+# build_module FOLDER NAME: builds module NAME in FOLDER and copies it to $stock.
 build_module() {
   local headers=$stock/root/usr/src/linux-headers-$kernel
-  # The package's makefile includes another by the path that it has when installed.
+  # The package's makefile includes another makefile by its installed path.
   echo "include $stock/root/usr/src/linux-headers-${kernel%-amd64}-common/Makefile" > "$headers/Makefile"
   make -s -C "$headers" M="$1" CC=gcc modules > "$stock/build.log" 2>&1 ||
     { cat "$stock/build.log" >&2; fail "module $2 does not build against kernel $kernel"; }
   cp "$1/$2.ko" "$stock/"
 }
 
-# Everything that does not depend on this checkout.
+# Prepares everything that does not depend on this checkout.
 make_stock() {
   [ ! -e "$stock/ready" ] || return 0
   say "making kernel $kernel ready in $stock"
@@ -60,14 +62,14 @@ make_stock() {
   touch "$stock/ready"
 }
 
-# Our module, whenever its source is newer.
+# Builds our own module if its source is newer.
 make_unplug() {
   [ "$stock/unplug.ko" -nt "$lane/unplug/unplug.c" ] && return 0
   rm -rf "$stock/unplug" && cp -r "$lane/unplug" "$stock/unplug"
   build_module "$stock/unplug" unplug
 }
 
-# The initramfs: busybox, modules in load order, and init. Quick, so made anew each time.
+# Makes the initramfs: busybox, modules in load order, and init. It is quick, so every run makes it.
 make_initramfs() {
   local tree=$stock/initramfs module
   rm -rf "$tree" && mkdir -p "$tree"/{bin,modules,proc,sys,dev,host}
@@ -83,7 +85,7 @@ make_initramfs() {
   (cd "$tree" && find . | cpio --quiet -o -H newc) > "$stock/initramfs.cpio"
 }
 
-# Names of the files of modules and of what they need, in load order.
+# Prints the file names of modules and their dependencies, in load order.
 module_files() {
   local module
   for module in "$@"; do

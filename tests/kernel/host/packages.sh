@@ -1,7 +1,7 @@
-# The Debian packages that the lane needs here, and whether they are here. Sourced by ../run.
+# Lists and installs the Debian packages that the lane needs on this machine. Sourced by ../run.
 
-# Emulator and initramfs; what builds two kernel modules (libelf1: objtool); the foreign clients, the
-# keeper of device nodes among them.
+# By line: emulator and initramfs; tools that build two kernel modules (objtool needs libelf1);
+# third-party clients, including udev.
 packages=(
   qemu-system-x86 busybox-static cpio kmod
   gcc make libc6-dev libelf1

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0
-// Unregisters a video node under its users, as pulling out a camera's plug does. The kernel refuses
-// to remove a module that is in use, so for v4l2loopback nothing else makes this happen.
+// Unregisters a video node while programs use it, as unplugging a camera does. The kernel refuses
+// to remove a module that is in use, so nothing else does this to a node of v4l2loopback.
 //
 //   insmod unplug.ko node=/dev/video17
 //

@@ -1,9 +1,9 @@
 //! Estimates the image's blur from all its corners together.
 //!
 //! A corner sharper than a pixel whose edges run along the pixel rows contains no information on
-//! the blur, yet its fitted position depends on the blur assumed. An image has one blur, or one
-//! that varies with the board's distance; the corners that determine it provide it for those that
-//! do not.
+//! the blur, yet its fitted position depends on the blur assumed. All corners of an image have the
+//! same blur, or one that varies with the board's distance. Corners that determine the blur supply
+//! its value to corners that do not.
 
 /// The blur's variance in pixels squared, and the standard deviation of that variance (0 fixes it).
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -29,8 +29,8 @@ impl Labels {
     }
 }
 
-/// Returns the labels for a grid, or `None` if its size is not that of the board in either order;
-/// `px` gives the positions of the grid's corners.
+/// Returns the labels for a grid, or `None` if its numbers of columns and rows differ from the
+/// board's in either order. `px` gives the positions of the grid's corners.
 pub(super) fn labels(
     grid: &Grid,
     board: [u32; 2],

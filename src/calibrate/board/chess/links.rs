@@ -1,5 +1,5 @@
-//! Links neighbouring corners: those joined by an edge with one side dark along its whole length,
-//! where each is the other's neighbour.
+//! Links pairs of corners that are mutual nearest neighbours along an edge. The edge must have the
+//! same dark side over its whole length.
 
 use super::grey::Grey;
 use super::saddles::Saddle;
@@ -13,7 +13,7 @@ const ALIKE: f64 = 0.9;
 /// Maximum number of neighbours that are tried along an edge.
 const TRIED: usize = 6;
 
-/// By corner and edge: the neighbour, and the neighbour's edge that leads back.
+/// Indexed by corner and edge: the neighbour, and the neighbour's edge that leads back.
 pub(super) type Links = Vec<[Option<(usize, usize)>; 4]>;
 
 /// Computes the links on which both ends agree.

@@ -49,8 +49,8 @@ const SPARE: usize = 10;
 /// may be missing from the result, because they could not be measured.
 ///
 /// # Errors
-/// Returns an error with a description of what was found if there is no board, only a part of one,
-/// a different one, or more than one.
+/// Returns an error that describes the image if it contains no board, part of a board, another
+/// board or several boards.
 pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
     let wanted = board.grid();
     if wanted.iter().any(|&n| n < 3) {

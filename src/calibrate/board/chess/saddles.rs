@@ -55,8 +55,7 @@ fn hessian(level: &[f32], width: usize, at: usize) -> [f32; 3] {
     ]
 }
 
-/// Pixels with the largest negative determinant of their 5 x 5 neighbourhood, and its absolute
-/// value.
+/// Pixels with the most negative determinant in their 5 x 5 neighbourhood, and its absolute value.
 fn peaks(grey: &Grey) -> Vec<(usize, f32)> {
     let (w, h) = (grey.width, grey.height);
     if w < 9 || h < 9 {

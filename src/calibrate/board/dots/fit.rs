@@ -9,7 +9,7 @@
 //! least squares, weighted by one over the pixel variance. Near convergence, pixels with residuals
 //! above four standard deviations lose weight and those above eight have none (Hampel's three-part
 //! function with a = b = 4, c = 8), so that dirt does not shift the dot. From then on the standard
-//! deviation is that of the residuals, if larger than the predicted one.
+//! deviation is estimated from the residuals, but is never below the predicted one.
 
 use super::coverage::{self, Cell};
 use super::ellipse::{Ellipse, Window};
@@ -102,7 +102,7 @@ struct Normals {
     told: f64,
 }
 
-/// Fits a dot. Returns `None` if there is no dot or the fit does not converge.
+/// Fits a dot. Returns `None` if the patch shows none or the fit does not converge.
 pub(super) fn fit(
     patch: &Patch,
     start: Ellipse,

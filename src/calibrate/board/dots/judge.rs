@@ -12,8 +12,8 @@ use phasmid_geometry::Board;
 const TOLD: f64 = 0.8;
 /// Maximum ratio of a fit's chi-square per degree of freedom to the median of all fits.
 const WORSE: f64 = 25.0;
-/// Maximum ratio of a dot's contrast to the median, and of its radius to the predicted one, either
-/// way.
+/// Maximum ratio, in either direction, of a dot's contrast to the median contrast; also of its
+/// radius to the predicted radius.
 const CONTRAST: f64 = 1.4;
 const RADIUS: f64 = 1.2;
 /// Maximum distance from the position that the neighbours predict, in pitches.

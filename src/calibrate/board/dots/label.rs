@@ -114,7 +114,7 @@ fn markers(board: &Board, blobs: &[Blob], grid: &Grid) -> Vec<Cell> {
         .collect()
 }
 
-/// Candidate offsets: those that map a large dot to a marker.
+/// Candidate offsets, each of which maps a large dot to a marker.
 fn offsets(board: &Board, large: &[Cell], turn: [[i32; 2]; 2]) -> BTreeSet<[i32; 2]> {
     let unmoved = Labels {
         turn,
@@ -136,8 +136,8 @@ fn places(board: &Board) -> impl Iterator<Item = [i32; 2]> + use<> {
     MARKERS.iter().map(move |m| [columns + m[0], rows + m[1]])
 }
 
-/// Whether at least `ENOUGH` markers are large dots, no marker that was found is small, and no
-/// other dot on the board is large. Dots outside the board are ignored.
+/// Tests labels: at least `ENOUGH` markers must be large dots, no marker that was found may be
+/// small, and no other dot on the board may be large. Dots outside the board are ignored.
 fn agrees(board: &Board, grid: &Grid, large: &[Cell], labels: &Labels) -> bool {
     let markers: Vec<Cell> = places(board).map(|place| labels.cell(place)).collect();
     let seen = markers.iter().filter(|cell| grid.contains_key(*cell));

@@ -20,7 +20,7 @@ const FAR: f64 = 14.0;
 const SEED: f64 = 0.2;
 /// Maximum distance of a dot from its predicted position, in pitches.
 const STRAY: f64 = 0.25;
-/// Allowed ratio of a dot's area to that of the dots around it.
+/// Allowed ratio of a dot's area to the area of the dots around it.
 const SIZES: std::ops::Range<f64> = 0.2..9.0;
 /// Radius, in cells, of the neighbourhood that predicts a cell's position.
 const AROUND: i32 = 2;

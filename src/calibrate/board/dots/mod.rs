@@ -50,8 +50,7 @@ const GRIDS: usize = 6;
 /// Allowed number of dots along a side of the board.
 const SIDES: std::ops::RangeInclusive<u32> = 5..=199;
 
-/// Finds the board's dots in an image and returns those that are complete and well measured, row by
-/// row.
+/// Finds the board's dots in an image and returns the complete, well measured dots, row by row.
 ///
 /// Each `px` is the centroid of the imaged dot's area, corrected for the gradient of the light. Its
 /// covariance follows from the image noise, scaled up where the fits' residuals exceed that noise.

@@ -20,9 +20,9 @@ const SAME_DN: f32 = 1.5;
 pub(super) const ON_OUTLINES: f32 = 5.0 / 3.0;
 
 /// Rounding variance, in DN squared, of the mean of any number of samples of the same level,
-/// averaged over all fractions of that level; `variance` is that of a sample before rounding. It
-/// sums the harmonics of the rounding error, each attenuated by the noise's characteristic function
-/// (Widrow and Kollar, "Quantization Noise", 2008, section 4.5).
+/// averaged over all fractions of that level; `variance` is the variance of a sample before
+/// rounding. It sums the harmonics of the rounding error, each attenuated by the noise's
+/// characteristic function (Widrow and Kollar, "Quantization Noise", 2008, section 4.5).
 pub(super) fn left_by_rounding(variance: f32) -> f32 {
     (1..=TERMS)
         .map(|k| (2.0 * PI * f32::from(k)).powi(2))

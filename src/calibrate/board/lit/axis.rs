@@ -14,8 +14,8 @@ use glam::{DMat3, DVec2, DVec3};
 pub(super) const PIXELS: usize = 12;
 /// Maximum residual of a pixel that counts, in standard deviations.
 const KEEP: f64 = 5.0;
-/// Maximum ratio of the variance at the point to that of a mean of the same pixels: 1 in the middle
-/// of evenly spread pixels, 4 at their edge.
+/// Maximum ratio of the variance at the point to the variance of a mean of the same pixels: 1 in
+/// the middle of evenly spread pixels, 4 at their edge.
 const UNEVEN: f64 = 4.0;
 /// Maximum ratio of the residuals' mean square to the predicted variance. An estimate of the noise
 /// may be off by a factor of three; frames in the wrong order cause more.

@@ -1,4 +1,4 @@
-//! Selects the decoded pixels in a point's cell of the board, without those that an outline
+//! Selects the decoded pixels in a point's cell of the board, except pixels that an outline
 //! crosses.
 
 use super::super::Seen;

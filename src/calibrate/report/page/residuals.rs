@@ -1,5 +1,5 @@
 //! Residual vectors over both images, individually and as means of cells. A lens that the model
-//! does not fit shows as a pattern in the means; noise averages out.
+//! does not fit shows as a pattern of the cell means; noise averages out.
 
 use super::html::note;
 use super::spots::Spot;

@@ -32,7 +32,7 @@ struct Direction {
 }
 
 fn directions() -> [Direction; 3] {
-    // From behind the camera, to its left and above it.
+    // The viewpoint is behind the camera, to its left and above it.
     let (yaw, pitch) = (35f64.to_radians(), 25f64.to_radians());
     let forward = DVec3::new(
         yaw.sin() * pitch.cos(),

@@ -70,7 +70,7 @@ fn histogram(sheet: &mut Sheet, left: f64, name: &str, class: &str, values: &[f6
     curve(sheet, &panel, "c2", &normal);
 }
 
-/// Draws quantiles of sorted values against those of the standard normal distribution.
+/// Draws quantiles of sorted values against quantiles of the standard normal distribution.
 fn quantiles(sheet: &mut Sheet, left: f64, class: &str, values: &[f64]) {
     let points = against_normal(values);
     let reach = points

@@ -1,4 +1,4 @@
-//! Queries, settings and mistakes.
+//! Queries, settings and errors.
 
 use super::{MS, Port};
 use proptest::prelude::*;
@@ -126,7 +126,7 @@ fn a_stalled_block_is_given_up() {
 }
 
 proptest! {
-    /// Whatever comes, the device survives, its queue drains, and it then answers.
+    /// After any input, the device answers again once the client has hung up and sent `*CLS`.
     #[test]
     fn answers_after_any_bytes(chunks in proptest::collection::vec(
         prop_oneof![

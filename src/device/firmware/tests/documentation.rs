@@ -1,9 +1,9 @@
-//! The commands' documentation against the device, so that it cannot rot.
+//! Checks that the documentation of the commands matches the device.
 
 use super::Port;
 use crate::firmware::table;
 
-/// The first cells of a document's tables, without their backticks.
+/// Returns the first cell of each table row that starts with a command, without backticks.
 fn documented() -> Vec<&'static str> {
     let rows = include_str!("../commands.md").lines();
     rows.filter_map(|line| line.strip_prefix("| `")?.split_once("` |"))
@@ -11,7 +11,7 @@ fn documented() -> Vec<&'static str> {
         .collect()
 }
 
-/// Each command has one row, which says whether it can be ordered, asked, or both.
+/// Each command has one row, which shows whether it can be set, queried, or both.
 #[test]
 fn documentation_lists_exactly_the_commands() {
     let firmware = Port::new().firmware;
@@ -41,7 +41,7 @@ fn documentation_lists_exactly_the_commands() {
     assert_eq!(found, expected);
 }
 
-/// The table's fixed values after `*RST`, and bounds that no profile decides.
+/// Checks the documented values after `*RST`, and bounds that do not depend on the profile.
 #[test]
 fn documented_values_match_the_device() {
     let mut port = Port::new();

@@ -47,7 +47,7 @@ impl Port {
         reply.trim_end().to_owned()
     }
 
-    /// Sends a line that has no answer and no error.
+    /// Sends a line and checks that it causes neither an answer nor an error.
     fn tell(&mut self, line: &str) {
         assert_eq!(self.ask(line), "", "{line}");
         assert_eq!(self.error(), 0, "{line}");
@@ -71,7 +71,7 @@ impl Port {
         self.shots.extend(new);
     }
 
-    /// Id, pattern and start of each shot since the last call.
+    /// Returns id, pattern and start of each shot since the last call.
     fn taken(&mut self) -> Vec<(u64, Option<u32>, u64)> {
         self.shots
             .drain(..)

@@ -1,10 +1,10 @@
-//! A rolling shutter: when frames end, what may follow what, and what their last rows see.
+//! A rolling shutter: end times of frames, allowed periods, and patterns that the last rows see.
 
 use super::{MS, Port};
 use crate::Shutter;
 use phasmid_profile::Profile;
 
-/// 480 rows of 20 us: read in 9.6 ms, the last one starts 9.58 ms after the first.
+/// 480 rows of 20 us: the readout takes 9.6 ms, and the last row starts 9.58 ms after the first.
 fn port() -> Port {
     let mut profile = Profile::load("webcam-grey").unwrap();
     profile.camera.line_time_us = 20.0;
@@ -34,7 +34,7 @@ fn a_frame_ends_with_its_last_row_and_the_next_one_does_not_wait() {
             rows: 480,
         };
         assert_eq!(shot.shutter, shutter);
-        // The next pattern is shown while the last rows are exposed; the last one stays.
+        // The next pattern is shown while the last rows are exposed; the last pattern stays on.
         let then = &shot.then[..];
         if i < 12 {
             let pattern_images = &port.firmware.selected.pattern_images;
@@ -79,13 +79,13 @@ fn projector_with_light_off_leaks_no_pattern() {
 #[test]
 fn period_is_at_least_the_readout_of_all_rows() {
     let mut port = port();
-    // Short exposures: it is the rows that take their time.
+    // With a short exposure, the readout of the rows limits the period.
     port.tell("CAM:EXP 1ms");
     assert_eq!(port.ask("SEQ:PER? MIN"), "0.0096");
     port.tell("SEQ:PER MIN");
     port.ask("SEQ:PER 9.5ms");
     assert_eq!(port.error(), -221);
-    // Fewer rows are read sooner, and then there is no time for more.
+    // With fewer rows a shorter period is allowed, and at that period a further row does not fit.
     port.tell("CAM:ROI 0,100,640,50;:SEQ:PER MIN");
     assert_eq!(port.ask("SEQ:PER?"), "0.001");
     port.ask("CAM:ROI 0,100,640,51");
@@ -107,7 +107,8 @@ fn a_selected_sequence_that_is_sent_again_has_to_fit_too() {
     let define = format!("SEQ:DEF 'own',#2{}{toml}\n", toml.len());
     port.bytes(define.as_bytes());
     port.tell("SEQ:SEL 'own';PER 30ms;:CAM:EXP 20ms");
-    // It would take the period of the device's first sequence, 16 ms.
+    // The new sequence would get the period of the device's first sequence, 16 ms, which is shorter
+    // than the exposure.
     port.bytes(define.as_bytes());
     assert_eq!(port.error(), -221);
     port.tell("CAM:EXP 16ms");
@@ -125,7 +126,7 @@ fn running_free_the_rows_bound_the_interval() {
     port.at(50 * MS);
     let starts: Vec<_> = port.taken().iter().map(|shot| shot.2).collect();
     assert_eq!(starts, [0, 9_600_000, 19_200_000, 28_800_000, 38_400_000]);
-    // Left behind for long, it goes on in step.
+    // After a long lag it skips frames and keeps the phase of its interval.
     port.at(5000 * MS);
     let late = port.taken()[0].2;
     assert_eq!(late % 9_600_000, 0);

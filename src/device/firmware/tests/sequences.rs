@@ -1,4 +1,4 @@
-//! Sequences and calibration over the port, the user's own too.
+//! Sequences, including user-defined ones, and calibration over the port.
 
 use super::{MS, Port};
 use crate::PatternImage;

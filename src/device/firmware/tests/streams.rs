@@ -1,4 +1,5 @@
-//! Formats, the data line's room, and a link that has to know what frames come.
+//! Pixel formats, the width that the data line needs, and a link that must know the frame format in
+//! advance.
 
 use super::{MS, Port};
 use crate::{Stream, StreamSink};
@@ -6,7 +7,7 @@ use phasmid_profile::Profile;
 use phasmid_protocol::PixelFormat;
 use std::sync::{Arc, Mutex};
 
-/// A link that keeps what it is told, and refuses other frames while somebody reads.
+/// A link that records announced formats, and refuses to change the format while a client reads.
 #[derive(Clone, Default)]
 struct Node(Arc<Mutex<(Vec<Stream>, bool)>>);
 
@@ -71,7 +72,7 @@ fn the_data_line_needs_its_columns() {
     }
     port.tell("CAM:ROI MAX,MAX,MIN,MIN");
     assert_eq!(port.ask("CAM:ROI?"), "882,488,256,1");
-    // A whole number of pairs is the most that YUYV can have.
+    // YUYV encodes pairs of columns, so MAX is rounded down to an even number.
     port.tell("CAM:ROI 0,0,300,10;:CAM:FORM YUYV;ROI 1,0,MAX,10");
     assert_eq!(port.ask("CAM:ROI?"), "1,0,1136,10");
 }
@@ -120,7 +121,7 @@ fn setting_stays_when_the_link_cannot_change() {
 fn a_change_waits_for_the_frames_before_it() {
     let (mut port, node) = attached(&bench());
     port.tell("TRIG:SOUR BUS;:INIT;*TRG");
-    // Exposed, but not out of the device.
+    // The frames are exposed but have not left the device.
     port.firmware.advance(10_000 * MS);
     let under_way = port.firmware.in_flight();
     assert_eq!(under_way, 22);

@@ -1,4 +1,4 @@
-//! Messages that are submitted with a ticket, what happens of its own accord, and power.
+//! Messages submitted with a ticket, events that the device reports unasked, and power cycles.
 
 use super::{MS, Port};
 use crate::firmware::Done;
@@ -29,7 +29,7 @@ fn answers_and_errors_carry_their_ticket() {
     assert_eq!(done[0].answers, [b"0".to_vec()]);
     let done = submit(&mut port, 9, "*TST? ,");
     assert_eq!(codes(&done[0]).len(), 1);
-    // Neither is told to whoever speaks SCPI.
+    // Neither answers nor errors reach the SCPI client.
     assert_eq!(port.ask("SYST:ERR:COUN?"), "0");
     assert_eq!(port.ask("*TST?"), "0");
     assert_eq!(port.firmware.take_done(), []);
@@ -50,7 +50,7 @@ fn a_ticket_waits_and_a_trigger_does_not() {
     let tickets: Vec<_> = done.iter().map(|d| (d.ticket, d.answers.clone())).collect();
     let expected = [(2, vec![b"1".to_vec()]), (3, vec![b"0".to_vec()])];
     assert_eq!(tickets, expected);
-    // What waits is bounded, and what does not fit is told so.
+    // The number of waiting messages is limited; a message beyond the limit fails with an error.
     submit(&mut port, 100, "INIT");
     assert_eq!(submit(&mut port, 101, "*OPC?"), []);
     let full: Vec<_> = (102..200)
@@ -96,7 +96,7 @@ fn events_tell_of_exposures_the_end_and_missed_pulses() {
         .collect();
     expected.push(Event::SequenceDone);
     assert_eq!(port.firmware.take_events(), expected);
-    // A camera that runs free tells nothing.
+    // A free-running camera reports no events.
     assert_eq!(port.error(), -211);
     port.firmware.set_streaming(true, port.now_ns);
     port.tell("TRIG:SOUR INT");

@@ -1,5 +1,5 @@
-//! A projector that has a time: what may be set, when patterns are shown, and triggers that come
-//! too early.
+//! A projector with timing: allowed settings, the times at which patterns are shown, and triggers
+//! that come too early.
 
 use super::{MS, Port};
 use crate::firmware::State;
@@ -20,7 +20,7 @@ fn port(change: impl FnOnce(&mut Timing)) -> Port {
     Port::of(&profile(change))
 }
 
-/// With darkness around the patterns, as a DLPC3478 has it.
+/// Adds dark time before and after each pattern, as with a DLPC3478.
 fn dark(timing: &mut Timing) {
     timing.dark_before_us = 171.0;
     timing.dark_after_us = 31.0;
@@ -51,13 +51,13 @@ fn times_are_quantised_and_answered_so() {
         port.tell(order);
         assert_eq!(port.ask(query), answer, "{order}");
     }
-    // Of 16 us, as a slower clock has them.
+    // A slower clock: times are multiples of 16 us.
     let mut port = self::port(|timing| timing.resolution_us = 16.0);
     port.tell("PROJ:EXP 9007us;:TRIG:DEL 8us");
     assert_eq!(port.ask("PROJ:EXP?;:TRIG:DEL?"), "0.009008;0.000016");
 }
 
-/// The bounds that are answered can be set, whatever else is set.
+/// The maximum that a query returns can be set, whatever the other settings are.
 #[test]
 fn the_longest_exposure_is_one_that_is_accepted() {
     let mut port = port(|_| {});
@@ -95,7 +95,7 @@ fn timing_beyond_the_controller_is_refused() {
     assert_eq!(port.ask("PROJ:EXP?;:SEQ:PER?"), "0.0085;0.01", "as before");
     port.tell("CAM:EXP 1ms;:SEQ:PER 8730us");
     assert_eq!(port.ask("SEQ:PER? MIN"), "0.0085");
-    // Both rules: the margin, and the darkness.
+    // Two limits apply: the margin of the controller, and the dark time.
     let mut port = self::port(dark);
     assert_eq!(port.ask("PROJ:EXP? MAX"), "0.00977");
     port.ask("PROJ:EXP 10ms");
@@ -111,7 +111,8 @@ fn timing_beyond_the_controller_is_refused() {
     );
 }
 
-/// What a shot sees: places in the selected sequence, or darkness, and from when on.
+/// Returns what a shot sees, in order of time: the position in the selected sequence (`None` for
+/// darkness) and the start time.
 fn seen(port: &Port, shot: &Shot) -> Vec<(Option<usize>, u64)> {
     let pattern_images = &port.firmware.selected.pattern_images;
     let place = |pattern_image: &Option<std::sync::Arc<PatternImage>>| {
@@ -152,7 +153,8 @@ fn patterns_and_exposures_come_when_they_are_due() {
         let expected = [(Some(i as usize), start), (None, start + 8500 * US)];
         assert_eq!(seen(&port, &shot), expected);
     }
-    // A trigger may come 2.025 ms before the last pattern's period ends: it takes effect after it.
+    // A trigger takes effect after a delay of 2.025 ms, so it may come that long before the end of
+    // the last pattern's period.
     assert_eq!(port.firmware.state(), State::Idle);
     assert_eq!(port.firmware.next_event_ns(), None);
 }
@@ -167,7 +169,7 @@ fn a_camera_that_starts_with_the_period_sees_the_darkness_too() {
     port.at(9871 * US);
     let shot = port.shots.pop().unwrap().shot;
     assert_eq!(seen(&port, &shot), [(None, 0), (Some(0), 171 * US)]);
-    // The truth is asked about the same.
+    // The shots for ground truth contain the same patterns and darkness.
     port.at(1000 * MS);
     let sequence = port.firmware.selected_sequence();
     for ((_, asked), taken) in sequence[1..].iter().zip(&port.shots) {
@@ -201,7 +203,8 @@ fn an_exposure_that_does_not_cover_a_grey_pattern_sees_bits() {
             );
             continue;
         }
-        // Bit k starts after (2^k - 1) / 255 of 8.5 ms; half of the time is up within bit 7.
+        // Bit k starts after (2^k - 1) / 255 of 8.5 ms. The exposure ends after half of that time,
+        // within bit 7.
         assert_eq!(
             shot.pattern_image.as_deref(),
             Some(&pattern_images[place].plane(0, 8))
@@ -220,7 +223,8 @@ fn an_exposure_that_does_not_cover_a_grey_pattern_sees_bits() {
             );
         }
     }
-    // Whole patterns have no bits, nor have those of a projector without them.
+    // A pattern that is exposed for its whole time is not split into bit planes, nor is any pattern
+    // of a projector without bit planes.
     port.tell("CAM:EXP 8500us;:INIT;*TRG");
     port.shots.clear();
     port.at(2000 * MS);
@@ -246,7 +250,8 @@ fn a_trigger_that_comes_too_early_is_missed_and_counted() {
             }
             port.error()
         };
-        // Exposing, reading out, the pattern's period, and in time to the nanosecond.
+        // Triggers come during the exposure, during the readout, within the pattern's period, and
+        // in the nanosecond in which the device is ready.
         for (at, code, missed) in [
             (0, 0, "0;0"),
             (4 * MS, -211, "1;512"),
@@ -266,14 +271,14 @@ fn a_trigger_that_comes_too_early_is_missed_and_counted() {
         assert_eq!(starts, [0, 10, 300]);
         port.tell("*RST");
         assert_eq!(port.ask("TRIG:MISS?"), "0");
-        // Nobody waits for this one.
+        // The device is not armed, so this trigger does not count as missed.
         port.tell("TRIG:SOUR BUS");
         assert_eq!(port.ask("*TRG;:TRIG:MISS?"), "0");
         assert_eq!(port.error(), -211);
     }
 }
 
-/// Without a time the projector keeps nobody waiting, but an exposure does.
+/// Without timing the projector causes no missed trigger, but an exposure in progress does.
 #[test]
 fn device_without_timing_counts_missed_triggers() {
     let mut port = Port::new();
@@ -289,7 +294,7 @@ fn device_without_timing_counts_missed_triggers() {
     port.at(100 * MS);
     port.ask("PROJ:EXP 16ms");
     assert_eq!(port.error(), -221);
-    // Nor is a camera with a shortest interval always ready.
+    // A camera with a shortest frame interval misses triggers within that interval.
     let mut profile = Profile::load("webcam-grey").unwrap();
     profile.camera.shortest_interval_us = Some(15_000.0);
     let mut port = Port::of(&profile);
@@ -309,14 +314,14 @@ fn device_without_timing_counts_missed_triggers() {
 fn a_sequence_takes_its_time_from_flash() {
     let mut port = port(|_| {});
     assert_eq!(port.ask("SEQ:SEL 'evm-4';*OPC?"), "1", "selected already");
-    // 8 fringes of 8 bits and 16 patterns of one: 80 planes, 4 buffers.
+    // 8 fringes of 8 bits and 16 patterns of one bit are 80 bit planes, which fill 4 buffers.
     port.tell("TRIG:SOUR BUS;:SEQ:SEL 'evm-4-xy'");
     assert_eq!(port.ask("*OPC?"), "");
     assert_eq!(port.at(800 * MS - 1), "");
     assert_eq!(port.firmware.next_event_ns(), Some(800 * MS));
     assert_eq!(port.at(800 * MS), "1\n");
     assert_eq!(port.firmware.next_event_ns(), None);
-    // Arming waits too, what does not need the patterns does not.
+    // Arming waits for the load too; commands that do not need the patterns do not wait.
     port.tell("SEQ:SEL 'evm-4'");
     assert_eq!(port.ask("STAT:OPER:COND?;:SEQ:COUN?"), "2;13");
     assert_eq!(port.ask("INIT;*TRG;:STAT:OPER:COND?"), "");
@@ -325,7 +330,8 @@ fn a_sequence_takes_its_time_from_flash() {
     assert_eq!(port.at(1200 * MS), "16\n");
     port.at(2000 * MS);
     assert_eq!(port.taken()[0].2, 1200 * MS);
-    // Armed by itself it misses what comes before.
+    // With INITiate:CONTinuous ON the device arms itself. A trigger before the end of the load is
+    // missed.
     port.tell("SEQ:SEL 'evm-4-xy';:TRIG:SOUR EXT;:INIT:CONT ON");
     port.firmware.external_trigger(2799 * MS);
     assert_eq!(
@@ -337,7 +343,7 @@ fn a_sequence_takes_its_time_from_flash() {
     assert_eq!(port.taken().len(), 24);
 }
 
-/// After a sequence *OPC? and INITiate wait for the end of its last pattern's period.
+/// After a sequence, `*OPC?` and `INITiate` wait for the end of the last pattern's period.
 #[test]
 fn sequences_follow_each_other_without_a_trigger_missed() {
     let mut port = port(|_| {});
@@ -369,7 +375,8 @@ fn period_is_raised_for_own_patterns_that_take_longer() {
     port.ask("SEQ:SEL 'evm-4'");
     assert_eq!(port.error(), 0);
     assert_eq!(port.ask("SEQ:PER?"), "0.01");
-    // With one bit's time as the device's first period, fringes get their own.
+    // The device's first sequence has only one-bit patterns and a period of 3 ms. A user-defined
+    // fringe of 8 bits gets the longer period that it needs.
     let mut profile = profile(|timing| timing.exposure_us = None);
     profile.camera.exposure_us = 1000.0;
     profile.sequence[0].frame.drain(..4);

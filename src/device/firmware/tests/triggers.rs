@@ -1,4 +1,4 @@
-//! When exposures happen, and what they carry.
+//! Times and contents of exposures.
 
 use super::{MS, Port};
 use crate::firmware::State;
@@ -212,7 +212,7 @@ fn same_triggers_give_the_same_shots() {
         port.at(2000 * MS);
         port.shots
     };
-    // How often the device is looked at in between does not matter.
+    // The result does not depend on how often the device is advanced in between.
     assert_eq!(run(&[]), run(&[77 * MS, 33 * MS, 1]));
     assert_eq!(run(&[]).len(), 39);
 }

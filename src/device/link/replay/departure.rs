@@ -12,9 +12,9 @@ pub(super) struct Departure {
     pub number: u64,
     /// Time of that record in the recording, or of the last record.
     pub time_ns: u64,
-    /// What was expected.
+    /// Expected action of the client, as recorded.
     pub expected: Said,
-    /// What the client did instead.
+    /// Actual action of the client.
     pub came: Said,
 }
 

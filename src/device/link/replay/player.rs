@@ -33,7 +33,7 @@ pub struct Outcome {
 pub(super) struct Player<R> {
     reader: Reader<R>,
     stop: Stop,
-    /// Everything happens at once.
+    /// Recorded delays are skipped.
     fast: bool,
     /// See [`phasmid_protocol::record::About`].
     monotonic_ns: Option<u64>,
@@ -45,7 +45,7 @@ pub(super) struct Player<R> {
     gone: bool,
     /// The recorded client of this session has sent something.
     recorded_spoke: bool,
-    /// The device has sent nothing since then.
+    /// The device has sent nothing since the recorded client's last bytes.
     unanswered: bool,
     /// The port was disconnected while the recorded client was sending: further bytes are lost with
     /// it, as in the recording.
@@ -53,7 +53,7 @@ pub(super) struct Player<R> {
     /// A recorded time and the time of the replay that corresponds to it; nothing is sent before
     /// they are known.
     anchor: Option<(u64, u64)>,
-    /// The recording's first time is the anchor's.
+    /// The first recorded event has been read; its time is the anchor's recorded time.
     started: bool,
     ahead: Ahead,
     /// Number of finished sessions.

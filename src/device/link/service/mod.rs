@@ -20,7 +20,8 @@ use std::time::Duration;
 use tokio::net::{UnixListener, UnixStream};
 use tokio::sync::{Semaphore, mpsc, oneshot};
 
-/// Maximum number of clients being told why they are refused; further connections are closed.
+/// Maximum number of refused clients that are being sent the reason; further connections are closed
+/// without one.
 const MAX_TURNED_AWAY: usize = 16;
 
 /// A reply and its binary data.

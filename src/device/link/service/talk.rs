@@ -80,7 +80,7 @@ pub(super) async fn converse(
     }
 }
 
-/// Tells a client why it is refused.
+/// Sends a client the reason for its refusal.
 pub(super) async fn turn_away(stream: UnixStream, why: &str) -> io::Result<()> {
     let (reader, writer) = stream.into_split();
     dismiss(BufReader::new(reader), writer, why).await

@@ -136,7 +136,7 @@ impl UsbDevice {
         value
     }
 
-    /// Whether so many events wait for the firmware that hosts have to wait.
+    /// Whether the firmware's event queue is full, so that hosts have to wait.
     pub(super) fn is_behind(&self) -> bool {
         self.session().events.is_full()
     }

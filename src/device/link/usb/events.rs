@@ -1,8 +1,8 @@
 //! A bounded queue of host events that the firmware has not processed yet.
 //!
-//! Of several settings of one kind only the last is kept, and serial bytes are merged with those
-//! before them. All other events, including triggers on RTS, are kept in order; when the queue is
-//! full, the host has to wait.
+//! Only the last of several settings of one kind is kept, and serial bytes are merged with the
+//! serial bytes before them. All other events, including triggers on RTS, are kept in order; when
+//! the queue is full, the host has to wait.
 
 use super::Event;
 use std::collections::VecDeque;

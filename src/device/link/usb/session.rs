@@ -44,8 +44,8 @@ impl Session {
         }
     }
 
-    /// Attaches the device to a host; `false` if another host has it or too many events wait for
-    /// the firmware.
+    /// Attaches the device to a host; `false` if another host has it, if it is unplugged, or if too
+    /// many events wait for the firmware.
     pub(super) fn attach(&mut self) -> bool {
         if self.attached || self.unplugged || self.events.is_full() {
             return false;

@@ -36,7 +36,7 @@ impl Port {
     /// Finds an unused port of a speed, given by the kernel's number.
     ///
     /// # Errors
-    /// Returns an error with a remedy if there is no controller or no unused port.
+    /// Returns an error with a remedy if the controller is missing or all ports are in use.
     pub(super) fn free(speed: u32) -> Result<Self> {
         Self::free_at(Path::new(CONTROLLER), speed)
     }

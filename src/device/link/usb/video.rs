@@ -237,7 +237,7 @@ impl Video {
         false
     }
 
-    /// Completes one isochronous transfer. Packets are empty if there is no frame; a frame may
+    /// Completes one isochronous transfer. Packets are empty without a frame; a frame may
     /// begin in any packet.
     fn isochronous(&mut self, waiting: &Waiting, now: Duration, outgoing: &mut Outgoing) {
         let mut parts = Vec::with_capacity(waiting.packets.len());

@@ -1,5 +1,5 @@
 //! The shipped dialects on a device without optics, as a client at the other end of the line sees
-//! them: what is said, and when, to the nanosecond.
+//! them: the bytes of the replies and their times, to the nanosecond.
 
 mod requests;
 
@@ -10,11 +10,11 @@ use phasmid_profile::{Control, Profile};
 use phasmid_protocol::dialect::{Cut, Dialect, Direction, Reply, Value};
 use std::sync::Arc;
 
-/// A device whose frames leave it as soon as they are exposed.
+/// A device whose frames leave it immediately after their exposure.
 struct Desk {
     machine: Machine,
     now_ns: u64,
-    /// When each byte came, and the byte.
+    /// Arrival time and value of each byte.
     came: Vec<(u64, u8)>,
     /// Patterns of the exposures.
     exposed: Vec<Option<u32>>,
@@ -42,7 +42,7 @@ impl Desk {
         }
     }
 
-    /// Sends, and lets time pass until nothing happens any more; what came back.
+    /// Sends bytes, advances time until no event is pending, and returns the bytes received.
     fn talk(&mut self, bytes: &[u8]) -> Vec<u8> {
         self.machine.receive(bytes, self.now_ns);
         let from = self.came.len();
@@ -72,7 +72,7 @@ impl Desk {
     }
 }
 
-/// What n bytes of 8N1 take.
+/// Returns the transmission time of n bytes of 8N1.
 fn ns(bytes: u64, baud: u64) -> u64 {
     (bytes * 10_000_000_000).div_ceil(baud)
 }
@@ -100,8 +100,8 @@ fn a_sequence_runs_over_plain_lines() {
     }
     assert_eq!(desk.line("mark?"), "ok 7\r\n");
     assert_eq!(desk.line("wait"), "", "nothing has been triggered");
-    // A trigger acts although the device waits; then come the events, and last what was asked
-    // first.
+    // A trigger acts although the device waits. Then come the events, and at last the answer to the
+    // earlier `wait`.
     let mut expected = "ok\r\n".to_owned();
     for index in 0..13 {
         expected += &format!("!frame {index} {index}\r\n");
@@ -151,7 +151,8 @@ fn replies_do_not_depend_on_how_input_is_split() {
     for byte in script {
         told.extend(desk.talk(&[*byte]));
     }
-    // In one burst the banner comes in the middle, as the commands take no time.
+    // If all input comes in one burst, the banner comes in the middle of the replies, because
+    // commands take no time.
     let without = |bytes: Vec<u8>| {
         let text = String::from_utf8(bytes).unwrap();
         let lines = text.lines().filter(|l| !BANNER.contains(l));
@@ -161,7 +162,7 @@ fn replies_do_not_depend_on_how_input_is_split() {
     assert_eq!(desk.exposed.len(), 13);
 }
 
-/// Asks in packets, and reads long answers piece by piece.
+/// Sends a command as a packet and returns its reply.
 fn ask(desk: &mut Desk, dialect: &Dialect, command: &str, args: &[(&str, Value)]) -> Reply {
     let sequence = (desk.came.len() % 251) as u8;
     let packet = dialect.request(command, args, sequence).unwrap();
@@ -215,7 +216,7 @@ fn half_a_packet_is_given_up_and_the_next_one_is_read() {
     assert!(!desk.machine.inside_block());
     let reply = desk.talk(&packet);
     assert_eq!((reply.len(), reply[1]), (64, 9));
-    // The cable is pulled in the middle of one.
+    // The client disconnects in the middle of a packet.
     assert_eq!(desk.talk(&packet[..63]), b"");
     desk.machine.hang_up();
     assert_eq!(desk.talk(&packet), reply);
@@ -227,8 +228,8 @@ fn replies_arrive_at_the_times_of_the_baud_rate() {
         let mut desk = Desk::new("scpi", Some(baud));
         let baud = u64::from(baud);
         assert_eq!(desk.talk(b"*TST?\n*TST?\n"), b"0\n0\n");
-        // The first question is there after six bytes and the second after twelve; each answer
-        // takes two, and the wire back is idle in between.
+        // The first query has arrived after six bytes and the second after twelve. Each answer
+        // takes two bytes, and the line to the client is idle in between.
         let times: Vec<_> = desk.came.iter().map(|(at, _)| *at).collect();
         assert_eq!(times[1], ns(6, baud) + ns(2, baud));
         assert_eq!(times[3], ns(12, baud) + ns(2, baud));
@@ -246,7 +247,7 @@ fn a_trigger_starts_when_its_line_has_arrived() {
     let mut desk = Desk::new("scpi", Some(9600));
     let line = b"TRIG:SOUR BUS;:INIT;*TRG\n";
     desk.machine.receive(line, 0);
-    // However late it is looked at.
+    // The trigger's time does not depend on how late the device is advanced.
     desk.machine.advance(10_000_000_000);
     let exposures = desk.machine.take_exposures(10_000_000_000);
     assert_eq!(exposures.len(), 13);

@@ -1,9 +1,9 @@
-//! Requests that get a device out of a wait, and such as are refused.
+//! Requests that end a wait of the device, and requests that are refused.
 
 use super::*;
 use crate::State;
 
-/// What the host's operation sends.
+/// Returns the requests that a host sends for an operation.
 fn operation(dialect: &Dialect, name: &str) -> Vec<Vec<u8>> {
     let operation = dialect.host().get(name).unwrap();
     let request = |(at, step): (usize, &phasmid_protocol::dialect::Step)| {
@@ -14,7 +14,7 @@ fn operation(dialect: &Dialect, name: &str) -> Vec<Vec<u8>> {
     operation.steps.iter().enumerate().map(request).collect()
 }
 
-/// With nothing else before it, and with as much as a device lets wait.
+/// A stop acts with no other request waiting, and with as many requests as the device queues.
 #[test]
 fn a_stop_acts_while_the_device_waits() {
     for name in Dialect::names() {
@@ -34,7 +34,7 @@ fn a_stop_acts_while_the_device_waits() {
             assert_eq!(desk.talk(&wait), b"", "{name} waits");
             let asks = operation(&dialect, "last_id").concat();
             desk.talk(&asks.repeat(more));
-            // SCPI's stop is what its host sends without what follows.
+            // For SCPI, the stop is the host's message without the messages that follow it.
             let stop = match dialect.is_scpi() {
                 true => b"INIT:CONT OFF;:ABOR\n".to_vec(),
                 false => operation(&dialect, "quiet").remove(0),
@@ -43,7 +43,7 @@ fn a_stop_acts_while_the_device_waits() {
             assert_eq!(state(&desk), State::Idle, "{name} {more}");
             let (mut cutter, mut messages) = (dialect.cutter(Direction::ToHost), Vec::new());
             cutter.push(&said, &mut |cut| messages.push(cut));
-            // The stop's own answer first, where it has one; then what had waited.
+            // The answer of the stop comes first, if it has one, then the answers that waited.
             let own = usize::from(!dialect.is_scpi());
             let waited = 1 + more.min(if dialect.is_scpi() { 64 } else { 63 });
             assert_eq!(messages.len(), own + waited, "{name} {more}");
@@ -53,7 +53,7 @@ fn a_stop_acts_while_the_device_waits() {
     }
 }
 
-/// Microseconds of exposure and period.
+/// Returns exposure and period in microseconds.
 fn timing(desk: &mut Desk, dialect: &Dialect) -> [f64; 2] {
     let Reply::Done(values) = ask(desk, dialect, "timing?", &[]) else {
         panic!("timing? is answered");
@@ -87,7 +87,7 @@ fn refused_timing_leaves_settings_unchanged() {
         );
         assert_eq!(after, before, "{exposure} {period}");
     }
-    // Whatever comes first of the two, in both directions.
+    // Both values increase, then both decrease. Neither order of setting them may cause an error.
     for (exposure, period) in [(40_000.0, 50_000.0), (6000.0, 9000.0)] {
         let (reply, after) = set(exposure, period);
         assert!(matches!(reply, Reply::Done(_)), "{reply:?}");
@@ -95,7 +95,8 @@ fn refused_timing_leaves_settings_unchanged() {
     }
 }
 
-/// The shipped lines with commands of several messages that end in one that is refused.
+/// Returns the shipped dialect `okline` with added commands that run several settings, the last of
+/// which may be refused.
 fn with_long_commands() -> Dialect {
     let text = Dialect::text("okline").unwrap();
     let more = r#"
@@ -119,7 +120,7 @@ runs = ["CAM:GAIN 3;GAIN 99"]
     Dialect::parse(&text.replacen("[host]", more, 1), "long").unwrap()
 }
 
-/// What can be asked of the settings.
+/// Returns the answers to queries of the settings.
 fn settings(desk: &mut Desk) -> String {
     let asks = [
         "source?",
@@ -139,14 +140,14 @@ fn a_request_is_done_whole_or_not_at_all() {
     desk.talk(b"");
     desk.line("exposure 5000");
     let before = settings(&mut desk);
-    // The trigger that it has given is taken back too: nothing has been exposed by it.
+    // The trigger of the refused request is undone too: it has exposed nothing.
     assert!(desk.line("all 3").starts_with("error 21 "));
     assert_eq!(settings(&mut desk), before);
     assert_eq!(desk.machine.firmware().state(), State::Idle);
     assert!(desk.line("both").starts_with("error 20 "));
     assert_eq!(settings(&mut desk), before);
     assert!(desk.exposed.is_empty());
-    // And so is one that is given while the device exposes.
+    // The same holds for a request that comes while the device exposes.
     for line in ["source soft", "arm"] {
         desk.line(line);
     }

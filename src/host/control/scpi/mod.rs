@@ -1,8 +1,8 @@
 //! The scanner's operations in SCPI.
 //!
-//! The commands are the device's own, or those of a dialect file that overrides them ([`words`]). A
-//! file for SCPI defines only commands and power-on messages: line endings, the numbering of
-//! answers, refusals and the detection of a power cycle follow IEEE 488.2.
+//! The commands are the device's own unless a dialect file overrides them ([`words`]). A file for
+//! SCPI defines only commands and power-on messages: line endings, the numbering of answers,
+//! refusals and the detection of a power cycle follow IEEE 488.2.
 
 mod words;
 
@@ -26,7 +26,8 @@ const SETTINGS: [(&str, &str, &[&str]); 6] = [
     ("light_on", "PROJ:POW?", &["1", "ON"]),
     ("", EVENTS, &["0"]),
 ];
-/// Operations that report such settings, if a file has commands for them.
+/// Operations that report a setting. They are queried separately if a dialect file has commands for
+/// them.
 const TOLD: [&str; 2] = ["selected", "source"];
 const SELECTED: &str = "SEQ:SEL?";
 pub(super) const EVENTS: &str = "*ESR?";
@@ -99,7 +100,8 @@ impl<P: CommandPort> Scpi<P> {
         }
     }
 
-    /// Sends a command in the device's own words, or in those of a file.
+    /// Performs an operation with the device's own command `own`, or with a file's commands. Does
+    /// nothing if the file does not define the operation.
     fn order(&mut self, operation: &str, own: &str, inputs: &[(&str, Value)]) -> Result<()> {
         match self.words.of(operation) {
             Wording::Own => self.instrument.order(own),
@@ -189,7 +191,7 @@ impl<P: CommandPort> Scpi<P> {
     pub(super) fn settings(&mut self) -> Result<Settings> {
         let mut settings = self.own_settings()?;
         for what in TOLD {
-            // In the device's own commands it is already among the settings, or was never set.
+            // With the device's own commands, the setting is already in the list or was never set.
             if let Wording::File(_) = self.words.of(what)
                 && let Some(word) = self.word(what, "")?
             {

@@ -1,5 +1,5 @@
-//! Selects the commands for an operation: the device's own, defined by the file `scpi`, or those of
-//! a dialect file that overrides them.
+//! Selects the commands for an operation: the device's own, defined by the file `scpi`, unless a
+//! dialect file overrides them.
 
 use crate::{CommandPort, Instrument};
 use phasmid_core::error::{Error, Result};

@@ -8,7 +8,7 @@ use phasmid_core::error::{Error, Result};
 const CMD_SUBMIT: u32 = 1;
 const CMD_UNLINK: u32 = 2;
 
-/// A transfer submitted by the host; in the direction of the device, its data follows.
+/// A transfer submitted by the host. Data for the device follows the header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Submit {
     /// Sequence number, which the reply repeats.

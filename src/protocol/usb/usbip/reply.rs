@@ -7,7 +7,7 @@ use phasmid_core::error::{Error, Result};
 const RET_SUBMIT: u32 = 3;
 const RET_UNLINK: u32 = 4;
 
-/// A reply from the device; for a submitted transfer to the host, its data follows.
+/// A reply from the device. The data of a transfer to the host follows the header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reply {
     /// A transfer has ended.

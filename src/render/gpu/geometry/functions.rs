@@ -146,8 +146,8 @@ fn gpu_solids_match_the_cpu() {
     }
 }
 
-/// Returns whether a ray within rounding error of this one has that hit, as happens at grazed
-/// edges.
+/// Returns whether another ray within rounding error of `ray` hits at the parameter `found`. This
+/// occurs at edges that the ray grazes.
 fn is_of_a_ray_beside(
     world: &World,
     origin: DVec3,
@@ -222,9 +222,10 @@ fn rays_off(engine: &mut Engine, case: &mut Case, rays: &[(usize, DVec3, DVec3)]
     );
     let some = rays.len() / 1000 + 2;
     assert!(hits > rays.len() / 6 && shades <= some && leaves <= 2 * some);
-    // A ray that grazes a silhouette may go either way. A few in ten thousand of the rays through
-    // corners and edges hit elsewhere for an unknown reason: wider edges do not change those that
-    // hit deeper. This test bounds their number; it does not show that no ray leaks through.
+    // A ray that grazes a silhouette may hit or miss. Of the rays through corners and edges, a few
+    // in ten thousand hit elsewhere for an unknown reason: a larger edge tolerance does not change
+    // the number of deeper hits. This test bounds their number; it does not show that no ray passes
+    // between triangles.
     assert!(deeper <= some && nearer <= 4 * some);
 }
 

@@ -200,7 +200,7 @@ fn check(name: &str, bench: &mut TestScene) {
             "{name}: {swing:?}"
         );
     }
-    // Rays of the grid points, which both number identically.
+    // Compares the rays of the grid points, which CPU and GPU number identically.
     let (mut rays, mut same, mut worst, mut before) = (0, 0, [0.0f32; 3], 0);
     let x: Vec<[f32; 4]> = ray_words(&engine, "interreflection_x", count, wanted.samples);
     let y: Vec<[f32; 4]> = ray_words(&engine, "interreflection_y", count, wanted.samples);

@@ -127,19 +127,23 @@ impl Case {
 /// Differences between the maps of GPU and CPU.
 #[derive(Debug, Default)]
 struct Off {
-    /// Number of pixels that are mixed on the CPU, and on only one of the two.
+    /// Number of pixels that are mixed on the CPU.
     mixed: usize,
+    /// Number of pixels that are mixed on only one of CPU and GPU.
     alone: usize,
-    /// Lit samples of pixels that are mixed on both, and samples that are lit on only one or lie on
-    /// another surface (rays that hit an edge).
+    /// Number of lit samples in pixels that are mixed on both.
     lit: usize,
+    /// Number of samples that are lit on only one or lie on another surface (rays that hit an
+    /// edge).
     astray: usize,
-    /// Errors of the remaining samples: projector coordinate relative to its tolerance, the larger
-    /// of 2e-3 px and 2e-4 of the pixel's footprint; slope relative to the footprint; light
-    /// relative to the brightest; blur.
+    /// Error of the projector coordinate of the remaining samples relative to its tolerance, the
+    /// larger of 2e-3 px and 2e-4 of the pixel's footprint.
     bar: f32,
+    /// Error of their slopes relative to the footprint.
     slope: f32,
+    /// Error of their light relative to the brightest light.
     light: f32,
+    /// Error of their blur.
     blur: f32,
     /// Error of the projector and ambient light of whole pixels without such samples, relative to
     /// the brightest.

@@ -35,7 +35,7 @@ fn controls_are_the_camera_s_and_know_their_bounds() {
         settable_ns: Some(u64::MAX),
     });
     assert_eq!(get(&mut host, uvc::request::GET_CUR), 70);
-    // A period of 9 ms limits the exposure. Then a sequence, during which nothing can be set.
+    // A period of 9 ms limits the exposure. During a sequence, nothing can be set.
     let say = |host: &mut Host, settable_ns| {
         host.device.set_camera(CameraState {
             exposure_ns: 7_000_000,

@@ -4,7 +4,8 @@ import re
 
 from .failure import expect
 
-# Tests that v4l2loopback 0.12.7 fails whoever produces, with the reason. Everything else has to pass.
+# Tests that v4l2loopback 0.12.7 fails with any producer, and the reasons. All other tests must
+# pass.
 MODULES_OWN = {
     "unlimited opens": "the module takes 10 openers of a node (max_openers)",
     "VIDIOC_ENUM_FMT/FRAMESIZES/FRAMEINTERVALS":
@@ -13,7 +14,7 @@ MODULES_OWN = {
     "VIDIOC_G_FMT": "as VIDIOC_ENUM_FMT: the output side answers",
     "VIDIOC_REQBUFS/CREATE_BUFS/QUERYBUF": "the module's buffers bear no flag of a clock",
 }
-# And these where it streams.
+# Additional failures when the test streams.
 MODULES_OWN_STREAMING = MODULES_OWN | {
     "blocking wait": "the module's DQBUF gives a frame although no buffer is queued",
     "MMAP (no poll)": "the module takes STREAMON without any buffers",
@@ -21,9 +22,9 @@ MODULES_OWN_STREAMING = MODULES_OWN | {
     "MMAP (epoll)": "as MMAP (no poll)",
 }
 
-# Tests that uvcvideo of Linux 6.1 fails whatever camera it drives, all where it streams: STREAMON of a
-# handle that has given back its buffers, and with them its claim to the stream, is answered with
-# EBUSY, where EINVAL is wanted. The rest of these tests is not reached; USERPTR's streams.
+# Streaming tests that the uvcvideo driver of Linux 6.1 fails with any camera. A file handle that
+# has freed its buffers no longer owns the stream; the driver then answers STREAMON with EBUSY, but
+# the tests expect EINVAL. The remainder of these tests does not run; the USERPTR test does stream.
 NOT_EINVAL = "node->streamon(q.g_type()) != EINVAL"
 DRIVERS_OWN_STREAMING = {
     "MMAP (no poll)": NOT_EINVAL,

@@ -13,7 +13,7 @@ class Line:
 
     def __init__(self, frame, variation):
         step = variation.bytes_per_pixel
-        # Luma of YUYV is the first byte of two; words of Y16 are little-endian.
+        # In YUYV, luma is the first byte of each pair. Y16 pixels are little-endian words.
         if variation.fourcc.startswith("Y1"):
             pixels = struct.unpack_from("<256H", frame)
         else:

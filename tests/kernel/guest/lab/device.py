@@ -95,7 +95,7 @@ class Device:
         def announced():
             if not self.job.running():
                 self.job.wait().with_status(None)
-            # A device that was killed has left its own behind.
+            # A killed device leaves its device.json behind, which has another process id.
             return path.exists() and json.loads(path.read_text())["pid"] == self.job.process.pid
 
         wait_until("device.json", announced, 30)
@@ -182,7 +182,7 @@ def reference(scratch, variation, *options):
 
 
 SCANS = {}
-# Points that a scan of the scene has at least: less is no scan that others may be held against.
+# Minimum number of points of a scan of the scene. A scan with fewer cannot serve as a reference.
 LEAST_POINTS = 30_000
 
 

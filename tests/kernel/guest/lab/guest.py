@@ -15,7 +15,7 @@ REPO = pathlib.Path("/mnt/repo")
 LANE = REPO / "tests/kernel"
 OUT = pathlib.Path("/mnt/out")
 PHASMID = REPO / "target/release/phasmid"
-# Bits of /proc/sys/kernel/tainted: the kernel died (oops), the kernel warned.
+# Bits of /proc/sys/kernel/tainted: 7 after an oops, 9 after a kernel warning.
 BROKEN = 1 << 7 | 1 << 9
 
 
@@ -119,7 +119,7 @@ class Scratch:
     the programs that it starts."""
 
     def __init__(self, name):
-        # Short, because paths of sockets are.
+        # A short path, because the length of socket paths is limited.
         self.dir = pathlib.Path(tempfile.mkdtemp(dir="/tmp"))
         self.out = OUT / name
         self.jobs = []

@@ -3,21 +3,24 @@
 import os
 import re
 
-# Levels of the kernel's messages: 4 is a warning, 3 an error, lower is worse.
+# Level of the kernel's messages: 4 is a warning, 3 an error; lower levels are more severe.
 WARNING = 4
 USB = re.compile(r"(usb|hub|vhci|usbip|uvcvideo|cdc_acm|videodev|media)")
-# Words of complaints that drivers write at a level of mere information.
+# Complaints that drivers log below the warning level.
 WORDS = re.compile(
     r"cannot find a urb|unlink.*(lost|fail)|WARNING:|BUG:|Call Trace|not accepting address"
     r"|descriptor read.*error|unable to (read|enumerate)|config.*invalid|Failed to (query|set|initialize)")
 
-# What drivers complain of in their own doing, or in ours. EPERM is no answer of a device: it is what
-# a transfer gets that the driver itself has withdrawn. As it stops a stream, uvcvideo withdraws all
-# transfers first and only then waits for its workers, one of which may still hand one back. ENODEV
-# is what a transfer gets in the moment between a device's unplugging and the driver's hearing of it;
-# a program that opens the port again then, as a scan does that has lost its device, is told so too.
-# EPIPE is what vhci_hcd gets that withdraws transfers over a connection it has itself just shut down,
-# as `usbip detach` bids it; where the connection is lost otherwise, a test fails by its device's absence.
+# Messages about errors that the drivers or these tests cause themselves:
+#
+# - EPERM (-1): the driver itself has cancelled the transfer. When uvcvideo stops a stream, it
+#   cancels all transfers before it waits for its workers, and a worker may still resubmit one.
+# - ENODEV (-19): the device has been unplugged, but the driver has not been notified yet. Transfers
+#   fail in this interval. Opening the port fails too, for example by a scan that has lost its
+#   device.
+# - EPIPE (-32): vhci_hcd cancels transfers over a connection that it has just shut down itself, as
+#   `usbip detach` requests. If the connection is lost for another reason, a test fails because its
+#   device is missing.
 NO_COMPLAINT = re.compile(
     r"(uvcvideo [-0-9.:]+: Failed to resubmit video URB \(-(1|19)\)\."
     r"|cdc_acm [-0-9.:]+: acm_\w+ - usb_submit_urb(\(write bulk\))? failed: -(1|19)"
@@ -50,7 +53,8 @@ class KernelLog:
         """Level and text of each message of the kernel itself; daemons may log here too."""
         while True:
             try:
-                # One message a read: "level and facility,number,time,flags;text", then lines of tags.
+                # Each read returns one message: "level and facility,number,time,flags;text", then
+                # lines of tags.
                 head, _, text = os.read(self.records, 8192).decode(errors="replace").partition(";")
             except BlockingIOError:
                 return

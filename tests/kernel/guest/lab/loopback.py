@@ -16,7 +16,7 @@ def load(nodes=None, exclusive_caps=1, max_buffers=32):
     """Loads the module with these nodes, as the modprobe.d file that we ship does."""
     unload()
     nodes = nodes or NODES
-    # Blanks: the kernel takes quotes around a whole value.
+    # The labels contain spaces, so the whole value is quoted, as the kernel allows.
     labels = ",".join(label for _, label in nodes)
     done = insmod(
         MODULE,

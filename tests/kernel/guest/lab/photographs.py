@@ -27,7 +27,7 @@ def save(folder, images, manifest, calibration):
     for index, image in enumerate(images):
         name = f"frame_{index:02}.png"
         (folder / name).write_bytes(png(image))
-        # The next entry that names no file yet.
+        # Replaces the next entry without a file. The added spaces mark the entry as done.
         manifest = manifest.replace("[[frame]]\n", f'[[ frame ]]\nfile = "{name}"\n', 1)
     (folder / "sequence.toml").write_text(manifest)
     (folder / "calibration.toml").write_text(calibration)
@@ -39,7 +39,7 @@ def png(pixels):
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
-    # Each row begins with its filter: none.
+    # Each PNG row begins with its filter type: 0, no filter.
     rows = b"".join(b"\0" + pixels[at:at + WIDTH] for at in range(0, WIDTH * HEIGHT, WIDTH))
     header = struct.pack(">IIBBBBB", WIDTH, HEIGHT, 8, 0, 0, 0, 0)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")

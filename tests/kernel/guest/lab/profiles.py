@@ -21,7 +21,8 @@ class Variation:
         format = self.fourcc if self.fourcc in ("GREY", "YUYV") else "Y16"
         text = replace(text, 'format = "GREY"', f'format = "{format}"')
         text = replace(text, "data_line = true", f"data_line = {str(self.data_line).lower()}")
-        # The same light fills more levels.
+        # The gain grows with the number of levels, so that the same light covers the same fraction
+        # of the range.
         gain = 0.02091 * 2 ** (self.bits - 8)
         text = replace(text, "gain_dn_per_e = 0.02091", f"gain_dn_per_e = {gain}")
         black = "black_level_dn = 4.0\nbits = "
@@ -45,7 +46,7 @@ def replace(text, old, new):
 GREY = Variation("GREY")
 PLAIN = Variation("GREY", data_line=False)
 YUYV = Variation("YUYV")
-# v4l2loopback 0.12 packs Y10 and Y12, which V4L2 does not: the device falls back to words of Y16.
+# v4l2loopback 0.12 takes Y10 and Y12 for packed formats, unlike V4L2: the device falls back to Y16.
 Y10 = Variation("Y16 ", bits=10)
 Y12 = Variation("Y16 ", bits=12)
 Y16 = Variation("Y16 ", bits=16)

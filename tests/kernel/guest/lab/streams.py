@@ -30,7 +30,8 @@ def expect_sequence(frames, rendered, variation):
 def expect_free_run(frames, variation, count):
     """Frames of the free-running camera: in order, no frame twice, none with a place in a sequence."""
     expect_true(f"{len(frames)} frames, wanted at least {count}", len(frames) >= count)
-    # A new reader's first frame is of before: the module's write position outlives streams.
+    # The first frame of a new reader is an old one: the module keeps its write position between
+    # streams.
     lines = [Line(frame, variation) for frame in frames[1:]]
     ids = [line.id for line in lines]
     expect("ids in order and never twice", ids, sorted(set(ids)))

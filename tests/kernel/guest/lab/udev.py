@@ -9,7 +9,7 @@ from .guest import REPO, wait_until
 
 UDEVD = "/lib/systemd/systemd-udevd"
 RULES = REPO / "udev/60-phasmid.rules"
-# The guest enters its root by chroot, where udevadm does nothing unless it is told to.
+# The tests run in a chroot, in which udevadm does nothing without this variable.
 ENVIRONMENT = {"SYSTEMD_IGNORE_CHROOT": "1"}
 
 

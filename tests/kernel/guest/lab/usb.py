@@ -90,8 +90,8 @@ def nodes_under_vhci(kind, name):
 
 def video_node():
     for node in nodes_under_vhci("video4linux", "video*"):
-        # Index 0 is the camera, index 1 its metadata. A node may go while it is looked at, and then
-        # its file is not there, or its device.
+        # Index 0 is the camera, index 1 its metadata. A node may disappear while it is read;
+        # reading then fails because the file or the device does not exist.
         with contextlib.suppress(OSError):
             if (node / "index").read_text().strip() == "0":
                 return f"/dev/{node.name}"

@@ -5,7 +5,7 @@ import os
 import pathlib
 import struct
 
-# The number of an ioctl: direction, size, type 'V', number.
+# Fields of an ioctl code: direction, size, type 'V', number.
 READ, WRITE = 2, 1
 QUERYCAP = READ << 30 | 104 << 16 | ord("V") << 8 | 0
 S_FMT = (READ | WRITE) << 30 | 208 << 16 | ord("V") << 8 | 5

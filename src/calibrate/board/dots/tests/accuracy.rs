@@ -1,5 +1,5 @@
-//! Accuracy of centroids against ground truth, and of their covariance against the actual errors
-//! and the Cramer-Rao bound.
+//! Compares centroids with ground truth. Compares their covariance with the actual errors and the
+//! Cramer-Rao bound.
 
 use super::render::{Scene, bench_lens, board, pose, small_lens};
 use super::{errors, find, of};

@@ -17,8 +17,9 @@ struct Errors {
     mean: DVec2,
     /// Mean of the squared errors over their variance, per coordinate.
     chi2: f64,
-    /// Number of dots found, and of dots that lie inside the image with their blur.
+    /// Number of dots found.
     found: usize,
+    /// Number of dots that lie inside the image, including their blurred edges.
     there: usize,
 }
 
