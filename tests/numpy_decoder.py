@@ -115,7 +115,7 @@ def main():
             )
             seen = ("--profile", device / "profile.toml", "--scene", device / "scene.toml")
             run("demo", *seen, "--out", capture)
-            run("decode", "--manifest", capture / "sequence.toml", "--out", ours)
+            run("decode", "--manifest", capture / "sequence.toml", "--held", "state", "--out", ours)
             found = np.load(ours / "projector_x.npy").astype(np.float64)
             columns, frames = read(capture)
             difference = decode(frames, columns) - found

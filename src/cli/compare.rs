@@ -4,7 +4,8 @@ use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Pose, Rig, View, ply};
 use phasmid_measure::{
-    Alignment, Comparison, Directed, GROSS_MM, IcpOptions, Surface, Truth, align, compare,
+    Alignment, Comparison, Directed, GROSS_MM, GROSS_SIGMAS, IcpOptions, Surface, Truth, align,
+    compare,
 };
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -127,6 +128,12 @@ fn table(report: &Report) -> String {
     row("gross errors (%)", |d| {
         format!("{:.4}", 100.0 * d.gross_error_rate)
     });
+    if let Some(stated) = found.stated {
+        let (ratio, beyond) = (stated.error_over_sigma, 100.0 * stated.beyond_5_sigma);
+        out += &format!("{:<24}{ratio:>16.3}\n", "error over sigma");
+        let name = format!("beyond {GROSS_SIGMAS} sigma (%)");
+        out += &format!("{name:<24}{beyond:>16.4}\n");
+    }
     if let Some(coverage) = found.coverage {
         out += &format!("{:<24}{:>16.2}\n", "coverage (%)", 100.0 * coverage);
     }

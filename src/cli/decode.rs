@@ -5,8 +5,8 @@ use phasmid_calibrate::files::{Sizes, read_rig_sized};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::check_folder;
 use phasmid_decode::{
-    Decoded, Decoder, FrameStack, Options, Plan, Summary, frame_size, load_frames, output_names,
-    write_outputs,
+    Decoded, Decoder, FrameStack, Held, Options, Plan, Summary, frame_size, load_frames,
+    output_names, write_outputs,
 };
 use phasmid_host::{check_images, doubt_images};
 use phasmid_pattern::Manifest;
@@ -37,6 +37,9 @@ pub(super) struct Args {
     /// Weight the phase steps by their shot noise, which reduces noise with six or more equal steps
     #[arg(long)]
     weighted: bool,
+    /// Treatment of the error due to held projector pixels
+    #[arg(long, value_name = "HOW", default_value = "correct")]
+    held: HeldArg,
     /// How to unwrap a single period without Gray code
     #[arg(long, value_name = "HOW")]
     unwrap: Option<Unwrap>,
@@ -58,6 +61,24 @@ pub(super) struct Args {
 enum Unwrap {
     /// Spatially, from pixel to pixel, the most precise first
     Spatial,
+}
+
+/// Treatment of the error due to held projector pixels.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub(super) enum HeldArg {
+    /// State it without changing the coordinates
+    State,
+    /// Correct each pixel using its own coordinate alone, and state what remains
+    Correct,
+}
+
+impl From<HeldArg> for Held {
+    fn from(how: HeldArg) -> Self {
+        match how {
+            HeldArg::State => Self::State,
+            HeldArg::Correct => Self::Correct,
+        }
+    }
 }
 
 /// Runs the command.
@@ -89,6 +110,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let options = Options {
         keep_mixed: args.keep_mixed,
         weighted: args.weighted,
+        held: args.held.into(),
         unwrap_spatial: args.unwrap.is_some(),
         min_modulation_dn: args.min_modulation,
         ..Options::default()

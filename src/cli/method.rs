@@ -133,7 +133,8 @@ impl MethodArgs {
         let mut depth = std::mem::take(&mut decoded.depth);
         let mut sigma = std::mem::take(&mut decoded.depth_sigma);
         if let Some(map) = decoded.axis(mapping.axis) {
-            mapping.depths([&map.coordinate, &map.sigma], &mut depth, &mut sigma);
+            let uncertainty = map.uncertainties(0..map.sigma.len());
+            mapping.depths([&map.coordinate, &uncertainty], &mut depth, &mut sigma);
         }
         (decoded.depth, decoded.depth_sigma) = (depth, sigma);
         decoded.notes.push(self.note(&mapping));
@@ -171,7 +172,9 @@ impl MethodArgs {
             ))
         })?;
         let depth = [&capture.decoded.depth[..], &capture.decoded.depth_sigma];
-        Mapping::of_capture(rig, axis, period, [&map.coordinate, &map.sigma], depth).map_err(at)
+        let uncertainty = map.uncertainties(0..map.sigma.len());
+        let coordinate = [&map.coordinate[..], &uncertainty];
+        Mapping::of_capture(rig, axis, period, coordinate, depth).map_err(at)
     }
 
     fn note(&self, mapping: &Mapping) -> String {

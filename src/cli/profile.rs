@@ -8,6 +8,7 @@ use phasmid_profile::{
     station_names,
 };
 use phasmid_protocol::dialect::Dialect;
+use phasmid_study::sampling::{Sampling, TILT_DEG};
 use std::path::Path;
 
 /// List, print or check device profiles.
@@ -61,6 +62,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 super::dialect::port(&profile)?;
                 println!("{file}: ok");
                 describe(&profile);
+                match Sampling::of(&profile) {
+                    Ok(found) => describe_sampling(&found),
+                    // Not an error of the profile: its patterns may be images that are not here.
+                    Err(why) => println!("  precision   not measured: {why}"),
+                }
             }
             Configuration::Station(station) => check_station(file, &station)?,
         },
@@ -160,6 +166,26 @@ fn describe(profile: &Profile) {
         if let Err(why) = Plan::new(&profile.manifest(sequence)) {
             println!("              cannot be decoded: {why}");
         }
+    }
+}
+
+/// Prints noise and held projector pixels of a trial scan, with the decoder's notes.
+fn describe_sampling(found: &Option<Sampling>) {
+    let Some(found) = found else { return };
+    let Sampling {
+        distance_mm,
+        sigma_px,
+        sampling_px,
+        notes,
+    } = found;
+    let px = |value: &Option<f32>| value.map_or("-".to_owned(), |px| format!("{px:.4} px"));
+    println!(
+        "  precision   grey plane at {distance_mm:.0} mm, turned {TILT_DEG} degrees: sigma {}, held pixels {}",
+        px(sigma_px),
+        px(sampling_px),
+    );
+    for note in notes {
+        println!("  note        {note}");
     }
 }
 

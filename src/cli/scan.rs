@@ -1,5 +1,6 @@
 //! `phasmid scan`: captures a sequence from any reachable device, and decodes it.
 
+use super::decode::HeldArg;
 use super::dialect;
 use super::interrupt::Interruptible;
 use super::method::MethodArgs;
@@ -69,6 +70,9 @@ pub(super) struct Args {
     /// Weight the phase steps by their shot noise, which reduces noise with six or more equal steps.
     #[arg(long)]
     weighted: bool,
+    /// Treatment of the error due to held projector pixels
+    #[arg(long, value_name = "HOW", default_value = "correct")]
+    held: HeldArg,
     /// Capture only, for sequences that are not meant to be decoded.
     #[arg(long)]
     no_decode: bool,
@@ -332,6 +336,7 @@ fn decode_captured(captured: &Captured, args: &Args) -> Result<Decoding> {
     let options = Options {
         keep_mixed: args.keep_mixed,
         weighted: args.weighted,
+        held: args.held.into(),
         ..Options::default()
     };
     let begin = Instant::now();

@@ -15,7 +15,7 @@
 //!   this errs on the careful side. So a pixel stays only if that bound on its bias is lost in its
 //!   noise. On a line along which the coordinate does not change, no harm is done and it stays.
 
-use super::edges::{KEEP, MIXED, held, less};
+use super::edges::{KEEP, MIXED, less};
 use phasmid_geometry::NoiseModel;
 
 /// Noise margin in standard deviations: 5 sqrt(6), as for extrapolations in [`super::edges`].
@@ -56,6 +56,8 @@ pub(super) struct Near<'a> {
     pub(super) padded_light: &'a [f32],
     /// Standard deviations of row v.
     pub(super) sigma: &'a [f32],
+    /// Largest error of extrapolations due to held projector pixels, in row v.
+    pub(super) held: &'a [f32],
     pub(super) noise: LightNoise,
 }
 
@@ -78,20 +80,15 @@ fn judge<const WRAPPED: bool>(near: &Near<'_>, period: f32, flags: &mut [u8]) {
     let [u2, u1, row, d1, d2] = near.rows.map(|row| &row[..n]);
     let [up, light, down] = near.light.map(|row| &row[..n]);
     let (left, right) = (&near.padded_light[..n], &near.padded_light[2..n + 2]);
-    let sigma = &near.sigma[..n];
+    let (sigma, held) = (&near.sigma[..n], &near.held[..n]);
     for i in 0..n {
         let x = row[i];
         // Brightness within the noise of a drop.
         let sd = (near.noise.floor + near.noise.slope * light[i]).sqrt();
-        let slope = |a: f32, b: f32| less::<WRAPPED>(a, b, period).abs();
-        let held = held(
-            slope(l1[i], l2[i]).min(slope(r1[i], r2[i])),
-            slope(u1[i], u2[i]).min(slope(d1[i], d2[i])),
-        );
         let here = Pixel {
             x,
             light: light[i] + BIAS * sd,
-            step: STEP * sigma[i] + FLOOR_PX + held,
+            step: STEP * sigma[i] + FLOOR_PX + held[i],
             bias: BIAS * sigma[i] + FLOOR_PX,
         };
         let ([a, b], [c, d]) = ([l1[i], l2[i]], [r1[i], r2[i]]);
@@ -160,6 +157,7 @@ mod tests {
             light: [&nan, light, &nan],
             padded_light: &pad(light, 1),
             sigma: &vec![sigma; x.len()],
+            held: &vec![0.0; x.len()],
             noise: LightNoise {
                 floor: 1e-5,
                 slope: 1e-4,

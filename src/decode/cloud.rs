@@ -10,8 +10,8 @@ use rayon::prelude::*;
 /// deviations) are on another surface.
 const SAME_SURFACE: f32 = 0.02;
 
-/// Position, normal and intensity of a point.
-type Oriented = ([f32; 3], [f32; 3], f32);
+/// Position, normal, intensity and standard deviation of a point.
+type Oriented = ([f32; 3], [f32; 3], [f32; 2]);
 
 impl Decoder {
     /// Writes the valid points, in the rig's frame in mm, row by row into a reusable vector. Empty
@@ -42,8 +42,8 @@ impl Decoder {
         });
     }
 
-    /// Returns the valid points with intensities and with normals towards the camera. Empty without a
-    /// rig.
+    /// Returns the valid points with intensities, standard deviations and normals towards the camera.
+    /// Empty without a rig.
     pub fn cloud(&self, decoded: &Decoded) -> Cloud {
         let Some(triangulator) = self.triangulator() else {
             return Cloud::default();
@@ -86,7 +86,9 @@ impl Decoder {
                     } else {
                         normal
                     };
-                    row.push((p.into(), normal.into(), decoded.intensity[i]));
+                    let along_ray = (p - eye).length() / decoded.depth[i];
+                    let sigma = decoded.depth_sigma[i] * along_ray;
+                    row.push((p.into(), normal.into(), [decoded.intensity[i], sigma]));
                 }
                 row
             })
@@ -95,7 +97,8 @@ impl Decoder {
         Cloud {
             points: all().map(|p| p.0).collect(),
             normals: Some(all().map(|p| p.1).collect()),
-            intensity: Some(all().map(|p| p.2).collect()),
+            intensity: Some(all().map(|p| p.2[0]).collect()),
+            sigma_mm: Some(all().map(|p| p.2[1]).collect()),
         }
     }
 }

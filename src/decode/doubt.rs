@@ -4,7 +4,7 @@
 //! fringes and codes contradict each other only if the frames do not match the sequence: steps in
 //! another order, bits in another order, or more than one frame of another pattern.
 
-use super::{Decoded, Verdict};
+use super::{AxisMap, Decoded, Verdict};
 use phasmid_pattern::Axis;
 
 /// Fraction of the brighter pixels with uncertain order above which the frames are doubted. Valid
@@ -13,6 +13,8 @@ use phasmid_pattern::Axis;
 const MOST_UNCERTAIN: f64 = 0.08;
 /// Fraction of saturated pixels, among saturated and valid ones, above which the frames are doubted.
 const MOST_SATURATED: f64 = 0.5;
+/// Fraction of the lit pixels with a coordinate below which a note says so.
+const LEAST_VALID: f64 = 0.9;
 /// Minimum number of pixels for a decision.
 const FEWEST: usize = 400;
 
@@ -30,6 +32,31 @@ impl Decoded {
         let mut axes = self.axes();
         axes.find_map(|(axis, map)| uncertain(axis, &map.verdict, &self.modulation))
     }
+}
+
+/// Says which part of the lit pixels has a coordinate, and why most of the others have none, if it is
+/// small.
+pub(super) fn note_of_loss(axis: Axis, map: &AxisMap) -> Option<String> {
+    let mut counts = [0usize; Verdict::ALL.len()];
+    for verdict in &map.verdict {
+        counts[*verdict as usize] += 1;
+    }
+    let lit = map.verdict.len() - counts[Verdict::Dim as usize];
+    let valid = counts[Verdict::Valid as usize];
+    if lit < FEWEST || valid as f64 >= LEAST_VALID * lit as f64 {
+        return None;
+    }
+    let lost = |verdict: &&Verdict| !matches!(verdict, Verdict::Valid | Verdict::Dim);
+    let most = Verdict::ALL
+        .iter()
+        .filter(lost)
+        .max_by_key(|v| counts[**v as usize])?;
+    Some(format!(
+        "axis {axis}: only {:.0} % of the lit pixels have a coordinate; {} are rejected as {}",
+        100.0 * valid as f64 / lit as f64,
+        counts[*most as usize],
+        most.name()
+    ))
 }
 
 fn uncertain(axis: Axis, verdicts: &[Verdict], modulation: &[f32]) -> Option<String> {
@@ -100,6 +127,22 @@ mod tests {
         assert_eq!(doubt(40, 3.0), None);
         let why = doubt(15, 50.0).unwrap();
         assert!(why.contains("along x is uncertain in 15 %"), "{why}");
+    }
+
+    #[test]
+    fn a_loss_of_lit_pixels_is_noted() {
+        let note = |verdict, of_hundred| {
+            let decoded = decoded(verdict, of_hundred, 50.0);
+            note_of_loss(Axis::X, decoded.x.as_ref().unwrap())
+        };
+        assert_eq!(note(Verdict::Mixed, 10), None);
+        let why = note(Verdict::Mixed, 11).unwrap();
+        assert!(
+            why.contains("only 89 % of the lit pixels")
+                && why.contains("1100 are rejected as mixed"),
+            "{why}"
+        );
+        assert_eq!(note(Verdict::Dim, 50), None);
     }
 
     #[test]

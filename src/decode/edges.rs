@@ -3,8 +3,9 @@
 //! A pixel whose footprint covers two surfaces at a depth edge, or is only partly lit, has a
 //! coordinate that belongs to neither surface. It is detected because it lies on neither side's
 //! linear extrapolation, along the row or along the column. A pixel of a steep or curved surface lies
-//! on the extrapolation of at least one side. The tolerance follows the noise, the curvature of the
-//! extrapolating side, and, where both sides meet in a crease, the change of slope. Nothing is
+//! on the extrapolation of at least one side. The tolerance follows the noise, the steps of held
+//! projector pixels, the curvature of the extrapolating side, and, where both sides meet in a crease,
+//! the change of slope. Nothing is
 //! smoothed: a pixel is kept unchanged or rejected.
 //!
 //! Where the coordinate changes by a fringe period or more per pixel, a pixel averages over the whole
@@ -33,10 +34,6 @@ const NOISE: f32 = 12.25;
 /// Minimum tolerance in projector pixels: far below relevant errors, above the f32 rounding of large
 /// coordinates.
 const FLOOR_PX: f32 = 0.02;
-/// Slope in projector pixels per camera pixel above which [`held`] allows nothing.
-const AVERAGED: f32 = 1.1;
-const AVERAGING: f32 = 0.1;
-
 /// The rows around a row of an axis, all of equal length; rows outside the image are NaN.
 pub(super) struct Around<'a> {
     /// Rows v - 3 to v + 3.
@@ -45,6 +42,8 @@ pub(super) struct Around<'a> {
     pub(super) padded: &'a [f32],
     /// Standard deviations of row v.
     pub(super) sigma: &'a [f32],
+    /// Largest error of extrapolations due to held projector pixels, in row v.
+    pub(super) held: &'a [f32],
     /// Period of the finest fringe in projector pixels; infinite without fringes.
     pub(super) finest: f32,
     /// Whether the image has more than two columns, and more than two rows, so that a pixel without a
@@ -69,19 +68,14 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
     let h = |k: usize| &around.padded[k..k + n];
     let (l3, l2, l1, r1, r2, r3) = (h(0), h(1), h(2), h(4), h(5), h(6));
     let v = around.rows.map(|row| &row[..n]);
-    let sigma = &around.sigma[..n];
+    let (sigma, held) = (&around.sigma[..n], &around.held[..n]);
     let span = SPAN * around.finest;
     let beside = around.has_beside;
     for i in 0..n {
         let x = v[3][i];
-        let base = NOISE * sigma[i] + FLOOR_PX;
+        let base = NOISE * sigma[i] + FLOOR_PX + held[i];
         let (left, right) = ([l1[i], l2[i], l3[i]], [r1[i], r2[i], r3[i]]);
         let (above, below) = ([v[2][i], v[1][i], v[0][i]], [v[4][i], v[5][i], v[6][i]]);
-        let base = base
-            + held(
-                gentler::<WRAPPED>(left, right, period),
-                gentler::<WRAPPED>(above, below, period),
-            );
         let (row_bad, row_has) = line::<WRAPPED>(x, left, right, base, period);
         let (col_bad, col_has) = line::<WRAPPED>(x, above, below, base, period);
         // The smaller slope of both sides, so that a depth step does not count as a slope.
@@ -116,34 +110,6 @@ pub(super) fn less<const WRAPPED: bool>(a: f32, b: f32, period: f32) -> f32 {
     } else {
         d
     }
-}
-
-/// Allowed error of an extrapolation, in projector pixels, due to the pixel grid of the projector,
-/// for the slopes along the row and the column in projector pixels per camera pixel.
-///
-/// A footprint narrower than a projector pixel sees a staircase: the coordinate changes by 0 to 1
-/// from pixel to pixel, so an extrapolation is wrong by up to 1. A footprint as wide as a projector
-/// pixel averages over a step and sees a straight line. Unknown slopes (NaN) allow nothing.
-#[inline(always)]
-pub(super) fn held(row: f32, column: f32) -> f32 {
-    let slope = row.max(column);
-    if slope < AVERAGED {
-        ((AVERAGED - slope) / AVERAGING).min(1.0)
-    } else {
-        0.0
-    }
-}
-
-/// The smaller slope of both sides, averaged over two pixels of each; sides list the nearest pixel
-/// first.
-#[inline(always)]
-fn gentler<const WRAPPED: bool>(left: [f32; 3], right: [f32; 3], period: f32) -> f32 {
-    let slope = |side: [f32; 3]| {
-        let near = less::<WRAPPED>(side[0], side[1], period);
-        let far = less::<WRAPPED>(side[1], side[2], period);
-        0.5 * (near + far).abs()
-    };
-    slope(left).min(slope(right))
 }
 
 /// Returns `(outlier, tested)`: whether x disagrees with the extrapolations from both sides, and
@@ -196,6 +162,10 @@ mod tests {
     }
 
     fn flags_with(x: &[f32], sigma: f32, period: f32, finest: f32) -> Vec<u8> {
+        flags_held(x, sigma, 0.0, period, finest)
+    }
+
+    fn flags_held(x: &[f32], sigma: f32, held: f32, period: f32, finest: f32) -> Vec<u8> {
         let nan = vec![f32::NAN; x.len()];
         let mut padded = vec![f32::NAN; 3];
         padded.extend(x);
@@ -205,6 +175,7 @@ mod tests {
             rows: [&nan, &nan, &nan, x, &nan, &nan, &nan],
             padded: &padded,
             sigma: &sigma,
+            held: &vec![held; x.len()],
             finest,
             has_beside: [x.len() > 2, false],
         };
@@ -281,6 +252,7 @@ mod tests {
                 rows: [&nan, &row, &row, &row, &row, &row, &nan],
                 padded: &padded,
                 sigma: &[0.02; 5],
+                held: &[0.0; 5],
                 finest: 16.0,
                 has_beside,
             };
@@ -298,13 +270,10 @@ mod tests {
             (0..10).map(at).sum::<f32>() / 10.0
         };
         let mut x: Vec<f32> = (0..40).map(mean).collect();
-        assert_eq!(flags(&x, 0.005, 0.0), [KEEP; 40]);
+        let flags = |x: &[f32]| flags_held(x, 0.005, 1.0, 0.0, f32::INFINITY);
+        assert_eq!(flags(&x), [KEEP; 40]);
         x[20] += 2.5;
-        assert_eq!(flags(&x, 0.005, 0.0)[20], MIXED);
-        // Footprints of two projector pixels average over steps: no additional tolerance.
-        let mut wide: Vec<f32> = (0..12).map(|i| 2.0 * i as f32).collect();
-        wide[6] += 0.5;
-        assert_eq!(flags(&wide, 0.005, 0.0)[6], MIXED);
+        assert_eq!(flags(&x)[20], MIXED);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //!
 //! [`Plan`] reads a sequence manifest and states how its axes can be decoded, or what is missing.
 //! [`Decoder`] holds the tables and buffers for one plan, image size and rig, and turns a
-//! [`FrameStack`] into [`Decoded`] maps in three passes over rows. Each pass is parallel and gives
+//! [`FrameStack`] into [`Decoded`] maps in passes over rows. Each pass is parallel and gives
 //! the same result on any number of threads:
 //!
 //! 1. least squares over the steps of every fringe set ([`FringeSet`]), Gray bits ([`GrayCode`]), the
@@ -14,7 +14,8 @@
 //!    is also rejected if its Gray bits come from two places at once, as at a silhouette (`order`);
 //! 2. mixed pixels and outliers that lie on neither side's extrapolation (`edges`), then pixels that
 //!    border on a step or a hole (`borders`);
-//! 3. triangulation, if there is a rig ([`crate::triangulate::Triangulator`]).
+//! 3. correction of the error due to held projector pixels (`held`);
+//! 4. triangulation, if there is a rig ([`crate::triangulate::Triangulator`]).
 
 mod borders;
 mod cloud;
@@ -23,6 +24,7 @@ pub mod deviation;
 mod doubt;
 mod edges;
 mod gray;
+mod held;
 mod load;
 mod maps;
 mod noise;
@@ -43,6 +45,7 @@ mod weighted;
 
 pub use decoder::{Decoder, Options};
 pub use gray::{GrayBit, GrayCode};
+pub use held::Held;
 pub use load::{LoadedFrames, frame_size, load_frames};
 pub use maps::{AxisMap, Decoded, Verdict};
 pub use noise::estimate_noise;

@@ -2,6 +2,8 @@
 
 use phasmid_geometry::NoiseModel;
 use phasmid_pattern::Axis;
+use std::borrow::Cow;
+use std::ops::Range;
 
 /// Whether a pixel has a coordinate, or why not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -57,13 +59,34 @@ impl Verdict {
 pub struct AxisMap {
     /// Projector coordinate in pixels, NaN where invalid.
     pub coordinate: Vec<f32>,
-    /// Standard deviation of the coordinate in projector pixels, NaN where invalid.
+    /// Standard deviation of the coordinate due to noise in projector pixels, NaN where invalid: the
+    /// scatter of repeated scans.
     pub sigma: Vec<f32>,
+    /// Standard uncertainty in projector pixels due to held projector pixels (see [`crate::Held`]),
+    /// NaN where invalid; empty where it is below a tenth of the noise throughout.
+    pub sampling: Vec<f32>,
     /// Verdict of each pixel.
     pub verdict: Vec<Verdict>,
     /// Period that coordinates are known modulo, if the fringe order is unresolved; after spatial
     /// unwrapping each connected region is known up to one integer number of periods.
     pub wrapped_px: Option<f64>,
+}
+
+impl AxisMap {
+    /// Returns a pixel's standard uncertainty in projector pixels: noise and held projector pixels
+    /// together. NaN where invalid.
+    pub fn uncertainty(&self, i: usize) -> f32 {
+        let [noise, held] = [self.sigma[i], self.sampling.get(i).copied().unwrap_or(0.0)];
+        (noise * noise + held * held).sqrt()
+    }
+
+    /// Returns the standard uncertainties of a range of pixels, as [`Self::uncertainty`].
+    pub fn uncertainties(&self, pixels: Range<usize>) -> Cow<'_, [f32]> {
+        if self.sampling.is_empty() {
+            return self.sigma[pixels].into();
+        }
+        pixels.map(|i| self.uncertainty(i)).collect()
+    }
 }
 
 /// The result of decoding a sequence; maps are height x width, row by row.
@@ -84,7 +107,8 @@ pub struct Decoded {
     pub intensity: Vec<f32>,
     /// Depth z in the camera's frame in mm, NaN where invalid; empty without a rig.
     pub depth: Vec<f32>,
-    /// Standard deviation of the depth in mm, NaN where invalid; empty without a rig.
+    /// Standard deviation of the depth in mm, due to noise and held projector pixels; NaN where
+    /// invalid, empty without a rig.
     pub depth_sigma: Vec<f32>,
     /// The noise model used for the standard deviations.
     pub noise: Option<NoiseModel>,

@@ -19,6 +19,8 @@ pub const fn output_names() -> &'static [&'static str] {
         "projector_y.npy",
         "sigma_x.npy",
         "sigma_y.npy",
+        "sampling_x.npy",
+        "sampling_y.npy",
         "modulation.npy",
         "mask.png",
         "phase_x.png",
@@ -28,9 +30,10 @@ pub const fn output_names() -> &'static [&'static str] {
     ]
 }
 
-/// Writes the maps of a decoding into `folder`, which must exist: `projector_x.npy`, `sigma_x.npy`
-/// and `phase_x.png` (and `_y`) for the decoded axes, `modulation.npy`, `mask.png`, and with a rig
-/// `depth.npy` and `cloud.ply`. Returns the names written. Deletes all of them on failure.
+/// Writes the maps of a decoding into `folder`, which must exist: `projector_x.npy`, `sigma_x.npy`,
+/// `phase_x.png` and, unless it is negligible, `sampling_x.npy` (and `_y`) for the decoded axes,
+/// `modulation.npy`, `mask.png`, and with a rig `depth.npy` and `cloud.ply`. Returns the names
+/// written. Deletes all of them on failure.
 ///
 /// # Errors
 /// Returns an error if a file cannot be written.
@@ -44,9 +47,19 @@ pub fn write_outputs(
     let mut tasks: Vec<Task<'_>> = Vec::new();
     let array = |values: &'_ [f32], path: &Path| write_npy(path, width, height, values);
     for (axis, map) in decoded.axes() {
-        let [projector, sigma, phase] = match axis {
-            Axis::X => ["projector_x.npy", "sigma_x.npy", "phase_x.png"],
-            Axis::Y => ["projector_y.npy", "sigma_y.npy", "phase_y.png"],
+        let [projector, sigma, sampling, phase] = match axis {
+            Axis::X => [
+                "projector_x.npy",
+                "sigma_x.npy",
+                "sampling_x.npy",
+                "phase_x.png",
+            ],
+            Axis::Y => [
+                "projector_y.npy",
+                "sigma_y.npy",
+                "sampling_y.npy",
+                "phase_y.png",
+            ],
         };
         let period = decoder
             .plan()
@@ -55,6 +68,9 @@ pub fn write_outputs(
             .map(|s| s.period_px as f32);
         tasks.push((projector, Box::new(move |p| array(&map.coordinate, p))));
         tasks.push((sigma, Box::new(move |p| array(&map.sigma, p))));
+        if !map.sampling.is_empty() {
+            tasks.push((sampling, Box::new(move |p| array(&map.sampling, p))));
+        }
         tasks.push((
             phase,
             Box::new(move |p| save(p, phase_image(width, &map.coordinate, period))),
@@ -130,7 +146,8 @@ pub struct Summary {
     pub median_modulation_dn: Option<f32>,
     /// Number of points; `None` without a rig.
     pub points: Option<usize>,
-    /// Median standard deviation of depth in mm; `None` without a rig.
+    /// Median standard deviation of depth in mm, due to noise and held projector pixels; `None`
+    /// without a rig.
     pub median_depth_sigma_mm: Option<f32>,
     /// Notes for the user.
     pub notes: Vec<String>,
@@ -143,8 +160,10 @@ pub struct AxisSummary {
     pub axis: Axis,
     /// Number of pixels with a coordinate.
     pub valid: usize,
-    /// Median standard deviation in projector pixels.
+    /// Median standard deviation due to noise in projector pixels.
     pub median_sigma_px: Option<f32>,
+    /// Median uncertainty due to held projector pixels, in projector pixels; 0 where it is left out.
+    pub median_sampling_px: Option<f32>,
     /// Number of rejected pixels by reason.
     pub masked: Vec<(&'static str, usize)>,
 }
@@ -163,6 +182,10 @@ impl Summary {
                     axis,
                     valid: counts[0],
                     median_sigma_px: median(map.sigma.iter().copied()),
+                    median_sampling_px: match map.sampling.is_empty() {
+                        true => Some(0.0).filter(|_| counts[0] > 0),
+                        false => median(map.sampling.iter().copied()),
+                    },
                     masked: Verdict::ALL
                         .iter()
                         .zip(counts)
@@ -209,13 +232,17 @@ impl std::fmt::Display for Summary {
         }
         for axis in &self.axes {
             let sigma = axis.median_sigma_px.unwrap_or(f32::NAN);
-            writeln!(
+            write!(
                 f,
-                "axis {}       {} valid ({:.1} %), sigma {sigma:.4} px (median)",
+                "axis {}       {} valid ({:.1} %), sigma {sigma:.4} px",
                 axis.axis,
                 axis.valid,
                 percent(axis.valid)
             )?;
+            match axis.median_sampling_px {
+                Some(px) if px > 0.0 => writeln!(f, ", held pixels {px:.4} px (medians)")?,
+                _ => writeln!(f, " (median)")?,
+            }
             for (name, count) in axis.masked.iter().filter(|(_, n)| *n > 0) {
                 writeln!(f, "  {name:<16} {count:>9} ({:.2} %)", percent(*count))?;
             }
@@ -235,7 +262,7 @@ impl std::fmt::Display for Summary {
 }
 
 /// Median of the values that are not NaN.
-fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
+pub(super) fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
     let mut values: Vec<f32> = values.filter(|v| !v.is_nan()).collect();
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)

@@ -137,6 +137,26 @@ impl SetKernel {
         sums
     }
 
+    /// Sum over the steps of (dphi/dI)^2 (A + B cos(phi - step) - I) B: by how much harmonics of the
+    /// samples I lower the variance of the phase. For N equal steps, B2 / (N B) with the second
+    /// harmonic B2.
+    pub(super) fn harmonic(
+        &self,
+        [c, s]: [f32; 2],
+        mean: f32,
+        sample: impl Fn(usize) -> f32,
+    ) -> f32 {
+        let mut sum = 0.0;
+        for (w, &frame) in self.weights.iter().zip(&self.frames) {
+            let slope = c * w[2] - s * w[1];
+            sum -= slope * slope * (sample(frame) - mean);
+        }
+        let b2 = (c * c + s * s).max(1e-12);
+        let [t0, t1, t2, t3] = self.skew;
+        let odd = c * c * (c * t0 + s * t1) + s * s * (c * t2 + s * t3);
+        (sum + odd) / (b2 * b2.sqrt())
+    }
+
     /// Whether steps are weighted by their shot noise.
     pub(super) fn weighs(&self) -> bool {
         !self.higher.is_empty()
@@ -264,7 +284,8 @@ impl SetRow {
     ///
     /// The phase phi = atan2(S, C) has d phi = (C dS - S dC) / B^2. The samples' variances follow the
     /// linear noise model, so the variance of the phase is
-    /// [v(A) (C^2 Gss - 2 C S Gcs + S^2 Gcc) + K (third-order terms of C and S)] / B^4.
+    /// [v(A) (C^2 Gss - 2 C S Gcs + S^2 Gcc) + K (third-order terms of C and S) - K H B^3] / B^4
+    /// with H the harmonics' part ([`SetKernel::harmonic`]), which the capture's pixels have in common.
     #[inline(always)]
     pub(super) fn finish<const CHECK: u8>(
         &mut self,
@@ -278,6 +299,7 @@ impl SetRow {
         let check = &mut self.check[..n];
         let [gcc, gcs, gss] = kernel.gram;
         let [t0, t1, t2, t3] = kernel.skew.map(|t| t * noise.gain);
+        let harmonic = robust_scale.harmonic * noise.gain;
         if kernel.higher.is_empty() {
             for i in 0..n {
                 let (c, s) = (m[i], w[i]);
@@ -285,10 +307,10 @@ impl SetRow {
                 let even =
                     noise.variance(mean[i]) * (c * c * gss - 2.0 * c * s * gcs + s * s * gcc);
                 let odd = c * c * (c * t0 + s * t1) + s * s * (c * t2 + s * t3);
-                // A lower bound for pixels whose mean and modulation contradict the noise model.
-                let sum = (even + odd).max(0.1 * even);
-                var[i] = kernel.per_phase * sum / (b2 * b2);
                 m[i] = b2.sqrt();
+                // A lower bound for pixels whose mean and modulation contradict the noise model.
+                let sum = (even + odd - harmonic * b2 * m[i]).max(0.1 * even);
+                var[i] = kernel.per_phase * sum / (b2 * b2);
                 if CHECK != UNCHECKED {
                     check[i] -= robust_scale.part::<CHECK>(mean[i] - noise.black, c, s, m[i]);
                 }

@@ -41,6 +41,8 @@ pub(super) struct RobustScale {
     deviations: f32,
     /// Additional allowed residual as a fraction of the modulation.
     modulation: f32,
+    /// Median of the set's [`SetKernel::harmonic`] over pixels.
+    pub(super) harmonic: f32,
 }
 
 impl Default for RobustScale {
@@ -50,6 +52,7 @@ impl Default for RobustScale {
             terms: [0.0; TERMS],
             deviations: f32::INFINITY,
             modulation: 0.0,
+            harmonic: 0.0,
         }
     }
 }
@@ -65,8 +68,8 @@ struct Pixel {
 }
 
 impl RobustScale {
-    /// Fits the typical residual of one of an axis' sets to sampled pixels that have fringes and
-    /// are not saturated.
+    /// Fits the typical residual of one of an axis' sets, and its harmonic, to sampled pixels that
+    /// have fringes and are not saturated.
     pub(super) fn of<T: Sample>(
         sets: &[SetKernel],
         set: &SetKernel,
@@ -75,11 +78,11 @@ impl RobustScale {
         saturation: f32,
         options: &Options,
     ) -> Self {
-        let Some(first) = set.frames.first().filter(|_| set.check != Check::None) else {
+        let Some(first) = set.frames.first() else {
             return Self::default();
         };
         let row = RowNoise::new(noise);
-        let mut pixels = Vec::new();
+        let (mut pixels, mut harmonics) = (Vec::new(), Vec::new());
         // Odd, so that the samples do not all fall into one image column.
         let stride = (frames[*first].len() / PIXELS) | 1;
         for i in (0..frames[*first].len()).step_by(stride) {
@@ -91,7 +94,9 @@ impl RobustScale {
             if dim || light <= 0.0 || a + b >= saturation {
                 continue;
             }
+            harmonics.push(set.harmonic([c, s], a, sample));
             let (check, terms) = match set.check {
+                Check::None => continue,
                 Check::Tied => {
                     let all = sets.iter().map(|set| set.solve(sample)[0]).sum();
                     (set.tied(a, all), terms::<TIED>(light, c, s, b))
@@ -106,8 +111,15 @@ impl RobustScale {
                 left: f64::from(check) / sigma,
             });
         }
+        let harmonic = match harmonics.len() {
+            ..FEWEST => 0.0,
+            n => *harmonics.select_nth_unstable_by(n / 2, f32::total_cmp).1,
+        };
         if pixels.len() < FEWEST {
-            return Self::default();
+            return Self {
+                harmonic,
+                ..Self::default()
+            };
         }
         let mut fitted = SVector::zeros();
         let mut scale = deviation(&pixels);
@@ -125,6 +137,7 @@ impl RobustScale {
             terms: fitted.map(|v| v as f32).into(),
             deviations: (SIGMAS * scale.max(1.0)) as f32,
             modulation: (BLURRED * fitted[3].hypot(fitted[4])) as f32,
+            harmonic,
         }
     }
 

@@ -9,6 +9,8 @@ pub struct Cloud {
     pub normals: Option<Vec<[f32; 3]>>,
     /// Brightness of the surface under full projector light, 0 to 1, one per point, if known.
     pub intensity: Option<Vec<f32>>,
+    /// Standard deviation along the camera's ray in millimetres, one per point, if known.
+    pub sigma_mm: Option<Vec<f32>>,
 }
 
 impl Cloud {
@@ -30,6 +32,7 @@ impl Cloud {
                 .as_deref()
                 .map(|n| each(n, &|d| to_from_cloud.direction(d))),
             intensity: self.intensity.clone(),
+            sigma_mm: self.sigma_mm.clone(),
         }
     }
 }

@@ -11,6 +11,10 @@
 //! - 95th percentile of d, by the nearest rank;
 //! - gross error rate: the fraction of d above [`GROSS_MM`].
 //!
+//! If the cloud states standard deviations s along the camera's rays, the values d / s tell whether
+//! they are right ([`Stated`]). On a surface that the ray meets at an angle, d is smaller than the
+//! error along the ray.
+//!
 //! Over both directions: the mean distance to agreement (MDTA) and the MAE are the mean of the two
 //! directed means; RMSE is the root of the mean of the two mean squares; the Hausdorff distance and
 //! the percentile are the larger of the two; the gross error rate is the mean of the two. Both
@@ -27,6 +31,9 @@ use serde::Serialize;
 
 /// Distance above which an error counts as gross, in millimetres.
 pub const GROSS_MM: f64 = 1.0;
+
+/// Number of stated standard deviations above which an error counts as gross.
+pub const GROSS_SIGMAS: f64 = 5.0;
 
 /// Maximum number of points sampled on a true mesh, over its whole area.
 const SAMPLES: usize = 200_000;
@@ -50,6 +57,35 @@ pub struct Directed {
     pub inlier_rmse_mm: f64,
 }
 
+/// Errors in units of the standard deviations stated for them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Stated {
+    /// RMS of error / standard deviation over the points up to [`GROSS_SIGMAS`]; NaN if there are none.
+    pub error_over_sigma: f64,
+    /// Fraction of points beyond [`GROSS_SIGMAS`], or without a standard deviation above 0; NaN if
+    /// there are no points.
+    pub beyond_5_sigma: f64,
+}
+
+impl Stated {
+    /// Returns the statistics of errors and their standard deviations. A NaN counts as beyond.
+    pub fn of(all: impl Iterator<Item = (f64, f64)>) -> Self {
+        let (mut points, mut within, mut sum) = (0usize, 0usize, 0.0);
+        for (error, sigma) in all {
+            points += 1;
+            let ratio = error.abs() / sigma;
+            if sigma > 0.0 && ratio <= GROSS_SIGMAS {
+                within += 1;
+                sum += ratio * ratio;
+            }
+        }
+        Self {
+            error_over_sigma: (sum / within as f64).sqrt(),
+            beyond_5_sigma: (points - within) as f64 / points as f64,
+        }
+    }
+}
+
 /// Comparison of a cloud with the truth.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
@@ -59,6 +95,9 @@ pub struct Comparison {
     pub points_ignored: usize,
     /// Distances from each measured point to the true surface.
     pub cloud_to_truth: Directed,
+    /// The same distances in units of the cloud's standard deviations, if it has any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stated: Option<Stated>,
     /// Distances from each lit and seen true point to the measured surface.
     pub truth_to_cloud: Option<Directed>,
     /// Reason if `truth_to_cloud` is absent.
@@ -122,7 +161,15 @@ pub fn compare(
     rig: Option<&Rig>,
 ) -> Result<Comparison> {
     let points = finite_points(cloud)?;
-    let cloud_to_truth = distances(surface, &points).ok_or_else(|| {
+    let feet = surface.closest_batch(&points);
+    let of_feet = || feet.iter().flatten().map(|foot| foot.distance_mm);
+    let stated = cloud.sigma_mm.as_ref().map(|sigmas| {
+        let is_finite = |(p, _): &(&[f32; 3], &f32)| p.iter().all(|x| x.is_finite());
+        let sigmas = cloud.points.iter().zip(sigmas).filter(is_finite);
+        let pairs = feet.iter().zip(sigmas);
+        Stated::of(pairs.filter_map(|(foot, (_, s))| Some(((*foot)?.distance_mm, f64::from(*s)))))
+    });
+    let cloud_to_truth = Directed::of(of_feet().collect()).ok_or_else(|| {
         Error::input(
             "truth",
             "an empty surface",
@@ -153,6 +200,7 @@ pub fn compare(
         points: points.len(),
         points_ignored: cloud.points.len() - points.len(),
         cloud_to_truth,
+        stated,
         truth_to_cloud,
         truth_to_cloud_absent: absent,
         both,
@@ -250,6 +298,25 @@ mod tests {
         assert!((back.hausdorff_mm - farthest).abs() < 0.3, "{back:?}");
         assert!((back.inlier_rmse_mm - 0.25).abs() < 0.01, "{back:?}");
         assert_eq!(found.mdta_mm.unwrap(), (to.mae_mm + back.mae_mm) / 2.0);
+    }
+
+    #[test]
+    fn stated_deviations_are_compared_with_distances() {
+        let truth = Truth::Mesh(floor(1000.0));
+        let mut cloud = grid(4, 1000.5);
+        // The first of 81 points is six standard deviations off, one is not finite.
+        cloud.points[0][2] = 1001.5;
+        cloud.points.push([f32::NAN; 3]);
+        cloud.sigma_mm = Some(vec![0.25; 82]);
+        let found = against(&cloud, &truth, None).stated.unwrap();
+        assert_eq!(found.beyond_5_sigma, 1.0 / 81.0);
+        assert_eq!(found.error_over_sigma, 2.0);
+        cloud.sigma_mm = Some(vec![0.0; 82]);
+        assert_eq!(
+            against(&cloud, &truth, None).stated.unwrap().beyond_5_sigma,
+            1.0
+        );
+        assert_eq!(against(&grid(4, 1000.0), &truth, None).stated, None);
     }
 
     #[test]

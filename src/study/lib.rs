@@ -12,6 +12,7 @@ pub mod faults;
 pub mod noise;
 pub mod paper;
 pub mod report;
+pub mod sampling;
 pub mod scanned;
 pub mod score;
 pub mod sgrt;

@@ -87,6 +87,10 @@ impl fmt::Display for Summary {
             "error over bound",
             cell(s.ratio_to_bound, 3, "")
         )?;
+        let ratio = cell(s.stated.error_over_sigma, 3, "");
+        writeln!(f, "{:<26}{ratio:>12}", "error over sigma")?;
+        let beyond = cell(100.0 * s.stated.beyond_5_sigma, 3, "%");
+        writeln!(f, "{:<26}{beyond:>12}", "beyond 5 sigma")?;
         for (reason, pixels) in self.masked.iter().filter(|(_, pixels)| *pixels > 0) {
             writeln!(f, "{:<26}{pixels:>12}", format!("left out, {reason}"))?;
         }

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::Decoded;
 use phasmid_geometry::{Cloud, NoiseModel, Rig, View};
-use phasmid_measure::{GROSS_MM, Surface, compare};
+use phasmid_measure::{GROSS_MM, Stated, Surface, compare};
 use phasmid_pattern::{Axis, Manifest, finest_fringe};
 use phasmid_render::truth::Truth;
 use serde::Serialize;
@@ -33,6 +33,10 @@ pub struct Score {
     pub bound_mm: f64,
     /// Root mean square of the inliers' errors, each over its own pixel's bound.
     pub ratio_to_bound: f64,
+    /// Errors over the standard deviations that the decoder states for them; a point where there is
+    /// nothing to see is beyond five of them.
+    #[serde(flatten)]
+    pub stated: Stated,
     /// The same errors where a pixel meets more than one facet or object.
     pub crease: CreaseScore,
 }
@@ -83,6 +87,12 @@ pub fn score(decoded: &Decoded, truth: &Truth, manifest: &Manifest, rig: &Rig) -
     let crease = Tally::over((0..n).filter(|&i| is_crease(i)), decoded, truth, &errors);
     let noise = Noise::new(manifest, rig, truth);
     let (bound_mm, ratio_to_bound) = noise.compare(&errors);
+    let of_smooth = |i: usize| (f64::from(errors[i]), f64::from(decoded.depth_sigma[i]));
+    let stated = Stated::of(
+        (0..n)
+            .filter(|&i| !is_crease(i) && decoded.depth[i].is_finite())
+            .map(of_smooth),
+    );
     let (hausdorff_mm, mdta_mm) = surfaces(decoded, truth, rig)?;
     Ok(Score {
         points: decoded.depth.iter().filter(|z| z.is_finite()).count(),
@@ -94,6 +104,7 @@ pub fn score(decoded: &Decoded, truth: &Truth, manifest: &Manifest, rig: &Rig) -
         mdta_mm,
         bound_mm,
         ratio_to_bound,
+        stated,
         crease: CreaseScore {
             points: crease.points,
             coverage: crease.coverage(),

@@ -2,7 +2,7 @@
 //! bands, and whole scans through the firmware.
 
 use crate::photometry::{dn_per_irradiance, scene};
-use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid::decode::{Decoded, Decoder, FrameStack, Held, Options, Samples, Verdict};
 use phasmid::emulator::render::{Renderer, Term};
 use phasmid::emulator::{Bench, Firmware, MemorySink, PatternImage, Shot, Showing, Shutter};
 use phasmid::host::check_sequence;
@@ -237,7 +237,12 @@ fn decode(profile: &Profile, frames: &[Frame]) -> Decoded {
     let manifest = profile.manifest(&profile.sequence[0]);
     let (w, h) = (frames[0].width as usize, frames[0].height as usize);
     let rig = profile.nominal_rig();
-    let decoder = Decoder::new(&manifest, w, h, Some(&rig), Options::default()).unwrap();
+    // The correction depends on the whole image, so that rows would influence each other.
+    let options = Options {
+        held: Held::State,
+        ..Options::default()
+    };
+    let decoder = Decoder::new(&manifest, w, h, Some(&rig), options).unwrap();
     let samples = frames.iter().map(|f| Samples::U8(&f.data)).collect();
     decoder
         .decode(&FrameStack::new(w, h, samples).unwrap())

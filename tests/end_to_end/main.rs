@@ -11,6 +11,7 @@ mod calibrate_command;
 mod decode_command;
 mod demo;
 mod exit_status;
+mod held;
 mod licences;
 mod nominal_rigs;
 mod outputs;

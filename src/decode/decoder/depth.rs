@@ -20,10 +20,12 @@ pub(super) fn triangulate(triangulator: &Triangulator, out: &mut Decoded) {
         .with_min_len(BAND)
         .for_each(|(v, (depth, sigma))| {
             let at = v * width..(v + 1) * width;
-            let [x, y] = [(x, use_x), (y, use_y)].map(|(map, on)| {
-                map.as_ref().filter(|_| on).map(|m| CoordinateRow {
-                    px: &m.coordinate[at.clone()],
-                    sigma: &m.sigma[at.clone()],
+            let used = [(x, use_x), (y, use_y)].map(|(map, on)| map.as_ref().filter(|_| on));
+            let all = used.map(|map| map.map(|map| map.uncertainties(at.clone())));
+            let [x, y] = std::array::from_fn(|k| {
+                Some(CoordinateRow {
+                    px: &used[k]?.coordinate[at.clone()],
+                    sigma: all[k].as_ref()?,
                 })
             });
             triangulate_row(triangulator, v, x, y, depth, sigma);

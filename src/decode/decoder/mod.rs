@@ -8,6 +8,8 @@ mod depth;
 mod neighbours;
 
 use super::borders::LightNoise;
+use super::doubt::note_of_loss;
+use super::held::{self, Held};
 use super::maps::{Decoded, Verdict};
 use super::noise::estimate_noise;
 use super::phase::SetKernel;
@@ -21,7 +23,7 @@ use phasmid_geometry::{NoiseModel, Rig};
 use phasmid_pattern::{Axis, Manifest};
 
 /// Rows per parallel task: few enough for load balance, enough to amortise the overhead.
-const BAND: usize = 8;
+pub(super) const BAND: usize = 8;
 
 /// Settings of a [`Decoder`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,6 +45,8 @@ pub struct Options {
     /// by a tenth at full contrast with 8 bits; requires the camera's gain. Makes phases slightly
     /// more sensitive to motion and to light that varies from step to step.
     pub weighted: bool,
+    /// Treatment of the error due to held projector pixels.
+    pub held: Held,
     /// Rejects pixels whose steps contradict each other by more than is usual in the capture, because
     /// one of their frames is damaged there. Requires four or more steps, or several sets along an
     /// axis. Decoding is a few percent faster without it.
@@ -61,6 +65,7 @@ impl Default for Options {
             min_contrast: 0.25,
             max_phase_sigma_rad: 0.15,
             weighted: false,
+            held: Held::default(),
             consistency: true,
             noise: None,
         }
@@ -75,6 +80,8 @@ pub struct Decoder {
     height: usize,
     options: Options,
     kernels: Vec<AxisKernel>,
+    /// Tables of the error due to held projector pixels; of an axis with fringes, x first.
+    held: [Option<held::Table>; 2],
     triangulator: Option<Triangulator>,
     noise: Option<NoiseModel>,
     /// Distance between neighbouring pixels, in pixel widths.
@@ -137,6 +144,10 @@ impl Decoder {
             height,
             options,
             kernels,
+            held: [Axis::X, Axis::Y].map(|axis| {
+                let set = plan.axis(axis)?.sets.first()?;
+                Some(held::Table::new(set.period_px))
+            }),
             triangulator,
             noise: options.noise.or(rig.and_then(|r| r.noise)),
             plan,
@@ -287,14 +298,19 @@ impl Decoder {
         out.depth_sigma.resize(with_depth, 0.0);
     }
 
-    /// Passes 2 and 3: checks against neighbours, unwrapping and triangulation.
+    /// Passes 2 to 4: checks against neighbours, unwrapping, correction and triangulation.
     fn finish(&self, light: LightNoise, out: &mut Decoded) {
+        let held = [Axis::X, Axis::Y].map(|axis| {
+            let (map, table) = (out.axis(axis)?, self.held[axis as usize].as_ref()?);
+            let size = [self.width, self.height];
+            held::Footprints::new(map, size, self.spacing, table)
+        });
         if !self.options.keep_mixed {
             let finest = [Axis::X, Axis::Y].map(|axis| {
                 let set = self.plan.axis(axis).and_then(|plan| plan.sets.first());
                 set.map_or(f32::INFINITY, |set| set.period_px as f32 * self.spacing)
             });
-            neighbours::clean(out, light, finest);
+            neighbours::clean(out, light, finest, &held);
         }
         for (axis, map) in [(Axis::X, &mut out.x), (Axis::Y, &mut out.y)] {
             let Some(map) = map else { continue };
@@ -317,6 +333,25 @@ impl Decoder {
                 )
             });
         }
+        let mut notes = Vec::new();
+        for (axis, footprints) in [Axis::X, Axis::Y].into_iter().zip(&held) {
+            let Some(map) = out.axis_mut(axis) else {
+                continue;
+            };
+            map.sampling.clear();
+            notes.extend(note_of_loss(axis, map));
+            let Some(footprints) = footprints else {
+                continue;
+            };
+            // Without a known order the place within a projector pixel may not be known either.
+            let how = match map.wrapped_px {
+                None => self.options.held,
+                Some(_) => Held::State,
+            };
+            footprints.correct(map, self.width, how);
+            notes.extend(footprints.note(axis, map));
+        }
+        out.notes.append(&mut notes);
         if let Some(triangulator) = &self.triangulator {
             depth::triangulate(triangulator, out);
         }

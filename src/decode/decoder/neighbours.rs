@@ -3,33 +3,55 @@
 use super::BAND;
 use crate::borders::{LightNoise, Near};
 use crate::edges::{Around, KEEP};
+use crate::held::Footprints;
 use crate::maps::{AxisMap, Decoded};
 use crate::rows::{AxisOut, apply_flags, judge_borders, judge_row};
 use rayon::prelude::*;
 
 /// Removes mixed and isolated pixels, then border pixels that are not trusted.
 ///
-/// `finest` is the period of each axis' finest fringe, x first; infinite without fringes.
-pub(super) fn clean(out: &mut Decoded, light: LightNoise, finest: [f32; 2]) {
+/// `finest` is the period of each axis' finest fringe, x first; infinite without fringes. `held` are
+/// the footprints of each axis where held projector pixels matter.
+pub(super) fn clean(
+    out: &mut Decoded,
+    light: LightNoise,
+    finest: [f32; 2],
+    held: &[Option<Footprints<'_>>; 2],
+) {
     let mut flags = vec![KEEP; out.width * out.height];
-    flag_edges(out, finest, &mut flags);
+    flag_edges(out, finest, held, &mut flags);
     apply(out, &flags);
-    flag_borders(out, light, &mut flags);
+    flag_borders(out, light, held, &mut flags);
     apply(out, &flags);
 }
 
+/// Writes the tolerance for held pixels in row `v`; see [`Footprints::allow`].
+fn allow(held: Option<&Footprints<'_>>, v: usize, row: &mut [f32]) {
+    match held {
+        Some(footprints) => footprints.allow(v, row),
+        None => row.fill(0.0),
+    }
+}
+
 /// Flags pixels that disagree with their neighbours on any axis.
-fn flag_edges(out: &Decoded, finest: [f32; 2], flags: &mut [u8]) {
+fn flag_edges(
+    out: &Decoded,
+    finest: [f32; 2],
+    held: &[Option<Footprints<'_>>; 2],
+    flags: &mut [u8],
+) {
     let width = out.width;
     let nan = vec![f32::NAN; width];
-    let scratch = || vec![f32::NAN; width + 6];
-    each_row(width, flags, scratch, |padded, v, flags| {
+    let scratch = || (vec![f32::NAN; width + 6], vec![0.0; width]);
+    each_row(width, flags, scratch, |(padded, allowed), v, flags| {
         for (axis, map) in out.axes() {
+            allow(held[axis as usize].as_ref(), v, allowed);
             let rows = rows_around(&map.coordinate, &nan, v);
             let around = Around {
                 padded: pad(padded, rows[3]),
                 rows,
                 sigma: &map.sigma[v * width..(v + 1) * width],
+                held: allowed,
                 finest: finest[axis as usize],
                 has_beside: [out.width > 2, out.height > 2],
             };
@@ -39,15 +61,25 @@ fn flag_edges(out: &Decoded, finest: [f32; 2], flags: &mut [u8]) {
 }
 
 /// Flags border pixels that are not trusted on some axis.
-fn flag_borders(out: &Decoded, noise: LightNoise, flags: &mut [u8]) {
+fn flag_borders(
+    out: &Decoded,
+    noise: LightNoise,
+    held: &[Option<Footprints<'_>>; 2],
+    flags: &mut [u8],
+) {
     let width = out.width;
     let nan = vec![f32::NAN; width];
-    let scratch = || (vec![f32::NAN; width + 4], vec![f32::NAN; width + 2]);
-    each_row(width, flags, scratch, |(padded, padded_light), v, flags| {
+    let scratch = || {
+        let rows = [width + 4, width + 2].map(|n| vec![f32::NAN; n]);
+        (rows, vec![0.0; width])
+    };
+    each_row(width, flags, scratch, |(rows, allowed), v, flags| {
+        let [padded, padded_light] = rows;
         flags.fill(KEEP);
         let light = rows_around(&out.intensity, &nan, v);
         let padded_light = pad(padded_light, light[1]);
-        for (_, map) in out.axes() {
+        for (axis, map) in out.axes() {
+            allow(held[axis as usize].as_ref(), v, allowed);
             let rows = rows_around(&map.coordinate, &nan, v);
             let near = Near {
                 padded: pad(padded, rows[2]),
@@ -55,6 +87,7 @@ fn flag_borders(out: &Decoded, noise: LightNoise, flags: &mut [u8]) {
                 light,
                 padded_light,
                 sigma: &map.sigma[v * width..(v + 1) * width],
+                held: allowed,
                 noise,
             };
             judge_borders(&near, period(map), flags);

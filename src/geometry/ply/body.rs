@@ -12,6 +12,7 @@ pub(super) struct Content {
     pub(super) vertices: Vec<DVec3>,
     pub(super) normals: Option<Vec<[f32; 3]>>,
     pub(super) intensity: Option<Vec<f32>>,
+    pub(super) sigma_mm: Option<Vec<f32>>,
     pub(super) triangles: Vec<[u32; 3]>,
     /// Reflectance at each vertex; empty without colours.
     pub(super) colours: Vec<f32>,
@@ -83,6 +84,7 @@ fn vertices(
     let intensity = ["intensity", "scalar_intensity", "scalar_Intensity"]
         .iter()
         .find_map(|name| element.scalar(name));
+    let sigma = element.scalar("sigma");
     let rgb = match ["red", "green", "blue"].map(|name| element.scalar(name)) {
         [Some(r), Some(g), Some(b)] => Some([r, g, b]),
         _ => None,
@@ -106,6 +108,7 @@ fn vertices(
     content.vertices = Vec::with_capacity(rows);
     content.normals = normal.map(|_| Vec::with_capacity(rows));
     content.intensity = intensity.map(|_| Vec::with_capacity(rows));
+    content.sigma_mm = sigma.map(|_| Vec::with_capacity(rows));
     let full_scale = intensity.and_then(|i| match element.properties[i].kind {
         Kind::One(scalar) => scalar.full_scale(),
         Kind::List { .. } => None,
@@ -139,6 +142,9 @@ fn vertices(
         }
         if let (Some(all), Some(column)) = (&mut content.intensity, intensity) {
             all.push((row[column] / full_scale.unwrap_or(1.0)) as f32);
+        }
+        if let (Some(all), Some(column)) = (&mut content.sigma_mm, sigma) {
+            all.push(row[column] as f32);
         }
     }
     Ok(())

@@ -29,7 +29,8 @@ pub fn read(path: &Path) -> Result<Ply> {
 }
 
 /// Reads the vertices of a PLY file as a cloud in millimetres, in file order, with `nx ny nz` and
-/// `intensity` if present. Intensities of type uchar and ushort are divided by 255 and 65535.
+/// `intensity` and `sigma` if present. Intensities of type uchar and ushort are divided by 255 and
+/// 65535.
 /// Points that are not finite are kept, because organised clouds mark missing pixels with them and
 /// rows must keep their layout.
 ///
@@ -40,18 +41,22 @@ pub fn read_cloud(path: &Path) -> Result<Cloud> {
     cloud(content(&file::read(path)?, &place)?, &place)
 }
 
-/// Writes a cloud: `x y z`, and `nx ny nz` and `intensity` if present, all float.
+/// Writes a cloud: `x y z`, and `nx ny nz`, `intensity` and `sigma` if present, all float.
 ///
 /// # Errors
-/// Returns an error if the file cannot be written, or if the number of normals or intensities
-/// differs from that of the points.
+/// Returns an error if the file cannot be written, or if the number of normals, intensities or
+/// standard deviations differs from that of the points.
 pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
     let count = cloud.points.len();
     let normals = cloud.normals.as_ref();
-    let intensity = cloud.intensity.as_ref();
-    if normals.is_some_and(|n| n.len() != count) || intensity.is_some_and(|i| i.len() != count) {
+    let scalars = [("intensity", &cloud.intensity), ("sigma", &cloud.sigma_mm)];
+    let scalars = scalars.map(|(name, values)| (name, values.as_ref()));
+    let given = scalars.map(|(_, values)| values.map(Vec::len));
+    let counts = [normals.map(Vec::len), given[0], given[1]];
+    if counts.into_iter().flatten().any(|n| n != count) {
         return Err(Error::device(format!(
-            "{}: the number of normals or intensities differs from that of the points",
+            "{}: the number of normals, intensities or standard deviations differs from that of the \
+             points",
             path.display()
         )));
     }
@@ -65,18 +70,16 @@ pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
                 writeln!(out, "property float {name}")?;
             }
         }
-        if intensity.is_some() {
-            writeln!(out, "property float intensity")?;
+        for (name, _) in scalars.iter().filter(|(_, values)| values.is_some()) {
+            writeln!(out, "property float {name}")?;
         }
         writeln!(out, "end_header")?;
         for (i, point) in cloud.points.iter().enumerate() {
             let normal = normals.map(|n| n[i]);
-            let brightness = intensity.map(|v| v[i]);
-            for value in point
+            let scalars = scalars
                 .iter()
-                .chain(normal.iter().flatten())
-                .chain(&brightness)
-            {
+                .filter_map(|(_, values)| Some(&(*values)?[i]));
+            for value in point.iter().chain(normal.iter().flatten()).chain(scalars) {
                 out.write_all(&value.to_le_bytes())?;
             }
         }
@@ -173,5 +176,6 @@ fn cloud(content: body::Content, place: &str) -> Result<Cloud> {
         points,
         normals: content.normals,
         intensity: content.intensity,
+        sigma_mm: content.sigma_mm,
     })
 }

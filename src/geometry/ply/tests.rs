@@ -170,6 +170,7 @@ proptest! {
         raw in proptest::collection::vec(-1e5_f32..1e5, 9..60),
         with_normals in any::<bool>(),
         with_intensity in any::<bool>(),
+        with_sigma in any::<bool>(),
     ) {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("c.ply");
@@ -177,6 +178,7 @@ proptest! {
         let cloud = Cloud {
             normals: with_normals.then(|| points.iter().map(|_| [0.0, 0.6, -0.8]).collect()),
             intensity: with_intensity.then(|| points.iter().map(|p| p[0] / 1e5).collect()),
+            sigma_mm: with_sigma.then(|| points.iter().map(|p| p[1].abs()).collect()),
             points,
         };
         write_cloud(&path, &cloud).unwrap();
@@ -197,7 +199,7 @@ fn normals_that_miss_points_are_refused() {
     let cloud = Cloud {
         points: vec![[0.0; 3]; 2],
         normals: Some(vec![[0.0; 3]]),
-        intensity: None,
+        ..Cloud::default()
     };
     let dir = tempfile::tempdir().unwrap();
     assert!(write_cloud(&dir.path().join("c.ply"), &cloud).is_err());

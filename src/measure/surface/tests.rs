@@ -14,7 +14,7 @@ fn slope(normals: bool) -> Cloud {
     Cloud {
         normals: normals.then(|| vec![n; points.len()]),
         points,
-        intensity: None,
+        ..Cloud::default()
     }
 }
 

@@ -73,7 +73,7 @@ struct Figures {
     bound_mm: f64,
     /// Of the spreads over the bounds.
     ratio: f64,
-    /// Mean square of the spread over the decoder's standard deviation: 1 where that is right.
+    /// Mean square of the errors over the decoder's standard deviation: 1 where that is right.
     chi_square: f64,
     /// Of the pixels' means about the true depth: what is no noise, and what noise leaves of a mean.
     bias_mm: f64,
@@ -104,12 +104,13 @@ impl Spread {
             let variance = depths().map(|z| (z - mean).powi(2)).sum::<f64>() / (turns - 1.0);
             let sigmas = self.scans.iter().map(|scan| f64::from(scan.depth_sigma[i]));
             let own = sigmas.map(|s| s * s).sum::<f64>() / turns;
+            let square = depths().map(|z| (z - exact).powi(2)).sum::<f64>() / turns;
             f.pixels += 1.0;
             f.spread_mm += variance;
             f.sigma_mm += own;
             f.bound_mm += bound * bound;
             f.ratio += variance / (bound * bound);
-            f.chi_square += variance / own;
+            f.chi_square += square / own;
             f.bias_mm += (mean - exact).powi(2) - variance / turns;
         }
         let rms = |sum: f64| (sum / f.pixels).max(0.0).sqrt();

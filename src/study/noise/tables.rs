@@ -167,7 +167,7 @@ pub(super) fn depths(rows: &Rows) -> Table {
     let caption = "Depth of smooth pixels over repeated scans of the middle of the camera's image, \
          root mean squares in mm: bound: sqrt(2/N) sigma/B of the truth, carried to depth; spread: of \
          each pixel's depths about their mean; deviation: the decoder's own; bias: of the means about the \
-         true depth, less what noise leaves of a mean. Chi-square: mean of spread over deviation, \
+         true depth, less what noise leaves of a mean. Chi-square: mean of error over deviation, \
          squared. Gross: points more than 1 mm off";
     let header = [
         "profile, scene, light",

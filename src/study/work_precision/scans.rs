@@ -6,7 +6,7 @@ use super::row::times;
 use crate::scanned::{Scanned, Stage};
 use crate::score::{depth_bounds, depth_errors};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Decoded, Options};
+use phasmid_decode::{Decoded, Held, Options};
 use phasmid_measure::GROSS_MM;
 use phasmid_profile::Scene;
 use phasmid_render::{self as render, truth::Truth};
@@ -89,9 +89,14 @@ fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
         return Err(Error::device(e));
     }
     let truth = stage.truth();
-    let (decoded, score) = scanned.scored(&truth)?;
+    let (_, score) = scanned.scored(&truth)?;
     let bias = depth_bias(&profile, &scene, &scanned.rig, &truth, PERIOD_PX)?;
-    let (held_mm, ratio_less_held) = less_bias(&scanned, &decoded, &truth, &bias);
+    let uncorrected = scanned.decoder(Options {
+        held: Held::State,
+        ..Options::default()
+    })?;
+    let uncorrected = scanned.decode(&uncorrected)?;
+    let (held_mm, ratio_less_held) = less_bias(&scanned, &uncorrected, &truth, &bias);
     let row = Row::new()
         .text("group", "scan")
         .number("steps", case.steps as f64)
@@ -113,8 +118,8 @@ fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
     Ok(vec![times(row, "decode_s", decoding)])
 }
 
-/// Root mean square of a known bias over the inliers of smooth surfaces, in mm, and of their errors
-/// less the bias, each over its own pixel's bound.
+/// Root mean square of a known bias over the inliers of smooth surfaces, in mm, and of their
+/// uncorrected errors less the bias, each over its own pixel's bound.
 fn less_bias(scanned: &Scanned, decoded: &Decoded, truth: &Truth, bias: &[f64]) -> (f64, f64) {
     let bounds = depth_bounds(truth, &scanned.manifest, &scanned.rig);
     let errors = depth_errors(decoded, truth);

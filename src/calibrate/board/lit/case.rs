@@ -141,7 +141,7 @@ impl Case {
             coordinate: vec![f32::NAN; n],
             sigma: vec![f32::NAN; n],
             verdict: vec![Verdict::Dim; n],
-            wrapped_px: None,
+            ..AxisMap::default()
         };
         let mut maps = [map(), map()];
         let chess = matches!(self.board, Board::Chess { .. });

@@ -97,7 +97,7 @@ impl<'a> Cells<'a> {
 
     fn sample(&self, i: usize, at: DVec2, mm: DVec2) -> Option<Sample> {
         let value = self.axes.map(|map| f64::from(map.coordinate[i]));
-        let sigma = self.axes.map(|map| f64::from(map.sigma[i]));
+        let sigma = self.axes.map(|map| f64::from(map.uncertainty(i)));
         let valid = self.axes.iter().all(|map| map.verdict[i] == Verdict::Valid);
         let known =
             value.iter().all(|v| v.is_finite()) && sigma.iter().all(|&s| s > 0.0 && s.is_finite());

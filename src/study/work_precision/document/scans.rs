@@ -223,25 +223,20 @@ fn scan_figure(scans: &[&Row], best: &[bool]) -> Figure {
     )
 }
 
-/// Twice the steps shall bring the error down by the root of two, within a tenth, but for what held
-/// pixels give to any number of them; and what those do not explain shall be noise: a ratio has a
+/// Twice the steps shall bring the error down by the root of two, within a tenth. Without the
+/// correction of held pixels, what their closed form does not explain shall be noise: a ratio has a
 /// deviation of 1 / sqrt(2 pixels), half a hundredth in the quick form.
 fn scan_checks(scans: &[&Row], settings: &Settings) -> Vec<Check> {
     let error = |steps: f64| {
         let found = scans.iter().find(|row| {
             row.value("steps") == steps && row.get("scale") == "1" && row.get("samples") == "1"
         });
-        let noise = |row: &&Row| {
-            let [all, held] = ["inlier_rmse_mm", "held_mm"].map(|column| row.value(column));
-            (all * all - held * held).sqrt()
-        };
-        found.map_or(f64::NAN, noise)
+        found.map_or(f64::NAN, |row| row.value("inlier_rmse_mm"))
     };
     let most: f64 = if settings.quick { 24.0 } else { 48.0 };
     let off = error(most) / error(12.0) * (most / 12.0).sqrt() - 1.0;
-    let what = format!(
-        "error less held pixels of {most} steps over that of 12, times the root of their ratio, off 1"
-    );
+    let what =
+        format!("error of {most} steps over that of 12, times the root of their ratio, off 1");
     let less_held = |steps: f64| {
         let found = scans.iter().find(|row| {
             row.value("steps") == steps && row.get("scale") == "1" && row.get("samples") == "1"
