@@ -66,6 +66,8 @@ enum Unwrap {
 /// Treatment of the error due to held projector pixels.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 pub(super) enum HeldArg {
+    /// Neither state nor correct it
+    Off,
     /// State it without changing the coordinates
     State,
     /// Correct each pixel using its own coordinate alone, and state what remains
@@ -75,6 +77,7 @@ pub(super) enum HeldArg {
 impl From<HeldArg> for Held {
     fn from(how: HeldArg) -> Self {
         match how {
+            HeldArg::Off => Self::Off,
             HeldArg::State => Self::State,
             HeldArg::Correct => Self::Correct,
         }

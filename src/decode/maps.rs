@@ -85,7 +85,10 @@ impl AxisMap {
         if self.sampling.is_empty() {
             return self.sigma[pixels].into();
         }
-        pixels.map(|i| self.uncertainty(i)).collect()
+        let [noise, held] = [&self.sigma, &self.sampling].map(|all| &all[pixels.clone()]);
+        let both = noise.iter().zip(held);
+        both.map(|(noise, held)| (noise * noise + held * held).sqrt())
+            .collect()
     }
 }
 

@@ -1,13 +1,13 @@
 //! Measures the rate of each pass relative to a memory copy of the same bytes in the same run: this
 //! ratio varies less between machines and over time than the rate itself. Uses the cases of
 //! `phasmid study speed`. Finally measures the cost of the decoder's options, as ratios to decoding
-//! without them; the option that is always on has a maximum ratio.
+//! without them.
 //!
 //! `cargo bench` runs all; `cargo bench -- geometry` runs those whose name contains a word.
 
 use phasmid::profile::Profile;
 use phasmid::study::speed::cases::{NAMES, case};
-use phasmid::study::speed::pairs::{MOST_FOR_CONSISTENCY, PAIRS, pair};
+use phasmid::study::speed::pairs::{PAIRS, pair};
 use phasmid::study::timing::Stopwatch;
 use std::time::Instant;
 
@@ -49,20 +49,11 @@ fn main() {
         "\n{:<48}{:>10}{:>12}{:>10}",
         "decoding", "without ms", "with ms", "ratio"
     );
-    let mut dear = None;
     for name in PAIRS.into_iter().filter(|name| is_wanted(name)) {
         let mut pair = pair(name, &profile).expect("built in");
         let [without, with] = watch.in_turns(3.0, &mut pair.works);
         let ratio = with / without;
         let [without, with] = [without, with].map(|seconds| seconds * 1e3);
         println!("{name:<48}{without:>10.2}{with:>12.2}{ratio:>10.3}");
-        if name == PAIRS[0] && ratio > MOST_FOR_CONSISTENCY {
-            dear = Some(ratio);
-        }
     }
-    // The limit is a ratio within one run, so that it applies on any machine.
-    assert_eq!(
-        dear, None,
-        "more than {MOST_FOR_CONSISTENCY} times decoding without"
-    );
 }

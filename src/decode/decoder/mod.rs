@@ -301,7 +301,8 @@ impl Decoder {
     /// Passes 2 to 4: checks against neighbours, unwrapping, correction and triangulation.
     fn finish(&self, light: LightNoise, out: &mut Decoded) {
         let held = [Axis::X, Axis::Y].map(|axis| {
-            let (map, table) = (out.axis(axis)?, self.held[axis as usize].as_ref()?);
+            let table = self.held[axis as usize].as_ref()?;
+            let map = out.axis(axis).filter(|_| self.options.held != Held::Off)?;
             let size = [self.width, self.height];
             held::Footprints::new(map, size, self.spacing, table)
         });

@@ -13,6 +13,7 @@ mod posterior;
 use super::maps::AxisMap;
 use super::output::median;
 use footprint::{Footprint, Grid, Lines};
+use phasmid_core::simd::widest;
 use phasmid_pattern::Axis;
 pub use posterior::Table;
 use rayon::prelude::*;
@@ -20,6 +21,8 @@ use rayon::prelude::*;
 /// Treatment of the error due to held projector pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Held {
+    /// Neither states nor corrects the error.
+    Off,
     /// States the error.
     State,
     /// Corrects it pixel by pixel by the mean of the true coordinates that agree with the decoded one,
@@ -36,16 +39,21 @@ const COARSE: usize = 32;
 const NEGLIGIBLE: f32 = 0.1;
 /// Fraction of the noise above which the error is worth a note.
 const LARGE: f32 = 0.5;
-/// Fraction of an image in which a larger error is left out as well.
-const FEW: f32 = 0.01;
+/// Approximate number of pixels sampled for a note.
+const SAMPLES: usize = 4000;
+/// Larger errors are left out as well if they are few: fractions of the noise, and fractions of the
+/// image in which they may be exceeded. A blur that removes all error is measured with some scatter.
+const FEW: [[f32; 2]; 2] = [[NEGLIGIBLE, 0.1], [3.0 * NEGLIGIBLE, 0.01]];
 
 /// The footprints of a map's pixels on the projector's.
 #[derive(Debug)]
 pub(super) struct Footprints<'a> {
     table: &'a Table,
     grid: Grid,
-    /// Footprint of pixels without a smooth surface around them.
-    median: Footprint,
+    /// By how much held pixels put linear extrapolations off at most in each cell, in projector pixels.
+    bend: Vec<f32>,
+    /// Median width of the footprints in projector pixels.
+    width: f32,
 }
 
 impl<'a> Footprints<'a> {
@@ -57,12 +65,19 @@ impl<'a> Footprints<'a> {
         if is_negligible(lines, table) {
             return None;
         }
-        let grid = Grid::new(lines, CELL, table);
+        let mut grid = Grid::new(lines, CELL, table);
         let median = grid.median()?;
+        // Pixels without a smooth surface around them.
+        for cell in &mut grid.cells {
+            cell.get_or_insert(median);
+        }
+        let bend = |cell: &Option<Footprint>| table.of(cell.unwrap_or(median), |curve| curve.bend);
+        let bend = grid.cells.par_iter().map(bend).collect();
         Some(Self {
             table,
             grid,
-            median,
+            bend,
+            width: median.width,
         })
     }
 
@@ -70,22 +85,23 @@ impl<'a> Footprints<'a> {
     /// pixels.
     pub(super) fn allow(&self, v: usize, row: &mut [f32]) {
         let first = v / CELL * self.grid.columns;
-        let cells = &self.grid.cells[first..first + self.grid.columns];
-        for (pixels, cell) in row.chunks_mut(CELL).zip(cells) {
-            let footprint = cell.unwrap_or(self.median);
-            pixels.fill(self.table.of(footprint, |curve| curve.bend));
+        let bend = &self.bend[first..first + self.grid.columns];
+        for (pixels, bend) in row.chunks_mut(CELL).zip(bend) {
+            pixels.fill(*bend);
         }
     }
 
     /// Says by how much the error that remains in a corrected map exceeds the noise, if it does.
     pub(super) fn note(&self, axis: Axis, map: &AxisMap) -> Option<String> {
-        let [noise, held] = [&map.sigma, &map.sampling].map(|all| median(all.iter().copied()));
-        let (noise, held) = (noise?, held?);
+        // Odd, so that the samples do not all fall into one image column.
+        let stride = (map.sigma.len() / SAMPLES) | 1;
+        let sampled = |all: &[f32]| median(all.iter().copied().step_by(stride));
+        let (noise, held) = (sampled(&map.sigma)?, sampled(&map.sampling)?);
         (held > LARGE * noise).then(|| {
             format!(
                 "axis {axis}: held projector pixels leave an error of {held:.3} px beside {noise:.3} px \
                  of noise (medians), because a camera pixel spans only {:.2} projector pixels",
-                self.median.width
+                self.width
             )
         })
     }
@@ -100,37 +116,35 @@ impl<'a> Footprints<'a> {
             .zip(self.grid.cells.par_chunks(self.grid.columns))
             .zip(self.grid.even.par_chunks(self.grid.columns))
             .for_each(|((((coordinate, sigma), sampling), cells), even)| {
-                let mut band = Band {
+                let band = Band {
                     coordinate,
                     sigma,
                     sampling,
+                    width,
                 };
-                let rows = band.coordinate.len() / width;
-                for (i, (cell, even)) in cells.iter().zip(even).enumerate() {
-                    let how = if *even { how } else { Held::State };
-                    let columns = i * CELL..((i + 1) * CELL).min(width);
-                    let row = |row: usize| columns.clone().map(move |u| row * width + u);
-                    let pixels = (0..rows).flat_map(row);
-                    band.correct(pixels, cell.unwrap_or(self.median), self.table, how);
-                }
+                correct_band(band, cells, even, self.table, how);
             });
     }
 }
 
-/// Returns whether the error is below a fraction of the noise in nearly all of a map.
+/// Returns true if the error is below a fraction of the noise in nearly all of a map.
 fn is_negligible(lines: Lines<'_>, table: &Table) -> bool {
     let grid = Grid::new(lines, COARSE, table);
     let [width, height] = lines.size;
-    let (mut known, mut large) = (0, 0);
+    let (mut known, mut large) = (0, [0; FEW.len()]);
     for (i, cell) in grid.cells.iter().enumerate() {
         let Some(footprint) = *cell else { continue };
         let [u, v] = [i % grid.columns, i / grid.columns].map(|k| k * COARSE + COARSE / 2);
         let sigma = lines.sigma[v.min(height - 1) * width + u.min(width - 1)];
         known += 1;
         // A cell beside a hole has no noise of its own.
-        large += usize::from(table.of(footprint, |c| c.rms) > NEGLIGIBLE * sigma);
+        let rms = table.of(footprint, |curve| curve.rms);
+        for (large, [most, _]) in large.iter_mut().zip(FEW) {
+            *large += u32::from(rms > most * sigma);
+        }
     }
-    known > 0 && large as f32 <= FEW * known as f32
+    let is_few = |(large, [_, share]): (u32, [f32; 2])| large as f32 <= share * known as f32;
+    known > 0 && large.into_iter().zip(FEW).all(is_few)
 }
 
 /// A band of rows of a map.
@@ -138,51 +152,63 @@ struct Band<'a> {
     coordinate: &'a mut [f32],
     sigma: &'a mut [f32],
     sampling: &'a mut [f32],
+    /// Columns.
+    width: usize,
+}
+
+widest! {
+    /// Corrects a band, whose cells have a footprint and are even or not.
+    fn correct_band(
+        band: Band<'_>,
+        cells: &[Option<Footprint>],
+        even: &[bool],
+        table: &Table,
+        how: Held,
+    ) => Band::correct
 }
 
 impl Band<'_> {
-    /// Corrects pixels with a common footprint.
-    fn correct(
-        &mut self,
-        pixels: impl Iterator<Item = usize> + Clone,
-        footprint: Footprint,
-        table: &Table,
-        how: Held,
-    ) {
-        let (mut n, mut sum) = (0.0, 0.0);
-        for i in pixels.clone() {
-            if !self.sigma[i].is_nan() {
-                n += 1.0;
-                sum += self.sigma[i];
+    #[inline(always)]
+    fn correct(self, cells: &[Option<Footprint>], even: &[bool], table: &Table, how: Held) {
+        let rows = self.coordinate.len() / self.width;
+        let cells = cells.iter().zip(even).enumerate();
+        for (i, (footprint, even)) in cells {
+            let columns = i * CELL..((i + 1) * CELL).min(self.width);
+            let row = |row: usize| row * self.width + columns.start..row * self.width + columns.end;
+            let (mut n, mut sum) = (0.0, 0.0);
+            for sigma in (0..rows).flat_map(|v| &self.sigma[row(v)]) {
+                let is_valid = !sigma.is_nan();
+                n += f32::from(u8::from(is_valid));
+                sum += if is_valid { *sigma } else { 0.0 };
             }
-        }
-        if n == 0.0 {
-            pixels.for_each(|i| self.sampling[i] = f32::NAN);
-            return;
-        }
-        // A surface ends here, and its footprint may be that of another.
-        let how = if n < pixels.clone().count() as f32 {
-            Held::State
-        } else {
-            how
-        };
-        let sigma = sum / n;
-        let rms = table.of(footprint, |curve| curve.rms);
-        let rms = if rms > NEGLIGIBLE * sigma { rms } else { 0.0 };
-        if rms == 0.0 || how == Held::State {
-            for i in pixels {
-                self.sampling[i] = rms + 0.0 * self.sigma[i];
+            let sigma = sum / n;
+            let rms = footprint.map_or(0.0, |footprint| table.of(footprint, |curve| curve.rms));
+            // Without valid pixels the noise is NaN.
+            let rms = if rms > NEGLIGIBLE * sigma { rms } else { 0.0 };
+            // At an incomplete cell a surface ends, and the footprint may be that of another.
+            let is_whole = n == (rows * columns.len()) as f32;
+            let profile = (*footprint)
+                .filter(|_| rms > 0.0 && *even && is_whole && how == Held::Correct)
+                .map(|footprint| table.profile(footprint, sigma));
+            for at in (0..rows).map(row) {
+                let (coordinate, noise) = (
+                    &mut self.coordinate[at.clone()],
+                    &mut self.sigma[at.clone()],
+                );
+                let sampling = &mut self.sampling[at];
+                let Some(profile) = &profile else {
+                    for (sampling, noise) in sampling.iter_mut().zip(noise) {
+                        *sampling = rms + 0.0 * *noise;
+                    }
+                    continue;
+                };
+                for ((x, noise), sampling) in coordinate.iter_mut().zip(noise).zip(sampling) {
+                    let estimate = profile.at(*x);
+                    *x += estimate.shift;
+                    *noise *= estimate.gain;
+                    *sampling = estimate.beyond_noise + 0.0 * *noise;
+                }
             }
-            return;
-        }
-        let profile = table.profile(footprint, sigma);
-        for i in pixels {
-            let estimate = profile.at(self.coordinate[i]);
-            self.coordinate[i] += estimate.shift;
-            let noise = estimate.gain * sigma;
-            self.sigma[i] *= estimate.gain;
-            let beyond_noise = (estimate.variance - noise * noise).max(0.0).sqrt();
-            self.sampling[i] = beyond_noise + 0.0 * self.sigma[i];
         }
     }
 }

@@ -18,9 +18,9 @@ const BLURS: [f32; 9] = [0.0, 0.06, 0.12, 0.18, 0.25, 0.32, 0.4, 0.52, 0.7];
 /// The smallest noise in projector pixels. Smaller noise would decide between true coordinates by
 /// differences that the model of the footprint does not have right.
 const LEAST_SIGMA: f32 = 0.004;
-/// Ratio of successive noises of the table.
-const SIGMA_RATIO: f32 = 1.4;
-const SIGMAS: usize = 13;
+/// Ratio of successive noises of the table, of which the nearest is used.
+const SIGMA_RATIO: f32 = 1.2;
+const SIGMAS: usize = 24;
 /// Noise in standard deviations beyond which a true coordinate is ruled out.
 const REACH: f32 = 5.0;
 
@@ -31,6 +31,8 @@ pub(super) struct Profile {
     shift: [f32; BINS + 1],
     /// Variance of the true coordinate in square projector pixels, noise included.
     variance: [f32; BINS + 1],
+    /// Standard deviation of the noise in projector pixels.
+    sigma: f32,
 }
 
 impl Profile {
@@ -73,7 +75,11 @@ impl Profile {
         }
         // By symmetry, about the centre of a pixel and about its edge.
         (shift[0], shift[BINS / 2], shift[BINS]) = (0.0, 0.0, 0.0);
-        Self { shift, variance }
+        Self {
+            shift,
+            variance,
+            sigma,
+        }
     }
 
     /// Returns what a decoded coordinate says of the true one.
@@ -83,10 +89,13 @@ impl Profile {
         let bin = (place as usize).min(BINS - 1);
         let share = place - bin as f32;
         let change = |values: &[f32; BINS + 1]| values[bin + 1] - values[bin];
+        let gain = (1.0 + change(&self.shift) * BINS as f32).max(0.0);
+        let variance = self.variance[bin] + share * change(&self.variance);
+        let of_noise = gain * self.sigma;
         Estimate {
             shift: self.shift[bin] + share * change(&self.shift),
-            variance: self.variance[bin] + share * change(&self.variance),
-            gain: (1.0 + change(&self.shift) * BINS as f32).max(0.0),
+            gain,
+            beyond_noise: (variance - of_noise * of_noise).max(0.0).sqrt(),
         }
     }
 }
@@ -96,10 +105,10 @@ impl Profile {
 pub(super) struct Estimate {
     /// True minus decoded coordinate in projector pixels.
     pub(super) shift: f32,
-    /// Variance of the true coordinate in square projector pixels, noise included.
-    pub(super) variance: f32,
     /// Change of the estimate with the decoded coordinate: the factor on its noise.
     pub(super) gain: f32,
+    /// Standard deviation of the true coordinate in projector pixels, without the part of the noise.
+    pub(super) beyond_noise: f32,
 }
 
 /// Curves and profiles of a period, each computed when it is first needed.
@@ -148,28 +157,32 @@ impl Table {
     }
 
     /// Returns the profile of a footprint, with noise in projector pixels.
+    #[inline(always)]
     pub(super) fn profile(&self, footprint: Footprint, sigma: f32) -> Profile {
         let (w, s) = (at_width(footprint.width), at_blur(footprint.blur));
         let n = (sigma.max(LEAST_SIGMA) / LEAST_SIGMA).ln() / SIGMA_RATIO.ln();
-        let n = between(n.min((SIGMAS - 1) as f32), SIGMAS);
+        let n = (n.round() as usize).min(SIGMAS - 1);
         let mut all = Profile {
             shift: [0.0; BINS + 1],
             variance: [0.0; BINS + 1],
+            sigma: LEAST_SIGMA * SIGMA_RATIO.powi(n as i32),
         };
         for (w, by) in corners(w) {
             for (s, of) in corners(s) {
-                for (n, share) in corners(n) {
-                    let weight = by * of * share;
-                    if weight == 0.0 {
-                        continue;
-                    }
-                    let one = self.entry(w, s, n);
-                    for i in 0..=BINS {
-                        all.shift[i] += weight * one.shift[i];
-                        all.variance[i] += weight * one.variance[i];
-                    }
+                let weight = by * of;
+                if weight == 0.0 {
+                    continue;
+                }
+                let one = self.entry(w, s, n);
+                for i in 0..=BINS / 2 {
+                    all.shift[i] += weight * one.shift[i];
+                    all.variance[i] += weight * one.variance[i];
                 }
             }
+        }
+        for i in 0..BINS / 2 {
+            all.shift[BINS - i] = -all.shift[i];
+            all.variance[BINS - i] = all.variance[i];
         }
         all
     }

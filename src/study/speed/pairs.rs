@@ -5,17 +5,27 @@ use super::cases::lit_all_over;
 use super::passes::bench;
 use crate::scanned::Stage;
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Decoded, Options as DecodeOptions};
-use phasmid_profile::{Profile, Scene};
+use phasmid_decode::{Decoded, Held, Options as DecodeOptions};
+use phasmid_profile::{Focus, Profile, Scene};
 use phasmid_render::Options;
 use phasmid_report::lab::{Context, Row, Settings, Trial};
 use std::hint::black_box;
 use std::rc::Rc;
 
 /// What is compared with decoding without it.
-pub const PAIRS: [&str; 2] = ["consistency of single pixels", "weighted steps"];
-/// What the consistency of single pixels may cost: it is always on.
-pub const MOST_FOR_CONSISTENCY: f64 = 1.1;
+pub const PAIRS: [&str; 4] = [
+    "consistency of single pixels",
+    "weighted steps",
+    "held pixels, corrected",
+    "held pixels, left out",
+];
+/// Focus that blurs the projector's pixels on the plane by 0.6 px, and exposure over the profile's:
+/// held pixels are negligible beside the noise.
+const BLURRED: Focus = Focus {
+    distance_mm: 700.0,
+    aperture_mm: 6.0,
+};
+const DIM: f64 = 0.2;
 
 /// Decoding to depths without an option and with it.
 pub struct Pair {
@@ -36,10 +46,15 @@ pub fn pair(name: &str, profile: &Profile) -> Result<Pair> {
             consistency,
             ..usual
         }),
-        Some(_) => [false, true].map(|weighted| DecodeOptions { weighted, ..usual }),
+        Some(1) => [false, true].map(|weighted| DecodeOptions { weighted, ..usual }),
+        Some(_) => [Held::Off, Held::Correct].map(|held| DecodeOptions { held, ..usual }),
         None => return Err(Error::input("pair", name, PAIRS.join(", "))),
     };
-    let profile = lit_all_over(profile);
+    let mut profile = lit_all_over(profile);
+    if name == PAIRS[3] {
+        profile.projector.focus = Some(BLURRED);
+        profile.camera.exposure_us *= DIM;
+    }
     let mut stage = Stage::new(&profile, &Scene::load("plane")?, 1, Options::default())?;
     let scanned = Rc::new(stage.scan(0));
     let work = |options| -> Result<Box<dyn FnMut()>> {
