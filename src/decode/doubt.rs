@@ -22,7 +22,7 @@ impl Decoded {
     /// Returns a reason to doubt the frames, or `None`. Call it on maps as returned by the decoder,
     /// before orders are unwrapped or single pixels filled.
     pub fn doubt(&self) -> Option<String> {
-        let of_light = || self.axes().find_map(|(_, map)| saturated(&map.verdict));
+        let of_light = || self.axes().find_map(|(_, map)| saturated(map));
         self.doubt_of_orders().or_else(of_light)
     }
 
@@ -37,14 +37,8 @@ impl Decoded {
 /// Says which part of the lit pixels has a coordinate, and why most of the others have none, if it is
 /// small.
 pub(super) fn note_of_loss(axis: Axis, map: &AxisMap) -> Option<String> {
-    // A chunk's count fits 8 bits, in which it vectorises.
-    let count = |wanted: Verdict| -> usize {
-        let of_chunk = |chunk: &[Verdict]| chunk.iter().map(|v| u8::from(*v == wanted)).sum::<u8>();
-        let chunks = map.verdict.chunks(usize::from(u8::MAX));
-        chunks.map(|chunk| usize::from(of_chunk(chunk))).sum()
-    };
-    let lit = map.verdict.len() - count(Verdict::Dim);
-    let valid = count(Verdict::Valid);
+    let lit = map.verdict.len() - map.count(Verdict::Dim);
+    let valid = map.count(Verdict::Valid);
     if lit < FEWEST || valid as f64 >= LEAST_VALID * lit as f64 {
         return None;
     }
@@ -52,11 +46,11 @@ pub(super) fn note_of_loss(axis: Axis, map: &AxisMap) -> Option<String> {
     let most = Verdict::ALL
         .iter()
         .filter(lost)
-        .max_by_key(|v| count(**v))?;
+        .max_by_key(|v| map.count(**v))?;
     Some(format!(
         "axis {axis}: only {:.0} % of the lit pixels have a coordinate; {} are rejected as {}",
         100.0 * valid as f64 / lit as f64,
-        count(*most),
+        map.count(*most),
         most.name()
     ))
 }
@@ -84,10 +78,9 @@ fn uncertain(axis: Axis, verdicts: &[Verdict], modulation: &[f32]) -> Option<Str
     })
 }
 
-fn saturated(verdicts: &[Verdict]) -> Option<String> {
-    let count = |wanted: Verdict| verdicts.iter().filter(|v| **v == wanted).count();
-    let saturated = count(Verdict::Saturated);
-    let share = saturated as f64 / (saturated + count(Verdict::Valid)).max(1) as f64;
+fn saturated(map: &AxisMap) -> Option<String> {
+    let saturated = map.count(Verdict::Saturated);
+    let share = saturated as f64 / (saturated + map.count(Verdict::Valid)).max(1) as f64;
     (saturated >= FEWEST && share > MOST_SATURATED).then(|| {
         format!(
             "{:.0} % of the pixels are saturated: shorten the exposure, or lower the gain",

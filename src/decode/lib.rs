@@ -40,6 +40,7 @@ mod sparse;
 mod steps;
 pub mod triangulate;
 mod turns;
+mod unresolved;
 mod unwrap;
 mod weighted;
 

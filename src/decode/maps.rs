@@ -73,6 +73,14 @@ pub struct AxisMap {
 }
 
 impl AxisMap {
+    /// Returns the number of pixels with a verdict.
+    pub(super) fn count(&self, wanted: Verdict) -> usize {
+        // A chunk's count fits 8 bits, in which it vectorises.
+        let of_chunk = |chunk: &[Verdict]| chunk.iter().map(|v| u8::from(*v == wanted)).sum::<u8>();
+        let chunks = self.verdict.chunks(usize::from(u8::MAX));
+        chunks.map(|chunk| usize::from(of_chunk(chunk))).sum()
+    }
+
     /// Returns a pixel's standard uncertainty in projector pixels: noise and held projector pixels
     /// together. NaN where invalid.
     pub fn uncertainty(&self, i: usize) -> f32 {

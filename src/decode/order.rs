@@ -15,7 +15,7 @@ const EDGE_CONTRAST: f32 = 0.25;
 /// bit between black and white while its footprint is no wider than a cell. Two bits fall below
 /// half of the contrast only if it spans two cells, which is more than fringes as wide as a cell
 /// can resolve.
-const TWO_PLACES: f32 = 0.5;
+pub(super) const TWO_PLACES: f32 = 0.5;
 /// Fraction of a period by which a fringe set may disagree with the only candidate.
 const MISFIT: f32 = 0.15;
 /// Search range on either side of a set's positions, in standard deviations: no candidate beyond it
@@ -247,6 +247,14 @@ pub(super) struct GrayJoin {
 }
 
 impl GrayJoin {
+    /// Returns the combination without the code's finest bits.
+    pub(super) fn without(self, bits: usize) -> Self {
+        Self {
+            cell: self.cell * (bits as f32).exp2(),
+            ..self
+        }
+    }
+
     /// Returns the centre of the cell with this code. A code edge lies half a pixel before the
     /// first pixel of its cell.
     #[inline(always)]

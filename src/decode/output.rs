@@ -174,10 +174,7 @@ impl Summary {
         let axes: Vec<_> = decoded
             .axes()
             .map(|(axis, map)| {
-                let mut counts = [0usize; Verdict::ALL.len()];
-                for &v in &map.verdict {
-                    counts[v as usize] += 1;
-                }
+                let counts = Verdict::ALL.map(|verdict| map.count(verdict));
                 AxisSummary {
                     axis,
                     valid: counts[0],

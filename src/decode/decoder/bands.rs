@@ -6,6 +6,7 @@ use crate::phase::RowNoise;
 use crate::robust_scale::RobustScale;
 use crate::rows::{AxisOut, Job, Scratch, decode_row};
 use crate::samples::{FrameStack, Sample};
+use crate::unresolved::unresolved_bits;
 use phasmid_geometry::NoiseModel;
 use rayon::prelude::*;
 
@@ -29,11 +30,12 @@ impl Decoder {
                 sets.iter().map(of).collect()
             })
             .collect();
-        let job = Job {
+        let mut job = Job {
             frames: &frames,
             kernels: &self.kernels,
             robust_scale: &robust_scale,
             references: self.plan.references(),
+            unused_bits: [0; 2],
             noise: RowNoise::new(noise),
             saturation,
             range,
@@ -42,6 +44,22 @@ impl Decoder {
             max_phase_sigma: self.options.max_phase_sigma_rad,
             width: self.width,
         };
+        self.pass(&job, out);
+        for kernel in &self.kernels {
+            let map = out.axis(kernel.axis);
+            let Some(bits) = map.and_then(|map| unresolved_bits(&job, kernel, map)) else {
+                continue;
+            };
+            job.unused_bits[kernel.axis as usize] = bits.count;
+            out.notes.push(bits.note(kernel.axis));
+        }
+        if job.unused_bits != [0; 2] {
+            self.pass(&job, out);
+        }
+    }
+
+    /// Decodes all rows once.
+    fn pass<T: Sample>(&self, job: &Job<'_, T>, out: &mut Decoded) {
         let size = BAND * self.width;
         let mut x = bands(&mut out.x, size);
         let mut y = bands(&mut out.y, size);
@@ -71,7 +89,7 @@ impl Decoder {
                             verdict: &mut v[row.clone()],
                         })
                     });
-                    decode_row(&job, *first + k, scratch, outs, modulation, intensity);
+                    decode_row(job, *first + k, scratch, outs, modulation, intensity);
                 }
             },
         );

@@ -4,7 +4,7 @@ use super::bits::gray_row;
 use super::{AxisKernel, AxisOut, Job, Scratch, clear};
 use crate::gray::GrayRow;
 use crate::maps::Verdict;
-use crate::order::Ensemble;
+use crate::order::{Ensemble, GrayJoin};
 use crate::phase::{Check, OWN, SetKernel, SetRow, TIED, UNCHECKED};
 use crate::robust_scale::RobustScale;
 use crate::samples::Sample;
@@ -68,9 +68,11 @@ pub(super) fn axis_row<'f, T: Sample>(
         ..
     } = scratch;
     let sets = &sets[..kernel.sets.len()];
+    let unused = job.unused_bits[kernel.axis as usize];
+    let join = kernel.join.map(|join| join.without(unused));
     match sets {
         [] => {
-            let cell = kernel.join.as_ref().map_or(1.0, |j| j.cell);
+            let cell = join.map_or(1.0, |join| join.cell);
             variance.fill(cell * cell / 12.0);
         }
         [set, ..] => {
@@ -80,10 +82,10 @@ pub(super) fn axis_row<'f, T: Sample>(
     }
     if let Some(ensemble) = &kernel.ensemble {
         search(
-            job, kernel, ensemble, sets, gray, x, variance, ok, candidate,
+            job, kernel, join, ensemble, sets, gray, x, variance, ok, candidate,
         );
     }
-    if let Some(join) = &kernel.join {
+    if let Some(join) = join {
         if sets.is_empty() {
             join.cells(gray, x, half, sigma, ok);
         } else {
@@ -219,6 +221,7 @@ fn judge<T, const CHECKED: bool>(
 fn search<T>(
     job: &Job<'_, T>,
     kernel: &AxisKernel,
+    join: Option<GrayJoin>,
     ensemble: &Ensemble,
     sets: &[SetRow],
     gray: &GrayRow,
@@ -242,7 +245,7 @@ fn search<T>(
         variances.clear();
         wrapped.extend(sets.iter().map(|s| s.wrapped[i]));
         variances.extend(sets.iter().map(|s| s.variance[i]));
-        let (lo, hi) = match &kernel.join {
+        let (lo, hi) = match join {
             Some(join) => {
                 // Half a cell to the edges, plus a cell beyond them for a pixel on a bit's edge.
                 let reach = (0.5 * join.repeat).min(1.5 * join.cell);

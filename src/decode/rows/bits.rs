@@ -33,7 +33,8 @@ pub(super) fn gray_row<'f, T: Sample>(
             None => half.fill(0.0),
         }
     }
-    for (bit, (frames, threshold)) in kernel.bits.iter().enumerate() {
+    let unused = job.unused_bits[kernel.axis as usize];
+    for (bit, (frames, threshold)) in kernel.bits[unused..].iter().enumerate() {
         match (threshold, frames.plain, frames.inverse) {
             (Threshold::Complement, Some(plain), Some(inverse)) => {
                 let (plain, inverse) = (row(plain), row(inverse));

@@ -13,12 +13,12 @@ const NO_REPEAT: f32 = 1e6;
 /// One axis of a plan, in f32.
 #[derive(Debug)]
 pub(crate) struct AxisKernel {
-    pub(super) axis: Axis,
+    pub(crate) axis: Axis,
     pub(super) extent: f32,
     pub(crate) sets: Vec<SetKernel>,
     pub(super) ensemble: Option<Ensemble>,
-    pub(super) bits: Vec<(GrayBit, Threshold)>,
-    pub(super) join: Option<GrayJoin>,
+    pub(crate) bits: Vec<(GrayBit, Threshold)>,
+    pub(crate) join: Option<GrayJoin>,
     pub(super) wrapped: bool,
 }
 

@@ -28,6 +28,8 @@ pub(super) struct Job<'a, T> {
     /// Typical residuals of each kernel's sets in this capture.
     pub(super) robust_scale: &'a [Vec<RobustScale>],
     pub(super) references: Option<(usize, usize)>,
+    /// Number of each axis' finest Gray bits that are not used.
+    pub(super) unused_bits: [usize; 2],
     pub(super) noise: RowNoise,
     pub(super) saturation: f32,
     /// Range from black level to saturation, in DN.

@@ -65,6 +65,7 @@ fn both_ways(steps: [u32; 2], weighted: bool) {
         kernels: &kernels,
         robust_scale: &[vec![RobustScale::default(); 2]],
         references: None,
+        unused_bits: [0; 2],
         noise: RowNoise::new(&noise),
         saturation: 255.0,
         range: 252.0,

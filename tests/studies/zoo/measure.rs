@@ -5,7 +5,8 @@ use crate::zoo::device::Device;
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
 use phasmid::emulator::render::Renderer;
 use phasmid::emulator::{PatternImage, Shot, Truth};
-use phasmid::pattern::{Axis, finest_fringe};
+use phasmid::geometry::Rig;
+use phasmid::pattern::{Axis, Manifest, finest_fringe};
 use phasmid::profile::{Profile, Scene};
 use std::fmt;
 use std::sync::Arc;
@@ -40,45 +41,70 @@ pub struct Measured {
     pub notes: Vec<String>,
 }
 
-/// Scans a device's scene with noise, and decodes it with the exact calibration.
+/// A scan of a scene with noise, decoded with the exact calibration.
+pub struct Scan {
+    pub manifest: Manifest,
+    pub rig: Rig,
+    pub truth: Truth,
+    pub decoded: Decoded,
+}
+
+impl Scan {
+    /// Scans a scene with the first sequence of a device; both are texts of their files.
+    pub fn new(profile: &str, scene: &str, seed: u64) -> Self {
+        let profile = Profile::parse(profile, "zoo").unwrap_or_else(|e| panic!("{e}"));
+        let scene = Scene::parse(scene, "zoo").unwrap_or_else(|e| panic!("{e}"));
+        let mut renderer = Renderer::new(&profile, &scene, seed).unwrap();
+        let manifest = profile.manifest(&profile.sequence[0]);
+        let patterns = manifest.frame.iter().map(|frame| frame.pattern.clone());
+        let shots: Vec<_> = patterns
+            .enumerate()
+            .map(|(i, pattern)| {
+                let pattern_image =
+                    PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap();
+                let shot = Shot {
+                    id: i as u64,
+                    noise_id: i as u64,
+                    pattern_index: Some(i as u32),
+                    pattern_image: Some(Arc::new(pattern_image)),
+                    light: 1.0,
+                    exposure_ns: (profile.camera.exposure_us * 1e3) as u64,
+                    ..Shot::default()
+                };
+                (pattern, shot)
+            })
+            .collect();
+        let frames: Vec<_> = shots.iter().map(|(_, s)| renderer.expose(s).data).collect();
+        let truth = renderer.truth(&shots);
+        let rig = profile.nominal_rig();
+        let (w, h) = (truth.width as usize, truth.height as usize);
+        let decoder = Decoder::new(&manifest, w, h, Some(&rig), Options::default()).unwrap();
+        let words: Vec<Vec<u16>> = match profile.camera.sensor.bits {
+            8 => Vec::new(),
+            _ => frames.iter().map(|frame| words(frame)).collect(),
+        };
+        let samples = match words.is_empty() {
+            true => frames.iter().map(|f| Samples::U8(f)).collect(),
+            false => words.iter().map(|f| Samples::U16(f)).collect(),
+        };
+        let stack = FrameStack::new(w, h, samples).unwrap();
+        Self {
+            decoded: decoder.decode(&stack).unwrap(),
+            manifest,
+            rig,
+            truth,
+        }
+    }
+}
+
+/// Scans a device's scene and evaluates the points.
 pub fn measure(device: &Device, seed: u64) -> Measured {
-    let profile = Profile::parse(&device.profile, "zoo").unwrap_or_else(|e| panic!("{e}"));
-    let scene = Scene::parse(&device.scene, "zoo").unwrap_or_else(|e| panic!("{e}"));
-    let mut renderer = Renderer::new(&profile, &scene, seed).unwrap();
-    let manifest = profile.manifest(&profile.sequence[0]);
-    let patterns = manifest.frame.iter().map(|frame| frame.pattern.clone());
-    let shots: Vec<_> = patterns
-        .enumerate()
-        .map(|(i, pattern)| {
-            let pattern_image =
-                PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap();
-            let shot = Shot {
-                id: i as u64,
-                noise_id: i as u64,
-                pattern_index: Some(i as u32),
-                pattern_image: Some(Arc::new(pattern_image)),
-                light: 1.0,
-                exposure_ns: (profile.camera.exposure_us * 1e3) as u64,
-                ..Shot::default()
-            };
-            (pattern, shot)
-        })
-        .collect();
-    let frames: Vec<_> = shots.iter().map(|(_, s)| renderer.expose(s).data).collect();
-    let truth = renderer.truth(&shots);
-    let rig = profile.nominal_rig();
-    let (w, h) = (truth.width as usize, truth.height as usize);
-    let decoder = Decoder::new(&manifest, w, h, Some(&rig), Options::default()).unwrap();
-    let words: Vec<Vec<u16>> = match profile.camera.sensor.bits {
-        8 => Vec::new(),
-        _ => frames.iter().map(|frame| words(frame)).collect(),
-    };
-    let samples = match words.is_empty() {
-        true => frames.iter().map(|f| Samples::U8(f)).collect(),
-        false => words.iter().map(|f| Samples::U16(f)).collect(),
-    };
-    let stack = FrameStack::new(w, h, samples).unwrap();
-    let decoded = decoder.decode(&stack).unwrap();
+    let Scan {
+        manifest,
+        rig,
+        truth,
+        decoded,
+    } = Scan::new(&device.profile, &device.scene, seed);
     let fringe = finest_fringe(manifest.frame.iter().map(|f| &f.pattern));
     let (axis, period) = fringe.unwrap();
     assert_eq!(axis, Axis::X);

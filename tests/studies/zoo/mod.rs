@@ -1,6 +1,7 @@
 //! Random but realistic devices that nobody tuned for: the decoder's stated errors must hold on any
 //! of them.
 
+mod coarse;
 mod device;
 mod measure;
 
