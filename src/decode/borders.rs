@@ -56,6 +56,8 @@ pub(super) struct Near<'a> {
     pub(super) padded_light: &'a [f32],
     /// Standard deviations of row v.
     pub(super) sigma: &'a [f32],
+    /// Variance of the coordinate due to the error of the model of a sample, in projector pixels^2.
+    pub(super) model: f32,
     /// Largest error of extrapolations due to held projector pixels, in row v.
     pub(super) held: &'a [f32],
     pub(super) noise: LightNoise,
@@ -83,13 +85,14 @@ fn judge<const WRAPPED: bool>(near: &Near<'_>, period: f32, flags: &mut [u8]) {
     let (sigma, held) = (&near.sigma[..n], &near.held[..n]);
     for i in 0..n {
         let x = row[i];
+        let sigma = (sigma[i] * sigma[i] + near.model).sqrt();
         // Brightness within the noise of a drop.
         let sd = (near.noise.floor + near.noise.slope * light[i]).sqrt();
         let here = Pixel {
             x,
             light: light[i] + BIAS * sd,
-            step: STEP * sigma[i] + FLOOR_PX + held[i],
-            bias: BIAS * sigma[i] + FLOOR_PX,
+            step: STEP * sigma + FLOOR_PX + held[i],
+            bias: BIAS * sigma + FLOOR_PX,
         };
         let ([a, b], [c, d]) = ([l1[i], l2[i]], [r1[i], r2[i]]);
         let ([e, f], [g, k]) = ([u1[i], u2[i]], [d1[i], d2[i]]);
@@ -157,6 +160,7 @@ mod tests {
             light: [&nan, light, &nan],
             padded_light: &pad(light, 1),
             sigma: &vec![sigma; x.len()],
+            model: 0.0,
             held: &vec![0.0; x.len()],
             noise: LightNoise {
                 floor: 1e-5,

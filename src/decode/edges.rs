@@ -42,6 +42,8 @@ pub(super) struct Around<'a> {
     pub(super) padded: &'a [f32],
     /// Standard deviations of row v.
     pub(super) sigma: &'a [f32],
+    /// Variance of the coordinate due to the error of the model of a sample, in projector pixels^2.
+    pub(super) model: f32,
     /// Largest error of extrapolations due to held projector pixels, in row v.
     pub(super) held: &'a [f32],
     /// Period of the finest fringe in projector pixels; infinite without fringes.
@@ -73,7 +75,8 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
     let beside = around.has_beside;
     for i in 0..n {
         let x = v[3][i];
-        let base = NOISE * sigma[i] + FLOOR_PX + held[i];
+        let sigma = (sigma[i] * sigma[i] + around.model).sqrt();
+        let base = NOISE * sigma + FLOOR_PX + held[i];
         let (left, right) = ([l1[i], l2[i], l3[i]], [r1[i], r2[i], r3[i]]);
         let (above, below) = ([v[2][i], v[1][i], v[0][i]], [v[4][i], v[5][i], v[6][i]]);
         let (row_bad, row_has) = line::<WRAPPED>(x, left, right, base, period);
@@ -175,6 +178,7 @@ mod tests {
             rows: [&nan, &nan, &nan, x, &nan, &nan, &nan],
             padded: &padded,
             sigma: &sigma,
+            model: 0.0,
             held: &vec![held; x.len()],
             finest,
             has_beside: [x.len() > 2, false],
@@ -252,6 +256,7 @@ mod tests {
                 rows: [&nan, &row, &row, &row, &row, &row, &nan],
                 padded: &padded,
                 sigma: &[0.02; 5],
+                model: 0.0,
                 held: &[0.0; 5],
                 finest: 16.0,
                 has_beside,

@@ -53,6 +53,7 @@ pub use noise::estimate_noise;
 pub use npy::write_npy;
 pub use output::{Summary, output_names, write_outputs};
 pub use plan::{AxisPlan, Order, Plan};
+pub use robust_scale::MODEL_ERROR;
 pub use samples::{FrameStack, Samples};
 pub use sparse::SparseDecoder;
 pub use steps::FringeSet;

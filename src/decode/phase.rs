@@ -2,7 +2,7 @@
 //! variance, in f32, with a layout that vectorises.
 
 use super::Options;
-use super::robust_scale::RobustScale;
+use super::robust_scale::{MODEL_ERROR, RobustScale};
 use super::samples::Sample;
 use super::steps::FringeSet;
 use super::turns::turns;
@@ -66,6 +66,8 @@ pub(super) struct SetKernel {
     skew: [f32; 4],
     /// (period / 2 pi)^2: converts variance of phase to variance of position.
     per_phase: f32,
+    /// Error of the coordinate due to the rounding of the pattern's levels, in projector pixels.
+    rounding: f32,
     /// Weights of the frames in the sums of [`weighted`]; empty unless steps are weighted by shot
     /// noise.
     higher: Vec<[f32; 4]>,
@@ -95,11 +97,18 @@ impl SetKernel {
             gram: set.gram.map(|v| v as f32),
             skew: set.skew.map(|v| v as f32),
             per_phase: (set.period_px / TAU).powi(2) as f32,
+            rounding: set.rounding_px() as f32,
             higher: Some(set)
                 .filter(|_| options.weighted)
                 .and_then(weighted::harmonics)
                 .unwrap_or_default(),
         }
+    }
+
+    /// Variance of the coordinate due to the error of the model of a sample, in projector pixels^2.
+    pub(super) fn model_variance(&self) -> f32 {
+        let of_samples = self.per_phase * self.gram[0] * (MODEL_ERROR * MODEL_ERROR) as f32;
+        of_samples.max(self.rounding * self.rounding)
     }
 
     /// Checks sets without a check of their own against the others of their axis: all should have the

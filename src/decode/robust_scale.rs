@@ -6,7 +6,8 @@
 //! and of the fringe itself, and a response curve leaves its second harmonic with four steps and
 //! its third harmonic in the mean of three. Each is the same fraction everywhere, so a fit over the
 //! capture determines and removes them; damage to one pixel of one frame remains. The remainder is
-//! compared with the camera's noise, or with the remainder of most pixels if that is larger.
+//! compared with the camera's noise and the error of the model of a sample, or with the remainder of
+//! most pixels if that is larger.
 
 use super::phase::{Check, OWN, RowNoise, SetKernel, TIED};
 use super::samples::Sample;
@@ -29,6 +30,9 @@ const TERMS: usize = 5;
 const ROUNDS: usize = 4;
 /// Residual in standard deviations above which a pixel is down-weighted in the fit.
 const BENT: f64 = 2.0;
+/// Standard deviation of the error of the model of a sample, as a fraction of the modulation: a
+/// projector rounds levels to 8 bits, which gives 1 / sqrt(12) / 127.5 = 0.0023.
+pub const MODEL_ERROR: f64 = 0.0025;
 /// Lower bound of the robust scale, as a fraction of the camera's noise.
 const LEAST: f64 = 0.5;
 
@@ -37,7 +41,7 @@ const LEAST: f64 = 0.5;
 pub(super) struct RobustScale {
     /// Fitted coefficients of the terms.
     terms: [f32; TERMS],
-    /// Allowed residual in standard deviations of the camera's noise.
+    /// Allowed residual in standard deviations of noise and model error.
     deviations: f32,
     /// Additional allowed residual as a fraction of the modulation.
     modulation: f32,
@@ -61,7 +65,7 @@ impl Default for RobustScale {
 struct Pixel {
     terms: SVector<f64, TERMS>,
     check: f64,
-    /// Standard deviation of the camera's noise.
+    /// Standard deviation of the camera's noise and the model's error.
     sigma: f64,
     /// Remainder after the fit, in standard deviations.
     left: f64,
@@ -103,7 +107,7 @@ impl RobustScale {
                 }
                 _ => (own, terms::<OWN>(light, c, s, b)),
             };
-            let sigma = f64::from(row.variance(a).max(1e-6).sqrt());
+            let sigma = f64::from(expected(light, b, row).max(1e-6).sqrt());
             pixels.push(Pixel {
                 terms: terms.map(f64::from).into(),
                 check: f64::from(check),
@@ -157,8 +161,15 @@ impl RobustScale {
     /// this mean above black and modulation.
     #[inline(always)]
     pub(super) fn most(self, light: f32, modulation: f32, noise: RowNoise) -> f32 {
-        self.deviations * noise.variance(noise.black + light).sqrt() + self.modulation * modulation
+        self.deviations * expected(light, modulation, noise).sqrt() + self.modulation * modulation
     }
+}
+
+/// The variance in DN^2 that is expected of a residual, from noise and the model's error.
+#[inline(always)]
+fn expected(light: f32, modulation: f32, noise: RowNoise) -> f32 {
+    let model = MODEL_ERROR as f32 * modulation;
+    noise.variance(noise.black + light) + model * model
 }
 
 #[inline(always)]

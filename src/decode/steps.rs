@@ -105,6 +105,23 @@ impl FringeSet {
         sum
     }
 
+    /// Computes the RMS error in projector pixels of coordinates decoded from levels that the projector
+    /// rounds to 8 bits.
+    pub(super) fn rounding_px(&self) -> f64 {
+        // A period need not be a whole number of pixels.
+        const PIXELS: u32 = 256;
+        let error = |pixel: u32| {
+            let phi = TAU * f64::from(pixel) / self.period_px;
+            let level = |phase: &f64| (255.0 * (0.5 + 0.5 * (phi + phase).cos())).round();
+            let levels: Vec<f64> = self.phases.iter().map(level).collect();
+            let [_, c, s] = self.solve(&levels);
+            let (sin, cos) = phi.sin_cos();
+            (s * cos - c * sin).atan2(c * cos + s * sin) * self.period_px / TAU
+        };
+        let squares: f64 = (0..PIXELS).map(error).map(|e| e * e).sum();
+        (squares / f64::from(PIXELS)).sqrt()
+    }
+
     /// Returns whether the steps are N equal steps over one turn, to within a hundredth.
     pub fn steps_are_equal(&self) -> bool {
         let n = self.phases.len() as f64;

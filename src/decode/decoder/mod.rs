@@ -18,6 +18,7 @@ use super::rows::AxisKernel;
 use super::samples::{FrameStack, Samples};
 use super::unwrap::unwrap;
 use crate::triangulate::Triangulator;
+use neighbours::Finest;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{NoiseModel, Rig};
 use phasmid_pattern::{Axis, Manifest};
@@ -146,7 +147,7 @@ impl Decoder {
             kernels,
             held: [Axis::X, Axis::Y].map(|axis| {
                 let set = plan.axis(axis)?.sets.first()?;
-                Some(held::Table::new(set.period_px))
+                Some(held::Table::new(set.period_px, set.rounding_px() as f32))
             }),
             triangulator,
             noise: options.noise.or(rig.and_then(|r| r.noise)),
@@ -308,8 +309,12 @@ impl Decoder {
         });
         if !self.options.keep_mixed {
             let finest = [Axis::X, Axis::Y].map(|axis| {
-                let set = self.plan.axis(axis).and_then(|plan| plan.sets.first());
-                set.map_or(f32::INFINITY, |set| set.period_px as f32 * self.spacing)
+                let kernel = self.kernels.iter().find(|kernel| kernel.axis == axis);
+                let set = kernel.and_then(|kernel| kernel.sets.first());
+                Finest {
+                    period: set.map_or(f32::INFINITY, |set| set.period * self.spacing),
+                    model: set.map_or(0.0, SetKernel::model_variance),
+                }
             });
             neighbours::clean(out, light, finest, &held);
         }

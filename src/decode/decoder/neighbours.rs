@@ -8,20 +8,29 @@ use crate::maps::{AxisMap, Decoded};
 use crate::rows::{AxisOut, apply_flags, judge_borders, judge_row};
 use rayon::prelude::*;
 
+/// The finest fringes of an axis.
+#[derive(Clone, Copy)]
+pub(super) struct Finest {
+    /// Period in projector pixels times the spacing of the decoded pixels; infinite without fringes.
+    pub(super) period: f32,
+    /// Variance of the coordinate due to the error of the model of a sample, in projector pixels^2.
+    pub(super) model: f32,
+}
+
 /// Removes mixed and isolated pixels, then border pixels that are not trusted.
 ///
-/// `finest` is the period of each axis' finest fringe, x first; infinite without fringes. `held` are
-/// the footprints of each axis where held projector pixels matter.
+/// `finest` and `held` are of each axis, x first; `held` are the footprints where held projector
+/// pixels matter.
 pub(super) fn clean(
     out: &mut Decoded,
     light: LightNoise,
-    finest: [f32; 2],
+    finest: [Finest; 2],
     held: &[Option<Footprints<'_>>; 2],
 ) {
     let mut flags = vec![KEEP; out.width * out.height];
     flag_edges(out, finest, held, &mut flags);
     apply(out, &flags);
-    flag_borders(out, light, held, &mut flags);
+    flag_borders(out, light, finest, held, &mut flags);
     apply(out, &flags);
 }
 
@@ -36,7 +45,7 @@ fn allow(held: Option<&Footprints<'_>>, v: usize, row: &mut [f32]) {
 /// Flags pixels that disagree with their neighbours on any axis.
 fn flag_edges(
     out: &Decoded,
-    finest: [f32; 2],
+    finest: [Finest; 2],
     held: &[Option<Footprints<'_>>; 2],
     flags: &mut [u8],
 ) {
@@ -51,8 +60,9 @@ fn flag_edges(
                 padded: pad(padded, rows[3]),
                 rows,
                 sigma: &map.sigma[v * width..(v + 1) * width],
+                model: finest[axis as usize].model,
                 held: allowed,
-                finest: finest[axis as usize],
+                finest: finest[axis as usize].period,
                 has_beside: [out.width > 2, out.height > 2],
             };
             judge_row(&around, period(map), flags);
@@ -64,6 +74,7 @@ fn flag_edges(
 fn flag_borders(
     out: &Decoded,
     noise: LightNoise,
+    finest: [Finest; 2],
     held: &[Option<Footprints<'_>>; 2],
     flags: &mut [u8],
 ) {
@@ -87,6 +98,7 @@ fn flag_borders(
                 light,
                 padded_light,
                 sigma: &map.sigma[v * width..(v + 1) * width],
+                model: finest[axis as usize].model,
                 held: allowed,
                 noise,
             };

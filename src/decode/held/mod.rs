@@ -99,8 +99,9 @@ impl<'a> Footprints<'a> {
         let (noise, held) = (sampled(&map.sigma)?, sampled(&map.sampling)?);
         (held > LARGE * noise).then(|| {
             format!(
-                "axis {axis}: held projector pixels leave an error of {held:.3} px beside {noise:.3} px \
-                 of noise (medians), because a camera pixel spans only {:.2} projector pixels",
+                "axis {axis}: held projector pixels and their 8-bit levels leave an error of {held:.3} px \
+                 beside {noise:.3} px of noise (medians), because a camera pixel spans only {:.2} \
+                 projector pixels",
                 self.width
             )
         })
@@ -185,6 +186,7 @@ impl Band<'_> {
             let rms = footprint.map_or(0.0, |footprint| table.of(footprint, |curve| curve.rms));
             // Without valid pixels the noise is NaN.
             let rms = if rms > NEGLIGIBLE * sigma { rms } else { 0.0 };
+            let stated = rms.hypot(table.rounding);
             // At an incomplete cell a surface ends, and the footprint may be that of another.
             let is_whole = n == (rows * columns.len()) as f32;
             let profile = (*footprint)
@@ -198,7 +200,7 @@ impl Band<'_> {
                 let sampling = &mut self.sampling[at];
                 let Some(profile) = &profile else {
                     for (sampling, noise) in sampling.iter_mut().zip(noise) {
-                        *sampling = rms + 0.0 * *noise;
+                        *sampling = stated + 0.0 * *noise;
                     }
                     continue;
                 };

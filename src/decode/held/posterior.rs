@@ -15,8 +15,8 @@ const WIDEST: f32 = 6.0;
 const WIDTHS: usize = 121;
 /// The table's blurs in projector pixels; with the last one the error vanishes.
 const BLURS: [f32; 9] = [0.0, 0.06, 0.12, 0.18, 0.25, 0.32, 0.4, 0.52, 0.7];
-/// The smallest noise in projector pixels. Smaller noise would decide between true coordinates by
-/// differences that the model of the footprint does not have right.
+/// The smallest noise and model error in projector pixels. Less would decide between true coordinates
+/// by differences that the model of the footprint does not have right.
 const LEAST_SIGMA: f32 = 0.004;
 /// Ratio of successive noises of the table, of which the nearest is used.
 const SIGMA_RATIO: f32 = 1.2;
@@ -31,7 +31,7 @@ pub(super) struct Profile {
     shift: [f32; BINS + 1],
     /// Variance of the true coordinate in square projector pixels, noise included.
     variance: [f32; BINS + 1],
-    /// Standard deviation of the noise in projector pixels.
+    /// Standard deviation of the noise in projector pixels; the variance contains the model error as well.
     sigma: f32,
 }
 
@@ -115,6 +115,8 @@ pub(super) struct Estimate {
 #[derive(Debug)]
 pub struct Table {
     period: f64,
+    /// RMS error of coordinates due to the rounding of the pattern's levels, in projector pixels.
+    pub(super) rounding: f32,
     /// First harmonic of the error without blur, by footprint.
     harmonics: Vec<f32>,
     curves: Vec<OnceLock<Box<Curve>>>,
@@ -125,12 +127,13 @@ pub struct Table {
 type Between = (usize, f32);
 
 impl Table {
-    /// Prepares the table of a period in projector pixels.
-    pub fn new(period: f64) -> Self {
+    /// Prepares the table of a period and the error due to rounding, in projector pixels.
+    pub fn new(period: f64, rounding: f32) -> Self {
         let curves = WIDTHS * BLURS.len();
         let harmonic = |w| first_harmonic(period, width_of(w), 0.0) as f32;
         Self {
             period,
+            rounding,
             harmonics: (0..WIDTHS).map(harmonic).collect(),
             curves: repeat_with(OnceLock::new).take(curves).collect(),
             profiles: repeat_with(OnceLock::new).take(curves * SIGMAS).collect(),
@@ -160,12 +163,13 @@ impl Table {
     #[inline(always)]
     pub(super) fn profile(&self, footprint: Footprint, sigma: f32) -> Profile {
         let (w, s) = (at_width(footprint.width), at_blur(footprint.blur));
-        let n = (sigma.max(LEAST_SIGMA) / LEAST_SIGMA).ln() / SIGMA_RATIO.ln();
+        let both = sigma.hypot(self.rounding).max(LEAST_SIGMA);
+        let n = (both / LEAST_SIGMA).ln() / SIGMA_RATIO.ln();
         let n = (n.round() as usize).min(SIGMAS - 1);
         let mut all = Profile {
             shift: [0.0; BINS + 1],
             variance: [0.0; BINS + 1],
-            sigma: LEAST_SIGMA * SIGMA_RATIO.powi(n as i32),
+            sigma: LEAST_SIGMA * SIGMA_RATIO.powi(n as i32) * sigma / both,
         };
         for (w, by) in corners(w) {
             for (s, of) in corners(s) {

@@ -34,8 +34,11 @@ pub(super) fn check(plan: &Plan, axis: &AxisPlan, grid: &Grid) -> Result<(), Str
     }
     let bits = axis.gray.iter().flat_map(|code| &code.bits);
     for (plain, inverse) in bits.filter_map(|bit| bit.plain.zip(bit.inverse)) {
-        let same =
-            |v: &[f32], low: f32, high: f32| (v[plain] - v[inverse]).abs() < MARGIN * (high - low);
+        let same = |v: &[f32], low: f32, high: f32| {
+            let (margin, sum) = (MARGIN * (high - low), v[plain] + v[inverse]);
+            // Complements that blur leaves no contrast are both half as bright.
+            (v[plain] - v[inverse]).abs() < margin && (sum - low - high).abs() > margin
+        };
         if dissent(&same) > DISSENT {
             return Err(format!(
                 "frames {plain} and {inverse} ought to be complements and are not: {replaced}"

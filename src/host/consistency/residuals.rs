@@ -17,7 +17,7 @@
 use super::noise::Noise;
 use super::scatter::Scatter;
 use nalgebra::{SMatrix, SVector};
-use phasmid_decode::FringeSet;
+use phasmid_decode::{FringeSet, MODEL_ERROR};
 use rayon::prelude::*;
 
 /// Pixels times steps that are looked at, about.
@@ -200,7 +200,8 @@ pub(super) fn left(pixels: &[Pixel], weights: [f64; 3], step: usize) -> Left {
     }
     let beyond = |(point, deviation): &(&Point<'_>, &f64)| {
         let modulation = point.terms[1].hypot(point.terms[2]);
-        point.left.abs() > SIGMAS * **deviation + BLURRED * harmonics * modulation
+        let expected = deviation.hypot(MODEL_ERROR * modulation);
+        point.left.abs() > SIGMAS * expected + BLURRED * harmonics * modulation
     };
     let odd = points.iter().zip(&deviations).filter(beyond).count();
     deviations.sort_by(f64::total_cmp);

@@ -6,6 +6,7 @@ use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
 use phasmid::emulator::render::Renderer;
 use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::geometry::Rig;
+use phasmid::host::check_images;
 use phasmid::pattern::{Axis, Manifest, finest_fringe};
 use phasmid::profile::{Profile, Scene};
 use std::fmt;
@@ -47,6 +48,8 @@ pub struct Scan {
     pub rig: Rig,
     pub truth: Truth,
     pub decoded: Decoded,
+    /// Finding of the host's checks of the frames.
+    pub checked: Result<(), String>,
 }
 
 impl Scan {
@@ -90,6 +93,7 @@ impl Scan {
         let stack = FrameStack::new(w, h, samples).unwrap();
         Self {
             decoded: decoder.decode(&stack).unwrap(),
+            checked: check_images(&manifest, &stack),
             manifest,
             rig,
             truth,
@@ -104,6 +108,7 @@ pub fn measure(device: &Device, seed: u64) -> Measured {
         rig,
         truth,
         decoded,
+        ..
     } = Scan::new(&device.profile, &device.scene, seed);
     let fringe = finest_fringe(manifest.frame.iter().map(|f| &f.pattern));
     let (axis, period) = fringe.unwrap();

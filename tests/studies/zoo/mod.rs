@@ -4,6 +4,8 @@
 mod coarse;
 mod device;
 mod measure;
+mod quiet;
+mod setup;
 
 use device::Device;
 use measure::{Measured, measure};
