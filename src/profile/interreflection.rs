@@ -9,29 +9,63 @@ use serde::{Deserialize, Serialize};
 /// light that reaches a surface, where F is the largest fraction of a point's hemisphere filled by
 /// other surfaces. Constant ambient light does not bounce: it is the same on every surface and
 /// includes its bounces.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+///
+/// Indirect light varies slowly, so it is gathered at some pixels and interpolated in between.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Interreflection {
-    /// Rays per gather point: a multiple of 16 from 16 to 1024. The error of the indirect light is
-    /// about 0.3 / samples^0.75 of the indirect light from a hemisphere filled with lit surface.
-    pub samples: u32,
-    /// Spacing of the gather points in camera columns and rows. Pixels without a gather point on
-    /// the same smooth surface get their own.
-    #[serde(default = "step_px")]
-    pub step_px: u32,
+    /// Largest error of the indirect light, in percent of a pixel's light under full white, in 99 %
+    /// of the pixels. The number of rays and the spacing of the gather points follow from it, by a
+    /// trial with the scene as it is at power-on.
+    #[serde(default = "error_percent")]
+    pub error_percent: f64,
+    /// Rays per gather point instead of those that the error demands: a multiple of 16 from 16 to
+    /// 1024.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples: Option<u32>,
+    /// Spacing of the gather points in camera columns and rows, with `samples`; 4 if absent. Pixels
+    /// without a gather point on the same smooth surface get their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step_px: Option<u32>,
 }
 
-fn step_px() -> u32 {
-    4
+impl Default for Interreflection {
+    fn default() -> Self {
+        Self {
+            error_percent: error_percent(),
+            samples: None,
+            step_px: None,
+        }
+    }
+}
+
+fn error_percent() -> f64 {
+    0.5
 }
 
 pub(super) fn check(interreflection: Interreflection, check: &Check<'_>) -> Result<()> {
-    let Interreflection { samples, step_px } = interreflection;
-    check.that(
-        (16..=1024).contains(&samples) && samples.is_multiple_of(16),
-        "interreflection.samples",
+    let Interreflection {
+        error_percent,
         samples,
-        "a multiple of 16 from 16 to 1024",
+        step_px,
+    } = interreflection;
+    check.within("interreflection.error_percent", error_percent, 0.05..=10.0)?;
+    if let Some(samples) = samples {
+        check.that(
+            (16..=1024).contains(&samples) && samples.is_multiple_of(16),
+            "interreflection.samples",
+            samples,
+            "a multiple of 16 from 16 to 1024",
+        )?;
+    }
+    let Some(step_px) = step_px else {
+        return Ok(());
+    };
+    check.that(
+        samples.is_some(),
+        "interreflection.step_px",
+        step_px,
+        "samples beside it, or neither: both follow from error_percent",
     )?;
     check.within("interreflection.step_px", step_px, 1..=64)
 }

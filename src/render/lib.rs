@@ -92,6 +92,6 @@ mod worlds;
 pub use gpu::{Adapter, PassTime};
 pub use options::{Backend, Options};
 pub use plan::{Decision, Plan};
-pub use renderer::{Pending, Renderer};
+pub use renderer::{IndirectLight, Pending, Renderer};
 pub use sensor::read_out;
 pub use term::{Pass, Term};

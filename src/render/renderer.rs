@@ -1,13 +1,15 @@
 //! Renderer of one camera in front of one scene: runs the passes that a shot needs.
 //!
-//! `pending` submits frames to the CPU or GPU, `time` divides an exposure of a moving scene into
+//! `indirect` chooses how indirect light is gathered, `pending` submits frames to the CPU or GPU, `time` divides an exposure of a moving scene into
 //! instants, `place` moves objects at run time, and `truth` computes ground truth.
 
+mod indirect;
 mod pending;
 mod place;
 mod time;
 mod truth;
 
+pub use indirect::IndirectLight;
 pub use pending::Pending;
 
 use super::aperture::Aperture;
@@ -107,7 +109,7 @@ impl Renderer {
             || gpu::fits(&world, &optics),
             (pixels, u64::from(options.samples)),
         )?;
-        Ok(Self {
+        let mut renderer = Self {
             profile: profile.clone(),
             scene: scene.clone(),
             worlds: Worlds::new(world),
@@ -124,7 +126,9 @@ impl Renderer {
             revision: 0,
             gpu,
             news,
-        })
+        };
+        renderer.choose_gathering();
+        Ok(renderer)
     }
 
     /// Returns the terms computed for the patterns seen so far.

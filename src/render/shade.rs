@@ -2,6 +2,7 @@
 //! amount of light. Structure of arrays in f64, so that loops vectorize.
 
 use super::exposure::{Defocus, Falloff, Flicker};
+use super::interreflection::Gathering;
 use super::lamps::Lamp;
 use super::skin::Skins;
 use super::world::{Hits, World};
@@ -10,7 +11,7 @@ use glam::{DMat2, DVec2, DVec3};
 use phasmid_core::simd::widest;
 use phasmid_geometry::raycast::LANES;
 use phasmid_geometry::{Lens, View};
-use phasmid_profile::{self as profile, Interreflection, Profile, Scene};
+use phasmid_profile::{self as profile, Profile, Scene};
 
 /// Planck's constant times the speed of light, in J m (CODATA 2018, exact).
 const HC: f64 = 6.626_070_15e-34 * 299_792_458.0;
@@ -38,7 +39,7 @@ pub(super) struct Optics {
     pub(super) ambient_depth: f64,
     pub(super) lamps: Vec<Lamp>,
     /// How to gather interreflection, if the scene enables it.
-    pub(super) interreflection: Option<Interreflection>,
+    pub(super) interreflection: Option<Gathering>,
     /// Temporal waveform shared by all flickering light.
     pub(super) flicker: Option<Flicker>,
 }
@@ -96,7 +97,7 @@ impl Optics {
             skins: Skins::new(profile, scene),
             ambient_depth: scene.ambient.flicker.map_or(0.0, |f| f.depth),
             lamps: Lamp::all(scene),
-            interreflection: scene.interreflection,
+            interreflection: scene.interreflection.map(Gathering::new),
             flicker: mains.as_ref().map(Flicker::new),
         }
     }

@@ -7,8 +7,7 @@ use measure::{PassCost, TermCost, costs};
 use phasmid_core::error::Result;
 use phasmid_device::Firmware;
 use phasmid_profile::{Profile, Scene};
-use phasmid_render::Options;
-use phasmid_render::{Renderer, shot::Shot};
+use phasmid_render::{IndirectLight, Options, Renderer, shot::Shot};
 use serde::Serialize;
 
 /// Report which terms of image formation a device and a scene need, why, and what each costs here
@@ -45,6 +44,8 @@ struct Report<'a> {
     threads: usize,
     passes: Vec<PassCost>,
     terms: Vec<TermCost>,
+    /// `None` for a scene without interreflection.
+    interreflection: Option<IndirectLight>,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -79,6 +80,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         threads: rayon::current_num_threads(),
         passes,
         terms,
+        interreflection: renderer.indirect_light(),
     };
     if args.json {
         let json = serde_json::to_string_pretty(&report).expect("numbers and strings");
@@ -120,4 +122,24 @@ fn table(report: &Report<'_>) {
         "\nns/px: with all threads, the fastest of several rounds; of a term, the time that it adds \
          or would add."
     );
+    if let Some(light) = report.interreflection {
+        let bound = match light.bound_percent {
+            Some(bound) => format!("bound {bound} %"),
+            None => "settings from the scene".to_owned(),
+        };
+        println!(
+            "\ninterreflection: {} rays at every {}pixel: error {:.2} % of the light in 99 % of the lit \
+             pixels ({bound}); further bounces, which are not rendered, would add up to {:.2} % in half of \
+             them and {:.1} % in 95 %",
+            light.samples,
+            match light.step_px {
+                1 => String::new(),
+                2 => "second ".to_owned(),
+                step => format!("{step}th "),
+            },
+            light.error_percent,
+            light.further_percent,
+            light.most_further_percent
+        );
+    }
 }

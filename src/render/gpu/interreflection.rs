@@ -6,11 +6,10 @@
 //! the GPU's maximum buffer size is an error.
 
 use super::{Engine, EntryPoint, grid, maps};
-use crate::interreflection::Hemisphere;
+use crate::interreflection::{Gathering, Hemisphere};
 use crate::{Plan, Term};
 use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::{Error, Result};
-use phasmid_profile::Interreflection;
 
 /// Bytes per ray and pattern axis.
 const RAY: u64 = 16;
@@ -41,7 +40,7 @@ pub(crate) struct Point {
 }
 
 impl Params {
-    fn new(wanted: Interreflection, size: [usize; 2]) -> Self {
+    fn new(wanted: Gathering, size: [usize; 2]) -> Self {
         let size = size.map(|side| side as u32);
         let step = wanted.step_px;
         // Every `step`th pixel, and the last.
@@ -67,7 +66,7 @@ impl Params {
 /// Returns an error if the points do not fit in memory or if the GPU has failed.
 pub(crate) fn run(
     engine: &mut Engine,
-    wanted: Interreflection,
+    wanted: Gathering,
     plan: &Plan,
     size: [usize; 2],
 ) -> Result<()> {

@@ -12,7 +12,7 @@ use crate::world::World;
 use crate::worlds::Worlds;
 use crate::{Options, Plan, Term, interreflection};
 use glam::DVec2;
-use phasmid_profile::{Interreflection, Profile, Scene};
+use phasmid_profile::{Profile, Scene};
 use std::path::Path;
 
 /// A scene and its geometry-pass maps, without indirect light.
@@ -24,7 +24,7 @@ pub(super) struct TestScene {
     table: Option<Vec<DVec2>>,
     pub(super) map: GeometryBuffer,
     /// Interreflection settings of the scene.
-    pub(super) wanted: Option<Interreflection>,
+    pub(super) wanted: Option<interreflection::Gathering>,
 }
 
 impl TestScene {

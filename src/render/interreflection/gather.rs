@@ -27,7 +27,7 @@ pub(super) struct Gatherer<'a> {
 }
 
 /// A point at which light is gathered.
-struct Place<'w> {
+pub(super) struct Place<'w> {
     /// World at the instant of the point's row; in the world of another instant, a moved surface
     /// would occlude the point.
     world: &'w World,
@@ -35,7 +35,7 @@ struct Place<'w> {
     normal: DVec3,
     own: Surface,
     /// Rotation of the rays about the normal.
-    turn: f64,
+    pub(super) turn: f64,
 }
 
 /// Hits of sixteen rays.
@@ -105,7 +105,42 @@ impl<'a> Gatherer<'a> {
         (interreflection, lamps)
     }
 
-    fn place<'w>(&self, world: &'w World, map: &GeometryBuffer, pixel: usize) -> Place<'w> {
+    /// Returns the irradiance from the projector's full white at a place, in W/m^2.
+    pub(super) fn white(&self, place: &Place<'_>, scratch: &mut Scratch) -> f64 {
+        let mut kept = Vec::new();
+        for rays in self.hemisphere.above(place.normal, place.turn) {
+            let met = self.meet(place, &rays, scratch);
+            self.projected(place.world, &met, &mut kept, scratch);
+        }
+        kept.iter().map(|ray| f64::from(ray[6])).sum()
+    }
+
+    /// Returns the irradiance that the light of [`Self::white`] brings after one more bounce, as
+    /// `white` gathers it where this gatherer's rays end.
+    pub(super) fn second(&self, place: &Place<'_>, white: &Self, scratch: &mut Scratch) -> f64 {
+        // At the mean cosine of uniform light.
+        const COS: f64 = 2.0 / 3.0;
+        let mut sum = 0.0;
+        for rays in self.hemisphere.above(place.normal, place.turn) {
+            for (patch, evenly) in self.meet(place, &rays, scratch).iter().flatten() {
+                let hit = Place {
+                    point: patch.point,
+                    normal: patch.normal,
+                    own: patch.surface,
+                    ..*place
+                };
+                sum += evenly.share(COS) * white.white(&hit, scratch);
+            }
+        }
+        sum / self.samples
+    }
+
+    pub(super) fn place<'w>(
+        &self,
+        world: &'w World,
+        map: &GeometryBuffer,
+        pixel: usize,
+    ) -> Place<'w> {
         let width = map.width;
         let direction = self.rays.center(pixel % width, pixel / width);
         // The rays of neighbouring points are rotated differently, which decorrelates their

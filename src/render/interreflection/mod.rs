@@ -13,9 +13,10 @@
 //! fluctuate by an eighth of their contribution.
 //!
 //! Indirect light varies slowly, so it is gathered at about every fourth pixel and interpolated
-//! over each smooth surface (`grid`). A mixed pixel uses the value at its centre. `gather` casts the
+//! over each smooth surface (`grid`); `error` estimates how far that is off. A mixed pixel uses the value at its centre. `gather` casts the
 //! rays in the directions of `hemisphere`, and `patch` computes the light where they hit.
 
+mod error;
 mod gather;
 mod grid;
 mod hemisphere;
@@ -25,9 +26,28 @@ use super::buffer::GeometryBuffer;
 use super::geometry::Rays;
 use super::worlds::Worlds;
 use super::{Plan, Term};
+pub(super) use error::Trial;
 use gather::Gatherer;
 use grid::Grid;
 pub(super) use hemisphere::Hemisphere;
+use phasmid_profile::Interreflection;
+
+/// Number of rays per gather point, and spacing of the gather points in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Gathering {
+    pub(super) samples: u32,
+    pub(super) step_px: u32,
+}
+
+impl Gathering {
+    /// The settings of a scene, or defaults in place of those that its error bound determines.
+    pub(super) fn new(wanted: Interreflection) -> Self {
+        Self {
+            samples: wanted.samples.unwrap_or(64),
+            step_px: wanted.step_px.unwrap_or(4),
+        }
+    }
+}
 
 /// Rays averaged together (SIMD block).
 pub(super) const BLOCK: usize = 8;

@@ -116,8 +116,8 @@ fn scene_of(name: &str, how: &str) -> Result<Scene> {
     let mut scene = Scene::load(name)?;
     if how == "interreflection" {
         scene.interreflection = Some(Interreflection {
-            samples: 64,
-            step_px: 4,
+            samples: Some(64),
+            ..Interreflection::default()
         });
     }
     Ok(scene)

@@ -2,6 +2,7 @@
 
 mod bounds;
 mod energy;
+mod error;
 mod pattern_images;
 mod wedge;
 

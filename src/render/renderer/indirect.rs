@@ -1,0 +1,82 @@
+//! How a scene's indirect light is gathered, and how far it is off.
+
+use super::Renderer;
+use crate::Term;
+use crate::aperture::Aperture;
+use crate::buffer::GeometryBuffer;
+use crate::geometry::{self, Rays};
+use crate::interreflection::{Gathering, Trial};
+use serde::Serialize;
+
+/// Settings of interreflection with their errors, in percent of a pixel's light under full white.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct IndirectLight {
+    /// Rays per gather point.
+    pub samples: u32,
+    /// Spacing of the gather points in pixels.
+    pub step_px: u32,
+    /// Error in 99 % of the pixels that the projector lights.
+    pub error_percent: f64,
+    /// Bound on it that the scene states; `None` if the scene states the settings instead.
+    pub bound_percent: Option<f64>,
+    /// Light of the further bounces that are not rendered: in half of these pixels at most.
+    pub further_percent: f64,
+    /// The same in 95 % of the pixels.
+    pub most_further_percent: f64,
+}
+
+impl Renderer {
+    /// Estimates the error of the indirect light, and the light that further bounces would add, at a
+    /// sample of pixels; `None` for a scene without interreflection.
+    pub fn indirect_light(&mut self) -> Option<IndirectLight> {
+        let gathering = self.optics.interreflection?;
+        let wanted = self.scene.interreflection?;
+        self.with_trial(|trial| {
+            let [median, most] = trial.further();
+            IndirectLight {
+                samples: gathering.samples,
+                step_px: gathering.step_px,
+                error_percent: 100.0 * trial.error(gathering),
+                bound_percent: wanted.samples.is_none().then_some(wanted.error_percent),
+                further_percent: 100.0 * median,
+                most_further_percent: 100.0 * most,
+            }
+        })
+    }
+
+    /// Chooses rays and gather points by the error bound of the scene, if it does not state them.
+    pub(super) fn choose_gathering(&mut self) {
+        let wanted = self.scene.interreflection;
+        let Some(wanted) = wanted.filter(|wanted| wanted.samples.is_none()) else {
+            return;
+        };
+        let chosen = self.with_trial(|trial| trial.choose(0.01 * wanted.error_percent));
+        self.optics.interreflection = chosen.or(self.optics.interreflection);
+    }
+
+    /// Runs a trial on the scene as it is at power-on, on the CPU.
+    fn with_trial<R>(&mut self, run: impl FnOnce(&Trial<'_>) -> R) -> Option<R> {
+        if !self.plan.has(Term::Interreflection) {
+            return None;
+        }
+        let gathering: Option<Gathering> = self.optics.interreflection.take();
+        let rays = Rays {
+            optics: &self.optics,
+            table: self.rays.as_deref(),
+            width: self.profile.camera.width_px as usize,
+        };
+        let mut buffer = GeometryBuffer::default();
+        geometry::run(
+            &self.worlds,
+            &self.optics,
+            &rays,
+            &self.plan,
+            self.options,
+            Aperture::new(&self.profile.camera),
+            &mut buffer,
+        );
+        let result = run(&Trial::new(&self.worlds, &rays, &self.plan, &buffer));
+        self.optics.interreflection = gathering;
+        Some(result)
+    }
+}
