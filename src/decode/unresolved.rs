@@ -4,7 +4,7 @@
 //! rejected, because it may see two places at once ([`super::order`]), so a code finer than the
 //! camera resolves loses most pixels. Where many pixels of a capture are lost, the contrast of its
 //! bits decides whether this is the reason; then the finest bits are left out, and their cells
-//! merge.
+//! merge. They stay out if that brings most of the lost pixels back.
 
 use super::gray::{GrayBit, Threshold};
 use super::maps::{AxisMap, Verdict};
@@ -16,6 +16,8 @@ use phasmid_pattern::Axis;
 /// Fraction of the pixels with uncertain order, among these and valid ones, above which the bits are
 /// examined.
 const LOSS: f64 = 0.05;
+/// Fraction of the lost pixels that may stay lost without the bits that are to blame.
+const LEFT: f64 = 0.5;
 /// Approximate number of pixels sampled.
 const PIXELS: usize = 60_000;
 /// Side of the parts of the image whose contrast is determined separately, in pixels: blur varies
@@ -28,6 +30,9 @@ const FEW: f64 = 0.1;
 
 /// Finest bits of a Gray code that are left out.
 pub(super) struct UnresolvedBits {
+    pub(super) axis: Axis,
+    /// Number of pixels with uncertain order while the bits are used.
+    lost: usize,
     /// Number of bits.
     pub(super) count: usize,
     /// Typical contrast of the finest bit as a fraction of the full contrast.
@@ -37,13 +42,19 @@ pub(super) struct UnresolvedBits {
 }
 
 impl UnresolvedBits {
-    pub(super) fn note(&self, axis: Axis) -> String {
+    /// Returns whether the bits are the reason for most of the losses, given the map without them.
+    pub(super) fn explain(&self, without: &AxisMap) -> bool {
+        without.count(Verdict::Uncertain) as f64 <= LEFT * self.lost as f64
+    }
+
+    pub(super) fn note(&self) -> String {
         let bits = match self.count {
             1 => "the finest Gray bit is not resolved and is".to_owned(),
             n => format!("the {n} finest Gray bits are not resolved and are"),
         };
         format!(
-            "axis {axis}: {bits} left out (contrast of the finest {:.0} %); the cells are {} px wide",
+            "axis {}: {bits} left out (contrast of the finest {:.0} %); the cells are {} px wide",
+            self.axis,
             100.0 * self.contrast,
             self.cell
         )
@@ -57,8 +68,8 @@ pub(super) fn unresolved_bits<T: Sample>(
     map: &AxisMap,
 ) -> Option<UnresolvedBits> {
     let join = kernel.join?;
-    let [lost, valid] = [Verdict::Uncertain, Verdict::Valid].map(|v| map.count(v) as f64);
-    if lost <= LOSS * (lost + valid) {
+    let [lost, valid] = [Verdict::Uncertain, Verdict::Valid].map(|v| map.count(v));
+    if lost as f64 <= LOSS * (lost + valid) as f64 {
         return None;
     }
     // Cells wider than the fringes' repeat determine no order, and one bit must remain.
@@ -69,6 +80,8 @@ pub(super) fn unresolved_bits<T: Sample>(
         .take_while(|contrast| contrast.unresolved > FEW)
         .collect();
     Some(UnresolvedBits {
+        axis: kernel.axis,
+        lost,
         count: contrasts.len(),
         contrast: contrasts.first()?.median,
         cell: join.without(contrasts.len()).cell,

@@ -16,10 +16,10 @@ use serde::{Deserialize, Serialize};
 pub struct Interreflection {
     /// Largest error of the indirect light, in percent of a pixel's light under full white, in 99 %
     /// of the pixels. The number of rays and the spacing of the gather points follow from it, by a
-    /// trial with the scene as it is at power-on.
+    /// trial with the scene at power-on.
     #[serde(default = "error_percent")]
     pub error_percent: f64,
-    /// Rays per gather point instead of those that the error demands: a multiple of 16 from 16 to
+    /// Rays per gather point instead of the number that the error demands: a multiple of 16 from 16 to
     /// 1024.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples: Option<u32>,

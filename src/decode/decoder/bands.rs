@@ -6,7 +6,7 @@ use crate::phase::RowNoise;
 use crate::robust_scale::RobustScale;
 use crate::rows::{AxisOut, Job, Scratch, decode_row};
 use crate::samples::{FrameStack, Sample};
-use crate::unresolved::unresolved_bits;
+use crate::unresolved::{UnresolvedBits, unresolved_bits};
 use phasmid_geometry::NoiseModel;
 use rayon::prelude::*;
 
@@ -45,15 +45,23 @@ impl Decoder {
             width: self.width,
         };
         self.pass(&job, out);
-        for kernel in &self.kernels {
-            let map = out.axis(kernel.axis);
-            let Some(bits) = map.and_then(|map| unresolved_bits(&job, kernel, map)) else {
-                continue;
-            };
-            job.unused_bits[kernel.axis as usize] = bits.count;
-            out.notes.push(bits.note(kernel.axis));
+        let of_axis = |kernel| unresolved_bits(&job, kernel, out.axis(kernel.axis)?);
+        let found: Vec<_> = self.kernels.iter().filter_map(of_axis).collect();
+        if found.is_empty() {
+            return;
         }
-        if job.unused_bits != [0; 2] {
+        for bits in &found {
+            job.unused_bits[bits.axis as usize] = bits.count;
+        }
+        self.pass(&job, out);
+        let explains =
+            |bits: &UnresolvedBits| out.axis(bits.axis).is_some_and(|map| bits.explain(map));
+        let (kept, used): (Vec<_>, Vec<_>) = found.into_iter().partition(explains);
+        out.notes.extend(kept.iter().map(UnresolvedBits::note));
+        if !used.is_empty() {
+            for bits in used {
+                job.unused_bits[bits.axis as usize] = 0;
+            }
             self.pass(&job, out);
         }
     }

@@ -34,7 +34,8 @@ const MOST: f64 = 0.99;
 /// The reference: rays of a gathering, and gatherings with rays in other directions.
 const RAYS: usize = 1024;
 const TURNS: u32 = 4;
-/// For the second bounce: every so many-th pixel, its rays, and the rays where each of them ends.
+/// For the second bounce: the stride among the pixels, the rays of each, and the rays where each of
+/// these ends.
 const FEW: usize = 4;
 const SECOND_RAYS: [usize; 2] = [64, 256];
 

@@ -40,7 +40,7 @@ pub(super) struct Gathering {
 }
 
 impl Gathering {
-    /// The settings of a scene, or defaults in place of those that its error bound determines.
+    /// The settings of a scene, or defaults until its error bound has determined them.
     pub(super) fn new(wanted: Interreflection) -> Self {
         Self {
             samples: wanted.samples.unwrap_or(64),

@@ -54,7 +54,7 @@ impl Renderer {
         self.optics.interreflection = chosen.or(self.optics.interreflection);
     }
 
-    /// Runs a trial on the scene as it is at power-on, on the CPU.
+    /// Runs a trial on the scene at power-on, on the CPU.
     fn with_trial<R>(&mut self, run: impl FnOnce(&Trial<'_>) -> R) -> Option<R> {
         if !self.plan.has(Term::Interreflection) {
             return None;

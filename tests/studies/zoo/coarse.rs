@@ -49,6 +49,7 @@ fn gray_bits_that_the_camera_does_not_resolve_are_left_out() {
                     bits: 8,
                     full_well_e: 10_000.0,
                     read_noise_e: 5.0,
+                    sphere: true,
                     patterns: code.patterns(),
                 };
                 let found = setup.scan();

@@ -3,6 +3,7 @@
 
 mod coarse;
 mod device;
+mod held;
 mod measure;
 mod quiet;
 mod setup;

@@ -1,5 +1,5 @@
-//! Frames almost without noise: what no model of a frame describes exceeds the noise, and is no reason
-//! to reject pixels or frames.
+//! Frames almost without noise: what no model of a frame describes exceeds the noise, which must not
+//! reject pixels or frames.
 
 use crate::zoo::setup::{Setup, fringes, gray, references};
 
@@ -26,6 +26,7 @@ fn frames_almost_without_noise_are_decoded() {
                 bits,
                 full_well_e: 1e7,
                 read_noise_e: 0.0,
+                sphere: true,
                 patterns,
             };
             let found = setup.scan();

@@ -1,0 +1,47 @@
+//! Residuals that the correction of held projector pixels leaves, and coverage where pixels are held.
+
+use crate::zoo::setup::{Found, Setup, fringes, gray, references};
+
+/// Scans with 12 steps of 12 px, which rounding of levels does not disturb.
+fn scan(w: f64, full_well_e: f64, sphere: bool) -> Found {
+    let setup = Setup {
+        w,
+        blur: None,
+        bits: 12,
+        full_well_e,
+        read_noise_e: 0.0,
+        sphere,
+        patterns: [fringes(12.0, 12), gray(6.0, false), references()].concat(),
+    };
+    let found = setup.scan();
+    println!(
+        "w {w} full well {full_well_e} e: coverage {:.4} residual {:.4} px sigma {:.4} px error / \
+         sigma {:.3} beyond {:.5}",
+        found.coverage, found.residual, found.sigma, found.ratio, found.beyond
+    );
+    found
+}
+
+#[test]
+fn corrected_residuals_are_thousandths_of_a_pixel() {
+    for w in [1.1, 1.24, 1.48, 1.86, 2.3] {
+        let found = scan(w, 1e7, false);
+        assert!(found.residual <= 0.004, "w {w}: {}", found.residual);
+    }
+    let found = scan(1.24, 7.4e4, false);
+    assert!((0.009..0.011).contains(&found.sigma), "{}", found.sigma);
+    assert!(found.residual <= 0.012, "{}", found.residual);
+}
+
+#[test]
+fn surfaces_of_held_pixels_are_kept() {
+    for w in [0.33, 0.4, 0.46, 0.52, 0.6] {
+        let found = scan(w, 1e4, true);
+        assert!(found.coverage >= 0.995, "w {w}: {}", found.coverage);
+        assert!(
+            (0.9..=1.15).contains(&found.ratio),
+            "w {w}: {}",
+            found.ratio
+        );
+    }
+}
