@@ -1,6 +1,6 @@
 //! Gray code whose finest bits the camera does not resolve: the bits that can be read are used.
 
-use crate::zoo::setup::{Blurred, Setup, fringes, gray, references};
+use crate::zoo::setup::{Blurred, Setup, Subject, fringes, gray, references};
 
 /// A Gray code.
 #[derive(Clone, Copy, Debug)]
@@ -49,7 +49,7 @@ fn gray_bits_that_the_camera_does_not_resolve_are_left_out() {
                     bits: 8,
                     full_well_e: 10_000.0,
                     read_noise_e: 5.0,
-                    sphere: true,
+                    subject: Subject::Bump,
                     patterns: code.patterns(),
                 };
                 let found = setup.scan();

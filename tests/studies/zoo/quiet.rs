@@ -1,7 +1,7 @@
 //! Frames almost without noise: what no model of a frame describes exceeds the noise, which must not
 //! reject pixels or frames.
 
-use crate::zoo::setup::{Setup, fringes, gray, references};
+use crate::zoo::setup::{Setup, Subject, fringes, gray, references};
 
 #[test]
 fn frames_almost_without_noise_are_decoded() {
@@ -26,7 +26,7 @@ fn frames_almost_without_noise_are_decoded() {
                 bits,
                 full_well_e: 1e7,
                 read_noise_e: 0.0,
-                sphere: true,
+                subject: Subject::Bump,
                 patterns,
             };
             let found = setup.scan();

@@ -21,6 +21,18 @@ pub enum Blurred {
     Projector,
 }
 
+/// What stands in front of a tilted plane.
+#[derive(Clone, Copy, Debug)]
+pub enum Subject {
+    Nothing,
+    /// A sphere half sunk into the plane.
+    Bump,
+    /// A sphere whose silhouette is far in front of the plane.
+    Ball,
+    /// A torso of half the image's size, whose silhouette is in front of the plane.
+    Torso,
+}
+
 /// A device in front of a tilted plane.
 #[derive(Clone, Debug)]
 pub struct Setup {
@@ -32,8 +44,7 @@ pub struct Setup {
     pub bits: u32,
     pub full_well_e: f64,
     pub read_noise_e: f64,
-    /// Whether there is a sphere in front of the plane.
-    pub sphere: bool,
+    pub subject: Subject,
     /// Patterns as in a profile's file.
     pub patterns: Vec<String>,
 }
@@ -92,17 +103,29 @@ impl Setup {
 
     /// Scans and evaluates the points.
     pub fn scan(&self) -> Found {
+        // The torso's width is 380 mm.
+        let field_mm = DISTANCE * 640.0 * self.w / (1.4 * f64::from(COLUMNS));
+        let (shape, z, scale) = match self.subject {
+            Subject::Nothing => ("", 0.0, 0.0),
+            Subject::Bump => ("kind = \"sphere\", radius_mm = 40.0", 20.0, 1.0),
+            Subject::Ball => (
+                "kind = \"sphere\", radius_mm = 40.0",
+                80.0,
+                field_mm / 250.0,
+            ),
+            Subject::Torso => ("kind = \"torso\", seed = 1", 30.0, field_mm / 760.0),
+        };
         let mut scene = format!(
             "name = \"setup\"\ndescription = \"A plane\"\n\
              [[object]]\nshape = {{ kind = \"plane\" }}\nposition_mm = [0.0, 0.0, {DISTANCE:?}]\n\
              rotation_deg = [4.0, 12.0, 0.0]\nalbedo = 0.6\n"
         );
-        if self.sphere {
+        if !shape.is_empty() {
             write!(
                 scene,
-                "[[object]]\nshape = {{ kind = \"sphere\", radius_mm = 40.0 }}\n\
-                 position_mm = [20.0, 10.0, {:?}]\nalbedo = 0.6\n",
-                DISTANCE - 20.0
+                "[[object]]\nshape = {{ {shape} }}\nscale = {scale:.4}\n\
+                 position_mm = [20.0, 10.0, {:?}]\nrotation_deg = [0.0, 0.0, 90.0]\nalbedo = 0.6\n",
+                DISTANCE - z
             )
             .unwrap();
         }
@@ -151,6 +174,9 @@ pub struct Found {
     /// RMS of the errors within half a projector pixel, in projector pixels, away from the border of
     /// the projector's image, where nothing is corrected.
     pub residual: f64,
+    /// Number of pixels that see more than one facet, and of those among them with a coordinate that
+    /// is more than a projector pixel off.
+    pub at_edges: [usize; 2],
     /// Finding of the host's checks of the frames.
     pub checked: Result<(), String>,
     /// The decoder's notes.
@@ -180,6 +206,11 @@ impl Found {
             }
         }
         assert!(all > 100_000, "{all} lit pixels");
+        let edge = (0..map.sigma.len())
+            .filter(|&i| scan.truth.flags[i] & Truth::CREASE != 0)
+            .collect::<Vec<_>>();
+        let is_wrong = |i: &&usize| (map.coordinate[**i] - scan.truth.projector_x[**i]).abs() > 1.0;
+        let at_edges = [edge.len(), edge.iter().filter(is_wrong).count()];
         let points = errors.len() as f64;
         let within: Vec<_> = errors.iter().filter(|error| **error <= 5.0).collect();
         let squares: f64 = within.iter().map(|error| *error * *error).sum();
@@ -191,6 +222,7 @@ impl Found {
             beyond: 1.0 - within.len() as f64 / points,
             sigma: sigmas[middle],
             residual: (residuals.iter().sum::<f64>() / residuals.len() as f64).sqrt(),
+            at_edges,
             checked: scan.checked.clone(),
             notes: scan.decoded.notes.join("; "),
         }
