@@ -5,7 +5,7 @@ use crate::scanned::Stage;
 use crate::score::depth_bounds;
 use phasmid_core::error::Result;
 use phasmid_decode::{Decoded, Options};
-use phasmid_measure::GROSS_MM;
+use phasmid_measure::{GROSS_MM, Stated};
 use phasmid_profile::{Profile, Scene};
 use phasmid_render::{self as render, truth::Truth};
 use phasmid_report::lab::Row;
@@ -65,6 +65,8 @@ struct Figures {
     points: f64,
     gross: f64,
     found: f64,
+    /// Fraction of the points off by more than five of the decoder's standard deviations.
+    beyond: f64,
     /// Of the depths about their pixel's mean.
     spread_mm: f64,
     /// Of the decoder's standard deviations.
@@ -115,6 +117,7 @@ impl Spread {
         }
         let rms = |sum: f64| (sum / f.pixels).max(0.0).sqrt();
         Figures {
+            beyond: self.stated(truth).beyond_5_sigma,
             spread_mm: rms(f.spread_mm),
             sigma_mm: rms(f.sigma_mm),
             bound_mm: rms(f.bound_mm),
@@ -123,6 +126,23 @@ impl Spread {
             bias_mm: rms(f.bias_mm),
             ..f
         }
+    }
+}
+
+impl Spread {
+    /// Errors of all points over the decoder's standard deviations, creases apart.
+    fn stated(&self, truth: &Truth) -> Stated {
+        let smooth = (0..truth.flags.len()).filter(|&i| truth.flags[i] & Truth::CREASE == 0);
+        Stated::of(smooth.flat_map(|i| {
+            let points = self
+                .scans
+                .iter()
+                .filter(move |scan| scan.depth[i].is_finite());
+            points.map(move |scan| {
+                let error = f64::from(scan.depth[i]) - f64::from(truth.depth_mm[i]);
+                (error, scan.depth_sigma[i].into())
+            })
+        }))
     }
 }
 
@@ -182,6 +202,7 @@ pub(super) fn measure(view: &View, seed: u64) -> Result<Row> {
         .number("samples", expected as f64 * view.turns as f64)
         .number("valid", f.points)
         .number("gross", f.gross)
+        .number("beyond_5_sigma", f.beyond)
         .number("found", f.found)
         .number("pixels", f.pixels)
         .number("spread_mm", f.spread_mm)

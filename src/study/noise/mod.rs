@@ -45,6 +45,7 @@ impl Study for Noise {
             "samples",
             "valid",
             "gross",
+            "beyond_5_sigma",
             "found",
             "rms_px",
             "bound_px",

@@ -168,7 +168,8 @@ pub(super) fn depths(rows: &Rows) -> Table {
          root mean squares in mm: bound: sqrt(2/N) sigma/B of the truth, carried to depth; spread: of \
          each pixel's depths about their mean; deviation: the decoder's own; bias: of the means about the \
          true depth, less what noise leaves of a mean. Chi-square: mean of error over deviation, \
-         squared. Gross: points more than 1 mm off";
+         squared. Gross: points more than 1 mm off; beyond 5 sigma: more than 5 of the decoder's own \
+         deviations";
     let header = [
         "profile, scene, light",
         "scans",
@@ -177,6 +178,7 @@ pub(super) fn depths(rows: &Rows) -> Table {
         "swing m",
         "coverage, %",
         "gross, %",
+        "beyond 5 sigma, %",
         "bound",
         "spread",
         "deviation",
@@ -197,6 +199,7 @@ pub(super) fn depths(rows: &Rows) -> Table {
             figures(row.value("swing"), 3),
             figures(100.0 * row.value("found") / row.value("samples"), 3),
             figures(100.0 * row.value("gross") / row.value("valid"), 2),
+            figures(100.0 * row.value("beyond_5_sigma"), 2),
             figures(row.value("bound_mm"), 3),
             figures(row.value("spread_mm"), 3),
             figures(row.value("sigma_mm"), 3),

@@ -127,7 +127,7 @@ fn scans(context: &Context<'_>, found: &Rig) -> Result<[Row; 2]> {
     )?;
     let estimate = scan.scanned.decode(&decoder)?;
     let row = |case: &str, depth: &[f32]| -> Result<Row> {
-        let figures = target.figures(depth, &scan.truth)?;
+        let figures = target.figures(depth, None, &scan.truth)?;
         Ok(figures.row(Row::new().text("case", case)))
     };
     Ok([

@@ -44,21 +44,32 @@ fn at(context: &Context<'_>, distance: f64) -> Result<Vec<Row>> {
     let held = with_f0_of(&anew, &known);
     let target = Target::new(&surface(&scene)?, scan.rig(), &scan.truth);
 
-    let row = |method: &str, depth: &[f32], f0: f64| -> Result<Row> {
+    let row = |method: &str, depth: &[f32], sigma: Option<&[f32]>, f0: f64| -> Result<Row> {
         let row = Row::new()
             .number("distance_mm", distance)
             .text("method", method)
             .number("f0_per_mm", f0);
-        Ok(target.figures(depth, &scan.truth)?.row(row))
+        Ok(target.figures(depth, sigma, &scan.truth)?.row(row))
     };
     let by_held = scan.depths(&held)?;
+    let decoded = &scan.decoded;
     let (closed, off) = closed_form(&target, &scan, &by_held, distance);
     Ok(vec![
-        row(TRIANGULATION, &scan.decoded.depth, f64::NAN)?,
-        row(HELD, &by_held, held.constants.fringes_per_mm)?
+        row(
+            TRIANGULATION,
+            &decoded.depth,
+            Some(&decoded.depth_sigma),
+            f64::NAN,
+        )?,
+        row(HELD, &by_held, None, held.constants.fringes_per_mm)?
             .number("closed_mm", closed)
             .number("closed_off_mm", off),
-        row(ANEW, &scan.depths(&anew)?, anew.constants.fringes_per_mm)?,
+        row(
+            ANEW,
+            &scan.depths(&anew)?,
+            None,
+            anew.constants.fringes_per_mm,
+        )?,
     ])
 }
 
@@ -219,13 +230,14 @@ fn distances(rows: &Rows) -> Table {
 fn apart(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-apart",
-        "The same scans by triangulation: inlier error, gross errors (more than 1 mm) and coverage \
-         apart, and how far the heights with f0 held are from the closed form.",
+        "The same scans by triangulation: inlier error, gross errors (more than 1 mm, \
+         and more than 5 stated standard deviations, at edges too) and coverage apart, and how far the heights with f0 held are from the closed form.",
         &[
             "L in mm",
             "points",
             "coverage in %",
             "gross in %",
+            "beyond 5 sigma in %",
             "inlier RMSE in mm",
             "f0 in 1/mm",
             "f0 held, closed form, same pixels in mm",
@@ -239,6 +251,7 @@ fn apart(rows: &Rows) -> Table {
             format!("{}", own("points")),
             percent(own("coverage")),
             percent(own("gross")),
+            percent(own("beyond_5_sigma")),
             three(own("inlier_rmse_mm")),
             figures(value(rows, l, ANEW, "f0_per_mm"), 4),
             three(value(rows, l, HELD, "closed_mm")),

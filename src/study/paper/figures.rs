@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use phasmid_core::error::Result;
 use phasmid_geometry::{Cloud, Mesh, MeshTree, Neighbours, Rig};
-use phasmid_measure::{Directed, GROSS_MM, Surface, lit_and_seen};
+use phasmid_measure::{Directed, GROSS_MM, Stated, Surface, lit_and_seen};
 use phasmid_render::truth::Truth;
 use phasmid_report::lab::Row;
 use rayon::prelude::*;
@@ -38,7 +38,9 @@ pub struct Figures {
     pub coverage: f64,
     /// Share of the points more than 1 mm off in depth.
     pub gross: f64,
-    /// How many of these there are of each of [`KINDS`].
+    /// Fraction of the points off by more than five stated standard deviations; NaN if none are stated.
+    pub beyond: f64,
+    /// How many of those more than 1 mm off there are of each of [`KINDS`].
     pub gross_kinds: [usize; KINDS],
     /// Root mean square depth error of the others.
     pub inlier_rmse_mm: f64,
@@ -76,10 +78,11 @@ impl Distances {
 
 impl Figures {
     /// The columns that [`Self::row`] fills.
-    pub const COLUMNS: [&'static str; 17] = [
+    pub const COLUMNS: [&'static str; 18] = [
         "points",
         "coverage",
         "gross",
+        "beyond_5_sigma",
         "inlier_rmse_mm",
         "mae_mm",
         "cmae_mm",
@@ -103,6 +106,7 @@ impl Figures {
             self.points as f64,
             self.coverage,
             self.gross,
+            self.beyond,
             self.inlier_rmse_mm,
             self.mae_mm,
             self.cmae_mm,
@@ -153,11 +157,12 @@ impl Target {
         self.rays[i] * f64::from(depth_mm)
     }
 
-    /// Errors of measured depths in mm, row by row, NaN where there is none.
+    /// Errors of measured depths in mm, row by row, NaN where there is none; `sigma` are their
+    /// standard deviations, if there are any.
     ///
     /// # Errors
     /// What [`Surface::new`] refuses.
-    pub fn figures(&self, depth: &[f32], truth: &Truth) -> Result<Figures> {
+    pub fn figures(&self, depth: &[f32], sigma: Option<&[f32]>, truth: &Truth) -> Result<Figures> {
         let measured: Vec<usize> = (self.on.iter().copied())
             .filter(|&i| depth[i].is_finite())
             .collect();
@@ -167,11 +172,14 @@ impl Target {
         let in_middle = |i: &&usize| **i / truth.width as usize == middle;
         let section = Directed::of(measured.iter().filter(in_middle).map(error).collect());
         let distances = self.distances(depth, truth, &measured)?;
+        let stated = sigma
+            .map(|sigma| Stated::of(measured.iter().map(|i| (error(i), f64::from(sigma[*i])))));
         let nan = f64::NAN;
         Ok(Figures {
             points: measured.len(),
             coverage: self.coverage(depth, truth),
             gross: all.map_or(nan, |d| d.gross_error_rate),
+            beyond: stated.map_or(nan, |stated| stated.beyond_5_sigma),
             gross_kinds: gross_kinds(measured.iter().filter(|i| error(i) > GROSS_MM), truth),
             inlier_rmse_mm: all.map_or(nan, |d| d.inlier_rmse_mm),
             mae_mm: all.map_or(nan, |d| d.mae_mm),
@@ -277,7 +285,7 @@ mod tests {
         let rig = profile.nominal_rig();
         let truth = Renderer::new(&profile, &scene, 1).unwrap().truth(&[]);
         let target = Target::new(&surface(&scene).unwrap(), &rig, &truth);
-        let exact = target.figures(&truth.depth_mm, &truth).unwrap();
+        let exact = target.figures(&truth.depth_mm, None, &truth).unwrap();
         assert_eq!((exact.mae_mm, exact.cmae_mm, exact.gross), (0.0, 0.0, 0.0));
         assert_eq!(exact.points_mm, exact.floor_mm);
         // Pixels of 1.5 mm: the lattice's mean on the top, more where the sides stretch it.
@@ -289,7 +297,10 @@ mod tests {
         );
 
         let off: Vec<f32> = truth.depth_mm.iter().map(|z| z - 2.0).collect();
-        let found = target.figures(&off, &truth).unwrap();
+        // 2 mm are more than five times 0.3 mm, and less than five times 0.5 mm.
+        let sigma: Vec<f32> = (0..off.len()).map(|i| [0.3, 0.5][i % 2]).collect();
+        let found = target.figures(&off, Some(&sigma), &truth).unwrap();
+        assert!((found.beyond - 0.5).abs() < 0.01, "{}", found.beyond);
         assert!((found.mae_mm - 2.0).abs() < 1e-4 && (found.cmae_mm - 2.0).abs() < 1e-4);
         assert_eq!((found.gross, found.points), (1.0, exact.points));
         // 2 mm along the top's normal, and 2 mm times the sine of the slope on the sides.
@@ -311,10 +322,12 @@ mod tests {
                 }
             })
             .collect();
-        let found = target.figures(&half, &truth).unwrap();
+        let found = target.figures(&half, None, &truth).unwrap();
         assert!((found.coverage - 0.5).abs() < 0.01, "{found:?}");
         assert_eq!((found.mae_mm, found.gross), (0.0, 0.0));
-        let none = target.figures(&vec![f32::NAN; half.len()], &truth).unwrap();
+        let none = target
+            .figures(&vec![f32::NAN; half.len()], None, &truth)
+            .unwrap();
         assert!(none.points == 0 && none.coverage == 0.0 && none.mae_mm.is_nan());
     }
 }

@@ -103,7 +103,7 @@ fn under(context: &Context<'_>, light: f64, around: Around) -> Result<Vec<Row>> 
             .number("light", light)
             .number("ambient_w_m2", scene.ambient.irradiance_w_m2)
             .number("saturated", share);
-        Ok(target.figures(depth, &scan.truth)?.row(row))
+        Ok(target.figures(depth, None, &scan.truth)?.row(row))
     };
     Ok(vec![
         row(MASKED, &scan.decoded.depth)?,

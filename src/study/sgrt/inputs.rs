@@ -5,6 +5,7 @@ use crate::draws::Draws;
 use glam::DVec3;
 use phasmid_core::error::Result;
 use phasmid_decode::Decoded;
+use phasmid_measure::{GROSS_MM, Stated};
 use phasmid_profile::Profile;
 use phasmid_render::Term;
 use phasmid_render::truth::Truth;
@@ -14,8 +15,6 @@ use phasmid_sgrt::{Measured, POINTS, Region};
 const IDEAL_SIGMA_MM: f64 = 0.1;
 /// The paper's noise, in millimetres along each axis.
 pub(super) const NOISE_MM: f64 = 0.5;
-/// A pixel that is farther off is a gross error.
-const GROSS_MM: f64 = phasmid_measure::GROSS_MM;
 
 /// One skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,6 +61,8 @@ pub(super) struct Skin {
 pub(super) struct Against {
     /// Share of the points that are more than a millimetre off, or on what is not there.
     pub(super) gross: f64,
+    /// Fraction of the points off by more than five of the standard deviations stated by the decoder.
+    pub(super) beyond: f64,
     /// Mean of the others' measured depths less the true ones, in millimetres,
     pub(super) bias_mm: f64,
     /// and the root of their mean square.
@@ -158,25 +159,25 @@ impl Scanners {
 }
 
 fn against(scan: &[Decoded], truth: &[Truth]) -> Against {
-    let pairs = scan.iter().zip(truth);
-    let off = pairs.flat_map(|(scan, truth)| scan.depth.iter().zip(&truth.depth_mm));
-    let (mut points, mut gross, mut inliers) = (0.0, 0.0, 0.0);
-    let (mut sum, mut squares) = (0.0, 0.0);
-    for (measured, exact) in off.filter(|(measured, _)| !measured.is_nan()) {
-        let off = f64::from(*measured) - f64::from(*exact);
-        points += 1.0;
-        if off.abs() <= GROSS_MM {
-            inliers += 1.0;
-            sum += off;
-            squares += off * off;
-        } else {
-            gross += 1.0;
-        }
-    }
+    let pairs = scan.iter().zip(truth).flat_map(|(scan, truth)| {
+        let depths = scan.depth.iter().zip(&truth.depth_mm);
+        depths.zip(&scan.depth_sigma)
+    });
+    // With the standard deviation of each.
+    let errors: Vec<(f64, f64)> = pairs
+        .filter(|((measured, _), _)| !measured.is_nan())
+        .map(|((measured, exact), sigma)| {
+            (f64::from(*measured) - f64::from(*exact), f64::from(*sigma))
+        })
+        .collect();
+    let off = errors.iter().map(|(off, _)| *off);
+    let inliers: Vec<f64> = off.filter(|off| off.abs() <= GROSS_MM).collect();
+    let n = inliers.len() as f64;
     Against {
-        gross: gross / points,
-        bias_mm: sum / inliers,
-        rmse_mm: (squares / inliers).sqrt(),
+        gross: 1.0 - n / errors.len() as f64,
+        bias_mm: inliers.iter().sum::<f64>() / n,
+        rmse_mm: (inliers.iter().map(|off| off * off).sum::<f64>() / n).sqrt(),
+        beyond: Stated::of(errors.into_iter()).beyond_5_sigma,
     }
 }
 

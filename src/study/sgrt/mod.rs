@@ -95,6 +95,7 @@ impl Study for Sgrt {
             "skin_bias_mm",
             "skin_rmse_mm",
             "skin_gross",
+            "skin_beyond_5_sigma",
             "warnings",
         ]
     }

@@ -88,14 +88,15 @@ fn skins(rows: &Rows, patients: &[&str]) -> Table {
     let mut table = Table::new(
         "sgrt-skin",
         "The scanned skin against the true one at the same moment, over all points of all pods: mean \
-         and RMS of the inliers' depths less the true ones, and points that are more than 1 mm off; \
-         means over the moments of all patients. Coverage is the share of the tracked skin that has \
+         and RMS of the inliers' depths less the true ones, and points that are more than 1 mm off, \
+         and more than 5 of the standard deviations that the decoder states; means over the moments of all patients. Coverage is the share of the tracked skin that has \
          points.",
         &[
             "skin",
             "bias in mm",
             "RMS in mm",
             "gross in %",
+            "beyond 5 sigma in %",
             "coverage in %",
         ],
     );
@@ -118,6 +119,7 @@ fn skins(rows: &Rows, patients: &[&str]) -> Table {
             format!("{:+.3}", mean("skin_bias_mm")),
             format!("{:.3}", mean("skin_rmse_mm")),
             format!("{:.2}", 100.0 * mean("skin_gross")),
+            format!("{:.2}", 100.0 * mean("skin_beyond_5_sigma")),
             format!("{:.1}", 100.0 * mean("skin_coverage")),
         ]);
     }

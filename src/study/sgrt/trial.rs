@@ -58,7 +58,8 @@ fn judge(
         row = row
             .number("skin_bias_mm", against.bias_mm)
             .number("skin_rmse_mm", against.rmse_mm)
-            .number("skin_gross", against.gross);
+            .number("skin_gross", against.gross)
+            .number("skin_beyond_5_sigma", against.beyond);
     }
     let moved = (moment.tumour_mm - planned.tumour_mm()).length();
     row = row.number("moved_mm", moved);

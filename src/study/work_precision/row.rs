@@ -22,6 +22,7 @@ pub const COLUMNS: &[&str] = &[
     "held_mm",
     "ratio_less_held",
     "gross",
+    "beyond_5_sigma",
     "coverage",
     "levels",
     "render_s",

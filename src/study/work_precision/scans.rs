@@ -113,6 +113,7 @@ fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
         .number("held_mm", held_mm)
         .number("ratio_less_held", ratio_less_held)
         .number("gross", score.gross_error_rate)
+        .number("beyond_5_sigma", score.stated.beyond_5_sigma)
         .number("coverage", score.coverage);
     let row = times(row, "render_s", rendering);
     Ok(vec![times(row, "decode_s", decoding)])

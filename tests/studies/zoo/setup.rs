@@ -21,7 +21,7 @@ pub enum Blurred {
     Projector,
 }
 
-/// What stands in front of a tilted plane.
+/// The object in front of a tilted plane.
 #[derive(Clone, Copy, Debug)]
 pub enum Subject {
     Nothing,
@@ -174,8 +174,8 @@ pub struct Found {
     /// RMS of the errors within half a projector pixel, in projector pixels, away from the border of
     /// the projector's image, where nothing is corrected.
     pub residual: f64,
-    /// Number of pixels that see more than one facet, and of those among them with a coordinate that
-    /// is more than a projector pixel off.
+    /// Pixels that see more than one facet: their number, and the number of those whose coordinate is
+    /// more than a projector pixel off.
     pub at_edges: [usize; 2],
     /// Finding of the host's checks of the frames.
     pub checked: Result<(), String>,
