@@ -72,6 +72,9 @@ pub(super) enum HeldArg {
     State,
     /// Correct each pixel using its own coordinate alone, and state what remains
     Correct,
+    /// Correct it with the smooth surface around each pixel: far better below one projector pixel per
+    /// camera pixel, but up to half of the amplitude of ripples of 6 to 12 pixels is lost there
+    Smooth,
 }
 
 impl From<HeldArg> for Held {
@@ -80,6 +83,7 @@ impl From<HeldArg> for Held {
             HeldArg::Off => Self::Off,
             HeldArg::State => Self::State,
             HeldArg::Correct => Self::Correct,
+            HeldArg::Smooth => Self::Smooth,
         }
     }
 }

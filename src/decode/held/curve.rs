@@ -67,13 +67,6 @@ impl Curve {
     }
 }
 
-/// First harmonic of the error in projector pixels, to first order in the strengths: the error is
-/// close to this times sin(2 pi x).
-pub(super) fn first_harmonic(period: f64, width: f64, blur: f64) -> f64 {
-    let of = |m| strength(period, width, blur, m);
-    (of(1) - of(-1)) / of(0) * period / TAU
-}
-
 /// Strength a_m of a harmonic.
 fn strength(period: f64, width: f64, blur: f64, m: i32) -> f64 {
     let f = period.recip() + f64::from(m);
@@ -153,24 +146,5 @@ mod tests {
         // Footprints of whole pixels see no staircase.
         assert!(Curve::new(16.0, 1.0, 0.0).rms < 0.02);
         assert!(Curve::new(16.0, 0.5, 0.8).rms < 1e-3);
-    }
-
-    #[test]
-    fn first_harmonic_is_that_of_the_curve() {
-        for (width, blur) in [(0.5, 0.2), (0.75, 0.0), (1.3, 0.0), (1.3, 0.2), (2.4, 0.1)] {
-            let curve = Curve::new(16.0, width, blur);
-            let sum: f64 = (0..POINTS)
-                .map(|i| {
-                    let x = i as f64 / POINTS as f64;
-                    f64::from(curve.error[i]) * (TAU * x).sin()
-                })
-                .sum();
-            let wanted = 2.0 * sum / POINTS as f64;
-            let found = first_harmonic(16.0, width, blur);
-            assert!(
-                (found - wanted).abs() < 0.05 * wanted.abs() + 1e-4,
-                "{width} {blur}: {found}, {wanted}"
-            );
-        }
     }
 }

@@ -1,14 +1,14 @@
 //! Measures the footprint of the camera's pixels on the projector's, and its blur, on a grid.
 //!
 //! At each node of the grid a parabola is fitted to a run of coordinates along a line of pixels. Its
-//! slope is the width of the footprint. Its residuals hold the error of held pixels, whose first
-//! harmonic without blur is known ([`super::curve::first_harmonic`]): a regression gives the share
-//! of it that the blur has left.
+//! slope is the width of the footprint. Its residuals hold the error of held pixels, which is known
+//! without blur ([`super::curve`]): a regression gives the share of it that the blur has left. All
+//! harmonics take part, since at widths such as 2/3 they look alike from pixel to pixel.
 
 use super::posterior::Table;
 use crate::maps::AxisMap;
 use rayon::prelude::*;
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
 /// Shortest and longest half length of a run in pixels.
 const HALF: [usize; 2] = [6, 16];
@@ -18,8 +18,10 @@ const MOST: usize = 2 * HALF[1] + 1;
 const LEAST: usize = 9;
 /// Projector pixels in half a run. Their errors average out in the parabola.
 const PERIODS: f32 = 5.0;
+/// Longest half run that a slowly repeating error calls for, in pixels.
+const BEAT: f32 = 12.0;
 /// Standard deviation, before measurement, of the share that the blur leaves: of the image as a
-/// whole from 1, and of a place from the image as a whole, since blur varies with depth.
+/// whole from 1, and of a place from that of the image, since blur varies with depth.
 const PRIOR: [f32; 2] = [0.5, 0.15];
 /// A share above this is no blur: the square root of its logarithm is sensitive there, and a share
 /// that is wrong by 0.005 would be a blur of 0.016 px.
@@ -87,7 +89,7 @@ impl Lines<'_> {
     }
 
     /// Fits a parabola around the pixel of a node; nodes are `cell` pixels apart.
-    fn fit(&self, [u, v]: [usize; 2], cell: usize) -> Option<Fit> {
+    fn fit(&self, [u, v]: [usize; 2], cell: usize, table: &Table) -> Option<Fit> {
         let [w, h] = self.size;
         let at = v * w + u;
         let (step, place, length) = if self.down { (w, v, h) } else { (1, u, w) };
@@ -101,13 +103,7 @@ impl Lines<'_> {
             return None;
         }
         let width = slope.abs();
-        let mut half = PERIODS / width.max(0.01);
-        // Near a whole footprint the error repeats slowly from pixel to pixel.
-        let beat = (width - width.round()).abs();
-        if width > 0.5 {
-            half = half.max((1.6 / beat.max(0.01)).min(12.0));
-        }
-        let half = (half.ceil() as usize).clamp(HALF[0], HALF[1]);
+        let half = half_run(width, HALF);
         // Relative to the node, towards either end until the surface ends.
         let mut run = [0.0; MOST];
         let jump = 1.5 + 1.5 * width;
@@ -133,12 +129,13 @@ impl Lines<'_> {
         let run = &mut run[HALF[1] - before..=HALF[1] + after];
         let parabola = Parabola::new(n);
         let [c0, c1, c2] = parabola.project(run);
+        let sharp = table.sharp(width / self.apart);
         let mut waves = [0.0; MOST];
         let waves = &mut waves[..n];
         for (k, (value, wave)) in run.iter_mut().zip(&mut *waves).enumerate() {
             let fitted = parabola.at([c0, c1, c2], k as f32);
             *value -= fitted;
-            *wave = sine(x(0) + fitted);
+            *wave = sharp(x(0) + fitted);
         }
         let coefficients = parabola.project(waves);
         let (mut dot, mut square, mut rest) = (0.0, 0.0, 0.0);
@@ -148,7 +145,7 @@ impl Lines<'_> {
             square += wave * wave;
             rest += value * value;
         }
-        let rest = (rest - dot * dot / square.max(1e-3)) / (n - 4) as f32;
+        let rest = (rest - dot * dot / square.max(f32::MIN_POSITIVE)) / (n - 4) as f32;
         let sigma = self.sigma[at];
         if rest > (ROUGH_PX * ROUGH_PX).max(9.0 * sigma * sigma) {
             return None;
@@ -168,9 +165,16 @@ impl Lines<'_> {
     }
 }
 
-/// sin(2 pi x).
-fn sine(x: f32) -> f32 {
-    (TAU * (x - x.floor())).sin()
+/// Half length in pixels, within limits, of a run in which the errors of held pixels average out;
+/// `width` is the change of the coordinate from pixel to pixel.
+pub(super) fn half_run(width: f32, [least, most]: [usize; 2]) -> usize {
+    let mut half = PERIODS / width.max(0.01);
+    // Near a whole footprint the error repeats slowly from pixel to pixel.
+    let beat = (width - width.round()).abs();
+    if width > 0.5 {
+        half = half.max((1.6 / beat.max(0.01)).min(BEAT));
+    }
+    (half.ceil() as usize).clamp(least, most)
 }
 
 /// Orthogonal polynomials of degree 0 to 2 over the integers 0 to n - 1.
@@ -222,7 +226,7 @@ struct Fit {
     /// Change of the coordinate along the line, in projector pixels per pixel width.
     slope: f32,
     /// Sums over the run of residual times wave, and of the wave's square, by their variance. The
-    /// wave is sin(2 pi x) without its parabola.
+    /// wave is the error without blur, less its parabola.
     dot: f32,
     square: f32,
 }
@@ -257,19 +261,23 @@ impl Grid {
             .with_min_len(columns)
             .map(|i| {
                 let [w, h] = lines.size;
-                lines.fit([middle(i % columns, w), middle(i / columns, h)], cell)
+                lines.fit(
+                    [middle(i % columns, w), middle(i / columns, h)],
+                    cell,
+                    table,
+                )
             })
             .collect();
         let raw: Vec<_> = (0..fits.len())
             .map(|i| fits[i].map(|fit| (fit, lines.across(&fits, [columns, rows], i, cell))))
             .collect();
-        // First harmonic of the error without the blur to be found.
+        // With the blur that the width across the lines is.
         let sums: Vec<[f32; 2]> = raw
             .iter()
             .map(|raw| match raw {
                 None => [0.0; 2],
                 Some((fit, across)) => {
-                    let strength = table.harmonic(fit.slope) * share_of(*across / 12f32.sqrt());
+                    let strength = share_of(*across / 12f32.sqrt());
                     [fit.dot * strength, fit.square * strength * strength]
                 }
             })

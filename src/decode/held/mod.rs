@@ -4,11 +4,12 @@
 //! decoded coordinate is periodically off. The error is the same in every frame and period, so that no
 //! residual of the decoding shows it. `curve` has its model, `footprint` measures width and blur of
 //! the footprints from the map itself, and `posterior` gives the true coordinate that each decoded one
-//! stands for.
+//! stands for. `smooth` uses the surface around a pixel in addition.
 
 mod curve;
 mod footprint;
 mod posterior;
+mod smooth;
 
 use super::maps::AxisMap;
 use super::output::median;
@@ -29,6 +30,10 @@ pub enum Held {
     /// and states what remains.
     #[default]
     Correct,
+    /// Corrects it with the smooth surface through the pixels of a line as prior knowledge. Takes up to
+    /// half of the amplitude off ripples of 6 to 12 pixels where a pixel spans less than a projector
+    /// pixel.
+    Smooth,
 }
 
 /// Side of the cells in which footprint and blur are measured, in pixels.
@@ -54,6 +59,10 @@ pub(super) struct Footprints<'a> {
     bend: Vec<f32>,
     /// Median width of the footprints in projector pixels.
     width: f32,
+    /// Whether the lines are columns.
+    down: bool,
+    /// Distance between neighbouring pixels in pixel widths.
+    apart: f32,
 }
 
 impl<'a> Footprints<'a> {
@@ -78,6 +87,8 @@ impl<'a> Footprints<'a> {
             grid,
             bend,
             width: median.width,
+            down: lines.down,
+            apart,
         })
     }
 
@@ -125,6 +136,9 @@ impl<'a> Footprints<'a> {
                 };
                 correct_band(band, cells, even, self.table, how);
             });
+        if how == Held::Smooth {
+            smooth::correct(self, map, width);
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The true coordinate given a decoded one: mean and variance over all true coordinates that are
 //! equally likely beforehand, of which each is seen with its error ([`Curve`]) and noise.
 
-use super::curve::{Curve, POINTS, first_harmonic};
+use super::curve::{Curve, POINTS};
 use super::footprint::Footprint;
 use std::iter::repeat_with;
 use std::sync::OnceLock;
@@ -117,8 +117,6 @@ pub struct Table {
     period: f64,
     /// RMS error of coordinates due to the rounding of the pattern's levels, in projector pixels.
     pub(super) rounding: f32,
-    /// First harmonic of the error without blur, by footprint.
-    harmonics: Vec<f32>,
     curves: Vec<OnceLock<Box<Curve>>>,
     profiles: Vec<OnceLock<Box<Profile>>>,
 }
@@ -130,23 +128,26 @@ impl Table {
     /// Prepares the table of a period and the error due to rounding, in projector pixels.
     pub fn new(period: f64, rounding: f32) -> Self {
         let curves = WIDTHS * BLURS.len();
-        let harmonic = |w| first_harmonic(period, width_of(w), 0.0) as f32;
         Self {
             period,
             rounding,
-            harmonics: (0..WIDTHS).map(harmonic).collect(),
             curves: repeat_with(OnceLock::new).take(curves).collect(),
             profiles: repeat_with(OnceLock::new).take(curves * SIGMAS).collect(),
         }
     }
 
-    /// Returns the first harmonic of the error without blur in projector pixels.
-    pub(super) fn harmonic(&self, width: f32) -> f32 {
-        if width > WIDEST {
-            return 0.0;
+    /// Returns the error of a footprint without blur as a function of the true coordinate, in
+    /// projector pixels.
+    pub(super) fn sharp(&self, width: f32) -> impl Fn(f32) -> f32 {
+        let is_known = width <= WIDEST;
+        let curves = corners(at_width(width)).map(|(w, by)| (self.curve(w, 0), by));
+        move |x| {
+            let i = ((x - x.floor()) * POINTS as f32) as usize;
+            let each = curves
+                .iter()
+                .map(|(curve, by)| by * curve.error[i.min(POINTS)]);
+            if is_known { each.sum() } else { 0.0 }
         }
-        let corners = corners(at_width(width)).into_iter();
-        corners.map(|(w, by)| by * self.harmonics[w]).sum()
     }
 
     /// Returns a property of the curve of a footprint.
@@ -157,6 +158,19 @@ impl Table {
         let [w, s] = [at_width(footprint.width), at_blur(footprint.blur)].map(corners);
         let each = |(w, by)| s.map(|(s, of)| by * of * property(self.curve(w, s)));
         w.into_iter().flat_map(each).sum()
+    }
+
+    /// Returns the error of a footprint at x = 0, 1 / `POINTS`, ... 1, in projector pixels.
+    pub(super) fn error(&self, footprint: Footprint) -> [f32; POINTS + 1] {
+        let mut all = [0.0; POINTS + 1];
+        for (w, by) in corners(at_width(footprint.width)) {
+            for (s, of) in corners(at_blur(footprint.blur)) {
+                for (all, one) in all.iter_mut().zip(&self.curve(w, s).error) {
+                    *all += by * of * one;
+                }
+            }
+        }
+        all
     }
 
     /// Returns the profile of a footprint, with noise in projector pixels.

@@ -13,10 +13,11 @@ use std::hint::black_box;
 use std::rc::Rc;
 
 /// What is compared with decoding without it.
-pub const PAIRS: [&str; 4] = [
+pub const PAIRS: [&str; 5] = [
     "consistency of single pixels",
     "weighted steps",
     "held pixels, corrected",
+    "held pixels, smooth prior",
     "held pixels, left out",
 ];
 /// Focus that blurs the projector's pixels on the plane by 0.6 px, and exposure over the profile's:
@@ -47,11 +48,12 @@ pub fn pair(name: &str, profile: &Profile) -> Result<Pair> {
             ..usual
         }),
         Some(1) => [false, true].map(|weighted| DecodeOptions { weighted, ..usual }),
+        Some(3) => [Held::Off, Held::Smooth].map(|held| DecodeOptions { held, ..usual }),
         Some(_) => [Held::Off, Held::Correct].map(|held| DecodeOptions { held, ..usual }),
         None => return Err(Error::input("pair", name, PAIRS.join(", "))),
     };
     let mut profile = lit_all_over(profile);
-    if name == PAIRS[3] {
+    if name == PAIRS[4] {
         profile.projector.focus = Some(BLURRED);
         profile.camera.exposure_us *= DIM;
     }

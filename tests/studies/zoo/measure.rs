@@ -54,7 +54,7 @@ pub struct Scan {
 
 impl Scan {
     /// Scans a scene with the first sequence of a device; both are texts of their files.
-    pub fn new(profile: &str, scene: &str, seed: u64) -> Self {
+    pub fn new(profile: &str, scene: &str, seed: u64, options: Options) -> Self {
         let profile = Profile::parse(profile, "zoo").unwrap_or_else(|e| panic!("{e}"));
         let scene = Scene::parse(scene, "zoo").unwrap_or_else(|e| panic!("{e}"));
         let mut renderer = Renderer::new(&profile, &scene, seed).unwrap();
@@ -81,7 +81,7 @@ impl Scan {
         let truth = renderer.truth(&shots);
         let rig = profile.nominal_rig();
         let (w, h) = (truth.width as usize, truth.height as usize);
-        let decoder = Decoder::new(&manifest, w, h, Some(&rig), Options::default()).unwrap();
+        let decoder = Decoder::new(&manifest, w, h, Some(&rig), options).unwrap();
         let words: Vec<Vec<u16>> = match profile.camera.sensor.bits {
             8 => Vec::new(),
             _ => frames.iter().map(|frame| words(frame)).collect(),
@@ -109,7 +109,7 @@ pub fn measure(device: &Device, seed: u64) -> Measured {
         truth,
         decoded,
         ..
-    } = Scan::new(&device.profile, &device.scene, seed);
+    } = Scan::new(&device.profile, &device.scene, seed, Options::default());
     let fringe = finest_fringe(manifest.frame.iter().map(|f| &f.pattern));
     let (axis, period) = fringe.unwrap();
     assert_eq!(axis, Axis::X);

@@ -39,7 +39,7 @@ fn frames_almost_without_noise_are_decoded() {
             assert_eq!(found.checked, Ok(()), "{place}");
             // Within a held pixel's plateau the true coordinate is barely known, and a model error of
             // thousandths of a pixel decides whether a coordinate belongs to the plateau.
-            let (most, few) = if w < 0.9 { (2.0, 0.15) } else { (1.15, 0.002) };
+            let (most, few) = if w < 0.9 { (1.3, 0.007) } else { (1.15, 0.002) };
             assert!(found.ratio <= most && found.beyond <= few, "{place}");
         }
     }

@@ -1,6 +1,7 @@
 //! One device and scene whose properties a test varies one by one; [`super::device`] draws random ones.
 
 use crate::zoo::measure::Scan;
+use phasmid::decode::Options;
 use phasmid::emulator::Truth;
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -101,8 +102,13 @@ impl Setup {
         text
     }
 
-    /// Scans and evaluates the points.
+    /// Scans, decodes and evaluates the points.
     pub fn scan(&self) -> Found {
+        self.scan_with(Options::default())
+    }
+
+    /// The same with options.
+    pub fn scan_with(&self, options: Options) -> Found {
         // The torso's width is 380 mm.
         let field_mm = DISTANCE * 640.0 * self.w / (1.4 * f64::from(COLUMNS));
         let (shape, z, scale) = match self.subject {
@@ -129,7 +135,7 @@ impl Setup {
             )
             .unwrap();
         }
-        Found::new(&Scan::new(&self.profile(), &scene, 1))
+        Found::new(&Scan::new(&self.profile(), &scene, 1, options))
     }
 }
 
