@@ -198,22 +198,33 @@ impl Renderer {
         if self.geometry_done {
             return false;
         }
-        let rays = Rays {
-            optics: &self.optics,
-            table: self.rays.as_deref(),
-            width: self.profile.camera.width_px as usize,
-        };
+        let mut buffer = std::mem::take(&mut self.buffer);
+        self.trace(&mut buffer);
+        self.buffer = buffer;
+        self.geometry_done = true;
+        true
+    }
+
+    /// Runs the geometry pass into a buffer.
+    fn trace(&self, buffer: &mut GeometryBuffer) {
         geometry::run(
             &self.worlds,
             &self.optics,
-            &rays,
+            &self.pixel_rays(),
             &self.plan,
             self.options,
             Aperture::new(&self.profile.camera),
-            &mut self.buffer,
+            buffer,
         );
-        self.geometry_done = true;
-        true
+    }
+
+    /// Returns the rays of the camera's pixels.
+    fn pixel_rays(&self) -> Rays<'_> {
+        Rays {
+            optics: &self.optics,
+            table: self.rays.as_deref(),
+            width: self.profile.camera.width_px as usize,
+        }
     }
 
     /// Discards the result of the geometry pass, as after a motion of the scene.

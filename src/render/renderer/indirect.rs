@@ -2,9 +2,7 @@
 
 use super::Renderer;
 use crate::Term;
-use crate::aperture::Aperture;
 use crate::buffer::GeometryBuffer;
-use crate::geometry::{self, Rays};
 use crate::interreflection::{Gathering, Trial};
 use serde::Serialize;
 
@@ -60,21 +58,9 @@ impl Renderer {
             return None;
         }
         let gathering: Option<Gathering> = self.optics.interreflection.take();
-        let rays = Rays {
-            optics: &self.optics,
-            table: self.rays.as_deref(),
-            width: self.profile.camera.width_px as usize,
-        };
         let mut buffer = GeometryBuffer::default();
-        geometry::run(
-            &self.worlds,
-            &self.optics,
-            &rays,
-            &self.plan,
-            self.options,
-            Aperture::new(&self.profile.camera),
-            &mut buffer,
-        );
+        self.trace(&mut buffer);
+        let rays = self.pixel_rays();
         let result = run(&Trial::new(&self.worlds, &rays, &self.plan, &buffer));
         self.optics.interreflection = gathering;
         Some(result)
