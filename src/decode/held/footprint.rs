@@ -10,8 +10,10 @@ use crate::maps::AxisMap;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
+/// Largest distance in pixels over which changes along rows and columns are compared.
+const FAR: usize = 8;
 /// Shortest and longest half length of a run in pixels.
-const HALF: [usize; 2] = [6, 16];
+const HALF: [usize; 2] = [6, 40];
 /// Longest run in pixels.
 const MOST: usize = 2 * HALF[1] + 1;
 /// Fewest pixels of a run.
@@ -65,12 +67,15 @@ impl Lines<'_> {
         };
         let [w, h] = size;
         let mut votes = 0i64;
-        for v in (0..h.saturating_sub(1)).step_by(16) {
-            for u in (0..w.saturating_sub(1)).step_by(16) {
+        for v in (0..h.saturating_sub(FAR)).step_by(23) {
+            for u in (0..w.saturating_sub(FAR)).step_by(23) {
                 let at = v * w + u;
-                let change =
-                    |to: usize| lines.less(lines.coordinate[to], lines.coordinate[at]).abs();
-                let (right, down) = (change(at + 1), change(at + w));
+                // Over several distances, since neighbours may lie on the same plateau of held pixels.
+                let change = |step: usize| -> f32 {
+                    let far = |k| lines.less(lines.coordinate[at + k * step], lines.coordinate[at]);
+                    (1..=FAR).map(|k| far(k).abs()).sum()
+                };
+                let (right, down) = (change(1), change(w));
                 votes += i64::from(right >= down) - i64::from(right < down);
             }
         }

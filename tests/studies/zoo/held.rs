@@ -86,3 +86,25 @@ fn prior_of_smooth_surface_removes_most_of_the_error() {
         }
     }
 }
+
+#[test]
+fn planes_that_face_the_camera_are_kept() {
+    for w in [0.25, 0.3333, 0.5, 0.6667, 0.75, 1.0, 1.5] {
+        for held in [Held::State, Held::Correct, Held::Smooth] {
+            let found = scan_with(w, 1e4, Subject::NoTilt, held);
+            assert!(
+                found.coverage >= 0.999 && found.beyond <= 0.0015,
+                "{held:?} w {w}"
+            );
+            // Everywhere the same part of a plateau: errors up to the half width of a rectangular
+            // distribution, which is sqrt(3) of its standard deviations.
+            assert!(found.ratio <= 1.05 * 3f64.sqrt(), "{held:?} w {w}");
+            let most = if matches!(held, Held::Smooth) {
+                0.03
+            } else {
+                0.3
+            };
+            assert!(found.residual <= most, "{held:?} w {w}");
+        }
+    }
+}

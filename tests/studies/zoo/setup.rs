@@ -26,6 +26,8 @@ pub enum Blurred {
 #[derive(Clone, Copy, Debug)]
 pub enum Subject {
     Nothing,
+    /// Nothing, and the plane is not tilted: all pixels see the same few parts of projector pixels.
+    NoTilt,
     /// A sphere half sunk into the plane.
     Bump,
     /// A sphere whose silhouette is far in front of the plane.
@@ -112,7 +114,7 @@ impl Setup {
         // The torso's width is 380 mm.
         let field_mm = DISTANCE * 640.0 * self.w / (1.4 * f64::from(COLUMNS));
         let (shape, z, scale) = match self.subject {
-            Subject::Nothing => ("", 0.0, 0.0),
+            Subject::Nothing | Subject::NoTilt => ("", 0.0, 0.0),
             Subject::Bump => ("kind = \"sphere\", radius_mm = 40.0", 20.0, 1.0),
             Subject::Ball => (
                 "kind = \"sphere\", radius_mm = 40.0",
@@ -121,10 +123,14 @@ impl Setup {
             ),
             Subject::Torso => ("kind = \"torso\", seed = 1", 30.0, field_mm / 760.0),
         };
+        let tilt_deg = match self.subject {
+            Subject::NoTilt => [0.0; 3],
+            _ => [4.0, 12.0, 0.0],
+        };
         let mut scene = format!(
             "name = \"setup\"\ndescription = \"A plane\"\n\
              [[object]]\nshape = {{ kind = \"plane\" }}\nposition_mm = [0.0, 0.0, {DISTANCE:?}]\n\
-             rotation_deg = [4.0, 12.0, 0.0]\nalbedo = 0.6\n"
+             rotation_deg = {tilt_deg:?}\nalbedo = 0.6\n"
         );
         if !shape.is_empty() {
             write!(
