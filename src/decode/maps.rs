@@ -62,8 +62,9 @@ pub struct AxisMap {
     /// Standard deviation of the coordinate due to noise in projector pixels, NaN where invalid: the
     /// scatter of repeated scans.
     pub sigma: Vec<f32>,
-    /// Standard uncertainty in projector pixels due to held projector pixels (see [`crate::Held`]),
-    /// NaN where invalid; empty where it is below a tenth of the noise throughout.
+    /// Standard uncertainty in projector pixels due to held projector pixels (see [`crate::Held`]) and
+    /// the rounding of their levels to 8 bits, NaN where invalid; empty where the part of the held
+    /// pixels is below a tenth of the noise throughout.
     pub sampling: Vec<f32>,
     /// Verdict of each pixel.
     pub verdict: Vec<Verdict>,

@@ -107,7 +107,9 @@ impl SetKernel {
 
     /// Variance of the coordinate due to the error of the model of a sample, in projector pixels^2.
     pub(super) fn model_variance(&self) -> f32 {
-        let of_samples = self.per_phase * self.gram[0] * (MODEL_ERROR * MODEL_ERROR) as f32;
+        // Mean over all phases.
+        let of_phase = 0.5 * (self.gram[0] + self.gram[2]);
+        let of_samples = self.per_phase * of_phase * (MODEL_ERROR * MODEL_ERROR) as f32;
         of_samples.max(self.rounding * self.rounding)
     }
 

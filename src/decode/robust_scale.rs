@@ -31,9 +31,10 @@ const ROUNDS: usize = 4;
 /// Residual in standard deviations above which a pixel is down-weighted in the fit.
 const BENT: f64 = 2.0;
 /// Standard deviation of the error of the model of a sample, as a fraction of the modulation: a
-/// projector rounds levels to 8 bits, which gives 1 / sqrt(12) / 127.5 = 0.0023.
+/// projector rounds levels to 8 bits, which gives 1 / sqrt(12) / 127.5 = 0.0023. Projectors of fewer
+/// bits have a larger one.
 pub const MODEL_ERROR: f64 = 0.0025;
-/// Lower bound of the robust scale, as a fraction of the camera's noise.
+/// Lower bound of the robust scale, as a fraction of noise and model error.
 const LEAST: f64 = 0.5;
 
 /// The residual of a fringe set that is typical of a capture.
@@ -195,7 +196,7 @@ fn fit(pixels: &[Pixel], scale: f64) -> Option<SVector<f64, TERMS>> {
     normal.cholesky().map(|c| c.solve(&right))
 }
 
-/// Robust scale of the remainders, in standard deviations of the camera's noise.
+/// Robust scale of the remainders, in standard deviations of noise and model error.
 fn deviation(pixels: &[Pixel]) -> f64 {
     let mut sizes: Vec<f64> = pixels.iter().map(|p| p.left.abs()).collect();
     deviation::of_most(&mut sizes, LEAST, LEAST)

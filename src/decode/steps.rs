@@ -8,6 +8,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use phasmid_core::error::{Error, Result};
+use phasmid_pattern::{Axis, Pattern};
 use std::f64::consts::TAU;
 
 /// Least-squares solution for one set of steps.
@@ -110,10 +111,19 @@ impl FringeSet {
     pub(super) fn rounding_px(&self) -> f64 {
         // A period need not be a whole number of pixels.
         const PIXELS: u32 = 256;
+        let row = |&phase_rad: &f64| {
+            let fringe = Pattern::Fringe {
+                axis: Axis::X,
+                period_px: self.period_px,
+                phase_rad,
+            };
+            fringe.quantised_row(PIXELS, 8).unwrap_or_default()
+        };
+        let rows: Vec<Vec<u16>> = self.phases.iter().map(row).collect();
         let error = |pixel: u32| {
             let phi = TAU * f64::from(pixel) / self.period_px;
-            let level = |phase: &f64| (255.0 * (0.5 + 0.5 * (phi + phase).cos())).round();
-            let levels: Vec<f64> = self.phases.iter().map(level).collect();
+            let level = |row: &Vec<u16>| row.get(pixel as usize).map_or(0.0, |v| f64::from(*v));
+            let levels: Vec<f64> = rows.iter().map(level).collect();
             let [_, c, s] = self.solve(&levels);
             let (sin, cos) = phi.sin_cos();
             (s * cos - c * sin).atan2(c * cos + s * sin) * self.period_px / TAU

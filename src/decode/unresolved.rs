@@ -9,6 +9,7 @@
 use super::gray::{GrayBit, Threshold};
 use super::maps::{AxisMap, Verdict};
 use super::order::{SURE, TWO_PLACES};
+use super::output::median;
 use super::rows::{AxisKernel, Job};
 use super::samples::Sample;
 use phasmid_pattern::Axis;
@@ -56,7 +57,7 @@ impl UnresolvedBits {
             "axis {}: {bits} left out (contrast of the finest {:.0} %); the cells are {} px wide",
             self.axis,
             100.0 * self.contrast,
-            self.cell
+            (self.cell * 100.0).round() / 100.0
         )
     }
 }
@@ -98,34 +99,29 @@ struct Contrast {
 
 impl Contrast {
     fn of<T: Sample>(job: &Job<'_, T>, kernel: &AxisKernel, bit: usize) -> Self {
-        let height = job.frames[0].len() / job.width;
+        let frames = &kernel.bits[bit].0;
+        let frame = frames.plain.or(frames.inverse);
+        let height = frame.map_or(0, |frame| job.frames[frame].len()) / job.width;
         let columns = job.width.div_ceil(PART);
         let mut parts = vec![Vec::new(); columns * height.div_ceil(PART)];
         let pixels = job.width * height;
-        // Odd, so that the samples do not all fall on the same stripes.
-        for i in (0..pixels).step_by((pixels / PIXELS) | 1) {
+        // Odd, so that the samples do not all fall on the same stripes; small enough for each part.
+        let stride = (pixels / PIXELS).min(PART * PART / (8 * FEWEST)) | 1;
+        for i in (0..pixels).step_by(stride) {
             let [v, u] = [i / job.width, i % job.width].map(|at| at / PART);
             parts[v * columns + u].extend(contrast(job, kernel, bit, i));
         }
-        let mut medians: Vec<f32> = parts
-            .iter_mut()
+        let medians: Vec<f32> = parts
+            .into_iter()
             .filter(|part| part.len() >= FEWEST)
-            .map(|part| middle(part))
+            .filter_map(|part| median(part.into_iter()))
             .collect();
         let unresolved = medians.iter().filter(|c| **c < TWO_PLACES).count();
         Self {
             unresolved: unresolved as f64 / medians.len().max(1) as f64,
-            median: match medians.is_empty() {
-                true => f32::NAN,
-                false => middle(&mut medians),
-            },
+            median: median(medians.into_iter()).unwrap_or(f32::NAN),
         }
     }
-}
-
-fn middle(values: &mut [f32]) -> f32 {
-    let at = values.len() / 2;
-    *values.select_nth_unstable_by(at, f32::total_cmp).1
 }
 
 /// The contrast of a bit at a pixel that is lit well above the noise.

@@ -15,8 +15,9 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct Interreflection {
     /// Largest error of the indirect light, in percent of a pixel's light under full white, in 99 %
-    /// of the pixels. The number of rays and the spacing of the gather points follow from it, by a
-    /// trial with the scene at power-on.
+    /// of the pixels that the projector lights. The number of rays and the spacing of the gather points
+    /// follow from it, by a trial with the scene at power-on; 1024 rays at every pixel if no setting
+    /// keeps it. Without effect if `samples` is given.
     #[serde(default = "error_percent")]
     pub error_percent: f64,
     /// Rays per gather point instead of the number that the error demands: a multiple of 16 from 16 to

@@ -1,7 +1,8 @@
 //! Renderer of one camera in front of one scene: runs the passes that a shot needs.
 //!
-//! `indirect` chooses how indirect light is gathered, `pending` submits frames to the CPU or GPU, `time` divides an exposure of a moving scene into
-//! instants, `place` moves objects at run time, and `truth` computes ground truth.
+//! `indirect` chooses how indirect light is gathered, `pending` submits frames to the CPU or GPU,
+//! `time` divides an exposure of a moving scene into instants, `place` moves objects at run time, and
+//! `truth` computes ground truth.
 
 mod indirect;
 mod pending;

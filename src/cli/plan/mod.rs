@@ -128,14 +128,14 @@ fn table(report: &Report<'_>) {
             None => "settings from the scene".to_owned(),
         };
         println!(
-            "\ninterreflection: {} rays at every {}pixel: error {:.2} % of the light in 99 % of the lit \
+            "\ninterreflection: {} rays at every {}: error {:.2} % of the light in 99 % of the lit \
              pixels ({bound}); further bounces, which are not rendered, would add up to {:.2} % in half of \
              them and {:.1} % in 95 %",
             light.samples,
             match light.step_px {
-                1 => String::new(),
-                2 => "second ".to_owned(),
-                step => format!("{step}th "),
+                1 => "pixel".to_owned(),
+                2 => "second pixel".to_owned(),
+                step => format!("{step} pixels"),
             },
             light.error_percent,
             light.further_percent,

@@ -67,6 +67,14 @@ impl Curve {
     }
 }
 
+/// The error of a curve at a coordinate, and its slope.
+pub(super) fn at(error: &[f32; POINTS + 1], x: f32) -> (f32, f32) {
+    let place = (x - x.floor()) * POINTS as f32;
+    let i = (place as usize).min(POINTS - 1);
+    let step = error[i + 1] - error[i];
+    (error[i] + (place - i as f32) * step, step * POINTS as f32)
+}
+
 /// Strength a_m of a harmonic.
 fn strength(period: f64, width: f64, blur: f64, m: i32) -> f64 {
     let f = period.recip() + f64::from(m);

@@ -110,9 +110,9 @@ impl<'a> Footprints<'a> {
         let (noise, held) = (sampled(&map.sigma)?, sampled(&map.sampling)?);
         (held > LARGE * noise).then(|| {
             format!(
-                "axis {axis}: held projector pixels and their 8-bit levels leave an error of {held:.3} px \
-                 beside {noise:.3} px of noise (medians), because a camera pixel spans only {:.2} \
-                 projector pixels",
+                "axis {axis}: held projector pixels and the rounding of their levels to 8 bits leave an \
+                 error of {held:.3} px beside {noise:.3} px of noise (medians); a camera pixel spans \
+                 {:.2} projector pixels",
                 self.width
             )
         })

@@ -1,7 +1,7 @@
 //! The true coordinate given a decoded one: mean and variance over all true coordinates that are
 //! equally likely beforehand, of which each is seen with its error ([`Curve`]) and noise.
 
-use super::curve::{Curve, POINTS};
+use super::curve::{Curve, POINTS, at};
 use super::footprint::Footprint;
 use std::iter::repeat_with;
 use std::sync::OnceLock;
@@ -142,10 +142,7 @@ impl Table {
         let is_known = width <= WIDEST;
         let curves = corners(at_width(width)).map(|(w, by)| (self.curve(w, 0), by));
         move |x| {
-            let i = ((x - x.floor()) * POINTS as f32) as usize;
-            let each = curves
-                .iter()
-                .map(|(curve, by)| by * curve.error[i.min(POINTS)]);
+            let each = curves.iter().map(|(curve, by)| by * at(&curve.error, x).0);
             if is_known { each.sum() } else { 0.0 }
         }
     }
@@ -163,6 +160,9 @@ impl Table {
     /// Returns the error of a footprint at x = 0, 1 / `POINTS`, ... 1, in projector pixels.
     pub(super) fn error(&self, footprint: Footprint) -> [f32; POINTS + 1] {
         let mut all = [0.0; POINTS + 1];
+        if footprint.width > WIDEST {
+            return all;
+        }
         for (w, by) in corners(at_width(footprint.width)) {
             for (s, of) in corners(at_blur(footprint.blur)) {
                 for (all, one) in all.iter_mut().zip(&self.curve(w, s).error) {

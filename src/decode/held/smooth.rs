@@ -11,7 +11,7 @@
 //! [`WIDE`] sigma: the noise itself is not smoothed where e changes little. On a plateau g is 0, and
 //! x = S. Where S is bad, t is large, e vanishes, and x = x_d.
 
-use super::curve::POINTS;
+use super::curve::{POINTS, at};
 use super::footprint::{Footprint, Lines, half_run};
 use super::posterior::Table;
 use super::{CELL, Footprints, NEGLIGIBLE};
@@ -198,16 +198,16 @@ impl Prior {
         footprint: Footprint,
         table: &Table,
     ) -> Option<Self> {
-        let sharp = table.error(footprint);
+        let error = table.error(footprint);
         let (mut n, mut misfit, mut noise, mut of_smooth) = (0.0, 0.0, 0.0, 0.0);
         for (decoded, sigma, smooth) in pixels {
-            let off = decoded - smooth.value - at(&sharp, smooth.value).0;
+            let off = decoded - smooth.value - at(&error, smooth.value).0;
             n += 1.0;
             misfit += off * off - sigma * sigma;
             noise += sigma;
             of_smooth += sigma * sigma * smooth.variance;
         }
-        let variance = sharp[..POINTS].iter().map(|e| e * e).sum::<f32>() / POINTS as f32;
+        let variance = error[..POINTS].iter().map(|e| e * e).sum::<f32>() / POINTS as f32;
         // NaN as well.
         if !(misfit.is_finite() && variance.sqrt() > NEGLIGIBLE * noise / n) {
             return None;
@@ -247,14 +247,6 @@ impl Prior {
             beyond_noise: (k * k * self.unexplained + rest * self.misfit).sqrt(),
         }
     }
-}
-
-/// The error at a coordinate, and its slope.
-fn at(error: &[f32; POINTS + 1], x: f32) -> (f32, f32) {
-    let place = (x - x.floor()) * POINTS as f32;
-    let i = (place as usize).min(POINTS - 1);
-    let step = error[i + 1] - error[i];
-    (error[i] + (place - i as f32) * step, step * POINTS as f32)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! the fringe itself, a response curve the second harmonic. Those are fitted to the capture and taken
 //! off; the noise is what the middle one of the pixels of about one mean has, since most pixels of a
 //! damaged capture are sound. Bits that are flipped, rows that have moved up and frames that are torn
-//! leave pixels beyond [`SIGMAS`] of it, of which noise makes 6 in 100,000.
+//! leave pixels beyond [`SIGMAS`] of it and of the model error, of which noise makes 6 in 100,000.
 //!
 //! No sound capture of `tests/host/consistency.rs` has more than [`SHARE`] of them: the middles of three
 //! built-in profiles' cameras before sphere, torso and couch, in light of a tenth to twice the usual, with

@@ -83,7 +83,8 @@ impl<'a> Trial<'a> {
             let world = worlds.at(pixel / map.width);
             let turns = (0..TURNS).map(|turn| {
                 let mut place = gatherer.place(&world, map, pixel);
-                place.turn += TAU * f64::from(turn) / f64::from(TURNS);
+                // By no whole step, so that none is a gathering that is judged.
+                place.turn += TAU * (f64::from(turn) + 0.5) / f64::from(TURNS);
                 gatherer.white(&place, scratch)
             });
             turns.sum::<f64>() / f64::from(TURNS)
@@ -155,9 +156,13 @@ impl<'a> Trial<'a> {
             let pixel = self.pixels[k];
             let world = self.worlds.at(pixel / map.width);
             let place = outer.place(&world, map, pixel);
-            let second = outer.second(&place, &inner, scratch);
+            let (first, second) = (self.reference[k], outer.second(&place, &inner, scratch));
             // Each bounce adds about the same fraction of the one before.
-            let ratio = (second / self.reference[k].max(f64::MIN_POSITIVE)).min(0.95);
+            let ratio = if first > 0.0 {
+                (second / first).min(0.95)
+            } else {
+                0.0
+            };
             f64::from(map.evenly[pixel]) * second / (1.0 - ratio) / self.light(k)
         };
         let further: Vec<f64> = some.par_iter().map_init(Scratch::default, of).collect();

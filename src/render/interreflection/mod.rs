@@ -12,9 +12,10 @@
 //! footprint each ray would sample a fringe at a random phase, and the mean of 64 rays would still
 //! fluctuate by an eighth of their contribution.
 //!
-//! Indirect light varies slowly, so it is gathered at about every fourth pixel and interpolated
-//! over each smooth surface (`grid`); `error` estimates how far that is off. A mixed pixel uses the value at its centre. `gather` casts the
-//! rays in the directions of `hemisphere`, and `patch` computes the light where they hit.
+//! Indirect light varies slowly, so it is gathered at some pixels and interpolated over each smooth
+//! surface (`grid`); `error` estimates how far that is off, and chooses the spacing. A mixed pixel uses
+//! the value at its centre. `gather` casts the rays in the directions of `hemisphere`, and `patch`
+//! computes the light where they hit.
 
 mod error;
 mod gather;

@@ -17,9 +17,9 @@ pub struct IndirectLight {
     pub error_percent: f64,
     /// Bound on it that the scene states; `None` if the scene states the settings instead.
     pub bound_percent: Option<f64>,
-    /// Light of the further bounces that are not rendered: in half of these pixels at most.
+    /// Median over these pixels of the light of further bounces, which are not rendered.
     pub further_percent: f64,
-    /// The same in 95 % of the pixels.
+    /// 95th percentile of the same.
     pub most_further_percent: f64,
 }
 
@@ -52,7 +52,7 @@ impl Renderer {
         self.optics.interreflection = chosen.or(self.optics.interreflection);
     }
 
-    /// Runs a trial on the scene at power-on, on the CPU.
+    /// Runs a trial on the current scene, on the CPU.
     fn with_trial<R>(&mut self, run: impl FnOnce(&Trial<'_>) -> R) -> Option<R> {
         if !self.plan.has(Term::Interreflection) {
             return None;
