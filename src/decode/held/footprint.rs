@@ -67,13 +67,14 @@ impl Lines<'_> {
         };
         let [w, h] = size;
         let mut votes = 0i64;
-        for v in (0..h.saturating_sub(FAR)).step_by(23) {
-            for u in (0..w.saturating_sub(FAR)).step_by(23) {
+        let farthest = FAR.min(w.saturating_sub(1)).min(h.saturating_sub(1));
+        for v in (0..h - farthest).step_by(23) {
+            for u in (0..w - farthest).step_by(23) {
                 let at = v * w + u;
                 // Over several distances, since neighbours may lie on the same plateau of held pixels.
                 let change = |step: usize| -> f32 {
                     let far = |k| lines.less(lines.coordinate[at + k * step], lines.coordinate[at]);
-                    (1..=FAR).map(|k| far(k).abs()).sum()
+                    (1..=farthest).map(|k| far(k).abs()).sum()
                 };
                 let (right, down) = (change(1), change(w));
                 votes += i64::from(right >= down) - i64::from(right < down);
