@@ -4,7 +4,6 @@
 //! | Module | Contents |
 //! | --- | --- |
 //! | `board` | detects calibration boards in images and reads the projector's coordinates at their points |
-//! | `poses` | plans board poses that make a calibration well determined |
 //! | `rig` | calibrates a rig from detected boards; locates a board with a known rig |
 //! | `solve` | bundle adjustment with covariance |
 //! | `report` | writes the results: tables, summary and HTML page |
@@ -14,7 +13,6 @@
 pub mod board;
 pub mod files;
 pub mod height;
-pub mod poses;
 pub mod report;
 pub mod rig;
 pub mod solve;

@@ -1,7 +1,7 @@
 //! `--method`: how projector coordinates are converted to points.
 
 use super::decode::doubt;
-use phasmid_calibrate::height::{Given, Mapping, meeting_mm};
+use phasmid_calibrate::height::{Given, Mapping};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Decoded, Decoder, Options, Plan, load_frames};
 use phasmid_geometry::Rig;
@@ -149,7 +149,7 @@ impl MethodArgs {
         capture: Option<&Capture>,
     ) -> Result<Mapping> {
         let Some(capture) = capture else {
-            let z = self.plane_mm.or_else(|| meeting_mm(rig)).ok_or_else(|| {
+            let z = self.plane_mm.or_else(|| rig.meeting_mm()).ok_or_else(|| {
                 Error::input(
                     "--plane-mm",
                     "missing, and the rays of the camera's and the projector's image centres do not meet",

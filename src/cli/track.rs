@@ -67,7 +67,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         new_file::check(path, args.force)?;
     }
     super::step("planning");
-    let planning = Planning::load(&args.planning)?;
+    let planning = Planning::load(&args.planning).map_err(|e| e.at("--planning"))?;
     let planned = Planned::new(&planning, &Region::chest(), &ModelOptions::default())?;
     let pods = args.pods.addresses(&station)?;
     // The channel holds one scan per pod, so the pods never scan further ahead than that.

@@ -5,6 +5,7 @@
 //! | module | contents |
 //! | --- | --- |
 //! | `board` | calibration boards and their ink coverage |
+//! | [`board_poses`] | plans board poses that make a calibration well determined |
 //! | `closest` | closest point on a mesh (feature `raycast`) |
 //! | `cloud`, `mesh` | point clouds and triangle meshes |
 //! | [`colour`] | file colours as reflectance |
@@ -20,6 +21,7 @@
 //! | `timeline`, `trajectory` | keyframes and rigid motion over time |
 
 mod board;
+pub mod board_poses;
 #[cfg(feature = "raycast")]
 mod closest;
 mod cloud;

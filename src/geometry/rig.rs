@@ -150,6 +150,25 @@ impl Rig {
         Ok(())
     }
 
+    /// Returns the depth, in mm in the camera's frame, at which the rays through the centres of the
+    /// two images are closest. Returns `None` if that point is not in front of both.
+    pub fn meeting_mm(&self) -> Option<f64> {
+        let [seen, lit] = [&self.camera, &self.projector].map(|view| {
+            let lens = &view.lens;
+            let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
+            view.ray((size - 1.0) / 2.0)
+        });
+        let between = self.projector.center() - self.camera.center();
+        // s seen and between + t lit are closest where their difference is perpendicular to both
+        // rays. The first ray's z in the camera's frame is 1, so s is the depth.
+        let across = seen.cross(lit);
+        let square = across.length_squared();
+        let s = between.cross(lit).dot(across) / square;
+        let t = between.cross(seen).dot(across) / square;
+        let parallel = square <= 1e-9 * seen.length_squared() * lit.length_squared();
+        (!parallel && s > 0.0 && t > 0.0 && s.is_finite()).then_some(s)
+    }
+
     /// Returns the calibration as TOML.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("numbers and tables always serialise")

@@ -2,7 +2,6 @@
 //! pixels.
 
 use crate::scanned::Stage;
-use phasmid_calibrate::height::meeting_mm;
 use phasmid_core::error::Result;
 use phasmid_decode::{Options, Plan, Summary};
 use phasmid_profile::{Profile, Scene};
@@ -52,7 +51,9 @@ impl Sampling {
         camera.sensor_width_mm *= f64::from(size[0]) / f64::from(camera.width_px);
         [camera.width_px, camera.height_px] = size;
         let can_decode = |sequence| Plan::new(&profile.manifest(sequence)).is_ok();
-        let Some(distance_mm) = meeting_mm(&profile.nominal_rig())
+        let Some(distance_mm) = profile
+            .nominal_rig()
+            .meeting_mm()
             .filter(|_| profile.sequence.first().is_some_and(can_decode))
         else {
             return Ok(None);

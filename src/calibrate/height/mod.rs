@@ -44,4 +44,4 @@ mod tests;
 
 pub use constants::{Constants, Given};
 pub use plane::Plane;
-pub use reference::{Mapping, Quality, meeting_mm};
+pub use reference::{Mapping, Quality};

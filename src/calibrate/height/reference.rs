@@ -43,23 +43,6 @@ pub struct Mapping {
     reference: Vec<[f64; 2]>,
 }
 
-/// Returns the depth, in mm in the camera's frame, at which the rays through the centres of the two
-/// images are closest. Returns `None` if that point is not in front of both.
-pub fn meeting_mm(rig: &Rig) -> Option<f64> {
-    let middle = |lens: &phasmid_geometry::Lens| {
-        (DVec2::new(f64::from(lens.width_px), f64::from(lens.height_px)) - 1.0) * 0.5
-    };
-    let a = rig.camera.lens.ray(middle(&rig.camera.lens));
-    let camera_from_rig = rig.camera.rig_from_view.inverse();
-    let b = camera_from_rig.direction(rig.projector.ray(middle(&rig.projector.lens)));
-    let between = camera_from_rig.point(rig.projector.center());
-    // s a and between + t b are closest where their difference is perpendicular to both rays.
-    let across = a.cross(b);
-    let s = between.cross(b).dot(across) / across.length_squared();
-    let t = between.cross(a).dot(across) / across.length_squared();
-    (s > 0.0 && t > 0.0 && s.is_finite()).then_some(s)
-}
-
 impl Mapping {
     /// Computes the reference from the rig, for a plane perpendicular to the camera's axis at
     /// `z_mm`.

@@ -82,7 +82,7 @@ fn the_formula_is_exact_on_the_bench_with_the_projector_on_any_side() {
     ] {
         for turned in [false, true] {
             let rig = rig(place, turned);
-            assert!((meeting_mm(&rig).unwrap() - 1000.0).abs() < 1e-9);
+            assert!((rig.meeting_mm().unwrap() - 1000.0).abs() < 1e-9);
             let mapping = Mapping::of_plane(&rig, axis, PERIOD, 1000.0).unwrap();
             let c = mapping.constants;
             let k = axis as usize;

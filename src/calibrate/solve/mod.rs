@@ -58,9 +58,7 @@ pub use unsolved::Unsolved;
 
 use super::board::Sighting;
 use phasmid_geometry::Board;
-
-/// Maximum number of poses. Their covariance matrix (six unknowns per pose) takes 72 MB.
-const MOST_POSES: usize = 500;
+use phasmid_geometry::board_poses::MOST_POSES;
 
 /// The observed board points of one pose.
 #[derive(Debug, Clone, PartialEq)]

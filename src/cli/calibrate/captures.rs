@@ -2,9 +2,9 @@
 
 use super::look::{Looked, look};
 use super::session::{Poses, Session};
-use phasmid_calibrate::poses::MOST_POSES;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Plan, load_frames};
+use phasmid_geometry::board_poses::MOST_POSES;
 use phasmid_geometry::{Board, Rig};
 use phasmid_host::{CALIBRATION_FILE, MANIFEST_FILE, check_images};
 use phasmid_pattern::Manifest;

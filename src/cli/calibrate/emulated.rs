@@ -7,8 +7,8 @@ use super::scene::SceneFile;
 use super::session::{Poses, Session};
 use crate::cli::interrupt::Interruptible;
 use crate::cli::served::{Served, service};
-use phasmid_calibrate::poses::{self, Wanted};
 use phasmid_core::error::{Error, Result};
+use phasmid_geometry::board_poses::{Wanted, poses};
 use phasmid_geometry::{Board, Pose, Rig};
 use phasmid_host::{Capture, Captured, ScanOptions, Scanner, SerialPort, open_camera};
 use phasmid_profile::Profile;
@@ -78,7 +78,7 @@ impl Emulated {
             tilt_deg: [usual.tilt_deg[0].min(args.max_tilt_deg), args.max_tilt_deg],
             ..usual
         };
-        let poses = poses::poses(&board, &truth, &wanted)?;
+        let poses = poses(&board, &truth, &wanted)?;
         let told = |pose: &Pose| {
             let (position, rotation) = pose.to_xyz_deg();
             Pose::from_xyz_deg(position, rotation)

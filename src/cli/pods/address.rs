@@ -26,7 +26,7 @@ impl Address {
     /// # Errors
     /// Returns an error if the folder has no device.
     pub(super) fn of_run_dir(device: &StationDevice, folder: &Path) -> Result<Self> {
-        let endpoints = Endpoints::read(folder)?;
+        let endpoints = Endpoints::read(folder).map_err(|e| e.at("--run-dir"))?;
         let control = endpoints.control.display().to_string();
         Ok(Self::new(device, endpoints.camera, control))
     }

@@ -1,12 +1,12 @@
 //! A board in front of an emulated scanner, in one process: poses, frames, images and decoded maps.
 
 use phasmid::calibrate::board::BoardImage;
-use phasmid::calibrate::poses::{Wanted, poses};
 use phasmid::calibrate::rig::{Calibration, PoseData, Task, calibrate, sight};
 use phasmid::calibrate::solve::Choice;
 use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
 use phasmid::emulator::render::Renderer;
 use phasmid::emulator::{PatternImage, Shot};
+use phasmid::geometry::board_poses::{Wanted, poses};
 use phasmid::geometry::{Board, Pose, Rig};
 use phasmid::pattern::Manifest;
 use phasmid::profile::{Profile, Scene};

@@ -9,10 +9,10 @@ mod seeds;
 
 use desk::{Desk, shots};
 use figures::Figures;
-use phasmid::calibrate::poses::Wanted;
 use phasmid::calibrate::solve::{Choice, chi_square_bound};
 use phasmid::decode::{Decoder, FrameStack, Options, Samples};
 use phasmid::emulator::render::Renderer;
+use phasmid::geometry::board_poses::Wanted;
 use phasmid::geometry::{Board, Rig};
 use phasmid::profile::{Profile, Scene};
 use phasmid::study::score::score;

@@ -2,9 +2,9 @@
 
 use crate::calibration::desk::Desk;
 use crate::calibration::figures::Figures;
-use phasmid::calibrate::poses::Wanted;
 use phasmid::calibrate::solve::{Choice, chi_square_bound};
 use phasmid::geometry::Board;
+use phasmid::geometry::board_poses::Wanted;
 use rayon::prelude::*;
 
 #[test]

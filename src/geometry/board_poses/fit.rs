@@ -2,8 +2,8 @@
 //! projector.
 
 use super::Wanted;
+use crate::{Board, MARKERS, Pose, Rig, View};
 use glam::{DMat2, DVec2, DVec3};
-use phasmid_geometry::{Board, MARKERS, Pose, Rig, View};
 
 /// Minimum fraction of a dot board's dots that must be in the camera's and in the projector's
 /// image.

@@ -14,10 +14,11 @@
 mod draw;
 mod fit;
 
+use crate::{Board, Pose, Rig};
 use fit::{Fit, Flaw};
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_core::error::{Error, Result};
-use phasmid_geometry::{Board, Pose, Rig};
+
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -30,7 +31,8 @@ const EASE: [f64; 3] = [0.0, 0.5, 1.0];
 const LEVEL: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
 /// Columns and rows of the pixel grid that samples the field shared by camera and projector.
 const GRID: u32 = 33;
-/// Maximum number of poses of one calibration.
+/// Maximum number of poses of one calibration. The covariance matrix of so many (six unknowns per
+/// pose) takes 72 MB.
 pub const MOST_POSES: usize = 500;
 
 /// Parameters of the poses.
@@ -78,7 +80,10 @@ pub fn poses(board: &Board, rig: &Rig, wanted: &Wanted) -> Result<Vec<Pose>> {
     check(wanted)?;
     let distance = match wanted.distance_mm {
         Some(distance) => distance,
-        None => meeting_mm(rig).unwrap_or_else(|| filling_mm(board, rig)),
+        None => rig
+            .meeting_mm()
+            .filter(|depth| (1.0..=1e6).contains(depth))
+            .unwrap_or_else(|| filling_mm(board, rig)),
     };
     (0..wanted.count)
         .map(|index| pose(board, rig, wanted, distance, index))
@@ -228,21 +233,6 @@ fn shared_middle(rig: &Rig, depth: f64) -> Option<DVec2> {
         }
     }
     (count > 0).then(|| sum / f64::from(count))
-}
-
-/// Depth at which the rays through the centres of both images are closest; `None` if they diverge.
-fn meeting_mm(rig: &Rig) -> Option<f64> {
-    let [seen, lit] = [&rig.camera, &rig.projector].map(|view| {
-        let lens = &view.lens;
-        let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
-        view.ray((size - 1.0) / 2.0)
-    });
-    // Solve for the closest points of the two rays, center + s ray, by least squares.
-    let between = rig.projector.center() - rig.camera.center();
-    let (aa, bb, ab) = (seen.dot(seen), lit.dot(lit), seen.dot(lit));
-    let determinant = aa * bb - ab * ab;
-    let s = (bb * seen.dot(between) - ab * lit.dot(between)) / determinant;
-    (determinant > 1e-9 * aa * bb && s.is_finite() && (1.0..=1e6).contains(&s)).then_some(s)
 }
 
 /// Depth at which a board facing the camera fills half of the image.

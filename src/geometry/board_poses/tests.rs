@@ -1,7 +1,7 @@
 //! Poses of boards for the built-in devices.
 
 use super::*;
-use phasmid_geometry::nominal;
+use crate::nominal;
 
 fn rig(name: &str) -> (Rig, f64) {
     (nominal::rig(name), nominal::board_scale(name))
@@ -182,14 +182,14 @@ fn impossible_poses_are_refused_with_numbers() {
 fn optical_axes_meet_at_the_aimed_distance() {
     for name in nominal::names() {
         let (rig, _) = rig(name);
-        let meeting = meeting_mm(&rig).unwrap();
+        let meeting = rig.meeting_mm().unwrap();
         let off = meeting / aimed_mm(name) - 1.0;
         assert!(off.abs() < 0.02, "{name}: {meeting}");
     }
     // Parallel axes side by side never meet.
     let (mut rig, _) = rig("pmp-bench");
     rig.projector.lens = rig.camera.lens;
-    assert_eq!(meeting_mm(&rig), None);
+    assert_eq!(rig.meeting_mm(), None);
     let filling = filling_mm(&Board::DOTS.scaled(4.0), &rig);
     assert!((100.0..2000.0).contains(&filling), "{filling}");
 }
