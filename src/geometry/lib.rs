@@ -14,7 +14,8 @@
 //! | `neighbours` | nearest neighbours among points |
 //! | [`nominal`] | nominal rigs of the built-in devices, for tests |
 //! | `obj`, [`ply`], `stl` | mesh and cloud file formats |
-//! | `pose`, `rig` | rigid poses, calibrated camera-projector rigs |
+//! | `pose`, [`rotation`] | rigid poses, rotation vectors |
+//! | `rig`, [`parameters`] | calibrated camera-projector rigs, their parameters and covariance |
 //! | `raycast` | packet ray casting (feature `raycast`) |
 //! | [`shapes`] | generated torso, couch and linac head |
 //! | `solid` | analytic solids |
@@ -38,6 +39,7 @@ mod pose;
 #[cfg(feature = "raycast")]
 pub mod raycast;
 mod rig;
+pub mod rotation;
 pub mod shapes;
 mod solid;
 mod stl;
@@ -53,7 +55,7 @@ pub use mesh::Mesh;
 pub use mesh::extension;
 pub use neighbours::Neighbours;
 pub use pose::Pose;
-pub use rig::{NoiseModel, Rig, View, Violation};
+pub use rig::{Covariance, NoiseModel, Rig, View, Violation, parameters};
 pub use solid::{Solid, SolidHit};
 pub use timeline::{Span, Timeline};
 pub use trajectory::Trajectory;

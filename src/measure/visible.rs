@@ -99,6 +99,7 @@ pub(super) mod tests {
             camera: at(0.0),
             projector: at(400.0),
             noise: None,
+            covariance: None,
         }
     }
 

@@ -103,6 +103,7 @@ impl Profile {
                     .sensor
                     .noise_model(0.0, self.camera.exposure_us * 1e-6),
             ),
+            covariance: None,
         }
     }
 }

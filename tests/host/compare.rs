@@ -63,6 +63,7 @@ fn scene(dir: &Path) {
         camera: at(0.0, 0.0),
         projector: at(300.0, -17.0),
         noise: None,
+        covariance: None,
     };
     std::fs::write(dir.join("rig.toml"), rig.to_toml()).unwrap();
 }

@@ -37,6 +37,7 @@ fn rig() -> Rig {
             black_level_dn: 0.0,
             saturation_dn: 255.0,
         }),
+        covariance: None,
     }
 }
 

@@ -47,6 +47,7 @@ pub(super) fn rig(nodes: &Nodes, sizes: Sizes) -> Result<Rig, Fault> {
             rig_from_view: projector_from_camera.inverse(),
         },
         noise: None,
+        covariance: None,
     })
 }
 

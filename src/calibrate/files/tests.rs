@@ -30,6 +30,7 @@ fn rig() -> Rig {
             rig_from_view: pose,
         },
         noise: None,
+        covariance: None,
     }
 }
 

@@ -37,6 +37,7 @@ fn rig(place: DVec3, turned: bool) -> Rig {
             rig_from_view: pose,
         },
         noise: None,
+        covariance: None,
     }
 }
 

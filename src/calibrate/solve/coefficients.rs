@@ -8,9 +8,10 @@
 //! true value is zero is kept by chance once in a thousand cases whatever n is.
 
 use super::Coefficients;
-use super::model::{LENS, RIG, State};
+use super::model::State;
 use super::normal::Free;
 use nalgebra::{DMatrix, DVector};
+use phasmid_geometry::parameters::{LENS, RIG};
 
 /// Coefficients to estimate, of k1 k2 p1 p2 k3, for camera and projector.
 pub(super) type Model = [[bool; 5]; 2];

@@ -13,7 +13,7 @@
 //!
 //! | Files | Contents |
 //! | --- | --- |
-//! | `homography`, `zhang`, `resection`, `rotation` | closed-form estimates |
+//! | `homography`, `zhang`, `resection` | closed-form estimates |
 //! | `start`, `start_projector` | initial state; exclusion of unusable poses |
 //! | `observation`, `model` | whitened observations, predictions, derivatives |
 //! | `normal`, `fit`, `robust` | normal equations, Levenberg-Marquardt, robust loss and outliers |
@@ -38,7 +38,6 @@ mod place;
 mod refusal;
 mod resection;
 mod robust;
-mod rotation;
 mod solution;
 mod start;
 mod start_projector;

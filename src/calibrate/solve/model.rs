@@ -1,19 +1,14 @@
 //! Predicted image points of a board point, and their derivatives by all unknowns.
 //!
-//! Order of the unknowns: the camera's fx fy cx cy k1 k2 p1 p2 k3 (0 to 8), the projector's (9 to
-//! 17), the projector's rotation and translation in the rig (18 to 23), then rotation and
-//! translation of a board. A rotation step d (a rotation vector) changes R to exp(d) R, and R v to
-//! R v + d x R v to first order.
+//! Order of the unknowns: those of the rig, in the order of `phasmid_geometry::parameters`, then
+//! rotation and translation of a board.
 
 use super::observation::Observation;
-use super::rotation::nudge;
-use glam::{DMat2, DVec2, DVec3};
+use glam::{DVec2, DVec3};
+use phasmid_geometry::parameters::{LENS, RIG, by_motion};
+use phasmid_geometry::rotation::nudge;
 use phasmid_geometry::{Lens, Pose};
 
-/// Number of unknowns of a lens.
-pub(super) const LENS: usize = 9;
-/// Number of unknowns of the rig.
-pub(super) const RIG: usize = 2 * LENS + 6;
 /// Number of unknowns that one point depends on: the rig and one board.
 pub(super) const ALL: usize = RIG + 6;
 
@@ -30,8 +25,8 @@ impl State {
     /// Returns the state after a step in the order given above; `boards` has six numbers per board.
     pub fn stepped(&self, rig: &[f64; RIG], boards: &[[f64; 6]]) -> Self {
         Self {
-            camera: step_lens(&self.camera, &rig[..LENS]),
-            projector: step_lens(&self.projector, &rig[LENS..2 * LENS]),
+            camera: self.camera.stepped(&rig[..LENS]),
+            projector: self.projector.stepped(&rig[LENS..2 * LENS]),
             rig_from_projector: step_pose(&self.rig_from_projector, &rig[2 * LENS..]),
             boards: self
                 .boards
@@ -47,15 +42,6 @@ impl State {
         [&self.camera, &self.projector].iter().all(|l| {
             l.focal_px.is_finite() && l.focal_px.min_element() > 0.0 && l.principal_px.is_finite()
         })
-    }
-}
-
-fn step_lens(lens: &Lens, step: &[f64]) -> Lens {
-    Lens {
-        focal_px: lens.focal_px + DVec2::new(step[0], step[1]),
-        principal_px: lens.principal_px + DVec2::new(step[2], step[3]),
-        distortion: std::array::from_fn(|i| lens.distortion[i] + step[4 + i]),
-        ..*lens
     }
 }
 
@@ -136,7 +122,7 @@ pub(super) fn linearise(
     let pose = &state.boards[board];
     let arm = pose.rotation * o.board.extend(0.0);
     let x = arm + pose.translation_mm;
-    let seen = sight(&state.camera, x)?;
+    let seen = state.camera.sight(x)?;
     // Derivatives of the camera's pixel by its lens and by the board's pose.
     let mut camera = [DVec2::ZERO; ALL];
     camera[..LENS].copy_from_slice(&seen.by_lens);
@@ -154,7 +140,7 @@ pub(super) fn linearise(
         let rig = &state.rig_from_projector;
         let from_rig = rig.rotation.transpose();
         let arm_of_rig = x - rig.translation_mm;
-        let lights = sight(&state.projector, from_rig * arm_of_rig)?;
+        let lights = state.projector.sight(from_rig * arm_of_rig)?;
         let by_point = lights.by_point.map(|row| rig.rotation * row);
         let mut projector = [DVec2::ZERO; ALL];
         projector[LENS..2 * LENS].copy_from_slice(&lights.by_lens);
@@ -172,53 +158,6 @@ pub(super) fn linearise(
         slopes.projector = rows(&projector);
     }
     Some((whitened, slopes))
-}
-
-/// A pixel, its derivatives by the lens's unknowns (columns) and by the 3D point (rows).
-struct Sight {
-    px: DVec2,
-    by_lens: [DVec2; LENS],
-    by_point: [DVec3; 2],
-}
-
-fn sight(lens: &Lens, p: DVec3) -> Option<Sight> {
-    if !(p.z > 0.0) {
-        return None;
-    }
-    let ideal = p.truncate() / p.z;
-    let (x, y, r2) = (ideal.x, ideal.y, ideal.length_squared());
-    let d = lens.distort(ideal);
-    let f = lens.focal_px;
-    let by_lens = [
-        DVec2::new(d.x, 0.0),
-        DVec2::new(0.0, d.y),
-        DVec2::X,
-        DVec2::Y,
-        f * ideal * r2,
-        f * ideal * (r2 * r2),
-        f * DVec2::new(2.0 * x * y, r2 + 2.0 * y * y),
-        f * DVec2::new(r2 + 2.0 * x * x, 2.0 * x * y),
-        f * ideal * (r2 * r2 * r2),
-    ];
-    // Derivative of the normalised image point by the 3D point: [1 0 -x; 0 1 -y] / z.
-    let j = DMat2::from_diagonal(f) * lens.distort_jacobian(ideal);
-    let row = |a: DVec2| DVec3::new(a.x, a.y, -a.dot(ideal)) / p.z;
-    Some(Sight {
-        px: f * d + lens.principal_px,
-        by_lens,
-        by_point: [row(j.row(0)), row(j.row(1))],
-    })
-}
-
-/// Derivatives by rotation and translation of the body that carries a point at `arm`, from a . (d x
-/// arm) = d . (arm x a).
-fn by_motion(by_point: &[DVec3; 2], arm: DVec3, columns: &mut [DVec2]) {
-    let turns = by_point.map(|a| arm.cross(a).to_array());
-    let shifts = by_point.map(|a| a.to_array());
-    for i in 0..3 {
-        columns[i] = DVec2::new(turns[0][i], turns[1][i]);
-        columns[3 + i] = DVec2::new(shifts[0][i], shifts[1][i]);
-    }
 }
 
 fn rows(columns: &[DVec2; ALL]) -> [[f64; ALL]; 2] {

@@ -5,10 +5,11 @@
 //! synthesis", 2000, section 6.1). The inverse of the whole matrix is the covariance of all
 //! unknowns.
 
-use super::model::{ALL, RIG, State, linearise};
+use super::model::{ALL, State, linearise};
 use super::observation::PoseObservations;
 use super::robust::Loss;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix6, MatrixXx6, Vector6};
+use phasmid_geometry::parameters::RIG;
 use rayon::prelude::*;
 
 /// The normal equations at a state.

@@ -2,12 +2,13 @@
 
 use super::bundle::Bundle;
 use super::homography::Homography;
-use super::model::{RIG, State};
+use super::model::State;
 use super::observation::PoseObservations;
 use super::start::FEWEST_POINTS;
 use super::summary::solved_pose;
 use super::{Choice, PoseSightings, SolvedPose, Unsolved, zhang};
 use glam::DVec2;
+use phasmid_geometry::parameters::RIG;
 use phasmid_geometry::{Board, Lens, Pose, Rig};
 
 /// Requirement on the image of a board, for error messages.

@@ -9,9 +9,9 @@
 //! principal point lies.
 
 use super::homography::null_vector;
-use super::rotation::nearest;
 use glam::{DMat3, DVec2, DVec3};
 use nalgebra::SMatrix;
+use phasmid_geometry::rotation::nearest;
 use phasmid_geometry::{Lens, Pose};
 
 /// Returns a lens without distortion and `camera_from_projector`, or `None` if the pairs do not

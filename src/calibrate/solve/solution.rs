@@ -1,14 +1,16 @@
 //! Result of the solver: the rig, the poses, and their uncertainty.
 
-use super::rotation::difference;
+use super::coefficients::free;
 use glam::DVec2;
 use nalgebra::{DMatrix, DVector};
+use phasmid_geometry::rotation::difference;
 use phasmid_geometry::{Pose, Rig};
 
 /// A calibrated rig with its board poses, covariance and residuals.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// The rig, in the camera's frame. It has no noise model; the caller adds it.
+    /// The rig, in the camera's frame, with the covariance of its parameters if it is positive
+    /// definite to rounding. It has no noise model; the caller adds it.
     pub rig: Rig,
     /// The poses that were used, in the given order.
     pub poses: Vec<SolvedPose>,
@@ -139,30 +141,10 @@ impl Solution {
     /// Distortion coefficients that were not estimated are not compared. The distance is NaN if the
     /// covariance is singular or the number of poses differs.
     pub fn mahalanobis(&self, truth: &Rig, boards: Option<&[Pose]>) -> (f64, usize) {
-        let camera_from_rig = truth.camera.rig_from_view.inverse();
-        let place = camera_from_rig * truth.projector.rig_from_view;
-        let mut errors = Vec::new();
-        for (own, other, estimated) in [
-            (
-                &self.rig.camera.lens,
-                &truth.camera.lens,
-                self.camera_coefficients,
-            ),
-            (
-                &self.rig.projector.lens,
-                &truth.projector.lens,
-                self.projector_coefficients,
-            ),
-        ] {
-            let (f, c) = (
-                other.focal_px - own.focal_px,
-                other.principal_px - own.principal_px,
-            );
-            errors.extend([f.x, f.y, c.x, c.y]);
-            let coefficients = (0..5).filter(|i| estimated[*i]);
-            errors.extend(coefficients.map(|i| other.distortion[i] - own.distortion[i]));
-        }
-        errors.extend(difference(&self.rig.projector.rig_from_view, &place));
+        let estimated = free(&[self.camera_coefficients, self.projector_coefficients]);
+        let step = self.rig.step_to(truth);
+        let of_rig = step.into_iter().zip(estimated).filter(|(_, e)| *e);
+        let mut errors: Vec<f64> = of_rig.map(|(step, _)| step).collect();
         for (own, other) in self.poses.iter().zip(boards.unwrap_or_default()) {
             errors.extend(difference(&own.camera_from_board, other));
         }

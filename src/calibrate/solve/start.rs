@@ -232,7 +232,7 @@ fn camera_alone(bundle: &Bundle, guess: State, model: &Model, choice: &Choice) -
         (o.lit, o.projector_counts) = (None, false);
     }
     let mut free = free(model);
-    free[super::model::LENS..].fill(false);
+    free[phasmid_geometry::parameters::LENS..].fill(false);
     let mut state = guess;
     for _ in 0..2 {
         let loss = if choice.robust {

@@ -2,34 +2,15 @@
 
 use super::bundle::{Bundle, Solved};
 use super::coefficients::free;
-use super::model::{LENS, RIG, State, residual};
+use super::model::{State, residual};
 use super::observation::{Observation, PoseObservations};
-use super::rotation::log;
 use super::solution::ProjectorResidual;
 use super::{Errors, Parameter, PointResidual, Solution, SolvedPose};
 use glam::DVec2;
 use nalgebra::DMatrix;
-use phasmid_geometry::{Lens, Pose, Rig, View};
-
-const OF_LENS: [(&str, &str); LENS] = [
-    ("fx", "px"),
-    ("fy", "px"),
-    ("cx", "px"),
-    ("cy", "px"),
-    ("k1", ""),
-    ("k2", ""),
-    ("p1", ""),
-    ("p2", ""),
-    ("k3", ""),
-];
-const OF_POSE: [(&str, &str); 6] = [
-    ("turn_x", "rad"),
-    ("turn_y", "rad"),
-    ("turn_z", "rad"),
-    ("x", "mm"),
-    ("y", "mm"),
-    ("z", "mm"),
-];
+use phasmid_geometry::parameters::{LENS, PARAMETERS, RIG};
+use phasmid_geometry::rotation::log;
+use phasmid_geometry::{Covariance, Lens, Pose, Rig, View};
 
 pub(super) fn of(bundle: Bundle, solved: Solved) -> Solution {
     let degrees_of_freedom = bundle.degrees_of_freedom(&free(&solved.model));
@@ -40,9 +21,11 @@ pub(super) fn of(bundle: Bundle, solved: Solved) -> Solution {
         covariance,
         inflation,
     } = solved;
-    let rig_unknowns = free(&model).iter().filter(|f| **f).count();
+    let estimated = free(&model);
+    let rig_unknowns = estimated.iter().filter(|f| **f).count();
+    let of_rig = covariance.view((0, 0), (rig_unknowns, rig_unknowns));
     let condition = condition(&covariance, rig_unknowns);
-    let parameters = parameters(&bundle.poses, &state, &free(&model), &covariance);
+    let parameters = parameters(&bundle.poses, &state, &estimated, &covariance);
     let poses: Vec<SolvedPose> = bundle
         .poses
         .iter()
@@ -64,6 +47,7 @@ pub(super) fn of(bundle: Bundle, solved: Solved) -> Solution {
                 rig_from_view: state.rig_from_projector,
             },
             noise: None,
+            covariance: Covariance::new(&estimated, &of_rig.into_owned()),
         },
         camera_errors: all(camera_errors),
         projector_errors: all(projector_errors),
@@ -87,17 +71,18 @@ fn parameters(
     free: &[bool; RIG],
     covariance: &DMatrix<f64>,
 ) -> Vec<Parameter> {
-    let mut all: Vec<(String, &'static str, f64)> = Vec::new();
-    for (view, lens) in [("camera", &state.camera), ("projector", &state.projector)] {
-        for ((name, unit), value) in OF_LENS.iter().zip(of_lens(lens)) {
-            all.push((format!("{view}.{name}"), unit, value));
-        }
-    }
-    let mut motions = vec![("projector", &state.rig_from_projector)];
-    motions.extend(poses.iter().map(|p| p.name.as_str()).zip(&state.boards));
-    for (owner, pose) in motions {
-        for ((name, unit), value) in OF_POSE.iter().zip(of_pose(pose)) {
-            all.push((format!("{owner}.{name}"), unit, value));
+    let of_rig = [&state.camera, &state.projector].map(Lens::parameters);
+    let values = of_rig.concat().into_iter();
+    let values = values.chain(of_pose(&state.rig_from_projector));
+    let mut all: Vec<(String, &'static str, f64)> = PARAMETERS
+        .iter()
+        .zip(values)
+        .map(|((name, unit), value)| ((*name).to_owned(), *unit, value))
+        .collect();
+    for (pose, place) in poses.iter().zip(&state.boards) {
+        for ((name, unit), value) in PARAMETERS[2 * LENS..].iter().zip(of_pose(place)) {
+            let name = name.trim_start_matches("projector");
+            all.push((format!("{}{name}", pose.name), unit, value));
         }
     }
     all.into_iter()
@@ -111,12 +96,6 @@ fn parameters(
             sigma: covariance[(at, at)].sqrt(),
         })
         .collect()
-}
-
-fn of_lens(lens: &Lens) -> [f64; LENS] {
-    let (f, c) = (lens.focal_px, lens.principal_px);
-    let [k1, k2, p1, p2, k3] = lens.distortion;
-    [f.x, f.y, c.x, c.y, k1, k2, p1, p2, k3]
 }
 
 fn of_pose(pose: &Pose) -> [f64; 6] {

@@ -8,9 +8,9 @@
 //! and a series of focal lengths. The candidate whose poses fit best is chosen.
 
 use super::homography::{apply, median, null_vector};
-use super::rotation::nearest;
 use glam::{DMat3, DVec2, DVec3};
 use nalgebra::{Matrix2, SMatrix, Vector2};
+use phasmid_geometry::rotation::nearest;
 use phasmid_geometry::{Lens, Pose};
 
 /// Candidate lenses without distortion that could produce these homographies, most reliable first.

@@ -32,6 +32,7 @@ fn rig(camera: [f64; 5], projector: [f64; 5]) -> Rig {
             Pose::from_xyz_deg(DVec3::new(400.0, 20.0, -15.0), DVec3::new(1.0, -3.0, 2.0)),
         ),
         noise: None,
+        covariance: None,
     }
 }
 

@@ -31,7 +31,7 @@ const EASE: [f64; 3] = [0.0, 0.5, 1.0];
 const LEVEL: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
 /// Columns and rows of the pixel grid that samples the field shared by camera and projector.
 const GRID: u32 = 33;
-/// Maximum number of poses of one calibration. The covariance matrix of so many (six unknowns per
+/// Maximum number of poses of one calibration. The covariance matrix of 500 (six unknowns per
 /// pose) takes 72 MB.
 pub const MOST_POSES: usize = 500;
 

@@ -114,6 +114,7 @@ pub(super) fn rig(baseline_mm: f64, turn_deg: DVec3) -> Rig {
             Pose::from_xyz_deg(place, turn_deg),
         ),
         noise: None,
+        covariance: None,
     }
 }
 

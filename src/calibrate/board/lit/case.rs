@@ -52,6 +52,7 @@ pub(crate) fn rig(focal_px: f64, [width_px, height_px]: [u32; 2]) -> Rig {
         camera: view(camera, 0.0),
         projector: view(projector, 400.0),
         noise: None,
+        covariance: None,
     }
 }
 

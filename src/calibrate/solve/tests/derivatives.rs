@@ -1,8 +1,9 @@
 //! Compares analytic derivatives with finite differences.
 
-use super::super::model::{ALL, RIG, State, Whitened, linearise, residual};
+use super::super::model::{ALL, State, Whitened, linearise, residual};
 use super::super::observation::PoseObservations;
 use super::scene::{Scene, rig};
+use phasmid_geometry::parameters::RIG;
 
 /// The four whitened residuals of a point.
 fn numbers(w: &Whitened) -> [f64; 4] {

@@ -4,6 +4,7 @@ mod exact;
 mod honest;
 mod outliers;
 mod place;
+mod prediction;
 mod scene;
 mod stiff;
 mod which_coefficients;

@@ -1,9 +1,9 @@
 //! Locating a board with a known rig.
 
-use super::super::rotation::difference;
 use super::super::{Placed, chi_square_below, place};
 use super::scene::{Scene, rig};
 use nalgebra::{Matrix6, Vector6};
+use phasmid_geometry::rotation::difference;
 use phasmid_geometry::{Pose, Rig};
 
 fn placed(scene: &Scene, rig: &Rig, seed: Option<u64>) -> Vec<Placed> {

@@ -46,6 +46,7 @@ fn scene(focal: f64, angle: f64, size_mm: f64, noise: f64) -> Scene {
             camera: view(0.0),
             projector: view(0.4 * distance),
             noise: None,
+            covariance: None,
         },
         boards,
         noise: [noise, noise],

@@ -1,7 +1,13 @@
 //! A calibrated rig: one camera, one projector and their poses. A calibration file holds a rig, a
 //! device reports its nominal rig, and the decoder triangulates with it.
 
-use super::{Lens, Pose};
+mod covariance;
+pub mod parameters;
+mod prediction;
+
+pub use covariance::Covariance;
+
+use crate::{Lens, Pose};
 use glam::{DVec2, DVec3};
 use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
@@ -90,6 +96,9 @@ pub struct Rig {
     /// The camera's noise model, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseModel>,
+    /// Covariance of the calibration, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<Covariance>,
 }
 
 impl Rig {

@@ -1,18 +1,18 @@
 //! Rotation vectors, small steps of poses, and the rotation nearest to a matrix.
 
+use crate::Pose;
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::Matrix3;
-use phasmid_geometry::Pose;
 
 /// Rotation matrix of a rotation vector in radians.
-pub(super) fn exp(turn: DVec3) -> DMat3 {
+pub fn exp(turn: DVec3) -> DMat3 {
     let angle = turn.length();
     turn.try_normalize()
         .map_or(DMat3::IDENTITY, |axis| DMat3::from_axis_angle(axis, angle))
 }
 
 /// Rotation vector of a rotation matrix, in radians, of length up to pi.
-pub(super) fn log(r: DMat3) -> DVec3 {
+pub fn log(r: DMat3) -> DVec3 {
     // `v` is the sine of the angle times the axis.
     let v = DVec3::new(
         r.y_axis.z - r.z_axis.y,
@@ -39,7 +39,7 @@ pub(super) fn log(r: DMat3) -> DVec3 {
 
 /// Rotates a pose by `turn` (radians, about the axes of the target frame) and shifts it by `shift`
 /// (mm).
-pub(super) fn nudge(pose: &Pose, turn: DVec3, shift: DVec3) -> Pose {
+pub fn nudge(pose: &Pose, turn: DVec3, shift: DVec3) -> Pose {
     Pose {
         rotation: orthonormal(exp(turn) * pose.rotation),
         translation_mm: pose.translation_mm + shift,
@@ -47,7 +47,7 @@ pub(super) fn nudge(pose: &Pose, turn: DVec3, shift: DVec3) -> Pose {
 }
 
 /// Rotation vector and shift with which [`nudge`] changes one pose to another.
-pub(super) fn difference(from: &Pose, to: &Pose) -> [f64; 6] {
+pub fn difference(from: &Pose, to: &Pose) -> [f64; 6] {
     let turn = log(to.rotation * from.rotation.transpose());
     let shift = to.translation_mm - from.translation_mm;
     [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
@@ -62,7 +62,7 @@ fn orthonormal(m: DMat3) -> DMat3 {
 
 /// Rotation nearest to a matrix in the least-squares sense (Zhang 2000, appendix C). Returns `None`
 /// if the matrix is not finite.
-pub(super) fn nearest(m: DMat3) -> Option<DMat3> {
+pub fn nearest(m: DMat3) -> Option<DMat3> {
     if !m.is_finite() {
         return None;
     }
