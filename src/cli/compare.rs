@@ -42,8 +42,9 @@ struct Report {
 /// Runs the command.
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut cloud = ply::read_cloud(&args.cloud)?;
-    let truth = Truth::read(&args.truth)?;
-    let mut rig = args.calibration.as_deref().map(read_rig).transpose()?;
+    let truth = Truth::read(&args.truth).map_err(|e| e.at("--truth"))?;
+    let rig = args.calibration.as_deref().map(read_rig).transpose();
+    let mut rig = rig.map_err(|e| e.at("--calibration"))?;
     let surface = Surface::new(&truth)?;
     let alignment = args
         .align
@@ -152,7 +153,9 @@ fn table(report: &Report) -> String {
         let t = a.truth_from_cloud.translation_mm;
         out += &format!(
             "Aligned: {} after {} steps, RMS {:.4} to {:.4} mm, moved by ({:.4}, {:.4}, {:.4}) mm, \
-             {} of 6 degrees of freedom determined, condition {:.1}.\n",
+             {} of 6 degrees of freedom determined, condition {:.1}.\n\
+             Last step {:.2e} mm, {:.2e} degrees, {:.2e} standard deviations; robust scale {:.4} mm; \
+             {:.2} % of pairs kept, {:.2} % rejected as outliers.\n",
             if a.converged {
                 "converged"
             } else {
@@ -166,6 +169,12 @@ fn table(report: &Report) -> String {
             t.z,
             a.determined,
             a.condition,
+            a.last_step_mm,
+            a.last_step_deg,
+            a.last_step_sigmas,
+            a.robust_scale_mm,
+            100.0 * a.kept,
+            100.0 * a.rejected,
         );
     }
     out

@@ -102,7 +102,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         ));
     }
     args.method.check()?;
-    let manifest = Manifest::read(&args.manifest)?;
+    let manifest = Manifest::read(&args.manifest).map_err(|e| e.at("--manifest"))?;
     let plan = Plan::new(&manifest).map_err(|e| name_file(e, &args.manifest))?;
     let beside = args.manifest.parent().unwrap_or(Path::new(""));
     let folder = args.frames.as_deref().unwrap_or(beside);
@@ -111,7 +111,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         projector: Some([manifest.projector.width_px, manifest.projector.height_px]),
     };
     let read = |path: &PathBuf| read_rig_sized(path, sizes);
-    let rig = args.calibration.as_ref().map(read).transpose()?;
+    let rig = args.calibration.as_ref().map(read).transpose();
+    let rig = rig.map_err(|e| e.at("--calibration"))?;
     check_folder(&args.out, output_names(), args.force)?;
     let frames = load_frames(&manifest, &plan, folder)?;
     let options = Options {

@@ -219,7 +219,7 @@ fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape>
 /// A calibration from a file replaces the device's own.
 ///
 /// # Errors
-/// Returns an error as [`Scanner::scan`] does.
+/// Returns an error as [`Scanner::scan`] does. It names a device's clock that is stepped.
 pub(super) fn capture(
     (camera, how): (&str, Capture),
     (control, dialect): (&str, Option<Dialect>),
@@ -233,7 +233,7 @@ pub(super) fn capture(
         let camera = open_camera(camera, how, timeout)?;
         Ok(Interruptible::new(RecordedCamera::new(camera, tape)))
     })?;
-    run_scanner(scanner, options, calibration)
+    run_scanner(scanner, options, calibration).map_err(|e| dialect::name_stepped_clock(e, control))
 }
 
 /// Captures a sequence from a USB device, whose camera and control port have one address.

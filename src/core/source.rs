@@ -57,8 +57,13 @@ impl TomlSource {
     pub fn deserialize<T: DeserializeOwned>(&self) -> Result<T> {
         toml::from_str(&self.text).map_err(|e| {
             let line = e.span().map_or(1, |span| self.line_of(span.start));
-            let (found, expected) =
-                found_and_expected(e.message(), "valid TOML with every required field");
+            let message = e.message();
+            let missing = message.strip_prefix("missing field ");
+            let otherwise = missing.map_or_else(
+                || "valid TOML".to_owned(),
+                |name| format!("the required field {}", name.trim_end()),
+            );
+            let (found, expected) = found_and_expected(message, &otherwise);
             Error::input(format!("{}:{line}", self.place), found, expected)
         })
     }

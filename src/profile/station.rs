@@ -274,7 +274,10 @@ mod tests {
             (
                 "profile = \"webcam-grey\"",
                 "",
-                ["test:4", "missing field `profile`"],
+                [
+                    "test:4",
+                    "missing field `profile`; expected the required field `profile`",
+                ],
             ),
         ] {
             let text = TEXT.replacen(from, to, 1);

@@ -22,11 +22,7 @@ const FRAMES: u64 = 3000;
 const AHEAD: Duration = Duration::from_micros(200);
 const TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Minimum rate as a fraction of the bare socket's.
-const LEAST_SHARE: f64 = 0.4;
-
 fn main() {
-    let mut slow = false;
     let bytes = vec![7u8; (WIDTH * HEIGHT) as usize];
     println!("{FRAMES} frames of {WIDTH} x {HEIGHT} GREY, best of 5, in MB/s");
     let copy = best(|| copy(&bytes));
@@ -41,10 +37,7 @@ fn main() {
             format!("USB, {speed:?}"),
             100.0 * share
         );
-        slow |= share < LEAST_SHARE;
     }
-    // The limit is a ratio within one run, so that it applies on any machine.
-    assert!(!slow, "less than {} % of the socket", 100.0 * LEAST_SHARE);
 }
 
 /// Best rate of a few runs, in bytes per microsecond.

@@ -137,7 +137,7 @@ fn missing_mesh_is_a_usage_error_of_one_line() {
     let words = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{words}");
     assert!(
-        words.contains("object[0].shape") && words.contains("nosuch.stl"),
+        words.contains("object[0].shape.file: ") && words.contains("nosuch.stl"),
         "{words}"
     );
     assert_eq!(words.trim().lines().count(), 1, "{words}");

@@ -22,6 +22,40 @@ fn unwritable_standard_error_keeps_the_exit_status() {
 }
 
 #[test]
+fn missing_files_are_named_with_their_option() {
+    let absent = "/no/such/path";
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out").display().to_string();
+    for (args, option) in [
+        (
+            vec!["track", "--run-dir", "/", "--planning", absent],
+            "--planning: ",
+        ),
+        (
+            vec!["serve", "--run-dir", absent, "--faults", absent],
+            "--faults: ",
+        ),
+        (vec!["serve", "--sequence", absent], "--sequence: "),
+        (
+            vec!["locate", "--run-dir", absent, "--out", &out],
+            "--run-dir: ",
+        ),
+        (
+            vec!["decode", "--manifest", absent, "--out", &out],
+            "--manifest: ",
+        ),
+    ] {
+        let output = phasmid(&args).output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(
+            message.contains(option) && message.contains(absent),
+            "{message}"
+        );
+    }
+}
+
+#[test]
 fn closed_pipe_ends_quietly() {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);

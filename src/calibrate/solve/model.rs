@@ -1,7 +1,7 @@
 //! Predicted image points of a board point, and their derivatives by all unknowns.
 //!
-//! Order of the unknowns: those of the rig, in the order of `phasmid_geometry::parameters`, then
-//! rotation and translation of a board.
+//! Order of the unknowns: the rig's, as in `phasmid_geometry::parameters`, then rotation and
+//! translation of a board.
 
 use super::observation::Observation;
 use glam::{DVec2, DVec3};

@@ -19,6 +19,7 @@ pub(in crate::cli) struct Taken {
 /// A pod whose ports are open.
 pub(in crate::cli) struct Source {
     name: String,
+    control: String,
     scanner: Scanner<Interruptible<Box<dyn Camera>>, SerialPort>,
     options: ScanOptions,
     /// The sequence that was selected before [`Self::show`], which `finish` restores.
@@ -43,6 +44,7 @@ impl Source {
         }
         Ok(Self {
             name: address.name.clone(),
+            control: address.control.clone(),
             scanner,
             options: ScanOptions {
                 sequence: None,
@@ -82,7 +84,8 @@ impl Source {
                 arrived = Instant::now();
             }
         });
-        let captured = captured.map_err(|e| e.at(&self.name))?;
+        let captured =
+            captured.map_err(|e| dialect::name_stepped_clock(e, &self.control).at(&self.name))?;
         Ok(Taken {
             identified: self.scanner.identifies(),
             captured,

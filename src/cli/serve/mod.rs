@@ -154,7 +154,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let schedule = match &args.faults {
         Some(file) => {
             let names: Vec<_> = devices.iter().map(|device| device.name.as_str()).collect();
-            Schedule::read_for(file, &names)?
+            Schedule::read_for(file, &names).map_err(|e| e.at("--faults"))?
         }
         None => Schedule::default(),
     };

@@ -66,7 +66,7 @@ impl Unit {
         let user: Vec<_> = args
             .sequence
             .iter()
-            .map(|path| UserSequence::read(path))
+            .map(|path| UserSequence::read(path).map_err(|e| e.at("--sequence")))
             .collect::<Result<_>>()?;
         let id = &profile.identity;
         let mut scene = scene.clone();

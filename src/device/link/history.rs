@@ -87,11 +87,15 @@ impl History {
     pub(super) fn find(&self, id: u64) -> Result<&Taken, String> {
         let found = self.frames.binary_search_by_key(&id, |taken| taken.id);
         found.map(|at| &self.frames[at]).map_err(|_| {
-            let allowed = match (self.frames.front(), self.frames.back()) {
-                (Some(first), Some(last)) => format!("{} to {}", first.id, last.id),
-                _ => "none: no frame has been exposed".to_owned(),
-            };
-            format!("truth_of_frame: {id}; expected {allowed}")
+            match (self.frames.front(), self.frames.back()) {
+                (Some(first), Some(last)) => {
+                    format!("truth_of_frame: {id}; expected {} to {}", first.id, last.id)
+                }
+                _ => format!(
+                    "truth_of_frame: no frame has been exposed yet, found {id}; expected the id of \
+                     an exposed frame"
+                ),
+            }
         })
     }
 }
@@ -105,11 +109,10 @@ mod tests {
     fn history_finds_only_the_last_frames() {
         let firmware = Firmware::new(&Profile::load("webcam-grey").unwrap(), &[]).unwrap();
         let mut history = History::default();
-        assert!(
-            history
-                .find(0)
-                .unwrap_err()
-                .contains("no frame has been exposed")
+        assert_eq!(
+            history.find(7).unwrap_err(),
+            "truth_of_frame: no frame has been exposed yet, found 7; expected the id of an exposed \
+             frame"
         );
         let sequence = firmware.selected_sequence();
         for id in 0..5000 {

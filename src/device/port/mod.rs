@@ -45,7 +45,8 @@ impl Port {
     pub fn new(dialect: Arc<Dialect>) -> Result<Self> {
         for (message, place) in dialect.all_runs() {
             Firmware::knows(message.as_bytes()).map_err(|error| {
-                let allowed = "messages of the device: see its commands";
+                let allowed = "SCPI commands of the device, such as TRIGger:SOURce BUS or *RST; the book \
+                               lists them under `The control port`";
                 Error::input(place, format!("{message:?}: {error}"), allowed)
             })?;
         }

@@ -1,7 +1,7 @@
 //! Joint covariance of a calibration's parameters.
 //!
-//! It is kept and written as its lower triangular factor F, C = F F', because rounded entries of F
-//! still give a valid covariance, which those of a nearly singular C do not.
+//! It is kept and written as its lower triangular factor F, C = F F': F can be rounded, while a
+//! nearly singular C with rounded entries may no longer be positive definite.
 
 use super::parameters::{PARAMETERS, RIG};
 use nalgebra::{Cholesky, DMatrix};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// Joint covariance of a rig's parameters (see [`PARAMETERS`] for their order and units).
 /// Parameters that the calibration did not estimate have variance 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Written", into = "Written")]
+#[serde(try_from = "CovarianceTable", into = "CovarianceTable")]
 pub struct Covariance {
     estimated: [bool; RIG],
     /// Lower triangular; rows and columns of parameters that were not estimated are 0.
@@ -100,17 +100,19 @@ fn rounded(value: f64) -> f64 {
     text.parse().expect("a number as it was written")
 }
 
-/// As written in files.
+/// Joint covariance C of a calibration's parameters, as C = F F'.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Written {
-    /// Names of the estimated parameters.
+struct CovarianceTable {
+    /// Names of the estimated parameters, such as `camera.fx`, in the order of lenses (fx fy cx cy k1
+    /// k2 p1 p2 k3), then the projector's rotation (`turn_x`, in radians, about the axes of the
+    /// camera's frame) and translation (`x`, in mm). The others have no error.
     parameters: Vec<String>,
-    /// Rows of the factor, each up to its diagonal.
+    /// Rows of F, lower triangular, each up to its diagonal.
     factor: Vec<Vec<f64>>,
 }
 
-impl From<Covariance> for Written {
+impl From<Covariance> for CovarianceTable {
     fn from(covariance: Covariance) -> Self {
         let at = indices(&covariance.estimated);
         let row = |i: usize| at[..=i].iter().map(move |&j| (i, j));
@@ -123,11 +125,11 @@ impl From<Covariance> for Written {
     }
 }
 
-impl TryFrom<Written> for Covariance {
+impl TryFrom<CovarianceTable> for Covariance {
     type Error = String;
 
-    fn try_from(written: Written) -> Result<Self, String> {
-        let Written { parameters, factor } = written;
+    fn try_from(written: CovarianceTable) -> Result<Self, String> {
+        let CovarianceTable { parameters, factor } = written;
         let mut at = Vec::new();
         for name in &parameters {
             let index = PARAMETERS.iter().position(|(known, _)| known == name);

@@ -109,9 +109,10 @@ fn twice<T>(
 }
 
 fn two_failed(place: &str, first: &str, second: &str) -> Error {
-    Error::device(format!(
-        "{place}: two runs failed; first: {first}; then: {second}"
-    ))
+    Error::device(match first == second {
+        true => format!("{place}: two runs failed; both: {first}"),
+        false => format!("{place}: two runs failed; first: {first}; then: {second}"),
+    })
 }
 
 impl<C: Camera, P: CommandPort> Scanner<C, P> {

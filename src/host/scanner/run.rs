@@ -119,9 +119,13 @@ pub(super) fn collect<C: Camera>(
         let Some(frame) = next_frame(camera, timeout)? else {
             let due = frames.len();
             let waited = timeout.as_secs_f64();
+            let cause = match due {
+                0 => ": the camera was not triggered, or the device's clock stands still",
+                _ => "",
+            };
             return Err(Fault::Frames(format!(
                 "pattern {due} of {count} is missing: no frame within {waited} s after {due} of \
-                 {count} frames"
+                 {count} frames{cause}"
             )));
         };
         let named = camera.identifies();

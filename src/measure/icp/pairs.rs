@@ -1,4 +1,4 @@
-//! Pairs points with the tangent planes of their closest surface points, and rejects outliers.
+//! Pairs points with the tangent planes of their closest surface points, and weights outliers down to zero.
 
 use crate::surface::Foot;
 use glam::DVec3;
@@ -31,35 +31,68 @@ pub(super) fn pairs(points: &[DVec3], feet: &[Option<Foot>]) -> Vec<Pair> {
         .collect()
 }
 
-/// Outlier limits.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Clip {
-    /// Four times the RMS of the best 99 %. Before convergence, most points of a flat scene have no
-    /// residual, and the few on slopes, which alone determine the motion, must not be rejected.
-    Wide,
-    /// Three standard deviations, estimated from the median (P. Rousseeuw and A. Leroy, "Robust
-    /// Regression and Outlier Detection", 1987).
-    Narrow,
+/// Tukey's biweight: 95 % efficient with Gaussian noise at this cutoff, in standard deviations (P.
+/// Huber and E. Ronchetti, "Robust Statistics", 2009).
+const TUKEY: f64 = 4.685;
+/// The standard deviation of Gaussian noise over its median absolute value.
+const MAD: f64 = 1.4826;
+/// Six unknowns of a rigid motion.
+pub(super) const UNKNOWNS: usize = 6;
+
+/// Distances in millimetres that separate inliers from outliers.
+#[derive(Clone, Copy)]
+pub(super) struct Scale {
+    /// Standard deviation of the residuals, from their median.
+    pub(super) robust: f64,
+    /// Pairs with a larger residual have no weight, if the motion is final.
+    pub(super) cutoff: f64,
+    /// Cutoff for the first step: four times the RMS of the best 99 %. Most points of a flat scene
+    /// have no residual then, and the few on slopes, which alone determine the motion, must not be
+    /// rejected.
+    pub(super) wide: f64,
 }
 
-impl Clip {
-    /// Returns the pairs within the limit, which is derived from the pairs themselves.
-    pub(super) fn keep(self, mut pairs: Vec<Pair>) -> Vec<Pair> {
+impl Scale {
+    /// Derives the limits from at least one pair; `floor` is the smallest robust scale.
+    ///
+    /// A motion can fit any six pairs exactly, so the median skips the six smallest residuals.
+    pub(super) fn new(pairs: &[Pair], floor: f64) -> Self {
         let mut sizes: Vec<f64> = pairs.iter().map(|p| p.residual.abs()).collect();
         sizes.sort_unstable_by(f64::total_cmp);
-        if sizes.is_empty() {
-            return pairs;
+        let n = sizes.len();
+        let robust = (MAD * sizes[((n + UNKNOWNS) / 2).min(n - 1)]).max(floor);
+        let best = &sizes[..(n * 99).div_ceil(100)];
+        let rms = (best.iter().map(|r| r * r).sum::<f64>() / best.len() as f64).sqrt();
+        let cutoff = TUKEY * robust;
+        Self {
+            robust,
+            cutoff,
+            wide: cutoff.max(4.0 * rms),
         }
-        let limit = match self {
-            Self::Wide => {
-                let best = &sizes[..(sizes.len() * 99).div_ceil(100)];
-                4.0 * (best.iter().map(|r| r * r).sum::<f64>() / best.len() as f64).sqrt()
-            }
-            Self::Narrow => 3.0 * 1.4826 * sizes[sizes.len() / 2],
-        };
-        // Below a nanometre residuals are rounding errors, so all pairs are kept.
-        let limit = limit.max(1e-6);
-        pairs.retain(|p| p.residual.abs() <= limit);
-        pairs
+    }
+}
+
+/// Weights of the biweight, and its cost.
+pub(super) struct Weighed {
+    /// Pairs with a positive weight.
+    pub(super) kept: Vec<(Pair, f64)>,
+    /// Sum of the loss over all points in square millimetres. Rejected points, and the `unpaired`
+    /// ones, have the largest loss.
+    pub(super) cost: f64,
+}
+
+/// Weights pairs by `(1 - (r / cutoff)^2)^2`, and by zero beyond the cutoff.
+pub(super) fn weigh(pairs: &[Pair], cutoff: f64, unpaired: usize) -> Weighed {
+    let (mut kept, mut cost) = (Vec::with_capacity(pairs.len()), unpaired as f64);
+    for pair in pairs {
+        let rest = (1.0 - (pair.residual / cutoff).powi(2)).max(0.0);
+        cost += 1.0 - rest.powi(3);
+        if rest > 0.0 {
+            kept.push((*pair, rest * rest));
+        }
+    }
+    Weighed {
+        kept,
+        cost: cost * cutoff * cutoff / 6.0,
     }
 }

@@ -78,7 +78,7 @@ impl Folder {
     /// # Errors
     /// Returns the errors of [`Mesh::read`], and an error if vertices lie outside the fields.
     pub fn skin(&self) -> Result<Mesh> {
-        self.mesh(&self.file.skin)
+        self.mesh(&self.file.skin, "skin")
     }
 
     /// Reads the tumour at the reference phase, in the patient frame.
@@ -87,7 +87,7 @@ impl Folder {
     /// Returns the errors of [`Self::skin`], and an error if the surface is not closed or its
     /// normals point inwards.
     pub fn tumour(&self) -> Result<Mesh> {
-        let mesh = self.mesh(&self.file.tumour)?;
+        let mesh = self.mesh(&self.file.tumour, "tumour")?;
         let path = self.path.join(&self.file.tumour);
         fit::closed(&mesh, &path.display().to_string())?;
         Ok(mesh)
@@ -125,9 +125,11 @@ impl Folder {
         Ok(Some(volume.shifted(-self.file.isocentre_mm)))
     }
 
-    fn mesh(&self, name: &str) -> Result<Mesh> {
+    /// Reads the mesh that a field of the file names.
+    fn mesh(&self, name: &str, field: &str) -> Result<Mesh> {
         let path = self.path.join(name);
-        let mut mesh = Mesh::read(&path)?;
+        let of = self.path.join(PlanningFile::NAME);
+        let mut mesh = Mesh::read(&path).map_err(|e| e.at(format!("{}: {field}", of.display())))?;
         fit::within(&mesh, &self.grid, &path.display().to_string())?;
         for vertex in &mut mesh.vertices {
             *vertex -= self.file.isocentre_mm;

@@ -266,6 +266,8 @@ fn refuses_surfaces_that_do_not_fit() {
         "{far}"
     );
     assert!(far.contains("expected vertices within ("), "{far}");
+    let absent = complaint(|path| std::fs::remove_file(path.join("tumour.ply")).unwrap());
+    assert!(absent.contains("planning.toml: tumour: "), "{absent}");
     let open = mesh("tumour.ply", |m| m.triangles.truncate(9));
     assert!(
         open.contains("tumour.ply: an open edge between vertices"),

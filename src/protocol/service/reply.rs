@@ -13,16 +13,16 @@ pub struct Reply {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
     /// Columns of each map.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub width: u32,
     /// Rows of each map.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub height: u32,
     /// Names of the f32 maps, in order.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub maps: Vec<String>,
     /// Whether a byte map follows the f32 maps.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub flags: bool,
     /// Time spent rendering frames since power-on, in microseconds.
     #[serde(default)]
@@ -48,6 +48,10 @@ pub struct Reply {
     /// Fault state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub faults: Option<FaultsAbout>,
+}
+
+fn is_zero(number: &u32) -> bool {
+    *number == 0
 }
 
 impl Reply {
@@ -99,6 +103,21 @@ impl Reply {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn reply_without_maps_has_no_fields_of_maps() {
+        let reply = Reply {
+            fault: Some(3),
+            ..Reply::default()
+        };
+        let line = reply.to_line();
+        assert_eq!(line, "{\"render_us\":0,\"bytes\":0,\"fault\":3}\n");
+        assert_eq!(Reply::parse(line.as_bytes()).unwrap(), reply);
+        let all = "{\"width\":0,\"height\":0,\"maps\":[],\"flags\":false,\"render_us\":0,\
+                   \"bytes\":0,\"fault\":3}";
+        assert_eq!(Reply::parse(all.as_bytes()).unwrap(), reply);
+        assert_eq!(Reply::parse(b"{}").unwrap(), Reply::default());
+    }
 
     #[test]
     fn refuses_reply_with_impossible_sizes() {

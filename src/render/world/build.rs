@@ -10,7 +10,7 @@ use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::raycast::Bvh;
 use phasmid_geometry::{Mesh, Solid};
-use phasmid_profile::{Object, Scene};
+use phasmid_profile::{Object, Scene, Shape};
 use std::sync::Arc;
 
 /// Maximum number of triangles of a scene: about 10 GiB including their hierarchy.
@@ -34,7 +34,11 @@ impl Builder<'_> {
     }
 
     fn read(&self, object: &Object, index: u16) -> Result<Mesh> {
-        let place = || format!("scene, object[{index}].shape");
+        let field = match object.shape {
+            Shape::Mesh { .. } => "shape.file",
+            _ => "shape",
+        };
+        let place = || format!("scene, object[{index}].{field}");
         let mesh = mesh(&object.shape, &self.scene.folder).map_err(|e| e.at(place()))?;
         let total = self.fixed.owner.len() + mesh.triangles.len();
         if total > MAX_TRIANGLES {

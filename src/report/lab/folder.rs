@@ -132,8 +132,10 @@ impl Folder {
     fn about(&self) -> Result<About> {
         let path = self.path.join(ABOUT);
         let bytes = file::read(&path, 1 << 16)?;
-        serde_json::from_slice(&bytes)
-            .map_err(|e| Error::input(path.display(), e.to_string(), "what phasmid study wrote"))
+        serde_json::from_slice(&bytes).map_err(|e| {
+            let allowed = "JSON with made_by, study, quick, seed and revision, and optionally only";
+            Error::input(path.display(), e.to_string(), allowed)
+        })
     }
 
     /// Reads all rows in the order of the file. Ignores a last line without an end, which a killed run

@@ -11,13 +11,14 @@ use syn::{
 };
 
 /// Folders and files that define the types of the documents.
-const SOURCES: [&str; 12] = [
+const SOURCES: [&str; 13] = [
     "src/profile",
     "src/pattern",
     "src/geometry/board/kind.rs",
     "src/geometry/lens.rs",
     "src/geometry/pose.rs",
-    "src/geometry/rig.rs",
+    "src/geometry/rig/covariance.rs",
+    "src/geometry/rig/mod.rs",
     "src/phantom/lib.rs",
     "src/phantom/parameters.rs",
     "src/phantom/tissue.rs",
@@ -314,10 +315,13 @@ impl Document<'_> {
                 inner => format!("array of {inner}"),
             },
             name => {
-                let definition = self
-                    .types
-                    .get(name)
-                    .unwrap_or_else(|| panic!("{path}: type {name}"));
+                let find = |name: &str| {
+                    let found = self.types.get(name);
+                    found.unwrap_or_else(|| panic!("{path}: type {name}"))
+                };
+                let written = serde(&find(name).attributes, "try_from");
+                let name = written.as_deref().unwrap_or(name);
+                let definition = find(name);
                 let rename_all = serde(&definition.attributes, "rename_all");
                 match &definition.shape {
                     Shape::Enum(variants)

@@ -7,6 +7,7 @@ mod crates;
 mod examples;
 mod fields;
 mod figures;
+mod flags;
 mod links;
 mod run;
 

@@ -1,6 +1,6 @@
 //! Device time: stepped by a client to the nanosecond, and real time with its lateness.
 
-use crate::served::{LONG, Served, serve};
+use crate::served::{LONG, Served, serve, text};
 use phasmid::host::{Capture, open_camera};
 use phasmid::protocol::service::{Clock, ClockPace, DeviceAbout, Item, Reply, Request, Step, call};
 use rustix::process::Signal;
@@ -68,6 +68,23 @@ fn step_exposes_the_frames_within_it() {
     }
     let words = refused(&mut stream, Request::Clock(Step::RunUntilNs(999_999_999)));
     assert!(words.contains("1000000000 to"), "{words}");
+    served.stop(Signal::TERM);
+}
+
+#[test]
+fn scan_while_stepped_time_stands_still_names_the_clock() {
+    let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
+    let scan = served.scan(&served.dir.with_file_name("out"), &["--timeout", "0.5"]);
+    assert_eq!(scan.status.code(), Some(1), "{}", text(&scan));
+    for words in [
+        "no frame within 0.5 s after 0 of 13 frames: the camera was not triggered, or the device's",
+        "two runs failed; both: ",
+        "the clock of this device is stepped (",
+        "{\"clock\":{\"step_ns\":N}} on ",
+        "service.sock",
+    ] {
+        assert!(text(&scan).contains(words), "{words}: {}", text(&scan));
+    }
     served.stop(Signal::TERM);
 }
 

@@ -287,6 +287,10 @@ fn unknown_device_commands_are_refused_with_their_line() {
     let error = Port::new(Arc::new(dialect)).unwrap_err().to_string();
     assert!(error.contains(&format!("mine.toml:{line}")), "{error}");
     assert!(error.contains("-113"), "{error}");
+    assert!(
+        error.contains("expected SCPI commands of the device, such as"),
+        "{error}"
+    );
     for name in Dialect::names() {
         Port::new(Arc::new(Dialect::load(name).unwrap())).unwrap();
     }
