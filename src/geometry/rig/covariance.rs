@@ -183,7 +183,9 @@ mod tests {
     fn covariance() -> Covariance {
         let mut estimated = [false; RIG];
         let at = [0, 4, 20];
-        at.map(|i| estimated[i] = true);
+        for i in at {
+            estimated[i] = true;
+        }
         let factor = [[3.0, 0.0, 0.0], [-2e-5, 1e-9, 0.0], [1e-4, 3e-5, 2e-8]];
         let matrix = DMatrix::from_fn(3, 3, |i, j| {
             (0..3).map(|k| factor[i][k] * factor[j][k]).sum()
