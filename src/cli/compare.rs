@@ -2,7 +2,7 @@
 
 use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
-use phasmid_geometry::{Pose, Rig, View, ply};
+use phasmid_geometry::{Cloud, Pose, Removed, Rig, View, ply};
 use phasmid_measure::{
     Alignment, Comparison, Directed, GROSS_MM, GROSS_SIGMAS, IcpOptions, Surface, Truth, align,
     compare,
@@ -35,6 +35,12 @@ pub(super) struct Args {
 struct Report {
     #[serde(flatten)]
     comparison: Comparison,
+    /// Number of measured points at (0, 0, 0), which are dropped.
+    points_at_origin: usize,
+    /// The same for a true cloud.
+    truth_points_at_origin: usize,
+    /// Triangles of a true mesh that are dropped.
+    truth_triangles_removed: Removed,
     #[serde(skip_serializing_if = "Option::is_none")]
     alignment: Option<Alignment>,
 }
@@ -42,7 +48,23 @@ struct Report {
 /// Runs the command.
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut cloud = ply::read_cloud(&args.cloud)?;
-    let truth = Truth::read(&args.truth).map_err(|e| e.at("--truth"))?;
+    let points_at_origin = drop_origin(&mut cloud, &args.cloud)?;
+    let mut truth = Truth::read(&args.truth).map_err(|e| e.at("--truth"))?;
+    let (mut truth_points_at_origin, mut truth_triangles_removed) = (0, Removed::default());
+    match &mut truth {
+        Truth::Mesh(mesh) => {
+            let place = args.truth.display().to_string();
+            let removed = mesh.clean(&place).map_err(|e| e.at("--truth"))?;
+            if removed.total() > 0 {
+                eprintln!("phasmid: {place}: {removed}");
+            }
+            truth_triangles_removed = removed;
+        }
+        Truth::Cloud(cloud) => {
+            let dropped = drop_origin(cloud, &args.truth).map_err(|e| e.at("--truth"))?;
+            truth_points_at_origin = dropped;
+        }
+    }
     let rig = args.calibration.as_deref().map(read_rig).transpose();
     let mut rig = rig.map_err(|e| e.at("--calibration"))?;
     let surface = Surface::new(&truth)?;
@@ -65,6 +87,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         compare(&cloud, &truth, &surface, rig.as_ref()).map_err(|e| at_file(e, &args.cloud))?;
     let report = Report {
         comparison,
+        points_at_origin,
+        truth_points_at_origin,
+        truth_triangles_removed,
         alignment,
     };
     let text = if args.json {
@@ -78,6 +103,26 @@ pub(super) fn run(args: &Args) -> Result<()> {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         other => other.map_err(|e| Error::io("standard output", e)),
     }
+}
+
+/// Drops the points at (0, 0, 0), prints their number and returns it.
+fn drop_origin(cloud: &mut Cloud, path: &Path) -> Result<usize> {
+    let all = cloud.points.len();
+    let dropped = cloud.drop_origin();
+    if cloud.points.is_empty() {
+        return Err(Error::input(
+            path.display(),
+            format!("{all} points, all at (0, 0, 0), which marks invalid points"),
+            "at least one measured point",
+        ));
+    }
+    if dropped > 0 {
+        let place = path.display();
+        eprintln!(
+            "phasmid: {place}: dropped {dropped} of {all} points at (0, 0, 0), which marks invalid points"
+        );
+    }
+    Ok(dropped)
 }
 
 fn moved(view: View, motion: &Pose) -> View {

@@ -116,13 +116,16 @@ enum Command {
     Report(report::Args),
 }
 
+/// Place in messages about standard output.
+const STANDARD_OUTPUT: &str = "standard output";
+
 /// Ends the program because standard output cannot be written: with status 0 if the reader has
 /// closed the pipe, else with status 1.
 fn unheard(e: &std::io::Error) {
     if e.kind() == std::io::ErrorKind::BrokenPipe {
         std::process::exit(0);
     }
-    eprintln!("phasmid: standard output: {e}");
+    eprintln!("phasmid: {STANDARD_OUTPUT}: {e}");
     std::process::exit(1);
 }
 
@@ -157,8 +160,32 @@ fn step(what: &str) {
 ///
 /// Exit status: 0 for success, 1 for a failure of a device or the system, 2 for invalid input.
 pub fn main() -> ExitCode {
-    match dispatch(Cli::parse().command) {
+    use std::io::{ErrorKind, Write};
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        // A usage error, or the text of --help or --version.
+        Err(answer) => {
+            if let Err(e) = answer.print()
+                && !answer.use_stderr()
+            {
+                unheard(&e);
+            }
+            return ExitCode::from(u8::try_from(answer.exit_code()).unwrap_or(2));
+        }
+    };
+    let done = dispatch(cli.command).and_then(|()| {
+        // The rest of a last line without a newline.
+        let flushed = std::io::stdout().flush();
+        flushed.map_err(|e| Error::io(STANDARD_OUTPUT, e))
+    });
+    match done {
         Ok(()) => ExitCode::SUCCESS,
+        // The reader has closed the pipe.
+        Err(Error::Io { place, source })
+            if place == STANDARD_OUTPUT && source.kind() == ErrorKind::BrokenPipe =>
+        {
+            ExitCode::SUCCESS
+        }
         Err(error) => {
             eprintln!("phasmid: {error}");
             ExitCode::from(error.exit_code())

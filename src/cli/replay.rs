@@ -1,7 +1,7 @@
 //! `phasmid replay`: serves a device that behaves as recorded.
 
 use super::record;
-use super::serve::{Shutdown, default_run_dir, runtime};
+use super::serve::{Shutdown, default_run_dir, runtime, tcp};
 use phasmid_core::error::{Error, Result};
 use phasmid_device::link::{Outcome, Replay, RunDir, replay};
 use phasmid_host::monotonic_ns;
@@ -26,9 +26,14 @@ pub(super) struct Args {
     /// When to send replies and frames.
     #[arg(long, value_enum, default_value_t = Pace::Real)]
     clock: Pace,
-    /// Also serve frames on this TCP port of the loopback interface; 0 picks a free one.
+    /// Also serve frames on this TCP port of the loopback interface; 0 picks a free one. TCP is not
+    /// authenticated: without --tcp-token, every user of this machine can read the frames.
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
     tcp: Option<u16>,
+    /// File with a token that TCP clients must present: one line of at least 16 characters.
+    /// `phasmid` commands find it through the environment variable PHASMID_TCP_TOKEN_FILE.
+    #[arg(long, value_name = "FILE", requires = "tcp")]
+    tcp_token: Option<PathBuf>,
     /// Exit when standard input closes, for programs that start a device and may be killed.
     #[arg(long)]
     while_stdin: bool,
@@ -55,7 +60,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         reader,
         about,
         fast: args.clock == Pace::Fast,
-        tcp: args.tcp,
+        tcp: tcp(args.tcp, args.tcp_token.as_deref())?,
         notice: |text| eprintln!("phasmid: {text}"),
     };
     let outcome = runtime()?.block_on(async {

@@ -28,7 +28,8 @@ use std::time::{Duration, Instant};
     after_help = "Example:\n  phasmid scan --camera /dev/video0 --control /dev/ttyACM0 --out scan"
 )]
 pub(super) struct Args {
-    /// Camera: /dev/videoN, socket:PATH or tcp:HOST:PORT.
+    /// Camera: /dev/videoN, socket:PATH or tcp:HOST:PORT. For tcp:, the environment variable
+    /// PHASMID_TCP_TOKEN_FILE names the file of the device's --tcp-token.
     #[arg(long, value_name = "ADDR", required_unless_present = "device")]
     camera: Option<String>,
     /// USB device with camera and control port, served over USB/IP: usb:HOST:PORT or

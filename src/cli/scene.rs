@@ -44,7 +44,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
             for (i, object) in scene.object.iter().enumerate() {
                 if let Shape::Mesh { file: mesh } = &object.shape {
                     let place = format!("{file}: object[{i}].shape.file");
-                    let mesh = Mesh::read(&scene.folder.join(mesh)).map_err(|e| e.at(place))?;
+                    let path = scene.folder.join(mesh);
+                    let mut mesh = Mesh::read(&path).map_err(|e| e.at(&place))?;
+                    // A deforming mesh keeps the triangles of its keyframes.
+                    if object.deform.is_none() {
+                        let name = path.display().to_string();
+                        let removed = mesh.clean(&name).map_err(|e| e.at(&place))?;
+                        if removed.total() > 0 {
+                            eprintln!("phasmid: {place}: {name}: {removed}");
+                        }
+                    }
                     triangles += mesh.triangles.len();
                 }
                 let deform = object.deform.iter().flat_map(|d| &d.keyframes);

@@ -41,30 +41,41 @@ pub fn check(path: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
-/// Checks that a folder can take the output files `names`. The folder need not exist.
+/// Checks that a folder can take the output files `names`, before any work is done for them. The
+/// folder need not exist.
 ///
 /// # Errors
-/// Returns an error if the path is not a folder, or if any of the files exists and `force` is not
-/// set.
+/// Returns an error if the path or one of its parents is not a folder, if any of the files exists
+/// (even as a dangling link) and `force` is not set, or if any of them is not a regular file.
 pub fn check_folder(
     folder: &Path,
     names: impl IntoIterator<Item = impl AsRef<Path>>,
     force: bool,
 ) -> Result<()> {
     let place = || format!("--out {}", folder.display());
-    if folder.symlink_metadata().is_ok() && !folder.is_dir() {
+    let existing = folder.ancestors().find(|p| p.symlink_metadata().is_ok());
+    if let Some(path) = existing.filter(|path| !path.is_dir()) {
+        let found = match path == folder {
+            true => "a file".to_owned(),
+            false => format!("{}, a file", path.display()),
+        };
         let allowed = "a folder, or a path where one can be made";
-        return Err(Error::input(place(), "a file", allowed));
+        return Err(Error::input(place(), found, allowed));
     }
     for name in names {
         let name = name.as_ref();
-        if !force && folder.join(name).symlink_metadata().is_ok() {
-            return Err(Error::input(
-                place(),
-                format!("{}, which exists", name.display()),
-                "another folder, or --force to overwrite",
-            ));
-        }
+        let path = folder.join(name);
+        let (found, allowed) = if path.symlink_metadata().is_err() {
+            continue;
+        } else if path.metadata().is_ok_and(|about| !about.is_file()) {
+            ("which is not a regular file", "another folder")
+        } else if !force {
+            ("which exists", "another folder, or --force to overwrite")
+        } else {
+            continue;
+        };
+        let found = format!("{}, {found}", name.display());
+        return Err(Error::input(place(), found, allowed));
     }
     Ok(())
 }
@@ -103,15 +114,20 @@ impl NewFile {
         let path = &self.path;
         self.writer.flush().map_err(|e| Error::io(path, e))?;
         drop(self.writer);
-        let moved = match self.force {
-            true => self.partial.persist(path),
-            false => self.partial.persist_noclobber(path),
-        };
-        moved.map_err(|e| match e.error.kind() {
-            ErrorKind::AlreadyExists => exists(path),
-            _ => Error::io(path, e.error),
-        })
+        put(self.partial, path, self.force)
     }
+}
+
+/// Gives a temporary file its final name.
+fn put(partial: TempPath, path: &Path, force: bool) -> Result<()> {
+    let moved = match force {
+        true => partial.persist(path),
+        false => partial.persist_noclobber(path),
+    };
+    moved.map_err(|e| match e.error.kind() {
+        ErrorKind::AlreadyExists => exists(path),
+        _ => Error::io(path, e.error),
+    })
 }
 
 impl Write for NewFile {
@@ -159,12 +175,35 @@ pub fn replace_image(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> image::ImageResult<()>,
 ) -> Result<()> {
-    replace(path, |out| {
+    write_image(path, true, fill)
+}
+
+/// Writes an image file. An existing one is replaced only with `force`.
+///
+/// # Errors
+/// Returns the errors of [`write()`].
+pub fn write_image(
+    path: &Path,
+    force: bool,
+    fill: impl FnOnce(&mut BufWriter<File>) -> image::ImageResult<()>,
+) -> Result<()> {
+    write(path, force, |out| {
         fill(out).map_err(|e| match e {
             image::ImageError::IoError(e) => e,
             e => std::io::Error::other(e),
         })
     })
+}
+
+/// Moves a completed file to its final name on the same file system. An existing one is replaced
+/// only with `force`.
+///
+/// # Errors
+/// Returns an error if [`check`] fails or the file cannot be moved. In the latter case it is deleted.
+pub fn rename(from: &Path, to: &Path, force: bool) -> Result<()> {
+    check(to, force)?;
+    let from = TempPath::try_from_path(from).map_err(|e| Error::io(from, e))?;
+    put(from, to, force)
 }
 
 /// Opens a file directly under its final name, for data appended during a long measurement: partial
@@ -194,7 +233,7 @@ pub fn discard(folder: &Path, names: impl IntoIterator<Item = impl AsRef<Path>>)
     }
 }
 
-/// Returns whether a name belongs to a temporary file left by a killed program.
+/// Returns whether a name belongs to a temporary file or folder left by a killed program.
 pub fn is_unfinished(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
     name.starts_with(PREFIX) && name.ends_with(SUFFIX)
@@ -213,6 +252,19 @@ pub fn scratch(prefix: &str) -> Result<tempfile::TempDir> {
     builder
         .tempdir()
         .map_err(|e| Error::io(std::env::temp_dir(), e))
+}
+
+/// Creates a private folder with an unpredictable name in a folder, for output that is moved when it
+/// is complete. It is deleted when the value is dropped.
+///
+/// # Errors
+/// Returns an error if the folder cannot be created.
+pub fn scratch_in(folder: &Path) -> Result<tempfile::TempDir> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(PREFIX).suffix(SUFFIX);
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
+    builder.tempdir_in(folder).map_err(|e| Error::io(folder, e))
 }
 
 /// Creates a temporary file in the same folder as `path`; it is deleted unless it is renamed.
@@ -305,21 +357,53 @@ mod tests {
         assert_eq!(names(dir.path()), ["a"]);
     }
 
+    #[test]
+    fn rename_replaces_only_when_asked_to() {
+        let dir = tempfile::tempdir().unwrap();
+        let (from, to) = (dir.path().join("from"), dir.path().join("to"));
+        fs::write(&from, "new").unwrap();
+        rename(&from, &to, false).unwrap();
+        fs::write(&from, "newer").unwrap();
+        assert_eq!(rename(&from, &to, false).unwrap_err().exit_code(), 2);
+        assert_eq!(fs::read(&to).unwrap(), b"new");
+        rename(&from, &to, true).unwrap();
+        assert_eq!(fs::read(&to).unwrap(), b"newer");
+        assert_eq!(names(dir.path()), ["to"]);
+    }
+
+    #[test]
+    fn folder_check_rejects_what_cannot_be_written() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::create_dir(dir.path().join("cloud.ply")).unwrap();
+        fs::write(dir.path().join("file"), "mine").unwrap();
+        for force in [false, true] {
+            let why = |folder: &str, name: &str| {
+                let refused = check_folder(&dir.path().join(folder), [name], force);
+                refused.unwrap_err().to_string()
+            };
+            let folder = why("", "cloud.ply");
+            assert!(folder.contains("cloud.ply, which is not a"), "{folder}");
+            let below = why("file/a/b", "cloud.ply");
+            assert!(below.contains("file, a file"), "{below}");
+            check_folder(&dir.path().join("a/b"), ["cloud.ply"], force).unwrap();
+        }
+    }
+
     #[cfg(target_os = "linux")]
     #[test]
     fn scratch_folders_are_new_private_and_removed() {
         use std::os::unix::fs::PermissionsExt;
-        let (one, other) = (
-            scratch("phasmid-x-").unwrap(),
-            scratch("phasmid-x-").unwrap(),
-        );
-        assert_ne!(one.path(), other.path());
-        let mode = one.path().metadata().unwrap().permissions().mode();
-        assert_eq!(mode & 0o777, 0o700);
-        let path = one.path().to_owned();
-        fs::write(path.join("file"), "text").unwrap();
-        drop(one);
-        assert!(!path.exists());
+        let base = tempfile::tempdir().unwrap();
+        let some = || [scratch("phasmid-x-"), scratch_in(base.path())].map(Result::unwrap);
+        for (one, other) in some().into_iter().zip(some()) {
+            assert_ne!(one.path(), other.path());
+            let mode = one.path().metadata().unwrap().permissions().mode();
+            assert_eq!(mode & 0o777, 0o700);
+            let path = one.path().to_owned();
+            fs::write(path.join("file"), "text").unwrap();
+            drop(one);
+            assert!(!path.exists());
+        }
     }
 
     #[cfg(unix)]

@@ -9,6 +9,10 @@ use phasmid_pattern::{MAX_SIDE_PX, Manifest};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
+/// Maximum number of pixels of a frame: 8192 x 8192, above the 65 million of the largest common
+/// sensors. Decoding takes about 30 bytes per pixel besides the frames, and a small compressed file
+/// may hold any number of equal pixels.
+const MAX_PIXELS: u64 = 1 << 26;
 /// Maximum total size of a sequence's samples, in bytes.
 const MAX_BYTES: u64 = 4 << 30;
 /// Maximum total size of images being decoded, before conversion to luma, in bytes.
@@ -195,11 +199,11 @@ fn size(path: &Path) -> Result<(u32, u32)> {
     let (w, h) = reader(path)?
         .into_dimensions()
         .map_err(|e| unreadable(path, &e))?;
-    if w.max(h) > MAX_SIDE_PX || w.min(h) == 0 {
+    if w.max(h) > MAX_SIDE_PX || w.min(h) == 0 || u64::from(w) * u64::from(h) > MAX_PIXELS {
         return Err(Error::input(
             path.display(),
             format!("{w} x {h} pixels"),
-            format!("1 to {MAX_SIDE_PX} px a side"),
+            format!("1 to {MAX_SIDE_PX} px a side, and up to {MAX_PIXELS} pixels"),
         ));
     }
     Ok((w, h))
@@ -238,6 +242,34 @@ mod tests {
             Luma::U16(samples) => assert_eq!(samples, [30000; 15]),
             Luma::U8(_) => panic!("16 bits became 8"),
         }
+    }
+
+    #[test]
+    fn too_many_pixels_are_refused_before_they_are_decoded() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("bomb.png");
+        image::GrayImage::new(16, 16).save(&path).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        // The header's width and height, and its checksum; no pixels follow that would fill them.
+        bytes[16..24].copy_from_slice(&[0, 0, 64, 0, 0, 0, 64, 0]);
+        let checksum = crc(&bytes[12..29]);
+        bytes[29..33].copy_from_slice(&checksum.to_be_bytes());
+        std::fs::write(&path, bytes).unwrap();
+        let error = size(&path).unwrap_err().to_string();
+        assert!(
+            error.contains("bomb.png: 16384 x 16384 pixels; expected"),
+            "{error}"
+        );
+        assert!(error.contains("up to 67108864 pixels"), "{error}");
+    }
+
+    /// The checksum of a PNG chunk.
+    fn crc(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0, |crc, &byte| {
+            (0..8).fold(crc ^ u32::from(byte), |c, _| {
+                (c >> 1) ^ (0xedb8_8320 * (c & 1))
+            })
+        })
     }
 
     #[test]

@@ -3,6 +3,8 @@
 use super::decoder::Decoder;
 use super::maps::{Decoded, Verdict};
 use super::npy::write_npy;
+use super::triangulate::{Lit, Measured};
+use glam::DVec2;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use phasmid_core::error::Result;
 use phasmid_core::new_file::{discard, replace_image};
@@ -149,6 +151,9 @@ pub struct Summary {
     /// Median standard deviation of depth in mm, due to noise and held projector pixels; `None`
     /// without a rig.
     pub median_depth_sigma_mm: Option<f32>,
+    /// Median standard deviation of depth in mm, due to the calibration, over some 200 points; `None`
+    /// without a covariance of the calibration. Neighbouring points have this error in common.
+    pub median_calibration_sigma_mm: Option<f32>,
     /// Notes for the user.
     pub notes: Vec<String>,
 }
@@ -211,9 +216,38 @@ impl Summary {
             ),
             points: with_rig.then(|| decoded.depth.iter().filter(|z| !z.is_nan()).count()),
             median_depth_sigma_mm: median(decoded.depth_sigma.iter().copied()),
+            median_calibration_sigma_mm: calibration_sigma(decoder, decoded),
             notes: decoded.notes.clone(),
         }
     }
+}
+
+/// Points for which the effect of the calibration is computed.
+const CALIBRATION_POINTS: usize = 200;
+
+fn calibration_sigma(decoder: &Decoder, decoded: &Decoded) -> Option<f32> {
+    let triangulator = decoder.triangulator()?;
+    let valid: Vec<usize> = (0..decoded.depth.len())
+        .filter(|i| !decoded.depth[*i].is_nan())
+        .collect();
+    let pixels: Vec<Lit> = valid
+        .iter()
+        .step_by(valid.len().div_ceil(CALIBRATION_POINTS).max(1))
+        .map(|&i| {
+            let mut lit = [None; 2];
+            for (axis, map) in decoded.axes() {
+                lit[axis as usize] = Some(Measured {
+                    px: map.coordinate[i].into(),
+                    sigma: map.sigma[i].into(),
+                })
+                .filter(|m| !m.px.is_nan());
+            }
+            let [u, v] = [i % decoded.width, i / decoded.width].map(|at| at as f64);
+            (DVec2::new(u, v), lit)
+        })
+        .collect();
+    let sigma = triangulator.calibration_sigma(&pixels)?;
+    median(sigma.into_iter().map(|sigma| sigma as f32))
 }
 
 impl std::fmt::Display for Summary {
@@ -249,6 +283,12 @@ impl std::fmt::Display for Summary {
             writeln!(
                 f,
                 "points       {points}, sigma {sigma:.4} mm in depth (median)"
+            )?;
+        }
+        if let Some(sigma) = self.median_calibration_sigma_mm {
+            writeln!(
+                f,
+                "calibration  sigma {sigma:.4} mm in depth (median), common to neighbouring points"
             )?;
         }
         for note in &self.notes {

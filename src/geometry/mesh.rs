@@ -1,12 +1,50 @@
-//! Triangle meshes, as returned by every file reader, and their validation.
+//! Triangle meshes, as returned by every file reader, their validation and cleaning.
 
 use super::{file, obj, ply, stl};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
+use rayon::prelude::*;
+use std::fmt;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 
 /// Coordinate limit. Larger values are mistakes, and their squares would overflow f32.
 const LARGEST_MM: f64 = 1e9;
+/// Maximum number of corners of a polygon. Polygons become fans, whose slivers share one corner and
+/// overlap in every search tree, so each ray would test most of them.
+pub(crate) const MAX_CORNERS: usize = 1000;
+/// A triangle is degenerate if its height is at most this fraction of its longest side: the
+/// direction of its normal is then a rounding error.
+const FLATTEST: f64 = 1e-12;
+
+/// Numbers of triangles that [`Mesh::clean`] has removed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Removed {
+    /// Triangles without area.
+    pub degenerate: usize,
+    /// Triangles with the corners and the orientation of an earlier triangle.
+    pub duplicate: usize,
+}
+
+impl Removed {
+    /// Returns the number of triangles removed.
+    pub fn total(&self) -> usize {
+        self.degenerate + self.duplicate
+    }
+}
+
+impl fmt::Display for Removed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            degenerate,
+            duplicate,
+        } = self;
+        write!(
+            f,
+            "removed {degenerate} triangles without area and {duplicate} duplicate triangles"
+        )
+    }
+}
 
 /// Triangles over shared vertices, in millimetres in the mesh's own frame. Seen from outside, the
 /// corners of a triangle run counter-clockwise, so `(b - a) x (c - a)` points outwards.
@@ -26,7 +64,7 @@ pub struct Mesh {
 impl Mesh {
     /// Reads `.stl` (binary or ASCII), `.obj` or `.ply` (ASCII, little or big endian), selected by
     /// the extension in any case. Coordinates are taken as millimetres. Polygons become triangle
-    /// fans; degenerate and duplicate triangles are kept.
+    /// fans of up to 1000 corners; degenerate and duplicate triangles are kept, see [`Self::clean`].
     ///
     /// # Errors
     /// Returns an error if the file cannot be read, has another extension, is malformed or
@@ -107,6 +145,60 @@ impl Mesh {
         Ok(self)
     }
 
+    /// Removes triangles without area and all but the first of triangles with equal corners and
+    /// orientation. They change no surface, but overlap in every search tree. The vertices stay.
+    /// The mesh must have passed [`Self::checked`]; `place` names it in messages.
+    ///
+    /// # Errors
+    /// Returns an error if no triangle is left.
+    pub fn clean(&mut self, place: &str) -> Result<Removed> {
+        let count = self.triangles.len();
+        let mut kept: Vec<(u64, u32)> = (0..count as u32)
+            .into_par_iter()
+            .filter(|&i| !is_degenerate(self.corners(i as usize)))
+            .map(|i| {
+                let mut hasher = DefaultHasher::new();
+                self.bits(i).hash(&mut hasher);
+                (hasher.finish(), i)
+            })
+            .collect();
+        let degenerate = count - kept.len();
+        kept.par_sort_unstable();
+        kept.dedup_by(|later, first| {
+            later.0 == first.0 && self.bits(later.1) == self.bits(first.1)
+        });
+        let removed = Removed {
+            degenerate,
+            duplicate: count - degenerate - kept.len(),
+        };
+        if kept.is_empty() {
+            return Err(Error::input(
+                place,
+                format!("{count} triangles, all without area"),
+                "at least one triangle with an area",
+            ));
+        }
+        if removed.total() > 0 {
+            kept.par_sort_unstable_by_key(|&(_, i)| i);
+            let kept = || kept.iter().map(|&(_, i)| i as usize);
+            if !self.uv.is_empty() {
+                self.uv = kept().map(|i| self.uv[i]).collect();
+            }
+            self.triangles = kept().map(|i| self.triangles[i]).collect();
+        }
+        Ok(removed)
+    }
+
+    /// Returns the bits of a triangle's corners, rotated so that the lowest come first.
+    fn bits(&self, index: u32) -> [[u64; 3]; 3] {
+        // Adding zero turns -0 into +0.
+        let corners = self.corners(index as usize);
+        let mut bits = corners.map(|v| (v + DVec3::ZERO).to_array().map(f64::to_bits));
+        let lowest = (0..3).min_by_key(|&i| bits[i]).unwrap_or(0);
+        bits.rotate_left(lowest);
+        bits
+    }
+
     /// Returns the corners of triangle `index`, in millimetres.
     pub fn corners(&self, index: usize) -> [DVec3; 3] {
         self.triangles[index].map(|i| self.vertices[i as usize])
@@ -122,6 +214,24 @@ impl Mesh {
                 .fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v))),
         )
     }
+}
+
+fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
+    let [u, v, w] = [b - a, c - b, a - c];
+    let longest = [u, v, w].map(DVec3::length_squared);
+    u.cross(v).length() <= FLATTEST * longest.into_iter().fold(0.0, f64::max)
+}
+
+/// Rejects a polygon of more corners than [`MAX_CORNERS`].
+pub(crate) fn check_corners(corners: usize, at: impl Fn() -> String) -> Result<()> {
+    if corners <= MAX_CORNERS {
+        return Ok(());
+    }
+    Err(Error::input(
+        at(),
+        format!("a face of more than {MAX_CORNERS} corners"),
+        format!("3 to {MAX_CORNERS}; split the face into triangles"),
+    ))
 }
 
 /// Returns the extension in lower case, or an empty string.
@@ -179,6 +289,63 @@ mod tests {
         ];
         assert!(complaint(wild).contains("triangle 1: a texture coordinate of 10000000"));
         assert!(complaint(Mesh::default()).contains("no triangle"));
+    }
+
+    #[test]
+    fn removes_duplicate_and_degenerate_triangles() {
+        let third = DVec3::new(1.0 / 3.0, 1.0 / 3.0, 0.0);
+        let mut mesh = Mesh {
+            // Vertex 3 repeats the first with a negative zero; vertex 4 lies on the edge from 1 to 2.
+            vertices: vec![
+                DVec3::ZERO,
+                DVec3::X,
+                DVec3::Y,
+                DVec3::new(0.0, -0.0, 0.0),
+                DVec3::X + (DVec3::Y - DVec3::X) * third.x,
+            ],
+            triangles: vec![
+                [0, 0, 1],
+                [0, 1, 2],
+                [1, 2, 3],
+                [0, 2, 1],
+                [1, 4, 2],
+                [2, 0, 1],
+                [0, 1, 4],
+            ],
+            ..Mesh::default()
+        };
+        mesh.uv = (0..7).map(|i| [[i as f32; 2]; 3]).collect();
+        let removed = mesh.clean("m.stl").unwrap();
+        assert_eq!((removed.degenerate, removed.duplicate), (2, 2));
+        // The opposite orientation is another triangle, which a ray meets from the other side.
+        assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 1], [0, 1, 4]]);
+        assert_eq!(
+            mesh.uv.iter().map(|c| c[0][0]).collect::<Vec<_>>(),
+            [1.0, 3.0, 6.0]
+        );
+        assert_eq!(mesh.clean("m.stl").unwrap(), Removed::default());
+
+        mesh.triangles = vec![[0, 0, 1]; 5];
+        let error = mesh.clean("m.stl").unwrap_err().to_string();
+        assert!(
+            error.contains("m.stl: 5 triangles, all without area"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn many_equal_triangles_become_one() {
+        let mut mesh = Mesh {
+            vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+            triangles: vec![[0, 1, 2]; 100_000],
+            ..Mesh::default()
+        };
+        let removed = mesh.clean("m.stl").unwrap();
+        assert_eq!((removed.total(), mesh.triangles.len()), (99_999, 1));
+        assert_eq!(
+            removed.to_string(),
+            "removed 0 triangles without area and 99999 duplicate triangles"
+        );
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //!
 //! A node's range of points is split in the middle, so the tree's shape depends only on the number
 //! of points. Only one of several coincident points is kept: otherwise all would be equally near,
-//! and a query would have to visit each to find the lowest indices. Distances are bounded with the
-//! offsets of all axes (S. Arya and D. Mount, "Algorithms for Fast Vector Quantization", 1993).
+//! and a query would have to visit each to find the lowest indices. Each node has the bounding box
+//! of its points: split planes alone do not bound the distance from a point far from the surface.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -15,8 +15,10 @@ const LEAF: usize = 8;
 pub struct Neighbours {
     points: Vec<[f32; 3]>,
     ids: Vec<u32>,
-    /// Axis and position of each inner node's split; the children of i are 2 i + 1 and 2 i + 2.
-    cuts: Vec<(u8, f32)>,
+    /// Lowest and highest corner of each node's points; the children of i are 2 i + 1 and 2 i + 2.
+    boxes: Vec<[[f32; 3]; 2]>,
+    /// Number of levels above the leaves.
+    levels: u32,
 }
 
 impl Neighbours {
@@ -36,10 +38,8 @@ impl Neighbours {
         while all.len() >> levels > LEAF {
             levels += 1;
         }
-        let mut cuts = vec![(0, 0.0); (1 << levels) - 1];
         // Level by level: the ranges of a level follow from halving, so no recursion is needed.
         for level in 0..levels {
-            let first = (1 << level) - 1;
             let mut ranges: Vec<&mut [([f32; 3], u32)]> = Vec::with_capacity(1 << level);
             let mut rest = all.as_mut_slice();
             let count = rest.len();
@@ -49,20 +49,34 @@ impl Neighbours {
                 ranges.push(head);
                 rest = tail;
             }
-            ranges
-                .into_par_iter()
-                .enumerate()
-                .zip(&mut cuts[first..])
-                .for_each(|((k, range), cut)| {
-                    let start = start_of(k, level, count);
-                    let middle = start_of(2 * k + 1, level + 1, count) - start;
-                    *cut = halve(range, middle);
-                });
+            ranges.into_par_iter().enumerate().for_each(|(k, range)| {
+                let start = start_of(k, level, count);
+                halve(range, start_of(2 * k + 1, level + 1, count) - start);
+            });
+        }
+        let count = all.len();
+        let mut boxes = vec![bounds(&[]); (2 << levels) - 1];
+        let first = (1 << levels) - 1;
+        boxes[first..]
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(k, of)| {
+                *of = bounds(&all[start_of(k, levels, count)..start_of(k + 1, levels, count)]);
+            });
+        for node in (0..first).rev() {
+            let [[a, b], [c, d]] = [boxes[2 * node + 1], boxes[2 * node + 2]];
+            boxes[node] = std::array::from_fn(|end| {
+                std::array::from_fn(|axis| match end {
+                    0 => a[axis].min(c[axis]),
+                    _ => b[axis].max(d[axis]),
+                })
+            });
         }
         Self {
             points: all.iter().map(|(p, _)| *p).collect(),
             ids: all.iter().map(|(_, i)| *i).collect(),
-            cuts,
+            boxes,
+            levels,
         }
     }
 
@@ -84,57 +98,36 @@ impl Neighbours {
             best: [(f64::INFINITY, u32::MAX); K],
         };
         if !self.is_empty() && p.is_finite() {
-            self.descend(p, 0, 0, 0, [0.0; 3], 0.0, &mut found);
+            self.descend(p, 0, &mut found);
         }
         found
     }
 
-    #[allow(clippy::too_many_arguments)] // one step of a recursion: all of it is state
-    fn descend<const K: usize>(
-        &self,
-        p: DVec3,
-        node: usize,
-        level: u32,
-        k: usize,
-        offsets: [f64; 3],
-        bound: f64,
-        found: &mut Nearest<K>,
-    ) {
-        let Some(&(axis, cut)) = self.cuts.get(node) else {
+    fn descend<const K: usize>(&self, p: DVec3, node: usize, found: &mut Nearest<K>) {
+        let first = (1 << self.levels) - 1;
+        if let Some(k) = node.checked_sub(first) {
             let count = self.points.len();
-            for i in start_of(k, level, count)..start_of(k + 1, level, count) {
+            for i in start_of(k, self.levels, count)..start_of(k + 1, self.levels, count) {
                 let q = DVec3::from_array(self.points[i].map(f64::from));
                 found.offer((q - p).length_squared(), self.ids[i]);
             }
             return;
-        };
-        let axis = usize::from(axis);
-        let beyond = p[axis] - f64::from(cut);
-        let side = usize::from(beyond > 0.0);
-        self.descend(
-            p,
-            2 * node + 1 + side,
-            level + 1,
-            2 * k + side,
-            offsets,
-            bound,
-            found,
-        );
-        let far = bound - offsets[axis] * offsets[axis] + beyond * beyond;
-        // Rounding may make the bound slightly too large; equality keeps ties for the lower index.
-        if far * (1.0 - 1e-12) <= found.best[K - 1].0 {
-            let mut offsets = offsets;
-            offsets[axis] = beyond;
-            self.descend(
-                p,
-                2 * node + 2 - side,
-                level + 1,
-                2 * k + 1 - side,
-                offsets,
-                far,
-                found,
-            );
         }
+        let [a, b] =
+            [2 * node + 1, 2 * node + 2].map(|child| (self.distance_squared(p, child), child));
+        for (distance, child) in if b.0 < a.0 { [b, a] } else { [a, b] } {
+            // Equality keeps ties for the lower index. Rounding is monotonic, so that no point is
+            // nearer than its box.
+            if distance <= found.best[K - 1].0 {
+                self.descend(p, child, found);
+            }
+        }
+    }
+
+    /// Squared distance from a point to a node's box; 0 inside.
+    fn distance_squared(&self, p: DVec3, node: usize) -> f64 {
+        let [lo, hi] = self.boxes[node].map(|v| DVec3::from_array(v.map(f64::from)));
+        (lo - p).max(p - hi).max(DVec3::ZERO).length_squared()
     }
 }
 
@@ -143,21 +136,26 @@ fn start_of(k: usize, level: u32, count: usize) -> usize {
     ((k as u128 * count as u128) >> level) as usize
 }
 
-/// Splits a range at index `middle` along its widest axis; returns the axis and the split position.
-fn halve(range: &mut [([f32; 3], u32)], middle: usize) -> (u8, f32) {
+/// Splits a range at index `middle` along its widest axis.
+fn halve(range: &mut [([f32; 3], u32)], middle: usize) {
+    let [lo, hi] = bounds(range);
+    let width = |axis: &usize| f64::from(hi[*axis]) - f64::from(lo[*axis]);
+    let axis = (0..3)
+        .max_by(|a, b| width(a).total_cmp(&width(b)))
+        .unwrap_or(0);
+    range.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]));
+}
+
+/// Returns the lowest and highest corner of a range's bounding box.
+fn bounds(range: &[([f32; 3], u32)]) -> [[f32; 3]; 2] {
     let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for (p, _) in range.iter() {
+    for (p, _) in range {
         for axis in 0..3 {
             lo[axis] = lo[axis].min(p[axis]);
             hi[axis] = hi[axis].max(p[axis]);
         }
     }
-    let width = |axis: &usize| f64::from(hi[*axis]) - f64::from(lo[*axis]);
-    let axis = (0..3)
-        .max_by(|a, b| width(a).total_cmp(&width(b)))
-        .unwrap_or(0);
-    let (_, at, _) = range.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]));
-    (axis as u8, at.0[axis])
+    [lo, hi]
 }
 
 /// Result of [`Neighbours::nearest`].

@@ -4,11 +4,12 @@
 use super::Mesh;
 use super::colour;
 use super::file::{next_line, number, quoted, words};
+use super::mesh::check_corners;
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 
 /// Parses an OBJ file. Faces of more than three corners become fans around their first corner,
-/// which is exact for convex faces.
+/// which is exact for convex faces; more than 1000 corners are refused.
 pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
     let mut mesh = Mesh::default();
     let mut rest = bytes;
@@ -210,6 +211,7 @@ fn face<'a>(
         }
         let index = (index - 1, coordinates.index(corner, line));
         seen += 1;
+        check_corners(seen, || format!("{place}:{line}"))?;
         match (first, last) {
             (None, _) => first = Some(index),
             (Some(_), None) => last = Some(index),
@@ -291,6 +293,21 @@ mod tests {
             let error = parse(SQUARE.replace(from, to).as_bytes(), "m.obj").unwrap_err();
             assert!(error.to_string().contains(says), "{error}");
         }
+        let face = |n: usize| "v 0 0 0\nv 1 0 0\nv 0 1 0\nf".to_owned() + &" 1 2 3".repeat(n);
+        let error = parse(face(334).as_bytes(), "m.obj")
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("m.obj:4: a face of more than 1000 corners; expected 3 to 1000"),
+            "{error}"
+        );
+        assert_eq!(
+            parse(face(333).as_bytes(), "m.obj")
+                .unwrap()
+                .triangles
+                .len(),
+            997
+        );
         assert!(parse(b"v 0 0 0\n", "m.obj").is_err());
         assert!(parse(b"v 0 0 0\nf 1 1 \\", "m.obj").is_err());
     }

@@ -4,7 +4,7 @@
 use super::consistency::{LEAST_FOLLOWING, doubt, following};
 use image::{ImageBuffer, ImageFormat, Luma};
 use phasmid_core::error::{Error, Result};
-use phasmid_core::new_file::{self, replace, replace_image};
+use phasmid_core::new_file::{self, replace, write_image};
 use phasmid_geometry::Rig;
 use phasmid_pattern::{Manifest, Pattern};
 use phasmid_protocol::{Frame, PixelFormat};
@@ -69,21 +69,24 @@ impl Captured {
     /// Checks, before a scan, that a folder does not already hold a capture.
     ///
     /// # Errors
-    /// Returns an error if the folder holds a capture, unless `force` is set.
+    /// Returns an error if the folder holds a capture, unless `force` is set, or if a folder or device
+    /// has the name of one of its files.
     pub fn check_folder(folder: &Path, force: bool) -> Result<()> {
         new_file::check_folder(folder, [""; 0], force)?;
         let entries = match fs::read_dir(folder) {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
             entries => entries.map_err(|e| Error::io(folder, e))?,
         };
-        if force {
-            return Ok(());
-        }
         for entry in entries {
             let name = entry.map_err(|e| Error::io(folder, e))?.file_name();
             let name = name.to_string_lossy();
             let frame = name.starts_with("frame_") && name.ends_with(".png");
-            if frame || name == MANIFEST_FILE || name == CALIBRATION_FILE {
+            if !frame && name != MANIFEST_FILE && name != CALIBRATION_FILE {
+                continue;
+            }
+            if force {
+                new_file::check_folder(folder, [&*name], force)?;
+            } else {
                 return Err(Error::input(
                     format!("--out {}", folder.display()),
                     format!("{name}, of an earlier capture"),
@@ -124,7 +127,7 @@ impl Captured {
         self.frames
             .par_iter()
             .enumerate()
-            .try_for_each(|(i, frame)| write_png(frame, &folder.join(self.file_name(i))))?;
+            .try_for_each(|(i, frame)| write_png(frame, &folder.join(self.file_name(i)), true))?;
         let mut manifest = self.manifest.clone();
         for (i, frame) in manifest.frame.iter_mut().enumerate() {
             frame.file = Some(self.file_name(i));
@@ -145,11 +148,13 @@ impl Captured {
     }
 }
 
-/// Writes a frame as a greyscale PNG of 8 or 16 bits.
+/// Writes a frame as a greyscale PNG of 8 or 16 bits. An existing file is replaced only with
+/// `force`.
 ///
 /// # Errors
-/// Returns an error on I/O failure, or if the data length of the frame does not match its size.
-pub fn write_png(frame: &Frame, path: &Path) -> Result<()> {
+/// Returns an error on I/O failure, if the data length of the frame does not match its size, or if
+/// the file exists and `force` is not set.
+pub fn write_png(frame: &Frame, path: &Path, force: bool) -> Result<()> {
     let (width, height) = (frame.width, frame.height);
     let wrong = || {
         Error::device(format!(
@@ -165,12 +170,12 @@ pub fn write_png(frame: &Frame, path: &Path) -> Result<()> {
             .collect();
         let picture = ImageBuffer::<Luma<u16>, _>::from_raw(width, height, pixels);
         let picture = picture.ok_or_else(wrong)?;
-        replace_image(path, |out| picture.write_to(out, ImageFormat::Png))
+        write_image(path, force, |out| picture.write_to(out, ImageFormat::Png))
     } else {
         let pixels = frame.data.as_slice();
         let picture = ImageBuffer::<Luma<u8>, _>::from_raw(width, height, pixels);
         let picture = picture.ok_or_else(wrong)?;
-        replace_image(path, |out| picture.write_to(out, ImageFormat::Png))
+        write_image(path, force, |out| picture.write_to(out, ImageFormat::Png))
     }
 }
 
@@ -217,6 +222,9 @@ mod tests {
         let error = Captured::check_folder(&out, false).unwrap_err();
         assert!(error.to_string().contains("--force"), "{error}");
         Captured::check_folder(&out, true).unwrap();
+        fs::create_dir(out.join("frame_98.png")).unwrap();
+        assert!(Captured::check_folder(&out, true).is_err());
+        fs::remove_dir(out.join("frame_98.png")).unwrap();
         fs::write(out.join("frame_99.png"), "").unwrap();
         captured.write(&out).unwrap();
         assert!(!out.join("frame_99.png").exists());

@@ -22,7 +22,7 @@
 //! | `port` | command ports: serial ports and memory |
 //! | `record` | recording of the traffic between host and device |
 //! | `scanner` | runs a sequence and captures its frames |
-//! | `tcp` | TCP connections to `HOST:PORT` |
+//! | `tcp` | TCP connections to `HOST:PORT`, and the token for them |
 //! | [`usb`] | USB devices over USB/IP, without a kernel driver |
 
 mod camera;

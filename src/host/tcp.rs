@@ -1,8 +1,23 @@
-//! TCP connections to `HOST:PORT`.
+//! TCP connections to `HOST:PORT`, and the token for devices that require one.
 
 use phasmid_core::error::{Error, Result};
+use phasmid_protocol::admission::Token;
 use std::net::{TcpStream, ToSocketAddrs};
+use std::path::Path;
 use std::time::Duration;
+
+/// Environment variable that names the file with the token for cameras at `tcp:` addresses.
+pub(super) const TOKEN_FILE: &str = "PHASMID_TCP_TOKEN_FILE";
+
+/// Reads the token for cameras at `tcp:` addresses, if the environment names a file with one.
+///
+/// # Errors
+/// Returns an error if the file cannot be read or holds no token.
+pub(super) fn token() -> Result<Option<Token>> {
+    let file = std::env::var_os(TOKEN_FILE).filter(|file| !file.is_empty());
+    let token = file.map(|file| Token::read(Path::new(&file)));
+    token.transpose().map_err(|e| e.at(TOKEN_FILE))
+}
 
 /// Connects to the first of the host's addresses that answers, waiting up to `timeout` for each.
 /// `place` is the address as shown in messages.

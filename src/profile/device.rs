@@ -1,7 +1,7 @@
 //! Device profile: the complete description of a scanner model.
 
-use super::{Calibration, Camera, Projector, Sequence, TomlSource};
-use super::{builtin, calibration, camera, control, projector, sequence, usb};
+use super::{Calibration, Camera, FactoryCalibration, Projector, Sequence, TomlSource};
+use super::{builtin, calibration, camera, control, factory_calibration, projector, sequence, usb};
 use phasmid_core::check::{Check, name};
 use phasmid_core::error::Result;
 use phasmid_geometry::Rig;
@@ -32,6 +32,9 @@ pub struct Profile {
     /// Calibration defaults.
     #[serde(default)]
     pub calibration: Calibration,
+    /// Calibration that the device reports.
+    #[serde(default)]
+    pub factory_calibration: FactoryCalibration,
     /// The sequences in the device's memory; the first is selected at power-on.
     pub sequence: Vec<Sequence>,
     /// Folder of the profile file, to which pattern image paths are relative.
@@ -93,7 +96,8 @@ impl Profile {
         }
     }
 
-    /// Returns the rig as designed, which is what a perfect calibration would find.
+    /// Returns the exact rig, which is what a perfect calibration would find; for what the device
+    /// reports see [`Self::factory_rig`].
     pub fn nominal_rig(&self) -> Rig {
         Rig {
             camera: self.camera.view(),
@@ -144,5 +148,6 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
             "a unique name",
         )?;
     }
-    calibration::check(p, check)
+    calibration::check(p, check)?;
+    factory_calibration::check(p, check)
 }

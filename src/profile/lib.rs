@@ -12,6 +12,7 @@
 //! | `control` | control port: dialect and serial settings |
 //! | `device` | a complete device profile |
 //! | `distortion` | check of lens distortion |
+//! | `factory_calibration` | calibration that a device reports |
 //! | `focus` | focus distance and aperture of a lens |
 //! | `glare` | veiling glare of the camera lens |
 //! | `interreflection` | indirect light between surfaces |
@@ -39,6 +40,7 @@ mod camera_response;
 mod control;
 mod device;
 mod distortion;
+mod factory_calibration;
 
 mod focus;
 mod glare;
@@ -68,6 +70,7 @@ pub use camera::Camera;
 pub use camera_response::CameraResponse;
 pub use control::{Control, Parity, Places};
 pub use device::{Identity, Profile};
+pub use factory_calibration::FactoryCalibration;
 pub use focus::Focus;
 pub use glare::Glare;
 pub use interreflection::Interreflection;

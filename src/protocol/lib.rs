@@ -4,6 +4,7 @@
 //!
 //! | module | contents |
 //! | --- | --- |
+//! | `admission` | tokens and refusals before the first frame on the frame socket |
 //! | `data_line` | embedded data line above an image |
 //! | `dialect` | control-port dialects, described by TOML files |
 //! | `endpoints` | `device.json`: addresses of a served device |
@@ -16,6 +17,7 @@
 //! | `usb` | USB requests and descriptors, UVC, CDC-ACM, USB/IP |
 //! | `wire` | frames on the frame socket |
 
+pub mod admission;
 pub mod data_line;
 pub mod dialect;
 pub mod endpoints;

@@ -1,5 +1,6 @@
-//! A frame on the frame socket: a header of 72 bytes, little-endian, then the pixels. The socket
-//! carries nothing else; the device sends, the application receives.
+//! A frame on the frame socket: a header of 72 bytes, little-endian, then the pixels. Lines
+//! of [`crate::admission`] may come before the first frame, otherwise the socket carries nothing
+//! else; the device sends, the application receives.
 //!
 //! | offset | bytes | field |
 //! | --- | --- | --- |

@@ -1,6 +1,6 @@
-//! Image files as patterns: decodes PNG, BMP or TIFF to greyscale, limited to the projector's size.
+//! Image files as patterns: decodes PNG, BMP or TIFF of the projector's size to greyscale.
 
-use image::{GrayImage, ImageReader, Limits};
+use image::{DynamicImage, GrayImage, ImageDecoder, ImageReader, Limits};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::file;
 use phasmid_profile::Projector;
@@ -10,23 +10,29 @@ use std::path::Path;
 /// Maximum image file size in bytes.
 const MAX_FILE: u64 = 64 << 20;
 
-/// Decodes an image of at most the projector's size; `place` names it in messages.
+/// Decodes an image of the projector's size; `place` names it in messages.
 ///
 /// # Errors
-/// Returns an error if the bytes are not an image or if it is larger than the projector.
+/// Returns an error if the bytes are not an image or if it has another size, which is checked before
+/// any pixel is decoded.
 pub fn decode(bytes: &[u8], projector: &Projector, place: &str) -> Result<GrayImage> {
-    let allowed = "a PNG, BMP or TIFF file no larger than the projector";
-    let bad = |e: &dyn std::fmt::Display| Error::input(place, e, allowed);
+    let (width, height) = (projector.width_px, projector.height_px);
+    let allowed = format!("a PNG, BMP or TIFF file of the projector's {width} x {height} pixels");
+    let bad = |e: &dyn std::fmt::Display| Error::input(place, e, &allowed);
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| bad(&e))?;
-    let pixels = u64::from(projector.width_px) * u64::from(projector.height_px);
+    let pixels = u64::from(width) * u64::from(height);
     let mut limits = Limits::default();
-    limits.max_image_width = Some(projector.width_px);
-    limits.max_image_height = Some(projector.height_px);
     limits.max_alloc = Some((pixels * 16).max(1 << 20));
     reader.limits(limits);
-    Ok(reader.decode().map_err(|e| bad(&e))?.into_luma8())
+    let decoder = reader.into_decoder().map_err(|e| bad(&e))?;
+    let found = decoder.dimensions();
+    if found != (width, height) {
+        return Err(bad(&format!("{} x {} pixels", found.0, found.1)));
+    }
+    let image = DynamicImage::from_decoder(decoder).map_err(|e| bad(&e))?;
+    Ok(image.into_luma8())
 }
 
 /// Reads an image file.
@@ -43,4 +49,30 @@ pub fn read(path: &Path, projector: &Projector) -> Result<GrayImage> {
 /// Returns an error if the file cannot be read or exceeds 64 MiB.
 pub(crate) fn bytes_of(path: &Path) -> Result<Vec<u8>> {
     file::read(path, MAX_FILE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::ImageFormat;
+    use phasmid_profile::Profile;
+
+    #[test]
+    fn size_is_checked_before_pixels_are_decoded() {
+        let projector = Profile::load("webcam-grey").unwrap().projector;
+        for format in [ImageFormat::Tiff, ImageFormat::Png] {
+            let mut bytes = Cursor::new(Vec::new());
+            let image = GrayImage::new(860, 480);
+            image.write_to(&mut bytes, format).unwrap();
+            let mut bytes = bytes.into_inner();
+            if format == ImageFormat::Png {
+                // Without its pixels the file cannot be decoded.
+                bytes.truncate(60);
+            }
+            let error = decode(&bytes, &projector, "big").unwrap_err().to_string();
+            let expected = "big: 860 x 480 pixels; expected a PNG, BMP or TIFF file of the \
+                            projector's 854 x 480 pixels";
+            assert_eq!(error, expected);
+        }
+    }
 }

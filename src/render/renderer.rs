@@ -105,11 +105,12 @@ impl Renderer {
         let fixed = fixed_pattern(&plan, profile);
         let camera = &profile.camera;
         let pixels = u64::from(camera.width_px) * u64::from(camera.height_px);
-        let (gpu, news) = pending::open(
+        let (gpu, mut news) = pending::open(
             options.backend,
             || gpu::fits(&world, &optics),
             (pixels, u64::from(options.samples)),
         )?;
+        news.add(world.notes());
         let mut renderer = Self {
             profile: profile.clone(),
             scene: scene.clone(),

@@ -134,6 +134,8 @@ struct Fixed {
     owner: Vec<u16>,
     /// Moving objects, in order.
     paths: Vec<Animation>,
+    /// Changes made to mesh files when they were read.
+    notes: Vec<String>,
 }
 
 /// All surfaces at one instant.
@@ -150,6 +152,11 @@ pub(super) struct World {
 impl World {
     pub(super) fn triangle_count(&self) -> usize {
         self.fixed.owner.len()
+    }
+
+    /// Returns notes for the user about changes made to the scene's meshes.
+    pub(super) fn notes(&self) -> &[String] {
+        &self.fixed.notes
     }
 
     /// Returns the object of each triangle.

@@ -31,6 +31,11 @@ pub struct Summary {
     pub seed: u64,
     /// Whether the sensor's noise was on.
     pub noise: bool,
+    /// `factory` if the scan was measured with the calibration that the device reports, with its
+    /// errors; `exact` if that was the exact rig.
+    pub calibration: &'static str,
+    /// Median standard deviation of depth that the calibration causes, in mm; `None` if it is exact.
+    pub calibration_sigma_mm: Option<f32>,
     /// Frames captured.
     pub frames: usize,
     /// Errors against the truth.
@@ -91,6 +96,15 @@ impl fmt::Display for Summary {
         writeln!(f, "{:<26}{ratio:>12}", "error over sigma")?;
         let beyond = cell(100.0 * s.stated.beyond_5_sigma, 3, "%");
         writeln!(f, "{:<26}{beyond:>12}", "beyond 5 sigma")?;
+        let calibration = match self.calibration_sigma_mm {
+            Some(sigma) => cell(sigma.into(), 4, "mm"),
+            None => self.calibration.to_owned(),
+        };
+        let name = match self.calibration_sigma_mm {
+            Some(_) => format!("{} calibration, sigma", self.calibration),
+            None => "calibration".to_owned(),
+        };
+        writeln!(f, "{name:<26}{calibration:>12}")?;
         for (reason, pixels) in self.masked.iter().filter(|(_, pixels)| *pixels > 0) {
             writeln!(f, "{:<26}{pixels:>12}", format!("left out, {reason}"))?;
         }

@@ -348,9 +348,14 @@ fn results_of_an_earlier_run_are_removed() {
     let folder = tempdir().unwrap();
     let target = folder.path().join("out");
     copy(&out(), &target);
-    // Remains of a run that was killed.
-    fs::create_dir(target.join("phasmid-unfinished")).unwrap();
-    fs::write(target.join("phasmid-unfinished/found_pose_00.png"), "").unwrap();
+    // Remains of a run that was killed, and the folder of a run in progress.
+    let (draft, locked) = (".phasmid-a1b2c3.partial", ".phasmid-d4e5f6.partial");
+    for name in [draft, locked] {
+        fs::create_dir(target.join(name)).unwrap();
+        fs::write(target.join(name).join("found_pose_00.png"), "").unwrap();
+    }
+    let lock = fs::File::open(target.join(locked)).unwrap();
+    lock.lock().unwrap();
     fs::write(target.join("notes.txt"), "mine").unwrap();
     for (captures, stay) in [
         (target.join("captures"), true),
@@ -364,9 +369,10 @@ fn results_of_an_earlier_run_are_removed() {
         let kept = target.join("captures/pose_07/sequence.toml").is_file();
         assert_eq!(kept, stay, "what is read stays, what is older goes");
     }
-    for gone in ["captures", "truth.json", "phasmid-unfinished"] {
+    for gone in ["captures", "truth.json", draft] {
         assert!(!target.join(gone).exists(), "{gone}");
     }
+    assert!(target.join(locked).join("found_pose_00.png").is_file());
     assert!(target.join("found_pose_07.png").is_file());
     assert!(target.join("notes.txt").is_file());
 }

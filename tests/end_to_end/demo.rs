@@ -26,7 +26,10 @@ fn summary(folder: &Path, arguments: &[&str]) -> Value {
 #[test]
 fn trapezoid_meets_its_bars_through_the_ports() {
     let folder = tempdir().unwrap();
-    let s = summary(folder.path(), &["--scene", "trapezoid"]);
+    let s = summary(
+        folder.path(),
+        &["--scene", "trapezoid", "--exact-calibration"],
+    );
     let number = |key: &str| s[key].as_f64().unwrap_or_else(|| panic!("no {key} in {s}"));
     assert!(number("mae_mm") <= 0.035, "{s}");
     assert!(number("gross_error_rate") <= 0.001, "{s}");
@@ -63,13 +66,31 @@ fn trapezoid_meets_its_bars_through_the_ports() {
 #[test]
 fn without_noise_the_error_is_that_of_rounding() {
     let folder = tempdir().unwrap();
-    let s = summary(folder.path(), &["--scene", "trapezoid", "--no-noise"]);
+    let s = summary(
+        folder.path(),
+        &["--scene", "trapezoid", "--no-noise", "--exact-calibration"],
+    );
+    assert_eq!(s["calibration"], "exact");
     assert!(s["mae_mm"].as_f64().unwrap() <= 0.012, "{s}");
     // A second run into the same folder, which belongs to the demo.
     summary(
         folder.path(),
         &["--scene", "sphere", "--profile", "webcam-grey"],
     );
+}
+
+/// By default a demo measures with the calibration that a device would have.
+#[test]
+fn demo_states_the_error_of_the_factory_calibration() {
+    let folder = tempdir().unwrap();
+    let s = summary(folder.path(), &["--scene", "trapezoid", "--no-noise"]);
+    assert_eq!(s["calibration"], "factory");
+    let number = |key: &str| s[key].as_f64().unwrap_or_else(|| panic!("no {key} in {s}"));
+    // One draw of an error that is common to all points.
+    let ratio = number("inlier_rmse_mm") / number("calibration_sigma_mm");
+    assert!((0.02..4.0).contains(&ratio), "{s}");
+    let calibration = std::fs::read_to_string(folder.path().join("calibration.toml")).unwrap();
+    assert!(calibration.contains("[covariance]"), "{calibration}");
 }
 
 #[test]

@@ -1,13 +1,31 @@
 //! Exit status when an output stream or a camera fails.
 #![cfg(target_os = "linux")]
 
+use phasmid::protocol::Endpoints;
 use std::fs::OpenOptions;
 use std::net::TcpListener;
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Commands that print to standard output.
+const PRINTING: &[&[&str]] = &[
+    &["profile", "list"],
+    &["faults", "list"],
+    &["--help"],
+    &["scan", "--help"],
+    &["--version"],
+];
 
 fn phasmid(args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_phasmid"));
     command.args(args);
+    command
+}
+
+/// A shell script that finds the program as `$0`.
+fn shell(script: &str) -> Command {
+    let mut command = Command::new("sh");
+    command.args(["-c", script, env!("CARGO_BIN_EXE_phasmid")]);
     command
 }
 
@@ -16,6 +34,19 @@ fn unwritable_standard_error_keeps_the_exit_status() {
     let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
     let status = phasmid(&["compare", "missing.ply", "--truth", "missing.ply"])
         .stderr(full)
+        .status()
+        .unwrap();
+    assert_eq!(status.code(), Some(2));
+}
+
+#[test]
+fn closed_standard_error_keeps_the_exit_status() {
+    let status = shell("exec \"$0\" compare missing.ply --truth missing.ply 2>&-")
+        .status()
+        .unwrap();
+    assert_eq!(status.code(), Some(2));
+    // A usage error, which the parser of the command line reports.
+    let status = shell("exec \"$0\" scan --no-such-option 2>/dev/full")
         .status()
         .unwrap();
     assert_eq!(status.code(), Some(2));
@@ -57,27 +88,79 @@ fn missing_files_are_named_with_their_option() {
 
 #[test]
 fn closed_pipe_ends_quietly() {
-    let (reader, writer) = std::io::pipe().unwrap();
-    drop(reader);
-    let output = phasmid(&["profile", "list"])
-        .stdout(writer)
-        .stderr(Stdio::piped())
-        .output()
-        .unwrap();
-    assert_eq!(output.status.code(), Some(0));
-    assert!(output.stderr.is_empty());
+    for args in PRINTING {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let output = phasmid(args)
+            .stdout(writer)
+            .stderr(Stdio::piped())
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{args:?}");
+        assert!(output.stderr.is_empty(), "{args:?}");
+    }
 }
 
 #[test]
 fn full_standard_output_is_a_failure() {
-    let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
-    let output = phasmid(&["profile", "list"])
-        .stdout(full)
-        .stderr(Stdio::piped())
+    for args in PRINTING {
+        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = phasmid(args)
+            .stdout(full)
+            .stderr(Stdio::piped())
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(1), "{args:?}");
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(message.contains("standard output: "), "{message}");
+    }
+}
+
+/// A file size limit, whose signal is ignored, stands in for a full disk.
+#[test]
+fn file_that_cannot_be_completed_does_not_block_the_next_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let board = |limit: &str| {
+        let script = format!("{limit} exec \"$0\" board --out board.svg");
+        shell(&script).current_dir(folder.path()).output().unwrap()
+    };
+    let output = board("trap '' XFSZ; ulimit -f 4;");
+    assert_eq!(output.status.code(), Some(1));
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("board.svg: "), "{message}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    assert_eq!(board("").status.code(), Some(0));
+}
+
+/// A device outlives the reader of its announcements.
+#[test]
+fn serve_survives_closed_output_streams() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut device = phasmid(&["serve", "--profile", "webcam-grey", "--scene", "plane"])
+        .args(["--clock", "fast", "--while-stdin", "--run-dir"])
+        .arg(&run)
+        .stdin(Stdio::piped())
+        .stdout(writer.try_clone().unwrap())
+        .stderr(writer)
+        .spawn()
+        .unwrap();
+    let end = Instant::now() + Duration::from_secs(60);
+    while !run.join("device.json").exists() && Instant::now() < end {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let endpoints = Endpoints::read(&run).unwrap();
+    let scan = phasmid(&["scan", "--camera", &endpoints.camera, "--out", "scan"])
+        .arg("--control")
+        .arg(&endpoints.control)
+        .current_dir(folder.path())
         .output()
         .unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("standard output"));
+    assert_eq!(scan.status.code(), Some(0));
+    drop(device.stdin.take());
+    assert_eq!(device.wait().unwrap().code(), Some(0));
 }
 
 #[test]

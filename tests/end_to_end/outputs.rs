@@ -1,9 +1,7 @@
-//! Runs every writing command where its output names already exist, and on a full disk.
+//! Runs writing commands with `--force` over links, and on a full disk.
 #![cfg(target_os = "linux")]
 
 use crate::served::{Served, phasmid, text};
-#[allow(dead_code)]
-use phasmid::calibrate::report;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -12,56 +10,7 @@ use tempfile::tempdir;
 
 const MINE: &str = "years of work";
 
-/// Commands that write files; a test below runs each of them.
-const WRITERS: [&str; 14] = [
-    "demo",
-    "serve",
-    "scan",
-    "record export",
-    "decode",
-    "calibrate",
-    "patient plan",
-    "patient import",
-    "locate",
-    "track",
-    "board",
-    "faults matrix",
-    "study",
-    "report",
-];
-
-#[test]
-fn every_command_that_writes_is_tested() {
-    let mut found = Vec::new();
-    let mut left = vec![String::new()];
-    while let Some(command) = left.pop() {
-        let help = text(&run(&format!("help {command}")));
-        let subcommands = help.split("\nCommands:\n").nth(1).unwrap_or_default();
-        let names: Vec<&str> = subcommands
-            .lines()
-            .take_while(|line| !line.is_empty())
-            .filter_map(|line| line.strip_prefix("  ")?.split(' ').next())
-            .filter(|name| !["", "help"].contains(name))
-            .collect();
-        left.extend(
-            names
-                .iter()
-                .map(|name| format!("{command} {name}").trim().to_owned()),
-        );
-        let writes = ["--out <", "--record <"]
-            .iter()
-            .any(|flag| help.contains(flag));
-        if writes && names.is_empty() {
-            found.push(command);
-        }
-    }
-    found.sort_unstable();
-    let mut known = WRITERS.to_vec();
-    known.sort_unstable();
-    assert_eq!(found, known, "each is driven by a test below");
-}
-
-fn run(arguments: &str) -> Output {
+pub(crate) fn run(arguments: &str) -> Output {
     phasmid()
         .args(arguments.split_whitespace())
         .output()
@@ -78,62 +27,6 @@ fn files(folder: &Path) -> Vec<String> {
         .collect();
     names.sort_unstable();
     names
-}
-
-/// Runs `command OUT` with an existing file and a dangling link as its output, and checks that both
-/// are unchanged.
-fn keeps_file(command: &str) {
-    let dir = tempdir().unwrap();
-    let out = dir.path().join("out");
-    keeps(&format!("{command} {}", out.display()), dir.path(), "out");
-}
-
-/// Runs `command FOLDER` with each of these files in the folder, and checks that they are
-/// unchanged.
-fn keeps_files(command: &str, names: &[String]) {
-    assert!(!names.is_empty(), "{command}");
-    for name in names {
-        let dir = tempdir().unwrap();
-        keeps(
-            &format!("{command} {}", dir.path().display()),
-            dir.path(),
-            name,
-        );
-    }
-}
-
-fn keeps(command: &str, folder: &Path, name: &str) {
-    let (path, nowhere) = (folder.join(name), folder.join("nowhere"));
-    let refused = || {
-        let output = run(command);
-        let words = text(&output);
-        assert_eq!(
-            output.status.code(),
-            Some(2),
-            "{command} over {name}: {words}"
-        );
-        assert!(words.contains(name), "{command} over {name}: {words}");
-        assert_eq!(
-            fs::read_dir(folder).unwrap().count(),
-            1,
-            "{command} over {name}"
-        );
-    };
-    fs::write(&path, MINE).unwrap();
-    refused();
-    assert_eq!(
-        fs::read_to_string(&path).unwrap(),
-        MINE,
-        "{command} over {name}"
-    );
-    fs::remove_file(&path).unwrap();
-    symlink(&nowhere, &path).unwrap();
-    refused();
-    assert_eq!(
-        fs::read_link(&path).unwrap(),
-        nowhere,
-        "{command} over {name}"
-    );
 }
 
 /// Runs `command FOLDER` where each of these names is a link to a file, and checks that the links
@@ -154,7 +47,7 @@ fn replaces_links(command: &str, names: &[String]) {
     assert_eq!(fs::read_to_string(&target).unwrap(), MINE, "{command}");
 }
 
-fn succeeds(command: &str) {
+pub(crate) fn succeeds(command: &str) {
     let output = run(command);
     assert!(output.status.success(), "{command}: {}", text(&output));
 }
@@ -192,18 +85,7 @@ fn leaves_nothing_in_folder(command: &str, whole: &Path) {
 }
 
 #[test]
-fn commands_with_a_single_output_keep_existing_files() {
-    for command in [
-        "board --out",
-        "faults matrix --out",
-        "locate --out",
-        "track --planning none --out",
-        "report none --out",
-        "serve --profile dlp-evm --scene plane --run-dir /nonexistent --record",
-        "scan --camera socket:none --control none --out /nonexistent/out --record",
-    ] {
-        keeps_file(command);
-    }
+fn board_replaces_a_link_and_leaves_nothing_on_a_full_disk() {
     let dir = tempdir().unwrap();
     let out = dir.path().join("board.svg");
     let command = format!("board --force --out {}", out.display());
@@ -221,16 +103,30 @@ fn commands_with_a_single_output_keep_existing_files() {
 }
 
 #[test]
-fn demo_keeps_existing_files() {
+fn demo_replaces_links_in_its_own_folder_and_leaves_nothing_on_a_full_disk() {
     let dir = tempdir().unwrap();
     let command = "demo --profile dlp-evm --scene plane --out";
-    succeeds(&format!("{command} {}", dir.path().display()));
+    let again = format!("{command} {}", dir.path().display());
+    succeeds(&again);
     leaves_nothing_in_folder(command, dir.path());
-    keeps_files(command, &files(dir.path()));
+    let names = files(dir.path());
+    let elsewhere = tempdir().unwrap();
+    for name in names.iter().filter(|name| *name != "summary.json") {
+        let path = dir.path().join(name);
+        fs::remove_file(&path).unwrap();
+        symlink(elsewhere.path().join(name), &path).unwrap();
+    }
+    succeeds(&again);
+    assert_eq!(files(dir.path()), names);
+    for name in names {
+        let about = dir.path().join(&name).symlink_metadata().unwrap();
+        assert!(about.is_file(), "{name}");
+    }
+    assert_eq!(fs::read_dir(elsewhere.path()).unwrap().count(), 0);
 }
 
 #[test]
-fn scans_decodings_and_exports_keep_existing_files() {
+fn decode_and_export_replace_links_and_leave_nothing_on_a_full_disk() {
     let dir = tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     let (scan, recording) = (at("scan"), at("scan.rec"));
@@ -238,11 +134,6 @@ fn scans_decodings_and_exports_keep_existing_files() {
     let output = served.scan(&scan, &["--record", recording.to_str().unwrap()]);
     assert!(output.status.success(), "{}", text(&output));
     drop(served);
-    keeps_files(
-        "scan --camera socket:none --control none --out",
-        &files(&scan),
-    );
-
     let manifest = scan.join("sequence.toml");
     let calibration = scan.join("calibration.toml");
     let (decode, export) = (
@@ -256,66 +147,17 @@ fn scans_decodings_and_exports_keep_existing_files() {
     for (command, out) in [(decode, at("decoded")), (export, at("exported"))] {
         succeeds(&format!("{command} --out {}", out.display()));
         leaves_nothing_in_folder(&format!("{command} --out"), &out);
-        let names = files(&out);
-        keeps_files(&format!("{command} --out"), &names);
-        replaces_links(&format!("{command} --force --out"), &names);
+        replaces_links(&format!("{command} --force --out"), &files(&out));
     }
 }
 
 #[test]
-fn plannings_keep_existing_files() {
+fn planning_replaces_links_and_leaves_nothing_on_a_full_disk() {
     let dir = tempdir().unwrap();
     let planning = dir.path().join("planning");
     let plan = "patient plan p01-woman-mean --spacing-mm 20 --ct";
-    leaves_nothing(
-        &format!("{plan} --out {}", planning.display()),
-        &planning,
-        100,
-    );
-    succeeds(&format!("{plan} --out {}", planning.display()));
-    let names = files(&planning);
-    keeps_files(&format!("{plan} --out"), &names);
-    replaces_links(&format!("{plan} --force --out"), &names);
-
-    let from = planning.display();
-    let import = format!(
-        "patient import --ct {from}/ct_50.mha --phase 0={from}/dvf_00.mha --tumour {from}/tumour.ply"
-    );
-    let names = [
-        "planning.toml",
-        "skin.ply",
-        "tumour.ply",
-        "dvf_00.mha",
-        "dvf_50.mha",
-    ];
-    keeps_files(&format!("{import} --out"), &names.map(String::from));
-}
-
-#[test]
-fn calibrations_and_studies_keep_existing_files() {
-    let truth = [
-        "truth.json",
-        "calibration.yml",
-        "calibration.xml",
-        "found_00.png",
-    ];
-    let names: Vec<String> = report::FILES
-        .iter()
-        .chain(&truth)
-        .map(|&s| s.into())
-        .collect();
-    keeps_files("calibrate --profile dlp-evm --out", &names);
-    keeps_files(
-        "calibrate --profile dlp-evm --keep-captures --out",
-        &["captures".into()],
-    );
-    // Files of a study in a folder that it has created, which belongs to it from then on.
-    let names = [
-        "study.json",
-        "rows.csv",
-        "tables.md",
-        "report.html",
-        "files",
-    ];
-    keeps_files("study noise --quick --out", &names.map(String::from));
+    let command = format!("{plan} --out {}", planning.display());
+    leaves_nothing(&command, &planning, 100);
+    succeeds(&command);
+    replaces_links(&format!("{plan} --force --out"), &files(&planning));
 }

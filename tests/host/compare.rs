@@ -183,3 +183,58 @@ fn a_cloud_far_from_the_truth_cannot_be_aligned() {
         "{message}"
     );
 }
+
+#[test]
+fn invalid_points_and_redundant_triangles_are_dropped_with_a_note() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let mut mesh = Mesh {
+        vertices: vec![
+            DVec3::new(-50.0, -50.0, 500.0),
+            DVec3::new(350.0, -50.0, 500.0),
+            DVec3::new(-50.0, 350.0, 500.0),
+        ],
+        triangles: vec![[0, 1, 2]; 50_000],
+        ..Mesh::default()
+    };
+    mesh.triangles.push([0, 0, 1]);
+    ply::write_mesh(&dir.join("truth.ply"), &mesh).unwrap();
+    // A plane, with the origin as often as a scanner writes it for pixels without a measurement,
+    // and one other point many times.
+    let grid = (0..100).flat_map(|x| (0..100).map(move |y| [x as f32, y as f32, 500.0]));
+    let mut points: Vec<[f32; 3]> = grid.collect();
+    points.extend([[5.0, 5.0, 500.0]; 40_000]);
+    points.extend([[0.0; 3]; 40_000]);
+    let mut cloud = Cloud {
+        points,
+        ..Cloud::default()
+    };
+    ply::write_cloud(&dir.join("scan.ply"), &cloud).unwrap();
+    cloud.points = vec![[0.0; 3]; 40_000];
+    ply::write_cloud(&dir.join("invalid.ply"), &cloud).unwrap();
+
+    let run = |truth: &str| -> (serde_json::Value, String) {
+        let output = compare(dir, &["scan.ply", "--truth", truth, "--json"]);
+        assert!(output.status.success(), "{output:?}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        (serde_json::from_slice(&output.stdout).unwrap(), stderr)
+    };
+    let dropped = "scan.ply: dropped 40000 of 90000 points at (0, 0, 0)";
+    let (found, notes) = run("truth.ply");
+    assert!(notes.contains(dropped), "{notes}");
+    let removed = "truth.ply: removed 1 triangles without area and 49999 duplicate triangles";
+    assert!(notes.contains(removed), "{notes}");
+    assert_eq!(found["points"], 50_000);
+    assert_eq!(found["points_at_origin"], 40_000);
+    assert_eq!(found["truth_triangles_removed"]["degenerate"], 1);
+    assert_eq!(found["truth_triangles_removed"]["duplicate"], 49_999);
+    assert_eq!(found["cloud_to_truth"]["hausdorff_mm"], 0.0);
+    // The same cloud as truth.
+    let (found, notes) = run("scan.ply");
+    assert_eq!(notes.matches(dropped).count(), 2, "{notes}");
+    assert_eq!(found["truth_points_at_origin"], 40_000);
+    assert_eq!(found["coverage"], 1.0);
+    let message = complaint(dir, &["invalid.ply", "--truth", "truth.ply"]);
+    let says = "invalid.ply: 40000 points, all at (0, 0, 0)";
+    assert!(message.contains(says), "{message}");
+}

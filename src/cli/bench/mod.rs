@@ -142,8 +142,9 @@ impl Subject<'_> {
             return Ok((None, None));
         }
         let mut renderer = self.renderer(self.args.backend.into())?;
+        let news = renderer.news()?;
         let Some(adapter) = renderer.adapter().cloned() else {
-            return Ok((None, renderer.news()?));
+            return Ok((None, news));
         };
         step(&format!("timing the GPU, {}", adapter.name));
         let run = measure::gpu(&mut renderer, self, adapter);

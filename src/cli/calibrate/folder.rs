@@ -3,22 +3,28 @@
 use super::{Args, CAPTURES, OPENCV, TRUTH};
 use phasmid_calibrate::report;
 use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file::{self, is_unfinished, scratch_in};
 use phasmid_host::MANIFEST_FILE;
-use std::fs;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-
-/// Subfolder for the output of a run in progress. An interrupted run leaves it behind; the next run
-/// deletes it.
-const DRAFT: &str = "phasmid-unfinished";
+use tempfile::TempDir;
 
 /// The output folder of a calibration in progress. Dropping it deletes output that was not kept, and
 /// the folders that were created for it if they are empty.
 pub(super) struct Folder {
     out: PathBuf,
-    draft: PathBuf,
-    /// Folders that did not exist before, innermost first.
-    made: Vec<PathBuf>,
+    force: bool,
+    /// Subfolder for the output of the run in progress. A killed run leaves it behind; the next run
+    /// deletes it.
+    draft: TempDir,
+    /// Lock on the draft folder, which marks it as in use.
+    _lock: Option<File>,
+    /// Dropped after the draft, so that the folders are empty.
+    _made: Made,
 }
+
+/// Folders that did not exist before, innermost first. Dropping it removes the empty ones.
+struct Made(Vec<PathBuf>);
 
 impl Folder {
     /// Creates the folder. Without `--force`, rejects existing files that have names of results.
@@ -29,16 +35,9 @@ impl Folder {
     pub(super) fn prepare(args: &Args) -> Result<Self> {
         let out = args.out.clone();
         let is_new = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
-        let folder = Self {
-            draft: out.join(DRAFT),
-            made: out
-                .ancestors()
-                .take_while(is_new)
-                .map(Path::to_owned)
-                .collect(),
-            out,
-        };
-        let captures = folder.out.join(CAPTURES);
+        let new = out.ancestors().take_while(is_new).map(Path::to_owned);
+        let made = Made(new.collect());
+        let captures = out.join(CAPTURES);
         let had_captures = captures.symlink_metadata().is_ok();
         if args.keep_captures && had_captures && !args.force {
             return Err(Error::input(
@@ -47,23 +46,35 @@ impl Folder {
                 "another folder, or --force to overwrite",
             ));
         }
-        let earlier = report::is_calibration(&folder.out) && !is_read(args, &captures);
-        let [yaml, xml] = OPENCV;
-        report::prepare(&folder.out, &[TRUTH, yaml, xml], args.force)?;
+        let earlier = report::is_calibration(&out) && !is_read(args, &captures);
         // Otherwise, poses of an earlier calibration would remain among the new ones.
-        if had_captures && (args.keep_captures || earlier) {
-            forget(&captures, args.keep_captures)?;
+        let old = match had_captures && (args.keep_captures || earlier) {
+            true => old_poses(&captures, args.keep_captures)?,
+            false => Vec::new(),
+        };
+        let [yaml, xml] = OPENCV;
+        report::prepare(&out, &[TRUTH, yaml, xml], args.force)?;
+        for path in &old {
+            fs::remove_dir_all(path).map_err(|e| Error::io(path, e))?;
         }
-        if folder.draft.exists() {
-            fs::remove_dir_all(&folder.draft).map_err(|e| Error::io(&folder.draft, e))?;
+        if !old.is_empty() {
+            // Fails if other files remain in it, which is fine.
+            let _ = fs::remove_dir(&captures);
         }
-        create_private(&folder.draft).map_err(|e| Error::io(&folder.draft, e))?;
-        Ok(folder)
+        remove_drafts(&out)?;
+        let draft = scratch_in(&out)?;
+        Ok(Self {
+            out,
+            force: args.force,
+            _lock: locked(draft.path()),
+            draft,
+            _made: made,
+        })
     }
 
     /// Returns the folder for images and captures of the run in progress.
     pub(super) fn draft(&self) -> &Path {
-        &self.draft
+        self.draft.path()
     }
 
     /// Moves the captures to the output folder.
@@ -71,11 +82,15 @@ impl Folder {
     /// # Errors
     /// Returns an error if a file or folder cannot be moved.
     pub(super) fn keep_captures(&self) -> Result<()> {
-        let (from, to) = (self.draft.join(CAPTURES), self.out.join(CAPTURES));
+        let (from, to) = (self.draft().join(CAPTURES), self.out.join(CAPTURES));
         if !from.exists() {
             return Ok(());
         }
-        fs::create_dir_all(&to).map_err(|e| Error::io(&to, e))?;
+        match fs::create_dir(&to) {
+            // Not a link to a folder.
+            Err(_) if to.symlink_metadata().is_ok_and(|about| about.is_dir()) => {}
+            made => made.map_err(|e| Error::io(&to, e))?,
+        }
         for entry in fs::read_dir(&from).map_err(|e| Error::io(&from, e))? {
             let entry = entry.map_err(|e| Error::io(&from, e))?;
             let target = to.join(entry.file_name());
@@ -90,31 +105,38 @@ impl Folder {
     /// Returns an error if a file cannot be moved.
     pub(super) fn keep<'a>(&self, names: impl Iterator<Item = &'a str>) -> Result<()> {
         for name in names {
-            let target = self.out.join(name);
-            fs::rename(self.draft.join(name), &target).map_err(|e| Error::io(&target, e))?;
+            new_file::rename(&self.draft().join(name), &self.out.join(name), self.force)?;
         }
         Ok(())
     }
 }
 
-impl Drop for Folder {
+impl Drop for Made {
     fn drop(&mut self) {
         // Errors are ignored; folders that are not empty remain.
-        if fs::remove_dir_all(&self.draft).is_ok() || !self.draft.exists() {
-            self.made.iter().all(|made| fs::remove_dir(made).is_ok());
-        }
+        self.0.iter().all(|made| fs::remove_dir(made).is_ok());
     }
 }
 
-/// Creates a folder that only its owner can access. Fails if it exists.
-fn create_private(path: &Path) -> std::io::Result<()> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::DirBuilderExt as _;
-        fs::DirBuilder::new().mode(0o700).create(path)
+/// Locks a folder until the returned file is dropped or the process ends, if it is not locked yet
+/// and the system can lock folders.
+fn locked(folder: &Path) -> Option<File> {
+    let file = File::open(folder).ok()?;
+    file.try_lock().is_ok().then_some(file)
+}
+
+/// Deletes drafts of killed runs. Those of other runs in progress are locked.
+fn remove_drafts(out: &Path) -> Result<()> {
+    for entry in fs::read_dir(out).map_err(|e| Error::io(out, e))? {
+        let entry = entry.map_err(|e| Error::io(out, e))?;
+        // The type of a link is not that of its target.
+        let is_dir = entry.file_type().is_ok_and(|kind| kind.is_dir());
+        if is_dir && is_unfinished(&entry.file_name()) && locked(&entry.path()).is_some() {
+            let path = entry.path();
+            fs::remove_dir_all(&path).map_err(|e| Error::io(&path, e))?;
+        }
     }
-    #[cfg(not(unix))]
-    fs::create_dir(path)
+    Ok(())
 }
 
 /// Whether poses are read from this folder, from a subfolder, or from a parent folder.
@@ -129,23 +151,30 @@ fn is_read(args: &Args, folder: &Path) -> bool {
     }
 }
 
-/// Removes the captures of an earlier calibration. With `more_to_come`, a folder that is not a capture
-/// but would be in the way of one is an error.
-fn forget(captures: &Path, more_to_come: bool) -> Result<()> {
+/// Lists the poses captured by an earlier calibration. With `more_to_come`, anything else that would be
+/// in the way of new ones is an error. Links are not followed: no calibration makes them.
+fn old_poses(captures: &Path, more_to_come: bool) -> Result<Vec<PathBuf>> {
+    let is_dir = |path: &Path| path.symlink_metadata().is_ok_and(|about| about.is_dir());
+    let in_the_way = |path: &Path, found: &str| match more_to_come {
+        true => Err(Error::input(path.display(), found, "another --out")),
+        false => Ok(()),
+    };
+    let mut poses = Vec::new();
+    if !is_dir(captures) {
+        in_the_way(captures, "not a folder, but named like one of captures")?;
+        return Ok(poses);
+    }
     for entry in fs::read_dir(captures).map_err(|e| Error::io(captures, e))? {
         let path = entry.map_err(|e| Error::io(captures, e))?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if !name.starts_with("pose_") {
             continue;
         }
-        if path.join(MANIFEST_FILE).exists() {
-            fs::remove_dir_all(&path).map_err(|e| Error::io(&path, e))?;
-        } else if more_to_come {
-            let found = "not a capture, but named like one";
-            return Err(Error::input(path.display(), found, "another --out"));
+        if is_dir(&path) && path.join(MANIFEST_FILE).exists() {
+            poses.push(path);
+        } else {
+            in_the_way(&path, "not a capture, but named like one")?;
         }
     }
-    // Fails if other files remain in it, which is fine.
-    let _ = fs::remove_dir(captures);
-    Ok(())
+    Ok(poses)
 }

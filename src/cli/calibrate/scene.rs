@@ -1,9 +1,9 @@
 //! The scene of a calibration: a board and nothing else.
 
-use phasmid_core::error::{Error, Result};
-use phasmid_core::new_file::scratch;
+use phasmid_core::error::Result;
+use phasmid_core::new_file::{self, scratch};
 use phasmid_geometry::{Board, Pose};
-use std::fs;
+use std::io::Write;
 use std::path::PathBuf;
 use tempfile::TempDir;
 
@@ -23,8 +23,8 @@ impl SceneFile {
     /// Returns an error if the folder or the file cannot be created.
     pub(super) fn write(board: &Board, rig_from_board: &Pose) -> Result<Self> {
         let file = Self(scratch("phasmid-board-")?);
-        let path = file.path();
-        fs::write(&path, text(board, rig_from_board)).map_err(|e| Error::io(&path, e))?;
+        let text = text(board, rig_from_board);
+        new_file::write(&file.path(), false, |out| out.write_all(text.as_bytes()))?;
         Ok(file)
     }
 

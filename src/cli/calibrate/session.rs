@@ -3,7 +3,8 @@
 use super::look::Looked;
 use phasmid_calibrate::report::image_names;
 use phasmid_calibrate::rig::{Missed, PoseData};
-use phasmid_core::error::{Error, Result};
+use phasmid_core::error::Result;
+use phasmid_core::new_file;
 use phasmid_geometry::{NoiseModel, Rig};
 use std::path::{Path, PathBuf};
 
@@ -80,9 +81,8 @@ impl Session {
         };
         if let Some((name, file)) = self.names.get(place) {
             let path = self.folder.join(file);
-            looked.picture.save(&path).map_err(|e| match e {
-                image::ImageError::IoError(e) => Error::io(&path, e),
-                e => Error::device(format!("{}: {e}", path.display())),
+            new_file::write_image(&path, false, |out| {
+                looked.picture.write_to(out, image::ImageFormat::Png)
             })?;
             self.images.push((name.clone(), file.clone()));
         }

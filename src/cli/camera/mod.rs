@@ -26,7 +26,8 @@ enum Command {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  phasmid camera info /dev/video0")]
 struct InfoArgs {
-    /// Camera: /dev/videoN, usb:HOST:PORT[/BUSID], socket:PATH or tcp:HOST:PORT.
+    /// Camera: /dev/videoN, usb:HOST:PORT[/BUSID], socket:PATH or tcp:HOST:PORT. For tcp:, the
+    /// environment variable PHASMID_TCP_TOKEN_FILE names the file of the device's --tcp-token.
     #[arg(value_name = "ADDR")]
     address: String,
     /// Seconds to wait for a frame from a socket or an answer from a USB device, 0.001 to 3600.

@@ -11,8 +11,9 @@ use image::GrayImage;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{check_folder, discard, replace};
 use phasmid_decode::{Options, Summary as Decoding};
-use phasmid_geometry::ply;
+use phasmid_geometry::{Rig, ply};
 use phasmid_host::{Capture, Captured, ScanOptions};
+use phasmid_profile::Profile;
 use phasmid_protocol::PixelFormat;
 use phasmid_protocol::service::{Item, Request, ask};
 use phasmid_render::Options as RenderOptions;
@@ -55,6 +56,9 @@ pub struct Args {
     /// Render without sensor noise
     #[arg(long)]
     no_noise: bool,
+    /// Let the device report its exact rig instead of a factory calibration with errors
+    #[arg(long)]
+    exact_calibration: bool,
     /// Weight the phase steps by their shot noise, which reduces noise with six or more equal steps
     #[arg(long)]
     weighted: bool,
@@ -101,9 +105,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
     )?;
     let capture_s = begin.elapsed().as_secs_f64();
     step("decoding");
-    let rig = captured
+    let reported = captured
         .calibration
         .ok_or_else(|| Error::device("the device gave no calibration"))?;
+    let truth_rig = Rig {
+        noise: reported.noise,
+        ..Profile::load(&args.profile)?.nominal_rig()
+    };
     let begin = Instant::now();
     let options = Options {
         weighted: args.weighted,
@@ -119,7 +127,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let truth = Truth::from_maps(maps)?;
     served.stop()?;
     step("comparing");
-    let score = score(&decoded, &truth, &captured.manifest, &rig)?;
+    let score = score(&decoded, &truth, &captured.manifest, &truth_rig)?;
     step("writing");
     // Without the summary, a later demo would not recognise the folder as its own, so a failed run
     // leaves nothing in it.
@@ -131,9 +139,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     captured
         .write(&args.out)
         .and_then(|()| ply::write_cloud(&args.out.join(CLOUD), &decoder.cloud(&decoded)))
-        .and_then(|()| write_images(&args.out, &frame, &decoded, &truth, &rig))
+        .and_then(|()| write_images(&args.out, &frame, &decoded, &truth, &truth_rig))
         .inspect_err(discarding)?;
-    let masked = Decoding::new(&decoder, &decoded)
+    let decoding = Decoding::new(&decoder, &decoded);
+    let calibration_sigma_mm = decoding.median_calibration_sigma_mm;
+    let masked = decoding
         .axes
         .into_iter()
         .flat_map(|axis| axis.masked)
@@ -146,6 +156,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
         seed: args.seed,
         noise: !args.no_noise,
         frames: captured.frames.len(),
+        calibration: match reported.covariance {
+            Some(_) => "factory",
+            None => "exact",
+        },
+        calibration_sigma_mm,
         score,
         masked,
         render_s,
@@ -216,6 +231,9 @@ fn serve_arguments(args: &Args) -> Vec<String> {
     ];
     if args.no_noise {
         arguments.push("--no-noise".to_owned());
+    }
+    if args.exact_calibration {
+        arguments.push("--exact-calibration".to_owned());
     }
     arguments
 }

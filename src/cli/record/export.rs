@@ -38,7 +38,7 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
             let name = frame_name(frames.count);
             let frame = Frame::clone(&frame).into_luma();
             words = format!("{words}: {name}");
-            write_png(&frame, &out.join(name))?;
+            write_png(&frame, &out.join(name), force)?;
             frames.count += 1;
         }
         let seconds = record.time_ns as f64 * 1e-9;

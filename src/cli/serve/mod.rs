@@ -25,7 +25,8 @@ pub(super) use unit::runtime;
 use super::backend::Choice;
 use asked::Asked;
 use phasmid_core::error::{Error, Result};
-use phasmid_device::link::{RunDir, SharedScene, Timeline};
+use phasmid_device::link::{RunDir, SharedScene, Tcp, Timeline};
+use phasmid_protocol::admission::Token;
 use phasmid_protocol::faults::Schedule;
 use phasmid_protocol::service::ClockPace;
 use std::ffi::OsStr;
@@ -94,9 +95,17 @@ pub(super) struct Args {
     /// Render without sensor noise.
     #[arg(long)]
     no_noise: bool,
-    /// Also serve frames on this TCP port of the loopback interface; 0 picks a free one.
+    /// Let the device report its exact rig instead of a factory calibration with errors
+    #[arg(long)]
+    exact_calibration: bool,
+    /// Also serve frames on this TCP port of the loopback interface; 0 picks a free one. TCP is not
+    /// authenticated: without --tcp-token, every user of this machine can read the frames.
     #[arg(long, value_name = "PORT")]
     tcp: Option<u16>,
+    /// File with a token that TCP clients must present: one line of at least 16 characters.
+    /// `phasmid` commands find it through the environment variable PHASMID_TCP_TOKEN_FILE.
+    #[arg(long, value_name = "FILE", requires = "tcp")]
+    tcp_token: Option<PathBuf>,
     /// Load a sequence of your own: a manifest with its images in the same folder. May be repeated.
     #[arg(long, value_name = "FILE")]
     sequence: Vec<PathBuf>,
@@ -139,10 +148,21 @@ impl From<Pace> for ClockPace {
     }
 }
 
+/// Returns how to serve frames over TCP, for the options `--tcp` and `--tcp-token`.
+///
+/// # Errors
+/// Returns an error if the file holds no token.
+pub(super) fn tcp(port: Option<u16>, token: Option<&Path>) -> Result<Option<Tcp>> {
+    let token = token.map(Token::read).transpose();
+    let token = token.map_err(|e| e.at("--tcp-token"))?;
+    Ok(port.map(|port| Tcp { port, token }))
+}
+
 pub(super) fn run(args: &Args) -> Result<()> {
     let (mut devices, scenes) = asked::asked(args)?;
     for device in &mut devices {
         device.profile.camera.sensor.noiseless = args.no_noise;
+        device.profile.factory_calibration.exact |= args.exact_calibration;
         if let Some(dialect) = &args.dialect {
             // A path of the command line is relative to where it was given, not to the profile.
             super::dialect::speak(&mut device.profile, dialect, "--dialect");

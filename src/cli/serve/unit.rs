@@ -63,6 +63,7 @@ impl Unit {
         schedule: &Schedule,
     ) -> Result<Self> {
         let profile = &asked.profile;
+        let tcp = super::tcp(args.tcp, args.tcp_token.as_deref())?;
         let user: Vec<_> = args
             .sequence
             .iter()
@@ -86,9 +87,13 @@ impl Unit {
             eprintln!("phasmid: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
         }
         let port = dialect::port(profile)?;
+        let firmware = Firmware::new(profile, &user)?;
+        if let Err(why) = firmware.factory_calibration() {
+            eprintln!("phasmid: {why}; CALibration:DATA? answers with an error");
+        }
         let device = Device {
             machine: Machine::new(
-                Firmware::new(profile, &user)?,
+                firmware,
                 port,
                 SerialLine::new(&profile.control),
                 Faults::new(schedule, &asked.name)
@@ -108,7 +113,7 @@ impl Unit {
             seed: asked.seed,
             dialect: dialect::from_anywhere(&profile.control.dialect_path(&profile.folder)),
             baud: profile.control.baud,
-            tcp: args.tcp,
+            tcp,
             video: None,
             usb: None,
             recording: None,

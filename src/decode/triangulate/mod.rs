@@ -6,12 +6,16 @@
 //! axes, t minimises the squared differences between the projected point and the decoded coordinates,
 //! weighted by their variances, by Gauss-Newton on 1/t starting from the plane's t.
 //!
-//! `plane` solves rows in closed form; `ray` solves single rays iteratively.
+//! `plane` solves rows in closed form; `ray` solves single rays iteratively; `calibration` carries the
+//! covariance of the calibration to depth.
 
+mod calibration;
 mod plane;
 mod ray;
 #[cfg(test)]
 mod tests;
+
+pub use calibration::Lit;
 
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_core::error::{Error, Result};
@@ -84,16 +88,20 @@ impl Triangulator {
                     (*x, *y) = (ray.x as f32, ray.y as f32);
                 }
             });
+        Ok(Self::with_rays(rig, width, rays))
+    }
+
+    fn with_rays(rig: &Rig, width: usize, rays: [Vec<f32>; 2]) -> Self {
         let projector_from_rig = rig.projector.rig_from_view.inverse();
         let projector_from_camera = projector_from_rig * rig.camera.rig_from_view;
-        Ok(Self {
+        Self {
             rig: *rig,
             width,
             rays,
             camera_is_rig: rig.camera.rig_from_view == Pose::IDENTITY,
             origin: projector_from_camera.translation_mm,
             turn: projector_from_camera.rotation,
-        })
+        }
     }
 
     /// Returns the rig.

@@ -34,6 +34,7 @@ use super::{Exposure, PatternImage, StreamSink};
 use memory::{Memory, Stored};
 use messages::{Current, Waiting};
 use phasmid_core::error::Result;
+use phasmid_geometry::Rig;
 use phasmid_profile::Profile;
 use phasmid_protocol::dialect::Event;
 use phasmid_protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Unit};
@@ -41,6 +42,7 @@ use phasmid_protocol::usb::cdc::LineCoding;
 use settings::{Settings, Source};
 use shining::Shining;
 use status::Status;
+use std::cell::OnceCell;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -114,6 +116,8 @@ pub struct Firmware {
     streaming: bool,
     /// Serial line settings of the host; they have no effect on the device.
     line: LineCoding,
+    /// The factory calibration, once it was asked for, or why there is none.
+    calibration: OnceCell<Result<Rig, String>>,
     /// Link that must know the stream format in advance.
     link: Option<Box<dyn StreamSink + Send>>,
     now_ns: u64,
@@ -161,6 +165,7 @@ impl Firmware {
             planes: Planes::default(),
             streaming: false,
             line: profile.control.line_coding(),
+            calibration: OnceCell::new(),
             link: None,
             now_ns: 0,
             profile: profile.clone(),
@@ -202,6 +207,13 @@ impl Firmware {
     /// [`Self::stream`].
     pub fn attach(&mut self, link: Box<dyn StreamSink + Send>) {
         self.link = Some(link);
+    }
+
+    /// Returns the calibration that the device reports, for the whole sensor, or why there is none;
+    /// see [`Profile::factory_rig`]. The first call computes it, in some 20 ms.
+    pub fn factory_calibration(&self) -> &Result<Rig, String> {
+        let compute = || self.profile.factory_rig().map_err(|e| e.to_string());
+        self.calibration.get_or_init(compute)
     }
 
     /// Sets the serial line coding that `SYSTem:COMMunicate:SERial` reports.

@@ -1,6 +1,6 @@
 //! Starts serving a device: opens its ports and sockets and enters the event loop.
 
-use super::frame_socket::FrameSocket;
+use super::frame_socket::{FrameSocket, Tcp};
 use super::history::History;
 use super::pace::Pace;
 use super::pty::Pty;
@@ -45,8 +45,8 @@ pub struct Device {
     pub dialect: String,
     /// Baud rate of the control port, for `device.json`.
     pub baud: Option<u32>,
-    /// Port on the loopback interface for frames; 0 picks a free one.
-    pub tcp: Option<u16>,
+    /// Also serve frames over TCP.
+    pub tcp: Option<Tcp>,
     /// The camera as a V4L2 node, ready for the firmware's stream, in addition to the frame socket.
     pub video: Option<VideoOutput>,
     /// Camera and port as a USB device, in addition to pty and frame socket.
@@ -84,7 +84,7 @@ pub async fn serve(
     let control = run_dir.file(CONTROL);
     point(&control, &pty)?;
     let camera_path = run_dir.file(CAMERA);
-    let camera = FrameSocket::open(&camera_path, device.tcp)?;
+    let camera = FrameSocket::open(&camera_path, device.tcp.as_ref())?;
     let service_path = run_dir.file(SERVICE);
     let service = ServiceSocket::open(&service_path)?;
     let camera_socket = format!("socket:{}", camera_path.display());

@@ -2,10 +2,15 @@
 //! format of [`phasmid_protocol::wire`]. A client that is too slow loses frames, which it can
 //! detect by their ids; one whose connection fails or that stops reading is dropped. No client can
 //! delay the device or another client.
+//!
+//! The Unix socket and TCP have places of their own: any user of the machine can connect over TCP
+//! and must not shut the owner out of the Unix socket. TCP clients may be required to present a
+//! token, see [`phasmid_protocol::admission`].
 
 use super::readiness::{stirs, watched};
 use crate::FrameSink;
 use phasmid_core::error::{Error, Result};
+use phasmid_protocol::admission::{self, Token};
 use phasmid_protocol::{Frame, wire};
 use std::collections::VecDeque;
 use std::fs;
@@ -19,10 +24,20 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 use tokio::io::unix::AsyncFd;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
-use tokio::sync::Notify;
+use tokio::net::TcpStream;
+use tokio::sync::{Notify, Semaphore, oneshot};
 
-/// Maximum number of clients; further ones are refused.
+/// Maximum number of clients of the Unix socket. TCP has as many of its own.
 const MAX_CLIENTS: usize = 32;
+/// Maximum number of TCP clients that have not presented their token yet. The oldest of them makes
+/// room for another.
+const MAX_PENDING: usize = 32;
+/// Maximum number of refused clients of each kind that are being sent the reason; further
+/// connections are closed without one.
+const MAX_REFUSED: usize = MAX_PENDING;
+/// How long to read from a refused client: it may have written before it reads, and a reset
+/// connection would hide the reason from it.
+const LAST_WORDS: Duration = Duration::from_secs(1);
 /// Maximum number of frames queued for one client.
 const MAX_FRAMES: usize = 1024;
 /// Maximum size of queued frames of all clients in bytes; clients share frames.
@@ -86,7 +101,42 @@ impl Queue {
     }
 }
 
+/// How to serve frames over TCP.
+#[derive(Debug, Clone)]
+pub struct Tcp {
+    /// Port on the loopback interface; 0 picks a free one.
+    pub port: u16,
+    /// Token that clients must present. Without one, every user of the machine can read the frames.
+    pub token: Option<Token>,
+}
+
+/// How a client is connected.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Link {
+    Unix,
+    Tcp,
+}
+
+/// The TCP listener and the clients that wait at it.
+struct TcpSide {
+    listener: TcpListener,
+    ready: AsyncFd<OwnedFd>,
+    token: Option<Arc<Token>>,
+    /// Clients that have not presented the token yet, the oldest first.
+    pending: VecDeque<Pending>,
+    /// Clients that have presented the token and are not registered yet.
+    admitted: Arc<Mutex<Vec<TcpStream>>>,
+}
+
+/// A client that has not presented the token yet.
+struct Pending {
+    task: tokio::task::AbortHandle,
+    /// Dropped to make room.
+    _place: oneshot::Sender<()>,
+}
+
 struct Client {
+    link: Link,
     /// Id of the first frame exposed after the client connected.
     first_id: u64,
     /// Dropped with the task that serves the client.
@@ -98,7 +148,7 @@ struct Client {
 pub(super) struct FrameSocket {
     unix: UnixListener,
     unix_ready: AsyncFd<OwnedFd>,
-    tcp: Option<(TcpListener, AsyncFd<OwnedFd>)>,
+    tcp: Option<TcpSide>,
     clients: Vec<Client>,
     /// Number of clients that have connected and disconnected so far.
     counts: (u64, u64),
@@ -108,27 +158,34 @@ pub(super) struct FrameSocket {
     max_bytes: usize,
     /// See [`STALL`].
     stall: Duration,
-    /// Notified when a client disconnects.
-    left: Arc<Notify>,
+    /// Notified when a client disconnects or has presented its token.
+    stirred: Arc<Notify>,
+    /// Limits on clients that are being refused: of the Unix socket, of TCP.
+    refusals: [Arc<Semaphore>; 2],
 }
 
 impl FrameSocket {
-    /// Listens on a path and, if a port is given, on the loopback interface; port 0 picks a free
-    /// port.
-    pub(super) fn open(path: &Path, port: Option<u16>) -> Result<Self> {
+    /// Listens on a path and, if asked to, on the loopback interface.
+    pub(super) fn open(path: &Path, tcp: Option<&Tcp>) -> Result<Self> {
         let io = |e| Error::io(path, e);
         let unix = UnixListener::bind(path).map_err(io)?;
         fs::set_permissions(path, fs::Permissions::from_mode(0o600)).map_err(io)?;
         unix.set_nonblocking(true).map_err(io)?;
-        let tcp = match port {
+        let tcp = match tcp {
             None => None,
-            Some(port) => {
+            Some(&Tcp { port, ref token }) => {
                 let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
                 let io = |e| Error::io(format!("--tcp {port}: {address}"), e);
                 let listener = TcpListener::bind(address).map_err(io)?;
                 listener.set_nonblocking(true).map_err(io)?;
                 let ready = duplicate(&listener).and_then(watched).map_err(io)?;
-                Some((listener, ready))
+                Some(TcpSide {
+                    listener,
+                    ready,
+                    token: token.clone().map(Arc::new),
+                    pending: VecDeque::new(),
+                    admitted: Arc::default(),
+                })
             }
         };
         Ok(Self {
@@ -140,13 +197,14 @@ impl FrameSocket {
             held: Arc::new(AtomicUsize::new(0)),
             max_bytes: MAX_BYTES,
             stall: STALL,
-            left: Arc::new(Notify::new()),
+            stirred: Arc::new(Notify::new()),
+            refusals: [MAX_REFUSED; 2].map(|limit| Arc::new(Semaphore::new(limit))),
         })
     }
 
     /// Returns the address on the loopback interface.
     pub(super) fn tcp_address(&self) -> Option<SocketAddr> {
-        self.tcp.as_ref()?.0.local_addr().ok()
+        self.tcp.as_ref()?.listener.local_addr().ok()
     }
 
     /// Returns how many clients have connected and disconnected, as of the last [`Self::accept`].
@@ -171,12 +229,12 @@ impl FrameSocket {
     pub(super) async fn changed(&mut self) -> std::io::Result<()> {
         let tcp = async {
             match &self.tcp {
-                Some((_, ready)) => stirs(ready).await,
+                Some(tcp) => stirs(&tcp.ready).await,
                 None => std::future::pending().await,
             }
         };
         tokio::select! {
-            () = self.left.notified() => Ok(()),
+            () = self.stirred.notified() => Ok(()),
             ready = stirs(&self.unix_ready) => ready,
             ready = tcp => ready,
         }
@@ -196,20 +254,68 @@ impl FrameSocket {
             if stream.set_nonblocking(true).is_ok()
                 && let Ok(stream) = tokio::net::UnixStream::from_std(stream)
             {
-                self.add(stream, first_id);
+                self.add(stream, Link::Unix, first_id, &[]);
             }
         }
-        while let Some((tcp, _)) = &self.tcp
-            && let Ok((stream, _)) = tcp.accept()
+        while let Some(tcp) = &self.tcp
+            && let Ok((stream, _)) = tcp.listener.accept()
         {
             // TCP_NODELAY: a header must not wait for the reader's acknowledgement.
             if stream.set_nonblocking(true).is_ok()
                 && stream.set_nodelay(true).is_ok()
-                && let Ok(stream) = tokio::net::TcpStream::from_std(stream)
+                && let Ok(stream) = TcpStream::from_std(stream)
             {
-                self.add(stream, first_id);
+                match tcp.token.clone() {
+                    None => self.add(stream, Link::Tcp, first_id, &[]),
+                    Some(token) => self.challenge(stream, token),
+                }
             }
         }
+        let admitted = self.tcp.as_ref().map(|tcp| {
+            let mut admitted = tcp.admitted.lock().unwrap_or_else(PoisonError::into_inner);
+            std::mem::take(&mut *admitted)
+        });
+        for stream in admitted.unwrap_or_default() {
+            // Sent after the client is registered: from here on it receives every frame.
+            let greeting = [&admission::ADMITTED[..], b"\n"].concat();
+            self.add(stream, Link::Tcp, first_id, &greeting);
+        }
+    }
+
+    /// Asks a TCP client for the token.
+    fn challenge(&mut self, stream: TcpStream, token: Arc<Token>) {
+        let Some(tcp) = &mut self.tcp else { return };
+        tcp.pending.retain(|pending| !pending.task.is_finished());
+        if tcp.pending.len() >= MAX_PENDING {
+            tcp.pending.pop_front();
+        }
+        let (place, evicted) = oneshot::channel();
+        let (admitted, stirred) = (tcp.admitted.clone(), self.stirred.clone());
+        let refusals = self.refusals[Link::Tcp as usize].clone();
+        let task = tokio::spawn(async move {
+            let mut stream = stream;
+            let presented = tokio::select! {
+                presented = present(&mut stream, &token) => presented,
+                _ = evicted => Err(format!(
+                    "no token yet, and {MAX_PENDING} newer connections without one; expected the \
+                     token as soon as the connection is open"
+                )),
+            };
+            match presented {
+                Ok(()) => {
+                    admitted
+                        .lock()
+                        .unwrap_or_else(PoisonError::into_inner)
+                        .push(stream);
+                    stirred.notify_one();
+                }
+                Err(why) => refuse(stream, &refusals, &why),
+            }
+        });
+        tcp.pending.push_back(Pending {
+            task: task.abort_handle(),
+            _place: place,
+        });
     }
 
     /// Queues a frame that carries no id.
@@ -229,19 +335,39 @@ impl FrameSocket {
         }
     }
 
-    fn add(&mut self, stream: impl AsyncRead + AsyncWrite + Send + 'static, first_id: u64) {
-        if self.clients.len() >= MAX_CLIENTS {
+    /// Registers a client, or refuses it if there are too many of its kind. `greeting` is sent before
+    /// the first frame.
+    fn add(
+        &mut self,
+        stream: impl AsyncRead + AsyncWrite + Send + 'static,
+        link: Link,
+        first_id: u64,
+        greeting: &[u8],
+    ) {
+        let same = self
+            .clients
+            .iter()
+            .filter(|client| client.link == link && client.queue.strong_count() > 0);
+        if same.count() >= MAX_CLIENTS {
+            let of = match link {
+                Link::Unix => "on the Unix socket",
+                Link::Tcp => "over TCP",
+            };
+            let why = format!("one client too many; expected at most {MAX_CLIENTS} {of}");
+            refuse(stream, &self.refusals[link as usize], &why);
             return;
         }
         self.counts.0 += 1;
         let queue = Arc::new(Queue::default());
         let weak = Arc::downgrade(&queue);
-        let (left, stall) = (self.left.clone(), self.stall);
+        let (stirred, stall) = (self.stirred.clone(), self.stall);
+        let greeting = greeting.to_vec();
         let task = tokio::spawn(async move {
-            send(stream, queue, stall).await;
-            left.notify_one();
+            send(stream, &greeting, queue, stall).await;
+            stirred.notify_one();
         });
         self.clients.push(Client {
+            link,
             first_id,
             queue: weak,
             task: task.abort_handle(),
@@ -252,6 +378,9 @@ impl FrameSocket {
     pub(super) fn hang_up(self) {
         for client in self.clients {
             client.task.abort();
+        }
+        for pending in self.tcp.into_iter().flat_map(|tcp| tcp.pending) {
+            pending.task.abort();
         }
     }
 
@@ -294,10 +423,81 @@ fn duplicate(listener: &impl AsFd) -> std::io::Result<OwnedFd> {
     listener.as_fd().try_clone_to_owned()
 }
 
-/// Sends packets until the client disconnects or reads nothing for `stall`. Input from clients is
-/// ignored.
-async fn send(stream: impl AsyncRead + AsyncWrite, queue: Arc<Queue>, stall: Duration) {
+/// Asks a client for the token and waits for it.
+///
+/// # Errors
+/// Returns an error, worded for the client, if it presents another token or none in time.
+async fn present(stream: &mut TcpStream, token: &Token) -> std::result::Result<(), String> {
+    let expected = "expected the line in the file of the device's --tcp-token";
+    let line = async {
+        let challenge = [&admission::TOKEN_REQUIRED[..], b"\n"].concat();
+        stream.write_all(&challenge).await?;
+        let mut line = [0; admission::MAX_TOKEN_BYTES + 2];
+        let mut filled = 0;
+        while filled < line.len() {
+            let read = stream.read(&mut line[filled..]).await?;
+            let end = line[filled..filled + read].iter().position(|&b| b == b'\n');
+            if let Some(end) = end {
+                filled += end;
+                break;
+            }
+            filled += read;
+            if read == 0 {
+                break;
+            }
+        }
+        std::io::Result::Ok(line[..filled].to_vec())
+    };
+    match tokio::time::timeout(admission::DEADLINE, line).await {
+        Ok(Ok(line)) if token.matches(&line) => Ok(()),
+        Ok(Ok(line)) if line.is_empty() => Err(format!("found no token; {expected}")),
+        Ok(Ok(_)) => Err(format!("found a wrong token; {expected}")),
+        Ok(Err(e)) => Err(e.to_string()),
+        Err(_) => Err(format!(
+            "found no token within {} s; {expected}",
+            admission::DEADLINE.as_secs()
+        )),
+    }
+}
+
+/// Closes a connection after sending the reason, unless too many are being closed.
+fn refuse(
+    stream: impl AsyncRead + AsyncWrite + Send + 'static,
+    refusals: &Arc<Semaphore>,
+    why: &str,
+) {
+    let Ok(turn) = refusals.clone().try_acquire_owned() else {
+        return;
+    };
+    let line = admission::refusal(&format!("frame stream: {why}"));
+    tokio::spawn(async move {
+        let last = async {
+            let (mut reader, mut writer) = tokio::io::split(stream);
+            writer.write_all(&line).await?;
+            writer.shutdown().await?;
+            tokio::io::copy(&mut reader, &mut tokio::io::sink()).await
+        };
+        // Best effort: the client may be gone.
+        let _ = tokio::time::timeout(LAST_WORDS, last).await;
+        drop(turn);
+    });
+}
+
+/// Sends a greeting and packets until the client disconnects or reads nothing for `stall`. Input from
+/// clients is ignored.
+async fn send(
+    stream: impl AsyncRead + AsyncWrite,
+    greeting: &[u8],
+    queue: Arc<Queue>,
+    stall: Duration,
+) {
     let (mut reader, mut writer) = tokio::io::split(stream);
+    if !matches!(
+        tokio::time::timeout(stall, writer.write_all(greeting)).await,
+        Ok(Ok(()))
+    ) {
+        return;
+    }
     let mut skipped = [0; 4096];
     loop {
         tokio::select! {
@@ -394,6 +594,28 @@ mod tests {
             drop(stuck);
             pause().await;
             assert_eq!(socket.held.load(Ordering::Relaxed), 0);
+        });
+    }
+
+    #[test]
+    fn full_unix_socket_tells_the_next_client_why() {
+        run(async |mut socket, path| {
+            let _clients: Vec<_> = (0..MAX_CLIENTS)
+                .map(|_| UnixStream::connect(path).unwrap())
+                .collect();
+            let mut refused = UnixStream::connect(path).unwrap();
+            socket.accept(0);
+            assert_eq!(socket.readers(), MAX_CLIENTS);
+            let read = tokio::task::spawn_blocking(move || {
+                let mut all = String::new();
+                refused.read_to_string(&mut all).unwrap();
+                all
+            });
+            let reason = read.await.unwrap();
+            assert!(
+                reason.starts_with("PHNO ") && reason.contains("at most 32 on the Unix socket"),
+                "{reason}"
+            );
         });
     }
 

@@ -23,6 +23,7 @@ pub mod usb;
 mod video;
 
 pub use device::{Device, UsbLink, serve};
+pub use frame_socket::Tcp;
 pub use replay::{Outcome, Replay, replay};
 pub use run_dir::RunDir;
 pub use shared_scene::SharedScene;

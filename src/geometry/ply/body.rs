@@ -3,6 +3,7 @@
 use super::header::{Element, Encoding, Header, Kind, Scalar};
 use crate::colour;
 use crate::file::{number, quoted};
+use crate::mesh::check_corners;
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 
@@ -172,7 +173,9 @@ fn faces(
                 }
                 Kind::List { count, item } if column == wanted => {
                     let mut fan = [0_u32; 2];
-                    for corner in 0..numbers.length(count, item, at)? {
+                    let corners = numbers.length(count, item, at)?;
+                    check_corners(corners as usize, at)?;
+                    for corner in 0..corners {
                         let value = numbers.next(item, at)?;
                         if !(value >= 0.0 && value < f64::from(u32::MAX) && value.fract() == 0.0) {
                             return Err(Error::input(

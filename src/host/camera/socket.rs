@@ -4,9 +4,10 @@ use super::Camera;
 use crate::local::UnixStream;
 use crate::tcp;
 use phasmid_core::error::{Error, Result};
-use phasmid_protocol::Frame;
+use phasmid_protocol::admission::{ADMITTED, MAX_LINE, REFUSED, TOKEN_REQUIRED, Token};
 use phasmid_protocol::wire::FrameDecoder;
-use std::io::Read;
+use phasmid_protocol::{Frame, printable};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -31,12 +32,51 @@ impl Stream {
             }
         }
     }
+
+    /// Reads at least one byte, or returns `None` after the timeout.
+    ///
+    /// # Errors
+    /// Returns an error if the connection has been closed or has failed.
+    fn read_some(
+        &mut self,
+        buffer: &mut [u8],
+        timeout: Duration,
+        address: &str,
+    ) -> Result<Option<usize>> {
+        let end = Instant::now() + timeout;
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            return match self.read(buffer, left) {
+                Ok(0) => Err(Error::device(format!(
+                    "{address}: the camera has closed the connection"
+                ))),
+                Ok(len) => Ok(Some(len)),
+                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                    Ok(None)
+                }
+                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
+                Err(e) => Err(Error::io(address, e)),
+            };
+        }
+    }
+}
+
+/// State before the first frame.
+enum Opening {
+    /// The device requires a token.
+    TokenRequired,
+    /// The token is right.
+    Admitted,
+    /// No further line: the first frame has begun.
+    Frames,
 }
 
 /// A camera behind a frame socket, with the protocol of [`phasmid_protocol::wire`].
 pub struct SocketCamera {
     stream: Stream,
     address: String,
+    /// The part read of a line before the first frame; `None` once frames have begun.
+    opening: Option<Vec<u8>>,
     decoder: FrameDecoder,
     /// Set after a damaged header: nothing that follows it can be trusted.
     lost: bool,
@@ -68,18 +108,103 @@ impl SocketCamera {
                 "tcp:HOST:PORT, the port a number from 0 to 65535",
             ));
         };
+        let token = tcp::token()?;
         let stream = tcp::connect(host, timeout, place)?;
-        Ok(Self::new(Stream::Tcp(stream), address))
+        let mut camera = Self::new(Stream::Tcp(stream), address);
+        if let Some(token) = token {
+            camera.present(&token, timeout)?;
+        }
+        Ok(camera)
     }
 
     fn new(stream: Stream, address: &str) -> Self {
         Self {
             stream,
             address: address.to_owned(),
+            opening: Some(Vec::new()),
             decoder: FrameDecoder::default(),
             lost: false,
             skipped: false,
         }
+    }
+
+    /// Presents a token and waits until the device has accepted it.
+    ///
+    /// # Errors
+    /// Returns an error if the device refuses it or does not answer within the timeout.
+    fn present(&mut self, token: &Token, timeout: Duration) -> Result<()> {
+        let end = Instant::now() + timeout;
+        if let Stream::Tcp(stream) = &mut self.stream {
+            // A device that has refused the client and closed the connection says why: read on.
+            let _ = stream
+                .set_write_timeout(Some(timeout.max(Duration::from_micros(1))))
+                .and_then(|()| stream.write_all(token.to_line().as_bytes()));
+        }
+        loop {
+            match self.read_opening(end)? {
+                Some(Opening::TokenRequired) => {}
+                Some(Opening::Admitted | Opening::Frames) => return Ok(()),
+                None => {
+                    return Err(Error::device(format!(
+                        "{}: no answer to the token within {} s; a device served without \
+                         --tcp-token does not answer: unset {} for it",
+                        self.address,
+                        timeout.as_secs_f64(),
+                        tcp::TOKEN_FILE
+                    )));
+                }
+            }
+        }
+    }
+
+    /// Reads the next line before the first frame, or the start of that frame; `None` if it is not
+    /// complete in time.
+    ///
+    /// # Errors
+    /// Returns an error if the device refuses the client or closes the connection.
+    fn read_opening(&mut self, end: Instant) -> Result<Option<Opening>> {
+        while let Some(bytes) = &mut self.opening {
+            // The first four bytes tell a line from a frame. The rest of a line is read one byte at a
+            // time, so that nothing of a frame after it is taken.
+            let mut next = [0; 4];
+            let missing = 4_usize.saturating_sub(bytes.len()).max(1);
+            let left = end.saturating_duration_since(Instant::now());
+            let Some(len) = self
+                .stream
+                .read_some(&mut next[..missing], left, &self.address)?
+            else {
+                return Ok(None);
+            };
+            bytes.extend_from_slice(&next[..len]);
+            if bytes.len() < 4 {
+                continue;
+            }
+            let letters: [u8; 4] = bytes[..4].try_into().expect("four bytes");
+            if ![TOKEN_REQUIRED, ADMITTED, REFUSED].contains(&letters) {
+                self.decoder.space()[..4].copy_from_slice(bytes);
+                self.opening = None;
+                // Four bytes complete no header.
+                self.decoder.advance(4)?;
+                break;
+            }
+            if bytes.last() != Some(&b'\n') && bytes.len() < MAX_LINE {
+                continue;
+            }
+            let line = std::mem::take(bytes);
+            return match letters {
+                TOKEN_REQUIRED => Ok(Some(Opening::TokenRequired)),
+                ADMITTED => Ok(Some(Opening::Admitted)),
+                _ => {
+                    let reason = String::from_utf8_lossy(line[4..].trim_ascii()).into_owned();
+                    let reason = printable(&reason);
+                    Err(Error::device(format!(
+                        "{}: refused: {reason}",
+                        self.address
+                    )))
+                }
+            };
+        }
+        Ok(Some(Opening::Frames))
     }
 }
 
@@ -89,7 +214,6 @@ impl Camera for SocketCamera {
     }
 
     fn next_frame(&mut self, timeout: Duration) -> Result<Option<Frame>> {
-        use std::io::ErrorKind;
         self.skipped = false;
         if self.lost {
             return Err(Error::device(format!(
@@ -98,21 +222,25 @@ impl Camera for SocketCamera {
             )));
         }
         let end = Instant::now() + timeout;
-        loop {
-            let left = end.saturating_duration_since(Instant::now());
-            let len = match self.stream.read(self.decoder.space(), left) {
-                Ok(0) => {
+        while self.opening.is_some() {
+            match self.read_opening(end)? {
+                None => return Ok(None),
+                Some(Opening::Admitted | Opening::Frames) => {}
+                Some(Opening::TokenRequired) => {
                     return Err(Error::device(format!(
-                        "{}: the camera has closed the connection",
-                        self.address
+                        "{}: the device requires a token, found none; expected {} to name the file \
+                         of its --tcp-token",
+                        self.address,
+                        tcp::TOKEN_FILE
                     )));
                 }
-                Ok(len) => len,
-                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                    return Ok(None);
-                }
-                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
-                Err(e) => return Err(Error::io(&self.address, e)),
+            }
+        }
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            let space = self.decoder.space();
+            let Some(len) = self.stream.read_some(space, left, &self.address)? else {
+                return Ok(None);
             };
             match self.decoder.advance(len) {
                 Ok(None) => {}

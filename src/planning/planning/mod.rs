@@ -25,6 +25,7 @@ pub use folder::Folder;
 use super::metaimage::{self, Packing};
 use super::volume::Field;
 use phasmid_core::error::Result;
+use phasmid_core::new_file::check_folder;
 use phasmid_geometry::{Mesh, ply};
 use std::path::Path;
 
@@ -71,17 +72,18 @@ impl Planning {
     /// folder if it does not exist.
     ///
     /// # Errors
-    /// Returns the system's error.
+    /// Returns an error if files exist and `force` is not set, or the system's error.
     ///
     /// # Panics
     /// Panics if there are no phases.
-    pub fn save(&self, path: &Path) -> Result<()> {
+    pub fn save(&self, path: &Path, force: bool) -> Result<()> {
         let percents = self.phases.iter().map(|(percent, _)| *percent);
         let spacing_mm = self.phases[0].1.grid().spacing_mm;
         let file = PlanningFile {
             name: self.name.clone(),
             ..PlanningFile::usual(percents, self.reference_percent, spacing_mm, false)
         };
+        check_folder(path, file.names(), force)?;
         file.begin(path)?;
         ply::write_mesh(&path.join(&file.skin), &self.skin)?;
         ply::write_mesh(&path.join(&file.tumour), &self.tumour)?;

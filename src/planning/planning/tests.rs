@@ -77,8 +77,11 @@ fn saved_planning_loads_equal() {
     let (_dir, path) = folder();
     let planning = Planning::load(&path).unwrap();
     let again = path.join("a/b");
-    planning.save(&again).unwrap();
+    planning.save(&again, false).unwrap();
     assert_eq!(Planning::load(&again).unwrap(), planning);
+    let refused = planning.save(&again, false).unwrap_err();
+    assert_eq!(refused.exit_code(), 2, "{refused}");
+    planning.save(&again, true).unwrap();
     let file = PlanningFile::read(&path).unwrap();
     assert_eq!(PlanningFile::parse(&file.to_toml(), "p").unwrap(), file);
 }

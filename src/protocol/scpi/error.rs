@@ -64,6 +64,7 @@ codes! {
     OutOfMemory = -225, "Out of memory";
     FileNameNotFound = -256, "File name not found";
     SystemError = -310, "System error";
+    CalibrationFailed = -340, "Calibration failed";
     QueueOverflow = -350, "Queue overflow";
     InputBufferOverrun = -363, "Input buffer overrun";
     QueryInterrupted = -410, "Query INTERRUPTED";

@@ -22,13 +22,26 @@ enum State {
     Coming(Ticket, Box<Shot>),
 }
 
-/// Status of the requested GPU.
+/// Status of the requested GPU, and notes about the scene.
 #[derive(Default)]
 pub(super) struct News {
     /// Notice not yet reported.
     text: Option<String>,
     /// Failure of an explicitly requested GPU.
     failed: Option<String>,
+}
+
+impl News {
+    /// Appends notes to the notice.
+    pub(super) fn add(&mut self, notes: &[String]) {
+        let all: Vec<String> = self
+            .text
+            .take()
+            .into_iter()
+            .chain(notes.iter().cloned())
+            .collect();
+        self.text = (!all.is_empty()).then(|| all.join("; "));
+    }
 }
 
 /// Opens the GPU for a backend, or returns the reason for falling back to the CPU.
@@ -117,7 +130,7 @@ impl Renderer {
         self.finish(pending)
     }
 
-    /// Returns a notice for the user about the backend in use, once.
+    /// Returns a notice for the user about the backend in use and the scene's meshes, once.
     ///
     /// # Errors
     /// Returns an error if an explicitly requested GPU has failed; the frames so far are complete.
@@ -289,6 +302,37 @@ mod tests {
             None => assert!(news.unwrap().starts_with("rendering on the CPU: ")),
         }
         assert_eq!(renderer.news().unwrap(), None);
+    }
+
+    #[test]
+    fn mesh_of_equal_triangles_is_reduced_with_a_notice() {
+        let dir = tempfile::tempdir().unwrap();
+        let faces = "f 1 2 3\n".repeat(50_000) + "f 1 1 2\n";
+        let mesh = "v -50 -50 0\nv 50 -50 0\nv 0 50 0\n".to_owned() + &faces;
+        std::fs::write(dir.path().join("m.obj"), mesh).unwrap();
+        let path = dir.path().join("scene.toml");
+        let moving =
+            "motion = { keyframes = [{ time_s = 0 }, { time_s = 1, position_mm = [1, 0, 0] }] }\n";
+        for motion in ["", moving] {
+            let object = "name = \"m\"\ndescription = \"m\"\n[[object]]\nshape = { kind = \"mesh\", file = \"m.obj\" }\nalbedo = 0.5\n\
+                          position_mm = [0, 0, 900]\n";
+            std::fs::write(&path, object.to_owned() + motion).unwrap();
+            let scene = Scene::load(path.to_str().unwrap()).unwrap();
+            let profile = Profile::load("webcam-grey").unwrap();
+            let options = Options {
+                backend: Backend::Cpu,
+                ..Options::default()
+            };
+            let mut renderer = Renderer::with_options(&profile, &scene, 1, options).unwrap();
+            let notice = renderer.news().unwrap().unwrap();
+            let removed = "m.obj: removed 1 triangles without area and 49999 duplicate triangles";
+            assert!(
+                notice.starts_with("scene, object[0].shape.file: "),
+                "{notice}"
+            );
+            assert!(notice.contains(removed), "{notice}");
+            assert_eq!(renderer.worlds.any().triangle_count(), 1);
+        }
     }
 
     #[test]

@@ -33,13 +33,22 @@ impl Builder<'_> {
         Part::Solid(self.solids.len() - 1)
     }
 
-    fn read(&self, object: &Object, index: u16) -> Result<Mesh> {
+    fn read(&mut self, object: &Object, index: u16) -> Result<Mesh> {
         let field = match object.shape {
             Shape::Mesh { .. } => "shape.file",
             _ => "shape",
         };
         let place = || format!("scene, object[{index}].{field}");
-        let mesh = mesh(&object.shape, &self.scene.folder).map_err(|e| e.at(place()))?;
+        let mut mesh = mesh(&object.shape, &self.scene.folder).map_err(|e| e.at(place()))?;
+        // A deforming mesh keeps the triangles of its keyframes.
+        if let (Shape::Mesh { file }, None) = (&object.shape, &object.deform) {
+            let name = self.scene.folder.join(file).display().to_string();
+            let removed = mesh.clean(&name).map_err(|e| e.at(place()))?;
+            if removed.total() > 0 {
+                let note = format!("{}: {name}: {removed}", place());
+                self.fixed.notes.push(note);
+            }
+        }
         let total = self.fixed.owner.len() + mesh.triangles.len();
         if total > MAX_TRIANGLES {
             return Err(Error::input(

@@ -5,7 +5,9 @@ use super::links::Missing;
 use phasmid_core::error::{Error, Result};
 use phasmid_device::faults::Faults;
 use phasmid_device::link::usb::{Binding, Nodes, UsbDevice, UsbServer, attach};
-use phasmid_device::link::{Device, RunDir, SharedScene, Timeline, UsbLink, VideoOutput, serve};
+use phasmid_device::link::{
+    Device, RunDir, SharedScene, Tcp, Timeline, UsbLink, VideoOutput, serve,
+};
 use phasmid_device::port::Port;
 use phasmid_device::{Firmware, Machine, SerialLine};
 use phasmid_host::monotonic_ns;
@@ -101,7 +103,10 @@ impl Served {
             // The port's default, as is the port here.
             dialect: "scpi".to_owned(),
             baud: profile.control.baud,
-            tcp: (exit == Exit::Tcp).then_some(0),
+            tcp: (exit == Exit::Tcp).then_some(Tcp {
+                port: 0,
+                token: None,
+            }),
             video,
             usb,
             recording: None,

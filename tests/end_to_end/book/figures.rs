@@ -80,7 +80,13 @@ fn thousands(count: u64) -> String {
 
 #[test]
 fn accuracy_figures_equal_output_of_demo() {
-    let said = demo(&[]);
+    let exact = "--exact-calibration";
+    let factory = demo(&[])["mae_mm"].as_f64().unwrap();
+    assert_eq!(
+        figure("mean absolute error with the device's factory calibration"),
+        format!("{factory:.3} mm")
+    );
+    let said = demo(&[exact]);
     let number = |key: &str| said[key].as_f64().unwrap();
     assert_eq!(
         figure("mean absolute error"),
@@ -102,7 +108,7 @@ fn accuracy_figures_equal_output_of_demo() {
         figure("error over the least-squares noise bound"),
         format!("{:.2}", number("ratio_to_bound"))
     );
-    let without = demo(&["--no-noise"])["mae_mm"].as_f64().unwrap();
+    let without = demo(&["--no-noise", exact])["mae_mm"].as_f64().unwrap();
     assert_eq!(
         figure("mean absolute error without noise (8-bit rounding remains)"),
         format!("{without:.3} mm")

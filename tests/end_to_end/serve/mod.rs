@@ -12,4 +12,5 @@ mod service;
 mod several;
 mod station;
 mod stream;
+mod tcp;
 mod usb;

@@ -26,8 +26,8 @@ impl Room {
         let base = tempfile::tempdir().unwrap();
         let run = base.path().join("run");
         let mut child = phasmid()
-            .args(["serve", "--clock", "fast", "--profile", station])
-            .args(["--scene", scene, "--run-dir"])
+            .args(["serve", "--clock", "fast", "--exact-calibration"])
+            .args(["--profile", station, "--scene", scene, "--run-dir"])
             .arg(&run)
             .stdout(Stdio::null())
             .spawn()

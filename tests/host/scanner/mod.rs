@@ -172,7 +172,7 @@ fn a_scan_has_every_frame_in_order() {
     assert_eq!(retries, [""; 0]);
     assert_eq!(captured.idn, "Phasmid,webcam-grey,0001,0.1.0");
     assert_eq!(captured.manifest, profile.manifest(&profile.sequence[0]));
-    assert_eq!(captured.calibration, Some(profile.nominal_rig()));
+    assert_eq!(captured.calibration, Some(profile.factory_rig().unwrap()));
     let ids: Vec<_> = captured
         .frames
         .iter()

@@ -3,7 +3,7 @@
 use super::{Answer, say};
 use crate::firmware::table::Command;
 use crate::firmware::{Block, Firmware};
-use phasmid_protocol::scpi::{Args, Quantity, Unit, encode_block};
+use phasmid_protocol::scpi::{Args, ErrorCode, Quantity, Unit, encode_block};
 use phasmid_protocol::usb::cdc::LineCoding;
 
 impl Firmware {
@@ -70,7 +70,9 @@ impl Firmware {
             Command::Parity => return say(parity(self.line)),
             Command::StopBits => return say(stop_bits(self.line)),
             Command::Calibration => {
-                let mut rig = self.settings.roi.rig(self.profile.nominal_rig());
+                let factory = self.factory_calibration().clone();
+                let factory = factory.map_err(|why| ErrorCode::CalibrationFailed.with(&why))?;
+                let mut rig = self.settings.roi.rig(factory);
                 let sensor = &self.profile.camera.sensor;
                 let exposure_s = self.settings.exposure_ns as f64 * 1e-9;
                 rig.noise = Some(sensor.noise_model(self.settings.gain_db, exposure_s));

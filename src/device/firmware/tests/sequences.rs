@@ -17,13 +17,13 @@ fn calibration_and_manifest_come_as_blocks_that_read_back() {
         phasmid_pattern::Manifest::parse(&block(port.bytes(b"SEQ:DATA?\n")), "").unwrap();
     assert_eq!(manifest, profile.manifest(&profile.sequence[0]));
     let rig = |text: String| phasmid_geometry::Rig::from_toml(&text, "").unwrap();
-    assert_eq!(
-        rig(block(port.bytes(b"CAL:DATA?\n"))),
-        profile.nominal_rig()
-    );
+    let factory = profile.factory_rig().unwrap();
+    assert_eq!(rig(block(port.bytes(b"CAL:DATA?\n"))), factory);
+    assert_ne!(factory.camera, profile.nominal_rig().camera);
     port.tell("CAM:ROI 100,50,200,100;GAIN 6");
     let cropped = rig(block(port.bytes(b"CAL:DATA?\n")));
-    let (a, b) = (cropped.camera.lens, profile.nominal_rig().camera.lens);
+    assert_eq!(cropped.covariance, factory.covariance);
+    let (a, b) = (cropped.camera.lens, factory.camera.lens);
     assert_eq!((a.width_px, a.height_px), (200, 100));
     assert_eq!(
         b.principal_px - a.principal_px,

@@ -2,7 +2,7 @@
 
 use super::ahead::{End, Output};
 use crate::FrameSink;
-use crate::link::frame_socket::FrameSocket;
+use crate::link::frame_socket::{FrameSocket, Tcp};
 use crate::link::pty::{Event, Pty};
 use crate::link::run_dir::{CAMERA, CONTROL, RunDir};
 use crate::link::server::next_of;
@@ -19,23 +19,28 @@ pub(super) struct Ends {
     pub(super) control: PathBuf,
     pub(super) camera_path: PathBuf,
     /// The camera's address on the loopback interface.
-    pub(super) tcp: Option<SocketAddr>,
+    pub(super) tcp_address: Option<SocketAddr>,
+    /// How to serve the camera there, with the port that was picked.
+    tcp: Option<Tcp>,
 }
 
 impl Ends {
-    /// Opens both ends in a run directory, and the camera on a loopback port too if one is given; 0
-    /// picks a free port.
-    pub(super) fn open(run_dir: &mut RunDir, tcp: Option<u16>) -> Result<Self> {
+    /// Opens both ends in a run directory, and the camera over TCP too if asked to.
+    pub(super) fn open(run_dir: &mut RunDir, tcp: Option<Tcp>) -> Result<Self> {
         let pty = Pty::open()?;
         let control = run_dir.file(CONTROL);
         point(&control, &pty)?;
         let camera_path = run_dir.file(CAMERA);
-        let camera = FrameSocket::open(&camera_path, tcp)?;
+        let camera = FrameSocket::open(&camera_path, tcp.as_ref())?;
         Ok(Self {
             pty: Some(pty),
             control,
             camera_path,
-            tcp: camera.tcp_address(),
+            tcp_address: camera.tcp_address(),
+            tcp: tcp.map(|tcp| Tcp {
+                port: camera.tcp_address().map_or(tcp.port, |at| at.port()),
+                ..tcp
+            }),
             camera: Some(camera),
         })
     }
@@ -96,8 +101,8 @@ impl Ends {
         match end {
             End::Port if self.pty.is_none() => point(&self.control, self.pty.insert(Pty::open()?)),
             End::Camera if self.camera.is_none() => {
-                let tcp = self.tcp.map(|address| address.port());
-                self.camera = Some(FrameSocket::open(&self.camera_path, tcp)?);
+                let camera = FrameSocket::open(&self.camera_path, self.tcp.as_ref())?;
+                self.camera = Some(camera);
                 Ok(())
             }
             _ => Ok(()),

@@ -8,6 +8,7 @@ mod player;
 
 pub use player::Outcome;
 
+use super::frame_socket::Tcp;
 use super::pty::Event;
 use super::run_dir::RunDir;
 use ends::Ends;
@@ -38,8 +39,8 @@ pub struct Replay<R> {
     pub monotonic_ns: u64,
     /// Skip the recorded delays.
     pub fast: bool,
-    /// Port on the loopback interface for frames; 0 picks a free one.
-    pub tcp: Option<u16>,
+    /// Also serve frames over TCP.
+    pub tcp: Option<Tcp>,
     /// Called with messages for the operator: where a client departs from the recording.
     pub notice: fn(&str),
 }
@@ -75,7 +76,7 @@ pub async fn replay<R: Read>(
         control_usb: None,
         camera: camera_socket.clone(),
         camera_socket,
-        camera_tcp: ends.tcp.map(|address| format!("tcp:{address}")),
+        camera_tcp: ends.tcp_address.map(|address| format!("tcp:{address}")),
         usb: None,
         service: PathBuf::new(),
     };

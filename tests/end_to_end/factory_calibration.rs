@@ -1,0 +1,110 @@
+//! The calibration that a device reports, judged by depth: errors pooled over 200 serial numbers are
+//! as large as the covariance says that comes with it.
+
+use glam::{DVec2, DVec3};
+use phasmid::calibrate::{Measured, Triangulator};
+use phasmid::geometry::Rig;
+use phasmid::geometry::parameters::RIG;
+use phasmid::profile::{Profile, profile_names};
+use rayon::prelude::*;
+
+/// Camera pixels over the image with the projector pixels that light a tilted plane there.
+fn lit(truth: &Rig) -> Vec<(DVec2, DVec2, f64)> {
+    let lens = &truth.camera.lens;
+    let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
+    let depth = truth.meeting_mm().unwrap();
+    let normal = DVec3::new(0.3, 0.2, 1.0);
+    let mut lit = Vec::new();
+    for row in 1..8 {
+        for column in 1..8 {
+            let px = (size * DVec2::new(column.into(), row.into()) / 8.0).round();
+            let ray = lens.ray(px);
+            let point = ray * (depth / normal.dot(ray));
+            let at = truth
+                .projector
+                .project(truth.camera.rig_from_view.point(point));
+            if let Some(at) = at.filter(|at| truth.projector.lens.contains(*at)) {
+                lit.push((px, at, point.z));
+            }
+        }
+    }
+    assert!(lit.len() > 10);
+    lit
+}
+
+fn triangulator(rig: &Rig) -> Triangulator {
+    let lens = &rig.camera.lens;
+    Triangulator::new(rig, lens.width_px as usize, lens.height_px as usize).unwrap()
+}
+
+fn measured(px: f64) -> Option<Measured> {
+    Some(Measured { px, sigma: 0.01 })
+}
+
+#[test]
+fn depth_errors_of_200_serial_numbers_are_as_large_as_their_covariances_say() {
+    for name in profile_names() {
+        let profile = Profile::load(name).unwrap();
+        let truth = profile.nominal_rig();
+        let lit = lit(&truth);
+        let pixels: Vec<_> = lit
+            .iter()
+            .map(|(px, at, _)| (*px, [measured(at.x), None]))
+            .collect();
+        let sums: Vec<[f64; 3]> = (0..200)
+            .into_par_iter()
+            .map(|serial| {
+                let mut profile = profile.clone();
+                profile.identity.serial = format!("SN{serial:05}");
+                let reported = triangulator(&profile.factory_rig().unwrap());
+                let sigma = reported.calibration_sigma(&pixels).unwrap();
+                let mut sums = [0.0; 3];
+                for ((px, at, z), sigma) in lit.iter().zip(sigma) {
+                    let (depth, _) = reported.depth(*px, measured(at.x), None).unwrap();
+                    sums[0] += ((depth - z) / sigma).powi(2);
+                    sums[1] += (depth - z).powi(2);
+                    sums[2] += 1.0;
+                }
+                sums
+            })
+            .collect();
+        let [normalised, square, count] =
+            [0, 1, 2].map(|i| sums.iter().map(|sum| sum[i]).sum::<f64>());
+        let ratio = (normalised / count).sqrt();
+        let rms_mm = (square / count).sqrt();
+        println!("{name}: error over sigma {ratio:.3}, RMS {rms_mm:.4} mm");
+        assert!((0.9..1.1).contains(&ratio), "{name}: {ratio}");
+    }
+}
+
+/// Why the draw is a joint one.
+#[test]
+fn independent_errors_of_the_parameters_would_exaggerate_errors_of_depth() {
+    for name in profile_names() {
+        let profile = Profile::load(name).unwrap();
+        let truth = profile.nominal_rig();
+        let rig = profile.factory_rig().unwrap();
+        let covariance = rig.covariance.unwrap();
+        let (mut joint, mut apart) = (0.0, 0.0);
+        let lit = lit(&truth);
+        let pixels: Vec<_> = lit
+            .iter()
+            .map(|(px, at, _)| (*px, [measured(at.x), None]))
+            .collect();
+        for sigma in triangulator(&rig).calibration_sigma(&pixels).unwrap() {
+            joint += sigma * sigma;
+        }
+        for parameter in 0..RIG {
+            let mut step = [0.0; RIG];
+            step[parameter] = covariance.of(parameter, parameter).sqrt();
+            let stepped = triangulator(&truth.stepped(&step));
+            for (px, at, z) in &lit {
+                let (depth, _) = stepped.depth(*px, measured(at.x), None).unwrap();
+                apart += (depth - z).powi(2);
+            }
+        }
+        let ratio = (apart / joint).sqrt();
+        println!("{name}: {ratio:.2}");
+        assert!(ratio > 2.0, "{name}: {ratio}");
+    }
+}
