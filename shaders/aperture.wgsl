@@ -9,7 +9,7 @@ const LARGEST_PX: f32 = 1e6;
 // The pupil is a disc: rays start at points spread over it.
 override through_pupil: bool = false;
 
-// Radius in pixels of the blur disc of a point at a depth in millimetres.
+// Radius in pixel widths of the blur disc of a point at a depth in millimetres.
 fn disc_px(depth: f32) -> f32 {
     if depth <= 0.0 {
         return 0.0;
@@ -35,9 +35,9 @@ fn through(point: vec3f, direction: vec3f) -> vec3f {
 }
 
 // Widths of two boxes whose convolution approximates a footprint (itself the convolution of two
-// boxes) convolved with a disc of a radius in pixels. It is the CPU's closed form, with widths in
-// units of sqrt(a^2 + b^2) and differences of nearly equal numbers expanded by hand; r is the
-// radius:
+// boxes) convolved with a disc of a radius in pixel widths. It is the CPU's closed form, with widths
+// in units of sqrt(a^2 + b^2) and differences of nearly equal numbers expanded by hand; r is the
+// disc's radius along the pattern image's axis, radius |(a, aspect b)|:
 // (w1^2 - w2^2)^2 = (a^2 - b^2)^2 + 6 r^2 (r^2 - 1) and w1^2 w2^2 = a^2 b^2 + 3 r^2 + 3/4 r^4.
 // Twin of `widened`.
 fn widened(slope: vec2f, radius_px: f32) -> vec2f {
@@ -49,7 +49,8 @@ fn widened(slope: vec2f, radius_px: f32) -> vec2f {
     let whole = dot(parts, parts);
     let a = parts.x * parts.x / whole;
     let b = parts.y * parts.y / whole;
-    let r = radius_px * radius_px;
+    let aspect = sampling.pixel_aspect;
+    let r = radius_px * radius_px * (1.0 + (aspect * aspect - 1.0) * b);
     let apart = sqrt(max((a - b) * (a - b) + 6.0 * r * (r - 1.0), 0.0));
     let square = (1.0 + 3.0 * r + apart) / 2.0;
     var both = vec2f(square);

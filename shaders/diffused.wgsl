@@ -7,7 +7,7 @@ fn diffused_average(
     table: Table,
     at: vec2f,
     slope: vec4f,
-    sigma: f32,
+    sigma: vec2f,
     tissue: u32,
     px_per_mm: vec2f,
 ) -> f32 {

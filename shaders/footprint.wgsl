@@ -5,13 +5,15 @@
 // Kinds of tables that a frame uses besides uniform ones.
 override along_rows: bool = false;
 override in_images: bool = false;
+// The projector's blur along y over that along x.
+override blur_aspect: f32 = 1.0;
 
 // The area that a pixel, or one of its samples, covers on the pattern image.
 struct Footprint {
     at: vec2f,
     // Derivatives of x, then of y, by the camera's column and row.
     slopes: vec4f,
-    // Standard deviation of the projector's blur.
+    // Standard deviation of the projector's blur along x.
     sigma: f32,
     // Tissue that spreads light under the skin; `NO_TISSUE` if there is none.
     tissue: u32,
@@ -20,13 +22,15 @@ struct Footprint {
 
 // Average level, relative to full white.
 fn footprint_level(table: Table, footprint: Footprint) -> f32 {
+    let sigma = footprint.sigma * vec2f(1.0, blur_aspect);
     if along_rows && (table.kind == TABLE_ALONG_X || table.kind == TABLE_ALONG_Y) {
         let along_x = table.kind == TABLE_ALONG_X;
         let x = select(footprint.at.y, footprint.at.x, along_x);
         let slope = select(footprint.slopes.zw, footprint.slopes.xy, along_x);
         if has_projector_defocus || has_subsurface {
             let px_per_mm = select(footprint.px_per_mm.y, footprint.px_per_mm.x, along_x);
-            let kernel = kernel_average(table, x, slope, footprint.sigma, footprint.tissue, px_per_mm);
+            let blur = select(sigma.y, sigma.x, along_x);
+            let kernel = kernel_average(table, x, slope, blur, footprint.tissue, px_per_mm);
             if kernel.blurred {
                 return kernel.level;
             }
@@ -39,12 +43,12 @@ fn footprint_level(table: Table, footprint: Footprint) -> f32 {
                 table,
                 footprint.at,
                 footprint.slopes,
-                footprint.sigma,
+                sigma,
                 footprint.tissue,
                 footprint.px_per_mm,
             );
         }
-        return image_average(table, footprint.at, footprint.slopes, vec2f(footprint.sigma));
+        return image_average(table, footprint.at, footprint.slopes, sigma);
     }
     return table.scale;
 }

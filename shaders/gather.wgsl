@@ -143,9 +143,9 @@ fn follow(here: GatherPlace, number: u32) -> Brought {
             var x = lit.x;
             var y = lit.y;
             if has_projector_defocus {
-                let blur = blur_px(at);
-                x = vec2f(wide_under(x.x, blur), wide_under(x.y, blur));
-                y = vec2f(wide_under(y.x, blur), wide_under(y.y, blur));
+                let blur = blur_along(blur_px(at));
+                x = vec2f(wide_under(x.x, blur.x), wide_under(x.y, blur.x));
+                y = vec2f(wide_under(y.x, blur.y), wide_under(y.y, blur.y));
             }
             found.x = vec4f(lit.px.x, x, weight);
             found.y = vec4f(lit.px.y, y, weight);

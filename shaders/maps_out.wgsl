@@ -17,7 +17,7 @@
 @group(0) @binding(6) var<storage, read_write> lamp_bits: array<u32>;
 // Amplitude of the flicker of the ambient light, in electrons per second.
 @group(0) @binding(7) var<storage, read_write> flickering: array<f32>;
-// Standard deviation of the projector's blur in projector pixels.
+// Standard deviation of the projector's blur along x in projector pixels.
 @group(0) @binding(8) var<storage, read_write> blur: array<f32>;
 // Electrons per second for 1 W/m^2 of light that is uniform over all directions.
 @group(0) @binding(9) var<storage, read_write> evenly: array<f32>;

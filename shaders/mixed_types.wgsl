@@ -18,6 +18,6 @@ struct MixedSample {
     slopes_y: vec2f,
     // Electrons per second under full white.
     projected: f32,
-    // Standard deviation of the projector's blur in projector pixels; 0 without defocus.
+    // Standard deviation of the projector's blur along x in projector pixels; 0 without defocus.
     blur: f32,
 }

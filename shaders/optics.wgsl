@@ -32,11 +32,12 @@ struct Optics {
     ambient: f32,
     // Amplitude of the ambient light's flicker relative to its mean.
     ambient_depth: f32,
-    // Defocus of the projector: focal_px times aperture / 4, and one over the focus distance.
+    // Defocus of the projector: fx times aperture / 4, and one over the focus distance.
     defocus_strength: f32,
     defocus_sharp: f32,
     lamps: u32,
-    spare: u32,
+    // Blur of the projector along y over that along x, each in projector pixels.
+    defocus_aspect: f32,
 }
 
 @group(0) @binding(10) var<storage, read> optics: array<Optics, 1>;

@@ -151,8 +151,9 @@ fn agrees(sample: Sample, found: Cast) -> bool {
     let disc = disc_px(seen[i].w);
     let slope = slopes[i];
     let off = abs(found.shaded.px - place[i] - vec2f(dot(slope.xy, offset), dot(slope.zw, offset)));
-    let size = vec2f(abs(slope.x) + abs(slope.y), abs(slope.z) + abs(slope.w));
-    let bar = BENT * size * (1.0 + 2.0 * disc) + 1e-3;
+    let reach = 1.0 + 2.0 * disc * vec2f(1.0, sampling.pixel_aspect);
+    let size = vec2f(dot(abs(slope.xy), reach), dot(abs(slope.zw), reach));
+    let bar = BENT * size + 1e-3;
     return (!has_footprint_x || off.x <= bar.x) && (!has_footprint_y || off.y <= bar.y);
 }
 

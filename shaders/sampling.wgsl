@@ -12,15 +12,16 @@ struct Sampling {
     pixel_slope: f32,
     // Inverse distance of the plane in focus, in 1/mm.
     focus: f32,
-    // The pupil's radius in millimetres times the focal length in pixels.
+    // The pupil's radius in millimetres times the focal length in pixel widths.
     spread: f32,
     // Start of the tiles' rotations and of the objects' flags in the tables; the points of the
     // pupil come first.
     turns: u32,
     varies: u32,
+    // Width of a pixel over its height.
+    pixel_aspect: f32,
     spare_a: u32,
     spare_b: u32,
-    spare_c: u32,
     // Points of the pupil in millimetres, one for each sample of a pixel, before a tile's rotation;
     // cosine and sine of the rotation of each tile of sixteen pixels; one bit for each object whose
     // albedo varies.

@@ -3,6 +3,7 @@
 use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
 use phasmid_decode::Plan;
+use phasmid_geometry::Lens;
 use phasmid_profile::{
     Configuration, Control, Parity, Profile, Scene, Station, profile_names, profile_text,
     station_names,
@@ -112,23 +113,33 @@ fn check_station(file: &str, station: &Station) -> Result<()> {
     Ok(())
 }
 
+/// Formats a lens's focal length in pixels: one number for square pixels, fx and fy for others.
+fn focal_length(lens: &Lens) -> String {
+    let [fx, fy] = lens.focal_px.to_array();
+    if fx == fy {
+        format!("{fx:.2} px")
+    } else {
+        format!("{fx:.2} px (fx), {fy:.2} px (fy)")
+    }
+}
+
 fn describe(profile: &Profile) {
     let Profile {
         camera, projector, ..
     } = profile;
     println!("  name        {}", profile.name);
     println!(
-        "  camera      {} x {}, focal length {:.2} px, {}",
+        "  camera      {} x {}, focal length {}, {}",
         camera.width_px,
         camera.height_px,
-        camera.view().lens.focal_px.x,
+        focal_length(&camera.view().lens),
         String::from_utf8_lossy(&camera.format.fourcc()),
     );
     println!(
-        "  projector   {} x {}, focal length {:.2} px, baseline {:.1} mm",
+        "  projector   {} x {}, focal length {}, baseline {:.1} mm",
         projector.width_px,
         projector.height_px,
-        projector.view().lens.focal_px.x,
+        focal_length(&projector.view().lens),
         projector.view().center().length(),
     );
     println!("  control     {}", line(&profile.control));

@@ -91,7 +91,7 @@ pub(super) struct Args {
 /// How a V4L2 camera is read.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum How {
-    /// v4l for GREY, Y10, Y12 and Y16, else nokhwa
+    /// v4l for GREY, Y10, Y10P, Y12, Y12P and Y16, else nokhwa
     Auto,
     /// Buffers queued by the driver (V4L2 streaming)
     V4l,

@@ -1,5 +1,5 @@
-//! Readout: converts a rendered frame to what the camera sends. Crops the region, packs the pixels
-//! in the link's format and prepends the embedded data line.
+//! Readout: converts a rendered frame to what the camera sends. Crops the region, prepends the
+//! embedded data line and packs the pixels in the link's format.
 
 use super::{Roi, Shot, Stream};
 use phasmid_protocol::{Frame, PixelFormat, data_line};
@@ -31,10 +31,10 @@ impl Readout {
         if self.format == PixelFormat::Yuyv {
             frame = frame.into_yuyv();
         }
-        match self.data_line {
-            Some(full_scale_dn) => data_line::prepend(frame, full_scale_dn),
-            None => frame,
+        if let Some(full_scale_dn) = self.data_line {
+            frame = data_line::prepend(frame, full_scale_dn);
         }
+        frame.into_depth(self.format)
     }
 
     /// Returns the stream format of such frames at an interval.

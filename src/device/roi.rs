@@ -18,7 +18,8 @@ pub struct Roi {
 }
 
 impl Roi {
-    /// Crops a whole frame to the region; a frame that does not contain the region stays whole.
+    /// Crops a whole frame to the region; a frame that does not contain the region stays whole. The
+    /// pixels of the frame's format must be whole bytes: packed formats are cropped before packing.
     pub fn crop(self, frame: Frame) -> Frame {
         let inside = |first: u32, len: u32, all: u32| {
             len > 0 && first.checked_add(len).is_some_and(|end| end <= all)

@@ -29,7 +29,7 @@ pub struct Stream {
 impl Stream {
     /// Size of a frame in bytes.
     pub fn bytes(&self) -> usize {
-        self.width as usize * self.height as usize * self.format.bytes_per_pixel()
+        self.format.frame_bytes(self.width, self.height)
     }
 
     /// Returns whether frames of both streams have the same size and layout.
@@ -51,9 +51,7 @@ impl Stream {
 
 impl std::fmt::Display for Stream {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let code = self.format.fourcc();
-        let code = String::from_utf8_lossy(&code);
-        write!(f, "{} {} x {}", code.trim_end(), self.width, self.height)
+        write!(f, "{} {} x {}", self.format.name(), self.width, self.height)
     }
 }
 

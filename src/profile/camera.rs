@@ -1,6 +1,6 @@
 //! Camera of a profile: optics, timing and output format.
 
-use super::{Glare, Sensor, Vignetting, distortion, vignetting};
+use super::{Glare, PIXEL_ASPECT, Sensor, Vignetting, distortion, vignetting};
 use glam::DVec2;
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
@@ -22,8 +22,12 @@ pub struct Camera {
     pub height_px: u32,
     /// Focal length of the lens in millimetres.
     pub focal_length_mm: f64,
-    /// Width of the sensor's active area in millimetres; pixels are square.
+    /// Width of the sensor's active area in millimetres.
     pub sensor_width_mm: f64,
+    /// Width of a pixel over its height, 0.5 to 2, which is fy / fx of a calibration: a lens has one
+    /// focal length in millimetres, and fx and fy are that length in pixel widths and heights.
+    #[serde(default = "square")]
+    pub pixel_aspect: f64,
     /// Principal point in pixels; the image's centre when absent.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly_if_any")]
     pub principal_point_px: Option<[f64; 2]>,
@@ -74,6 +78,11 @@ pub struct Camera {
     pub sensor: Sensor,
 }
 
+/// Aspect of square pixels.
+fn square() -> f64 {
+    1.0
+}
+
 impl Camera {
     /// Returns intrinsics and pose; the pose is the identity because the rig's frame is the
     /// camera's.
@@ -83,7 +92,7 @@ impl Camera {
             lens: Lens {
                 width_px: self.width_px,
                 height_px: self.height_px,
-                focal_px: DVec2::splat(focal_px),
+                focal_px: focal_px * DVec2::new(1.0, self.pixel_aspect),
                 principal_px: self.principal_point_px.map_or(
                     DVec2::new(
                         (f64::from(self.width_px) - 1.0) / 2.0,
@@ -120,9 +129,14 @@ impl Camera {
         (self.exposure_us + self.readout_ns() as f64 / 1e3).max(least_ns as f64 / 1e3)
     }
 
-    /// Returns the pixel pitch in millimetres.
+    /// Returns the width of a pixel, the pitch of the columns, in millimetres.
     pub fn pixel_pitch_mm(&self) -> f64 {
         self.sensor_width_mm / f64::from(self.width_px)
+    }
+
+    /// Returns the area of a pixel in square metres.
+    pub fn pixel_area_m2(&self) -> f64 {
+        (self.pixel_pitch_mm() * 1e-3).powi(2) / self.pixel_aspect
     }
 }
 
@@ -138,6 +152,7 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
     )?;
     check.within("camera.focal_length_mm", c.focal_length_mm, 0.1..=10_000.0)?;
     check.within("camera.sensor_width_mm", c.sensor_width_mm, 0.1..=1000.0)?;
+    check.within("camera.pixel_aspect", c.pixel_aspect, PIXEL_ASPECT)?;
     if let Some(point) = c.principal_point_px {
         check.all_within("camera.principal_point_px", &point, -1e6..=1e6)?;
     }

@@ -12,8 +12,9 @@ use serde::{Deserialize, Serialize};
 pub struct Glare {
     /// Percentage of each point's light that is scattered.
     pub percent: f64,
-    /// Standard deviation of the Gaussian scattering kernel in pixels. Light that would fall
-    /// outside the image is reflected back into it, so that none is lost.
+    /// Standard deviation of the Gaussian scattering kernel in pixel widths, the same in every
+    /// direction on the sensor. Light that would fall outside the image is reflected back into it,
+    /// so that none is lost.
     pub sigma_px: f64,
 }
 

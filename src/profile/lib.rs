@@ -64,6 +64,9 @@ mod timing;
 mod usb;
 pub mod vignetting;
 
+/// Range of `pixel_aspect` of camera and projector: no common sensor or display is outside it.
+const PIXEL_ASPECT: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+
 pub use builtin::{profile_names, profile_text, scene_names, scene_text, station_names};
 pub use calibration::Calibration;
 pub use camera::Camera;

@@ -1,6 +1,6 @@
 //! Projector of a profile: an inverse camera and its light.
 
-use super::{Focus, Led, Response, Timing, Vignetting};
+use super::{Focus, Led, PIXEL_ASPECT, Response, Timing, Vignetting};
 use super::{distortion, focus, led, response, timing, vignetting};
 use glam::{DVec2, DVec3};
 use phasmid_core::check::Check;
@@ -17,8 +17,11 @@ pub struct Projector {
     pub width_px: u32,
     /// Rows.
     pub height_px: u32,
-    /// Throw distance over image width; pixels are square.
+    /// Throw distance over image width.
     pub throw_ratio: f64,
+    /// Width of a projected pixel over its height, 0.5 to 2, which is fy / fx of a calibration.
+    #[serde(default = "square")]
+    pub pixel_aspect: f64,
     /// Offset of the principal point from the image centre in pixels.
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub lens_shift_px: [f64; 2],
@@ -59,6 +62,11 @@ pub struct Projector {
     pub led: Option<Led>,
 }
 
+/// Aspect of square pixels.
+fn square() -> f64 {
+    1.0
+}
+
 impl Projector {
     /// Returns the light of a level from 0 to 2^bits - 1, relative to full white.
     pub fn light(&self, level: u16) -> f64 {
@@ -70,11 +78,12 @@ impl Projector {
 
     /// Returns the intrinsics and pose of the inverse camera.
     pub fn view(&self) -> View {
+        let focal_px = self.throw_ratio * f64::from(self.width_px);
         View {
             lens: Lens {
                 width_px: self.width_px,
                 height_px: self.height_px,
-                focal_px: DVec2::splat(self.throw_ratio * f64::from(self.width_px)),
+                focal_px: focal_px * DVec2::new(1.0, self.pixel_aspect),
                 principal_px: DVec2::new(
                     (f64::from(self.width_px) - 1.0) / 2.0,
                     (f64::from(self.height_px) - 1.0) / 2.0,
@@ -93,6 +102,7 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
     check.within("projector.width_px", p.width_px, 8..=MAX_SIDE_PX)?;
     check.within("projector.height_px", p.height_px, 8..=MAX_SIDE_PX)?;
     check.within("projector.throw_ratio", p.throw_ratio, 0.05..=100.0)?;
+    check.within("projector.pixel_aspect", p.pixel_aspect, PIXEL_ASPECT)?;
     check.all_within("projector.lens_shift_px", &p.lens_shift_px, -1e5..=1e5)?;
     check.all_within("projector.position_mm", &p.position_mm, -1e7..=1e7)?;
     let baseline = p.view().center().length();

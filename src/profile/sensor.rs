@@ -62,10 +62,15 @@ impl Sensor {
         }
     }
 
-    /// Returns the pixel formats in which a link can carry the samples.
+    /// Returns the pixel formats in which the camera can deliver the samples. All formats of a
+    /// sensor carry the same values.
     pub fn formats(&self) -> &'static [PixelFormat] {
         if self.bits <= 8 {
             &[PixelFormat::Grey, PixelFormat::Yuyv]
+        } else if self.bits <= 10 {
+            &[PixelFormat::Y16, PixelFormat::Y10, PixelFormat::Y10P]
+        } else if self.bits <= 12 {
+            &[PixelFormat::Y16, PixelFormat::Y12, PixelFormat::Y12P]
         } else {
             &[PixelFormat::Y16]
         }
@@ -142,6 +147,8 @@ pub(super) fn check(s: &Sensor, format: PixelFormat, check: &Check<'_>) -> Resul
     check.within("camera.sensor.gain_dn_per_e", s.gain_dn_per_e, 1e-6..=1e4)?;
     let bits = match format {
         PixelFormat::Grey | PixelFormat::Yuyv => 8..=8,
+        PixelFormat::Y10 | PixelFormat::Y10P => 9..=10,
+        PixelFormat::Y12 | PixelFormat::Y12P => 11..=12,
         PixelFormat::Y16 => 9..=16,
     };
     check.within("camera.sensor.bits", s.bits, bits)?;

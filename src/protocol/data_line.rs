@@ -16,7 +16,7 @@
 //! | 24 | 4 | length of the exposure in nanoseconds, to the end of the last row |
 //! | 28 | 4 | CRC-32 (IEEE 802.3) of the 28 bytes before |
 
-use super::{Frame, PixelFormat};
+use super::Frame;
 
 /// Width of the line in pixels, and minimum image width.
 pub const WIDTH_PX: u32 = 8 * LEN as u32;
@@ -52,16 +52,14 @@ pub fn prepend(frame: Frame, full_scale_dn: u16) -> Frame {
     let (dark, bright) = (margin, full_scale_dn - margin);
     let bits = encode(&frame);
     let rest = (WIDTH_PX..frame.width).map(|_| false);
-    let levels = bits
+    let levels: Vec<u16> = bits
         .into_iter()
         .chain(rest)
-        .map(|bit| if bit { bright } else { dark });
-    let mut data = Vec::with_capacity(frame.data.len() + frame.width as usize * 2);
-    match frame.format {
-        PixelFormat::Grey => data.extend(levels.map(|level| level as u8)),
-        PixelFormat::Y16 => data.extend(levels.flat_map(u16::to_le_bytes)),
-        PixelFormat::Yuyv => data.extend(levels.flat_map(|level| [level as u8, 128])),
-    }
+        .map(|bit| if bit { bright } else { dark })
+        .collect();
+    let row = frame.format.row_bytes(frame.width);
+    let mut data = Vec::with_capacity(frame.data.len() + row);
+    frame.format.pack_row(&levels, &mut data);
     data.extend_from_slice(&frame.data);
     Frame {
         height: frame.height + 1,
@@ -74,7 +72,7 @@ pub fn prepend(frame: Frame, full_scale_dn: u16) -> Frame {
 /// line the frame is unchanged.
 #[must_use]
 pub fn strip(mut frame: Frame) -> (Frame, Found) {
-    let row = frame.width as usize * frame.format.bytes_per_pixel();
+    let row = frame.format.row_bytes(frame.width);
     if frame.width < WIDTH_PX || frame.height < 2 || frame.data.len() <= row {
         return (frame, Found::Nothing);
     }
@@ -124,12 +122,8 @@ fn encode(frame: &Frame) -> [bool; 8 * LEN] {
 /// Returns the first row's bits, thresholded midway between its darkest and brightest pixel; `None`
 /// if these are too close for a line. The bit depth of a Y16 sensor is unknown here.
 fn read_bits(frame: &Frame) -> Option<[u8; LEN]> {
-    let level = |i: usize| match frame.format {
-        PixelFormat::Grey => u16::from(frame.data[i]),
-        PixelFormat::Y16 => u16::from_le_bytes([frame.data[2 * i], frame.data[2 * i + 1]]),
-        PixelFormat::Yuyv => u16::from(frame.data[2 * i]),
-    };
-    let levels: [u16; 8 * LEN] = std::array::from_fn(level);
+    let mut levels = [0u16; 8 * LEN];
+    frame.format.unpack_row(&frame.data, &mut levels);
     let darkest = levels.iter().min().copied()?;
     let brightest = levels.iter().max().copied()?;
     if brightest / 2 <= darkest {
@@ -146,12 +140,13 @@ fn read_bits(frame: &Frame) -> Option<[u8; LEN]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::PixelFormat;
     use proptest::prelude::*;
 
     fn frame(format: PixelFormat, width: u32, noise: u64) -> Frame {
         let height = 3;
         let mut state = noise | 1;
-        let bytes = width as usize * height as usize * format.bytes_per_pixel();
+        let bytes = format.frame_bytes(width, height);
         let data = (0..bytes)
             .map(|_| {
                 state = state
@@ -180,11 +175,13 @@ mod tests {
     proptest! {
         #[test]
         fn stripped_data_line_restores_the_frame(
-            noise: u64, width in WIDTH_PX..700, full in 200u16.., kind in 0..3
+            noise: u64, width in WIDTH_PX..700, full in 200u16.., kind in 0..5
         ) {
             let (format, full) = match kind {
                 0 => (PixelFormat::Grey, 255),
                 1 => (PixelFormat::Y16, full),
+                2 => (PixelFormat::Y10P, 0x3FF),
+                3 => (PixelFormat::Y12P, 0xFFF),
                 _ => (PixelFormat::Yuyv, 255),
             };
             let bare = frame(format, width, noise);

@@ -10,6 +10,7 @@
 //! | `endpoints` | `device.json`: addresses of a served device |
 //! | `faults` | fault schedules |
 //! | `frame` | frame and pixel format |
+//! | `packing` | bytes of a row of pixels |
 //! | `printable` | escaping of text for terminals |
 //! | `record` | recordings of a device's traffic |
 //! | `scpi` | SCPI messages, parameters, blocks and errors |
@@ -23,6 +24,7 @@ pub mod dialect;
 pub mod endpoints;
 pub mod faults;
 mod frame;
+mod packing;
 mod printable;
 pub mod record;
 pub mod scpi;

@@ -129,11 +129,12 @@ impl FrameHeader {
         let code: [u8; 4] = bytes[28..32].try_into().expect("4 bytes");
         let Some(format) = PixelFormat::from_fourcc(code) else {
             return bad(format!(
-                "pixel format \"{}\", expected GREY or Y16",
-                code.escape_ascii()
+                "unknown pixel format, found \"{}\"; expected {}",
+                code.escape_ascii(),
+                PixelFormat::ALL.map(PixelFormat::name).join(", ")
             ));
         };
-        let want = u64::from(width) * u64::from(height) * format.bytes_per_pixel() as u64;
+        let want = format.frame_bytes(width, height) as u64;
         let payload = u64_at(48);
         if payload != want {
             return bad(format!(
@@ -167,7 +168,7 @@ impl FrameHeader {
 
     /// Returns the length of the payload in bytes.
     pub fn payload_len(&self) -> usize {
-        self.width as usize * self.height as usize * self.format.bytes_per_pixel()
+        self.format.frame_bytes(self.width, self.height)
     }
 
     /// Combines the header with its payload to a frame.
@@ -287,11 +288,11 @@ mod tests {
     prop_compose! {
         fn frames()(
             id: u64, pattern_index in proptest::option::of(0u32..u32::MAX),
-            width in 1u32..20, height in 1u32..20, wide: bool,
+            width in 1u32..20, height in 1u32..20, kind in 0usize..7,
             times in (any::<u64>(), any::<u64>()), seed: u8,
         ) -> Frame {
-            let format = if wide { PixelFormat::Y16 } else { PixelFormat::Grey };
-            let len = width as usize * height as usize * format.bytes_per_pixel();
+            let format = PixelFormat::ALL[kind];
+            let len = format.frame_bytes(width, height);
             Frame {
                 id, pattern_index, width, height, format,
                 exposure_start_ns: times.0.min(times.1),

@@ -24,8 +24,10 @@ pub(super) struct Aperture {
     pub(super) radius_mm: f64,
     /// Inverse distance of the plane in focus, in 1/mm.
     pub(super) focus: f64,
-    /// Focal length in pixels.
+    /// Focal length in pixel widths.
     pub(super) focal_px: f64,
+    /// Width of a pixel over its height.
+    pub(super) pixel_aspect: f64,
 }
 
 impl Aperture {
@@ -37,11 +39,12 @@ impl Aperture {
             radius_mm: camera.focus_mm.map_or(0.0, |_| radius_mm),
             focus: camera.focus_mm.map_or(0.0, |focus| 1.0 / focus),
             focal_px: camera.focal_length_mm / camera.pixel_pitch_mm(),
+            pixel_aspect: camera.pixel_aspect,
         }
     }
 
-    /// Returns the radius in pixels of the blur disc of a point at a depth in millimetres; NaN or 0
-    /// where no surface is visible.
+    /// Returns the radius in pixel widths of the blur disc of a point at a depth in millimetres; NaN
+    /// or 0 where no surface is visible.
     pub(super) fn blur_px(&self, depth_mm: f64) -> f64 {
         let radius = self.focal_px * self.radius_mm * (1.0 / depth_mm - self.focus).abs();
         // NaN is passed through, unlike with `min`.
@@ -72,27 +75,29 @@ impl Aperture {
                 .par_iter_mut()
                 .zip(&map.depth)
                 .for_each(|(slope, &depth)| {
-                    *slope = widened(*slope, self.blur_px(f64::from(depth)));
+                    let blur = self.blur_px(f64::from(depth));
+                    *slope = widened(*slope, blur, self.pixel_aspect);
                 });
         }
     }
 }
 
 /// Returns the widths of two boxes whose convolution approximates that of a footprint (itself two
-/// boxes) with a disc of a radius in pixels: same variance and, where two boxes allow it, same
-/// fourth cumulant, so that contrast is correct to fourth order in frequency.
+/// boxes) with a disc of a radius in pixel widths: same variance and, where two boxes allow it, same
+/// fourth cumulant, so that contrast is correct to fourth order in frequency. `aspect` is the width
+/// of a pixel over its height: the disc is an ellipse in pixels.
 ///
 /// Along the pattern image's axis the disc is a semicircle (Wigner's distribution) of radius
-/// rho = radius |(a, b)|: variance rho^2 / 4, fourth cumulant -rho^4 / 16; a box of width w has
+/// rho = radius |(a, aspect b)|: variance rho^2 / 4, fourth cumulant -rho^4 / 16; a box of width w has
 /// w^2 / 12 and -w^4 / 120. Hence two boxes with w1^2 + w2^2 = a^2 + b^2 + 3 rho^2 and
 /// w1^4 + w2^4 = a^4 + b^4 + 7.5 rho^4.
-pub(super) fn widened(slope: [f32; 2], radius_px: f64) -> [f32; 2] {
+pub(super) fn widened(slope: [f32; 2], radius_px: f64, aspect: f64) -> [f32; 2] {
     // The radius is NaN where no surface is visible.
     if !(radius_px > SHARP_PX) {
         return slope;
     }
     let [a, b] = slope.map(|s| f64::from(s).powi(2));
-    let rho = radius_px * radius_px * (a + b);
+    let rho = radius_px * radius_px * (a + aspect * aspect * b);
     let squares = a + b + 3.0 * rho;
     let fourths = a * a + b * b + 7.5 * rho * rho;
     let apart = (2.0 * fourths - squares * squares).max(0.0).sqrt();
@@ -128,16 +133,18 @@ mod tests {
 
     #[test]
     fn the_spread_of_an_edge_is_that_of_the_disc() {
-        for (slope, radius, bar) in [
-            ([2.0f32, 0.3], 4.0, 0.008),
-            ([2.0, 1.9], 4.0, 0.008),
-            ([0.1, -1.5], 1.0, 0.012),
-            ([1.0, 1.0], 0.5, 0.02),
-            ([3.0, 0.0], 0.2, 0.02),
+        for (slope, radius, aspect, bar) in [
+            ([2.0f32, 0.3], 4.0, 1.0, 0.008),
+            ([2.0, 1.9], 4.0, 1.0, 0.008),
+            ([2.0, 1.9], 4.0, 0.7, 0.008),
+            ([0.3, 2.0], 4.0, 1.5, 0.008),
+            ([0.1, -1.5], 1.0, 1.0, 0.012),
+            ([1.0, 1.0], 0.5, 1.0, 0.02),
+            ([3.0, 0.0], 0.2, 1.0, 0.02),
         ] {
-            let wide = widened(slope, radius).map(f64::from);
+            let wide = widened(slope, radius, aspect).map(f64::from);
             let pixel = slope.map(|s| f64::from(s).abs().max(1e-9));
-            let rho = radius * f64::from(slope[0].hypot(slope[1]));
+            let rho = radius * f64::from(slope[0]).hypot(aspect * f64::from(slope[1]));
             let mut worst = 0.0f64;
             for k in -300..=300 {
                 let x = f64::from(k) / 200.0 * (rho + pixel[0] + pixel[1]);
@@ -151,13 +158,13 @@ mod tests {
                 }
                 worst = worst.max((boxes(x, wide) - exact).abs());
             }
-            assert!(worst < bar, "{slope:?} {radius}: {worst}");
+            assert!(worst < bar, "{slope:?} {radius} {aspect}: {worst}");
         }
     }
 
     #[test]
     fn footprint_without_blur_is_unchanged() {
-        assert_eq!(widened([1.5, -0.25], 0.0), [1.5, -0.25]);
-        assert_eq!(widened([1.5, -0.25], f64::NAN), [1.5, -0.25]);
+        assert_eq!(widened([1.5, -0.25], 0.0, 1.0), [1.5, -0.25]);
+        assert_eq!(widened([1.5, -0.25], f64::NAN, 1.0), [1.5, -0.25]);
     }
 }

@@ -35,8 +35,11 @@ pub(super) struct GeometryBuffer {
     pub(super) surface: Vec<u32>,
     /// Unit normal of that surface, facing the camera.
     pub(super) normal: Vec<[f32; 3]>,
-    /// Standard deviation of the projector's blur in projector pixels; empty without defocus.
+    /// Standard deviation of the projector's blur along x in projector pixels; empty without
+    /// defocus.
     pub(super) blur: Vec<f32>,
+    /// Blur along y over blur along x, less 1: 0 if projector pixels are square.
+    pub(super) blur_stretch: f32,
     /// Electrons per second for 1 W/m^2 of uniform ambient light; empty without interreflection.
     pub(super) evenly: Vec<f32>,
     /// Indirect light between surfaces; empty without interreflection.
@@ -193,6 +196,11 @@ impl GeometryBuffer {
 }
 
 impl GeometryBuffer {
+    /// Returns the projector's blur along x and y, for its blur along x.
+    pub(super) fn blur_along(&self, blur: f32) -> [f32; 2] {
+        [blur, blur * (1.0 + self.blur_stretch)]
+    }
+
     /// Returns the projector coordinate along an axis from which each pixel's light comes.
     pub(super) fn lit_from(&self, axis: Axis) -> &[f32] {
         match (&self.skin, axis) {
@@ -220,7 +228,11 @@ impl GeometryBuffer {
                 _ => (mixed.y[k], mixed.y_slope[k]),
             };
             let lit = mixed.projected[k] > 0.0;
-            let sigma = if lit { mixed.blur[k] } else { 0.0 };
+            let sigma = if lit {
+                self.blur_along(mixed.blur[k])[axis]
+            } else {
+                0.0
+            };
             let samples = mixed.skin.as_ref().filter(|_| lit);
             let skin = self.skin.as_ref().zip(samples);
             Blurred {
@@ -238,12 +250,12 @@ impl GeometryBuffer {
                         return of_mixed(axis, i - n);
                     }
                     let lit = self.projected[i] > 0.0;
-                    let sigma = self.blur.get(i).filter(|_| lit);
+                    let blur = self.blur.get(i).filter(|_| lit).copied().unwrap_or(0.0);
                     let skin = self.skin.as_ref();
                     Blurred {
                         x: x[i],
                         slope: slope[i],
-                        sigma: sigma.copied().unwrap_or(0.0),
+                        sigma: self.blur_along(blur)[axis],
                         spread: skin.and_then(|skin| skin.spread(i, axis)),
                     }
                 })

@@ -88,6 +88,7 @@ pub(super) fn run(
     let lens = &optics.camera.lens;
     let (width, height) = (lens.width_px as usize, lens.height_px as usize);
     buffer.resize(width, height, plan);
+    buffer.blur_stretch = (optics.defocus.aspect - 1.0) as f32;
     let rows = worlds.rows_together();
     buffer
         .bands(rows)

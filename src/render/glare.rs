@@ -14,14 +14,20 @@ const REACH: f64 = 4.0;
 /// Maximum cell size in pixels, so that an image has several cells.
 const LARGEST_CELL: usize = 64;
 
-/// Applies glare to a frame of mean electrons with `width` pixels per row.
-pub(super) fn spread(electrons: &mut [f32], width: usize, glare: &profile::Glare) {
+/// Returns the standard deviation of the Gaussian along columns and rows in pixels, for pixels of
+/// an aspect, their width over their height.
+pub(super) fn sigmas_px(glare: &profile::Glare, aspect: f64) -> [f64; 2] {
+    [glare.sigma_px, glare.sigma_px * aspect]
+}
+
+/// Applies glare to a frame of mean electrons with `width` pixels per row of an aspect.
+pub(super) fn spread(electrons: &mut [f32], width: usize, glare: &profile::Glare, aspect: f64) {
     let share = (glare.percent / 100.0) as f32;
     if share == 0.0 || electrons.is_empty() {
         return;
     }
-    let cell = cell_px(glare.sigma_px);
-    let grid = Grid::new(electrons, width, cell).blurred(glare.sigma_px);
+    let sigmas = sigmas_px(glare, aspect);
+    let grid = Grid::new(electrons, width, cell_px(sigmas)).blurred(sigmas);
     let total = sum(electrons);
     let rows: Vec<Vec<f32>> = electrons
         .par_chunks(width)
@@ -40,8 +46,9 @@ pub(super) fn spread(electrons: &mut [f32], width: usize, glare: &profile::Glare
         });
 }
 
-/// Returns the approximate cell width in pixels.
-fn cell_px(sigma_px: f64) -> usize {
+/// Returns the approximate cell size in pixels.
+fn cell_px([across, down]: [f64; 2]) -> usize {
+    let sigma_px = across.min(down);
     let mut cell = 8;
     while cell < LARGEST_CELL && (8 * cell) as f64 <= sigma_px {
         cell *= 2;
@@ -90,9 +97,9 @@ impl Grid {
         }
     }
 
-    fn blurred(mut self, sigma_px: f64) -> Self {
+    fn blurred(mut self, sigmas_px: [f64; 2]) -> Self {
         let most = self.width.max(self.height);
-        let [across, down] = self.pitch.map(|pitch| kernel(sigma_px / pitch, most));
+        let [across, down] = [0, 1].map(|k| kernel(sigmas_px[k] / self.pitch[k], most));
         self.values = self.along(&across, self.width, 1, self.height, self.width);
         self.values = self.along(&down, self.height, self.width, self.width, 1);
         self
@@ -187,8 +194,8 @@ pub(super) struct Axis {
 }
 
 /// Returns the tables along columns and rows, for the GPU pass.
-pub(super) fn axes(size: [usize; 2], sigma_px: f64) -> [Axis; 2] {
-    let (counts, pitch) = cells(size, cell_px(sigma_px));
+pub(super) fn axes(size: [usize; 2], sigmas_px: [f64; 2]) -> [Axis; 2] {
+    let (counts, pitch) = cells(size, cell_px(sigmas_px));
     let most = counts[0].max(counts[1]);
     std::array::from_fn(|axis| {
         let (cells, pitch) = (counts[axis], pitch[axis]);
@@ -200,7 +207,7 @@ pub(super) fn axes(size: [usize; 2], sigma_px: f64) -> [Axis; 2] {
         Axis {
             cells,
             covers: (0..cells).map(cover).collect(),
-            weights: folded(&kernel(sigma_px / pitch, most), cells),
+            weights: folded(&kernel(sigmas_px[axis] / pitch, most), cells),
             between: (0..size[axis]).map(between).collect(),
         }
     })
@@ -265,14 +272,21 @@ mod tests {
     /// Reference: the Gaussian integrated over the bright rectangle and its reflections.
     #[test]
     fn glare_matches_the_integrated_gaussian() {
-        for sigma_px in [32.0, 63.0, 90.0] {
+        for (sigma_px, aspect) in [
+            (32.0, 1.0),
+            (63.0, 1.0),
+            (90.0, 1.0),
+            (40.0, 2.0),
+            (63.0, 0.8),
+            (32.0, 0.5),
+        ] {
             let before = image();
             let mut after = before.clone();
             let glare = Glare {
                 percent: 8.0,
                 sigma_px,
             };
-            spread(&mut after, WIDTH, &glare);
+            spread(&mut after, WIDTH, &glare, aspect);
             let mut worst = 0.0f64;
             let mut most = 0.0f64;
             for (row, column) in [
@@ -287,13 +301,16 @@ mod tests {
                 let scattered = 10.0
                     + 8990.0
                         * share(x, [120.0, 170.0], WIDTH as f64, sigma_px)
-                        * share(y, [60.0, 90.0], HEIGHT as f64, sigma_px);
+                        * share(y, [60.0, 90.0], HEIGHT as f64, aspect * sigma_px);
                 let i = row * WIDTH + column;
                 let expected = 0.92 * f64::from(before[i]) + 0.08 * scattered;
                 worst = worst.max((f64::from(after[i]) - expected).abs());
                 most = most.max(0.08 * scattered);
             }
-            assert!(worst < 0.01 * most, "{sigma_px}: {worst} of {most}");
+            assert!(
+                worst < 0.01 * most,
+                "{sigma_px} {aspect}: {worst} of {most}"
+            );
         }
     }
 
@@ -306,7 +323,7 @@ mod tests {
                 percent: 30.0,
                 sigma_px,
             };
-            spread(&mut frame, WIDTH, &glare);
+            spread(&mut frame, WIDTH, &glare, 1.0);
             assert!((sum(&frame) / before - 1.0).abs() < 1e-6);
         }
     }
@@ -319,7 +336,7 @@ mod tests {
                 percent: 100.0,
                 sigma_px: 50.0,
             };
-            spread(&mut frame, 37, &glare);
+            spread(&mut frame, 37, &glare, 1.0);
             assert!(frame.iter().all(|e| (e - level).abs() <= 1e-4 * level));
         }
     }

@@ -194,7 +194,8 @@ impl Reference {
         // E = rho E_surface / (4 N^2); photons by h c / lambda.
         let photon_j =
             6.626_070_15e-34 * 299_792_458.0 / (self.profile.projector.wavelength_nm * 1e-9);
-        let area_m2 = (camera.sensor_width_mm / f64::from(camera.width_px) * 1e-3).powi(2);
+        let pixel_width_m = camera.sensor_width_mm / f64::from(camera.width_px) * 1e-3;
+        let area_m2 = pixel_width_m * (pixel_width_m / camera.pixel_aspect);
         let on_sensor = mean / (4.0 * camera.f_number * camera.f_number);
         let electrons = sensor.quantum_efficiency * on_sensor * area_m2 * exposure_s / photon_j;
         let dn = electrons.min(sensor.full_well_e) * sensor.gain_dn_per_e + sensor.black_level_dn;
@@ -290,9 +291,9 @@ impl Reference {
         };
         let z = self.projector.rig_from_view.inverse().point(point).z;
         let covered_mm = focus.aperture_mm * (z - focus.distance_mm).abs() / focus.distance_mm;
-        let pixel_mm = z / self.projector.lens.focal_px.x;
-        let radius = (-2.0 * (1.0 - u).ln()).sqrt() * covered_mm / pixel_mm / 4.0;
-        DVec2::from_angle(v * std::f64::consts::TAU) * radius
+        let pixel_mm = z / self.projector.lens.focal_px;
+        let radius_mm = (-2.0 * (1.0 - u).ln()).sqrt() * covered_mm / 4.0;
+        DVec2::from_angle(v * std::f64::consts::TAU) * radius_mm / pixel_mm
     }
 
     /// Returns the direction from a point to a lamp, and the irradiance in W/m^2 on a surface at
@@ -347,8 +348,9 @@ impl Reference {
 /// `cosines` is the exponent of the natural falloff.
 fn falloff(vignetting: &Vignetting, view: &View, cos: f64, cosines: i32) -> f64 {
     let lens = &view.lens;
-    let diagonal = f64::from(lens.width_px).hypot(f64::from(lens.height_px));
-    let r = cos.acos().tan() * lens.focal_px.x / (diagonal / 2.0);
+    let [width, height] = [lens.width_px, lens.height_px].map(f64::from);
+    let diagonal = (width / lens.focal_px.x).hypot(height / lens.focal_px.y);
+    let r = cos.acos().tan() / (diagonal / 2.0);
     let [a2, a4, a6] = vignetting.falloff;
     let natural = if vignetting.natural {
         cos.powi(cosines)

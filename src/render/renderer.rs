@@ -374,7 +374,7 @@ impl Renderer {
         if self.plan.has(Term::Glare)
             && let Some(glare) = &camera.glare
         {
-            glare::spread(&mut frame, self.buffer.width, glare);
+            glare::spread(&mut frame, self.buffer.width, glare, camera.pixel_aspect);
         }
         frame
             .par_chunks_mut(CHUNK)

@@ -156,6 +156,7 @@ impl Sampler<'_> {
             return true;
         }
         let blur = self.aperture.blur_px(f64::from(map.depth[pixel]));
+        let reach = 1.0 + 2.0 * blur * DVec2::new(1.0, self.aperture.pixel_aspect);
         let to_px = tile.by_px[lane].inverse();
         let axes = [(&map.x, &map.x_slope), (&map.y, &map.y_slope)];
         axes.into_iter().enumerate().all(|(axis, (at, slope))| {
@@ -163,7 +164,7 @@ impl Sampler<'_> {
                 return true;
             };
             let slope = DVec2::new(slope[0].into(), slope[1].into());
-            let bar = BENT * slope.abs().element_sum() * (1.0 + 2.0 * blur) + 1e-3;
+            let bar = BENT * slope.abs().dot(reach) + 1e-3;
             casts.iter().all(|cast| {
                 let point = cast.origin + cast.point(lane);
                 let apparent = point.truncate() / point.z;
@@ -220,7 +221,7 @@ impl Sampler<'_> {
             let blur = self.aperture.blur_px(cast.hits.t[lane]);
             let slope = |axis: usize| {
                 let whole = shaded.footprint[axis].map(|by| by[lane] as f32);
-                widened(whole, blur).map(|s| s * part)
+                widened(whole, blur, self.aperture.pixel_aspect).map(|s| s * part)
             };
             mixed.x[k] = shaded.px[0][lane] as f32;
             mixed.y[k] = shaded.px[1][lane] as f32;

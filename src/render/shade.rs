@@ -80,14 +80,13 @@ impl Optics {
     /// release 4.0, equations 1 to 3).
     pub(super) fn new(profile: &Profile, scene: &Scene) -> Self {
         let camera = &profile.camera;
-        let pixel_m2 = (camera.pixel_pitch_mm() * 1e-3).powi(2);
         let of_lamps = scene.light.iter().find_map(profile::Light::pulse);
         let mains = scene.ambient.pulse().or(of_lamps);
         let photon_j = HC / (profile.projector.wavelength_nm * 1e-9);
         Self {
             camera: camera.view(),
             projector: profile.projector.view(),
-            electrons_per_irradiance: pixel_m2 * camera.sensor.quantum_efficiency
+            electrons_per_irradiance: camera.pixel_area_m2() * camera.sensor.quantum_efficiency
                 / (4.0 * camera.f_number.powi(2) * photon_j),
             intensity_w_sr: profile.projector.radiant_intensity_w_sr,
             ambient_w_m2: scene.ambient.irradiance_w_m2,
@@ -108,8 +107,8 @@ impl Optics {
         self.intensity_w_sr * 1e6 * cos / distance2
     }
 
-    /// Returns the standard deviation of the projector's blur, in projector pixels, at a point in
-    /// the rig's frame.
+    /// Returns the standard deviation of the projector's blur along x, in projector pixels, at a
+    /// point in the rig's frame.
     pub(super) fn blur_px(&self, point: DVec3) -> f32 {
         self.defocus.sigma_px(point) as f32
     }

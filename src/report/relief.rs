@@ -4,9 +4,10 @@
 /// pixels without depth, or without a neighbour along x or y. The surface is Lambertian, with 12 %
 /// ambient light.
 ///
-/// The normal is (dz/du, dz/dv, -z / focal_px): depth as a height over the image, with the width of a
-/// pixel at its depth. Derivatives are differences between neighbours.
-pub fn shades(width: u32, height: u32, depth_mm: &[f32], focal_px: f32) -> Vec<f32> {
+/// The normal is (fx dz/du, fy dz/dv, -z): depth as a height over the image, with the width and
+/// height of a pixel at its depth. `focal_px` holds fx and fy. Derivatives are differences between
+/// neighbours.
+pub fn shades(width: u32, height: u32, depth_mm: &[f32], focal_px: [f32; 2]) -> Vec<f32> {
     const LAMP: [f32; 3] = [-0.45, -0.6, -0.66];
     let z = |x: u32, y: u32| value(depth_mm, width, x, y);
     // Central difference if both neighbours are known, one-sided if one is.
@@ -33,7 +34,11 @@ pub fn shades(width: u32, height: u32, depth_mm: &[f32], focal_px: f32) -> Vec<f
                 here,
                 (y + 1 < height).then(|| z(x, y + 1)),
             );
-            let normal = [across, down, -here / focal_px];
+            let normal = [
+                across,
+                down * (focal_px[1] / focal_px[0]),
+                -here / focal_px[0],
+            ];
             let length = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
             let lit = normal.iter().zip(LAMP).map(|(n, l)| n * l).sum::<f32>() / length;
             out.push(if lit.is_nan() {
@@ -58,15 +63,15 @@ mod tests {
     #[test]
     fn a_plane_is_evenly_lit_and_slopes_towards_the_lamp_are_brighter() {
         let flat = vec![1000.0; 20 * 20];
-        let shade = shades(20, 20, &flat, 500.0);
+        let shade = shades(20, 20, &flat, [500.0; 2]);
         assert!(shade.iter().all(|s| (s - shade[0]).abs() < 1e-6));
         // The surface rises towards the camera to the right, so it faces the lamp at the left.
         let tilt = |sign: f32| -> Vec<f32> {
             let z: Vec<f32> = (0..400).map(|i| 1000.0 - sign * (i % 20) as f32).collect();
-            shades(20, 20, &z, 500.0)
+            shades(20, 20, &z, [500.0; 2])
         };
         assert!(tilt(1.0)[210] > shade[0] && tilt(-1.0)[210] < shade[0]);
         let hole = [1000.0, f32::NAN, 1000.0, 1000.0];
-        assert!(shades(2, 2, &hole, 500.0)[1].is_nan());
+        assert!(shades(2, 2, &hole, [500.0; 2])[1].is_nan());
     }
 }

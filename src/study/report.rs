@@ -170,7 +170,7 @@ struct Maps {
 impl Maps {
     fn new(decoded: &Decoded, truth: &Truth, rig: &Rig) -> Self {
         let (width, height) = (decoded.width as u32, decoded.height as u32);
-        let focal = rig.camera.lens.focal_px.x as f32;
+        let focal = rig.camera.lens.focal_px.as_vec2().to_array();
         let errors = depth_errors(decoded, truth);
         let sizes: Vec<f32> = errors.iter().map(|e| e.abs()).collect();
         Self {

@@ -1,8 +1,9 @@
 //! The emulated device, tested as a library.
 //!
-//! - Rendering: `rendering`, `geometry`, `textures`, `surfaces`, `lights`, `interreflection`,
-//!   `skin`, `motion`, `plan`
-//! - Light, sensor and shutter: `light`, `led`, `sensor`, `saturation`, `rolling`, `pattern_timing`
+//! - Rendering: `rendering`, `geometry`, `pixel_aspect`, `textures`, `surfaces`, `lights`,
+//!   `interreflection`, `skin`, `motion`, `plan`
+//! - Light, sensor and shutter: `light`, `led`, `sensor`, `saturation`, `rolling`,
+//!   `pattern_timing`, `pixel_formats`
 //! - Control port: `dialects`, `port_faults`
 //! - Files: `config_files`
 
@@ -18,6 +19,8 @@ mod light;
 mod lights;
 mod motion;
 mod pattern_timing;
+mod pixel_aspect;
+mod pixel_formats;
 mod plan;
 mod port_faults;
 mod rendering;

@@ -376,3 +376,53 @@ fn results_of_an_earlier_run_are_removed() {
     assert!(target.join("found_pose_07.png").is_file());
     assert!(target.join("notes.txt").is_file());
 }
+
+/// Calibrates each built-in device with 12 poses of each seed, with two calibrations at a time.
+fn calibrate_seeds(boards: &[&str], seeds: std::ops::Range<u64>) {
+    let folder = tempdir().unwrap();
+    let names: Vec<&str> = phasmid::profile::profile_names().collect();
+    let cases: Vec<(&str, &str, u64)> = names
+        .iter()
+        .flat_map(|name| boards.iter().map(move |board| (*name, *board)))
+        .flat_map(|(name, board)| seeds.clone().map(move |seed| (name, board, seed)))
+        .collect();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build();
+    let refused: Vec<String> = pool.unwrap().install(|| {
+        use rayon::prelude::*;
+        cases
+            .par_iter()
+            .filter_map(|(name, board, seed)| {
+                let out = folder.path().join(format!("{name}-{board}-{seed}"));
+                let seed = seed.to_string();
+                let output = calibrate(
+                    &out,
+                    &[
+                        "--profile",
+                        name,
+                        "--board",
+                        board,
+                        "--poses",
+                        "12",
+                        "--seed",
+                        &seed,
+                    ],
+                );
+                let said = String::from_utf8_lossy(&output.stdout).into_owned();
+                let all = output.status.success() && said.contains("12 used, 0 left out");
+                (!all).then(|| format!("{name} {board} seed {seed}: {}{said}", words(&output)))
+            })
+            .collect()
+    });
+    assert!(refused.is_empty(), "{}", refused.join("\n"));
+}
+
+#[test]
+fn no_seed_of_a_chessboard_is_refused() {
+    calibrate_seeds(&["chess"], 0..4);
+}
+
+#[test]
+#[ignore = "two hundred calibrations: twenty minutes"]
+fn no_seed_of_either_board_is_refused() {
+    calibrate_seeds(&["chess", "dots"], 0..20);
+}

@@ -50,7 +50,7 @@ albedo = 0.75
     )
 }
 
-fn fringe(axis: Axis, period_px: f64) -> Pattern {
+pub fn fringe(axis: Axis, period_px: f64) -> Pattern {
     Pattern::Fringe {
         axis,
         period_px,

@@ -2,7 +2,8 @@
 
 use crate::case::Case;
 use crate::compare::agree;
-use crate::terms::{SOLIDS, motion, real, solids, torso};
+use crate::terms::{SOLIDS, fringe, motion, real, solids, torso};
+use phasmid::pattern::Axis;
 use std::path::Path;
 
 fn boards() -> Case {
@@ -37,6 +38,19 @@ fn gpu_matches_cpu_for_every_solid_and_pattern_image() {
 #[ignore = "needs a Vulkan adapter"]
 fn gpu_matches_cpu_for_a_mesh() {
     agree(&Case::new("mesh", &torso("")));
+}
+
+/// Both focuses, both vignettings and glare, through lenses with different fx and fy.
+#[test]
+#[ignore = "needs a Vulkan adapter"]
+fn gpu_matches_cpu_for_pixels_that_are_not_square() {
+    let mut case = real("pixel-aspect", SOLIDS, |profile| {
+        profile.camera.pixel_aspect = 1.3;
+        profile.projector.pixel_aspect = 0.75;
+    });
+    case.shoot(&[fringe(Axis::X, 16.0), fringe(Axis::Y, 24.0)]);
+    case.shoot_image();
+    agree(&case);
 }
 
 #[test]

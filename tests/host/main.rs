@@ -1,6 +1,6 @@
 //! The host, tested as a library.
 //!
-//! - Devices and cameras: `scanner`, `usb`, `v4l2_layout`
+//! - Devices and cameras: `scanner`, `usb`, `v4l2_layout`, `pixel_formats`
 //! - Frame checks: `consistency`
 //! - Decoding: `decode`, `decode_surfaces`, `accuracy`, `real_capture`
 //! - Calibration: `boards`, `calibration`, `calibration_files`
@@ -21,6 +21,7 @@ mod consistency;
 mod decode;
 mod decode_surfaces;
 mod parsers;
+mod pixel_formats;
 mod real_capture;
 mod scanner;
 mod usb;

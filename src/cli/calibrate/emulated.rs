@@ -148,7 +148,7 @@ impl Emulated {
                 frame_timeout: TIMEOUT,
             };
             let scan = || scanner.scan(&options, &mut |_| {});
-            let captured = self.capture(&endpoints.service, scan, sender, progress);
+            let captured = self.capture(&endpoints.service, &names, scan, sender, progress);
             // An error of the analysis takes precedence: the capture only stops when the channel
             // closes.
             let session = analysis.join().unwrap_or_else(|_| {
@@ -169,15 +169,16 @@ impl Emulated {
     fn capture(
         &self,
         socket: &Path,
+        names: &[String],
         mut scan: impl FnMut() -> Result<Captured>,
-        sender: SyncSender<(usize, Captured)>,
+        sender: SyncSender<Taken>,
         mut progress: impl FnMut(usize, usize),
     ) -> Result<String> {
         let mut service = service(socket)?;
         let mut idn = String::new();
-        for (place, pose) in self.shown.iter().enumerate() {
+        capture_each(names, sender, |place| {
             progress(place, self.shown.len());
-            let (position, rotation) = pose.to_xyz_deg();
+            let (position, rotation) = self.shown[place].to_xyz_deg();
             let placement = Placement {
                 object: 0,
                 position_mm: position.to_array(),
@@ -186,17 +187,39 @@ impl Emulated {
             ask(&mut service, Request::Place(placement))?;
             let captured = scan()?;
             idn.clone_from(&captured.idn);
-            if sender.send((place, captured)).is_err() {
-                break;
-            }
-        }
+            Ok(captured)
+        })?;
         Ok(idn)
     }
 }
 
+/// Index of a pose and its capture, or why it cannot be used.
+type Taken = (usize, Result<Captured>);
+
+/// Captures the poses in order until the receiver is gone. A pose that fails is left out; two in
+/// succession end the calibration, because then the device is at fault.
+fn capture_each(
+    names: &[String],
+    sender: SyncSender<Taken>,
+    mut capture: impl FnMut(usize) -> Result<Captured>,
+) -> Result<()> {
+    let mut failed = false;
+    for (place, name) in names.iter().enumerate() {
+        let captured = capture(place);
+        if failed && captured.is_err() {
+            return captured.map(drop).map_err(|e| e.at(name));
+        }
+        failed = captured.is_err();
+        if sender.send((place, captured)).is_err() {
+            break;
+        }
+    }
+    Ok(())
+}
+
 /// Decodes captures as they arrive, and saves them in the folder `keep` if there is one.
 fn look_at_all(
-    captures: Receiver<(usize, Captured)>,
+    captures: Receiver<Taken>,
     board: &Board,
     mut session: Session,
     keep: Option<PathBuf>,
@@ -204,6 +227,13 @@ fn look_at_all(
 ) -> Result<Session> {
     while let Ok((place, captured)) = captures.recv() {
         let name = &names[place];
+        let captured = match captured {
+            Ok(captured) => captured,
+            Err(why) => {
+                session.take(place, Err(why))?;
+                continue;
+            }
+        };
         if let Some(folder) = &keep {
             captured.write(&folder.join(name))?;
         }
@@ -236,4 +266,48 @@ fn serve_arguments(args: &Args, profile: &str, scene: &Path) -> Vec<String> {
         arguments.push("--no-noise".to_owned());
     }
     arguments
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasmid_pattern::{Manifest, ProjectorSize};
+
+    fn nothing() -> Captured {
+        Captured {
+            idn: String::new(),
+            manifest: Manifest {
+                projector: ProjectorSize {
+                    width_px: 1,
+                    height_px: 1,
+                },
+                frame: Vec::new(),
+            },
+            calibration: None,
+            frames: Vec::new(),
+        }
+    }
+
+    /// Runs four poses of which some fail; returns the poses received, and the outcome.
+    fn run(failing: &[usize]) -> (Vec<(usize, bool)>, Result<()>) {
+        let names = ["a", "b", "c", "d"].map(str::to_owned);
+        let (sender, receiver) = sync_channel(4);
+        let outcome = capture_each(&names, sender, |place| match failing.contains(&place) {
+            true => Err(Error::device("the frames do not follow the sequence")),
+            false => Ok(nothing()),
+        });
+        let taken = receiver.iter().map(|(place, c)| (place, c.is_ok()));
+        (taken.collect(), outcome)
+    }
+
+    #[test]
+    fn a_pose_that_fails_is_left_out_and_two_in_succession_end_the_calibration() {
+        let (taken, outcome) = run(&[0, 2]);
+        assert_eq!(taken, [(0, false), (1, true), (2, false), (3, true)]);
+        outcome.unwrap();
+        let (taken, outcome) = run(&[1, 2]);
+        assert_eq!(taken, [(0, true), (1, false)]);
+        let words = outcome.unwrap_err().to_string();
+        assert_eq!(words, "c: the frames do not follow the sequence");
+    }
 }

@@ -6,7 +6,7 @@ use phasmid_host::usb::{
     ControlState, UsbAddress, UsbDevice, VideoControl, VideoFunction, VideoMode,
 };
 use phasmid_protocol::usb::uvc::{EXPOSURE_UNIT_NS, INTERVAL_UNIT_NS};
-use phasmid_protocol::{PixelFormat, printable, printable_json};
+use phasmid_protocol::{printable, printable_json};
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -99,11 +99,7 @@ fn to_text(device: &UsbDevice, function: &VideoFunction, controls: &[Control]) -
 fn formats(function: &VideoFunction) -> Vec<(&'static str, Vec<&VideoMode>)> {
     let mut formats: Vec<(&'static str, Vec<&VideoMode>)> = Vec::new();
     for mode in &function.modes {
-        let code = match mode.format {
-            PixelFormat::Grey => "GREY",
-            PixelFormat::Y16 => "Y16",
-            PixelFormat::Yuyv => "YUYV",
-        };
+        let code = mode.format.name();
         match formats.iter_mut().find(|(have, _)| *have == code) {
             Some((_, modes)) => modes.push(mode),
             None => formats.push((code, vec![mode])),
@@ -176,6 +172,7 @@ fn control_json((name, unit, state): &Control) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use phasmid_protocol::PixelFormat;
 
     #[test]
     fn intervals_are_a_list_or_a_range() {

@@ -39,7 +39,7 @@ pub(super) fn bits_flipped(bytes: &mut [u8], count: u32, draws: &mut Draws) {
 }
 
 fn row_bytes(frame: &Frame) -> usize {
-    frame.width as usize * frame.format.bytes_per_pixel()
+    frame.format.row_bytes(frame.width)
 }
 
 /// Returns the byte offset of a row, by default of the middle one. Rows beyond the last one give

@@ -1,4 +1,4 @@
-//! Processing of every opened camera's frames: colour conversion to grey, and removal of the
+//! Processing of every opened camera's frames: conversion to GREY or Y16, and removal of the
 //! embedded data line.
 
 use super::Camera;
@@ -37,7 +37,7 @@ impl<C: Camera> Camera for Intake<C> {
         let Some(frame) = self.camera.next_frame(timeout)? else {
             return Ok(None);
         };
-        let need = frame.width as usize * frame.height as usize * frame.format.bytes_per_pixel();
+        let need = frame.format.frame_bytes(frame.width, frame.height);
         let odd = frame.format == PixelFormat::Yuyv && frame.width % 2 == 1;
         if frame.data.len() != need || odd {
             self.skipped = true;

@@ -12,10 +12,12 @@ const ALLOWED: &str = "/dev/videoN, socket:PATH or tcp:HOST:PORT; \
 /// How to capture the frames of a V4L2 device.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Capture {
-    /// Chosen by the formats the device offers: `V4l` for GREY, Y10, Y12 and Y16, else `Nokhwa`.
+    /// Chosen by the formats the device offers: `V4l` for GREY, Y10, Y10P, Y12, Y12P and Y16, else
+    /// `Nokhwa`.
     #[default]
     Auto,
-    /// The V4L2 buffer queue: GREY, Y10, Y12, Y16 and YUYV, with the driver's timestamps.
+    /// The V4L2 buffer queue: GREY, Y10, Y10P, Y12, Y12P, Y16 and YUYV, with the driver's
+    /// timestamps.
     V4l,
     /// The nokhwa library: YUYV and MJPG, the formats of webcams.
     Nokhwa,

@@ -1,7 +1,7 @@
 //! V4L2 devices: selects how to read a device, and reads it through its buffer queue.
 //!
 //! Pixels of Y10, Y12 and Y16 are little-endian 16-bit words with the sensor's bits in the low
-//! bits, as V4L2 defines them. Both times of a frame are the driver's timestamp.
+//! bits, as V4L2 defines them; Y10P and Y12P are the packed formats of MIPI CSI-2. Both times of a frame are the driver's timestamp.
 
 use super::v4l2_error::{EINVAL, EIO, ENOTTY, explain};
 use super::{Camera, Capture};
@@ -27,7 +27,7 @@ const BUFFERS: u32 = 32;
 /// capability.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
 /// Formats read through the buffer queue, best first.
-const MONO: [FourCc; 4] = [*b"Y16 ", *b"Y12 ", *b"Y10 ", *b"GREY"];
+const MONO: [FourCc; 6] = [*b"Y16 ", *b"Y12 ", *b"Y12P", *b"Y10 ", *b"Y10P", *b"GREY"];
 /// Formats of webcams, best first.
 const WEBCAM: [FourCc; 2] = [*b"YUYV", *b"MJPG"];
 
@@ -165,11 +165,14 @@ fn choose(capture: Capture, now: FourCc, offered: &[FourCc]) -> Option<FourCc> {
 fn nothing_readable(place: &str, capture: Capture, offered: &[FourCc]) -> Error {
     let names: Vec<String> = offered.iter().map(|code| name(*code)).collect();
     let (flag, allowed) = match capture {
-        Capture::Auto => ("", "GREY, Y10, Y12, Y16, YUYV or MJPG"),
-        Capture::V4l => (" with --capture v4l", "GREY, Y10, Y12, Y16 or YUYV"),
+        Capture::Auto => ("", "GREY, Y10, Y10P, Y12, Y12P, Y16, YUYV or MJPG"),
+        Capture::V4l => (
+            " with --capture v4l",
+            "GREY, Y10, Y10P, Y12, Y12P, Y16 or YUYV",
+        ),
         Capture::Nokhwa => (
             " with --capture nokhwa",
-            "YUYV or MJPG; or --capture v4l for GREY, Y10, Y12, Y16 and YUYV",
+            "YUYV or MJPG; or --capture v4l for GREY, Y10, Y10P, Y12, Y12P, Y16 and YUYV",
         ),
     };
     let found = if names.is_empty() {
@@ -210,12 +213,9 @@ impl V4l2Camera {
             layout,
             ..
         } = found;
-        let format = match &layout.fourcc {
-            b"GREY" => PixelFormat::Grey,
-            b"YUYV" => PixelFormat::Yuyv,
-            _ => PixelFormat::Y16,
-        };
-        let row = layout.width as usize * format.bytes_per_pixel();
+        // `find` has chosen one of the formats above.
+        let format = PixelFormat::from_fourcc(layout.fourcc).unwrap_or(PixelFormat::Y16);
+        let row = format.row_bytes(layout.width);
         // Some drivers report a stride of 0 if rows have no padding.
         let stride = if layout.stride == 0 {
             row as u32
@@ -268,7 +268,7 @@ impl V4l2Camera {
     fn frame(&mut self, taken: Taken) -> Result<Frame, String> {
         let id = self.count(taken.sequence);
         let layout = self.layout;
-        let row = layout.width as usize * self.format.bytes_per_pixel();
+        let row = self.format.row_bytes(layout.width);
         let stride = layout.stride as usize;
         // The padding of the last row may be missing.
         let need = stride * (layout.height as usize - 1) + row;
@@ -352,10 +352,13 @@ mod tests {
     #[test]
     fn the_format_in_use_comes_before_better_ones_and_mono_before_colour() {
         let all = [*b"YUYV", *b"GREY", *b"Y10 ", *b"MJPG"];
+        let packed = [*b"GREY", *b"Y10P", *b"Y12P"];
         for (capture, now, offered, chosen) in [
             (Capture::Auto, *b"GREY", &all[..], Some(*b"GREY")),
             (Capture::Auto, *b"YUYV", &all, Some(*b"Y10 ")),
             (Capture::Auto, *b"NV12", &all[..2], Some(*b"GREY")),
+            (Capture::Auto, *b"Y12P", &all, Some(*b"Y12P")),
+            (Capture::V4l, *b"NV12", &packed, Some(*b"Y12P")),
             (Capture::Auto, *b"MJPG", &[], Some(*b"MJPG")),
             (Capture::V4l, *b"MJPG", &all[..1], Some(*b"YUYV")),
             (Capture::V4l, *b"MJPG", &all[3..], None),

@@ -118,8 +118,8 @@ impl WebcamCamera {
 
     fn failed(&self, doing: &str, why: &str) -> Error {
         Error::device(format!(
-            "--camera {}: {doing} with nokhwa: {why}; --capture v4l reads GREY, Y10, Y12, Y16 and \
-             YUYV without it",
+            "--camera {}: {doing} with nokhwa: {why}; --capture v4l reads GREY, Y10, Y10P, Y12, \
+             Y12P, Y16 and YUYV without it",
             self.address
         ))
     }
@@ -275,7 +275,7 @@ fn whole_rate(device: &Device, layout: &PixelLayout, address: &str) -> Result<u3
     set.ok_or_else(|| {
         Error::device(format!(
             "--camera {address}: {} every {}/{} s, and nokhwa supports whole frames per second \
-             only; --capture v4l supports any rate of GREY, Y10, Y12, Y16 and YUYV",
+             only; --capture v4l supports any rate of GREY, Y10, Y10P, Y12, Y12P, Y16 and YUYV",
             name(layout.fourcc),
             now.numerator,
             now.denominator

@@ -4,7 +4,9 @@
 //! patterns have at one coordinate. A frame that was dark, lit too short, of another pattern or torn
 //! leaves much unexplained that the others without it do not. Defocus, response curves and light
 //! from elsewhere leave something too, but no single frame's lack makes most of that go. A torn
-//! frame is wrong below its tear only, hence the parts. Which frame it is cannot always be told: of
+//! frame is wrong below its tear only, hence the parts. Pixels at the edge of a stripe see some of both
+//! sides, of which another frame's lack takes nothing; on a board of few bright squares many of a part's
+//! pixels can be such, so what a frame leaves has to be left away from its edges as well. Which frame it is cannot always be told: of
 //! a Gray code, the lack of another bit may explain as much.
 
 use super::explained::Levels;
@@ -37,14 +39,14 @@ pub(super) fn check(
     let n = manifest.frame.len();
     let all: Vec<Option<usize>> = (0..n).map(Some).collect();
     let bad = bands(grid, along).into_par_iter().filter_map(|pixels| {
-        let asked = levels.fit(&all, &pixels, f64::INFINITY, false)?;
-        if !asked.is_doubtful() {
+        let of_all = levels.fit(&all, &pixels, f64::INFINITY, false)?;
+        if !of_all.is_doubtful() {
             return None;
         }
         let most = |lacking: usize| {
             let mut sets = axis.sets.iter();
             let of_three = sets.any(|set| set.frames.len() == 3 && set.frames.contains(&lacking));
-            asked.misfit
+            of_all.misfit
                 * if of_three {
                     DISTINCT_OF_THREE
                 } else {
@@ -52,7 +54,7 @@ pub(super) fn check(
                 }
         };
         // Those that leave much first: most lists leave as much and need not be heard out.
-        let mut order: Vec<(f64, &[f32])> = asked.each.iter().copied().zip(pixels).collect();
+        let mut order: Vec<(f64, &[f32])> = of_all.each.iter().copied().zip(pixels).collect();
         order.sort_by(|a, b| b.0.total_cmp(&a.0));
         let pixels: Vec<&[f32]> = order.into_iter().map(|(_, pixel)| pixel).collect();
         let without = |lacking: usize| {
@@ -63,6 +65,19 @@ pub(super) fn check(
         };
         let found = (0..n).filter_map(without);
         found
+            .filter(|(frame, _)| {
+                let away = levels.away_from_edges(&all, *frame, &pixels);
+                if away.len() < LEAST_PIXELS {
+                    return false;
+                }
+                let mut shows = all.clone();
+                let asked = levels.fit(&shows, &away, f64::INFINITY, false);
+                shows[*frame] = None;
+                asked.is_some_and(|asked| {
+                    let most = most(*frame) / of_all.misfit * asked.misfit;
+                    asked.is_doubtful() && levels.fit(&shows, &away, most, false).is_some()
+                })
+            })
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .map(|(frame, _)| frame)
     });

@@ -21,6 +21,8 @@ const FINE_PX: f64 = 10.0;
 const COORDINATES: f64 = 8192.0;
 /// A pixel's misfit counts up to this part of its squared range.
 const CAP: f64 = 0.05;
+/// Part of a stripe's length within which a pixel is at its edge.
+const EDGE: f64 = 0.2;
 /// Misfit below which nothing is doubted,
 pub(super) const GOOD: f64 = 2e-3;
 /// and where the contrast of each pattern is known: exchanged steps of one of three sets leave 2e-3.
@@ -53,6 +55,8 @@ impl Fit {
 pub(super) struct Levels {
     /// By pattern; `None` for pictures, patterns of the other axis and such as a camera may blur.
     rows: Vec<Option<Vec<f32>>>,
+    /// Length of the stripes of each Gray pattern, in projector pixels.
+    runs: Vec<Option<f64>>,
     step_px: f64,
     /// Least length in projector pixels that the patterns tell apart.
     pub(super) finest: f64,
@@ -86,11 +90,45 @@ impl Levels {
         };
         Self {
             rows: patterns().zip(contrasts).map(row).collect(),
+            runs: patterns()
+                .map(|pattern| match pattern {
+                    Pattern::Gray { .. } => resolved_px(pattern),
+                    _ => None,
+                })
+                .collect(),
             step_px,
             finest,
             noise_dn: f64::from(grid.noise_dn),
             smooth,
         }
+    }
+
+    /// The pixels that are not at an edge of a frame's stripes, as the other frames have their coordinates;
+    /// of fringes, all.
+    pub(super) fn away_from_edges<'a>(
+        &self,
+        shows: &[Option<usize>],
+        frame: usize,
+        pixels: &[&'a [f32]],
+    ) -> Vec<&'a [f32]> {
+        let (Some(run_px), Some(row)) = (self.runs[frame], self.rows[frame].as_deref()) else {
+            return pixels.to_vec();
+        };
+        let mut others = shows.to_vec();
+        others[frame] = None;
+        let Some(fit) = self.fit(&others, pixels, f64::INFINITY, true) else {
+            return pixels.to_vec();
+        };
+        let reach = (EDGE * run_px / self.step_px).ceil() as usize;
+        let is_away = |x: f64| {
+            let i = (x / self.step_px) as usize;
+            let near = &row[i.saturating_sub(reach)..(i + reach + 1).min(row.len())];
+            near.iter().all(|level| *level == row[i])
+        };
+        let away = pixels.iter().zip(&fit.coordinates);
+        away.filter(|(_, x)| is_away(**x))
+            .map(|(pixel, _)| *pixel)
+            .collect()
     }
 
     /// `None` where a list leaves nothing to check, and where its misfit is more than `most`. Coordinates

@@ -36,7 +36,7 @@ pub struct VideoMode {
 impl VideoMode {
     /// Returns the size of a frame, in bytes.
     pub fn frame_len(&self) -> u64 {
-        u64::from(self.width) * u64::from(self.height) * self.format.bytes_per_pixel() as u64
+        self.format.frame_bytes(self.width, self.height) as u64
     }
 }
 
@@ -95,7 +95,11 @@ impl VideoFunction {
         }
         let modes = modes(streaming);
         if modes.is_empty() {
-            return Err("the camera offers no frames as Y800, Y16 or YUY2".to_owned());
+            return Err(
+                "video formats: the camera offers none that can be read; expected one of Y800, \
+                 YUY2, Y10, Y12, Y16, Y10P and Y12P"
+                    .to_owned(),
+            );
         }
         let cameras = control
             .extra

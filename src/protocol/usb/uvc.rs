@@ -78,8 +78,8 @@ pub fn guid(format: PixelFormat) -> [u8; 16] {
     let code = match format {
         // The name that drivers use for 8-bit grey.
         PixelFormat::Grey => *b"Y800",
-        PixelFormat::Y16 => *b"Y16 ",
         PixelFormat::Yuyv => *b"YUY2",
+        format => format.fourcc(),
     };
     let mut guid = *b"----\x00\x00\x10\x00\x80\x00\x00\xAA\x00\x38\x9B\x71";
     guid[..4].copy_from_slice(&code);
@@ -88,7 +88,7 @@ pub fn guid(format: PixelFormat) -> [u8; 16] {
 
 /// Returns the format of a GUID; `None` if it is unknown.
 pub fn format(guid: &[u8]) -> Option<PixelFormat> {
-    [PixelFormat::Grey, PixelFormat::Y16, PixelFormat::Yuyv]
+    PixelFormat::ALL
         .into_iter()
         .find(|format| self::guid(*format) == guid)
 }
@@ -183,7 +183,17 @@ mod tests {
             0x59, 0x38, 0x30, 0x30, 0, 0, 0x10, 0, 0x80, 0, 0, 0xAA, 0, 0x38, 0x9B, 0x71,
         ];
         assert_eq!(guid(PixelFormat::Grey), y800);
-        for known in [PixelFormat::Grey, PixelFormat::Y16, PixelFormat::Yuyv] {
+        // uvcvideo knows Y10 and Y12 by these GUIDs.
+        let suffix = [0, 0, 0x10, 0, 0x80, 0, 0, 0xAA, 0, 0x38, 0x9B, 0x71];
+        for (known, code) in [
+            (PixelFormat::Y10, b"Y10 "),
+            (PixelFormat::Y12, b"Y12 "),
+            (PixelFormat::Y10P, b"Y10P"),
+            (PixelFormat::Y12P, b"Y12P"),
+        ] {
+            assert_eq!(guid(known)[..], [&code[..], &suffix].concat());
+        }
+        for known in PixelFormat::ALL {
             assert_eq!(format(&guid(known)), Some(known));
         }
         assert_eq!(format(&[0; 16]), None);

@@ -16,8 +16,10 @@ pub(crate) struct Defocus {
     pupil: DVec3,
     /// The projector's optical axis in the rig's frame.
     axis: DVec3,
-    /// focal_px times aperture over 4, in mm px.
+    /// fx times aperture over 4, in mm px.
     pub(crate) strength: f64,
+    /// fy / fx: the blur along y over that along x, each in projector pixels.
+    pub(crate) aspect: f64,
     /// 1 / focused distance.
     pub(crate) sharp: f64,
     /// Columns and rows of the pattern.
@@ -36,6 +38,7 @@ impl Defocus {
             pupil: view.center(),
             axis: view.rig_from_view.rotation.z_axis,
             strength,
+            aspect: projector.pixel_aspect,
             sharp,
             size: [view.lens.width_px, view.lens.height_px].map(f64::from),
             bell: Bell::new(),
@@ -46,8 +49,8 @@ impl Defocus {
     /// receives no light. Light that blur carries out of the field is neglected.
     pub(crate) fn dim_border(&self, shaded: &mut Shaded) {
         for lane in (0..LANES).filter(|&lane| shaded.reachable[lane]) {
-            let sigma = self.sigma_px(DVec3::from_array(shaded.point.map(|axis| axis[lane])));
-            for axis in 0..2 {
+            let across = self.sigma_px(DVec3::from_array(shaded.point.map(|axis| axis[lane])));
+            for (axis, sigma) in [across, across * self.aspect].into_iter().enumerate() {
                 let slope = shaded.footprint[axis].map(|by| by[lane]);
                 let (low, high) = (
                     shaded.px[axis][lane] + 0.5,
@@ -65,8 +68,8 @@ impl Defocus {
         }
     }
 
-    /// Returns the standard deviation of the blur along each pattern axis, in projector pixels, at
-    /// a point in the rig's frame.
+    /// Returns the standard deviation of the blur along x, in projector pixels, at a point in the
+    /// rig's frame; along y it is `aspect` times that.
     pub(crate) fn sigma_px(&self, point: DVec3) -> f64 {
         let z = self.axis.dot(point - self.pupil);
         self.strength * (self.sharp - 1.0 / z).abs()

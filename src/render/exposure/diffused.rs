@@ -34,7 +34,7 @@ pub(super) fn pixels(
             let footprint = Footprint {
                 at: [skin.from[0][i], skin.from[1][i]],
                 slopes: [map.x_slope[i], map.y_slope[i]],
-                blur: map.blur.get(i).copied().unwrap_or(0.0),
+                blur: map.blur_along(map.blur.get(i).copied().unwrap_or(0.0)),
             };
             let level = footprint.average(image, [x, y]);
             *e = seconds * (map.ambient[i] + light * map.projected[i] * level);
@@ -43,7 +43,13 @@ pub(super) fn pixels(
 }
 
 /// Same as [`pixels`] for the samples of a mixed pixel.
-pub(super) fn samples(skin: &SkinMaps, image: &ImageTable, mixed: &Mixed, levels: &mut [f32; 16]) {
+pub(super) fn samples(
+    map: &GeometryBuffer,
+    skin: &SkinMaps,
+    image: &ImageTable,
+    mixed: &Mixed,
+    levels: &mut [f32; 16],
+) {
     let Some(samples) = &mixed.skin else { return };
     for (k, level) in levels.iter_mut().enumerate() {
         let spread = [0, 1].map(|axis| skin.sample(samples, k, axis));
@@ -51,7 +57,7 @@ pub(super) fn samples(skin: &SkinMaps, image: &ImageTable, mixed: &Mixed, levels
             let footprint = Footprint {
                 at: [mixed.x[k], mixed.y[k]],
                 slopes: [mixed.x_slope[k], mixed.y_slope[k]],
-                blur: mixed.blur[k],
+                blur: map.blur_along(mixed.blur[k]),
             };
             *level = footprint.average(image, [x, y]);
         }
@@ -61,7 +67,7 @@ pub(super) fn samples(skin: &SkinMaps, image: &ImageTable, mixed: &Mixed, levels
 struct Footprint {
     at: [f32; 2],
     slopes: [[f32; 2]; 2],
-    blur: f32,
+    blur: [f32; 2],
 }
 
 impl Footprint {
@@ -69,7 +75,9 @@ impl Footprint {
         let components = spread[0].mixture.components();
         let [x, y] = self.slopes;
         let level = |c: &Component| {
-            let sigma = spread.map(|s| (c.sigma_mm as f32 * s.px_per_mm).hypot(self.blur));
+            let sigma: [f32; 2] = std::array::from_fn(|axis| {
+                (c.sigma_mm as f32 * spread[axis].px_per_mm).hypot(self.blur[axis])
+            });
             let square = |(weight, width): (f32, f32)| {
                 // `average` expects a standard deviation; a box of half width h has h / sqrt(3).
                 let blur = sigma.map(|sigma| sigma * (width / 3.0).sqrt());

@@ -107,9 +107,9 @@ fn average(
                 let i = first + k;
                 let lit = map.projected[i];
                 let level = if lit > 0.0 {
-                    let blur = map.blur.get(i).copied().unwrap_or(0.0);
+                    let blur = map.blur_along(map.blur.get(i).copied().unwrap_or(0.0));
                     let slopes = (map.x_slope[i], map.y_slope[i]);
-                    image.average([map.x[i], map.y[i]], slopes.0, slopes.1, [blur; 2])
+                    image.average([map.x[i], map.y[i]], slopes.0, slopes.1, blur)
                 } else {
                     0.0
                 };
@@ -136,7 +136,7 @@ pub(crate) fn mixed(
         Table::Row(Axis::Y, row, _) => row.average_mixed(&pixel.y, &pixel.y_slope),
         Table::Image(image) => std::array::from_fn(|k| {
             let slopes = (pixel.x_slope[k], pixel.y_slope[k]);
-            let blur = [pixel.blur[k]; 2];
+            let blur = map.blur_along(pixel.blur[k]);
             image.average([pixel.x[k], pixel.y[k]], slopes.0, slopes.1, blur)
         }),
     };
@@ -151,7 +151,7 @@ pub(crate) fn mixed(
         }
     }
     if let (Table::Image(image), Some(skin)) = (table, &map.skin) {
-        diffused::samples(skin, image, pixel, &mut levels);
+        diffused::samples(map, skin, image, pixel, &mut levels);
     }
     let sum: f32 = levels
         .iter()

@@ -26,6 +26,8 @@ pub(crate) struct Shown<'a> {
     pub(crate) when: &'a Timetable,
     /// Tables of the visible patterns, numbered as in the timetable.
     pub(crate) tables: &'a [Arc<Table>],
+    /// The projector's blur along y over that along x.
+    pub(crate) blur_aspect: f64,
     /// Number of pixels of the image.
     pub(crate) pixels: usize,
     /// Whether to add to `electrons`, which already holds other instants of the exposure.
@@ -54,6 +56,7 @@ impl Exposure {
             EntryPoint::new(shader, entry, shown.plan)
                 .with("along_rows", flag(heads.iter().any(|head| head.is_row())))
                 .with("in_images", flag(heads.iter().any(|head| head.is_image())))
+                .with("blur_aspect", shown.blur_aspect)
         };
         let adds = flag(shown.adds);
         engine.run(

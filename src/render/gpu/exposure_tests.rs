@@ -204,6 +204,7 @@ impl Setup {
                 plan: &self.plan,
                 when: &when,
                 tables,
+                blur_aspect: self.profile.projector.pixel_aspect,
                 pixels: self.map.x.len(),
                 adds: i > 0,
             };

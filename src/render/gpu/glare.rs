@@ -3,7 +3,7 @@
 use super::engine::Commands;
 use super::{Engine, EntryPoint, grid};
 use crate::Plan;
-use crate::glare::{Axis, axes};
+use crate::glare::{Axis, axes, sigmas_px};
 use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::Result;
 use phasmid_profile as profile;
@@ -32,17 +32,19 @@ struct Size {
 }
 
 impl Glare {
-    /// Uploads the weights for an image of the given size; `None` if there is no glare.
+    /// Uploads the weights for an image of the given size and pixels of the given aspect (width over
+    /// height); `None` if there is no glare.
     pub(crate) fn new(
         engine: &mut Engine,
         glare: &profile::Glare,
         size: [usize; 2],
+        pixel_aspect: f64,
     ) -> Option<Self> {
         let pixels = size[0] * size[1];
         if glare.percent == 0.0 || pixels == 0 {
             return None;
         }
-        let axes = axes(size, glare.sigma_px);
+        let axes = axes(size, sigmas_px(glare, pixel_aspect));
         let mut params = Size {
             size: size.map(|side| side as u32),
             share: (glare.percent / 100.0) as f32,
@@ -121,13 +123,15 @@ mod tests {
     #[ignore = "needs a Vulkan adapter"]
     fn gpu_glare_matches_the_cpu() {
         let mut engine = Engine::for_tests();
-        for (size, percent, sigma_px) in [
-            ([402usize, 211usize], 8.0, 32.0),
-            ([402, 211], 30.0, 90.0),
-            ([1138, 489], 3.0, 63.0),
-            ([37, 19], 100.0, 50.0),
-            ([640, 3], 10.0, 3000.0),
-            ([1, 1], 10.0, 40.0),
+        for (size, percent, sigma_px, aspect) in [
+            ([402usize, 211usize], 8.0, 32.0, 1.0),
+            ([402, 211], 30.0, 90.0, 1.0),
+            ([402, 211], 8.0, 45.0, 0.6),
+            ([402, 211], 8.0, 45.0, 1.7),
+            ([1138, 489], 3.0, 63.0, 1.0),
+            ([37, 19], 100.0, 50.0, 1.0),
+            ([640, 3], 10.0, 3000.0, 1.0),
+            ([1, 1], 10.0, 40.0, 1.0),
         ] {
             let [width, height] = size;
             let bright = |i: usize| (i % width) / 40 % 3 == 1 && (i / width) / 30 % 2 == 1;
@@ -142,9 +146,9 @@ mod tests {
                 .collect();
             let glare = profile::Glare { percent, sigma_px };
             let mut cpu = before.clone();
-            glare::spread(&mut cpu, width, &glare);
+            glare::spread(&mut cpu, width, &glare, aspect);
             engine.write("electrons", bytemuck::cast_slice(&before));
-            let gpu = Glare::new(&mut engine, &glare, size).unwrap();
+            let gpu = Glare::new(&mut engine, &glare, size, aspect).unwrap();
             let mut commands = engine.commands();
             gpu.run(&mut engine, &mut commands, &Plan::default())
                 .unwrap();

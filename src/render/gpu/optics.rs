@@ -77,7 +77,7 @@ struct OpticsData {
     defocus_strength: f32,
     defocus_sharp: f32,
     lamps: u32,
-    spare: u32,
+    defocus_aspect: f32,
 }
 
 /// Uploads the optics to the buffer `optics`.
@@ -101,7 +101,7 @@ pub(crate) fn write(engine: &mut Engine, optics: &Optics) {
         defocus_strength: optics.defocus.strength as f32,
         defocus_sharp: optics.defocus.sharp as f32,
         lamps: optics.lamps.len() as u32,
-        spare: 0,
+        defocus_aspect: optics.defocus.aspect as f32,
     };
     engine.write("optics", bytemuck::bytes_of(&data));
 }

@@ -87,7 +87,8 @@ impl Made {
                 view.options,
                 aperture,
             ),
-            glare: glare.and_then(|glare| Glare::new(engine, &glare, [width, height])),
+            glare: glare
+                .and_then(|glare| Glare::new(engine, &glare, [width, height], camera.pixel_aspect)),
             sensor: SensorPass::new(engine, view.plan, (width, height), bloom, view.fixed),
         }
     }

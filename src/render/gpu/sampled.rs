@@ -23,7 +23,8 @@ struct SamplingData {
     spread: f32,
     turns: u32,
     varies: u32,
-    spare: [u32; 3],
+    pixel_aspect: f32,
+    spare: [u32; 2],
 }
 
 /// Samples pixels with several rays.
@@ -62,6 +63,7 @@ impl Sampler {
             focus: aperture.focus as f32,
             spread: (aperture.focal_px * aperture.radius_mm) as f32,
             turns: (side * side) as u32,
+            pixel_aspect: aperture.pixel_aspect as f32,
             ..SamplingData::zeroed()
         };
         engine.reserve("candidates", pixels * 4);

@@ -112,6 +112,7 @@ fn on_gpu(
         plan,
         when: &Timetable::new(&Shot::default(), &Plan::default(), None, [1, 1]),
         tables: &tables,
+        blur_aspect: 1.0,
         pixels: 1,
         adds: false,
     };

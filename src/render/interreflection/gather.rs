@@ -227,7 +227,8 @@ impl<'a> Gatherer<'a> {
             } else {
                 0.0
             };
-            let [x, y] = [0, 1].map(|axis| shown.sides.map(|side| widened(side[axis], blur)));
+            let [x, y] = [(0, blur), (1, blur * optics.defocus.aspect)]
+                .map(|(axis, blur)| shown.sides.map(|side| widened(side[axis], blur)));
             let weight = shown.thrown_back / self.samples;
             let ray = [shown.px.x, x[0], x[1], shown.px.y, y[0], y[1], weight];
             kept.push(ray.map(|value| value as f32));

@@ -189,6 +189,7 @@ impl Renderer {
                 plan: &self.plan,
                 when: &when,
                 tables: &tables,
+                blur_aspect: self.optics.defocus.aspect,
                 pixels: self.pixel_count(),
                 adds,
             })?;

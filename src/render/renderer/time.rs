@@ -78,14 +78,8 @@ impl Renderer {
         let world = self.worlds.any();
         let most = self.options.time_samples;
         let camera = &self.profile.camera;
-        let pitch_mm = camera.sensor_width_mm / f64::from(camera.width_px);
-        let goes = goes(
-            world,
-            shot,
-            shutter,
-            most,
-            pitch_mm / camera.focal_length_mm,
-        );
+        let rad_per_px = 1.0 / camera.view().lens.focal_px.max_element();
+        let goes = goes(world, shot, shutter, most, rad_per_px);
         let parts = parts(world, shot, shutter, if goes { most } else { 1 });
         let some = |(moment, part)| (Some(moment), part);
         parts.into_iter().map(some).collect()

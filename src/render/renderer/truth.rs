@@ -78,7 +78,7 @@ impl Renderer {
         };
         let lit = |flags: u8| flags & Truth::LIT != 0;
         for (i, flags) in flags.iter_mut().enumerate().filter(|(_, f)| lit(**f)) {
-            let blur = map.blur.get(i).copied().unwrap_or(0.0);
+            let blur = map.blur_along(map.blur.get(i).copied().unwrap_or(0.0))[axis as usize];
             let skin = map.skin.as_ref();
             let under = skin.map_or(1.0, |skin| skin.contrast(i, axis as usize, period));
             let resolved = slope

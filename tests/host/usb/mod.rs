@@ -10,6 +10,7 @@ mod hostile;
 mod info;
 mod negotiation;
 mod nonsense;
+mod packed;
 mod port;
 mod replies;
 mod requests;

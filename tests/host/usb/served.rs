@@ -39,7 +39,15 @@ impl Served {
     }
 
     pub fn of(profile: &Profile, count: u32) -> Self {
-        let devices: Vec<Emulated> = (1..=count).map(|i| sample::device(profile, i)).collect();
+        Self::offering(profile, count, &[PixelFormat::Grey, PixelFormat::Yuyv])
+    }
+
+    /// Devices whose cameras offer these formats.
+    pub fn offering(profile: &Profile, count: u32, formats: &[PixelFormat]) -> Self {
+        let devices: Vec<Emulated> = (1..=count)
+            .map(|i| sample::device_of(profile, i, formats))
+            .collect();
+        let formats = formats.to_vec();
         let start = Instant::now();
         let (events, seen) = channel();
         let (address, bound) = channel();
@@ -54,7 +62,7 @@ impl Served {
                 let server = UsbServer::bind(any, exported.clone()).await.unwrap();
                 address.send(server.address().unwrap()).unwrap();
                 for device in exported {
-                    tokio::spawn(firmware(device, start, events.clone()));
+                    tokio::spawn(firmware(device, formats.clone(), start, events.clone()));
                 }
                 tokio::select! {
                     () = server.run(move || start.elapsed()) => {}
@@ -118,9 +126,14 @@ impl Drop for Served {
 }
 
 /// Echoes lines in upper case, and sends frames while a host reads them.
-async fn firmware(device: Emulated, start: Instant, events: Sender<Event>) {
+async fn firmware(
+    device: Emulated,
+    formats: Vec<PixelFormat>,
+    start: Instant,
+    events: Sender<Event>,
+) {
     let mut id = 0;
-    let mut format = PixelFormat::Grey;
+    let mut format = formats[0];
     loop {
         tokio::select! {
             () = device.changed() => {}
@@ -132,8 +145,7 @@ async fn firmware(device: Emulated, start: Instant, events: Sender<Event>) {
             }
             match &event {
                 Event::Started => id = 0,
-                Event::Committed(agreed) if agreed.format == 2 => format = PixelFormat::Yuyv,
-                Event::Committed(_) => format = PixelFormat::Grey,
+                Event::Committed(agreed) => format = formats[usize::from(agreed.format) - 1],
                 _ => {}
             }
             // The test may have ended.

@@ -65,11 +65,10 @@ impl Firmware {
             }
             Command::Format => {
                 if unit.query {
-                    return say(word(settings.format));
+                    return say(settings.format.name());
                 }
                 let formats = camera.sensor.formats().iter();
-                let words: Vec<_> = formats.map(|format| (word(*format), *format)).collect();
-                let choices: Vec<_> = words.iter().map(|(w, f)| (w.as_str(), *f)).collect();
+                let choices: Vec<_> = formats.map(|format| (format.name(), *format)).collect();
                 let mut args = Args::new(&unit.params);
                 let format = args.choice(&choices)?;
                 args.finish()?;
@@ -77,7 +76,7 @@ impl Firmware {
                     return Err(ErrorCode::SettingsConflict.with(format!(
                         "CAMera:ROI is {} columns wide, {} holds pairs of them",
                         settings.roi.width,
-                        word(format)
+                        format.name()
                     )));
                 }
                 self.apply(Settings {
@@ -138,17 +137,10 @@ impl Firmware {
     }
 }
 
-/// Name of a format without the code's trailing space.
-fn word(format: PixelFormat) -> String {
-    String::from_utf8_lossy(&format.fourcc())
-        .trim_end()
-        .to_owned()
-}
-
-/// Number of columns that a format encodes together.
+/// Number of columns of which a region's width must be a multiple. Packed formats pad their rows.
 fn columns(format: PixelFormat) -> u32 {
     match format {
         PixelFormat::Yuyv => 2,
-        PixelFormat::Grey | PixelFormat::Y16 => 1,
+        _ => 1,
     }
 }

@@ -47,7 +47,7 @@ fn attached(profile: &Profile) -> (Port, Node) {
 }
 
 #[test]
-fn a_sensor_of_more_bits_has_one_format() {
+fn a_sensor_of_more_bits_has_no_format_of_8_bits() {
     let mut profile = bench();
     profile.camera.sensor.bits = 12;
     profile.camera.format = PixelFormat::Y16;

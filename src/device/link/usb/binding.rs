@@ -39,7 +39,9 @@ impl Binding {
         let others = profile.camera.sensor.formats().iter().copied();
         formats.extend(others.filter(|&format| {
             let pairs = format != PixelFormat::Yuyv || stream.width.is_multiple_of(2);
-            format != stream.format && pairs
+            // uvcvideo has no code for packed formats and would list them without a name, so only
+            // a profile that asks for one gets it.
+            format != stream.format && pairs && !format.is_packed()
         }));
         let controls = camera_state(firmware);
         let size = (stream.width, stream.height);
@@ -183,6 +185,12 @@ impl StreamSink for Gate {
             return Err(format!(
                 "the USB camera has frames of {} x {} pixels",
                 self.stream.width, self.stream.height
+            ));
+        }
+        if !self.device.offers(stream.format) {
+            return Err(format!(
+                "the USB camera does not offer {}; set it as `format` in the profile's [camera]",
+                stream.format.name()
             ));
         }
         if self.device.is_streaming() && stream.format != self.stream.format {

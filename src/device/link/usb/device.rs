@@ -98,6 +98,13 @@ impl UsbDevice {
         modes[usize::from(number).clamp(1, modes.len()) - 1].format
     }
 
+    /// Returns whether the camera offers a format.
+    pub(super) fn offers(&self, format: PixelFormat) -> bool {
+        let session = self.session();
+        let modes = &session.function.descriptors.modes;
+        modes.iter().any(|mode| mode.format == format)
+    }
+
     /// Returns the device's description for USB/IP.
     pub fn info(&self) -> &DeviceInfo {
         &self.info

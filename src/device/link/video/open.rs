@@ -120,6 +120,10 @@ fn settle(path: &Path, device: &Device, stream: &Stream, bits: u32) -> Result<()
     let place = path.display();
     // A node with readers keeps its format.
     match (held, PixFormat::of_capture(device)) {
+        (Some(found), _) if stream.format.is_packed() => Err(Error::device(format!(
+            "{place}: the node cannot carry a packed format, found {found}; expected {stream}: set \
+             format = \"Y16\" in the profile's [camera], or use --camera socket"
+        ))),
         (_, Ok(kept)) => Err(Error::device(format!(
             "{place} stays at {kept} while another program has it open, expected {stream} \
              (`fuser -v {place}` names it)"
@@ -137,9 +141,11 @@ fn formats(stream: &Stream, bits: u32) -> Vec<PixFormat> {
         (PixelFormat::Grey, _) => &[*b"GREY"],
         (PixelFormat::Yuyv, _) => &[*b"YUYV"],
         // v4l2loopback 0.12 packs Y10 and Y12, unlike V4L2: their sizes then differ.
-        (PixelFormat::Y16, ..=10) => &[*b"Y10 ", *b"Y16 "],
-        (PixelFormat::Y16, ..=12) => &[*b"Y12 ", *b"Y16 "],
+        (PixelFormat::Y10, _) | (PixelFormat::Y16, ..=10) => &[*b"Y10 ", *b"Y16 "],
+        (PixelFormat::Y12, _) | (PixelFormat::Y16, ..=12) => &[*b"Y12 ", *b"Y16 "],
         (PixelFormat::Y16, _) => &[*b"Y16 "],
+        (PixelFormat::Y10P, _) => &[*b"Y10P"],
+        (PixelFormat::Y12P, _) => &[*b"Y12P"],
     };
     let format = |fourcc: &[u8; 4]| PixFormat {
         width: stream.width,
@@ -249,6 +255,9 @@ mod tests {
         );
         assert_eq!(codes(PixelFormat::Y16, 11)[0].0, *b"Y12 ");
         assert_eq!(codes(PixelFormat::Y16, 16), [(*b"Y16 ", double)]);
+        assert_eq!(codes(PixelFormat::Y12, 12), codes(PixelFormat::Y16, 12));
+        assert_eq!(codes(PixelFormat::Y10P, 10), [(*b"Y10P", 400 * 241)]);
+        assert_eq!(codes(PixelFormat::Y12P, 12), [(*b"Y12P", 480 * 241)]);
     }
 
     #[test]

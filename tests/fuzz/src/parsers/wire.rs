@@ -21,8 +21,10 @@ pub fn frames(bytes: &[u8]) -> bool {
         rest = &rest[take..];
         match decoder.advance(take) {
             Ok(Some(frame)) => {
-                let pixels = frame.width as usize * frame.height as usize;
-                assert_eq!(frame.data.len(), pixels * frame.format.bytes_per_pixel());
+                assert_eq!(
+                    frame.data.len(),
+                    frame.format.frame_bytes(frame.width, frame.height)
+                );
                 encode_header(&frame);
                 whole = true;
             }
@@ -40,8 +42,12 @@ pub fn frames(bytes: &[u8]) -> bool {
 /// The first row of an image as an embedded data line.
 pub fn data_line(bytes: &[u8]) -> bool {
     let mut lined = false;
-    for (format, width) in [(PixelFormat::Grey, 256), (PixelFormat::Y16, 300)] {
-        let row = width as usize * format.bytes_per_pixel();
+    for (format, width) in [
+        (PixelFormat::Grey, 256),
+        (PixelFormat::Y16, 300),
+        (PixelFormat::Y12P, 301),
+    ] {
+        let row = format.row_bytes(width);
         let mut data = bytes.to_vec();
         data.resize(2 * row, 0);
         let frame = Frame {

@@ -17,18 +17,22 @@ pub fn profile(speed: Speed, transfer: Transfer) -> Profile {
 
 /// A device of a profile, exposing for 12 ms, in GREY or YUYV.
 pub fn device(profile: &Profile, number: u32) -> UsbDevice {
+    device_of(profile, number, &[PixelFormat::Grey, PixelFormat::Yuyv])
+}
+
+/// [`device`] in other formats.
+pub fn device_of(profile: &Profile, number: u32, formats: &[PixelFormat]) -> UsbDevice {
     let camera = CameraState {
         exposure_ns: 12_000_000,
         gain_db: 0.0,
         settable_ns: Some(u64::MAX),
     };
-    let formats = [PixelFormat::Grey, PixelFormat::Yuyv];
-    UsbDevice::new(profile, number, (WIDTH, HEIGHT), &formats, camera).unwrap()
+    UsbDevice::new(profile, number, (WIDTH, HEIGHT), formats, camera).unwrap()
 }
 
 /// The camera's frame number `id`.
 pub fn frame(id: u64, format: PixelFormat) -> Frame {
-    let len = WIDTH as usize * HEIGHT as usize * format.bytes_per_pixel();
+    let len = format.frame_bytes(WIDTH, HEIGHT);
     let mut data: Vec<u8> = (0..len as u64).map(|i| (i * 7 + id * 31) as u8).collect();
     data[..8].copy_from_slice(&id.to_le_bytes());
     Frame {

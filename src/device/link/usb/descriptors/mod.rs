@@ -64,7 +64,7 @@ pub(super) struct Mode {
 impl Mode {
     /// Size of a frame in bytes.
     pub(super) fn frame_len(&self) -> u32 {
-        self.width * self.height * self.format.bytes_per_pixel() as u32
+        self.format.frame_bytes(self.width, self.height) as u32
     }
 }
 

@@ -66,7 +66,7 @@ impl Draft {
 
 /// VS_FORMAT_UNCOMPRESSED, VS_FRAME_UNCOMPRESSED and VS_COLORFORMAT of one mode.
 fn format_and_frame(mode: &Mode, number: u8, intervals: &[u32]) -> Vec<u8> {
-    let bits = 8 * mode.format.bytes_per_pixel() as u8;
+    let bits = mode.format.bits_per_pixel() as u8;
     let mut bytes = vec![
         27,
         kind::CS_INTERFACE,

@@ -77,7 +77,7 @@ fn gpu_blur_widens_as_on_the_cpu() {
             depth => aperture.blur_px(depth.into()),
         };
         assert!((f64::from(found[2]) - radius).abs() < 3e-6 * radius + 2e-6);
-        let wanted = widened([a, b], radius);
+        let wanted = widened([a, b], radius, aperture.pixel_aspect);
         let energy = |[a, b]: [f32; 2]| f64::from(a).hypot(b.into());
         let (now, then) = (energy([found[0], found[1]]), energy(wanted));
         assert!(
