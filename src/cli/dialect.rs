@@ -131,6 +131,9 @@ pub(super) fn speak(profile: &mut Profile, name_or_path: &str, place: &str) {
 /// As for [`Profile::load`].
 pub(super) fn profile_of(station: &Station, device: &StationDevice) -> Result<Profile> {
     let mut profile = Profile::load(&station.profile(device))?;
+    if let Some(serial) = &device.serial {
+        profile.identity.serial.clone_from(serial);
+    }
     if let Some(dialect) = station.dialect(device) {
         speak(&mut profile, &dialect, &device.dialect_place);
     }

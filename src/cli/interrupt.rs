@@ -4,7 +4,6 @@
 use phasmid_core::error::{Error, Result};
 use phasmid_host::Camera;
 use phasmid_protocol::Frame;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -13,24 +12,29 @@ const INTERRUPTED: i32 = 130;
 /// Maximum delay from the signal to the end of the capture.
 const SLICE: Duration = Duration::from_millis(100);
 
+/// Whether one of the signals has come since the first capture began.
+static ASKED: AtomicBool = AtomicBool::new(false);
+
+/// Returns whether Ctrl-C or TERM has ended the captures.
+pub(super) fn interrupted() -> bool {
+    ASKED.load(Ordering::Relaxed)
+}
+
 /// A camera that returns an error after a signal to end the program.
 pub(super) struct Interruptible<C> {
     camera: C,
-    asked: Arc<AtomicBool>,
     ended: bool,
 }
 
 impl<C> Interruptible<C> {
     /// Wraps a camera. From now on, the signals end captures instead of the program.
     pub(super) fn new(camera: C) -> Self {
-        let asked = Arc::new(AtomicBool::new(false));
-        let flag = asked.clone();
         // If the thread cannot be started, the signals keep their default effect.
         let _ = std::thread::Builder::new()
             .name("signals".into())
             .spawn(move || {
                 if wait().is_ok() {
-                    flag.store(true, Ordering::Relaxed);
+                    ASKED.store(true, Ordering::Relaxed);
                     // The scan may still wait for a port that is gone; a second signal skips that wait.
                     if wait().is_ok() {
                         std::process::exit(INTERRUPTED);
@@ -39,7 +43,6 @@ impl<C> Interruptible<C> {
             });
         Self {
             camera,
-            asked,
             ended: false,
         }
     }
@@ -68,7 +71,7 @@ fn wait() -> std::io::Result<()> {
 impl<C> Interruptible<C> {
     /// Returns an error after one of the signals.
     fn look(&mut self) -> Result<()> {
-        self.ended = self.asked.load(Ordering::Relaxed);
+        self.ended = interrupted();
         match self.ended {
             true => Err(Error::device("interrupted")),
             false => Ok(()),

@@ -232,7 +232,8 @@ fn calibration_sigma(decoder: &Decoder, decoded: &Decoded) -> Option<f32> {
         .collect();
     let pixels: Vec<Lit> = valid
         .iter()
-        .step_by(valid.len().div_ceil(CALIBRATION_POINTS).max(1))
+        // Odd, so that the points do not fall into a few columns.
+        .step_by(valid.len().div_ceil(CALIBRATION_POINTS) | 1)
         .map(|&i| {
             let mut lit = [None; 2];
             for (axis, map) in decoded.axes() {

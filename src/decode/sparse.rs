@@ -121,6 +121,8 @@ fn sparse(rig: &Rig, every: usize) -> Rig {
             },
             ..rig.camera
         },
+        // It is of the whole lens.
+        covariance: None,
         ..*rig
     }
 }

@@ -112,6 +112,17 @@ impl Profile {
     }
 }
 
+/// Checks a field of `*IDN?`.
+pub(super) fn check_identity(text: &str, field: &str, check: &Check<'_>) -> Result<()> {
+    let printable = text.chars().all(|c| c.is_ascii_graphic() || c == ' ');
+    check.that(
+        !text.is_empty() && text.len() <= 64 && printable && !text.contains([',', ';']),
+        field,
+        format!("{text:?}"),
+        "1 to 64 printable ASCII characters without comma or semicolon (IEEE 488.2, 10.14)",
+    )
+}
+
 fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
     name(&p.name, "name", check)?;
     for (field, text) in [
@@ -120,13 +131,7 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
         ("identity.serial", &p.identity.serial),
         ("identity.firmware", &p.identity.firmware),
     ] {
-        let printable = text.chars().all(|c| c.is_ascii_graphic() || c == ' ');
-        check.that(
-            !text.is_empty() && text.len() <= 64 && printable && !text.contains([',', ';']),
-            field,
-            format!("{text:?}"),
-            "1 to 64 printable ASCII characters without comma or semicolon (IEEE 488.2, 10.14)",
-        )?;
+        check_identity(text, field, check)?;
     }
     camera::check(&p.camera, check)?;
     projector::check(&p.projector, check)?;

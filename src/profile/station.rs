@@ -1,6 +1,7 @@
 //! Station: several devices that observe one scene. `phasmid serve --profile` treats a file with
 //! `[[device]]` as a station and any other as a device profile.
 
+use super::device::check_identity;
 use super::placing::{POSITION_MM, ROTATION_DEG};
 use super::{Profile, RigPlace, TomlSource, builtin, profile_names, scene_names};
 use phasmid_core::check::{Check, name};
@@ -66,6 +67,10 @@ pub struct StationDevice {
     /// to the station's.
     #[serde(default)]
     pub dialect: Option<String>,
+    /// Serial number, overriding the profile's. It determines the errors of the factory calibration,
+    /// so each device of a kind should have its own.
+    #[serde(default)]
+    pub serial: Option<String>,
     /// Noise seed, to which the command-line seed is added; derived from the device's index when
     /// absent.
     #[serde(default)]
@@ -173,6 +178,9 @@ fn check(s: &Station, check: &Check<'_>) -> Result<()> {
     )?;
     for (i, device) in s.device.iter().enumerate() {
         let field = |name: &str| format!("device[{i}].{name}");
+        if let Some(serial) = &device.serial {
+            check_identity(serial, &field("serial"), check)?;
+        }
         name(&device.name, &field("name"), check)?;
         // Device names are also directory names.
         check.that(
@@ -222,6 +230,10 @@ mod tests {
             Scene::load(&station.scene().unwrap()).unwrap();
             for device in &station.device {
                 Profile::load(&station.profile(device)).unwrap();
+                // Equal serial numbers would mean equal errors of the calibration.
+                let of = |serial: &Option<String>| serial == &device.serial;
+                let count = station.device.iter().filter(|d| of(&d.serial)).count();
+                assert!(device.serial.is_some() && count == 1, "{name}");
             }
         }
         for name in profile_names() {
@@ -270,6 +282,11 @@ mod tests {
                 ["device[1].name", "letters"],
             ),
             ("9.0", "400.0", ["device[1].rotation_deg", "-360 to 360"]),
+            (
+                "seed = 7",
+                "seed = 7\nserial = \"1,2\"",
+                ["device[0].serial", "without comma"],
+            ),
             ("seed = 7", "speed = 7", ["test:7", "unknown field `speed`"]),
             (
                 "profile = \"webcam-grey\"",

@@ -5,7 +5,7 @@ use super::Args;
 use super::look::look;
 use super::scene::SceneFile;
 use super::session::{Poses, Session};
-use crate::cli::interrupt::Interruptible;
+use crate::cli::interrupt::{Interruptible, interrupted};
 use crate::cli::served::{Served, service};
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::board_poses::{Wanted, poses};
@@ -176,7 +176,7 @@ impl Emulated {
     ) -> Result<String> {
         let mut service = service(socket)?;
         let mut idn = String::new();
-        capture_each(names, sender, |place| {
+        capture_each(names, sender, interrupted, |place| {
             progress(place, self.shown.len());
             let (position, rotation) = self.shown[place].to_xyz_deg();
             let placement = Placement {
@@ -197,16 +197,18 @@ impl Emulated {
 type Taken = (usize, Result<Captured>);
 
 /// Captures the poses in order until the receiver is gone. A pose that fails is left out; two in
-/// succession end the calibration, because then the device is at fault.
+/// succession end the calibration, because then the device is at fault, and so does one if the user
+/// has interrupted it.
 fn capture_each(
     names: &[String],
     sender: SyncSender<Taken>,
+    interrupted: impl Fn() -> bool,
     mut capture: impl FnMut(usize) -> Result<Captured>,
 ) -> Result<()> {
     let mut failed = false;
     for (place, name) in names.iter().enumerate() {
         let captured = capture(place);
-        if failed && captured.is_err() {
+        if captured.is_err() && (failed || interrupted()) {
             return captured.map(drop).map_err(|e| e.at(name));
         }
         failed = captured.is_err();
@@ -289,25 +291,33 @@ mod tests {
     }
 
     /// Runs four poses of which some fail; returns the poses received, and the outcome.
-    fn run(failing: &[usize]) -> (Vec<(usize, bool)>, Result<()>) {
+    fn run(failing: &[usize], interrupted: bool) -> (Vec<(usize, bool)>, Result<()>) {
         let names = ["a", "b", "c", "d"].map(str::to_owned);
         let (sender, receiver) = sync_channel(4);
-        let outcome = capture_each(&names, sender, |place| match failing.contains(&place) {
-            true => Err(Error::device("the frames do not follow the sequence")),
-            false => Ok(nothing()),
-        });
+        let outcome = capture_each(
+            &names,
+            sender,
+            || interrupted,
+            |place| match failing.contains(&place) {
+                true => Err(Error::device("the frames do not follow the sequence")),
+                false => Ok(nothing()),
+            },
+        );
         let taken = receiver.iter().map(|(place, c)| (place, c.is_ok()));
         (taken.collect(), outcome)
     }
 
     #[test]
     fn a_pose_that_fails_is_left_out_and_two_in_succession_end_the_calibration() {
-        let (taken, outcome) = run(&[0, 2]);
+        let (taken, outcome) = run(&[0, 2], false);
         assert_eq!(taken, [(0, false), (1, true), (2, false), (3, true)]);
         outcome.unwrap();
-        let (taken, outcome) = run(&[1, 2]);
+        let (taken, outcome) = run(&[1, 2], false);
         assert_eq!(taken, [(0, true), (1, false)]);
         let words = outcome.unwrap_err().to_string();
         assert_eq!(words, "c: the frames do not follow the sequence");
+        let (taken, outcome) = run(&[3], true);
+        assert_eq!(taken, [(0, true), (1, true), (2, true)]);
+        assert!(outcome.is_err());
     }
 }

@@ -32,6 +32,9 @@ const MAX_CLIENTS: usize = 32;
 /// Maximum number of TCP clients that have not presented their token yet. The oldest of them makes
 /// room for another.
 const MAX_PENDING: usize = 32;
+/// Maximum number of TCP connections accepted at a time, so that a flood of them cannot hold the
+/// device.
+const MAX_ACCEPTED: usize = 64;
 /// Maximum number of refused clients of each kind that are being sent the reason; further
 /// connections are closed without one.
 const MAX_REFUSED: usize = MAX_PENDING;
@@ -257,9 +260,15 @@ impl FrameSocket {
                 self.add(stream, Link::Unix, first_id, &[]);
             }
         }
-        while let Some(tcp) = &self.tcp
-            && let Ok((stream, _)) = tcp.listener.accept()
-        {
+        for accepted in 1..=MAX_ACCEPTED {
+            let Some(tcp) = &self.tcp else { break };
+            let Ok((stream, _)) = tcp.listener.accept() else {
+                break;
+            };
+            if accepted == MAX_ACCEPTED {
+                // The others stay in the kernel's queue until the next call.
+                self.stirred.notify_one();
+            }
             // TCP_NODELAY: a header must not wait for the reader's acknowledgement.
             if stream.set_nonblocking(true).is_ok()
                 && stream.set_nodelay(true).is_ok()

@@ -21,7 +21,7 @@ const FINE_PX: f64 = 10.0;
 const COORDINATES: f64 = 8192.0;
 /// A pixel's misfit counts up to this part of its squared range.
 const CAP: f64 = 0.05;
-/// Part of a stripe's length within which a pixel is at its edge.
+/// Part of the finest stripe's length within which a pixel is at an edge.
 const EDGE: f64 = 0.2;
 /// Misfit below which nothing is doubted,
 pub(super) const GOOD: f64 = 2e-3;
@@ -119,7 +119,8 @@ impl Levels {
         let Some(fit) = self.fit(&others, pixels, f64::INFINITY, true) else {
             return pixels.to_vec();
         };
-        let reach = (EDGE * run_px / self.step_px).ceil() as usize;
+        // Blur of an edge does not grow with the stripe.
+        let reach = (EDGE * run_px.min(self.finest) / self.step_px).ceil() as usize;
         let is_away = |x: f64| {
             let i = (x / self.step_px) as usize;
             let near = &row[i.saturating_sub(reach)..(i + reach + 1).min(row.len())];
