@@ -1,4 +1,7 @@
-//! The command line's entry: everything is in the library.
+//! The command line's entry: everything is in the library, except for what happens when memory runs
+//! out.
+
+mod out_of_memory;
 
 use std::process::ExitCode;
 

@@ -1,10 +1,14 @@
-"""Drives a served scanner with foreign clients: pyserial, PyVISA-py, and plain sockets.
+"""Drives served scanners with foreign clients: pyserial, PyVISA-py, and plain sockets.
 
-    phasmid serve --profile webcam-grey --scene plane --run-dir DIR
-    python tests/foreign_client.py DIR
+    phasmid serve --profile webcam-grey --scene plane --no-noise --run-dir DIR
+    python tests/foreign_client.py DIR [DIR...]
+
+The first device is tested in full, then the pixel formats of each. Without noise, frames of one
+pattern are equal, so every format must give the same pixel values.
 
 Needs `pip install pyserial pyvisa pyvisa-py`. Exits 0 when everything is as the standards have it.
-It shares no code with the crate: the frame header is read as its documentation describes it.
+It shares no code with the crate: frame header, pixel formats and data line are read as
+docs/src/reference/files.md describes them.
 """
 
 import json
@@ -18,11 +22,23 @@ import pyvisa
 import serial
 
 HEADER = struct.Struct("<4sHHQIII4sQQQIIII")
+DATA_LINE = struct.Struct("<2sBBQIQII")
+# Bits of a sensor, and the formats that its frames may have. Packed formats come last.
+FORMATS = {8: ["GREY", "YUYV"], 10: ["Y16", "Y10", "Y10P"], 12: ["Y16", "Y12", "Y12P"]}
+# Pixels of a packed group, and the bits of each pixel in the group's last byte.
+PACKED = {"Y10P": (4, 2), "Y12P": (2, 4)}
+# Rows of the tested regions, and their widths. Packed groups end with 0 to 3 pixels unfilled.
+ROWS = 24
+WIDTHS = [304, 303, 302, 301]
+
+
+def require(what, found, wanted):
+    if found != wanted:
+        sys.exit(f"{what}: found {found!r}, wanted {wanted!r}")
 
 
 def expect(what, found, wanted):
-    if found != wanted:
-        sys.exit(f"{what}: found {found!r}, wanted {wanted!r}")
+    require(what, found, wanted)
     print(f"ok  {what}")
 
 
@@ -36,17 +52,66 @@ def read_exactly(stream, length):
     return bytes(data)
 
 
-def read_frame(stream):
-    raw = read_exactly(stream, HEADER.size)
-    (magic, version, length, ident, index, width, height, fourcc, start, end, size, crc, flags,
-     reserved, header_crc) = HEADER.unpack(raw)
-    expect(f"frame {ident}: magic, version, length", (magic, version, length), (b"PHFR", 1, 72))
-    expect(f"frame {ident}: checksum of the header", zlib.crc32(raw[:68]), header_crc)
-    pixels = read_exactly(stream, size)
-    expect(f"frame {ident}: checksum of the pixels", zlib.crc32(pixels), crc)
-    expect(f"frame {ident}: size", size, width * height * {b"GREY": 1, b"Y16 ": 2}[fourcc])
-    assert start < end and flags == 0 and reserved == 0
-    return ident, index, start, end
+class Frame:
+    """A frame of the frame socket: header and bytes."""
+
+    def __init__(self, stream):
+        raw = read_exactly(stream, HEADER.size)
+        (magic, version, length, self.id, self.index, self.width, self.height, fourcc, self.start,
+         self.end, size, crc, flags, reserved, header_crc) = HEADER.unpack(raw)
+        self.format = fourcc.decode().rstrip()
+        at = f"frame {self.id}"
+        require(f"{at}: magic, version, length", (magic, version, length), (b"PHFR", 1, 72))
+        require(f"{at}: checksum of the header", zlib.crc32(raw[:68]), header_crc)
+        require(f"{at}: size", size, bytes_per_row(self.format, self.width) * self.height)
+        self.data = read_exactly(stream, size)
+        require(f"{at}: checksum of the pixels", zlib.crc32(self.data), crc)
+        require(f"{at}: flags, reserved", (flags, reserved), (0, 0))
+        require(f"{at}: exposure starts before it ends", self.start < self.end, True)
+
+    def rows(self):
+        """Pixel values of each row, the data line included. Checks padding and chroma."""
+        length = bytes_per_row(self.format, self.width)
+        rows = []
+        for y in range(self.height):
+            row = self.data[y * length:(y + 1) * length]
+            values, rest = unpack(self.format, row, self.width)
+            require(f"frame {self.id}, row {y}: rest of the row", any(rest), False)
+            rows.append(values)
+        return rows
+
+
+def bytes_per_row(format, width):
+    if format in PACKED:
+        pixels, _ = PACKED[format]
+        return -(-width // pixels) * (pixels + 1)
+    return width if format == "GREY" else 2 * width
+
+
+def unpack(format, row, width):
+    """Pixel values of a row, and the values in the rest of its bytes, which must be 0."""
+    if format == "GREY":
+        return list(row), []
+    if format == "YUYV":
+        return list(row[::2]), [chroma - 128 for chroma in row[1::2]]
+    if format not in PACKED:
+        return list(struct.unpack(f"<{width}H", row)), []
+    pixels, low = PACKED[format]
+    values = []
+    for first in range(0, len(row), pixels + 1):
+        *high, last = row[first:first + pixels + 1]
+        values += [byte << low | last >> low * i & (1 << low) - 1 for i, byte in enumerate(high)]
+    return values[:width], values[width:]
+
+
+def require_data_line(frame, row, bits):
+    """Compares the first row's identity and time with the header's."""
+    text = "".join("1" if value >= 1 << bits - 1 else "0" for value in row[:256])
+    raw = int(text, 2).to_bytes(32, "big")
+    wanted = DATA_LINE.pack(
+        b"\xa5\x5d", 1, 1, frame.id, frame.index, frame.start, frame.end - frame.start,
+        zlib.crc32(raw[:28]))
+    require(f"frame {frame.id}: data line", raw, wanted)
 
 
 def with_pyserial(device):
@@ -79,10 +144,10 @@ def with_pyserial(device):
     count = int(ask("SEQ:COUN?"))
     expect("pyserial: armed", ask("INIT;STAT:OPER:COND?"), "32")
     tell("*TRG")
-    frames = [read_frame(camera) for _ in range(count)]
-    first = frames[0][0]
-    expect("frames in order", [f[:2] for f in frames], [(first + i, i) for i in range(count)])
-    expect("exposures of 5 ms", {f[3] - f[2] for f in frames}, {5_000_000})
+    frames = [Frame(camera) for _ in range(count)]
+    first = frames[0].id
+    expect("frames in order", [(f.id, f.index) for f in frames], [(first + i, i) for i in range(count)])
+    expect("exposures of 5 ms", {f.end - f.start for f in frames}, {5_000_000})
     expect("pyserial: completed", ask("*OPC?"), "1")
     expect("pyserial: no complaint", ask("SYST:ERR?"), '0,"No error"')
 
@@ -120,11 +185,72 @@ def with_pyvisa(device):
     control.close()
 
 
+def pixel_formats(device):
+    """Reads regions of a sequence in each format. Returns the formats that the sensor has."""
+    control = serial.Serial(device["control"], timeout=5, exclusive=True)
+
+    def ask(line):
+        control.write(line.encode() + b"\n")
+        return control.readline().decode().rstrip("\n")
+
+    expect("formats: reset", ask("*RST;*CLS;TRIG:SOUR BUS;*OPC?"), "1")
+    own = ask("CAM:FORM?")
+    offered = []
+    for format in ["GREY", "YUYV", "Y16", "Y10", "Y12", "Y10P", "Y12P"]:
+        refused = ask(f"CAM:FORM {format};:SYST:ERR?").split(",")[0] == "-224"
+        if not refused:
+            offered.append(format)
+            require("format", ask("CAM:FORM?"), format)
+    bits = next((bits for bits, formats in FORMATS.items() if formats == offered), None)
+    expect(f"{own}: formats {' '.join(offered)} are those of a sensor", bits is not None, True)
+
+    camera = socket.socket(socket.AF_UNIX)
+    camera.settimeout(10)
+    camera.connect(device["camera_socket"].removeprefix("socket:"))
+    count = int(ask("SEQ:COUN?"))
+    reference = None
+    for format in offered:
+        for width in WIDTHS:
+            if format == "YUYV" and width % 2 == 1:
+                continue
+            what = f"{format}, {width} columns"
+            region = f"41,100,{width},{ROWS}"
+            # A format that needs an even width cannot be selected while the region's is odd.
+            control.write(f"CAM:ROI 41,100,{WIDTHS[0]},{ROWS};FORM {format};ROI {region}\n".encode())
+            require(what, ask("CAM:FORM?;ROI?"), f"{format};{region}")
+            require(what, ask("INIT;*TRG;*OPC?"), "1")
+            frames = [Frame(camera) for _ in range(count)]
+            require(what, [frame.index for frame in frames], list(range(count)))
+            images = []
+            for frame in frames:
+                rows = frame.rows()
+                require(f"{what}: format", (frame.format, frame.width), (format, width))
+                require(f"{what}: full scale", max(map(max, rows)) < 1 << bits, True)
+                if frame.height == ROWS + 1:
+                    require_data_line(frame, rows.pop(0), bits)
+                require(f"{what}: rows", len(rows), ROWS)
+                images.append(rows)
+            if reference is None:
+                reference = images
+                levels = {value for image in images for row in image for value in row}
+                expect(f"{what}: more than half of the range", max(levels) > 1 << bits - 1, True)
+                expect(f"{what}: all low bits", {value & 15 for value in levels}, set(range(16)))
+            wanted = [[row[:width] for row in image] for image in reference]
+            expect(f"{what}: {count} images as in {offered[0]}", images == wanted, True)
+    expect("formats: no complaint", ask("SYST:ERR?"), '0,"No error"')
+    ask("*RST;*OPC?")
+    control.close()
+    camera.close()
+    return offered
+
+
 def main():
-    run_dir = pathlib.Path(sys.argv[1])
-    device = json.loads((run_dir / "device.json").read_text())
-    with_pyserial(device)
-    with_pyvisa(device)
+    files = [pathlib.Path(run_dir) / "device.json" for run_dir in sys.argv[1:]]
+    devices = [json.loads(file.read_text()) for file in files]
+    with_pyserial(devices[0])
+    with_pyvisa(devices[0])
+    for device in devices:
+        pixel_formats(device)
     print("all as it should be")
 
 

@@ -4,6 +4,7 @@ use super::method::MethodArgs;
 use phasmid_calibrate::files::{Sizes, read_rig_sized};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::check_folder;
+use phasmid_core::output_folder::OutputFolder;
 use phasmid_decode::{
     Decoded, Decoder, FrameStack, Held, Options, Plan, Summary, frame_size, load_frames,
     output_names, write_outputs,
@@ -135,8 +136,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut decoded = decoder.decode(&stack)?;
     let doubt = doubt(&args.manifest, &manifest, &stack, &decoded, args.strict)?;
     args.method.apply(&decoder, &mut decoded, options)?;
-    std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
-    let names = write_outputs(&args.out, &decoder, &decoded)?;
+    let names = write_maps(&args.out, args.force, &decoder, &decoded)?;
     let summary = Summary::new(&decoder, &decoded);
     if args.json {
         let mut figures = serde_json::to_value(&summary).expect("numbers and strings");
@@ -147,6 +147,23 @@ pub(super) fn run(args: &Args) -> Result<()> {
         println!("written      {}: {}", args.out.display(), names.join(", "));
     }
     Ok(())
+}
+
+/// Writes the maps of a decoding to a folder, all or none, and returns their names. With `force` they
+/// replace the maps of an earlier decoding.
+///
+/// # Errors
+/// Returns an error if a file cannot be written.
+pub(super) fn write_maps(
+    out: &Path,
+    force: bool,
+    decoder: &Decoder,
+    decoded: &Decoded,
+) -> Result<Vec<&'static str>> {
+    let folder = OutputFolder::create(out, force)?;
+    let names = write_outputs(folder.draft(), decoder, decoded)?;
+    folder.finish(output_names(), None)?;
+    Ok(names)
 }
 
 /// Checks whether the images, and what they decode to, follow their sequence. Prints and returns the

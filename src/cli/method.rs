@@ -137,6 +137,7 @@ impl MethodArgs {
             mapping.depths([&map.coordinate, &uncertainty], &mut depth, &mut sigma);
         }
         (decoded.depth, decoded.depth_sigma) = (depth, sigma);
+        decoded.mapped = true;
         decoded.notes.push(self.note(&mapping));
         Ok(())
     }

@@ -193,7 +193,22 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// Starts the threads of parallel work, which would panic later if the system refuses them.
+fn start_threads() -> Result<()> {
+    use std::error::Error as _;
+    let started = rayon::ThreadPoolBuilder::new().build_global();
+    // An error without a source says that they run already.
+    match started.as_ref().err().and_then(|why| why.source()) {
+        None => Ok(()),
+        Some(why) => Err(Error::device(format!(
+            "threads of parallel work: {why}; expected more memory, a higher limit (ulimit -v, \
+             ulimit -u, a container's), or fewer threads (RAYON_NUM_THREADS)"
+        ))),
+    }
+}
+
 fn dispatch(command: Command) -> Result<()> {
+    start_threads()?;
     match command {
         Command::Demo(args) => demo::run(&args),
         Command::Serve(args) => serve::run(&args),

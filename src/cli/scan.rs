@@ -8,12 +8,14 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{check_folder, stream};
-use phasmid_decode::{Options, Summary, output_names, write_outputs};
+use phasmid_core::output_folder::OutputFolder;
+use phasmid_decode::{Options, Summary, output_names};
 use phasmid_geometry::Rig;
 use phasmid_host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
 use phasmid_host::{
-    Camera, Capture, Captured, CommandPort, Intake, Progress, RecordedCamera, RecordedPort,
-    ScanOptions, Scanner, SerialPort, Tape, monotonic_ns, open_camera, scan_free_running,
+    Camera, Capture, Captured, CommandPort, Intake, MANIFEST_FILE, Progress, RecordedCamera,
+    RecordedPort, ScanOptions, Scanner, SerialPort, Tape, monotonic_ns, open_camera,
+    scan_free_running,
 };
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
@@ -167,7 +169,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
         (None, Some(_)) => "device",
         (None, None) => "none",
     };
-    captured.write(&args.out)?;
+    let folder = OutputFolder::create(&args.out, args.force)?;
+    captured.write(folder.draft())?;
+    let mut earlier = Captured::frames_in(&args.out)?;
+    earlier.extend(output_names().iter().map(PathBuf::from));
+    folder.finish(earlier, Some(MANIFEST_FILE))?;
     if !args.no_decode {
         let shown = captured.check_modulation();
         shown.map_err(|e| e.at(format!("{address} (frames kept in {})", args.out.display())))?;
@@ -347,7 +353,7 @@ fn decode_captured(captured: &Captured, args: &Args) -> Result<Decoding> {
     let doubt = decoded.doubt();
     args.method.apply(&decoder, &mut decoded, options)?;
     let decode_s = begin.elapsed().as_secs_f64();
-    write_outputs(&args.out, &decoder, &decoded)?;
+    super::decode::write_maps(&args.out, args.force, &decoder, &decoded)?;
     Ok(Decoding {
         summary: Summary::new(&decoder, &decoded),
         decode_s,

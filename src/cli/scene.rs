@@ -46,7 +46,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
                     let place = format!("{file}: object[{i}].shape.file");
                     let path = scene.folder.join(mesh);
                     let mut mesh = Mesh::read(&path).map_err(|e| e.at(&place))?;
-                    // A deforming mesh keeps the triangles of its keyframes.
+                    // A deforming mesh is compared with its keyframes when it is rendered.
                     if object.deform.is_none() {
                         let name = path.display().to_string();
                         let removed = mesh.clean(&name).map_err(|e| e.at(&place))?;

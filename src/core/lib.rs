@@ -9,6 +9,7 @@
 //! | [`file`](mod@file) | bounded reading of user files |
 //! | [`new_file`] | atomic writing of output files, scratch folders |
 //! | [`numbers`] | deserialisation of number lists of a fixed length |
+//! | [`output_folder`] | output folders that receive all files of a result or none |
 //! | [`philox`](mod@philox) | Philox4x32-10 random numbers |
 //! | [`simd`] | run-time dispatch to AVX2 |
 //! | [`source`] | TOML documents with file and line in every error |
@@ -19,6 +20,7 @@ pub mod error;
 pub mod file;
 pub mod new_file;
 pub mod numbers;
+pub mod output_folder;
 pub mod philox;
 pub mod simd;
 pub mod source;

@@ -224,15 +224,6 @@ pub fn stream(path: &Path, force: bool) -> Result<File> {
     })
 }
 
-/// Removes an incomplete set of files from a folder, so that they do not block the next attempt.
-/// Errors are ignored.
-pub fn discard(folder: &Path, names: impl IntoIterator<Item = impl AsRef<Path>>) {
-    for name in names {
-        // Ignore errors here: the caller reports the failure that led to the cleanup.
-        let _ = std::fs::remove_file(folder.join(name));
-    }
-}
-
 /// Returns whether a name belongs to a temporary file or folder left by a killed program.
 pub fn is_unfinished(name: &OsStr) -> bool {
     let name = name.to_string_lossy();

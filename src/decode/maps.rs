@@ -122,6 +122,8 @@ pub struct Decoded {
     /// Standard deviation of the depth in mm, due to noise and held projector pixels; NaN where
     /// invalid, empty without a rig.
     pub depth_sigma: Vec<f32>,
+    /// Whether depth was mapped from the phase against a reference plane instead of triangulated.
+    pub mapped: bool,
     /// The noise model used for the standard deviations.
     pub noise: Option<NoiseModel>,
     /// Notes for the user about the decoding.

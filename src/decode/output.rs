@@ -7,7 +7,7 @@ use super::triangulate::{Lit, Measured};
 use glam::DVec2;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use phasmid_core::error::Result;
-use phasmid_core::new_file::{discard, replace_image};
+use phasmid_core::new_file::replace_image;
 use phasmid_geometry::ply;
 use phasmid_pattern::Axis;
 use rayon::prelude::*;
@@ -35,7 +35,7 @@ pub const fn output_names() -> &'static [&'static str] {
 /// Writes the maps of a decoding into `folder`, which must exist: `projector_x.npy`, `sigma_x.npy`,
 /// `phase_x.png` and, unless it is negligible, `sampling_x.npy` (and `_y`) for the decoded axes,
 /// `modulation.npy`, `mask.png`, and with a rig `depth.npy` and `cloud.ply`. Returns the names
-/// written. Deletes all of them on failure.
+/// written.
 ///
 /// # Errors
 /// Returns an error if a file cannot be written.
@@ -102,8 +102,7 @@ pub fn write_outputs(
     tasks
         .par_iter()
         .map(|(name, task)| task(&folder.join(name)).map(|()| *name))
-        .collect::<Result<_>>()
-        .inspect_err(|_| discard(folder, tasks.iter().map(|(name, _)| name)))
+        .collect()
 }
 
 fn save(path: &Path, image: image::DynamicImage) -> Result<()> {
@@ -151,8 +150,9 @@ pub struct Summary {
     /// Median standard deviation of depth in mm, due to noise and held projector pixels; `None`
     /// without a rig.
     pub median_depth_sigma_mm: Option<f32>,
-    /// Median standard deviation of depth in mm, due to the calibration, over some 200 points; `None`
-    /// without a covariance of the calibration. Neighbouring points have this error in common.
+    /// Median standard deviation of depth in mm, due to the calibration, over up to 200 points;
+    /// `None` without a covariance of the calibration or if depth was not triangulated. Neighbouring
+    /// points have this error in common.
     pub median_calibration_sigma_mm: Option<f32>,
     /// Notes for the user.
     pub notes: Vec<String>,
@@ -226,7 +226,7 @@ impl Summary {
 const CALIBRATION_POINTS: usize = 200;
 
 fn calibration_sigma(decoder: &Decoder, decoded: &Decoded) -> Option<f32> {
-    let triangulator = decoder.triangulator()?;
+    let triangulator = decoder.triangulator().filter(|_| !decoded.mapped)?;
     let valid: Vec<usize> = (0..decoded.depth.len())
         .filter(|i| !decoded.depth[*i].is_nan())
         .collect();

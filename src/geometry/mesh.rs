@@ -152,21 +152,36 @@ impl Mesh {
     /// # Errors
     /// Returns an error if no triangle is left.
     pub fn clean(&mut self, place: &str) -> Result<Removed> {
+        self.clean_deforming(&[], place)
+    }
+
+    /// Cleans a mesh that deforms, like [`Self::clean`]: removes triangles that are without area, or
+    /// equal to an earlier one, both here and in all `keyframes`, which hold as many vertices.
+    ///
+    /// # Errors
+    /// Returns an error if no triangle is left.
+    pub fn clean_deforming(&mut self, keyframes: &[Vec<DVec3>], place: &str) -> Result<Removed> {
         let count = self.triangles.len();
+        let shapes: Vec<&[DVec3]> = std::iter::once(&self.vertices)
+            .chain(keyframes)
+            .map(Vec::as_slice)
+            .collect();
+        let bits = |i: u32| bits(self.triangles[i as usize], &shapes);
         let mut kept: Vec<(u64, u32)> = (0..count as u32)
             .into_par_iter()
-            .filter(|&i| !is_degenerate(self.corners(i as usize)))
+            .filter(|&i| {
+                let corners = |shape: &[DVec3]| corners(self.triangles[i as usize], shape);
+                !shapes.iter().all(|shape| is_degenerate(corners(shape)))
+            })
             .map(|i| {
                 let mut hasher = DefaultHasher::new();
-                self.bits(i).hash(&mut hasher);
+                bits(i).for_each(|bits| bits.hash(&mut hasher));
                 (hasher.finish(), i)
             })
             .collect();
         let degenerate = count - kept.len();
         kept.par_sort_unstable();
-        kept.dedup_by(|later, first| {
-            later.0 == first.0 && self.bits(later.1) == self.bits(first.1)
-        });
+        kept.dedup_by(|later, first| later.0 == first.0 && bits(later.1).eq(bits(first.1)));
         let removed = Removed {
             degenerate,
             duplicate: count - degenerate - kept.len(),
@@ -189,19 +204,9 @@ impl Mesh {
         Ok(removed)
     }
 
-    /// Returns the bits of a triangle's corners, rotated so that the lowest come first.
-    fn bits(&self, index: u32) -> [[u64; 3]; 3] {
-        // Adding zero turns -0 into +0.
-        let corners = self.corners(index as usize);
-        let mut bits = corners.map(|v| (v + DVec3::ZERO).to_array().map(f64::to_bits));
-        let lowest = (0..3).min_by_key(|&i| bits[i]).unwrap_or(0);
-        bits.rotate_left(lowest);
-        bits
-    }
-
     /// Returns the corners of triangle `index`, in millimetres.
     pub fn corners(&self, index: usize) -> [DVec3; 3] {
-        self.triangles[index].map(|i| self.vertices[i as usize])
+        corners(self.triangles[index], &self.vertices)
     }
 
     /// Returns the lowest and highest corner of the bounding box of all vertices, in millimetres;
@@ -214,6 +219,29 @@ impl Mesh {
                 .fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v))),
         )
     }
+}
+
+fn corners(triangle: [u32; 3], vertices: &[DVec3]) -> [DVec3; 3] {
+    triangle.map(|i| vertices[i as usize])
+}
+
+/// Returns the bits of a triangle's corners in each shape, rotated so that the lowest of the first
+/// shape come first.
+fn bits<'a>(
+    triangle: [u32; 3],
+    shapes: &'a [&[DVec3]],
+) -> impl Iterator<Item = [[u64; 3]; 3]> + use<'a> {
+    // Adding zero turns -0 into +0.
+    let bits = move |shape| {
+        corners(triangle, shape).map(|v| (v + DVec3::ZERO).to_array().map(f64::to_bits))
+    };
+    let first = bits(shapes[0]);
+    let lowest = (0..3).min_by_key(|&i| first[i]).unwrap_or(0);
+    shapes.iter().map(move |shape| {
+        let mut bits = bits(shape);
+        bits.rotate_left(lowest);
+        bits
+    })
 }
 
 fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
@@ -289,6 +317,26 @@ mod tests {
         ];
         assert!(complaint(wild).contains("triangle 1: a texture coordinate of 10000000"));
         assert!(complaint(Mesh::default()).contains("no triangle"));
+    }
+
+    #[test]
+    fn triangles_of_deforming_meshes_are_removed_if_redundant_in_all_keyframes() {
+        let rest = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::ZERO, DVec3::X];
+        let mut moved = rest.clone();
+        // Opens the triangle 0, 3, 2 and separates 3, 1, 2 from 0, 1, 2.
+        moved[3].z = 1.0;
+        let mesh = Mesh {
+            vertices: rest,
+            triangles: vec![[0, 1, 2], [0, 3, 2], [3, 1, 2], [4, 2, 0], [1, 1, 2]],
+            ..Mesh::default()
+        };
+        let kept = |keyframes: &[Vec<DVec3>]| {
+            let mut mesh = mesh.clone();
+            mesh.clean_deforming(keyframes, "m.stl").unwrap();
+            mesh.triangles
+        };
+        assert_eq!(kept(&[]), [[0, 1, 2]]);
+        assert_eq!(kept(&[moved]), [[0, 1, 2], [0, 3, 2], [3, 1, 2]]);
     }
 
     #[test]

@@ -73,57 +73,51 @@ impl Captured {
     /// has the name of one of its files.
     pub fn check_folder(folder: &Path, force: bool) -> Result<()> {
         new_file::check_folder(folder, [""; 0], force)?;
+        let mut names = Self::frames_in(folder)?;
+        names.extend([MANIFEST_FILE, CALIBRATION_FILE].map(PathBuf::from));
+        if force {
+            return new_file::check_folder(folder, names, force);
+        }
+        let exists = |name: &&PathBuf| folder.join(name).symlink_metadata().is_ok();
+        let Some(first) = names.iter().find(exists) else {
+            return Ok(());
+        };
+        Err(Error::input(
+            format!("--out {}", folder.display()),
+            format!("{}, of an earlier capture", first.display()),
+            "another folder, or --force to overwrite",
+        ))
+    }
+
+    /// Returns the names of the frames of a capture in a folder, sorted; none if the folder does not exist.
+    ///
+    /// # Errors
+    /// Returns the system's error.
+    pub fn frames_in(folder: &Path) -> Result<Vec<PathBuf>> {
         let entries = match fs::read_dir(folder) {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
             entries => entries.map_err(|e| Error::io(folder, e))?,
         };
+        let mut frames = Vec::new();
         for entry in entries {
             let name = entry.map_err(|e| Error::io(folder, e))?.file_name();
-            let name = name.to_string_lossy();
-            let frame = name.starts_with("frame_") && name.ends_with(".png");
-            if !frame && name != MANIFEST_FILE && name != CALIBRATION_FILE {
-                continue;
-            }
-            if force {
-                new_file::check_folder(folder, [&*name], force)?;
-            } else {
-                return Err(Error::input(
-                    format!("--out {}", folder.display()),
-                    format!("{name}, of an earlier capture"),
-                    "another folder, or --force to overwrite",
-                ));
+            let text = name.to_string_lossy();
+            if text.starts_with("frame_") && text.ends_with(".png") {
+                frames.push(PathBuf::from(name));
             }
         }
-        Ok(())
+        frames.sort_unstable();
+        Ok(frames)
     }
 
     /// Writes the frames as `frame_00.png` and so on (8 or 16 bits), `sequence.toml`, which lists
-    /// them, and `calibration.toml` if there is a calibration. Frames of an earlier capture are
-    /// deleted. On failure all of these files are removed.
+    /// them, and `calibration.toml` if there is a calibration. Creates the folder if it does not exist;
+    /// files of the same names are replaced.
     ///
     /// # Errors
     /// Returns an error on I/O failure, or if the data length of a frame does not match its size.
     pub fn write(&self, folder: &Path) -> Result<()> {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
-            let path = entry.map_err(|e| Error::io(folder, e))?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if name.starts_with("frame_") && name.ends_with(".png") {
-                fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
-            }
-        }
-        self.write_files(folder)
-            .inspect_err(|_| self.discard(folder))
-    }
-
-    /// Removes the files written by [`Self::write`].
-    pub fn discard(&self, folder: &Path) {
-        let frames = (0..self.frames.len()).map(|i| self.file_name(i));
-        new_file::discard(folder, frames);
-        new_file::discard(folder, [MANIFEST_FILE, CALIBRATION_FILE]);
-    }
-
-    fn write_files(&self, folder: &Path) -> Result<()> {
         self.frames
             .par_iter()
             .enumerate()
@@ -225,9 +219,8 @@ mod tests {
         fs::create_dir(out.join("frame_98.png")).unwrap();
         assert!(Captured::check_folder(&out, true).is_err());
         fs::remove_dir(out.join("frame_98.png")).unwrap();
-        fs::write(out.join("frame_99.png"), "").unwrap();
-        captured.write(&out).unwrap();
-        assert!(!out.join("frame_99.png").exists());
+        let frames = ["frame_00.png", "frame_01.png"].map(PathBuf::from);
+        assert_eq!(Captured::frames_in(&out).unwrap(), frames);
     }
 
     #[test]

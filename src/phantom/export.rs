@@ -3,7 +3,8 @@
 use super::{PHASES, Phantom, REFERENCE_PHASE, SKIN_TRIANGLES, State, hounsfield};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
-use phasmid_core::new_file::{check_folder, discard};
+use phasmid_core::new_file::check_folder;
+use phasmid_core::output_folder::OutputFolder;
 use phasmid_geometry::{Mesh, ply};
 use phasmid_planning::metaimage::{write_field_by_planes, write_volume_by_planes};
 use phasmid_planning::planning::PlanningFile;
@@ -55,9 +56,9 @@ impl Phantom {
         check_folder(folder, file.names(), force)?;
         let skin = self.skin(SKIN_TRIANGLES)?;
         let grid = around(skin.bounds().unwrap_or_default(), spacing_mm);
-        file.begin(folder)?;
-        self.write_files(folder, &file, &skin, &grid)
-            .inspect_err(|_| discard(folder, file.names()))
+        let folder = OutputFolder::create(folder, force)?;
+        self.write_files(folder.draft(), &file, &skin, &grid)?;
+        folder.finish([""; 0], Some(PlanningFile::NAME))
     }
 
     fn write_files(
@@ -83,7 +84,6 @@ impl Phantom {
             };
             write_volume_by_planes(&folder.join(name), grid, |k| plane(grid, k, voxel))?;
         }
-        // Write it last, so that a folder with a planning.toml is complete.
         file.write(folder)
     }
 }

@@ -27,8 +27,10 @@ pub struct FactoryCalibration {
     pub corner_px: f64,
 }
 
-/// Factors on the board of `[calibration]`, tried in turn.
-const BOARD_SCALES: [f64; 6] = [1.0, 0.7, 0.5, 0.35, 0.25, 0.15];
+/// Factor between the boards that are tried in turn, from that of `[calibration]` down.
+const SMALLER: f64 = 0.7;
+/// Number of boards tried; the smallest is a thousandth of the first.
+const BOARDS: i32 = 21;
 
 impl Default for FactoryCalibration {
     fn default() -> Self {
@@ -41,8 +43,8 @@ impl Default for FactoryCalibration {
 
 impl Profile {
     /// Returns the rig that the device reports, in the camera's frame of the whole sensor: with
-    /// errors drawn from the covariance of a calibration in 20 poses and with that covariance, or
-    /// the exact rig if the profile says so. Equal serial numbers give equal errors. Distortion
+    /// errors drawn from the covariance of a calibration in 20 poses and with the covariance predicted
+    /// at the result, or the exact rig if the profile says so. Equal serial numbers give equal errors. Distortion
     /// coefficients that are zero in the profile have no error. The noise model is the sensor's: an
     /// EMVA 1288 measurement of a whole sensor determines it to 0.2 %.
     ///
@@ -82,17 +84,19 @@ impl Profile {
             ..Wanted::default()
         };
         // A factory takes a board that fits into the field.
-        let fitting = BOARD_SCALES.iter().find_map(|scale| {
-            let board = default.scaled(*scale);
-            Some((board, poses(&board, &truth, &wanted).ok()?))
-        });
-        let (board, poses) = match fitting {
-            Some(found) => found,
-            None => {
-                let poses = poses(&default, &truth, &wanted).map_err(|e| refuse(e.to_string()))?;
-                (default, poses)
+        let mut fitting = Err(String::new());
+        for smaller in 0..BOARDS {
+            let board = default.scaled(SMALLER.powi(smaller));
+            fitting = match poses(&board, &truth, &wanted) {
+                Ok(poses) => Ok((board, poses)),
+                Err(Error::Input { found, .. }) => Err(found),
+                Err(other) => Err(other.to_string()),
+            };
+            if fitting.is_ok() {
+                break;
             }
-        };
+        }
+        let (board, poses) = fitting.map_err(|found| refuse(format!("no board fits: {found}")))?;
         let spread = |rig: &Rig| self.spread(rig, &board, &poses);
         let undetermined = || refuse("poses that do not determine the rig".to_owned());
         let covariance = spread(&truth).ok_or_else(undetermined)?;
@@ -172,8 +176,8 @@ mod tests {
     }
 
     #[test]
-    fn errors_of_200_serial_numbers_are_as_large_as_their_covariances_say() {
-        // A distorted and an undistorted device; the former takes ten times as long.
+    fn errors_of_many_serial_numbers_are_as_large_as_their_covariances_say() {
+        // An undistorted and a distorted device; the latter takes ten times as long.
         for (name, serials) in [("dlp-evm", 200), ("pmp-real", 20)] {
             let (mut squares, mut count) = (0.0, 0);
             for serial in 0..serials {
@@ -203,6 +207,19 @@ mod tests {
     }
 
     #[test]
+    fn small_fields_are_calibrated_with_a_small_board() {
+        let text = phasmid_device_profiles::PMP_BENCH;
+        let small = |factor: f64| {
+            let mut profile = Profile::parse(text, "p").unwrap();
+            profile.projector.position_mm = profile.projector.position_mm.map(|mm| mm * factor);
+            profile.calibration.distance_mm = profile.calibration.distance_mm.map(|mm| mm * factor);
+            profile.factory_rig().unwrap().covariance.unwrap()
+        };
+        small(1.0);
+        small(0.02);
+    }
+
+    #[test]
     fn rigs_that_cannot_be_calibrated_are_refused() {
         let mut away = profile("webcam-grey", "0001");
         away.projector.rotation_deg = [0.0, 180.0, 0.0];
@@ -212,6 +229,7 @@ mod tests {
             "{message}"
         );
         assert!(message.contains("exact = true"), "{message}");
+        assert_eq!(message.matches("expected").count(), 1, "{message}");
         let text = phasmid_device_profiles::WEBCAM_GREY;
         let text = format!("{text}\n[factory_calibration]\ncorner_px = 0.0\n");
         let message = Profile::parse(&text, "p").unwrap_err().to_string();

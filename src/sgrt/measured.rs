@@ -94,7 +94,7 @@ impl Measured {
         (self.len() > 2 * SOME).then(|| self.thinned(SOME))
     }
 
-    /// Returns at most `most` of the points, evenly along the arrays.
+    /// Returns at most `most` of the points, at even intervals of their index.
     #[must_use]
     pub fn thinned(&self, most: usize) -> Self {
         let count = self.len();

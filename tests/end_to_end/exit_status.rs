@@ -53,6 +53,27 @@ fn closed_standard_error_keeps_the_exit_status() {
 }
 
 #[test]
+fn too_little_memory_ends_the_program_with_a_message_and_status_1() {
+    // Limits of the address space in KiB, until one is too low.
+    let limits = std::iter::successors(Some(8_000_000_u64), |limit| Some(limit * 9 / 10));
+    let refused = limits.take(60).find_map(|limit| {
+        let script = format!("ulimit -v {limit}; exec \"$0\" profile check pmp-bench");
+        let output = shell(&script).output().unwrap();
+        (!output.status.success()).then_some((limit, output))
+    });
+    let (limit, output) = refused.expect("a limit that is too low");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{limit} KiB: {message}");
+    let causes = [
+        "phasmid: out of memory: ",
+        "phasmid: threads of parallel work: ",
+    ];
+    let named = causes.iter().any(|cause| message.contains(cause));
+    assert!(named, "{limit} KiB: {message}");
+    assert!(message.contains("ulimit -v"), "{message}");
+}
+
+#[test]
 fn missing_files_are_named_with_their_option() {
     let absent = "/no/such/path";
     let folder = tempfile::tempdir().unwrap();

@@ -7,6 +7,7 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 mod files;
+mod packed;
 mod replays;
 #[path = "../support/served.rs"]
 mod served;

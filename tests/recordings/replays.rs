@@ -10,14 +10,14 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// `phasmid replay` of a file.
-fn replay(file: &Path, args: &[&str]) -> Command {
+pub(crate) fn replay(file: &Path, args: &[&str]) -> Command {
     let mut command = phasmid();
     command.arg("replay").arg(file).args(args);
     command
 }
 
 /// Asks a process to end; returns its status and its output.
-fn stop(mut served: Served) -> (Option<i32>, String) {
+pub(crate) fn stop(mut served: Served) -> (Option<i32>, String) {
     kill_process(Pid::from_child(&served.child), Signal::TERM).unwrap();
     let status = served.child.wait().unwrap();
     let mut words = String::new();
@@ -29,7 +29,7 @@ fn stop(mut served: Served) -> (Option<i32>, String) {
 }
 
 /// Requires the files of two folders to be byte-identical.
-fn assert_same(one: &Path, other: &Path) {
+pub(crate) fn assert_same(one: &Path, other: &Path) {
     let names = |folder: &Path| {
         let entries = fs::read_dir(folder).unwrap();
         let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name()).collect();

@@ -1,8 +1,8 @@
 //! Writes the results of a calibration: the rig, every point it is based on, how well it fits, and
 //! an HTML page that shows all of this.
 //!
-//! [`prepare`] checks and creates the folder before the work begins; [`write()`] fills it at the
-//! end. In between, the caller stores images of the detected boards there under the names from
+//! [`check_folder`] checks the folder before the work begins; [`write()`] fills it, or a draft of it, at
+//! the end. The caller stores images of the detected boards there under the names from
 //! [`image_names`].
 //!
 //! | File | Contents |
@@ -26,7 +26,7 @@ mod summary;
 mod tests;
 
 pub use about::{About, image_names};
-pub use folder::{FILES, is_calibration, prepare};
+pub use folder::{FILES, MARKER, check_folder, is_calibration};
 pub use summary::{Figures, LeftOutPose, Summary, SummaryParameter};
 
 use super::rig::Calibration;
@@ -35,9 +35,8 @@ use phasmid_core::new_file::replace;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes all of [`FILES`] into `folder`, which [`prepare`] has created. Each file is written
-/// completely or not at all; `summary.json`, which marks the folder as a calibration, is written
-/// last.
+/// Writes all of [`FILES`] into `folder`, which must exist. Each file is written completely or not at
+/// all; `summary.json`, which marks the folder as a calibration, is written last.
 ///
 /// # Errors
 /// Returns an error if the file system fails.

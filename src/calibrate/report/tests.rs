@@ -273,9 +273,8 @@ fn read(folder: &Path, name: &str) -> String {
 fn tables_hold_numbers_at_full_precision() {
     let calibration = made_up(&["first", "second"]);
     let dir = tempfile::tempdir().unwrap();
-    prepare(dir.path(), &[], false).unwrap();
     write(dir.path(), &calibration, &about()).unwrap();
-    assert!(prepare(dir.path(), &[], false).is_err());
+    assert!(check_folder(dir.path(), &[], false).is_err());
     let points = read(dir.path(), "points.csv");
     let mut lines = points.lines();
     let head: Vec<&str> = lines.next().unwrap().split(',').collect();

@@ -159,12 +159,12 @@ fn run_captures(args: &Args, folder: &Path) -> Result<()> {
     }
     let remarks = vec![("captures".to_owned(), folder.display().to_string())];
     let calibration = solve(args, &board, &poses, &place)?;
-    finish(args, &out, &calibration, poses.images, remarks, None)
+    finish(args, out, &calibration, poses.images, remarks, None)
 }
 
 fn run_emulated(args: &Args, name: &str) -> Result<()> {
     let device = Emulated::new(args, name)?;
-    let out = Folder::prepare(args)?;
+    let mut out = Folder::prepare(args)?;
     step("starting the device");
     let bar = progress_bar();
     let scanned = device.scan(args, name, out.draft(), |done, of| show(&bar, done, of));
@@ -207,14 +207,7 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
     let remarks = remarks
         .map(|(name, value)| (name.to_owned(), value))
         .to_vec();
-    finish(
-        args,
-        &out,
-        &calibration,
-        poses.images,
-        remarks,
-        Some(&truth),
-    )
+    finish(args, out, &calibration, poses.images, remarks, Some(&truth))
 }
 
 /// Returns what was found and what was expected, for the case that no pose shows the board.
@@ -288,7 +281,7 @@ fn unsolved(why: &Unsolved, poses: &Poses, place: &str) -> Error {
 
 fn finish(
     args: &Args,
-    out: &Folder,
+    out: Folder,
     calibration: &Calibration,
     images: Vec<(String, String)>,
     remarks: Vec<(String, String)>,
@@ -300,16 +293,16 @@ fn finish(
         remarks,
         images,
     };
-    out.keep(about.images.iter().map(|(_, file)| file.as_str()))?;
     if let Some(truth) = truth {
-        let path = args.out.join(TRUTH);
+        let path = out.draft().join(TRUTH);
         replace(&path, |file| file.write_all(json(truth).as_bytes()))?;
     }
     for file in OPENCV {
         let (rig, errors) = (&calibration.solution.rig, errors(calibration));
-        write_opencv(&args.out.join(file), rig, &errors)?;
+        write_opencv(&out.draft().join(file), rig, &errors)?;
     }
-    let summary = report::write(&args.out, calibration, &about)?;
+    let summary = report::write(out.draft(), calibration, &about)?;
+    out.finish()?;
     if args.json {
         let summary = &summary;
         print!("{}", json(&Figures { summary, truth }));

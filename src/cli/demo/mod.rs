@@ -9,7 +9,8 @@ use super::served::{Served, service};
 use super::step;
 use image::GrayImage;
 use phasmid_core::error::{Error, Result};
-use phasmid_core::new_file::{check_folder, discard, replace};
+use phasmid_core::new_file::{check_folder, replace};
+use phasmid_core::output_folder::OutputFolder;
 use phasmid_decode::{Options, Summary as Decoding};
 use phasmid_geometry::{Rig, ply};
 use phasmid_host::{Capture, Captured, ScanOptions};
@@ -129,18 +130,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     step("comparing");
     let score = score(&decoded, &truth, &captured.manifest, &truth_rig)?;
     step("writing");
-    // Without the summary, a later demo would not recognise the folder as its own, so a failed run
-    // leaves nothing in it.
-    let discarding = |_: &Error| {
-        captured.discard(&args.out);
-        discard(&args.out, [SUMMARY, CLOUD].into_iter().chain(PICTURES));
-    };
     let frame = seen(&captured)?;
-    captured
-        .write(&args.out)
-        .and_then(|()| ply::write_cloud(&args.out.join(CLOUD), &decoder.cloud(&decoded)))
-        .and_then(|()| write_images(&args.out, &frame, &decoded, &truth, &truth_rig))
-        .inspect_err(discarding)?;
+    let folder = OutputFolder::create(&args.out, is_demo(&args.out))?;
+    let draft = folder.draft();
+    captured.write(draft)?;
+    ply::write_cloud(&draft.join(CLOUD), &decoder.cloud(&decoded))?;
+    write_images(draft, &frame, &decoded, &truth, &truth_rig)?;
     let decoding = Decoding::new(&decoder, &decoded);
     let calibration_sigma_mm = decoding.median_calibration_sigma_mm;
     let masked = decoding
@@ -169,8 +164,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         total_s: start.elapsed().as_secs_f64(),
     };
     let json = serde_json::to_string_pretty(&summary).expect("numbers and strings");
-    let path = args.out.join(SUMMARY);
-    replace(&path, |out| writeln!(out, "{json}")).inspect_err(discarding)?;
+    replace(&draft.join(SUMMARY), |out| writeln!(out, "{json}"))?;
+    folder.finish(Captured::frames_in(&args.out)?, Some(SUMMARY))?;
     if args.json {
         println!("{json}");
     } else {
@@ -238,13 +233,15 @@ fn serve_arguments(args: &Args) -> Vec<String> {
     arguments
 }
 
-/// Accepts a folder that an earlier demo wrote. Rejects one that contains other files with names of
-/// results.
+/// Rejects a folder that contains files with names of results, unless an earlier demo wrote them.
 fn check_out(out: &Path) -> Result<()> {
+    let force = is_demo(out);
+    check_folder(out, [SUMMARY, CLOUD].into_iter().chain(PICTURES), force)?;
+    Captured::check_folder(out, force)
+}
+
+/// Returns whether an earlier demo wrote the folder.
+fn is_demo(out: &Path) -> bool {
     let summary = fs::read_to_string(out.join(SUMMARY)).unwrap_or_default();
-    if summary.contains("\"made_by\": \"phasmid demo") {
-        return Ok(());
-    }
-    check_folder(out, [SUMMARY, CLOUD].into_iter().chain(PICTURES), false)?;
-    Captured::check_folder(out, false)
+    summary.contains("\"made_by\": \"phasmid demo")
 }

@@ -32,8 +32,8 @@ pub(super) struct PodArgs {
     /// Station with the poses of the pods in the room: a built-in name or a TOML file.
     #[arg(long, value_name = "STATION", default_value = "sgrt-ceiling")]
     station: String,
-    /// Calibration of a pod instead of its own: its name in the station and any file that `phasmid scan
-    /// --calibration` takes. Repeat for each pod.
+    /// Calibration to use instead of the one a pod reports: the pod's name in the station, and a file
+    /// that `phasmid scan --calibration` accepts. Repeat for each pod.
     #[arg(long, value_name = "NAME=FILE")]
     calibration: Vec<String>,
     /// Seconds to wait for a reply or a frame, 0.001 to 3600.

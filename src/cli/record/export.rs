@@ -1,11 +1,11 @@
 //! `phasmid record export`: writes the frames of a recording as images and the rest as text.
 
 use phasmid_core::error::{Error, Result};
-use phasmid_core::new_file::{NewFile, check_folder, discard};
+use phasmid_core::new_file::{NewFile, check_folder};
+use phasmid_core::output_folder::OutputFolder;
 use phasmid_host::{Captured, write_png};
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::{Channel, Event, Record};
-use std::fs;
 use std::io::Write;
 use std::path::Path;
 
@@ -16,11 +16,11 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
     let mut reader = super::open(path)?;
     check_folder(out, [CONVERSATION], force)?;
     Captured::check_folder(out, force)?;
-    fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
-    let text = out.join(CONVERSATION);
-    let io = |e| Error::io(&text, e);
-    let mut lines = NewFile::create(&text, force)?;
-    let (mut records, mut frames) = (0_u64, Discarding { out, count: 0 });
+    let folder = OutputFolder::create(out, force)?;
+    let text = folder.draft().join(CONVERSATION);
+    let io = |e| Error::io(out.join(CONVERSATION), e);
+    let mut lines = NewFile::create(&text, false)?;
+    let (mut records, mut frames) = (0_u64, 0_u64);
     loop {
         let record = match reader.read() {
             Ok(Some(record)) => record,
@@ -35,38 +35,22 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
         let mut words = words(&record);
         if let Event::Frame(frame) = record.event {
             // Named by number, because frame ids may repeat.
-            let name = frame_name(frames.count);
+            let name = format!("frame_{frames:06}.png");
             let frame = Frame::clone(&frame).into_luma();
             words = format!("{words}: {name}");
-            write_png(&frame, &out.join(name), force)?;
-            frames.count += 1;
+            write_png(&frame, &folder.draft().join(name), false)?;
+            frames += 1;
         }
         let seconds = record.time_ns as f64 * 1e-9;
         writeln!(lines, "{seconds:14.6} {words}").map_err(io)?;
     }
     lines.finish()?;
-    let count = std::mem::take(&mut frames.count);
+    folder.finish(Captured::frames_in(out)?, Some(CONVERSATION))?;
     println!(
-        "{records} records, {count} frames: written {}",
+        "{records} records, {frames} frames: written {}",
         out.display()
     );
     Ok(())
-}
-
-fn frame_name(number: u64) -> String {
-    format!("frame_{number:06}.png")
-}
-
-/// The images written so far. Dropping this value removes them unless the export has finished.
-struct Discarding<'a> {
-    out: &'a Path,
-    count: u64,
-}
-
-impl Drop for Discarding<'_> {
-    fn drop(&mut self) {
-        discard(self.out, (0..self.count).map(frame_name));
-    }
 }
 
 /// Describes a record in one line, with its bytes escaped.

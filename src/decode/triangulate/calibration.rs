@@ -12,7 +12,8 @@ impl Triangulator {
     /// Computes the standard deviation in mm that errors of the calibration cause in the depth of each
     /// pixel, to first order, from the covariance of the rig. These errors are common to all scans and
     /// nearly equal at neighbouring pixels; the sigma of noise does not contain them. NaN where
-    /// a pixel has no depth; `None` if the rig has no covariance.
+    /// a pixel has no depth; infinite where it has none with a rig one standard deviation away; `None`
+    /// if the rig has no covariance.
     pub fn calibration_sigma(&self, pixels: &[Lit]) -> Option<Vec<f64>> {
         let covariance = self.rig.covariance.as_ref()?;
         // Effects of independent steps add up in squares.
@@ -25,8 +26,15 @@ impl Triangulator {
         let sigma = pixels.par_iter().map(|(px, [x, y])| {
             let depth = |of: &Self| of.depth(*px, *x, *y).map_or(f64::NAN, |(depth, _)| depth);
             let effect = |[up, down]: &[Self; 2]| 0.5 * (depth(up) - depth(down));
+            if depth(self).is_nan() {
+                return f64::NAN;
+            }
             let square: f64 = pairs.iter().map(|pair| effect(pair).powi(2)).sum();
-            square.sqrt()
+            if square.is_nan() {
+                f64::INFINITY
+            } else {
+                square.sqrt()
+            }
         });
         Some(sigma.collect())
     }

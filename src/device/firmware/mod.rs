@@ -210,7 +210,7 @@ impl Firmware {
     }
 
     /// Returns the calibration that the device reports, for the whole sensor, or why there is none;
-    /// see [`Profile::factory_rig`]. The first call computes it, in some 20 ms.
+    /// see [`Profile::factory_rig`]. The first call computes it, in 10 to 100 ms.
     pub fn factory_calibration(&self) -> &Result<Rig, String> {
         let compute = || self.profile.factory_rig().map_err(|e| e.to_string());
         self.calibration.get_or_init(compute)

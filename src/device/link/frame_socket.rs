@@ -3,9 +3,10 @@
 //! detect by their ids; one whose connection fails or that stops reading is dropped. No client can
 //! delay the device or another client.
 //!
-//! The Unix socket and TCP have places of their own: any user of the machine can connect over TCP
-//! and must not shut the owner out of the Unix socket. TCP clients may be required to present a
-//! token, see [`phasmid_protocol::admission`].
+//! The Unix socket and TCP have separate limits on clients and on queued frames: any user of the
+//! machine can connect over TCP, and must neither shut the owner out of the Unix socket nor cost the
+//! owner a frame. TCP clients may be required to present a token, see
+//! [`phasmid_protocol::admission`].
 
 use super::readiness::{stirs, watched};
 use crate::FrameSink;
@@ -19,7 +20,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixListener;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 use tokio::io::unix::AsyncFd;
@@ -30,8 +31,17 @@ use tokio::sync::{Notify, Semaphore, oneshot};
 /// Maximum number of clients of the Unix socket. TCP has as many of its own.
 const MAX_CLIENTS: usize = 32;
 /// Maximum number of TCP clients that have not presented their token yet. The oldest of them makes
-/// room for another.
+/// room for another after [`HEARING`]; until then, further connections stay in the kernel's queue.
 const MAX_PENDING: usize = 32;
+/// Minimum time for a TCP client to present its token after the challenge. Long enough for a client
+/// on a busy machine, short enough to work off a full queue of the kernel (128) in 0.4 s.
+///
+/// Guaranteed, however many others connect: a connection in the kernel's queue is accepted in turn,
+/// after about one `HEARING` per [`MAX_PENDING`] connections ahead of it, and its client is heard if
+/// the token arrives within `HEARING` of the challenge, or earlier. Not guaranteed: a slower client
+/// is heard during a flood, or a connection gets into the kernel's queue while a flood keeps it
+/// full. The client's system then retries the connection.
+const HEARING: Duration = Duration::from_millis(100);
 /// Maximum number of TCP connections accepted at a time, so that a flood of them cannot hold the
 /// device.
 const MAX_ACCEPTED: usize = 64;
@@ -43,7 +53,8 @@ const MAX_REFUSED: usize = MAX_PENDING;
 const LAST_WORDS: Duration = Duration::from_secs(1);
 /// Maximum number of frames queued for one client.
 const MAX_FRAMES: usize = 1024;
-/// Maximum size of queued frames of all clients in bytes; clients share frames.
+/// Maximum size in bytes of the frames queued for all clients of the Unix socket, which share them.
+/// TCP has as much of its own.
 const MAX_BYTES: usize = 256 << 20;
 /// A client that reads nothing for this long while frames are queued is disconnected.
 const STALL: Duration = Duration::from_secs(30);
@@ -52,7 +63,7 @@ const STALL: Duration = Duration::from_secs(30);
 struct Packet {
     header: [u8; wire::HEADER_LEN],
     frame: Arc<Frame>,
-    /// Total size of all packets, including this one.
+    /// Total size of all packets for clients of the same kind, including this one.
     held: Arc<AtomicUsize>,
 }
 
@@ -131,11 +142,22 @@ struct TcpSide {
     admitted: Arc<Mutex<Vec<TcpStream>>>,
 }
 
+impl TcpSide {
+    /// Returns whether a client without a token can be accepted, if necessary by evicting the
+    /// oldest. `stirred` is notified whenever this may have become true.
+    fn has_place(&mut self) -> bool {
+        self.pending.retain(|pending| !pending.place.is_closed());
+        self.pending.len() < MAX_PENDING || self.pending[0].heard.load(Ordering::Relaxed)
+    }
+}
+
 /// A client that has not presented the token yet.
 struct Pending {
     task: tokio::task::AbortHandle,
-    /// Dropped to make room.
-    _place: oneshot::Sender<()>,
+    /// Set when the client has had [`HEARING`] and everything it sent until then has been read.
+    heard: Arc<AtomicBool>,
+    /// Dropped to evict the client; closed once the client has been admitted or refused.
+    place: oneshot::Sender<()>,
 }
 
 struct Client {
@@ -155,13 +177,16 @@ pub(super) struct FrameSocket {
     clients: Vec<Client>,
     /// Number of clients that have connected and disconnected so far.
     counts: (u64, u64),
-    /// Size in bytes of the frames that are queued or being sent.
-    held: Arc<AtomicUsize>,
+    /// Size in bytes of the frames that are queued or being sent: on the Unix socket, over TCP. A
+    /// frame for clients of both kinds counts in both.
+    held: [Arc<AtomicUsize>; 2],
     /// See [`MAX_BYTES`].
     max_bytes: usize,
     /// See [`STALL`].
     stall: Duration,
-    /// Notified when a client disconnects or has presented its token.
+    /// See [`HEARING`].
+    hearing: Duration,
+    /// Notified when a client disconnects, is admitted or refused, or can be evicted.
     stirred: Arc<Notify>,
     /// Limits on clients that are being refused: of the Unix socket, of TCP.
     refusals: [Arc<Semaphore>; 2],
@@ -197,9 +222,10 @@ impl FrameSocket {
             tcp,
             clients: Vec::new(),
             counts: (0, 0),
-            held: Arc::new(AtomicUsize::new(0)),
+            held: Default::default(),
             max_bytes: MAX_BYTES,
             stall: STALL,
+            hearing: HEARING,
             stirred: Arc::new(Notify::new()),
             refusals: [MAX_REFUSED; 2].map(|limit| Arc::new(Semaphore::new(limit))),
         })
@@ -215,9 +241,12 @@ impl FrameSocket {
         self.counts
     }
 
-    /// Returns the size in bytes of the frames that clients have not read yet.
+    /// Returns the size in bytes of the frames that clients have not read yet: of the Unix socket or
+    /// over TCP, whichever is larger. The sum would count shared frames twice.
     pub(super) fn waiting(&self) -> usize {
-        self.held.load(Ordering::Relaxed)
+        let [unix, tcp] = &self.held;
+        unix.load(Ordering::Relaxed)
+            .max(tcp.load(Ordering::Relaxed))
     }
 
     /// Returns the number of connected clients.
@@ -261,7 +290,10 @@ impl FrameSocket {
             }
         }
         for accepted in 1..=MAX_ACCEPTED {
-            let Some(tcp) = &self.tcp else { break };
+            let Some(tcp) = &mut self.tcp else { break };
+            if !tcp.has_place() {
+                break;
+            }
             let Ok((stream, _)) = tcp.listener.accept() else {
                 break;
             };
@@ -291,19 +323,32 @@ impl FrameSocket {
         }
     }
 
-    /// Asks a TCP client for the token.
+    /// Asks a TCP client for the token. Call only if there is a place for the client, see
+    /// [`TcpSide::has_place`].
     fn challenge(&mut self, stream: TcpStream, token: Arc<Token>) {
         let Some(tcp) = &mut self.tcp else { return };
-        tcp.pending.retain(|pending| !pending.task.is_finished());
         if tcp.pending.len() >= MAX_PENDING {
             tcp.pending.pop_front();
         }
         let (place, evicted) = oneshot::channel();
+        let heard = Arc::new(AtomicBool::new(false));
         let (admitted, stirred) = (tcp.admitted.clone(), self.stirred.clone());
         let refusals = self.refusals[Link::Tcp as usize].clone();
+        let (hearing, is_heard) = (self.hearing, heard.clone());
         let task = tokio::spawn(async move {
             let mut stream = stream;
+            let challenge = [&admission::TOKEN_REQUIRED[..], b"\n"].concat();
+            // If this fails, `present` fails too.
+            let _ = stream.write_all(&challenge).await;
+            let evicted = async {
+                tokio::time::sleep(hearing).await;
+                is_heard.store(true, Ordering::Relaxed);
+                stirred.notify_one();
+                evicted.await
+            };
             let presented = tokio::select! {
+                // Read what has arrived before the client can be evicted.
+                biased;
                 presented = present(&mut stream, &token) => presented,
                 _ = evicted => Err(format!(
                     "no token yet, and {MAX_PENDING} newer connections without one; expected the \
@@ -311,19 +356,18 @@ impl FrameSocket {
                 )),
             };
             match presented {
-                Ok(()) => {
-                    admitted
-                        .lock()
-                        .unwrap_or_else(PoisonError::into_inner)
-                        .push(stream);
-                    stirred.notify_one();
-                }
+                Ok(()) => admitted
+                    .lock()
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .push(stream),
                 Err(why) => refuse(stream, &refusals, &why),
             }
+            stirred.notify_one();
         });
         tcp.pending.push_back(Pending {
             task: task.abort_handle(),
-            _place: place,
+            heard,
+            place,
         });
     }
 
@@ -333,13 +377,17 @@ impl FrameSocket {
     }
 
     fn hand_on(&mut self, header: [u8; wire::HEADER_LEN], frame: Arc<Frame>) {
-        self.make_room(frame.data.len());
-        let packet = Arc::new(Packet::new(header, frame, &self.held));
-        for client in &self.clients {
-            if packet.frame.id >= client.first_id
-                && let Some(queue) = client.queue.upgrade()
-            {
-                queue.put(packet.clone());
+        for link in [Link::Unix, Link::Tcp] {
+            self.make_room(link, frame.data.len());
+            let held = &self.held[link as usize];
+            let packet = Arc::new(Packet::new(header, frame.clone(), held));
+            for client in &self.clients {
+                if client.link == link
+                    && frame.id >= client.first_id
+                    && let Some(queue) = client.queue.upgrade()
+                {
+                    queue.put(packet.clone());
+                }
             }
         }
     }
@@ -393,14 +441,15 @@ impl FrameSocket {
         }
     }
 
-    /// Drops the newest frames of the client that is furthest behind until `len` more bytes fit. A
-    /// frame being sent is kept, so a single frame always fits, however large.
-    fn make_room(&self, len: usize) {
-        let full = || self.held.load(Ordering::Relaxed) + len > self.max_bytes;
+    /// Drops the newest frames of the client of one kind that is furthest behind until `len` more
+    /// bytes fit. A frame being sent is kept, so a single frame always fits, however large.
+    fn make_room(&self, link: Link, len: usize) {
+        let held = &self.held[link as usize];
+        let full = || held.load(Ordering::Relaxed) + len > self.max_bytes;
         if !full() {
             return;
         }
-        let clients = self.clients.iter();
+        let clients = self.clients.iter().filter(|client| client.link == link);
         let queues: Vec<_> = clients.filter_map(|c| c.queue.upgrade()).collect();
         while full() {
             let waits_for = |queue: &&Arc<Queue>| queue.packets().front().map(|p| p.frame.id);
@@ -432,15 +481,13 @@ fn duplicate(listener: &impl AsFd) -> std::io::Result<OwnedFd> {
     listener.as_fd().try_clone_to_owned()
 }
 
-/// Asks a client for the token and waits for it.
+/// Waits for a client's token.
 ///
 /// # Errors
 /// Returns an error, worded for the client, if it presents another token or none in time.
 async fn present(stream: &mut TcpStream, token: &Token) -> std::result::Result<(), String> {
     let expected = "expected the line in the file of the device's --tcp-token";
     let line = async {
-        let challenge = [&admission::TOKEN_REQUIRED[..], b"\n"].concat();
-        stream.write_all(&challenge).await?;
         let mut line = [0; admission::MAX_TOKEN_BYTES + 2];
         let mut filled = 0;
         while filled < line.len() {
@@ -533,11 +580,18 @@ async fn send(
 mod tests {
     use super::*;
     use phasmid_protocol::PixelFormat;
-    use std::io::Read;
+    use std::io::{Read, Write};
+    use std::net;
     use std::os::unix::net::UnixStream;
+    use tokio::task::{JoinHandle, spawn_blocking};
 
     /// Far above the kernel's buffer of a stream.
     const LEN: usize = 4 << 20;
+    /// Bounds a test that hangs.
+    const LONG: Duration = Duration::from_secs(60);
+    const TOKEN: &str = "correct horse battery\n";
+    /// Answer to a right token, after the challenge.
+    const ADMITTED: &str = "PHTK\nPHOK\n";
 
     fn frame(id: u64) -> Arc<Frame> {
         Arc::new(Frame {
@@ -563,8 +617,131 @@ mod tests {
         let runtime = tokio::runtime::Builder::new_current_thread();
         let runtime = { runtime }.enable_all().build().unwrap();
         runtime.block_on(async {
-            let socket = FrameSocket::open(&path, None).unwrap();
+            let tcp = Tcp {
+                port: 0,
+                token: None,
+            };
+            let socket = FrameSocket::open(&path, Some(&tcp)).unwrap();
             test(socket, &path).await;
+        });
+    }
+
+    /// Runs a test with a device that requires [`TOKEN`] over TCP.
+    fn run_with_token(test: impl AsyncFnOnce(FrameSocket)) {
+        run(async |mut socket, path| {
+            let file = path.with_file_name("token");
+            fs::write(&file, TOKEN).unwrap();
+            let token = Token::read(&file).unwrap();
+            socket.tcp.as_mut().unwrap().token = Some(Arc::new(token));
+            test(socket).await;
+        });
+    }
+
+    fn connect_tcp(socket: &FrameSocket) -> net::TcpStream {
+        let stream = net::TcpStream::connect(socket.tcp_address().unwrap()).unwrap();
+        stream.set_read_timeout(Some(LONG)).unwrap();
+        stream
+    }
+
+    /// Fewer than the kernel's queue holds, more than are accepted or wait at a time.
+    fn connect_flood(socket: &FrameSocket) -> Vec<net::TcpStream> {
+        (0..3 * MAX_PENDING).map(|_| connect_tcp(socket)).collect()
+    }
+
+    /// Reads as many bytes as the answer to a right token has.
+    fn read_admission(mut client: impl Read) -> String {
+        let mut lines = [0; ADMITTED.len()];
+        client.read_exact(&mut lines).unwrap();
+        String::from_utf8_lossy(&lines).into_owned()
+    }
+
+    /// Serves connections as the device does until a client's thread has ended.
+    async fn serve_until<T>(socket: &mut FrameSocket, client: JoinHandle<T>) -> T {
+        let served = async {
+            loop {
+                socket.accept(0);
+                socket.changed().await.unwrap();
+            }
+        };
+        tokio::select! {
+            () = served => unreachable!("serves forever"),
+            result = client => result.unwrap(),
+        }
+    }
+
+    #[test]
+    fn stalled_clients_of_one_kind_cost_the_other_kind_no_frame() {
+        for first in [Link::Unix, Link::Tcp] {
+            run(async |mut socket, path| {
+                socket.max_bytes = 4 * LEN;
+                // Nothing is sent, since the clients' tasks do not run.
+                let (mut unix, mut tcp) = (None, None);
+                for id in 0..6 {
+                    if (id == 0) == (first == Link::Unix) && unix.is_none() {
+                        unix = Some(UnixStream::connect(path).unwrap());
+                    } else if (id == 0) == (first == Link::Tcp) && tcp.is_none() {
+                        tcp = Some(connect_tcp(&socket));
+                    }
+                    socket.accept(id);
+                    socket.put(frame(id));
+                }
+                let queued = socket.clients.iter().map(|client| {
+                    let queue = client.queue.upgrade().unwrap();
+                    queue.packets().iter().map(|p| p.frame.id).collect()
+                });
+                let queued: Vec<Vec<u64>> = queued.collect();
+                // As if each were the only client.
+                assert_eq!(queued, [[0, 1, 2, 5], [1, 2, 3, 5]]);
+                assert_eq!(socket.waiting(), 4 * LEN);
+            });
+        }
+    }
+
+    #[test]
+    fn token_sent_at_once_is_read_before_a_flood_evicts_its_client() {
+        run_with_token(async |mut socket| {
+            let mut client = connect_tcp(&socket);
+            client.write_all(TOKEN.as_bytes()).unwrap();
+            let _flood = connect_flood(&socket);
+            let read = spawn_blocking(move || read_admission(client));
+            assert_eq!(serve_until(&mut socket, read).await, ADMITTED);
+        });
+    }
+
+    #[test]
+    fn client_that_answers_the_challenge_is_not_evicted_by_a_flood() {
+        run_with_token(async |mut socket| {
+            // The client's thread may be slow.
+            socket.hearing = LONG;
+            let mut client = connect_tcp(&socket);
+            let _flood = connect_flood(&socket);
+            let read = spawn_blocking(move || {
+                // Waits for the challenge.
+                client.peek(&mut [0]).unwrap();
+                client.write_all(TOKEN.as_bytes()).unwrap();
+                read_admission(client)
+            });
+            assert_eq!(serve_until(&mut socket, read).await, ADMITTED);
+        });
+    }
+
+    #[test]
+    fn client_behind_a_flood_of_silent_ones_is_admitted() {
+        run_with_token(async |mut socket| {
+            let mut flood = connect_flood(&socket);
+            let mut client = connect_tcp(&socket);
+            client.write_all(TOKEN.as_bytes()).unwrap();
+            let read = spawn_blocking(move || read_admission(client));
+            assert_eq!(serve_until(&mut socket, read).await, ADMITTED);
+            // The silent clients made room long before their deadline.
+            let mut oldest = flood.swap_remove(0);
+            let read = spawn_blocking(move || {
+                let mut all = String::new();
+                oldest.read_to_string(&mut all).unwrap();
+                all
+            });
+            let reason = serve_until(&mut socket, read).await;
+            assert!(reason.contains("newer connections"), "{reason}");
         });
     }
 
@@ -581,7 +758,7 @@ mod tests {
                 }
                 socket.put(frame(id));
                 pause().await;
-                assert!(socket.held.load(Ordering::Relaxed) <= 10 * LEN, "{id}");
+                assert!(socket.waiting() <= 10 * LEN, "{id}");
             }
             // A reader receives a whole burst, at the expense of clients that do not read.
             let reader = UnixStream::connect(path).unwrap();
@@ -589,7 +766,7 @@ mod tests {
             for id in 40..44 {
                 socket.put(frame(id));
             }
-            assert!(socket.held.load(Ordering::Relaxed) <= 10 * LEN);
+            assert!(socket.waiting() <= 10 * LEN);
             let read = tokio::task::spawn_blocking(move || {
                 let mut all = vec![0; 4 * (wire::HEADER_LEN + LEN)];
                 { reader }.read_exact(&mut all).unwrap();
@@ -602,7 +779,7 @@ mod tests {
             assert_eq!(last, [40, 41, 42, 43]);
             drop(stuck);
             pause().await;
-            assert_eq!(socket.held.load(Ordering::Relaxed), 0);
+            assert_eq!(socket.waiting(), 0);
         });
     }
 
@@ -643,7 +820,7 @@ mod tests {
             assert!(!socket.attended());
             socket.accept(1);
             assert!(socket.clients.is_empty());
-            assert_eq!(socket.held.load(Ordering::Relaxed), 0);
+            assert_eq!(socket.waiting(), 0);
         });
     }
 }

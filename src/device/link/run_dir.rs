@@ -2,9 +2,10 @@
 //! device ends.
 //!
 //! A lock on the directory marks it as in use; the system releases it even if the process is
-//! killed. Files left by a killed device are recognised by name and kind, and removed.
+//! killed. Files left by a killed device are recognised by name, kind and content, and removed.
 
 use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file::{is_unfinished, write};
 use phasmid_protocol::Endpoints;
 use phasmid_protocol::endpoints;
 use rustix::fs::{FlockOperation, Mode, OFlags};
@@ -20,7 +21,6 @@ pub(super) const CONTROL: &str = "control";
 pub(super) const CAMERA: &str = "camera.sock";
 /// Name of the service socket.
 pub(super) const SERVICE: &str = "service.sock";
-const UNFINISHED: &str = "device.json.new";
 
 /// Maximum length of a Unix socket's path on Linux, without the terminating zero.
 const MAX_SOCKET_PATH: usize = 107;
@@ -93,10 +93,10 @@ impl RunDir {
             files: Vec::new(),
             _lock: lock,
         };
-        for leftover in dir.leftovers().map_err(io)? {
-            let Some(leftover) = leftover else {
-                return refuse("files that are not a device's");
-            };
+        let Some(leftovers) = dir.leftovers().map_err(io)? else {
+            return refuse("files that are not a device's");
+        };
+        for leftover in leftovers {
             fs::remove_file(&leftover).map_err(|e| Error::io(&leftover, e))?;
             // A directory of a killed device is removed at the end, like one that this device
             // created.
@@ -109,21 +109,25 @@ impl RunDir {
         Ok(dir)
     }
 
-    /// Lists the directory; `None` marks a file that no device leaves behind.
-    fn leftovers(&self) -> std::io::Result<Vec<Option<PathBuf>>> {
+    /// Lists the directory; `None` if it contains a file that no device leaves behind.
+    fn leftovers(&self) -> std::io::Result<Option<Vec<PathBuf>>> {
         let mut found = Vec::new();
         for entry in fs::read_dir(&self.path)? {
             let entry = entry?;
             let kind = entry.file_type()?;
-            let ours = match entry.file_name().to_str() {
+            let name = entry.file_name();
+            let ours = match name.to_str() {
                 Some(CONTROL) => kind.is_symlink(),
                 Some(CAMERA | SERVICE) => kind.is_socket(),
-                Some(endpoints::FILE_NAME | UNFINISHED) => kind.is_file(),
-                _ => false,
+                Some(endpoints::FILE_NAME) => kind.is_file() && Endpoints::read(&self.path).is_ok(),
+                _ => kind.is_file() && is_unfinished(&name),
             };
-            found.push(ours.then(|| entry.path()));
+            if !ours {
+                return Ok(None);
+            }
+            found.push(entry.path());
         }
-        Ok(found)
+        Ok(Some(found))
     }
 
     /// Returns the path of the directory.
@@ -140,17 +144,9 @@ impl RunDir {
 
     /// Writes `device.json` atomically: once it exists, everything that it names can be used.
     pub(super) fn publish(&mut self, endpoints: &Endpoints) -> Result<()> {
-        let unfinished = self.file(UNFINISHED);
         let text = serde_json::to_string_pretty(endpoints).expect("numbers and strings");
-        let io = |e| Error::io(&unfinished, e);
-        let mut file = fs::OpenOptions::new()
-            .write(true)
-            .create_new(true)
-            .open(&unfinished)
-            .map_err(io)?;
-        writeln!(file, "{text}").map_err(io)?;
         let path = self.file(endpoints::FILE_NAME);
-        fs::rename(&unfinished, path).map_err(io)
+        write(&path, false, |file| writeln!(file, "{text}"))
     }
 }
 
@@ -233,7 +229,9 @@ mod tests {
         let leave = || {
             std::os::unix::fs::symlink("/dev/pts/999999", path.join(CONTROL)).unwrap();
             drop(UnixListener::bind(path.join(CAMERA)).unwrap());
-            fs::write(path.join(endpoints::FILE_NAME), "{}").unwrap();
+            let text = serde_json::to_string(&endpoints(7)).unwrap();
+            fs::write(path.join(endpoints::FILE_NAME), &text[..]).unwrap();
+            fs::write(path.join(".phasmid-abc.partial"), &text[..9]).unwrap();
         };
         leave();
         let dir = RunDir::claim(&path).unwrap();
@@ -243,10 +241,16 @@ mod tests {
 
         fs::DirBuilder::new().mode(0o700).create(&path).unwrap();
         leave();
-        fs::write(path.join("thesis.tex"), "years of work").unwrap();
-        let error = RunDir::claim(&path).unwrap_err();
-        assert_eq!(error.exit_code(), 2);
-        assert!(path.join("thesis.tex").exists());
+        let count = || fs::read_dir(&path).unwrap().count();
+        let all = count();
+        for (name, text) in [("thesis.tex", "years of work"), ("device.json", "{}")] {
+            fs::write(path.join(name), text).unwrap();
+            let error = RunDir::claim(&path).unwrap_err();
+            assert_eq!(error.exit_code(), 2);
+            assert_eq!(fs::read_to_string(path.join(name)).unwrap(), text);
+            fs::remove_file(path.join(name)).unwrap();
+            assert!(count() >= all - 1, "nothing else was removed");
+        }
     }
 
     #[test]

@@ -22,10 +22,11 @@ const DIGITS: usize = 8;
 
 impl Covariance {
     /// Creates a covariance from its matrix, with a row and a column for each estimated parameter.
-    /// Returns `None` if the matrix has another size or is not positive definite.
+    /// Returns `None` if the matrix has another size or is not positive definite, or if no parameter
+    /// is estimated.
     pub fn new(estimated: &[bool; RIG], matrix: &DMatrix<f64>) -> Option<Self> {
         let at = indices(estimated);
-        if matrix.shape() != (at.len(), at.len()) {
+        if at.is_empty() || matrix.shape() != (at.len(), at.len()) {
             return None;
         }
         // Scale to unit variances, because the units differ by orders of magnitude.
@@ -141,6 +142,9 @@ impl TryFrom<CovarianceTable> for Covariance {
                 ));
             };
             at.push(index);
+        }
+        if at.is_empty() {
+            return Err("parameters: an empty list; expected at least one parameter".to_owned());
         }
         if factor.len() != at.len() {
             return Err(format!(

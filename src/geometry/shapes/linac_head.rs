@@ -17,7 +17,7 @@ use glam::DVec3;
 /// Number of points per ring.
 const AROUND: usize = 96;
 
-/// A cross-section: position along the part's axis and half sides across it, in millimetres.
+/// A cross-section: position along the part's axis and half widths across it, in millimetres.
 type Ring = (f64, [f64; 2]);
 
 /// A part: rings along an axis, with an outline between an ellipse and a rectangle.
@@ -133,8 +133,9 @@ mod tests {
         let mesh = linac_head();
         check::closed(&mesh);
         let (lo, hi) = mesh.bounds().unwrap();
-        // Patient side of the drum; the head is 800 mm wide and starts above the patient.
+        // Back and lowest point of the drum.
         assert_eq!((hi.y, lo.z), (1450.0, -1230.0));
+        // The head starts above the patient and is 800 mm wide.
         let head = mesh.vertices.iter().filter(|v| v.y < 299.0);
         let (low, wide) = head.fold((f64::INFINITY, 0.0_f64), |(low, wide), v| {
             (low.min(v.z), wide.max(v.x.abs()))

@@ -7,6 +7,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_protocol::admission::{ADMITTED, MAX_LINE, REFUSED, TOKEN_REQUIRED, Token};
 use phasmid_protocol::wire::FrameDecoder;
 use phasmid_protocol::{Frame, printable};
+use std::collections::HashSet;
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
@@ -77,6 +78,8 @@ pub struct SocketCamera {
     address: String,
     /// The part read of a line before the first frame; `None` once frames have begun.
     opening: Option<Vec<u8>>,
+    /// Kinds of lines received before the first frame.
+    received: HashSet<[u8; 4]>,
     decoder: FrameDecoder,
     /// Set after a damaged header: nothing that follows it can be trusted.
     lost: bool,
@@ -122,6 +125,7 @@ impl SocketCamera {
             stream,
             address: address.to_owned(),
             opening: Some(Vec::new()),
+            received: HashSet::new(),
             decoder: FrameDecoder::default(),
             lost: false,
             skipped: false,
@@ -161,14 +165,20 @@ impl SocketCamera {
     /// complete in time.
     ///
     /// # Errors
-    /// Returns an error if the device refuses the client or closes the connection.
+    /// Returns an error if the device refuses the client, closes the connection or repeats a line.
     fn read_opening(&mut self, end: Instant) -> Result<Option<Opening>> {
+        let mut expired = false;
         while let Some(bytes) = &mut self.opening {
+            // Bound the wait even if the peer sends single bytes.
+            if expired {
+                return Ok(None);
+            }
             // The first four bytes tell a line from a frame. The rest of a line is read one byte at a
             // time, so that nothing of a frame after it is taken.
             let mut next = [0; 4];
             let missing = 4_usize.saturating_sub(bytes.len()).max(1);
             let left = end.saturating_duration_since(Instant::now());
+            expired = left.is_zero();
             let Some(len) = self
                 .stream
                 .read_some(&mut next[..missing], left, &self.address)?
@@ -191,7 +201,13 @@ impl SocketCamera {
                 continue;
             }
             let line = std::mem::take(bytes);
+            let repeated = !self.received.insert(letters);
             return match letters {
+                TOKEN_REQUIRED | ADMITTED if repeated => Err(Error::device(format!(
+                    "{}: a second {} line before the first frame; expected at most one",
+                    self.address,
+                    String::from_utf8_lossy(&letters)
+                ))),
                 TOKEN_REQUIRED => Ok(Some(Opening::TokenRequired)),
                 ADMITTED => Ok(Some(Opening::Admitted)),
                 _ => {
@@ -273,7 +289,10 @@ mod tests {
     use crate::{Capture, open_camera};
     use phasmid_protocol::{PixelFormat, wire};
     use std::io::Write;
+    use std::net::TcpListener;
     use std::os::unix::net::UnixListener;
+    use std::sync::mpsc;
+    use std::thread;
 
     fn refusal(address: &str) -> Error {
         match open_camera(address, Capture::Auto, Duration::from_millis(200)) {
@@ -372,6 +391,52 @@ mod tests {
             device.write_all(&frame(1).data).unwrap();
             let next = camera.next_frame(Duration::from_secs(1)).unwrap();
             assert_eq!((next, camera.identifies()), (Some(frame(1)), identifies));
+        }
+    }
+
+    #[test]
+    fn repeated_opening_lines_do_not_extend_the_wait() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("token");
+        std::fs::write(&file, "0123456789abcdef").unwrap();
+        for line in ["PHTK", "PHOK"] {
+            let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+            let here = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+            let server = thread::spawn(move || {
+                let (mut device, _) = listener.accept().unwrap();
+                let lines = format!("{line}\n").repeat(1000);
+                // Fails once the client has hung up.
+                while device.write_all(lines.as_bytes()).is_ok() {}
+            });
+            let token = Token::read(&file).unwrap();
+            let (sender, results) = mpsc::channel();
+            let client = thread::spawn(move || {
+                // The first wait, without time, finds lines to read.
+                here.peek(&mut [0]).unwrap();
+                let mut camera = SocketCamera::new(Stream::Tcp(here), "tcp:test");
+                for timeout in [Duration::ZERO, Duration::from_secs(30)] {
+                    let result = if line == "PHTK" {
+                        camera.present(&token, timeout).map(|()| None)
+                    } else {
+                        camera.next_frame(timeout)
+                    };
+                    sender.send(result).unwrap();
+                }
+            });
+            let next = || {
+                let result = results.recv_timeout(Duration::from_secs(60));
+                result.expect("the client returns within its timeout")
+            };
+            match next() {
+                Ok(None) => assert_eq!(line, "PHOK"),
+                Ok(frame) => panic!("{line}: {frame:?}"),
+                Err(e) => assert!(e.to_string().contains("no answer to the token"), "{e}"),
+            }
+            let message = next().unwrap_err().to_string();
+            let expected = format!("tcp:test: a second {line} line");
+            assert!(message.starts_with(&expected), "{message}");
+            client.join().unwrap();
+            server.join().unwrap();
         }
     }
 

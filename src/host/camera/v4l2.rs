@@ -1,7 +1,8 @@
 //! V4L2 devices: selects how to read a device, and reads it through its buffer queue.
 //!
 //! Pixels of Y10, Y12 and Y16 are little-endian 16-bit words with the sensor's bits in the low
-//! bits, as V4L2 defines them; Y10P and Y12P are the packed formats of MIPI CSI-2. Both times of a frame are the driver's timestamp.
+//! bits, as V4L2 defines them; Y10P and Y12P are the packed formats of MIPI CSI-2. Both times of a
+//! frame are the driver's timestamp.
 
 use super::v4l2_error::{EINVAL, EIO, ENOTTY, explain};
 use super::{Camera, Capture};

@@ -1,13 +1,17 @@
-//! Each frame against all the others, one part of the image at a time.
+//! Compares each frame with all the others, one part of the image at a time.
 //!
-//! As `explained` has it, all frames that vary along an axis are one offset and one contrast times what the
-//! patterns have at one coordinate. A frame that was dark, lit too short, of another pattern or torn
-//! leaves much unexplained that the others without it do not. Defocus, response curves and light
-//! from elsewhere leave something too, but no single frame's lack makes most of that go. A torn
-//! frame is wrong below its tear only, hence the parts. Pixels at the edge of a stripe see some of both
-//! sides, of which another frame's lack takes nothing; on a board of few bright squares many of a part's
-//! pixels can be such, so what a frame leaves has to be left away from its edges as well. Which frame it is cannot always be told: of
-//! a Gray code, the lack of another bit may explain as much.
+//! In all frames that vary along an axis, a pixel's value is one offset plus one contrast times the
+//! patterns' level at one coordinate, see `explained`. A frame that was dark, underexposed, torn or
+//! of another pattern leaves a large misfit, most of which disappears if the frame is left out.
+//! Defocus, response curves and other light also leave a misfit, but no single frame accounts for
+//! most of it. A torn frame is wrong only below its tear, hence the parts.
+//!
+//! Pixels on a stripe edge see both sides, which leaves a misfit that leaving out another frame
+//! does not remove. A frame is therefore reported only if its misfit remains when pixels near its
+//! own stripe edges are excluded.
+//!
+//! The faulty frame cannot always be identified: in a Gray code, leaving out another bit may
+//! explain as much.
 
 use super::explained::Levels;
 use super::grid::{Grid, Line, spread};
@@ -23,12 +27,12 @@ const PIXELS: usize = 64;
 const LEAST_PIXELS: usize = 12;
 /// Without one frame less than this part of the misfit has to be left.
 const DISTINCT: f64 = 0.4;
-/// And less than this without one of three steps: what blur takes of a fringe's contrast is misfit, and two
-/// steps that are left fit a fringe of any contrast about as well.
+/// The same for one of three phase steps: contrast lost to blur is misfit, and the two other steps
+/// fit a fringe of any contrast about as well.
 const DISTINCT_OF_THREE: f64 = 0.15;
 
-/// Whether the frames without one of them fit distinctly better anywhere; their patterns vary `along` an
-/// axis of the image.
+/// Returns an error if the frames fit distinctly better in any part of the image when one of them
+/// is left out. Their patterns vary `along` an axis of the image.
 pub(super) fn check(
     manifest: &Manifest,
     axis: &AxisPlan,

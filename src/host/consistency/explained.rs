@@ -103,8 +103,8 @@ impl Levels {
         }
     }
 
-    /// The pixels that are not at an edge of a frame's stripes, as the other frames have their coordinates;
-    /// of fringes, all.
+    /// Returns the pixels that are not near an edge of the frame's stripes, located by the other
+    /// frames; all pixels if the frame shows fringes or the other frames cannot locate them.
     pub(super) fn away_from_edges<'a>(
         &self,
         shows: &[Option<usize>],
@@ -122,7 +122,8 @@ impl Levels {
         // Blur of an edge does not grow with the stripe.
         let reach = (EDGE * run_px.min(self.finest) / self.step_px).ceil() as usize;
         let is_away = |x: f64| {
-            let i = (x / self.step_px) as usize;
+            // A coordinate is a multiple of the step; truncation could give the index below.
+            let i = (x / self.step_px).round() as usize;
             let near = &row[i.saturating_sub(reach)..(i + reach + 1).min(row.len())];
             near.iter().all(|level| *level == row[i])
         };

@@ -19,16 +19,17 @@ const MOST_ROWS: usize = 3;
 const NEAR: f32 = 0.35;
 /// and speaks against it twice when it is no nearer than this.
 const FAR: f32 = 0.65;
-/// Changes of one part of the image that are asked: they are likely to be of one edge, which may be odd.
-const OF_ONE: u32 = 2;
+/// Votes that changes in one part of the image may have together: they are likely to be of one edge,
+/// which may be odd.
+const OF_ONE: i32 = 2;
 /// Changes that have to speak for lost rows, less those that speak against them. Sound captures of five
 /// built-in profiles before the scenes of a bench have at most half of it.
-const LEAST: usize = 12;
+const LEAST: i32 = 12;
 
 /// From a row on a frame looks as if it were some rows above the others.
 struct Tail {
     row: usize,
-    votes: usize,
+    votes: i32,
 }
 
 /// Whether a frame is whole rows above the others, from some row on. Frames are of one size; `down` are
@@ -62,19 +63,15 @@ pub(super) fn check(frames: &[Frame], down: &[bool], noise_dn: f32) -> Result<()
 
 /// The rows from which on most changes are so many rows above the others; none where too few are.
 fn tail(changes: &[Change], rows: usize) -> Option<Tail> {
-    let (mut votes, mut against) = (0, 0);
+    let mut ahead = 0;
     let mut found: Option<Tail> = None;
-    let mut asked: HashMap<(usize, usize), u32> = HashMap::new();
+    let mut parts: HashMap<(usize, usize), i32> = HashMap::new();
     for change in changes.iter().rev() {
-        let of_one = asked.entry(change.cell).or_default();
-        *of_one += 1;
-        if *of_one > OF_ONE {
-            continue;
-        }
         let off = (change.above - rows as f32).abs();
-        votes += usize::from(off < NEAR);
-        against += 2 * usize::from(off > FAR);
-        let ahead = votes.saturating_sub(against);
+        let part = parts.entry(change.cell).or_default();
+        let before = (*part).clamp(-2 * OF_ONE, OF_ONE);
+        *part += i32::from(off < NEAR) - 2 * i32::from(off > FAR);
+        ahead += (*part).clamp(-2 * OF_ONE, OF_ONE) - before;
         if ahead >= found.as_ref().map_or(LEAST, |found| found.votes + 1) {
             found = Some(Tail {
                 row: change.row,

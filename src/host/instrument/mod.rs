@@ -34,6 +34,8 @@ const TRIES: u32 = 3;
 const COMPLAINTS: &str = "SYST:ERR?";
 /// SCPI error number for an unknown header.
 const UNDEFINED_HEADER: i32 = -113;
+/// SCPI error number for a calibration that failed: the device has none.
+const CALIBRATION_FAILED: i32 = -340;
 
 /// A conversation with an instrument.
 pub struct Instrument<P> {
@@ -302,7 +304,8 @@ impl<P: CommandPort> Instrument<P> {
         self.optional(query, |instrument, reply| instrument.text(query, reply))
     }
 
-    /// Queries a block; returns `None` if the device does not know the query.
+    /// Queries a block; returns `None` if the device does not know the query or could not be
+    /// calibrated.
     ///
     /// # Errors
     /// Returns an error if no answer comes in time, the answer is not a block, or the device
@@ -325,7 +328,8 @@ impl<P: CommandPort> Instrument<P> {
             None => Err(instrument.silence(query)),
             Some(Answer::Void) => {
                 let (number, error) = instrument.refusal(query)?;
-                unknown += u32::from(number == Some(UNDEFINED_HEADER));
+                let absent = [UNDEFINED_HEADER, CALIBRATION_FAILED];
+                unknown += u32::from(number.is_some_and(|number| absent.contains(&number)));
                 Ok(if unknown == 2 { Ok(None) } else { Err(error) })
             }
             Some(Answer::Said(reply)) => Ok(read(instrument, reply).map(Some)),

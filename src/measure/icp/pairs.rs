@@ -1,4 +1,5 @@
-//! Pairs points with the tangent planes of their closest surface points, and weights outliers down to zero.
+//! Pairs points with the tangent planes of their closest surface points, and weights outliers down
+//! to zero.
 
 use crate::surface::Foot;
 use glam::DVec3;

@@ -26,7 +26,8 @@ use ct::Ct;
 use fields::Fields;
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
-use phasmid_core::new_file::{check_folder, discard};
+use phasmid_core::new_file::check_folder;
+use phasmid_core::output_folder::OutputFolder;
 use phasmid_geometry::{Mesh, ply};
 use std::path::{Path, PathBuf};
 use tumour::Tumour;
@@ -128,47 +129,33 @@ impl Import {
         // The fields cover a box, so they cover everything inside the skin too.
         fields.reach(&skin, "skin")?;
 
-        let made = !out.exists();
-        file.begin(out)?;
-        let motion = (|| {
-            ply::write_mesh(&out.join(&file.skin), &skin)?;
-            ply::write_mesh(&out.join(&file.tumour), &tumour.mesh)?;
-            if let Some(name) = &file.ct {
-                step("writing the CT");
-                metaimage::write_volume(&out.join(name), &ct.volume, Packing::Zlib)?;
-            }
-            let centroid_mm = tumour.moments.centroid_mm;
-            let motion = fields.write(&file.phase, out, &skin, centroid_mm, step)?;
-            if motion.skin_mm < LEAST_MOTION_MM {
-                return Err(Error::input(
-                    "fields",
-                    format!("a skin that moves {:.3} mm at most", motion.skin_mm),
-                    format!("{LEAST_MOTION_MM} mm or more: less shows no breathing"),
-                ));
-            }
-            let farthest_mm = motion.skin_mm.max(motion.tumour_mm);
-            if farthest_mm > MOST_MOTION_MM {
-                return Err(Error::input(
-                    "fields",
-                    format!("skin or tumour that move up to {farthest_mm:.1} mm"),
-                    format!("{MOST_MOTION_MM} mm or less: displacements in millimetres"),
-                ));
-            }
-            // Write it last, so that a folder with a planning.toml is complete.
-            file.write(out)?;
-            Ok(motion)
-        })();
-        let motion = motion.inspect_err(|_| {
-            // Existing files may be the inputs of the import.
-            if self.force {
-                return;
-            }
-            // Ignore errors of the cleanup; the first failure is reported.
-            discard(out, file.names());
-            if made {
-                let _ = std::fs::remove_dir(out);
-            }
-        })?;
+        let folder = OutputFolder::create(out, self.force)?;
+        let draft = folder.draft();
+        ply::write_mesh(&draft.join(&file.skin), &skin)?;
+        ply::write_mesh(&draft.join(&file.tumour), &tumour.mesh)?;
+        if let Some(name) = &file.ct {
+            step("writing the CT");
+            metaimage::write_volume(&draft.join(name), &ct.volume, Packing::Zlib)?;
+        }
+        let centroid_mm = tumour.moments.centroid_mm;
+        let motion = fields.write(&file.phase, draft, &skin, centroid_mm, step)?;
+        if motion.skin_mm < LEAST_MOTION_MM {
+            return Err(Error::input(
+                "fields",
+                format!("a skin that moves {:.3} mm at most", motion.skin_mm),
+                format!("{LEAST_MOTION_MM} mm or more: less shows no breathing"),
+            ));
+        }
+        let farthest_mm = motion.skin_mm.max(motion.tumour_mm);
+        if farthest_mm > MOST_MOTION_MM {
+            return Err(Error::input(
+                "fields",
+                format!("skin or tumour that move up to {farthest_mm:.1} mm"),
+                format!("{MOST_MOTION_MM} mm or less: displacements in millimetres"),
+            ));
+        }
+        file.write(draft)?;
+        folder.finish([""; 0], Some(PlanningFile::NAME))?;
         Ok(Imported {
             ct_grid: *ct.volume.grid(),
             ct: ct.title,

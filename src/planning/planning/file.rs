@@ -1,7 +1,7 @@
 //! The file `planning.toml`.
 
 use glam::DVec3;
-use phasmid_core::error::{Error, Result};
+use phasmid_core::error::Result;
 use phasmid_core::new_file::replace;
 use phasmid_core::numbers::exactly;
 use phasmid_core::source::TomlSource;
@@ -98,20 +98,6 @@ impl PlanningFile {
             tumour: "tumour.ply".to_owned(),
             ct: ct.then(|| format!("ct_{reference_percent:02}.mha")),
             phase: percents.into_iter().map(phase).collect(),
-        }
-    }
-
-    /// Creates the folder if it does not exist. Removes an older `planning.toml`, so that the
-    /// folder is not a valid planning until the new one is written last.
-    ///
-    /// # Errors
-    /// Returns the system's error.
-    pub fn begin(&self, folder: &Path) -> Result<()> {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        let path = folder.join(Self::NAME);
-        match std::fs::remove_file(&path) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path, e)),
-            _ => Ok(()),
         }
     }
 

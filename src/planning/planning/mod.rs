@@ -25,7 +25,7 @@ pub use folder::Folder;
 use super::metaimage::{self, Packing};
 use super::volume::Field;
 use phasmid_core::error::Result;
-use phasmid_core::new_file::check_folder;
+use phasmid_core::output_folder::OutputFolder;
 use phasmid_geometry::{Mesh, ply};
 use std::path::Path;
 
@@ -83,14 +83,14 @@ impl Planning {
             name: self.name.clone(),
             ..PlanningFile::usual(percents, self.reference_percent, spacing_mm, false)
         };
-        check_folder(path, file.names(), force)?;
-        file.begin(path)?;
-        ply::write_mesh(&path.join(&file.skin), &self.skin)?;
-        ply::write_mesh(&path.join(&file.tumour), &self.tumour)?;
+        let folder = OutputFolder::create(path, force)?;
+        let draft = folder.draft();
+        ply::write_mesh(&draft.join(&file.skin), &self.skin)?;
+        ply::write_mesh(&draft.join(&file.tumour), &self.tumour)?;
         for (phase, (_, field)) in file.phase.iter().zip(&self.phases) {
-            metaimage::write_field(&path.join(&phase.field), field, Packing::Plain)?;
+            metaimage::write_field(&draft.join(&phase.field), field, Packing::Plain)?;
         }
-        // Write it last, so that a folder with a planning.toml is complete.
-        file.write(path)
+        file.write(draft)?;
+        folder.finish([""; 0], Some(PlanningFile::NAME))
     }
 }

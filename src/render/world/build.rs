@@ -33,6 +33,28 @@ impl Builder<'_> {
         Part::Solid(self.solids.len() - 1)
     }
 
+    /// Removes redundant triangles of a mesh from a file, with a note.
+    fn clean(
+        &mut self,
+        mesh: &mut Mesh,
+        keys: &[Vec<DVec3>],
+        object: &Object,
+        index: u16,
+    ) -> Result<()> {
+        let Shape::Mesh { file } = &object.shape else {
+            return Ok(());
+        };
+        let place = format!("scene, object[{index}].shape.file");
+        let name = self.scene.folder.join(file).display().to_string();
+        let removed = mesh
+            .clean_deforming(keys, &name)
+            .map_err(|e| e.at(&place))?;
+        if removed.total() > 0 {
+            self.fixed.notes.push(format!("{place}: {name}: {removed}"));
+        }
+        Ok(())
+    }
+
     fn read(&mut self, object: &Object, index: u16) -> Result<Mesh> {
         let field = match object.shape {
             Shape::Mesh { .. } => "shape.file",
@@ -40,14 +62,9 @@ impl Builder<'_> {
         };
         let place = || format!("scene, object[{index}].{field}");
         let mut mesh = mesh(&object.shape, &self.scene.folder).map_err(|e| e.at(place()))?;
-        // A deforming mesh keeps the triangles of its keyframes.
-        if let (Shape::Mesh { file }, None) = (&object.shape, &object.deform) {
-            let name = self.scene.folder.join(file).display().to_string();
-            let removed = mesh.clean(&name).map_err(|e| e.at(place()))?;
-            if removed.total() > 0 {
-                let note = format!("{}: {name}: {removed}", place());
-                self.fixed.notes.push(note);
-            }
+        // A deforming mesh is compared with its keyframes first.
+        if object.deform.is_none() {
+            self.clean(&mut mesh, &[], object, index)?;
         }
         let total = self.fixed.owner.len() + mesh.triangles.len();
         if total > MAX_TRIANGLES {
@@ -80,8 +97,12 @@ impl Builder<'_> {
 
     /// Adds a moving mesh and returns its part.
     fn instance(&mut self, object: &Object, index: u16) -> Result<Part> {
-        let mesh = self.read(object, index)?;
+        let mut mesh = self.read(object, index)?;
         let place = || format!("scene, object[{index}]");
+        let keys = animation::keys(self.scene, object, &mesh).map_err(|e| e.at(place()))?;
+        if object.deform.is_some() {
+            self.clean(&mut mesh, &keys, object, index)?;
+        }
         let rig_from_rest = self.scene.rig_from_object(object);
         let scaled: Vec<DVec3> = mesh.vertices.iter().map(|&v| v * object.scale).collect();
         let placed: Vec<DVec3> = scaled.iter().map(|&v| rig_from_rest.point(v)).collect();
@@ -89,7 +110,6 @@ impl Builder<'_> {
         self.materials
             .mesh(index, first, &mesh, &placed, &mesh.triangles)
             .map_err(|e| e.at(place()))?;
-        let keys = animation::keys(self.scene, object, &mesh).map_err(|e| e.at(place()))?;
         let shines = object.lobe().is_some() && !keys.is_empty();
         let smoother = shines.then(|| Smoother::new(&scaled, &mesh.triangles));
         self.fixed.owner.resize(first + mesh.triangles.len(), index);

@@ -40,7 +40,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Pose;
 use system::Sums;
 
-/// Fits a motion model on its reference surface to scans.
+/// Fits a motion model of a reference surface to scans.
 pub struct MotionTracker<'a> {
     reference: &'a Reference,
     model: &'a MotionModel,

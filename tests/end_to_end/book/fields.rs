@@ -273,15 +273,20 @@ fn split(ty: &Type) -> (String, Vec<&Type>) {
     (last.ident.to_string(), arguments)
 }
 
-/// Writes the sections of a document: one for each table that it may contain.
+/// Maximum number of values of a text that are listed in its row. More values get a section with
+/// their documentation.
+const VALUES_IN_ROW: usize = 4;
+
+/// Writes the sections of a document: one for each table that it may contain, and for each text with
+/// many values.
 struct Document<'a> {
     types: &'a HashMap<String, Definition>,
     constants: &'a HashMap<String, Expr>,
     /// Short name, at the start of each heading.
     name: &'a str,
-    /// Paths of the tables that are already described, by type.
+    /// Paths of the tables and texts that are already described, by type.
     described: HashMap<String, String>,
-    /// Tables to describe: path in the file, and type.
+    /// Tables and texts to describe: path in the file, and type.
     waiting: Vec<(String, String)>,
     out: String,
 }
@@ -323,11 +328,13 @@ impl Document<'_> {
                 let name = written.as_deref().unwrap_or(name);
                 let definition = find(name);
                 let rename_all = serde(&definition.attributes, "rename_all");
+                let is_unit = |v: &syn::Variant| matches!(v.fields, Fields::Unit);
+                let kind = match &definition.shape {
+                    Shape::Enum(variants) if variants.iter().all(is_unit) => "text",
+                    _ => "table",
+                };
                 match &definition.shape {
-                    Shape::Enum(variants)
-                        if variants.len() <= 4
-                            && variants.iter().all(|v| matches!(v.fields, Fields::Unit)) =>
-                    {
+                    Shape::Enum(variants) if kind == "text" && variants.len() <= VALUES_IN_ROW => {
                         let rename_all = rename_all.as_deref();
                         let names = variants
                             .iter()
@@ -339,7 +346,7 @@ impl Document<'_> {
                             self.waiting.push((path.to_owned(), name.to_owned()));
                             path.to_owned()
                         });
-                        format!("[table](#{})", anchor(self.name, known))
+                        format!("[{kind}](#{})", anchor(self.name, known))
                     }
                 }
             }

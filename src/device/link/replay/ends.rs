@@ -82,18 +82,26 @@ impl Ends {
         Ok(None)
     }
 
-    /// Disconnects an end, as when a cable is pulled.
+    /// Disconnects an end, as when a cable is pulled. Its path goes first: it must not lead to another
+    /// device's port, which may get the number of this one.
     fn take(&mut self, end: End) -> Result<()> {
-        let path = match end {
-            End::Port => self.pty.take().map(|_| &self.control),
-            End::Camera => self.camera.take().map(|camera| {
-                camera.hang_up();
-                &self.camera_path
-            }),
+        let (is_there, path) = match end {
+            End::Port => (self.pty.is_some(), &self.control),
+            End::Camera => (self.camera.is_some(), &self.camera_path),
         };
-        path.map_or(Ok(()), |path| {
-            std::fs::remove_file(path).map_err(|e| Error::io(path, e))
-        })
+        if !is_there {
+            return Ok(());
+        }
+        std::fs::remove_file(path).map_err(|e| Error::io(path, e))?;
+        match end {
+            End::Port => self.pty = None,
+            End::Camera => {
+                if let Some(camera) = self.camera.take() {
+                    camera.hang_up();
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Reconnects a disconnected end.
