@@ -3,7 +3,7 @@
 use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
 use phasmid_decode::Plan;
-use phasmid_geometry::Lens;
+use phasmid_geometry::{Lens, Rig};
 use phasmid_profile::{
     Configuration, Control, Parity, Profile, Scene, Station, profile_names, profile_text,
     station_names,
@@ -63,6 +63,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 super::dialect::port(&profile)?;
                 println!("{file}: ok");
                 describe(&profile);
+                describe_factory(&profile);
                 match Sampling::of(&profile) {
                     Ok(found) => describe_sampling(&found),
                     // Not an error of the profile: its patterns may be images that are not here.
@@ -123,6 +124,22 @@ fn focal_length(lens: &Lens) -> String {
     }
 }
 
+/// Prints what the device reports as its calibration.
+fn describe_factory(profile: &Profile) {
+    match profile.factory_rig() {
+        Ok(Rig {
+            covariance: Some(_),
+            ..
+        }) => println!(
+            "  factory     calibrated with corners of {} px",
+            profile.factory_calibration.corner_px
+        ),
+        Ok(_) => println!("  factory     the exact calibration"),
+        // Not an error of the profile: the device works, and is calibrated by its user.
+        Err(why) => println!("  factory     no calibration: {why}"),
+    }
+}
+
 fn describe(profile: &Profile) {
     let Profile {
         camera, projector, ..
@@ -133,7 +150,7 @@ fn describe(profile: &Profile) {
         camera.width_px,
         camera.height_px,
         focal_length(&camera.view().lens),
-        String::from_utf8_lossy(&camera.format.fourcc()),
+        camera.format.name(),
     );
     println!(
         "  projector   {} x {}, focal length {}, baseline {:.1} mm",

@@ -1,6 +1,7 @@
 //! The calibration that a device reports, judged by depth: errors pooled over 200 serial numbers are
 //! as large as the covariance says that comes with it.
 
+use crate::served::{Served, phasmid, text as words};
 use glam::{DVec2, DVec3};
 use phasmid::calibrate::{Measured, Triangulator};
 use phasmid::geometry::Rig;
@@ -107,4 +108,31 @@ fn independent_errors_of_the_parameters_would_exaggerate_errors_of_depth() {
         println!("{name}: {ratio:.2}");
         assert!(ratio > 2.0, "{name}: {ratio}");
     }
+}
+
+/// A device without a calibration shows frames; its user calibrates it.
+#[test]
+fn device_that_could_not_be_calibrated_is_scanned() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = phasmid::profile::profile_text("webcam-grey").unwrap();
+    let away = folder.path().join("away.toml");
+    // Camera and projector share no field there.
+    let text = text.replace("[calibration]\n", "[calibration]\ndistance_mm = 20.0\n");
+    std::fs::write(&away, text).unwrap();
+    let away = away.to_str().unwrap();
+    let check = phasmid().args(["profile", "check", away]).output().unwrap();
+    let said = String::from_utf8_lossy(&check.stdout).into_owned();
+    assert!(check.status.success(), "{said}");
+    assert!(said.contains("no calibration: "), "{said}");
+
+    let mut serve = phasmid();
+    serve.args(["serve", "--profile", away, "--scene", "plane"]);
+    let served = Served::spawn(&mut serve);
+    let scan = served.scan(&folder.path().join("scan"), &["--json"]);
+    assert!(scan.status.success(), "{}", words(&scan));
+    let said: serde_json::Value = serde_json::from_slice(&scan.stdout).unwrap();
+    assert_eq!(said["calibration"], "none");
+    assert!(said["decoding"]["points"].is_null());
+    let valid = said["decoding"]["axes"][0]["valid"].as_u64().unwrap();
+    assert!(valid > 10_000, "{valid}");
 }
