@@ -136,7 +136,17 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut decoded = decoder.decode(&stack)?;
     let doubt = doubt(&args.manifest, &manifest, &stack, &decoded, args.strict)?;
     args.method.apply(&decoder, &mut decoded, options)?;
-    let names = write_maps(&args.out, args.force, &decoder, &decoded)?;
+    let images = manifest
+        .frame
+        .iter()
+        .filter_map(|frame| frame.file.as_ref());
+    let inputs = images
+        .map(|file| folder.join(file))
+        .chain([args.manifest.clone()])
+        .chain(args.calibration.clone());
+    let output = OutputFolder::create(&args.out, args.force)?.sparing(inputs);
+    let names = write_outputs(output.draft(), &decoder, &decoded)?;
+    output.finish(output_names(), None)?;
     let summary = Summary::new(&decoder, &decoded);
     if args.json {
         let mut figures = serde_json::to_value(&summary).expect("numbers and strings");
@@ -147,23 +157,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
         println!("written      {}: {}", args.out.display(), names.join(", "));
     }
     Ok(())
-}
-
-/// Writes the maps of a decoding to a folder, all or none, and returns their names. With `force` they
-/// replace the maps of an earlier decoding.
-///
-/// # Errors
-/// Returns an error if a file cannot be written.
-pub(super) fn write_maps(
-    out: &Path,
-    force: bool,
-    decoder: &Decoder,
-    decoded: &Decoded,
-) -> Result<Vec<&'static str>> {
-    let folder = OutputFolder::create(out, force)?;
-    let names = write_outputs(folder.draft(), decoder, decoded)?;
-    folder.finish(output_names(), None)?;
-    Ok(names)
 }
 
 /// Checks whether the images, and what they decode to, follow their sequence. Prints and returns the

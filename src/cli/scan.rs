@@ -9,7 +9,7 @@ use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{check_folder, stream};
 use phasmid_core::output_folder::OutputFolder;
-use phasmid_decode::{Options, Summary, output_names};
+use phasmid_decode::{Options, Summary, output_names, write_outputs};
 use phasmid_geometry::Rig;
 use phasmid_host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
 use phasmid_host::{
@@ -172,22 +172,25 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let folder = OutputFolder::create(&args.out, args.force)?;
     captured.write(folder.draft())?;
     let mut earlier = Captured::frames_in(&args.out)?;
+    let replaces = !earlier.is_empty() || args.out.join(MANIFEST_FILE).exists();
     earlier.extend(output_names().iter().map(PathBuf::from));
-    folder.finish(earlier, Some(MANIFEST_FILE))?;
-    if !args.no_decode {
-        let shown = captured.check_modulation();
-        shown.map_err(|e| e.at(format!("{address} (frames kept in {})", args.out.display())))?;
-    }
-    let decoding = (!args.no_decode)
-        .then(|| decode_captured(&captured, args))
-        .transpose()?;
-    let measured = |decoding: &Decoding| decoding.summary.points != Some(0);
-    if !decoding.as_ref().is_none_or(measured) {
-        return Err(Error::device(format!(
-            "{address} (frames kept in {}): no pixel could be measured",
-            args.out.display()
-        )));
-    }
+    let decoded = (!args.no_decode)
+        .then(|| decode_captured(&captured, args, folder.draft()))
+        .transpose();
+    let decoding = match decoded {
+        Ok(decoding) => {
+            folder.finish(earlier, Some(MANIFEST_FILE))?;
+            decoding
+        }
+        // The frames show the cause, but an earlier result is worth more.
+        Err(why) if replaces => return Err(why.at(address)),
+        Err(why) => {
+            discard_maps(folder.draft());
+            folder.finish(earlier, Some(MANIFEST_FILE))?;
+            let place = format!("{address} (frames kept in {})", args.out.display());
+            return Err(why.at(place));
+        }
+    };
     let of_maps = decoding
         .as_ref()
         .and_then(|decoding| decoding.doubt.clone());
@@ -338,8 +341,17 @@ struct Decoding {
     doubt: Option<String>,
 }
 
-/// Decodes the capture into its folder.
-fn decode_captured(captured: &Captured, args: &Args) -> Result<Decoding> {
+/// Deletes maps of which only some were written.
+fn discard_maps(draft: &Path) {
+    for name in output_names() {
+        // If this fails, the map is kept: a complete one, since each is written under another name.
+        let _ = std::fs::remove_file(draft.join(name));
+    }
+}
+
+/// Decodes the capture into a folder.
+fn decode_captured(captured: &Captured, args: &Args, out: &Path) -> Result<Decoding> {
+    captured.check_modulation()?;
     let options = Options {
         keep_mixed: args.keep_mixed,
         weighted: args.weighted,
@@ -353,9 +365,13 @@ fn decode_captured(captured: &Captured, args: &Args) -> Result<Decoding> {
     let doubt = decoded.doubt();
     args.method.apply(&decoder, &mut decoded, options)?;
     let decode_s = begin.elapsed().as_secs_f64();
-    super::decode::write_maps(&args.out, args.force, &decoder, &decoded)?;
+    write_outputs(out, &decoder, &decoded)?;
+    let summary = Summary::new(&decoder, &decoded);
+    if summary.points == Some(0) {
+        return Err(Error::device("no pixel could be measured"));
+    }
     Ok(Decoding {
-        summary: Summary::new(&decoder, &decoded),
+        summary,
         decode_s,
         doubt,
     })

@@ -7,6 +7,7 @@ use std::fs;
 use std::hash::{BuildHasher, RandomState};
 use std::io::Read;
 use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::{JoinHandle, sleep};
@@ -49,6 +50,8 @@ impl Served {
             .arg(&run_dir)
             // Ends with this process, even if that is killed.
             .arg("--while-stdin")
+            // Ctrl-C ends this process first, which then ends the device.
+            .process_group(0)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
@@ -61,12 +64,19 @@ impl Served {
                 && endpoints.pid == served.child.id()
             {
                 let Starting { mut child, run_dir } = served;
-                let words = child.stderr.take().map(|mut stderr| {
+                let relay = |mut stderr| {
                     // Runs until the device ends. A failed write is ignored.
-                    std::thread::spawn(move || {
+                    std::thread::Builder::new().spawn(move || {
                         let _ = std::io::copy(&mut stderr, &mut std::io::stderr());
                     })
-                });
+                };
+                let words = match child.stderr.take().map(relay).transpose() {
+                    Ok(words) => words,
+                    Err(e) => {
+                        end(&mut child, &run_dir);
+                        return Err(Error::io("a thread for messages of phasmid serve", e));
+                    }
+                };
                 return Ok(Self {
                     child,
                     run_dir,

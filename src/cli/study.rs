@@ -98,9 +98,9 @@ fn bar() -> ProgressBar {
 }
 
 /// Identifies the program by the revision of its source and the checksum of its file, which distinguishes
-/// builds of one revision. The revision is `PHASMID_REVISION` of the build, or else the commit at which
-/// the source folder stood, by git's log, when the file was written there. It is omitted if neither is
-/// known, as for a copy elsewhere.
+/// builds of one revision. The revision is the value of `PHASMID_REVISION` at build time, or else the
+/// commit that git's log says was checked out in the source folder when the program's file was written.
+/// It is omitted if neither is known, for example if the file was copied to another folder.
 fn revision() -> String {
     let program = std::env::current_exe().ok();
     let bytes = program.as_ref().and_then(|path| std::fs::read(path).ok());

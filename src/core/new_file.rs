@@ -13,6 +13,8 @@ use tempfile::{NamedTempFile, TempPath};
 
 const PREFIX: &str = ".phasmid-";
 const SUFFIX: &str = ".partial";
+/// Length of the random part between them.
+const RANDOM: usize = 6;
 
 /// Checks that a path can be written, before any work is done for it.
 ///
@@ -227,7 +229,12 @@ pub fn stream(path: &Path, force: bool) -> Result<File> {
 /// Returns whether a name belongs to a temporary file or folder left by a killed program.
 pub fn is_unfinished(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
-    name.starts_with(PREFIX) && name.ends_with(SUFFIX)
+    let random = name
+        .strip_prefix(PREFIX)
+        .and_then(|rest| rest.strip_suffix(SUFFIX));
+    random.is_some_and(|random| {
+        random.len() == RANDOM && random.bytes().all(|byte| byte.is_ascii_alphanumeric())
+    })
 }
 
 /// Creates a private folder with an unpredictable name in the system's temporary folder. It is
@@ -252,7 +259,7 @@ pub fn scratch(prefix: &str) -> Result<tempfile::TempDir> {
 /// Returns an error if the folder cannot be created.
 pub fn scratch_in(folder: &Path) -> Result<tempfile::TempDir> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(PREFIX).suffix(SUFFIX);
+    builder.prefix(PREFIX).suffix(SUFFIX).rand_bytes(RANDOM);
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
     builder.tempdir_in(folder).map_err(|e| Error::io(folder, e))
@@ -261,7 +268,7 @@ pub fn scratch_in(folder: &Path) -> Result<tempfile::TempDir> {
 /// Creates a temporary file in the same folder as `path`; it is deleted unless it is renamed.
 fn beside(path: &Path) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(PREFIX).suffix(SUFFIX);
+    builder.prefix(PREFIX).suffix(SUFFIX).rand_bytes(RANDOM);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;

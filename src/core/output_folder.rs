@@ -4,7 +4,15 @@ use crate::error::{Error, Result};
 use crate::new_file::{self, check_folder, is_unfinished, scratch_in};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
+
+/// Folder in the draft for the files that are being replaced.
+const REPLACED: &str = ".replaced";
+/// How often to look for a draft that no other program deletes.
+const TRIES: usize = 20;
+/// How long to wait for another program that moves its files to the same folder.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// An output folder being filled. Files are written to [`Self::draft`], a private folder in it, and
 /// moved when all are complete. Until then, files of an earlier result stay unchanged. Dropping the value
@@ -12,6 +20,8 @@ use tempfile::TempDir;
 pub struct OutputFolder {
     out: PathBuf,
     force: bool,
+    /// Files that must not be replaced, with their links resolved.
+    inputs: Vec<PathBuf>,
     /// A killed program leaves it behind; the next [`Self::create`] deletes it.
     draft: TempDir,
     /// Lock on the draft, which marks it as in use.
@@ -20,7 +30,7 @@ pub struct OutputFolder {
     _made: Made,
 }
 
-/// Folders that did not exist before, innermost first. Dropping it removes the empty ones.
+/// Folders that were created, innermost first. Dropping it removes the empty ones.
 struct Made(Vec<PathBuf>);
 
 impl OutputFolder {
@@ -31,19 +41,26 @@ impl OutputFolder {
     /// Returns an error if the path or one of its parents is not a folder, or the system's error.
     pub fn create(out: &Path, force: bool) -> Result<Self> {
         check_folder(out, [""; 0], force)?;
-        let is_new = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
-        let new = out.ancestors().take_while(is_new).map(Path::to_owned);
-        let made = Made(new.collect());
-        fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
+        let made = Made::create(out)?;
         remove_drafts(out);
-        let draft = scratch_in(out)?;
+        let (draft, lock) = draft_in(out)?;
         Ok(Self {
             out: out.to_owned(),
             force,
-            _lock: locked(draft.path()),
+            inputs: Vec::new(),
             draft,
+            _lock: lock,
             _made: made,
         })
+    }
+
+    /// Adds files from which the result is computed: they are not replaced, not even with `force`.
+    #[must_use]
+    pub fn sparing(mut self, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
+        let inputs = inputs.into_iter();
+        let resolved = inputs.filter_map(|input| input.as_ref().canonicalize().ok());
+        self.inputs.extend(resolved);
+        self
     }
 
     /// Returns the folder to write files and subfolders to.
@@ -56,7 +73,7 @@ impl OutputFolder {
     /// # Errors
     /// Returns the errors of [`Self::finish`].
     pub fn keep(&self, subfolder: &str) -> Result<()> {
-        self.put(&self.files_below(Path::new(subfolder))?)
+        self.put(&self.files_below(Path::new(subfolder))?, &[])
     }
 
     /// Moves all files of the draft. `earlier` are the names of files that an earlier result may have
@@ -64,8 +81,8 @@ impl OutputFolder {
     /// the result is complete, is removed first and moved last.
     ///
     /// # Errors
-    /// Returns an error if a file exists and `force` is not set, or the system's error. In the first
-    /// case no file has been moved.
+    /// Returns an error if a file exists and `force` is not set, if an input would be replaced, or the
+    /// system's error. Then the folder is as it was before.
     pub fn finish(
         self,
         earlier: impl IntoIterator<Item = impl AsRef<Path>>,
@@ -73,40 +90,84 @@ impl OutputFolder {
     ) -> Result<()> {
         let mut files = self.files_below(Path::new(""))?;
         files.sort_by_key(|file| marker.is_some_and(|marker| file.as_os_str() == marker));
+        let mut gone = Vec::new();
         if self.force {
-            let stale = earlier.into_iter().map(|name| name.as_ref().to_owned());
-            let mut stale: Vec<PathBuf> = stale.filter(|name| !files.contains(name)).collect();
-            check_folder(&self.out, files.iter().chain(&stale), true)?;
-            stale.extend(marker.map(PathBuf::from));
-            for path in stale.iter().map(|name| self.out.join(name)) {
-                match fs::remove_file(&path) {
-                    Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-                        return Err(Error::io(path, e));
-                    }
-                    _ => {}
-                }
-            }
+            gone.extend(marker.map(PathBuf::from));
+            gone.extend(earlier.into_iter().map(|name| name.as_ref().to_owned()));
         }
-        self.put(&files)
+        self.put(&files, &gone)
     }
 
-    /// Moves files, which are relative to the draft.
-    fn put(&self, files: &[PathBuf]) -> Result<()> {
-        check_folder(&self.out, files, self.force)?;
-        for (moved, file) in files.iter().enumerate() {
-            let (from, to) = (self.draft().join(file), self.out.join(file));
-            self.create_parents(file)?;
-            if let Err(why) = new_file::rename(&from, &to, self.force) {
-                if !self.force {
-                    // Nothing existed under these names.
-                    for file in &files[..moved] {
-                        let _ = fs::remove_file(self.out.join(file));
-                    }
+    /// Moves files, which are relative to the draft, and removes the files `gone`, if they exist.
+    fn put(&self, files: &[PathBuf], gone: &[PathBuf]) -> Result<()> {
+        check_folder(&self.out, files.iter().chain(gone), self.force)?;
+        if !self.inputs.is_empty() {
+            for file in files.iter().chain(gone) {
+                let target = self.out.join(file);
+                if target
+                    .canonicalize()
+                    .is_ok_and(|it| self.inputs.contains(&it))
+                {
+                    return Err(Error::input(
+                        target.display(),
+                        "a file that is an input of this result",
+                        "another folder for the output",
+                    ));
                 }
-                return Err(why);
             }
         }
+        let _alone = self.lock_out();
+        let mut moves = Vec::new();
+        let moved = self.put_all(files, gone, &mut moves);
+        if moved.is_err() {
+            // Nothing can be done about errors here; the first one is returned.
+            for (from, to) in moves.iter().rev() {
+                let _ = fs::rename(to, from);
+            }
+        }
+        moved
+    }
+
+    fn put_all(
+        &self,
+        files: &[PathBuf],
+        gone: &[PathBuf],
+        moves: &mut Vec<(PathBuf, PathBuf)>,
+    ) -> Result<()> {
+        let replaced = self.draft().join(REPLACED);
+        if self.force {
+            for file in gone.iter().chain(files) {
+                let (from, to) = (self.out.join(file), replaced.join(file));
+                if from.symlink_metadata().is_err() {
+                    continue;
+                }
+                let parent = to.parent().unwrap_or(&replaced);
+                fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
+                fs::rename(&from, &to).map_err(|e| Error::io(&from, e))?;
+                moves.push((from, to));
+            }
+        }
+        for file in files {
+            let (from, to) = (self.draft().join(file), self.out.join(file));
+            self.create_parents(file)?;
+            new_file::rename(&from, &to, false)?;
+            moves.push((from, to));
+        }
         Ok(())
+    }
+
+    /// Locks the folder against other programs that move files to it; not for longer than
+    /// [`PATIENCE`], because a lock may also mean something else.
+    fn lock_out(&self) -> Option<File> {
+        let folder = File::open(&self.out).ok()?;
+        let end = Instant::now() + PATIENCE;
+        while folder.try_lock().is_err() {
+            if Instant::now() >= end {
+                return None;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Some(folder)
     }
 
     /// Creates the subfolders of the output folder for a file. Does not follow links.
@@ -136,12 +197,37 @@ impl OutputFolder {
             for entry in fs::read_dir(&path).map_err(|e| Error::io(&path, e))? {
                 let entry = entry.map_err(|e| Error::io(&path, e))?;
                 let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
-                let list = if is_folder { &mut folders } else { &mut files };
-                list.push(folder.join(entry.file_name()));
+                let name = folder.join(entry.file_name());
+                if is_folder && name.as_os_str() != REPLACED {
+                    folders.push(name);
+                } else if !is_folder {
+                    files.push(name);
+                }
             }
         }
         files.sort_unstable();
         Ok(files)
+    }
+}
+
+impl Made {
+    /// Creates a folder and its parents.
+    fn create(out: &Path) -> Result<Self> {
+        let mut made = Self(Vec::new());
+        let mut parents: Vec<&Path> = out.ancestors().collect();
+        parents.reverse();
+        for path in parents {
+            if path.as_os_str().is_empty() || path.is_dir() {
+                continue;
+            }
+            match fs::create_dir(path) {
+                Ok(()) => made.0.insert(0, path.to_owned()),
+                // Another program was faster.
+                Err(_) if path.is_dir() => {}
+                Err(e) => return Err(Error::io(path, e)),
+            }
+        }
+        Ok(made)
     }
 }
 
@@ -150,6 +236,24 @@ impl Drop for Made {
         // Errors are ignored; folders that are not empty remain.
         self.0.iter().all(|made| fs::remove_dir(made).is_ok());
     }
+}
+
+/// Creates a draft and locks it. Another program may delete it before it is locked.
+fn draft_in(out: &Path) -> Result<(TempDir, Option<File>)> {
+    let mut draft = scratch_in(out)?;
+    for _ in 0..TRIES {
+        // Where the system cannot lock folders, nothing deletes drafts.
+        let Ok(folder) = File::open(draft.path()) else {
+            draft = scratch_in(out)?;
+            continue;
+        };
+        let locked = folder.try_lock().is_ok();
+        if draft.path().is_dir() {
+            return Ok((draft, locked.then_some(folder)));
+        }
+        draft = scratch_in(out)?;
+    }
+    Ok((draft, None))
 }
 
 /// Locks a folder until the returned file is dropped or the process ends, if it is not locked yet
@@ -162,12 +266,25 @@ fn locked(folder: &Path) -> Option<File> {
 /// Deletes drafts of killed programs, as far as possible. Those of other runs in progress are locked.
 fn remove_drafts(out: &Path) {
     for entry in fs::read_dir(out).into_iter().flatten().flatten() {
-        // The type of a link is not that of its target.
-        let is_dir = entry.file_type().is_ok_and(|kind| kind.is_dir());
-        if is_dir && is_unfinished(&entry.file_name()) && locked(&entry.path()).is_some() {
+        if is_unfinished(&entry.file_name())
+            && is_private(&entry.path())
+            && locked(&entry.path()).is_some()
+        {
             let _ = fs::remove_dir_all(entry.path());
         }
     }
+}
+
+/// Returns whether a path is a folder, not a link to one, that only its owner can open.
+fn is_private(path: &Path) -> bool {
+    path.symlink_metadata().is_ok_and(|about| {
+        #[cfg(unix)]
+        let private =
+            std::os::unix::fs::PermissionsExt::mode(&about.permissions()) & 0o777 == 0o700;
+        #[cfg(not(unix))]
+        let private = true;
+        about.is_dir() && private
+    })
 }
 
 #[cfg(test)]
@@ -246,13 +363,78 @@ mod tests {
     #[test]
     fn drafts_of_killed_programs_are_deleted_but_not_those_in_use() {
         let dir = tempfile::tempdir().unwrap();
-        let left = dir.path().join(".phasmid-abc.partial");
-        fs::create_dir(&left).unwrap();
+        let left = scratch_in(dir.path()).unwrap().keep();
         fs::write(left.join("a"), "half").unwrap();
+        // Not of this program: another mode, another name.
+        let theirs = [".phasmid-abcdef.partial", ".phasmid-thesis1.partial"];
+        let theirs = theirs.map(|name| dir.path().join(name));
+        for folder in &theirs {
+            fs::create_dir(folder).unwrap();
+        }
         let one = OutputFolder::create(dir.path(), false).unwrap();
         assert!(!left.exists());
         let other = OutputFolder::create(dir.path(), false).unwrap();
         assert!(one.draft().exists() && other.draft().exists());
+        assert!(theirs.iter().all(|folder| folder.exists()));
+    }
+
+    #[test]
+    fn failure_while_files_are_moved_restores_the_earlier_result() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path();
+        for name in ["a", "marker", "stale"] {
+            fs::write(out.join(name), "old").unwrap();
+        }
+        fs::write(out.join("sub"), "a file where a folder has to be").unwrap();
+        let folder = OutputFolder::create(out, true).unwrap();
+        for name in ["a", "marker"] {
+            fs::write(folder.draft().join(name), "new").unwrap();
+        }
+        fs::create_dir(folder.draft().join("sub")).unwrap();
+        fs::write(folder.draft().join("sub/b"), "new").unwrap();
+        assert!(folder.finish(["stale"], Some("marker")).is_err());
+        for name in ["a", "marker", "stale"] {
+            assert_eq!(text(out.join(name)), "old", "{name}");
+        }
+        assert_eq!(count(out), 4);
+    }
+
+    #[test]
+    fn inputs_are_not_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path();
+        fs::write(out.join("a"), "input").unwrap();
+        let folder = OutputFolder::create(out, true).unwrap();
+        let folder = folder.sparing([out.join("a")]);
+        fs::write(folder.draft().join("a"), "new").unwrap();
+        let refused = folder.finish([""; 0], None).unwrap_err();
+        assert_eq!(refused.exit_code(), 2);
+        assert_eq!(text(out.join("a")), "input");
+    }
+
+    #[test]
+    fn folders_made_for_a_failed_result_are_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        drop(OutputFolder::create(&dir.path().join("x/../y/z"), false).unwrap());
+        assert_eq!(count(dir.path()), 0);
+    }
+
+    #[test]
+    fn many_programs_fill_one_folder_without_a_failure() {
+        let dir = tempfile::tempdir().unwrap();
+        let fill = || {
+            for _ in 0..50 {
+                let folder = OutputFolder::create(dir.path(), true).unwrap();
+                fs::write(folder.draft().join("a"), "new").unwrap();
+                folder.finish([""; 0], None).unwrap();
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(fill);
+            }
+        });
+        assert_eq!(count(dir.path()), 1);
     }
 
     #[cfg(unix)]

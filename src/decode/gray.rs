@@ -217,7 +217,7 @@ fn note(bit: usize, d: f32, code: &mut u32, margin: &mut f32, second: &mut f32) 
     *margin = margin.min(size);
 }
 
-/// Returns the cell of a code word, and the cell if its weakest bit were inverted.
+/// Returns the cell of a code word, and the cell that it would have if its weakest bit were inverted.
 #[inline(always)]
 pub(super) fn cells(word: u32) -> (u32, u32) {
     let code = word & CODE;

@@ -211,7 +211,13 @@ fn size(path: &Path) -> Result<(u32, u32)> {
 
 /// Reads an image and keeps only its brightness, to limit memory.
 fn open(path: &Path) -> Result<Luma> {
-    let image = reader(path)?.decode().map_err(|e| unreadable(path, &e))?;
+    let (w, h) = size(path)?;
+    let mut reader = reader(path)?;
+    // Bounds what a file can hold besides its pixels, such as a colour profile.
+    let mut limits = Limits::default();
+    limits.max_alloc = Some((u64::from(w) * u64::from(h) * 16).max(1 << 20));
+    reader.limits(limits);
+    let image = reader.decode().map_err(|e| unreadable(path, &e))?;
     let color = image.color();
     match image {
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => Err(Error::input(

@@ -37,8 +37,8 @@ impl Ensemble {
         Self { periods }
     }
 
-    /// The maximum-likelihood position in [lo, hi) given each set's wrapped coordinate and
-    /// variance, its variance, and whether it is certain.
+    /// Given each set's wrapped coordinate and variance, returns the maximum-likelihood position in
+    /// [lo, hi), with its own variance and whether it is certain.
     ///
     /// The candidates are the finest set's; each is moved to the inverse-variance mean of all
     /// sets' nearest positions, and its cost is the weighted sum of squares that remains.

@@ -102,7 +102,11 @@ impl Captured {
         for entry in entries {
             let name = entry.map_err(|e| Error::io(folder, e))?.file_name();
             let text = name.to_string_lossy();
-            if text.starts_with("frame_") && text.ends_with(".png") {
+            let number = text
+                .strip_prefix("frame_")
+                .and_then(|rest| rest.strip_suffix(".png"));
+            let is_number = |number: &str| number.bytes().all(|byte| byte.is_ascii_digit());
+            if number.is_some_and(|number| number.len() >= 2 && is_number(number)) {
                 frames.push(PathBuf::from(name));
             }
         }

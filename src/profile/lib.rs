@@ -1,5 +1,5 @@
-//! Typed, validated device profiles, scenes and stations, loaded from TOML: what a scanner, the
-//! scene in front of it and a group of scanners are. A device-side crate: it depends on core,
+//! Typed, validated descriptions, loaded from TOML: device profiles (a scanner), scenes (what is in
+//! front of it) and stations (a group of scanners). A device-side crate: it depends on core,
 //! geometry, pattern, protocol, phantom and device-profiles, and no host-side crate may depend on
 //! it.
 //!

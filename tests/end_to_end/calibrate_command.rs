@@ -6,6 +6,7 @@ use phasmid::geometry::Rig;
 use phasmid::profile::Profile;
 use serde_json::Value;
 use std::fs;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -351,30 +352,77 @@ fn results_of_an_earlier_run_are_removed() {
     // Remains of a run that was killed, and the folder of a run in progress.
     let (draft, locked) = (".phasmid-a1b2c3.partial", ".phasmid-d4e5f6.partial");
     for name in [draft, locked] {
-        fs::create_dir(target.join(name)).unwrap();
+        fs::DirBuilder::new()
+            .mode(0o700)
+            .create(target.join(name))
+            .unwrap();
         fs::write(target.join(name).join("found_pose_00.png"), "").unwrap();
     }
     let lock = fs::File::open(target.join(locked)).unwrap();
     lock.lock().unwrap();
     fs::write(target.join("notes.txt"), "mine").unwrap();
-    for (captures, stay) in [
-        (target.join("captures"), true),
-        (out().join("captures"), false),
-    ] {
+    fs::write(target.join("found_mine.png"), "mine").unwrap();
+    for captures in [target.join("captures"), out().join("captures")] {
         let captures = captures.to_str().unwrap();
         figures(
             &target,
             &["--force", "--captures", captures, "--scale", "3"],
         );
-        let kept = target.join("captures/pose_07/sequence.toml").is_file();
-        assert_eq!(kept, stay, "what is read stays, what is older goes");
     }
-    for gone in ["captures", "truth.json", draft] {
+    for gone in ["truth.json", draft] {
         assert!(!target.join(gone).exists(), "{gone}");
     }
+    // Captures may be a user's: only new ones replace them.
+    assert!(target.join("captures/pose_07/sequence.toml").is_file());
+    assert!(target.join("found_mine.png").is_file());
     assert!(target.join(locked).join("found_pose_00.png").is_file());
     assert!(target.join("found_pose_07.png").is_file());
     assert!(target.join("notes.txt").is_file());
+}
+
+/// Only a calibration that succeeds replaces captures, and only captures of the same poses.
+#[test]
+fn captures_are_replaced_by_a_calibration_that_succeeds() {
+    let folder = tempdir().unwrap();
+    let target = folder.path().join("out");
+    let pose = |index: usize| target.join(format!("captures/pose_{index:02}"));
+    let run = |poses: &str, more: &[&str]| {
+        let arguments = [
+            "--profile",
+            "webcam-grey",
+            "--board",
+            "chess",
+            "--poses",
+            poses,
+        ];
+        let arguments = [&arguments[..], &["--keep-captures", "--force"], more].concat();
+        calibrate(&target, &arguments)
+    };
+    assert!(run("4", &[]).status.success());
+    let taken = |index: usize| fs::read(pose(index).join("frame_00.png")).unwrap();
+    let before = [taken(0), taken(3)];
+    // Fewer poses would leave the last one among the new ones.
+    let fewer = run("3", &[]);
+    assert_eq!(fewer.status.code(), Some(2));
+    assert!(words(&fewer).contains("pose_03"), "{}", words(&fewer));
+    // A calibration that fails.
+    let fails = run(
+        "4",
+        &[
+            "--camera-distortion",
+            "all",
+            "--seed",
+            "5",
+            "--distance-mm",
+            "9000",
+        ],
+    );
+    assert!(!fails.status.success());
+    assert_eq!([taken(0), taken(3)], before);
+    fs::write(pose(0).join("notes.txt"), "mine").unwrap();
+    assert!(run("4", &["--seed", "5"]).status.success());
+    assert_ne!(taken(0), before[0]);
+    assert!(pose(0).join("notes.txt").is_file());
 }
 
 /// Calibrates each built-in device with 12 poses of each seed, with two calibrations at a time.

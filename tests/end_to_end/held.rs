@@ -95,8 +95,8 @@ fn flat_plane_of_a_fine_camera_is_measured_and_its_error_is_stated() {
         assert!(notes.contains("held projector pixels"), "{notes}");
         report["axes"][0]["median_sampling_px"].as_f64().unwrap()
     });
-    // The closed form of half a projector pixel without blur, and what the pixel's own coordinate
-    // leaves.
+    // The closed form for half a projector pixel per pixel without blur, and the error that remains
+    // after a correction by each pixel's own coordinate.
     let [stated, left] = decoded;
     assert!((0.12..0.15).contains(&stated), "{stated}");
     assert!(left < 0.7 * stated, "{left}");

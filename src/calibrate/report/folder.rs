@@ -1,7 +1,7 @@
 //! The report's folder.
 
 use phasmid_core::error::{Error, Result};
-use phasmid_core::new_file;
+use phasmid_core::{file, new_file};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -20,7 +20,8 @@ pub const FILES: [&str; 7] = [
 pub const MARKER: &str = "summary.json";
 
 /// Returns the names of the files in a folder that a calibration would replace: any of [`FILES`] and
-/// `also`, and the images `found_*.png`. The folder need not exist.
+/// `also`, and with `force` the images `found_*.png` that its `report.html` shows. The folder need not
+/// exist.
 ///
 /// # Errors
 /// Returns an error if the path is a file, if the folder contains such files and `force` is not
@@ -28,7 +29,15 @@ pub const MARKER: &str = "summary.json";
 pub fn check_folder(folder: &Path, also: &[&str], force: bool) -> Result<Vec<PathBuf>> {
     let place = || format!("--out {}", folder.display());
     new_file::check_folder(folder, [""; 0], force)?;
-    let earlier = earlier(folder, also)?;
+    let mut earlier = earlier(folder, also)?;
+    if force {
+        let page = file::read(&folder.join(FILES[0]), 1 << 26).unwrap_or_default();
+        let page = String::from_utf8_lossy(&page);
+        earlier.retain(|name| {
+            let name = name.to_string_lossy();
+            !name.starts_with("found_") || page.contains(&*name)
+        });
+    }
     let Some(first) = earlier.first().filter(|_| !force) else {
         new_file::check_folder(folder, &earlier, force)?;
         return Ok(earlier);
@@ -47,8 +56,8 @@ pub fn check_folder(folder: &Path, also: &[&str], force: bool) -> Result<Vec<Pat
 
 /// Returns whether a folder contains a calibration written by this program.
 pub fn is_calibration(folder: &Path) -> bool {
-    let summary = fs::read_to_string(folder.join(MARKER)).unwrap_or_default();
-    summary.contains("\"made_by\": \"phasmid calibrate")
+    let summary = file::read(&folder.join(MARKER), 1 << 24).unwrap_or_default();
+    String::from_utf8_lossy(&summary).contains("\"made_by\": \"phasmid calibrate")
 }
 
 /// Names of existing files that would be overwritten, sorted.
@@ -92,15 +101,25 @@ mod tests {
         );
         for name in FILES.into_iter().chain(["found_x.png", "truth.json"]) {
             fs::write(out.join(name), "old").unwrap();
+            if name.starts_with("found_") {
+                fs::write(out.join(FILES[0]), "<img src=\"found_x.png\">").unwrap();
+                fs::write(out.join("found_mine.png"), "mine").unwrap();
+            }
             let told = check_folder(&out, &["truth.json"], false)
                 .unwrap_err()
                 .to_string();
-            assert!(told.contains(name) && told.contains("--force"), "{told}");
+            assert!(told.contains("--force"), "{told}");
             assert!(told.contains("not written by a calibration"), "{told}");
             let earlier = check_folder(&out, &["truth.json"], true).unwrap();
-            assert_eq!(earlier, [Path::new(name)]);
+            assert!(earlier.iter().any(|file| file == Path::new(name)));
+            assert!(
+                !earlier
+                    .iter()
+                    .any(|file| file == Path::new("found_mine.png"))
+            );
             fs::remove_file(out.join(name)).unwrap();
         }
+        fs::remove_file(out.join("found_mine.png")).unwrap();
         let mine = "{\n  \"made_by\": \"phasmid calibrate 9\"\n}";
         fs::write(out.join("summary.json"), mine).unwrap();
         let told = check_folder(&out, &[], false).unwrap_err().to_string();

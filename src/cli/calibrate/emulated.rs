@@ -110,6 +110,14 @@ impl Emulated {
             .collect()
     }
 
+    /// Returns the names of the poses, in order.
+    pub(super) fn names(&self) -> Vec<String> {
+        let digits = (self.shown.len() - 1).to_string().len().max(2);
+        (0..self.shown.len())
+            .map(|i| format!("pose_{i:0digits$}"))
+            .collect()
+    }
+
     /// Scans the board in all poses, and decodes each pose while the next one is captured. Saves
     /// annotated images, and with `--keep-captures` the captures, in `folder`. Returns the poses and
     /// the device's identification.
@@ -123,10 +131,7 @@ impl Emulated {
         folder: &Path,
         progress: impl FnMut(usize, usize),
     ) -> Result<(Poses, String)> {
-        let digits = (self.shown.len() - 1).to_string().len().max(2);
-        let names: Vec<String> = (0..self.shown.len())
-            .map(|i| format!("pose_{i:0digits$}"))
-            .collect();
+        let names = self.names();
         let scene = SceneFile::write(&self.board, &self.shown[0])?;
         let served = Served::start("calibrate", &serve_arguments(args, name, &scene.path()))?;
         // The device has read the scene file.
@@ -140,8 +145,11 @@ impl Emulated {
         let session = Session::new(folder, &names);
         let keep = args.keep_captures.then(|| folder.join(super::CAPTURES));
         let looked = std::thread::scope(|scope| {
-            let analysis =
-                scope.spawn(|| look_at_all(receiver, &self.board, session, keep, &names));
+            let analysis = std::thread::Builder::new()
+                .spawn_scoped(scope, || {
+                    look_at_all(receiver, &self.board, session, keep, &names)
+                })
+                .map_err(|e| Error::io("the thread that analyses the captures", e))?;
             let options = ScanOptions {
                 sequence: Some(self.sequence.clone()),
                 manifest: None,

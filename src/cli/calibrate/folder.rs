@@ -4,48 +4,67 @@ use super::{Args, CAPTURES, OPENCV, TRUTH};
 use phasmid_calibrate::report;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::output_folder::OutputFolder;
-use phasmid_host::MANIFEST_FILE;
+use phasmid_host::{CALIBRATION_FILE, Captured, MANIFEST_FILE};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The output folder of a calibration in progress.
 pub(super) struct Folder {
     folder: OutputFolder,
-    captures: PathBuf,
-    /// Names of files of an earlier calibration.
+    /// Names of files of an earlier calibration and, if captures are kept, of its captures.
     earlier: Vec<PathBuf>,
-    /// Poses captured by an earlier calibration, which would remain among the new ones.
-    old: Vec<PathBuf>,
+    /// Whether there are captures, which only a calibration that succeeds replaces.
+    had_captures: bool,
 }
 
 impl Folder {
-    /// Creates the folder. Without `--force`, rejects existing files that have names of results.
+    /// Creates the folder. Without `--force`, rejects existing files that have names of results. New
+    /// captures replace captures of the same names, which are `poses`.
     ///
     /// # Errors
-    /// Returns an error as [`report::check_folder`] does, or if captures of an earlier calibration
-    /// exist and new ones are to be kept without `--force`.
-    pub(super) fn prepare(args: &Args) -> Result<Self> {
+    /// Returns an error as [`report::check_folder`] does, or if there are captures and new ones are to
+    /// be kept without `--force`, or if there are captures of other poses, among which new ones would
+    /// be taken for poses of one calibration.
+    pub(super) fn prepare(args: &Args, poses: &[String]) -> Result<Self> {
         let captures = args.out.join(CAPTURES);
         let had_captures = captures.symlink_metadata().is_ok();
-        if args.keep_captures && had_captures && !args.force {
-            return Err(Error::input(
-                format!("--out {}", args.out.display()),
-                format!("{CAPTURES}, of an earlier calibration"),
-                "another folder, or --force to overwrite",
-            ));
-        }
-        let earlier = report::is_calibration(&args.out) && !is_read(args, &captures);
-        let old = match had_captures && (args.keep_captures || earlier) {
-            true => old_poses(&captures, args.keep_captures)?,
-            false => Vec::new(),
-        };
         let [yaml, xml] = OPENCV;
+        let mut earlier = report::check_folder(&args.out, &[TRUTH, yaml, xml], args.force)?;
+        if args.keep_captures && had_captures {
+            if !args.force {
+                return Err(Error::input(
+                    format!("--out {}", args.out.display()),
+                    format!("{CAPTURES}, of an earlier calibration"),
+                    "another folder, or --force to overwrite",
+                ));
+            }
+            check_captures(&captures, poses)?;
+            for pose in poses.iter().map(|name| Path::new(CAPTURES).join(name)) {
+                let mut files = Captured::frames_in(&args.out.join(&pose))?;
+                files.extend([MANIFEST_FILE, CALIBRATION_FILE].map(PathBuf::from));
+                earlier.extend(files.iter().map(|file| pose.join(file)));
+            }
+        }
         Ok(Self {
-            earlier: report::check_folder(&args.out, &[TRUTH, yaml, xml], args.force)?,
+            earlier,
             folder: OutputFolder::create(&args.out, args.force)?,
-            captures,
-            old,
+            had_captures,
         })
+    }
+
+    /// Adds captures from which the calibration is computed: they are not replaced.
+    pub(super) fn sparing(mut self, poses: &[PathBuf]) -> Self {
+        let files = |pose: &PathBuf| {
+            let frames = Captured::frames_in(pose).unwrap_or_default();
+            let others = [MANIFEST_FILE, CALIBRATION_FILE].map(PathBuf::from);
+            let pose = pose.clone();
+            frames
+                .into_iter()
+                .chain(others)
+                .map(move |file| pose.join(file))
+        };
+        self.folder = self.folder.sparing(poses.iter().flat_map(files));
+        self
     }
 
     /// Returns the folder for the output of the run in progress.
@@ -53,63 +72,34 @@ impl Folder {
         self.folder.draft()
     }
 
-    /// Moves the captures to the output folder, where they outlast a failure to calibrate.
+    /// Moves the captures to the output folder, where they outlast a failure to calibrate, unless
+    /// there are earlier ones.
     ///
     /// # Errors
     /// Returns an error if a file or folder cannot be moved.
-    pub(super) fn keep_captures(&mut self) -> Result<()> {
-        if self.draft().join(CAPTURES).exists() {
-            self.remove_old_poses()?;
+    pub(super) fn keep_captures(&self) -> Result<()> {
+        match self.had_captures {
+            true => Ok(()),
+            false => self.folder.keep(CAPTURES),
         }
-        self.folder.keep(CAPTURES)
     }
 
     /// Moves all other files to the output folder.
     ///
     /// # Errors
     /// Returns an error if a file cannot be moved.
-    pub(super) fn finish(mut self) -> Result<()> {
-        self.remove_old_poses()?;
+    pub(super) fn finish(self) -> Result<()> {
         self.folder.finish(self.earlier, Some(report::MARKER))
     }
-
-    fn remove_old_poses(&mut self) -> Result<()> {
-        if self.old.is_empty() {
-            return Ok(());
-        }
-        for path in self.old.drain(..) {
-            fs::remove_dir_all(&path).map_err(|e| Error::io(&path, e))?;
-        }
-        // Fails if other files remain in it, which is fine.
-        let _ = fs::remove_dir(&self.captures);
-        Ok(())
-    }
 }
 
-/// Whether poses are read from this folder, from a subfolder, or from a parent folder.
-fn is_read(args: &Args, folder: &Path) -> bool {
-    let Some(read) = &args.captures else {
-        return false;
-    };
-    match (read.canonicalize(), folder.canonicalize()) {
-        (Ok(read), Ok(folder)) => read.starts_with(&folder) || folder.starts_with(&read),
-        // If in doubt, treat the folder as an input, which is not deleted.
-        _ => true,
-    }
-}
-
-/// Lists the poses captured by an earlier calibration. With `more_to_come`, anything else that would be
-/// in the way of new ones is an error. Links are not followed: no calibration makes them.
-fn old_poses(captures: &Path, more_to_come: bool) -> Result<Vec<PathBuf>> {
+/// Rejects captures of other poses than these, and what else has the name of a pose. Links are not
+/// followed: no calibration makes them.
+fn check_captures(captures: &Path, poses: &[String]) -> Result<()> {
     let is_dir = |path: &Path| path.symlink_metadata().is_ok_and(|about| about.is_dir());
-    let in_the_way = |path: &Path, found: &str| match more_to_come {
-        true => Err(Error::input(path.display(), found, "another --out")),
-        false => Ok(()),
-    };
-    let mut poses = Vec::new();
+    let refuse = |path: &Path, found| Err(Error::input(path.display(), found, "another --out"));
     if !is_dir(captures) {
-        in_the_way(captures, "not a folder, but named like one of captures")?;
-        return Ok(poses);
+        return refuse(captures, "not a folder, but named like one of captures");
     }
     for entry in fs::read_dir(captures).map_err(|e| Error::io(captures, e))? {
         let path = entry.map_err(|e| Error::io(captures, e))?.path();
@@ -117,11 +107,12 @@ fn old_poses(captures: &Path, more_to_come: bool) -> Result<Vec<PathBuf>> {
         if !name.starts_with("pose_") {
             continue;
         }
-        if is_dir(&path) && path.join(MANIFEST_FILE).exists() {
-            poses.push(path);
-        } else {
-            in_the_way(&path, "not a capture, but named like one")?;
+        if !is_dir(&path) || !path.join(MANIFEST_FILE).exists() {
+            return refuse(&path, "not a capture, but named like one");
+        }
+        if !poses.iter().any(|pose| *pose == *name) {
+            return refuse(&path, "a capture that is not among those to be replaced");
         }
     }
-    Ok(poses)
+    Ok(())
 }

@@ -147,7 +147,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 fn run_captures(args: &Args, folder: &Path) -> Result<()> {
     let board = args.board.board(1.0)?;
     let poses = captures::poses(folder)?;
-    let out = Folder::prepare(args)?;
+    let out = Folder::prepare(args, &[])?.sparing(&poses);
     let bar = progress_bar();
     let poses = captures::look_at_all(&poses, &board, out.draft(), |done, of| show(&bar, done, of));
     bar.finish_and_clear();
@@ -164,7 +164,7 @@ fn run_captures(args: &Args, folder: &Path) -> Result<()> {
 
 fn run_emulated(args: &Args, name: &str) -> Result<()> {
     let device = Emulated::new(args, name)?;
-    let mut out = Folder::prepare(args)?;
+    let out = Folder::prepare(args, &device.names())?;
     step("starting the device");
     let bar = progress_bar();
     let scanned = device.scan(args, name, out.draft(), |done, of| show(&bar, done, of));

@@ -9,6 +9,7 @@ use super::served::{Served, service};
 use super::step;
 use image::GrayImage;
 use phasmid_core::error::{Error, Result};
+use phasmid_core::file;
 use phasmid_core::new_file::{check_folder, replace};
 use phasmid_core::output_folder::OutputFolder;
 use phasmid_decode::{Options, Summary as Decoding};
@@ -21,7 +22,6 @@ use phasmid_render::Options as RenderOptions;
 use phasmid_render::truth::Truth;
 use phasmid_study::report::{PICTURES, Summary, write_images};
 use phasmid_study::score::score;
-use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -242,6 +242,6 @@ fn check_out(out: &Path) -> Result<()> {
 
 /// Returns whether an earlier demo wrote the folder.
 fn is_demo(out: &Path) -> bool {
-    let summary = fs::read_to_string(out.join(SUMMARY)).unwrap_or_default();
-    summary.contains("\"made_by\": \"phasmid demo")
+    let summary = file::read(&out.join(SUMMARY), 1 << 20).unwrap_or_default();
+    String::from_utf8_lossy(&summary).contains("\"made_by\": \"phasmid demo")
 }

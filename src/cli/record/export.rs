@@ -35,7 +35,7 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
         let mut words = words(&record);
         if let Event::Frame(frame) = record.event {
             // Named by number, because frame ids may repeat.
-            let name = format!("frame_{frames:06}.png");
+            let name = frame_name(frames);
             let frame = Frame::clone(&frame).into_luma();
             words = format!("{words}: {name}");
             write_png(&frame, &folder.draft().join(name), false)?;
@@ -45,12 +45,19 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
         writeln!(lines, "{seconds:14.6} {words}").map_err(io)?;
     }
     lines.finish()?;
-    folder.finish(Captured::frames_in(out)?, Some(CONVERSATION))?;
+    let mut earlier = Captured::frames_in(out)?;
+    // The frames of a scan have fewer digits.
+    earlier.retain(|frame| frame.as_os_str().len() == frame_name(0).len());
+    folder.sparing([path]).finish(earlier, Some(CONVERSATION))?;
     println!(
         "{records} records, {frames} frames: written {}",
         out.display()
     );
     Ok(())
+}
+
+fn frame_name(number: u64) -> String {
+    format!("frame_{number:06}.png")
 }
 
 /// Describes a record in one line, with its bytes escaped.

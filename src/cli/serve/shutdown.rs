@@ -17,14 +17,17 @@ impl Shutdown {
     /// Starts to watch, inside a tokio runtime. `while_stdin` is the option `--while-stdin`.
     ///
     /// # Errors
-    /// Returns an error if a signal handler cannot be installed.
+    /// Returns an error if a signal handler cannot be installed or a thread cannot be started.
     pub(in crate::cli) fn watch(while_stdin: bool) -> Result<Self> {
         let signal = |kind| signal(kind).map_err(|e| Error::io("signals", e));
         Ok(Self {
             interrupt: signal(SignalKind::interrupt())?,
             terminate: signal(SignalKind::terminate())?,
             hang_up: signal(SignalKind::hangup())?,
-            parent: while_stdin.then(end_of_input),
+            parent: while_stdin
+                .then(end_of_input)
+                .transpose()
+                .map_err(|e| Error::io("a thread for the end of standard input", e))?,
         })
     }
 
@@ -40,14 +43,14 @@ impl Shutdown {
 }
 
 /// Notifies when standard input closes: the process at its other end is gone, even if it was killed.
-fn end_of_input() -> oneshot::Receiver<()> {
+fn end_of_input() -> std::io::Result<oneshot::Receiver<()>> {
     let (ended, wait) = oneshot::channel();
-    std::thread::spawn(move || {
+    std::thread::Builder::new().spawn(move || {
         // The content is ignored. An error also counts as the end.
         let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
         let _ = ended.send(());
-    });
-    wait
+    })?;
+    Ok(wait)
 }
 
 async fn gone(parent: Option<&mut oneshot::Receiver<()>>) {

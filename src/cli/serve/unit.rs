@@ -154,7 +154,7 @@ impl Unit {
     /// # Errors
     /// Returns an error if the file exists without `force`, or cannot be created.
     pub(super) fn record(&mut self, path: &Path, force: bool) -> Result<()> {
-        let there = path.exists();
+        let there = path.symlink_metadata().is_ok();
         let file = stream(path, force).map_err(|e| e.at("--record"))?;
         self.made = (!there).then(|| Made {
             path: path.to_owned(),

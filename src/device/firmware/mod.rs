@@ -87,7 +87,7 @@ pub struct Firmware {
     block: Option<Block>,
     /// `*OPC` was received and its event bit is not set yet.
     completion_asked: bool,
-    /// Answers of the message being executed.
+    /// Answers so far to the message being executed.
     answers: Vec<Vec<u8>>,
     output: Vec<Answered>,
     /// Completed messages that were submitted with a ticket.

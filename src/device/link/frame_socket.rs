@@ -53,8 +53,8 @@ const MAX_REFUSED: usize = MAX_PENDING;
 const LAST_WORDS: Duration = Duration::from_secs(1);
 /// Maximum number of frames queued for one client.
 const MAX_FRAMES: usize = 1024;
-/// Maximum size in bytes of the frames queued for all clients of the Unix socket, which share them.
-/// TCP has as much of its own.
+/// Maximum total size in bytes of the frames queued for clients of the Unix socket. A frame queued for
+/// several of them counts once. The limit for TCP is separate and of the same size.
 const MAX_BYTES: usize = 256 << 20;
 /// A client that reads nothing for this long while frames are queued is disconnected.
 const STALL: Duration = Duration::from_secs(30);

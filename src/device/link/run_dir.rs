@@ -231,7 +231,7 @@ mod tests {
             drop(UnixListener::bind(path.join(CAMERA)).unwrap());
             let text = serde_json::to_string(&endpoints(7)).unwrap();
             fs::write(path.join(endpoints::FILE_NAME), &text[..]).unwrap();
-            fs::write(path.join(".phasmid-abc.partial"), &text[..9]).unwrap();
+            fs::write(path.join(".phasmid-abcdef.partial"), &text[..9]).unwrap();
         };
         leave();
         let dir = RunDir::claim(&path).unwrap();

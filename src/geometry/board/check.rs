@@ -49,7 +49,7 @@ impl Board {
         let fits = marker_mm >= least * (1.0 - 1e-12) && marker_mm < most;
         that(fits, "marker_mm", marker_mm, || {
             format!(
-                "at least {least} mm, {MARKER} dots, and below {most} mm, so that it touches no dot"
+                "at least {least} mm ({MARKER} dot diameters) and below {most} mm, so that it touches no dot"
             )
         })
     }

@@ -41,9 +41,9 @@ impl Parallelogram {
     /// Returns the fraction of the parallelogram that lies in a disc, 0 to 1.
     ///
     /// The intersection consists of a polygon, formed by the parts of the sides inside the circle,
-    /// and the circular segments between where the outline leaves the circle and re-enters it.
-    /// Segment angles are summed from corner to corner, so that a small angle is never taken for a
-    /// full turn.
+    /// and the circular segments from each point where the outline leaves the circle to the point
+    /// where it re-enters. Segment angles are summed from corner to corner, so that a small angle is
+    /// never taken for a full turn.
     pub(super) fn in_disc(&self, center: DVec2, radius: f64) -> f64 {
         let middle = (self.at - center) / radius;
         let corners = self.corners.map(|corner| corner / radius);

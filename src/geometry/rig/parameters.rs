@@ -43,7 +43,7 @@ pub const PARAMETERS: [(&str, &str); RIG] = [
 ];
 
 impl Rig {
-    /// Returns the rig after a step of its parameters. The camera's pose stays.
+    /// Returns the rig with a step added to its parameters. The camera's pose is unchanged.
     pub fn stepped(&self, step: &[f64; RIG]) -> Self {
         let camera_from_projector =
             self.camera.rig_from_view.inverse() * self.projector.rig_from_view;

@@ -322,7 +322,8 @@ impl<P: CommandPort> Instrument<P> {
         query: &str,
         read: impl Fn(&Self, Vec<u8>) -> Result<T>,
     ) -> Result<Option<T>> {
-        // Requires two such refusals, because a corrupted query is unknown to the device too.
+        // Requires two such refusals, because a device also refuses a query that was corrupted on the
+        // way as unknown.
         let mut unknown = 0;
         self.again(|instrument| match instrument.exchange(query.as_bytes())? {
             None => Err(instrument.silence(query)),

@@ -129,7 +129,9 @@ impl Import {
         // The fields cover a box, so they cover everything inside the skin too.
         fields.reach(&skin, "skin")?;
 
-        let folder = OutputFolder::create(out, self.force)?;
+        let fields_read = self.phases.iter().map(|(_, field)| field);
+        let inputs = [&self.ct, &self.tumour].into_iter().chain(fields_read);
+        let folder = OutputFolder::create(out, self.force)?.sparing(inputs);
         let draft = folder.draft();
         ply::write_mesh(&draft.join(&file.skin), &skin)?;
         ply::write_mesh(&draft.join(&file.tumour), &tumour.mesh)?;

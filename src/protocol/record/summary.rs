@@ -77,7 +77,7 @@ pub struct Summary {
     pub duration_ns: u64,
     /// Number of complete records.
     pub records: u64,
-    /// Data sent by clients: chunks as received, and their bytes.
+    /// Data sent by clients: number of chunks as received, and of their bytes.
     pub sent: Kind,
     /// Number of newlines in the data sent by clients.
     pub lines_sent: u64,

@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn quantiles_invert_the_normal_distribution() {
         for i in 0..=2000u32 {
-            // The power samples the tail densely, down to its outermost word, 0.
+            // Raising i to a power makes the samples dense in the tail, down to the smallest word, 0.
             let word = (f64::from(i) / 2000.0).powi(6) * 2_147_483_647.0;
             let word = word as u32;
             let p = (f64::from(word) + 0.5) / 4_294_967_296.0;

@@ -204,7 +204,11 @@ impl Folder {
     /// Returns an error if the folder cannot be created.
     pub fn place(&self, name: &str) -> Result<PathBuf> {
         let folder = self.files();
-        fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+        match fs::create_dir(&folder) {
+            // Not a link to a folder.
+            Err(_) if folder.symlink_metadata().is_ok_and(|it| it.is_dir()) => {}
+            made => made.map_err(|e| Error::io(&folder, e))?,
+        }
         Ok(folder.join(name))
     }
 

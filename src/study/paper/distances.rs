@@ -149,7 +149,7 @@ fn value(rows: &Rows, distance: f64, method: &str, column: &str) -> f64 {
     row(rows, distance, method).map_or(f64::NAN, |row| row.value(column))
 }
 
-/// MAE and CMAE by each way beside the paper's and the closed form's.
+/// MAE and CMAE of each method, beside the values of the paper and of the closed form.
 fn means(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-distances",

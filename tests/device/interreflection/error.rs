@@ -58,7 +58,7 @@ fn settings_follow_from_the_error_bound() {
         costs.push(f64::from(light.samples) / f64::from(light.step_px).powi(2));
     }
     assert!(costs[0] > costs[1] && costs[1] > costs[2], "{costs:?}");
-    // Settings of the scene are kept, whatever their error.
+    // Settings given in the scene are used, whatever error they cause.
     let light = renderer("samples = 16, step_px = 8")
         .indirect_light()
         .unwrap();

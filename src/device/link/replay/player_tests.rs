@@ -233,7 +233,7 @@ fn read_ahead_is_bounded() {
         count += 1;
         assert!(player.ahead.len() <= MAX_AHEAD.0);
     }
-    // Bytes after the reply exceed the limit, and did so before the last frames were due.
+    // The bytes after the reply exceed the limit before the last frames are due.
     assert!(count >= 2000 - MAX_AHEAD.0, "{count}");
     assert!(
         player
