@@ -28,6 +28,10 @@ impl Emulated {
         match *self {}
     }
 
+    pub(super) fn names(&self) -> Vec<String> {
+        match *self {}
+    }
+
     pub(super) fn scan(
         &self,
         _: &Args,
