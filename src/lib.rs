@@ -27,7 +27,7 @@
 //! | device | `profile` | [`profile`] | devices, scenes and stations as typed, checked structs, and the built-in ones |
 //! | device | `render` | [`emulator::render`] | image formation on CPU and GPU, ground truth |
 //! | device | `device` | [`emulator`], `link` | firmware, control port and serial line, faults; the links (Linux only): pty, frame socket, V4L2 node, USB device, service socket, time and scene shared by several devices, replay |
-//! | host | `decode` | [`decode`] | frames to projector coordinates to points |
+//! | host | `decode` | [`mod@decode`] | frames to projector coordinates to points |
 //! | host | `calibrate` | [`calibrate`] | board detection, calibration of a rig, pose of a calibrated rig, calibration files and report |
 //! | host | `measure` | [`measure`] | distances to ground truth, overlap of solids, registration |
 //! | host | `host` | [`host`] | an application's access to a device: camera, port (SCPI or a dialect), scanner |
@@ -102,6 +102,15 @@
 //!   systems use serialport.
 //! - Planning folders, volumes and iso-surfaces are available to both sides. Generated patients,
 //!   [`patient::phantom`], are ground truth, and host-side crates never depend on them.
+
+mod facade;
+
+pub use facade::{Decoding, Device, DeviceBuilder, ProfileSource, SceneSource, compare, decode};
+pub use phasmid_decode::{Capture, Decoder, FrameInfo, Options as DecodeOptions};
+#[cfg(target_os = "linux")]
+pub use phasmid_device::link::{CameraNode, ServeOptions, Serving, UsbServing};
+pub use phasmid_pattern::Image;
+pub use phasmid_render::truth::Truth;
 
 pub use phasmid_calibrate as calibrate;
 pub mod cli;

@@ -6,11 +6,11 @@ use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::check_folder;
 use phasmid_core::output_folder::OutputFolder;
 use phasmid_decode::{
-    Decoded, Decoder, FrameStack, Held, Options, Plan, Summary, frame_size, load_frames,
-    output_names, write_outputs,
+    Decoded, Decoder, Held, Options, Plan, Summary, frame_size, load_frames, output_names,
+    write_outputs,
 };
-use phasmid_host::{check_images, doubt_images};
-use phasmid_pattern::Manifest;
+use phasmid_host::{check_sequence, doubt as doubt_sequence};
+use phasmid_pattern::{Image, Manifest};
 use std::path::{Path, PathBuf};
 
 /// Decode images of projected patterns to projector coordinates and, with a calibration, to points
@@ -115,7 +115,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let rig = args.calibration.as_ref().map(read).transpose();
     let rig = rig.map_err(|e| e.at("--calibration"))?;
     check_folder(&args.out, output_names(), args.force)?;
-    let frames = load_frames(&manifest, &plan, folder)?;
+    let images = load_frames(&manifest, &plan, folder)?;
+    let [width, height] = Image::common_size(&images)?;
     let options = Options {
         keep_mixed: args.keep_mixed,
         weighted: args.weighted,
@@ -124,23 +125,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
         min_modulation_dn: args.min_modulation,
         ..Options::default()
     };
-    let decoder = Decoder::new(
-        &manifest,
-        frames.width,
-        frames.height,
-        rig.as_ref(),
-        options,
-    )
-    .map_err(|e| name_calibration(name_file(e, &args.manifest), args.calibration.as_deref()))?;
-    let stack = frames.stack();
-    let mut decoded = decoder.decode(&stack)?;
-    let doubt = doubt(&args.manifest, &manifest, &stack, &decoded, args.strict)?;
+    let decoder = Decoder::new(&manifest, width, height, rig.as_ref(), options)
+        .map_err(|e| name_calibration(name_file(e, &args.manifest), args.calibration.as_deref()))?;
+    let mut decoded = decoder.decode(&images)?;
+    let doubt = doubt(&args.manifest, &manifest, &images, &decoded, args.strict)?;
     args.method.apply(&decoder, &mut decoded, options)?;
-    let images = manifest
+    let files = manifest
         .frame
         .iter()
         .filter_map(|frame| frame.file.as_ref());
-    let inputs = images
+    let inputs = files
         .map(|file| folder.join(file))
         .chain([args.manifest.clone()])
         .chain(args.calibration.clone());
@@ -168,12 +162,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
 pub(super) fn doubt(
     place: &Path,
     manifest: &Manifest,
-    stack: &FrameStack<'_>,
+    images: &[Image],
     decoded: &Decoded,
     strict: bool,
 ) -> Result<Option<String>> {
-    let departs = check_images(manifest, stack).err();
-    let doubt = || doubt_images(manifest, stack).or_else(|| decoded.doubt());
+    let departs = check_sequence(manifest, images).err();
+    let doubt = || doubt_sequence(manifest, images).or_else(|| decoded.doubt());
     let Some(why) = departs.or_else(doubt) else {
         return Ok(None);
     };

@@ -60,16 +60,6 @@ pub(super) fn port(profile: &Profile) -> Result<Port> {
     Port::new(Arc::new(dialect))
 }
 
-/// Makes the path of a dialect file absolute, and returns a built-in name unchanged.
-pub(super) fn from_anywhere(name_or_path: &str) -> String {
-    let absolute = std::path::absolute(name_or_path)
-        .ok()
-        .filter(|path| path.is_file() && !Dialect::names().any(|name| name == name_or_path));
-    absolute
-        .and_then(|path| path.to_str().map(str::to_owned))
-        .unwrap_or_else(|| name_or_path.to_owned())
-}
-
 /// Returns the dialect of a control port: the requested one, else the dialect that the
 /// `device.json` beside the port names; `None` if neither exists.
 ///
@@ -121,7 +111,7 @@ pub(super) fn name_stepped_clock(error: Error, control: &str) -> Error {
 /// Replaces the dialect of a profile. A path is relative to the working directory; `place` is the
 /// option or field that errors name.
 pub(super) fn speak(profile: &mut Profile, name_or_path: &str, place: &str) {
-    profile.control.dialect = from_anywhere(name_or_path);
+    profile.control.dialect = Dialect::from_anywhere(name_or_path);
     profile.control.places.dialect = place.to_owned();
 }
 

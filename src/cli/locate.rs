@@ -129,9 +129,14 @@ fn locate(
         let why = "the device has no calibration; expected --calibration NAME=FILE";
         return Err(failed(why.to_owned()));
     };
-    let looked = captured
-        .with_stack(|stack| look(&board, &pod.name, &captured.manifest, stack, Some(rig)))
-        .map_err(|e| e.at(&pod.name))?;
+    let looked = look(
+        &board,
+        &pod.name,
+        &captured.manifest,
+        &captured.images,
+        Some(rig),
+    )
+    .map_err(|e| e.at(&pod.name))?;
     let data = looked.found.map_err(failed)?;
     let placed = place(&board, &data, &rig).map_err(|e| failed(e.to_string()))?;
     Ok(Located::new(pod, &placed, room_from_board))

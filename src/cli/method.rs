@@ -3,10 +3,10 @@
 use super::decode::doubt;
 use phasmid_calibrate::height::{Given, Mapping};
 use phasmid_core::error::{Error, Result};
+use phasmid_decode::MANIFEST_FILE;
 use phasmid_decode::{Decoded, Decoder, Options, Plan, load_frames};
 use phasmid_geometry::Rig;
-use phasmid_host::MANIFEST_FILE;
-use phasmid_pattern::{Axis, Manifest};
+use phasmid_pattern::{Axis, Image, Manifest};
 use std::path::{Path, PathBuf};
 
 /// Options of the conversion from projector coordinates to points.
@@ -95,7 +95,7 @@ impl MethodArgs {
         let capture = self
             .reference
             .as_deref()
-            .map(|folder| Capture::open(folder, &rig, options));
+            .map(|folder| Reference::open(folder, &rig, options));
         let capture = capture.transpose()?;
         let mut best: Option<Result<Mapping>> = None;
         let resolved = decoded.axes().filter(|(_, map)| map.wrapped_px.is_none());
@@ -147,7 +147,7 @@ impl MethodArgs {
         rig: &Rig,
         axis: Axis,
         period: f64,
-        capture: Option<&Capture>,
+        capture: Option<&Reference>,
     ) -> Result<Mapping> {
         let Some(capture) = capture else {
             let z = self.plane_mm.or_else(|| rig.meeting_mm()).ok_or_else(|| {
@@ -205,22 +205,21 @@ impl MethodArgs {
 }
 
 /// A capture of the reference plane, decoded.
-struct Capture {
+struct Reference {
     folder: PathBuf,
     decoded: Decoded,
 }
 
-impl Capture {
+impl Reference {
     fn open(folder: &Path, rig: &Rig, options: Options) -> Result<Self> {
         let read = || {
             let manifest = Manifest::read(&folder.join(MANIFEST_FILE))?;
             let plan = Plan::new(&manifest)?;
-            let frames = load_frames(&manifest, &plan, folder)?;
-            let stack = frames.stack();
-            let (width, height) = (frames.width, frames.height);
+            let images = load_frames(&manifest, &plan, folder)?;
+            let [width, height] = Image::common_size(&images)?;
             let decoder = Decoder::new(&manifest, width, height, Some(rig), options)?;
-            let decoded = decoder.decode(&stack)?;
-            doubt(folder, &manifest, &stack, &decoded, false)?;
+            let decoded = decoder.decode(&images)?;
+            doubt(folder, &manifest, &images, &decoded, false)?;
             Ok(decoded)
         };
         let decoded = read().map_err(|e: Error| e.at("--reference"))?;

@@ -6,10 +6,10 @@
 //! | --- | --- |
 //! | `backend` | `--backend`, where the render passes run |
 //! | `board_args` | options that describe a calibration board |
+//! | `emulated` | messages and service channel of an emulated device |
 //! | `interrupt` | Ctrl-C and TERM during a capture |
 //! | `method` | `--method`, from projector coordinates to points |
 //! | `pods` | options that select the pods of a station, and their scans |
-//! | `served` | an emulated device in a process of its own |
 //! | `vector` | options with three numbers |
 //! | `without_link` | stand-in for commands that need Linux |
 
@@ -52,6 +52,8 @@ mod demo;
 mod dialect;
 #[cfg(target_os = "linux")]
 mod doctor;
+#[cfg(target_os = "linux")]
+mod emulated;
 mod faults;
 mod interrupt;
 mod locate;
@@ -68,8 +70,6 @@ mod scan;
 mod scene;
 #[cfg(target_os = "linux")]
 mod serve;
-#[cfg(target_os = "linux")]
-mod served;
 mod study;
 mod track;
 mod vector;

@@ -9,13 +9,12 @@ use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{check_folder, stream};
 use phasmid_core::output_folder::OutputFolder;
-use phasmid_decode::{Options, Summary, output_names, write_outputs};
+use phasmid_decode::{Capture, MANIFEST_FILE, Options, Summary, output_names, write_outputs};
 use phasmid_geometry::Rig;
 use phasmid_host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
 use phasmid_host::{
-    Camera, Capture, Captured, CommandPort, Intake, MANIFEST_FILE, Progress, RecordedCamera,
-    RecordedPort, ScanOptions, Scanner, SerialPort, Tape, monotonic_ns, open_camera,
-    scan_free_running,
+    Camera, CameraDriver, CommandPort, Intake, Progress, RecordedCamera, RecordedPort, ScanOptions,
+    Scanner, SerialPort, Tape, check_modulation, monotonic_ns, open_camera, scan_free_running,
 };
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
@@ -101,7 +100,7 @@ enum How {
     Nokhwa,
 }
 
-impl From<How> for Capture {
+impl From<How> for CameraDriver {
     fn from(how: How) -> Self {
         match how {
             How::Auto => Self::Auto,
@@ -132,7 +131,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         ));
     }
     let timeout = Duration::from_secs_f64(args.timeout);
-    Captured::check_folder(&args.out, args.force)?;
+    Capture::check_folder(&args.out, args.force)?;
     check_folder(&args.out, output_names(), args.force)?;
     let manifest = args.manifest.as_deref().map(Manifest::read).transpose();
     let manifest = manifest.map_err(|e| e.at("--manifest"))?;
@@ -171,7 +170,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let folder = OutputFolder::create(&args.out, args.force)?;
     captured.write(folder.draft())?;
-    let mut earlier = Captured::frames_in(&args.out)?;
+    let mut earlier = Capture::frames_in(&args.out)?;
     let replaces = !earlier.is_empty() || args.out.join(MANIFEST_FILE).exists();
     earlier.extend(output_names().iter().map(PathBuf::from));
     let decoded = (!args.no_decode)
@@ -194,7 +193,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let of_maps = decoding
         .as_ref()
         .and_then(|decoding| decoding.doubt.clone());
-    let doubt = captured.doubt().or(of_maps);
+    let doubt = phasmid_host::doubt(&captured.manifest, &captured.images).or(of_maps);
     if let Some(why) = &doubt {
         eprintln!("phasmid: {address}: {why}");
     }
@@ -231,13 +230,13 @@ fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape>
 /// # Errors
 /// Returns an error as [`Scanner::scan`] does. It names a device's clock that is stepped.
 pub(super) fn capture(
-    (camera, how): (&str, Capture),
+    (camera, how): (&str, CameraDriver),
     (control, dialect): (&str, Option<Dialect>),
     timeout: Duration,
     options: &ScanOptions,
     calibration: Option<(&Path, Rig)>,
     tape: Option<Tape>,
-) -> Result<Captured> {
+) -> Result<Capture> {
     let port = RecordedPort::new(SerialPort::open(control)?, tape.clone());
     let scanner = Scanner::with_dialect(port, dialect, timeout, || {
         let camera = open_camera(camera, how, timeout)?;
@@ -253,7 +252,7 @@ fn capture_usb(
     options: &ScanOptions,
     calibration: Option<(&Path, Rig)>,
     tape: Option<Tape>,
-) -> Result<Captured> {
+) -> Result<Capture> {
     let address = UsbAddress::parse(address, &format!("--device {address}"))?;
     let device = Arc::new(UsbDevice::open(&address, timeout)?);
     let port = RecordedPort::new(UsbPort::open(&device)?, tape.clone());
@@ -268,7 +267,7 @@ fn run_scanner<C: Camera, P: CommandPort>(
     mut scanner: Scanner<C, P>,
     options: &ScanOptions,
     calibration: Option<(&Path, Rig)>,
-) -> Result<Captured> {
+) -> Result<Capture> {
     if let Some((path, rig)) = calibration {
         scanner = scanner.with_calibration(path.display().to_string(), rig);
     }
@@ -284,12 +283,12 @@ fn run_scanner<C: Camera, P: CommandPort>(
 /// Captures from a free-running camera, without a control port.
 fn capture_free(
     args: &Args,
-    (camera, how): (&str, Capture),
+    (camera, how): (&str, CameraDriver),
     manifest: &Manifest,
     timeout: Duration,
     calibration: Option<(&Path, Rig)>,
     tape: Option<Tape>,
-) -> Result<Captured> {
+) -> Result<Capture> {
     if let Some(name) = &args.sequence {
         return Err(Error::input(
             format!("--sequence {name}"),
@@ -308,7 +307,7 @@ fn capture_free(
         show(&bar, progress);
     });
     bar.finish_and_clear();
-    Ok(Captured {
+    Ok(Capture {
         calibration: calibration.map(|given| given.1),
         ..captured?
     })
@@ -350,8 +349,8 @@ fn discard_maps(draft: &Path) {
 }
 
 /// Decodes the capture into a folder.
-fn decode_captured(captured: &Captured, args: &Args, out: &Path) -> Result<Decoding> {
-    captured.check_modulation()?;
+fn decode_captured(captured: &Capture, args: &Args, out: &Path) -> Result<Decoding> {
+    check_modulation(&captured.manifest, &captured.images)?;
     let options = Options {
         keep_mixed: args.keep_mixed,
         weighted: args.weighted,
@@ -378,7 +377,7 @@ fn decode_captured(captured: &Captured, args: &Args, out: &Path) -> Result<Decod
 }
 
 fn report(
-    captured: &Captured,
+    captured: &Capture,
     args: &Args,
     calibration: &str,
     capture_s: f64,
@@ -388,7 +387,7 @@ fn report(
     if args.json {
         let summary = serde_json::json!({
             "idn": captured.idn,
-            "frames": captured.frames.len(),
+            "frames": captured.images.len(),
             "first_id": captured.frames.first().map(|frame| frame.id),
             "calibration": calibration,
             "capture_s": capture_s,
@@ -409,7 +408,7 @@ fn report(
                 println!("time         captured in {capture_s:.2} s, decoded in {decode_s:.3} s");
             }
             None => {
-                println!("frames       {}", captured.frames.len());
+                println!("frames       {}", captured.images.len());
                 println!("time         captured in {capture_s:.2} s");
             }
         }

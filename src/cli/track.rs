@@ -8,6 +8,7 @@ use super::pods::{Address, PodArgs, Source, Taken};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
+use phasmid_host::doubt;
 use phasmid_planning::planning::Planning;
 use phasmid_sgrt::{
     Answers, Beam, Follower, Hold, HoldRules, Measured, ModelOptions, POINTS, Planned, Quantity,
@@ -162,7 +163,7 @@ fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Tak
                 }
             };
             if count == 0
-                && let Some(why) = taken.captured.doubt()
+                && let Some(why) = doubt(&taken.captured.manifest, &taken.captured.images)
             {
                 eprintln!("phasmid: {}: {why}", pod.name);
             }

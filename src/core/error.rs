@@ -6,6 +6,7 @@ use std::path::Path;
 
 /// An error whose message is written for the user at the terminal.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A mistake in the user's input: where it is (file and line or field, address, flag), what was
     /// found there and what was expected.
@@ -26,17 +27,17 @@ pub enum Error {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// An error message relayed from a Phasmid command that ran in a separate process.
-    #[error("{words}")]
-    Relayed {
-        /// Its message.
-        words: String,
-        /// Its exit status.
-        status: u8,
-    },
+    /// Several errors that were found together, a line each.
+    #[error("{}", lines(.0))]
+    Several(Vec<Error>),
     /// A device, link or peer failed or violated its protocol.
     #[error("{0}")]
     Device(String),
+}
+
+fn lines(errors: &[Error]) -> String {
+    let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
+    lines.join("\n")
 }
 
 /// Result with this crate's [`Error`] by default.
@@ -49,6 +50,14 @@ impl Error {
             place: place.to_string(),
             found: found.to_string(),
             expected: expected.to_string(),
+        }
+    }
+
+    /// Combines errors into one; a single error stays what it is.
+    pub fn several(mut errors: Vec<Self>) -> Self {
+        match errors.len() {
+            1 => errors.remove(0),
+            _ => Self::Several(errors),
         }
     }
 
@@ -86,20 +95,21 @@ impl Error {
                 place: format!("{outer}: {place}"),
                 source,
             },
-            Self::Relayed { words, status } => Self::Relayed {
-                words: format!("{outer}: {words}"),
-                status,
-            },
+            Self::Several(errors) => {
+                let outer = outer.to_string();
+                let errors = errors.into_iter().map(|error| error.at(outer.as_str()));
+                Self::Several(errors.collect())
+            }
             Self::Device(message) => Self::Device(format!("{outer}: {message}")),
         }
     }
 
     /// Returns the process's exit status: 2 for a user mistake (including a missing file), else 1.
-    /// A relayed error keeps its own status.
+    /// Of several errors the largest status counts.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input { .. } => 2,
-            Self::Relayed { status, .. } => *status,
+            Self::Several(errors) => errors.iter().map(Self::exit_code).max().unwrap_or(1),
             Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => 2,
             Self::Io { .. } | Self::Device(_) => 1,
         }

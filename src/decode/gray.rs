@@ -6,7 +6,7 @@
 //! wrap; Zhang et al. 2017 call the complete code complementary Gray code) joins a code in this way.
 //! It works for any number of codes whose cell widths are related by powers of two.
 
-use super::samples::Sample;
+use super::sample::Sample;
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::Axis;
 

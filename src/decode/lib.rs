@@ -4,7 +4,7 @@
 //!
 //! [`Plan`] reads a sequence manifest and states how its axes can be decoded, or what is missing.
 //! [`Decoder`] holds the tables and buffers for one plan, image size and rig, and turns a
-//! [`FrameStack`] into [`Decoded`] maps in passes over rows. Each pass is parallel and gives
+//! [`Image`](phasmid_pattern::Image)s into [`Decoded`] maps in passes over rows. Each pass is parallel and gives
 //! the same result on any number of threads:
 //!
 //! 1. least squares over the steps of every fringe set ([`FringeSet`]), Gray bits ([`GrayCode`]), the
@@ -18,6 +18,7 @@
 //! 4. triangulation, if there is a rig ([`crate::triangulate::Triangulator`]).
 
 mod borders;
+mod capture;
 mod cloud;
 mod decoder;
 pub mod deviation;
@@ -35,7 +36,7 @@ mod phase;
 mod plan;
 mod robust_scale;
 mod rows;
-mod samples;
+mod sample;
 mod sparse;
 mod steps;
 pub mod triangulate;
@@ -44,16 +45,16 @@ mod unresolved;
 mod unwrap;
 mod weighted;
 
+pub use capture::{CALIBRATION_FILE, Capture, FrameInfo, MANIFEST_FILE, write_png};
 pub use decoder::{Decoder, Options};
 pub use gray::{GrayBit, GrayCode};
 pub use held::Held;
-pub use load::{LoadedFrames, frame_size, load_frames};
+pub use load::{frame_size, load_frames};
 pub use maps::{AxisMap, Decoded, Verdict};
 pub use noise::estimate_noise;
 pub use npy::write_npy;
 pub use output::{Summary, output_names, write_outputs};
 pub use plan::{AxisPlan, Order, Plan};
 pub use robust_scale::MODEL_ERROR;
-pub use samples::{FrameStack, Samples};
 pub use sparse::SparseDecoder;
 pub use steps::FringeSet;

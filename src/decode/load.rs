@@ -1,11 +1,10 @@
 //! Loads frames from image files: PNG of 8 and 16 bits, BMP, TIFF. Colour is converted to luma.
 
 use super::plan::Plan;
-use super::samples::{FrameStack, Samples};
 use image::{DynamicImage, ImageReader, Limits};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::file;
-use phasmid_pattern::{MAX_SIDE_PX, Manifest};
+use phasmid_pattern::{Image, MAX_SIDE_PX, Manifest};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -20,47 +19,13 @@ const MAX_DECODING: u64 = 1 << 30;
 /// Bytes per pixel of the widest format, 16-bit RGBA.
 const WIDEST_PIXEL: u64 = 8;
 
-/// Frames of equal size in memory, in the manifest's order.
-#[derive(Debug)]
-pub struct LoadedFrames {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    frames: Pixels,
-}
-
-#[derive(Debug)]
-enum Pixels {
-    U8(Vec<Vec<u8>>),
-    U16(Vec<Vec<u16>>),
-}
-
-impl LoadedFrames {
-    /// Returns the frames for the decoder.
-    pub fn stack(&self) -> FrameStack<'_> {
-        let frames = match &self.frames {
-            Pixels::U8(f) => f.iter().map(|f| Samples::U8(f)).collect(),
-            Pixels::U16(f) => f.iter().map(|f| Samples::U16(f)).collect(),
-        };
-        FrameStack::new(self.width, self.height, frames).expect("sizes and types were checked")
-    }
-
-    /// Returns the number of bits per sample: 8 or 16.
-    pub fn bits(&self) -> u32 {
-        match self.frames {
-            Pixels::U8(_) => 8,
-            Pixels::U16(_) => 16,
-        }
-    }
-}
-
-/// Loads the images that `plan` needs from `folder`, in parallel.
+/// Loads the images that `plan` needs from `folder`, in parallel, all of one size and as many bits
+/// per sample. The others are empty.
 ///
 /// # Errors
 /// Returns an error that names the file if a frame has no file name, if an image is missing or
 /// unreadable, if images differ in size or sample type, or if they exceed the memory limit.
-pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<LoadedFrames> {
+pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<Vec<Image>> {
     let mut paths: Vec<Option<PathBuf>> = Vec::new();
     for (i, frame) in manifest.frame.iter().enumerate() {
         paths.push(match &frame.file {
@@ -108,43 +73,26 @@ pub fn load_frames(manifest: &Manifest, plan: &Plan, folder: &Path) -> Result<Lo
             format!("up to {} MiB", MAX_BYTES >> 20),
         ));
     }
-    let mut images: Vec<Option<Luma>> = Vec::with_capacity(paths.len());
+    let mut images: Vec<Image> = Vec::with_capacity(paths.len());
     for some in paths.chunks(at_once(w, h)) {
         let opened = some
             .par_iter()
-            .map(|path| path.as_deref().map(open).transpose());
+            .map(|path| path.as_deref().map_or_else(|| Ok(Image::default()), open));
         images.extend(opened.collect::<Result<Vec<_>>>()?);
     }
-    let depths = images.iter().flatten().map(Luma::is_deep);
-    let mut loaded = paths.iter().flatten().zip(depths);
-    let deep = loaded.next().is_some_and(|(_, deep)| deep);
-    if let Some((path, _)) = loaded.find(|(_, other)| *other != deep) {
-        let (found, others) = if deep { (8, 16) } else { (16, 8) };
+    let mut loaded = paths.iter().zip(&images);
+    let mut depths = loaded
+        .by_ref()
+        .filter_map(|(path, image)| Some((path.as_ref()?, image.bits())));
+    let common = depths.next().map(|(_, bits)| bits);
+    if let Some((path, bits)) = depths.find(|(_, bits)| Some(*bits) != common) {
         return Err(Error::input(
             path.display(),
-            format!("{found}-bit samples"),
-            format!("{others} bits, like the frames before it"),
+            format!("{bits}-bit samples"),
+            format!("{} bits, like the frames before it", common.unwrap_or(bits)),
         ));
     }
-    let images = images.into_iter();
-    let frames = if deep {
-        let wide = images.map(|image| match image {
-            Some(Luma::U16(samples)) => samples,
-            _ => Vec::new(),
-        });
-        Pixels::U16(wide.collect())
-    } else {
-        let narrow = images.map(|image| match image {
-            Some(Luma::U8(samples)) => samples,
-            _ => Vec::new(),
-        });
-        Pixels::U8(narrow.collect())
-    };
-    Ok(LoadedFrames {
-        width: w as usize,
-        height: h as usize,
-        frames,
-    })
+    Ok(images)
 }
 
 /// Returns the columns and rows of the first image that `plan` needs from `folder`; `None` if it
@@ -160,18 +108,6 @@ pub fn frame_size(manifest: &Manifest, plan: &Plan, folder: &Path) -> Option<[u3
 fn at_once(width: u32, height: u32) -> usize {
     let picture = u64::from(width) * u64::from(height) * WIDEST_PIXEL;
     (MAX_DECODING / picture.max(1)).max(1) as usize
-}
-
-/// An image's brightness, row by row.
-enum Luma {
-    U8(Vec<u8>),
-    U16(Vec<u16>),
-}
-
-impl Luma {
-    fn is_deep(&self) -> bool {
-        matches!(self, Self::U16(_))
-    }
 }
 
 fn reader(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>> {
@@ -210,7 +146,7 @@ fn size(path: &Path) -> Result<(u32, u32)> {
 }
 
 /// Reads an image and keeps only its brightness, to limit memory.
-fn open(path: &Path) -> Result<Luma> {
+fn open(path: &Path) -> Result<Image> {
     let (w, h) = size(path)?;
     let mut reader = reader(path)?;
     // Bounds what a file can hold besides its pixels, such as a colour profile.
@@ -226,9 +162,9 @@ fn open(path: &Path) -> Result<Luma> {
             "8- or 16-bit samples",
         )),
         image if color.bytes_per_pixel() > color.channel_count() => {
-            Ok(Luma::U16(image.into_luma16().into_raw()))
+            Image::new(w as usize, h as usize, image.into_luma16().into_raw())
         }
-        image => Ok(Luma::U8(image.into_luma8().into_raw())),
+        image => Image::new(w as usize, h as usize, image.into_luma8().into_raw()),
     }
 }
 
@@ -244,10 +180,8 @@ mod tests {
         let colour = Rgba([30000_u16, 30000, 30000, 65535]);
         ImageBuffer::from_pixel(5, 3, colour).save(&path).unwrap();
         // Two bytes per pixel are kept, as the limit for a sequence assumes, not the file's eight.
-        match open(&path).unwrap() {
-            Luma::U16(samples) => assert_eq!(samples, [30000; 15]),
-            Luma::U8(_) => panic!("16 bits became 8"),
-        }
+        let image = open(&path).unwrap();
+        assert_eq!(image, Image::new(5, 3, vec![30000_u16; 15]).unwrap());
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use super::Options;
 use super::robust_scale::{MODEL_ERROR, RobustScale};
-use super::samples::Sample;
+use super::sample::Sample;
 use super::steps::FringeSet;
 use super::turns::turns;
 use super::weighted;

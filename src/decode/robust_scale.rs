@@ -10,7 +10,7 @@
 //! most pixels if that is larger.
 
 use super::phase::{Check, OWN, RowNoise, SetKernel, TIED};
-use super::samples::Sample;
+use super::sample::Sample;
 use super::{Options, deviation};
 use nalgebra::{SMatrix, SVector};
 use phasmid_geometry::NoiseModel;

@@ -6,10 +6,10 @@
 //! are at integers). Neighbours are n pixels apart, so more pixels border on a step; footprints do
 //! not overlap, and the limit on a surface's slope within a footprint is unchanged.
 
-use super::{Decoded, Decoder, FrameStack, Options, Samples};
+use super::{Decoded, Decoder, Options};
 use phasmid_core::error::Result;
 use phasmid_geometry::{Lens, Rig, View};
-use phasmid_pattern::Manifest;
+use phasmid_pattern::{Image, Manifest};
 use rayon::prelude::*;
 
 /// Maximum distance in pixels between decoded pixels.
@@ -59,51 +59,17 @@ impl SparseDecoder {
         &self.decoder
     }
 
-    /// Decodes full frames into maps of the kept pixels, which are reused.
+    /// Decodes full images into maps of the kept pixels, which are reused.
     ///
     /// # Errors
     /// Returns the errors of [`Decoder::decode_into`].
-    pub fn decode_into(&self, stack: &FrameStack<'_>, out: &mut Decoded) -> Result<()> {
+    pub fn decode_into(&self, images: &[Image], out: &mut Decoded) -> Result<()> {
         if self.every == 1 {
-            return self.decoder.decode_into(stack, out);
+            return self.decoder.decode_into(images, out);
         }
-        let (width, every) = (stack.width(), self.every);
-        match stack.frames() {
-            [Samples::U8(_), ..] => {
-                let typed = stack.typed::<u8>().unwrap_or_default();
-                self.of(stack, &taken(&typed, width, every), Samples::U8, out)
-            }
-            _ => {
-                let typed = stack.typed::<u16>().unwrap_or_default();
-                self.of(stack, &taken(&typed, width, every), Samples::U16, out)
-            }
-        }
+        let thin = images.par_iter().map(|image| image.thinned(self.every));
+        self.decoder.decode_into(&thin.collect::<Vec<_>>(), out)
     }
-
-    fn of<'a, T>(
-        &self,
-        stack: &FrameStack<'_>,
-        frames: &'a [Vec<T>],
-        samples: fn(&'a [T]) -> Samples<'a>,
-        out: &mut Decoded,
-    ) -> Result<()> {
-        let [width, height] = [stack.width(), stack.height()].map(|n| n.div_ceil(self.every));
-        let samples = frames.iter().map(|frame| samples(frame)).collect();
-        self.decoder
-            .decode_into(&FrameStack::new(width, height, samples)?, out)
-    }
-}
-
-/// Returns every n-th pixel of every n-th row of each frame.
-fn taken<T: Copy + Send + Sync>(frames: &[&[T]], width: usize, every: usize) -> Vec<Vec<T>> {
-    let of = |frame: &&[T]| {
-        let mut some = Vec::with_capacity(frame.len() / (every * every) + width);
-        for row in frame.chunks_exact(width.max(1)).step_by(every) {
-            some.extend(row.chunks(every).map(|pixels| pixels[0]));
-        }
-        some
-    };
-    frames.par_iter().map(of).collect()
 }
 
 /// Returns the rig of a camera with every n-th pixel.

@@ -11,7 +11,7 @@ use super::maps::{AxisMap, Verdict};
 use super::order::{SURE, TWO_PLACES};
 use super::output::median;
 use super::rows::{AxisKernel, Job};
-use super::samples::Sample;
+use super::sample::Sample;
 use phasmid_pattern::Axis;
 
 /// Fraction of the pixels with uncertain order, among these and valid ones, above which the bits are

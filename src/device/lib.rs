@@ -5,6 +5,7 @@
 //! | module | contents |
 //! | --- | --- |
 //! | `bench` | a whole device in memory, stepped by function calls |
+//! | `builder` | assembles a device |
 //! | `clock` | device time that jumps instead of waiting |
 //! | [`faults`] | faults on messages, frames and the whole device |
 //! | [`firmware`] | commands, trigger system, sequences, status registers |
@@ -17,6 +18,7 @@
 //! | `sink` | receivers of frames |
 
 mod bench;
+mod builder;
 mod clock;
 pub mod faults;
 pub mod firmware;
@@ -35,6 +37,7 @@ mod roi;
 mod sink;
 
 pub use bench::Bench;
+pub use builder::{Device, DeviceBuilder};
 pub use clock::VirtualClock;
 pub use firmware::{CameraControls, Firmware, State, UserSequence};
 pub use line::SerialLine;

@@ -31,7 +31,12 @@ pub struct Machine {
 
 impl Machine {
     /// Assembles a device.
-    pub fn new(firmware: Firmware, port: Port, line: SerialLine, mut faults: Faults) -> Self {
+    pub(crate) fn new(
+        firmware: Firmware,
+        port: Port,
+        line: SerialLine,
+        mut faults: Faults,
+    ) -> Self {
         faults.listen_to(port.dialect());
         Self {
             firmware,

@@ -9,15 +9,12 @@
 //! | module | contents |
 //! | --- | --- |
 //! | `camera` | cameras by address: V4L2 devices, webcams, frame sockets, memory |
-//! | `captured` | the result of a scan and its files |
 //! | `clock` | the system's monotonic clock |
 //! | `consistency` | checks that frames follow their sequence |
 //! | `control` | a device's control port, in SCPI or in a dialect from a file |
-//! | `decoding` | decoding of a capture |
 //! | `instrument` | SCPI instrument behind a command port |
 //! | `local` | Unix domain sockets, where the system has them |
 //! | `deadline` | bounded waits and retries |
-//! | `images` | checks of images loaded from files |
 //! | `plug` | finds the nodes of a USB device again after it was unplugged |
 //! | `port` | command ports: serial ports and memory |
 //! | `record` | recording of the traffic between host and device |
@@ -26,13 +23,10 @@
 //! | [`usb`] | USB devices over USB/IP, without a kernel driver |
 
 mod camera;
-mod captured;
 mod clock;
 mod consistency;
 mod control;
 mod deadline;
-mod decoding;
-mod images;
 mod instrument;
 mod local;
 mod plug;
@@ -45,11 +39,11 @@ pub mod usb;
 
 #[cfg(target_os = "linux")]
 pub use camera::explain_device;
-pub use camera::{Camera, Capture, Intake, MemoryCamera, SocketCamera, open_camera};
-pub use captured::{CALIBRATION_FILE, Captured, MANIFEST_FILE, write_png};
+pub use camera::{Camera, CameraDriver, Intake, MemoryCamera, SocketCamera, open_camera};
 pub use clock::monotonic_ns;
-pub use consistency::{check as check_sequence, check_identified as check_identified_sequence};
-pub use images::{check_images, doubt_images, frame_of};
+pub use consistency::{
+    check as check_sequence, check_identified as check_identified_sequence, check_modulation, doubt,
+};
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};
 pub use record::{RecordedCamera, RecordedPort, Tape};

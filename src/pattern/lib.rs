@@ -1,8 +1,9 @@
-//! Projected patterns (fringes, Gray code, white, black, images) and the sequence manifest that
-//! lists them, shared by device and host. Depends only on `phasmid-core`.
+//! Projected patterns (fringes, Gray code, white, black, images), the sequence manifest that lists
+//! them, and the grey image, shared by device and host. Depends only on `phasmid-core`.
 //!
 //! | module | contents |
 //! | --- | --- |
+//! | [`image`] | a grey image of 8 or 16 bits |
 //! | [`manifest`] | the sequence manifest: patterns and frame files, checked |
 //!
 //! A projector shows constant pixels of its own bit depth: pixel i covers [i - 0.5, i + 0.5) along
@@ -10,8 +11,10 @@
 //! sampled at pixel index x, with A = B = half of full scale. Gray code is the reflected binary
 //! code of `floor(x / cell_px)`; bit 0 is the least significant.
 
+pub mod image;
 pub mod manifest;
 
+pub use image::{Image, Samples};
 pub use manifest::{MAX_SIDE_PX, Manifest, ManifestFrame, ProjectorSize};
 
 use serde::{Deserialize, Serialize};

@@ -1,5 +1,7 @@
 //! A frame: the pixels of one exposure and what identifies them.
 
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::{Image, Samples};
 use serde::{Deserialize, Serialize};
 
 /// Memory layout of a row of pixels, named as in V4L2.
@@ -173,6 +175,33 @@ impl Frame {
             },
             PixelFormat::Y10P | PixelFormat::Y12P => self.repacked(PixelFormat::Y16),
         }
+    }
+
+    /// Unpacks the pixels: 8-bit samples from GREY and from YUYV, whose chroma is dropped, and 16-bit
+    /// samples from the other formats.
+    ///
+    /// # Errors
+    /// Returns an error if the number of bytes does not match the size and format.
+    pub fn into_image(self) -> Result<Image> {
+        let (width, height) = (self.width as usize, self.height as usize);
+        let expected = self.format.frame_bytes(self.width, self.height);
+        if self.data.len() != expected {
+            return Err(Error::device(format!(
+                "frame {}: {} bytes, expected {expected} for {width} x {height} pixels of {}",
+                self.id,
+                self.data.len(),
+                self.format.name()
+            )));
+        }
+        let luma = self.into_luma();
+        let samples = match luma.format {
+            PixelFormat::Grey => Samples::U8(luma.data),
+            _ => {
+                let (pairs, _) = luma.data.as_chunks();
+                Samples::U16(pairs.iter().map(|pair| u16::from_le_bytes(*pair)).collect())
+            }
+        };
+        Image::new(width, height, samples)
     }
 
     /// Rewrites the values of all complete rows in another format.

@@ -3,9 +3,10 @@
 use super::measured::Measured;
 use super::practice::PIXELS;
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Decoded, Options, SparseDecoder};
+use phasmid_decode::{Capture, Decoded, Options, SparseDecoder};
 use phasmid_geometry::Pose;
-use phasmid_host::{Captured, check_identified_sequence, check_sequence};
+use phasmid_host::{check_identified_sequence, check_sequence};
+use phasmid_pattern::Image;
 
 /// Turns the successive scans of one pod into measured points.
 pub struct Sight {
@@ -42,7 +43,7 @@ impl Sight {
     /// Returns an error if the frames cannot be decoded or the device has no calibration.
     pub fn measure(
         &mut self,
-        captured: &Captured,
+        captured: &Capture,
         identified: bool,
         measured: &mut Measured,
         most: usize,
@@ -58,7 +59,7 @@ impl Sight {
             false => check_sequence,
         };
         let (checked, depths) = rayon::join(
-            || check(&captured.manifest, &captured.frames),
+            || check(&captured.manifest, &captured.images),
             || self.depths(captured),
         );
         depths?;
@@ -80,19 +81,17 @@ impl Sight {
         Ok(doubt.map(|why| format!("{}: {why}", self.name)))
     }
 
-    fn depths(&mut self, captured: &Captured) -> Result<()> {
-        captured.with_stack(|stack| {
-            let decoder = match &self.decoder {
-                Some(decoder) => decoder,
-                None => self.decoder.insert(SparseDecoder::new(
-                    &captured.manifest,
-                    [stack.width(), stack.height()],
-                    captured.calibration.as_ref(),
-                    Options::default(),
-                    PIXELS,
-                )?),
-            };
-            decoder.decode_into(stack, &mut self.decoded)
-        })
+    fn depths(&mut self, captured: &Capture) -> Result<()> {
+        let decoder = match &self.decoder {
+            Some(decoder) => decoder,
+            None => self.decoder.insert(SparseDecoder::new(
+                &captured.manifest,
+                Image::common_size(&captured.images)?,
+                captured.calibration.as_ref(),
+                Options::default(),
+                PIXELS,
+            )?),
+        };
+        decoder.decode_into(&captured.images, &mut self.decoded)
     }
 }

@@ -1,10 +1,10 @@
 //! Calibration boards before a device within the process: what a calibration keeps of each.
 
-use super::scanned::{Levels, Scanned, Stage};
+use super::scanned::Stage;
 use phasmid_calibrate::board::BoardImage;
 use phasmid_calibrate::rig::{PoseData, sight};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Decoder, FrameStack, Options};
+use phasmid_decode::{Capture, Options};
 use phasmid_geometry::{Board, Pose};
 use phasmid_profile::{Profile, Scene, Shape};
 use phasmid_render as render;
@@ -49,23 +49,19 @@ pub fn seen_in(
     name: &str,
     seed: u64,
 ) -> Result<Result<PoseData, String>> {
-    let scanned = Stage::new(profile, scene, seed, render::Options::default())?.scan(0);
-    let Scanned {
-        manifest,
-        rig,
-        size: (width, height),
-        frames,
-    } = &scanned;
-    let samples = frames.iter().map(Levels::samples).collect();
-    let stack = FrameStack::new(*width, *height, samples)?;
-    let noise = rig
-        .noise
-        .ok_or_else(|| Error::device("a rig without noise"))?;
+    let scanned = Stage::new(profile, scene, seed, render::Options::default())?.scan(0)?;
+    let noise = profile.nominal_rig().noise;
+    let noise = noise.ok_or_else(|| Error::device("a rig without noise"))?;
     let options = Options {
         noise: Some(noise),
         ..Options::default()
     };
-    let decoded = Decoder::new(manifest, *width, *height, None, options)?.decode(&stack)?;
-    let picture = BoardImage::from_frames(manifest, &stack, &noise)?;
+    // Without a rig: no points are triangulated here.
+    let uncalibrated = Capture {
+        calibration: None,
+        ..scanned
+    };
+    let (_, decoded) = uncalibrated.decode(options)?;
+    let picture = BoardImage::from_frames(&uncalibrated.manifest, &uncalibrated.images, &noise)?;
     Ok(sight(board, name, &picture, &decoded).map_err(|why| why.to_string()))
 }

@@ -6,6 +6,7 @@ mod all;
 pub mod boards;
 pub mod calibration;
 pub mod clinic;
+pub mod desk;
 mod draws;
 pub mod faults;
 

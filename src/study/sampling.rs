@@ -66,9 +66,9 @@ impl Sampling {
             ),
             "tilted plane",
         )?;
-        let scanned = Stage::new(&profile, &scene, 0, render::Options::default())?.scan(0);
-        let decoder = scanned.decoder(Options::default())?;
-        let summary = Summary::new(&decoder, &scanned.decode(&decoder)?);
+        let scanned = Stage::new(&profile, &scene, 0, render::Options::default())?.scan(0)?;
+        let (decoder, decoded) = scanned.decode(Options::default())?;
+        let summary = Summary::new(&decoder, &decoded);
         let axis = summary.axes.first();
         Ok(Some(Self {
             distance_mm,

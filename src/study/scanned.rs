@@ -3,14 +3,13 @@
 //! change no byte of it (see the tests of `serve`), they only take time.
 
 use super::score::{Score, score};
-use phasmid_core::error::Result;
-use phasmid_decode::{Decoded, Decoder, FrameStack, Options, Samples};
-use phasmid_device::Firmware;
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Capture, Decoded, Options};
+use phasmid_device::Device;
 use phasmid_geometry::Rig;
-use phasmid_host::{Captured, frame_of};
-use phasmid_pattern::{Manifest, Pattern};
+use phasmid_pattern::{Pattern, Samples};
 use phasmid_profile::{Profile, Scene};
-use phasmid_protocol::PixelFormat;
+use phasmid_protocol::Frame;
 use phasmid_render as render;
 use phasmid_render::{Renderer, shot::Shot, truth::Truth};
 
@@ -21,68 +20,23 @@ pub struct Stage {
     shots: Vec<(Pattern, Shot)>,
 }
 
-/// The frames of one sequence.
-pub struct Scanned {
-    /// What was projected.
-    pub manifest: Manifest,
-    /// The true rig.
-    pub rig: Rig,
-    /// Columns and rows of a frame.
-    pub size: (usize, usize),
-    /// One for each of the manifest's, row by row.
-    pub frames: Vec<Levels>,
-}
-
-/// The grey levels of a frame, in the low bits.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Levels {
-    /// Of up to 8 bits.
-    U8(Vec<u8>),
-    /// Of more.
-    U16(Vec<u16>),
-}
-
-impl Levels {
-    /// Of a frame's bytes: one a pixel, or two, the low one first.
-    pub fn of_bytes(bytes: Vec<u8>, single: bool) -> Self {
-        if single {
-            return Self::U8(bytes);
-        }
-        let (pairs, _) = bytes.as_chunks();
-        Self::U16(pairs.iter().map(|&two| u16::from_le_bytes(two)).collect())
-    }
-
-    /// As the decoder takes them.
-    pub fn samples(&self) -> Samples<'_> {
-        match self {
-            Self::U8(levels) => Samples::U8(levels),
-            Self::U16(levels) => Samples::U16(levels),
-        }
-    }
-}
-
 impl Stage {
     /// Puts the profile's device before a scene. `seed` keys the sensor's noise.
     ///
     /// # Errors
-    /// What [`Renderer::with_options`] and [`Firmware::new`] refuse.
+    /// Returns an error for what [`Device`] cannot be built from.
     pub fn new(
         profile: &Profile,
         scene: &Scene,
         seed: u64,
         options: render::Options,
     ) -> Result<Self> {
-        let shots = Firmware::new(profile, &[])?.selected_sequence();
-        let mut renderer = Renderer::with_options(profile, scene, seed, options)?;
-        renderer.expect_pattern_images(
-            shots
-                .iter()
-                .filter_map(|(_, shot)| shot.pattern_image.as_deref()),
-        );
+        let device = Device::builder(profile, scene);
+        let device = device.seed(seed).options(options).build()?;
         Ok(Self {
             profile: profile.clone(),
-            renderer,
-            shots,
+            shots: device.shots(),
+            renderer: device.renderer,
         })
     }
 
@@ -96,8 +50,11 @@ impl Stage {
         &self.shots
     }
 
-    /// Scans with the noise of the `turn`th scan of the device.
-    pub fn scan(&mut self, turn: u64) -> Scanned {
+    /// Scans with the noise of the `turn`th scan of the device; calibrated with the true rig.
+    ///
+    /// # Errors
+    /// None with frames of this device.
+    pub fn scan(&mut self, turn: u64) -> Result<Capture> {
         let count = self.shots.len() as u64;
         let frames = self.shots.iter().enumerate().map(|(i, (_, shot))| {
             let id = turn * count + i as u64;
@@ -106,17 +63,10 @@ impl Stage {
                 noise_id: id,
                 ..shot.clone()
             };
-            let frame = self.renderer.expose(&shot);
-            Levels::of_bytes(frame.data, frame.format == PixelFormat::Grey)
+            self.renderer.expose(&shot)
         });
         let frames = frames.collect();
-        let camera = &self.profile.camera;
-        Scanned {
-            manifest: self.profile.manifest(&self.profile.sequence[0]),
-            rig: self.profile.nominal_rig(),
-            size: (camera.width_px as usize, camera.height_px as usize),
-            frames,
-        }
+        capture(&self.profile, self.profile.nominal_rig(), frames)
     }
 
     /// The truth of the scans.
@@ -125,58 +75,42 @@ impl Stage {
     }
 }
 
-impl Scanned {
-    /// As a scanner captures it, calibrated with the true rig.
-    pub fn captured(&self) -> Captured {
-        let frames = self.frames.iter().enumerate();
-        Captured {
-            idn: String::new(),
-            manifest: self.manifest.clone(),
-            calibration: Some(self.rig),
-            frames: frames
-                .map(|(i, levels)| frame_of(&levels.samples(), self.size, i))
-                .collect(),
-        }
-    }
+/// Decodes a calibrated capture with default options and scores it.
+///
+/// # Errors
+/// A capture without calibration; what [`Capture::decode`] and [`score`] refuse.
+pub fn scored(capture: &Capture, truth: &Truth) -> Result<(Decoded, Score)> {
+    let rig = capture.calibration.as_ref();
+    let rig = rig.ok_or_else(|| Error::device("the capture has no calibration"))?;
+    let (_, decoded) = capture.decode(Options::default())?;
+    let score = score(&decoded, truth, &capture.manifest, rig)?;
+    Ok((decoded, score))
+}
 
-    /// The decoder of such scans, with the true rig.
-    ///
-    /// # Errors
-    /// A sequence that cannot be decoded.
-    pub fn decoder(&self, options: Options) -> Result<Decoder> {
-        let (width, height) = self.size;
-        Decoder::new(&self.manifest, width, height, Some(&self.rig), options)
-    }
+/// The grey levels of a rendered frame, row by row.
+///
+/// # Errors
+/// A frame whose number of bytes is wrong.
+pub fn levels(frame: Frame) -> Result<Vec<f64>> {
+    Ok(match frame.into_image()?.samples() {
+        Samples::U8(levels) => levels.iter().map(|&level| f64::from(level)).collect(),
+        Samples::U16(levels) => levels.iter().map(|&level| f64::from(level)).collect(),
+    })
+}
 
-    /// Decodes.
-    ///
-    /// # Errors
-    /// What [`Decoder::decode`] refuses.
-    pub fn decode(&self, decoder: &Decoder) -> Result<Decoded> {
-        let mut out = Decoded::default();
-        self.decode_into(decoder, &mut out)?;
-        Ok(out)
-    }
-
-    /// Decodes into maps that are there.
-    ///
-    /// # Errors
-    /// What [`Decoder::decode_into`] refuses.
-    pub fn decode_into(&self, decoder: &Decoder, out: &mut Decoded) -> Result<()> {
-        let (width, height) = self.size;
-        let samples = self.frames.iter().map(Levels::samples).collect();
-        decoder.decode_into(&FrameStack::new(width, height, samples)?, out)
-    }
-
-    /// Decodes with default options and scores.
-    ///
-    /// # Errors
-    /// What [`Self::decoder`], [`Self::decode`] and [`score`] refuse.
-    pub fn scored(&self, truth: &Truth) -> Result<(Decoded, Score)> {
-        let decoded = self.decode(&self.decoder(Options::default())?)?;
-        let score = score(&decoded, truth, &self.manifest, &self.rig)?;
-        Ok((decoded, score))
-    }
+/// The capture of a profile's first sequence from its rendered frames, calibrated by a rig.
+///
+/// # Errors
+/// Frames whose number of bytes is wrong.
+pub fn capture(profile: &Profile, rig: Rig, frames: Vec<Frame>) -> Result<Capture> {
+    let images = frames.into_iter().map(Frame::into_image);
+    Ok(Capture {
+        idn: String::new(),
+        manifest: profile.manifest(&profile.sequence[0]),
+        calibration: Some(rig),
+        images: images.collect::<Result<_>>()?,
+        frames: Vec::new(),
+    })
 }
 
 #[cfg(test)]
@@ -188,13 +122,13 @@ mod tests {
         let profile = Profile::load("webcam-grey").unwrap();
         let scene = Scene::load("sphere").unwrap();
         let mut stage = Stage::new(&profile, &scene, 1, render::Options::default()).unwrap();
-        let [first, second] = [0, 1].map(|turn| stage.scan(turn));
-        assert_ne!(first.frames, second.frames, "noise of its own");
+        let [first, second] = [0, 1].map(|turn| stage.scan(turn).unwrap());
+        assert_ne!(first.images, second.images, "noise of its own");
         // Four steps leave the image of the held pixels in the phase, which the bound does not
         // have.
         let truth = stage.truth();
         for scanned in [first, second] {
-            let (_, score) = scanned.scored(&truth).unwrap();
+            let (_, score) = scored(&scanned, &truth).unwrap();
             assert!(
                 score.coverage > 0.95 && score.ratio_to_bound < 1.4,
                 "{score:?}"

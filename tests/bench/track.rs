@@ -2,14 +2,15 @@
 //! same run: this ratio varies less between machines and over time than the time itself.
 
 use glam::{DVec3, Vec3};
+use phasmid::decode::Capture;
 use phasmid::emulator::render;
 use phasmid::geometry::shapes::{Torso, torso};
 use phasmid::geometry::{Mesh, Pose};
+use phasmid::host::check_identified_sequence;
 use phasmid::host::track::{
     FitOptions, Measured, ModelOptions, MotionModel, MotionState, MotionTracker, Reference, Region,
     RigidOptions, Sight, SixDof, Snapshots, Start, track_rigid,
 };
-use phasmid::host::{Captured, check_identified_sequence};
 use phasmid::measure::{OVERLAP_COLUMNS, overlap};
 use phasmid::profile::{Profile, Scene};
 use phasmid::study::scanned::Stage as Device;
@@ -71,7 +72,7 @@ fn main() {
         (
             "a pod's frames held against their sequence",
             Box::new(|| {
-                check_identified_sequence(&captured.manifest, &captured.frames).expect("sound");
+                check_identified_sequence(&captured.manifest, &captured.images).expect("sound");
             }),
         ),
         (
@@ -155,14 +156,14 @@ fn main() {
 }
 
 /// A scan by a pod under the ceiling.
-fn captured() -> Captured {
+fn captured() -> Capture {
     let profile = Profile::load("sgrt-pod").expect("built in");
     let mut scene = Scene::load("torso").expect("built in");
     for object in &mut scene.object {
         object.position_mm[2] += 1400.0;
     }
     let device = Device::new(&profile, &scene, 1, render::Options::default());
-    device.expect("a device").scan(0).captured()
+    device.expect("a device").scan(0).expect("a scan")
 }
 
 /// A supine patient in the room frame, with the isocentre in the chest.

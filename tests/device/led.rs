@@ -3,7 +3,7 @@
 
 use phasmid::emulator::led::{Model, Source};
 use phasmid::emulator::render::{Renderer, Term};
-use phasmid::emulator::{Bench, Firmware, MemorySink, PatternImage, Shot, Showing, Shutter};
+use phasmid::emulator::{Bench, Device, MemorySink, PatternImage, Shot, Showing, Shutter};
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Droop, Led, Profile, Scene};
 use phasmid::protocol::Frame;
@@ -159,11 +159,11 @@ fn frames_see_the_source_rise_and_fade() {
 
 /// Frames, up to some time, of a device that receives these command lines at these milliseconds.
 fn frames(profile: &Profile, lines: &[(u64, &str)], end_ms: u64) -> Vec<Frame> {
-    let mut bench = Bench::new(
-        Firmware::new(profile, &[]).unwrap(),
-        Renderer::new(profile, &Scene::parse(LIT, "lit").unwrap(), 1).unwrap(),
-        MemorySink::default(),
-    );
+    let mut bench = Device::builder(profile, &Scene::parse(LIT, "lit").unwrap())
+        .seed(1)
+        .build()
+        .unwrap()
+        .bench(MemorySink::default());
     bench.firmware().set_streaming(true, 0);
     // A camera that is not polled for more than a second skips frames.
     let wait = |bench: &mut Bench<MemorySink>, until_ms: u64| {
@@ -176,13 +176,14 @@ fn frames(profile: &Profile, lines: &[(u64, &str)], end_ms: u64) -> Vec<Frame> {
         wait(&mut bench, *at_ms);
         let now_ns = bench.now_ns();
         bench
-            .machine()
+            .device_mut()
+            .machine
             .receive(format!("{line}\n").as_bytes(), now_ns);
         bench.run_until(now_ns);
     }
     wait(&mut bench, end_ms);
     let now_ns = bench.now_ns();
-    assert_eq!(bench.machine().take_output(now_ns), b"");
+    assert_eq!(bench.device_mut().machine.take_output(now_ns), b"");
     bench.sink.frames.iter().map(|f| (**f).clone()).collect()
 }
 

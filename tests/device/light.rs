@@ -2,11 +2,11 @@
 //! resolve, compared with closed forms and the slow f64 reference path.
 
 use glam::{DVec2, DVec3};
-use phasmid::decode::{Decoder, FrameStack, Options, Samples};
+use phasmid::decode::{Decoder, Options};
 use phasmid::emulator::render::reference::Reference;
 use phasmid::emulator::render::{Renderer, Term};
 use phasmid::emulator::{PatternImage, Shot, Truth};
-use phasmid::pattern::{Axis, Manifest, Pattern};
+use phasmid::pattern::{Axis, Image, Manifest, Pattern};
 use phasmid::profile::{Focus, Profile, Response, Scene, Vignetting};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -367,11 +367,13 @@ fn fringes_finer_than_pixels_or_blur_are_unresolved_and_not_valid() {
             .collect();
         let truth = renderer.truth(&shots);
         let frames: Vec<_> = shots.iter().map(|(_, s)| renderer.expose(s).data).collect();
-        let samples = frames.iter().map(|f| Samples::U8(f)).collect();
-        let stack = FrameStack::new(1138, 489, samples).unwrap();
+        let images: Vec<_> = frames
+            .iter()
+            .map(|f| Image::new(1138, 489, f.clone()).unwrap())
+            .collect();
         let rig = profile.nominal_rig();
         let decoder = Decoder::new(manifest, 1138, 489, Some(&rig), Options::default()).unwrap();
-        let decoded = decoder.decode(&stack).unwrap();
+        let decoded = decoder.decode(&images).unwrap();
         let lit = |i: &usize| truth.flags[*i] & (Truth::LIT | Truth::CREASE) == Truth::LIT;
         let lit: Vec<_> = (0..truth.flags.len()).filter(lit).collect();
         assert!(lit.len() > 50_000, "{}", lit.len());

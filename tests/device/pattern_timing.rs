@@ -1,8 +1,9 @@
 //! A projector with pattern timing, through the whole device: allowed profiles, and what a scan
 //! sees.
 
-use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
-use phasmid::emulator::{Bench, Firmware, MemorySink, Renderer, Shot, Truth};
+use phasmid::decode::{Decoded, Decoder, Options, Verdict};
+use phasmid::emulator::{Device, Firmware, MemorySink, Renderer, Shot, Truth};
+use phasmid::pattern::Image;
 use phasmid::profile::{Profile, Scene};
 use std::sync::Arc;
 
@@ -140,21 +141,22 @@ fn evm() -> Profile {
 /// Scans the plane with the profile's first sequence.
 fn scan(profile: &Profile, commands: &str) -> Seen {
     let scene = Scene::load("plane").unwrap();
-    let renderer = || Renderer::new(profile, &scene, 1).unwrap();
-    let firmware = Firmware::new(profile, &[]).unwrap();
-    let mut bench = Bench::new(firmware, renderer(), MemorySink::default());
+    let device = Device::builder(profile, &scene).seed(1).build().unwrap();
+    let mut bench = device.bench(MemorySink::default());
     let line = format!("TRIG:SOUR BUS;:{commands};:INIT;*TRG;*OPC?;:TRIG:MISS?;:SYST:ERR?\n");
     assert_eq!(bench.control(line.as_bytes()), b"1;0;0,\"No error\"\n");
     let sequence = bench.firmware().selected_sequence();
     let manifest = profile.manifest(&profile.sequence[0]);
     let frames: Vec<_> = bench.sink.frames.iter().collect();
     let (w, h) = (frames[0].width as usize, frames[0].height as usize);
-    let samples = frames.iter().map(|f| Samples::U8(&f.data)).collect();
-    let stack = FrameStack::new(w, h, samples).unwrap();
+    let images: Vec<_> = frames
+        .iter()
+        .map(|f| Image::new(w, h, f.data.clone()).unwrap())
+        .collect();
     let decoder = Decoder::new(&manifest, w, h, None, Options::default()).unwrap();
     Seen {
-        decoded: decoder.decode(&stack).unwrap(),
-        truth: renderer().truth(&sequence),
+        decoded: decoder.decode(&images).unwrap(),
+        truth: bench.into_device().renderer.truth(&sequence),
     }
 }
 

@@ -8,7 +8,7 @@ use phasmid::emulator::render::{Renderer, Term};
 use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{Focus, Glare, Profile, Scene, Vignetting, profile_text};
-use phasmid::study::scanned::Stage;
+use phasmid::study::scanned::{Stage, scored};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -93,8 +93,8 @@ fn decoded_depth_is_as_accurate_as_with_square_pixels() {
     let [square, other] = [(1.0, 1.0), (1.05, 0.97)].map(|(camera, projector)| {
         let profile = bench(camera, projector);
         let mut stage = Stage::new(&profile, &scene, 3, Options::default()).unwrap();
-        let scanned = stage.scan(0);
-        let (_, score) = scanned.scored(&stage.truth()).unwrap();
+        let scanned = stage.scan(0).unwrap();
+        let (_, score) = scored(&scanned, &stage.truth()).unwrap();
         println!("{camera} {projector}: {score:?}");
         assert!(score.coverage > 0.99 && score.gross_error_rate == 0.0);
         assert!(score.ratio_to_bound < 1.15);

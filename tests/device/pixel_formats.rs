@@ -1,7 +1,7 @@
 //! Pixel formats of more than 8 bits: which a profile accepts, what the control port offers, and
 //! what the camera sends of a region.
 
-use phasmid::emulator::{Bench, Firmware, MemorySink, Readout, Renderer, Roi};
+use phasmid::emulator::{Device, MemorySink, Readout, Roi};
 use phasmid::profile::{Profile, Scene};
 use phasmid::protocol::{Frame, PixelFormat, data_line};
 
@@ -43,11 +43,11 @@ fn profile_takes_only_formats_that_hold_the_sensors_bits() {
 #[test]
 fn control_port_switches_between_the_formats_of_the_sensor() {
     let profile = Profile::parse(&text("Y12P", 12), "test.toml").unwrap();
-    let mut bench = Bench::new(
-        Firmware::new(&profile, &[]).unwrap(),
-        Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
-        MemorySink::default(),
-    );
+    let mut bench = Device::builder(&profile, &Scene::load("plane").unwrap())
+        .seed(1)
+        .build()
+        .unwrap()
+        .bench(MemorySink::default());
     let mut ask = |line: &str| {
         let reply = bench.control(format!("{line}\n").as_bytes());
         String::from_utf8(reply).unwrap().trim_end().to_owned()

@@ -1,11 +1,11 @@
 //! Faults on the control port: whatever happens to one message or its reply, a scan returns the
 //! same frames, manifest and calibration as without faults, or reports what is wrong.
 
-use phasmid::emulator::faults::Faults;
-use phasmid::emulator::port::Port as DevicePort;
-use phasmid::emulator::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine};
+use phasmid::decode::Capture;
+use phasmid::emulator::{Bench, Device, FrameSink};
 use phasmid::error::Error;
-use phasmid::host::{Camera, Captured, CommandPort, MemoryCamera, Progress, ScanOptions, Scanner};
+use phasmid::host::{Camera, CommandPort, MemoryCamera, Progress, ScanOptions, Scanner};
+use phasmid::pattern::Image;
 use phasmid::profile::{Profile, Scene};
 use phasmid::protocol::Frame;
 use phasmid::protocol::dialect::Dialect;
@@ -78,17 +78,10 @@ fn rename(bytes: &mut [u8]) {
 
 fn bench(dialect: &Dialect, camera: &MemoryCamera) -> Bench<Sink> {
     let profile = profile();
-    let machine = Machine::new(
-        Firmware::new(&profile, &[]).unwrap(),
-        DevicePort::new(Arc::new(dialect.clone())).unwrap(),
-        SerialLine::default(),
-        Faults::default(),
-    );
-    Bench::of(
-        machine,
-        Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
-        Sink(camera.clone()),
-    )
+    let scene = Scene::load("plane").unwrap();
+    let device = Device::builder(&profile, &scene).seed(1);
+    let device = device.dialect(dialect.clone()).build().unwrap();
+    device.bench(Sink(camera.clone()))
 }
 
 /// A port on which one message meets a fault.
@@ -184,18 +177,18 @@ impl CommandPort for Port {
 
     fn reopen(&mut self, _timeout: Duration) -> Result<(), Error> {
         self.gone = false;
-        self.bench.machine().hang_up();
+        self.bench.device_mut().machine.hang_up();
         self.replies.clear();
         Ok(())
     }
 }
 
-fn scan(fault: Fault, nth: u32) -> (Result<Captured, Error>, Vec<String>) {
+fn scan(fault: Fault, nth: u32) -> (Result<Capture, Error>, Vec<String>) {
     scan_in(&Dialect::load("scpi").unwrap(), fault, nth)
 }
 
 /// [`scan`] in a dialect.
-fn scan_in(dialect: &Dialect, fault: Fault, nth: u32) -> (Result<Captured, Error>, Vec<String>) {
+fn scan_in(dialect: &Dialect, fault: Fault, nth: u32) -> (Result<Capture, Error>, Vec<String>) {
     scan_of(dialect, Some(OTHER), fault, nth)
 }
 
@@ -205,7 +198,7 @@ fn scan_of(
     sequence: Option<&str>,
     fault: Fault,
     nth: u32,
-) -> (Result<Captured, Error>, Vec<String>) {
+) -> (Result<Capture, Error>, Vec<String>) {
     let camera = MemoryCamera::default();
     let port = Port {
         dialect: dialect.clone(),
@@ -237,19 +230,21 @@ fn scan_of(
 }
 
 /// Whether two captures show the same, apart from noise, which differs from run to run.
-fn same(one: &Captured, other: &Captured) -> bool {
-    let alike = |(a, b): (&Frame, &Frame)| {
-        let differences = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b));
+fn same(one: &Capture, other: &Capture) -> bool {
+    let alike = |(a, b): (&Image, &Image)| {
+        let [a, b] = [a, b].map(|image| image.as_u8().unwrap());
+        let differences = a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
         let sum: u32 = differences.map(u32::from).sum();
-        a.pattern_index == b.pattern_index
-            && a.data.len() == b.data.len()
-            && sum < 2 * a.data.len() as u32
+        a.len() == b.len() && sum < 2 * a.len() as u32
     };
+    let shown =
+        |capture: &Capture| -> Vec<_> { capture.frames.iter().map(|f| f.pattern_index).collect() };
     one.idn == other.idn
         && one.manifest == other.manifest
         && one.calibration == other.calibration
-        && one.frames.len() == other.frames.len()
-        && one.frames.iter().zip(&other.frames).all(alike)
+        && shown(one) == shown(other)
+        && one.images.len() == other.images.len()
+        && one.images.iter().zip(&other.images).all(alike)
 }
 
 /// Scans with a fault at each message in turn; all scans must give the same result as without.

@@ -2,11 +2,11 @@
 //! bands, and whole scans through the firmware.
 
 use crate::photometry::{dn_per_irradiance, scene};
-use phasmid::decode::{Decoded, Decoder, FrameStack, Held, Options, Samples, Verdict};
+use phasmid::decode::{Decoded, Decoder, Held, Options, Verdict};
 use phasmid::emulator::render::{Renderer, Term};
-use phasmid::emulator::{Bench, Firmware, MemorySink, PatternImage, Shot, Showing, Shutter};
+use phasmid::emulator::{Device, MemorySink, PatternImage, Shot, Showing, Shutter};
 use phasmid::host::check_sequence;
-use phasmid::pattern::{Axis, Pattern};
+use phasmid::pattern::{Axis, Image, Pattern};
 use phasmid::profile::{Profile, Scene};
 use phasmid::protocol::Frame;
 use std::f64::consts::TAU;
@@ -222,11 +222,11 @@ fn without_a_cause_rows_are_those_of_a_global_shutter() {
 /// Frames of the first sequence through the firmware, with a period in microseconds.
 fn scan(profile: &Profile, period_us: u32) -> Vec<Frame> {
     let scene = Scene::load("plane").unwrap();
-    let mut bench = Bench::new(
-        Firmware::new(profile, &[]).unwrap(),
-        Renderer::new(profile, &scene, 1).unwrap(),
-        MemorySink::default(),
-    );
+    let mut bench = Device::builder(profile, &scene)
+        .seed(1)
+        .build()
+        .unwrap()
+        .bench(MemorySink::default());
     let lines = format!("SEQ:PER {period_us}us\nTRIG:SOUR BUS\nINIT\n*TRG\nSYST:ERR?\n");
     let reply = bench.control(lines.as_bytes());
     assert_eq!(String::from_utf8_lossy(&reply), "0,\"No error\"\n");
@@ -243,10 +243,11 @@ fn decode(profile: &Profile, frames: &[Frame]) -> Decoded {
         ..Options::default()
     };
     let decoder = Decoder::new(&manifest, w, h, Some(&rig), options).unwrap();
-    let samples = frames.iter().map(|f| Samples::U8(&f.data)).collect();
-    decoder
-        .decode(&FrameStack::new(w, h, samples).unwrap())
-        .unwrap()
+    let images: Vec<_> = frames
+        .iter()
+        .map(|f| Image::new(w, h, f.data.clone()).unwrap())
+        .collect();
+    decoder.decode(&images).unwrap()
 }
 
 /// For some rows: number of pixels valid in one decoding, number of those also valid in the other,
@@ -279,7 +280,12 @@ fn a_period_too_short_for_the_rows_is_seen_in_the_frames() {
     // The readout takes 9.6 ms, the exposure 12 ms.
     profile.camera.line_time_us = 20.0;
     let manifest = profile.manifest(&profile.sequence[0]);
-    let check = |frames: &[Frame]| check_sequence(&manifest, frames);
+    let check = |frames: &[Frame]| {
+        let images = frames
+            .iter()
+            .map(|frame| frame.clone().into_image().unwrap());
+        check_sequence(&manifest, &images.collect::<Vec<_>>())
+    };
     let clean = scan(&profile, 21_580);
     let plain = scan(&global, 21_580);
     assert_eq!(clean.len(), manifest.frame.len());

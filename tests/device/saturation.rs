@@ -1,8 +1,8 @@
 //! Saturation: the truth marks saturated pixels, and the host's mask agrees.
 
-use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
-use phasmid::emulator::{Bench, Firmware, MemorySink, Renderer, Shot, Truth};
-use phasmid::pattern::{Pattern, finest_fringe};
+use phasmid::decode::{Decoded, Decoder, Options, Verdict};
+use phasmid::emulator::{Device, MemorySink, Renderer, Shot, Truth};
+use phasmid::pattern::{Image, Pattern, finest_fringe};
 use phasmid::profile::{Profile, Scene};
 
 /// A wide range of light: a steep ball, far too bright at its centre, in front of a dark plane.
@@ -24,12 +24,8 @@ struct Seen {
 
 fn see(profile: &Profile, commands: &str) -> Seen {
     let scene = Scene::load("sphere").unwrap();
-    let renderer = || Renderer::new(profile, &scene, 1).unwrap();
-    let mut bench = Bench::new(
-        Firmware::new(profile, &[]).unwrap(),
-        renderer(),
-        MemorySink::default(),
-    );
+    let device = Device::builder(profile, &scene).seed(1).build().unwrap();
+    let mut bench = device.bench(MemorySink::default());
     let line = format!("TRIG:SOUR BUS;:{commands};:INIT;*TRG\nSYST:ERR?\n");
     assert_eq!(bench.control(line.as_bytes()), b"0,\"No error\"\n");
     let sequence = bench.firmware().selected_sequence();
@@ -41,13 +37,15 @@ fn see(profile: &Profile, commands: &str) -> Seen {
     let manifest = profile.manifest(&profile.sequence[0]);
     let frames = &bench.sink.frames;
     let (w, h) = (frames[0].width as usize, frames[0].height as usize);
-    let samples = frames.iter().map(|f| Samples::U8(&f.data)).collect();
-    let stack = FrameStack::new(w, h, samples).unwrap();
+    let images: Vec<_> = frames
+        .iter()
+        .map(|f| Image::new(w, h, f.data.clone()).unwrap())
+        .collect();
     let decoder = Decoder::new(&manifest, w, h, Some(&rig), Options::default()).unwrap();
-    let mut renderer = renderer();
+    let mut renderer = bench.into_device().renderer;
     Seen {
         truth: renderer.truth(&sequence),
-        decoded: decoder.decode(&stack).unwrap(),
+        decoded: decoder.decode(&images).unwrap(),
         sequence,
         renderer,
     }

@@ -1,8 +1,9 @@
-//! The demo as a user runs it: a device in a separate process, scanned through pty and socket.
+//! The demo as a user runs it: a device scanned through its pty and frame socket.
 
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
+use std::time::{Duration, Instant};
 use tempfile::tempdir;
 
 fn demo(folder: &Path, arguments: &[&str]) -> Output {
@@ -165,40 +166,45 @@ fn missing_mesh_is_a_usage_error_of_one_line() {
 }
 
 #[test]
-fn a_killed_demo_leaves_no_device_behind() {
+fn the_next_demo_removes_what_a_killed_one_has_left() {
     let folder = tempdir().unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_phasmid"))
-        .args(["demo", "--out"])
-        .arg(folder.path().join("out"))
-        .stdout(std::process::Stdio::null())
-        .stderr(std::process::Stdio::null())
-        .env("TMPDIR", folder.path())
-        .spawn()
-        .unwrap();
+    let start = |arguments: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_phasmid"))
+            .arg("demo")
+            .args(arguments)
+            .arg("--out")
+            .arg(folder.path().join("out"))
+            .stdout(std::process::Stdio::null())
+            .stderr(std::process::Stdio::null())
+            .env("TMPDIR", folder.path())
+            .spawn()
+            .unwrap()
+    };
     let run_dir = || {
         let entries = std::fs::read_dir(folder.path()).unwrap();
         let mut paths = entries.map(|entry| entry.unwrap().path());
-        paths.find(|path| path.to_string_lossy().contains("/phasmid-demo-"))
+        paths.find(|path| path.to_string_lossy().contains("/phasmid-"))
     };
-    let wait = |what: &dyn Fn() -> bool| {
-        for _ in 0..12_000 {
-            if what() {
-                return true;
-            }
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        false
-    };
-    assert!(
-        wait(&|| run_dir().is_some_and(|dir| dir.join("device.json").exists())),
-        "the device starts"
-    );
+    // Renders for long enough to be killed.
+    let mut child = start(&["--samples", "64"]);
+    let begin = Instant::now();
+    while !run_dir().is_some_and(|dir| dir.join("device.json").exists()) {
+        assert!(
+            begin.elapsed() < Duration::from_secs(120),
+            "the device starts"
+        );
+        assert_eq!(
+            child.try_wait().unwrap(),
+            None,
+            "it ended before it was killed"
+        );
+    }
     child.kill().unwrap();
     child.wait().unwrap();
-    assert!(
-        wait(&|| run_dir().is_none()),
-        "the device goes and takes its folder along"
-    );
+    assert!(run_dir().is_some());
+    let quick = ["--profile", "webcam-grey", "--scene", "plane"];
+    assert!(start(&quick).wait().unwrap().success());
+    assert_eq!(run_dir(), None);
 }
 
 #[test]

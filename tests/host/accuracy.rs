@@ -2,10 +2,10 @@
 //! tolerances that the demo must meet.
 
 use phasmid::calibrate::height::Mapping;
-use phasmid::decode::{Decoded, Decoder, FrameStack, Held, Options, Samples};
+use phasmid::decode::{Decoded, Decoder, Held, Options};
 use phasmid::emulator::render::Renderer;
 use phasmid::emulator::{PatternImage, Shot, Truth};
-use phasmid::pattern::{Axis, Pattern};
+use phasmid::pattern::{Axis, Image, Pattern};
 use phasmid::profile::{Profile, Scene};
 use phasmid::study::score::{Score, score};
 use std::f64::consts::TAU;
@@ -60,9 +60,11 @@ fn full_scan(profile: &str, scene: &str, seed: u64, noise: bool) -> Scan {
             ..Options::default()
         };
         let decoder = Decoder::new(&manifest, w, h, Some(&rig), options).unwrap();
-        let samples = frames.iter().map(|f| Samples::U8(f)).collect();
-        let stack = FrameStack::new(w, h, samples).unwrap();
-        decoder.decode(&stack).unwrap()
+        let images: Vec<_> = frames
+            .iter()
+            .map(|f| Image::new(w, h, f.clone()).unwrap())
+            .collect();
+        decoder.decode(&images).unwrap()
     };
     let [decoded, uncorrected] = [Held::Correct, Held::State].map(decode);
     let score = score(&decoded, &truth, &manifest, &rig).unwrap();

@@ -1,13 +1,14 @@
 //! Cameras whose frames carry only a counter: a lost, swapped or repeated frame is detected from
 //! the images alone, and an intact capture is never reported as doubtful.
 
+use phasmid::decode::Capture;
 use phasmid::decode::Options;
-use phasmid::emulator::{Bench, Firmware, FrameSink, Renderer};
+use phasmid::emulator::{Device, FrameSink};
 use phasmid::error::Error;
 use phasmid::host::{
-    Camera, Captured, MemoryCamera, MemoryPort, ScanOptions, Scanner, check_sequence,
+    Camera, MemoryCamera, MemoryPort, ScanOptions, Scanner, check_modulation, check_sequence, doubt,
 };
-use phasmid::pattern::{Axis, Manifest, Pattern};
+use phasmid::pattern::{Axis, Image, Manifest, Pattern};
 use phasmid::profile::{Profile, Response, Scene};
 use phasmid::protocol::Frame;
 use std::sync::Arc;
@@ -74,12 +75,7 @@ impl Camera for Counting {
     }
 }
 
-fn scan(
-    profile: &Profile,
-    scene: &str,
-    change: Change,
-    bad_runs: usize,
-) -> Result<Captured, Error> {
+fn scan(profile: &Profile, scene: &str, change: Change, bad_runs: usize) -> Result<Capture, Error> {
     scan_before(profile, &Scene::load(scene).unwrap(), change, bad_runs)
 }
 
@@ -88,20 +84,20 @@ fn scan_before(
     scene: &Scene,
     change: Change,
     bad_runs: usize,
-) -> Result<Captured, Error> {
+) -> Result<Capture, Error> {
     let camera = MemoryCamera::default();
-    let mut bench = Bench::new(
-        Firmware::new(profile, &[]).unwrap(),
-        Renderer::new(profile, scene, 7).unwrap(),
-        Way {
+    let mut bench = Device::builder(profile, scene)
+        .seed(7)
+        .build()
+        .unwrap()
+        .bench(Way {
             camera: camera.clone(),
             held: Vec::new(),
             frames_a_run: profile.sequence[0].frame.len(),
             change,
             bad_runs,
             sent: 0,
-        },
-    );
+        });
     let port = MemoryPort::new(move |bytes: &[u8]| bench.control(bytes));
     let mut scanner = Scanner::new(port, SHORT, || Ok(Counting(camera)))?;
     let options = ScanOptions {
@@ -126,7 +122,7 @@ fn bench_scenes() -> impl Iterator<Item = &'static str> {
 }
 
 /// All captures under test: both built-in sequences, all scenes, and a dim projector.
-fn captures(name: &str) -> impl Iterator<Item = (String, Captured)> {
+fn captures(name: &str) -> impl Iterator<Item = (String, Capture)> {
     bench_scenes()
         .map(|scene| (scene, 1.0))
         .chain([("plane", 0.15), ("torso", 0.15)])
@@ -140,7 +136,7 @@ fn captures(name: &str) -> impl Iterator<Item = (String, Captured)> {
 
 /// Every single fault of a run with the right number of frames: a frame lost (and another one at
 /// the end), a frame repeated (and the last one dropped), neighbours swapped.
-fn faults(frames: &[Frame]) -> Vec<(String, Vec<Frame>)> {
+fn faults(frames: &[Image]) -> Vec<(String, Vec<Image>)> {
     let n = frames.len();
     let mut all = Vec::new();
     for k in 0..n {
@@ -169,8 +165,11 @@ fn faults(frames: &[Frame]) -> Vec<(String, Vec<Frame>)> {
 
 fn every_fault_is_found(name: &str) {
     for (what, captured) in captures(name) {
-        assert!(captured.check_modulation().is_ok(), "{what}");
-        let missed: Vec<String> = faults(&captured.frames)
+        assert!(
+            check_modulation(&captured.manifest, &captured.images).is_ok(),
+            "{what}"
+        );
+        let missed: Vec<String> = faults(&captured.images)
             .into_iter()
             .filter(|(_, frames)| check_sequence(&captured.manifest, frames).is_ok())
             .map(|(fault, _)| fault)
@@ -225,7 +224,7 @@ fn sound_captures_in_any_light_and_by_any_response_are_not_doubted() {
                     Ok(captured) => {
                         seen += 1;
                         if gamma == 1.0 {
-                            assert_eq!(captured.doubt(), None, "{what}");
+                            assert_eq!(doubt(&captured.manifest, &captured.images), None, "{what}");
                         }
                     }
                     // Saturation is reported as such, not as damage.
@@ -306,7 +305,7 @@ fn finds_faults_of_other_sequences_and_accepts_sound_captures() {
             if !["plane", "torso"].contains(&scene) || name == unresolved {
                 continue;
             }
-            let missed: Vec<String> = faults(&captured.frames)
+            let missed: Vec<String> = faults(&captured.images)
                 .into_iter()
                 .filter(|(_, frames)| check_sequence(&captured.manifest, frames).is_ok())
                 .map(|(fault, _)| fault)
@@ -328,21 +327,21 @@ fn frames_without_range_are_called_saturated() {
 #[test]
 fn thin_and_small_objects_show_the_sequence() {
     let captured = scan(&profile("webcam-grey", 1.0), "plane", |frames| frames, 0).unwrap();
-    let width = captured.frames[0].width as usize;
-    let black = captured.frames.last().unwrap().data.clone();
+    let width = captured.images[0].width();
+    let black = captured.images.last().unwrap().as_u8().unwrap().to_vec();
     let rods = |x: usize, _: usize| x % 10 < 7;
     let small = |x: usize, y: usize| (300..324).contains(&x) && (200..212).contains(&y);
     for object in [&rods as &dyn Fn(usize, usize) -> bool, &small] {
         let mut seen = captured.clone();
-        for frame in &mut seen.frames {
-            for (i, pixel) in frame.data.iter_mut().enumerate() {
+        for frame in &mut seen.images {
+            for (i, pixel) in frame.as_u8_mut().unwrap().iter_mut().enumerate() {
                 if !object(i % width, i / width) {
                     *pixel = black[i];
                 }
             }
         }
-        seen.check_modulation().unwrap();
-        assert_eq!(check_sequence(&seen.manifest, &seen.frames), Ok(()));
+        check_modulation(&seen.manifest, &seen.images).unwrap();
+        assert_eq!(check_sequence(&seen.manifest, &seen.images), Ok(()));
     }
 }
 
@@ -372,7 +371,7 @@ fn a_fault_is_named_and_the_run_repeated_once() {
             "all 13 patterns had arrived",
         ),
     ] {
-        assert_eq!(scan(&quick, "plane", change, 1).unwrap().frames.len(), 13);
+        assert_eq!(scan(&quick, "plane", change, 1).unwrap().images.len(), 13);
         let error = scan(&quick, "plane", change, 2).unwrap_err();
         assert_eq!(error.exit_code(), 1);
         let message = error.to_string();
@@ -384,11 +383,13 @@ fn a_fault_is_named_and_the_run_repeated_once() {
 #[test]
 fn camera_that_does_not_see_the_projector_is_reported() {
     let mut captured = scan(&profile("webcam-grey", 1.0), "plane", |frames| frames, 0).unwrap();
-    let lit = captured.frames[11].clone();
+    let lit = captured.images[11].clone();
     // A static image with noise, and a counter that changes in one corner.
-    for (k, frame) in captured.frames.iter_mut().enumerate() {
+    for (k, frame) in captured.images.iter_mut().enumerate() {
         let mut state = k as u64 + 1;
-        for (pixel, seen) in frame.data.iter_mut().zip(&lit.data) {
+        let width = frame.width();
+        let levels = frame.as_u8_mut().unwrap();
+        for (pixel, seen) in levels.iter_mut().zip(lit.as_u8().unwrap()) {
             state = state
                 .wrapping_mul(6364136223846793005)
                 .wrapping_add(1442695040888963407);
@@ -397,20 +398,20 @@ fn camera_that_does_not_see_the_projector_is_reported() {
         for row in 0..16 {
             for column in 0..60 {
                 let on = (column / 2 + row / 2 + k * (1 + column / 8)) % 3 == 0;
-                frame.data[row * frame.width as usize + column] = if on { 250 } else { 5 };
+                levels[row * width + column] = if on { 250 } else { 5 };
             }
         }
     }
-    assert_eq!(check_sequence(&captured.manifest, &captured.frames), Ok(()));
-    let error = captured.check_modulation().unwrap_err();
+    assert_eq!(check_sequence(&captured.manifest, &captured.images), Ok(()));
+    let error = check_modulation(&captured.manifest, &captured.images).unwrap_err();
     assert_eq!(error.exit_code(), 1);
     assert!(error.to_string().contains("no modulation"), "{error}");
 }
 
 /// The frames of a capture, one of which is changed.
-fn changed(captured: &Captured, k: usize, change: impl Fn(&mut Vec<u8>)) -> Vec<Frame> {
-    let mut frames = captured.frames.clone();
-    change(&mut frames[k].data);
+fn changed(captured: &Capture, k: usize, change: impl Fn(&mut [u8])) -> Vec<Image> {
+    let mut frames = captured.images.clone();
+    change(frames[k].as_u8_mut().unwrap());
     frames
 }
 
@@ -425,8 +426,8 @@ fn missing_rows_and_flipped_bits_of_fringes_are_found() {
     ] {
         let captured = scan(&profile(name, 1.0), scene, |frames| frames, 0).unwrap();
         let (width, pixels) = {
-            let frame = &captured.frames[0];
-            (frame.width as usize, frame.data.len())
+            let frame = &captured.images[0];
+            (frame.width(), frame.samples().len())
         };
         for k in 0..4 {
             for rows in [1, 2, 8] {
@@ -456,8 +457,8 @@ fn missing_rows_and_flipped_bits_of_fringes_are_found() {
 }
 
 /// Depths of a capture, decoded with default checks; `None` if a check rejects it.
-fn depths(captured: &Captured) -> Option<Vec<f32>> {
-    captured.check_modulation().ok()?;
+fn depths(captured: &Capture) -> Option<Vec<f32>> {
+    check_modulation(&captured.manifest, &captured.images).ok()?;
     let decoded = captured.decode(Options::default());
     Some(decoded.ok()?.1.depth)
 }
@@ -469,10 +470,10 @@ fn missing_rows_of_a_frame_are_found_or_harmless() {
     for (name, scene) in [("webcam-grey", "sphere"), ("dlp-evm", "torso")] {
         let captured = scan(&profile(name, 1.0), scene, |frames| frames, 0).unwrap();
         let sound = depths(&captured).unwrap();
-        let width = captured.frames[0].width as usize;
-        let height = captured.frames[0].height as usize;
+        let width = captured.images[0].width();
+        let height = captured.images[0].height();
         let mut told = 0;
-        for k in 0..captured.frames.len() {
+        for k in 0..captured.images.len() {
             for (rows, row) in [
                 (1, height / 8),
                 (1, height / 4),
@@ -480,12 +481,12 @@ fn missing_rows_of_a_frame_are_found_or_harmless() {
                 (2, height / 3),
             ] {
                 let mut bad = captured.clone();
-                bad.frames = changed(&captured, k, |data| {
+                bad.images = changed(&captured, k, |data| {
                     let end = data.len() - rows * width;
                     data.copy_within((row + rows) * width.., row * width);
                     data[end..].fill(0);
                 });
-                let found = check_sequence(&bad.manifest, &bad.frames).is_ok();
+                let found = check_sequence(&bad.manifest, &bad.images).is_ok();
                 let Some(depth) = found.then(|| depths(&bad)).flatten() else {
                     told += 1;
                     continue;
@@ -526,7 +527,8 @@ fn partial_bit_planes_are_doubted_or_give_the_same_surface() {
             short.camera.exposure_us = exposure_us;
             let captured = scan(&short, scene, |frames| frames, 0).ok();
             // Doubtful captures count as detected, too.
-            let captured = captured.filter(|captured| captured.doubt().is_none());
+            let captured =
+                captured.filter(|captured| doubt(&captured.manifest, &captured.images).is_none());
             let Some(depth) = captured.as_ref().and_then(depths) else {
                 continue;
             };
@@ -578,15 +580,15 @@ fn frames_with_less_light_are_found_or_harmless() {
             for fraction in [0.3, 0.5, 0.6, 0.7] {
                 let mut bad = captured.clone();
                 for k in frames {
-                    let dark = &captured.frames[black].data;
-                    bad.frames = changed(&bad, *k, |data| {
+                    let dark = captured.images[black].as_u8().unwrap();
+                    bad.images = changed(&bad, *k, |data| {
                         for (level, dark) in data.iter_mut().zip(dark) {
                             let (light, dark) = (f64::from(*level), f64::from(*dark));
                             *level = (dark + fraction * (light - dark)).round() as u8;
                         }
                     });
                 }
-                let found = check_sequence(&bad.manifest, &bad.frames).is_ok();
+                let found = check_sequence(&bad.manifest, &bad.images).is_ok();
                 let Some(depth) = found.then(|| depths(&bad)).flatten() else {
                     told += 1;
                     continue;
@@ -617,8 +619,8 @@ fn flipped_bits_in_most_pixels_are_found() {
             _ => scan(&profile(name, 1.0), "sphere", |frames| frames, 0).unwrap(),
         };
         let mut bad = captured.clone();
-        for k in (0..bad.frames.len()).step_by(2) {
-            bad.frames = changed(&bad, k, |data| {
+        for k in (0..bad.images.len()).step_by(2) {
+            bad.images = changed(&bad, k, |data| {
                 let len = data.len();
                 let mut state = 12345 + k as u64;
                 for _ in 0..len / 4 {
@@ -630,7 +632,7 @@ fn flipped_bits_in_most_pixels_are_found() {
                 }
             });
         }
-        let told = check_sequence(&bad.manifest, &bad.frames);
+        let told = check_sequence(&bad.manifest, &bad.images);
         assert!(told.is_err(), "{name}");
     }
 }
@@ -650,20 +652,20 @@ fn missing_rows_in_many_frames_are_found() {
             object.position_mm[2] += farther_mm;
         }
         let captured = scan_before(&profile(name, 1.0), &placed, |frames| frames, 0).unwrap();
-        let width = captured.frames[0].width as usize;
-        let height = captured.frames[0].height as usize;
+        let width = captured.images[0].width();
+        let height = captured.images[0].height();
         for every in [1, 2, 3] {
             for (rows, row) in [(1, 0), (1, height / 2), (1, height - 9), (4, height / 3)] {
                 let mut bad = captured.clone();
-                for k in (0..bad.frames.len()).step_by(every) {
-                    bad.frames = changed(&bad, k, |data| {
+                for k in (0..bad.images.len()).step_by(every) {
+                    bad.images = changed(&bad, k, |data| {
                         let bytes = data.len() / height;
                         let end = data.len() - rows * bytes;
                         data.copy_within((row + rows) * bytes.., row * bytes);
                         data[end..].fill(0);
                     });
                 }
-                let told = check_sequence(&bad.manifest, &bad.frames);
+                let told = check_sequence(&bad.manifest, &bad.images);
                 assert!(
                     told.is_err(),
                     "{name}, {scene}, {width} wide: {rows} rows from {row} of every {every}. frame"
@@ -691,13 +693,12 @@ fn frame_torn_anywhere_is_found() {
         }
         let captured = scan_before(&profile(name, 1.0), &placed, |frames| frames, 0)
             .unwrap_or_else(|e| panic!("{name}, {scene}: {e}"));
-        let frames = &captured.frames;
-        let (width, height) = (frames[0].width as usize, frames[0].height as usize);
+        let frames = &captured.images;
+        let (width, height) = (frames[0].width(), frames[0].height());
         let changed = |row: usize, [one, other]: [usize; 2]| {
             let row = row * width..(row + 1) * width;
-            let pairs = frames[one].data[row.clone()]
-                .iter()
-                .zip(&frames[other].data[row]);
+            let [one, other] = [one, other].map(|nth| frames[nth].as_u8().unwrap());
+            let pairs = one[row.clone()].iter().zip(&other[row]);
             pairs.filter(|(a, b)| a.abs_diff(**b) > 60).count()
         };
         let lit = |row: &usize| (1..frames.len()).any(|nth| changed(*row, [nth, nth - 1]) > 40);
@@ -710,7 +711,8 @@ fn frame_torn_anywhere_is_found() {
                 }
                 torn_frames += 1;
                 let mut torn = frames.clone();
-                torn[nth].data[row * width..].copy_from_slice(&frames[nth - 1].data[row * width..]);
+                let before = &frames[nth - 1].as_u8().unwrap()[row * width..];
+                torn[nth].as_u8_mut().unwrap()[row * width..].copy_from_slice(before);
                 let told = check_sequence(&captured.manifest, &torn);
                 assert!(
                     told.is_err(),
@@ -753,7 +755,7 @@ fn patterns_down_the_image_are_not_torn() {
     for scene in ["plane", "sphere", "torso"] {
         let captured = scan(&across, scene, |frames| frames, 0);
         let captured = captured.unwrap_or_else(|e| panic!("{scene}: {e}"));
-        assert!(check_sequence(&captured.manifest, &captured.frames).is_ok());
+        assert!(check_sequence(&captured.manifest, &captured.images).is_ok());
     }
 }
 
@@ -766,17 +768,14 @@ fn a_camera_on_its_side_is_not_doubted() {
         ("pmp-bench", "sphere"),
     ] {
         let captured = scan(&profile(name, 1.0), scene, |frames| frames, 0).unwrap();
-        let turned = |frame: &Frame| {
-            let (width, height) = (frame.width as usize, frame.height as usize);
-            let pixel = |at: usize| frame.data[at % height * width + at / height];
-            Frame {
-                width: frame.height,
-                height: frame.width,
-                data: (0..width * height).map(pixel).collect(),
-                ..frame.clone()
-            }
+        let turned = |frame: &Image| {
+            let (width, height) = (frame.width(), frame.height());
+            let levels = frame.as_u8().unwrap();
+            let pixel = |at: usize| levels[at % height * width + at / height];
+            let levels: Vec<u8> = (0..width * height).map(pixel).collect();
+            Image::new(height, width, levels).unwrap()
         };
-        let frames: Vec<Frame> = captured.frames.iter().map(turned).collect();
+        let frames: Vec<Image> = captured.images.iter().map(turned).collect();
         assert_eq!(
             check_sequence(&captured.manifest, &frames),
             Ok(()),
@@ -786,7 +785,7 @@ fn a_camera_on_its_side_is_not_doubted() {
 }
 
 /// A ceiling pod's capture, with sets of three steps only, of the sphere at its working distance.
-fn pod(light: f64, gamma: f64) -> Captured {
+fn pod(light: f64, gamma: f64) -> Capture {
     let mut profile = profile("sgrt-pod", light);
     if gamma != 1.0 {
         profile.projector.response = Some(Response::Gamma(gamma));
@@ -804,15 +803,15 @@ fn pod(light: f64, gamma: f64) -> Captured {
 fn sets_of_three_steps_are_checked_against_each_other() {
     for (light, gamma) in [(0.1, 1.0), (0.5, 1.0), (0.5, 0.5), (0.5, 2.2), (1.0, 0.7)] {
         let captured = pod(light, gamma);
-        let found = check_sequence(&captured.manifest, &captured.frames);
+        let found = check_sequence(&captured.manifest, &captured.images);
         assert_eq!(found, Ok(()), "{light} of the light, gamma {gamma}");
         // Three steps alias the second harmonic onto the fringe.
-        let bent = captured.doubt().is_some();
+        let bent = doubt(&captured.manifest, &captured.images).is_some();
         assert_eq!(bent, gamma != 1.0, "{light} of the light, gamma {gamma}");
     }
     let captured = pod(1.0, 1.0);
-    let width = captured.frames[0].width as usize;
-    let told = |frames: &[Frame], needle: &str, what: String| {
+    let width = captured.images[0].width();
+    let told = |frames: &[Image], needle: &str, what: String| {
         let found = check_sequence(&captured.manifest, frames);
         assert!(
             found.as_ref().is_err_and(|e| e.contains(needle)),
@@ -831,8 +830,8 @@ fn sets_of_three_steps_are_checked_against_each_other() {
         }
         let dark = changed(&captured, k, |data| data.fill(4));
         told(&dark, "", format!("frame {k} dark"));
-        let mut other = captured.frames.clone();
-        other[k].data = captured.frames[(k + 4) % 9].data.clone();
+        let mut other = captured.images.clone();
+        other[k] = captured.images[(k + 4) % 9].clone();
         told(&other, "", format!("another set's for frame {k}"));
         let flipped = changed(&captured, k, |data| {
             data.iter_mut().step_by(20).for_each(|v| *v ^= 32);
@@ -840,9 +839,10 @@ fn sets_of_three_steps_are_checked_against_each_other() {
         told(&flipped, "", format!("bits of frame {k}"));
     }
     // Every second frame lacks a row, which comparing single frames with the others cannot show.
-    let mut lacking = captured.frames.clone();
+    let mut lacking = captured.images.clone();
     for frame in lacking.iter_mut().skip(1).step_by(2) {
-        frame.data.copy_within(101 * width.., 100 * width);
+        let levels = frame.as_u8_mut().unwrap();
+        levels.copy_within(101 * width.., 100 * width);
     }
     told(
         &lacking,
@@ -863,7 +863,7 @@ fn fringes_that_run_against_the_code_are_found() {
     ] {
         let captured = scan(&profile(name, 1.0), scene, |frames| frames, 0).unwrap();
         for (a, b) in [(0, 2), (1, 3)] {
-            let mut frames = captured.frames.clone();
+            let mut frames = captured.images.clone();
             frames.swap(a, b);
             let found = check_sequence(&captured.manifest, &frames);
             assert!(found.is_err(), "{name}, {scene}: {a} and {b}");
@@ -880,13 +880,13 @@ fn reordered_sets_and_codes_are_found_by_their_result() {
         scan(&profile("webcam-grey", 1.0), "torso", |frames| frames, 0).unwrap(),
         scan(&profile("webcam-grey", 0.15), "torso", |frames| frames, 0).unwrap(),
     ];
-    let doubt = |captured: &Captured| captured.decode(Options::default()).unwrap().1.doubt();
+    let wrong = |captured: &Capture| captured.decode(Options::default()).unwrap().1.doubt();
     for sound in &captured {
-        assert_eq!(doubt(sound), None);
+        assert_eq!(wrong(sound), None);
     }
     // Permutations: the first and third step of a set swapped, a set that starts elsewhere, a code
     // that starts elsewhere.
-    let orders: [(&Captured, &[usize]); 5] = [
+    let orders: [(&Capture, &[usize]); 5] = [
         (&captured[0], &[2, 1, 0]),
         (&captured[0], &[1, 2, 0]),
         (&captured[0], &[0, 1, 2, 5, 4, 3]),
@@ -896,10 +896,10 @@ fn reordered_sets_and_codes_are_found_by_their_result() {
     for (sound, order) in orders {
         let mut bad = sound.clone();
         for (at, from) in order.iter().enumerate() {
-            bad.frames[at] = sound.frames[*from].clone();
+            bad.images[at] = sound.images[*from].clone();
         }
-        let told = check_sequence(&bad.manifest, &bad.frames).err();
-        let told = told.or_else(|| doubt(&bad));
+        let told = check_sequence(&bad.manifest, &bad.images).err();
+        let told = told.or_else(|| wrong(&bad));
         assert!(told.is_some(), "{order:?}");
     }
 }

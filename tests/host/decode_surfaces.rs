@@ -3,9 +3,9 @@
 //! decoder keeps must be right, and it must not remove surfaces that are merely steep.
 
 use glam::{DVec2, DVec3};
-use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
+use phasmid::decode::{Decoded, Decoder, Options};
 use phasmid::geometry::{Lens, NoiseModel, Pose, Rig, View};
-use phasmid::pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use phasmid::pattern::{Axis, Image, Manifest, ManifestFrame, Pattern, ProjectorSize};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -168,17 +168,17 @@ fn run(surface: &(dyn Fn(f64) -> f64 + Sync)) -> Case {
                 .collect()
         })
         .collect();
-    let stack = || {
-        let frames = frames.iter().map(|f| Samples::U8(f)).collect();
-        FrameStack::new(WIDTH, HEIGHT, frames).unwrap()
-    };
+    let images: Vec<_> = frames
+        .into_iter()
+        .map(|f: Vec<u8>| Image::new(WIDTH, HEIGHT, f).unwrap())
+        .collect();
     let [decoded, kept] = [false, true].map(|keep_mixed| {
         let options = Options {
             keep_mixed,
             ..Options::default()
         };
         let decoder = Decoder::new(&manifest, WIDTH, HEIGHT, Some(&rig), options).unwrap();
-        decoder.decode(&stack()).unwrap()
+        decoder.decode(&images).unwrap()
     });
     Case {
         footprints,

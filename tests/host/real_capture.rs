@@ -3,7 +3,7 @@
 //! real_capture::` with the folder of `sequence.toml` and its photographs.
 
 use phasmid::decode::{Decoder, Options, Plan, load_frames};
-use phasmid::pattern::{Axis, Manifest};
+use phasmid::pattern::{Axis, Image, Manifest};
 use std::path::Path;
 
 /// Returns three numbers of pixels: valid pixels; pixels whose whole 5 x 5 neighbourhood is valid;
@@ -37,19 +37,13 @@ fn foam_decodes_widely_and_without_isolated_errors() {
     let folder = Path::new(&folder);
     let manifest = Manifest::read(&folder.join("sequence.toml")).unwrap();
     let plan = Plan::new(&manifest).unwrap();
-    let frames = load_frames(&manifest, &plan, folder).unwrap();
-    let decoder = Decoder::new(
-        &manifest,
-        frames.width,
-        frames.height,
-        None,
-        Options::default(),
-    )
-    .unwrap();
-    let decoded = decoder.decode(&frames.stack()).unwrap();
+    let images = load_frames(&manifest, &plan, folder).unwrap();
+    let [width, height] = Image::common_size(&images).unwrap();
+    let decoder = Decoder::new(&manifest, width, height, None, Options::default()).unwrap();
+    let decoded = decoder.decode(&images).unwrap();
     for axis in [Axis::X, Axis::Y] {
         let map = decoded.axis(axis).unwrap();
-        let (valid, inside, gross) = isolated_errors(frames.width, &map.coordinate);
+        let (valid, inside, gross) = isolated_errors(width, &map.coordinate);
         println!("axis {axis}: {valid} valid, {gross} isolated gross errors of {inside} inside");
         assert!(valid >= 1_300_000, "axis {axis}: {valid}");
         // The reference value is 1e-3; this decoder is far below it.

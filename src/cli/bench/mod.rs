@@ -8,7 +8,7 @@ use super::backend::Choice;
 use crate::cli::step;
 use measure::Run;
 use phasmid_core::error::Result;
-use phasmid_device::Firmware;
+use phasmid_device::{Device, Firmware};
 use phasmid_profile::{Profile, Scene};
 use phasmid_render::{Adapter, Backend, Options, Term};
 use phasmid_render::{Renderer, shot::Shot};
@@ -125,14 +125,10 @@ impl Subject<'_> {
             backend,
             ..Options::default()
         };
-        let mut renderer = Renderer::with_options(self.profile, self.scene, 0, options)?;
+        let device = Device::builder(self.profile, self.scene);
+        let mut renderer = device.options(options).build()?.renderer;
         // Motion would run the geometry pass in every frame; that case is timed for any scene.
         renderer.force(Term::Motion, false);
-        renderer.expect_pattern_images(
-            self.shots
-                .iter()
-                .filter_map(|shot| shot.pattern_image.as_deref()),
-        );
         Ok(renderer)
     }
 

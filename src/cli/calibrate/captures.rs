@@ -3,10 +3,10 @@
 use super::look::{Looked, look};
 use super::session::{Poses, Session};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Plan, load_frames};
+use phasmid_decode::{CALIBRATION_FILE, MANIFEST_FILE, Plan, load_frames};
 use phasmid_geometry::board_poses::MOST_POSES;
 use phasmid_geometry::{Board, Rig};
-use phasmid_host::{CALIBRATION_FILE, MANIFEST_FILE, check_images};
+use phasmid_host::check_sequence;
 use phasmid_pattern::Manifest;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -76,11 +76,10 @@ fn one(folder: &Path, name: &str, board: &Board) -> Result<Looked> {
         false => None,
     };
     let plan = Plan::new(&manifest).map_err(|e| e.at(file.display()))?;
-    let frames = load_frames(&manifest, &plan, folder)?;
-    let stack = frames.stack();
+    let images = load_frames(&manifest, &plan, folder)?;
     let looked =
-        look(board, name, &manifest, &stack, nominal).map_err(|e| e.at(folder.display()))?;
-    check_images(&manifest, &stack).map_err(|why| {
+        look(board, name, &manifest, &images, nominal).map_err(|e| e.at(folder.display()))?;
+    check_sequence(&manifest, &images).map_err(|why| {
         Error::input(
             folder.display(),
             why,

@@ -3,16 +3,19 @@
 
 use super::Args;
 use super::look::look;
-use super::scene::SceneFile;
+use super::scene::scene;
 use super::session::{Poses, Session};
+use crate::cli::emulated::{service, tell};
 use crate::cli::interrupt::{Interruptible, interrupted};
-use crate::cli::served::{Served, service};
 use phasmid_core::error::{Error, Result};
+use phasmid_decode::Capture;
+use phasmid_device::Device;
+use phasmid_device::link::{ServeOptions, Serving};
 use phasmid_geometry::board_poses::{Wanted, poses};
 use phasmid_geometry::{Board, Pose, Rig};
-use phasmid_host::{Capture, Captured, ScanOptions, Scanner, SerialPort, open_camera};
+use phasmid_host::{CameraDriver, ScanOptions, Scanner, SerialPort, open_camera};
 use phasmid_profile::Profile;
-use phasmid_protocol::service::{Placement, Request, ask};
+use phasmid_protocol::service::{ClockPace, Placement, Request, ask};
 use phasmid_render::Options as RenderOptions;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -42,12 +45,7 @@ impl Emulated {
     /// Returns an error if the profile or an option is invalid, the profile has no sequence with
     /// patterns along both axes, or the board cannot be shown.
     pub(super) fn new(args: &Args, name: &str) -> Result<Self> {
-        RenderOptions {
-            samples: args.samples,
-            backend: args.backend.into(),
-            ..RenderOptions::default()
-        }
-        .checked()?;
+        render_options(args).checked()?;
         if !TILT_DEG.contains(&args.max_tilt_deg) {
             let (least, most) = (TILT_DEG.start(), TILT_DEG.end());
             let allowed = format!("{least} to {most}");
@@ -132,14 +130,11 @@ impl Emulated {
         progress: impl FnMut(usize, usize),
     ) -> Result<(Poses, String)> {
         let names = self.names();
-        let scene = SceneFile::write(&self.board, &self.shown[0])?;
-        let served = Served::start("calibrate", &serve_arguments(args, name, &scene.path()))?;
-        // The device has read the scene file.
-        drop(scene);
+        let served = self.serve(args, name)?;
         let endpoints = served.endpoints();
         let port = SerialPort::open(&endpoints.control.display().to_string())?;
         let mut scanner = Scanner::new(port, TIMEOUT, || {
-            open_camera(&endpoints.camera, Capture::Auto, TIMEOUT).map(Interruptible::new)
+            open_camera(&endpoints.camera, CameraDriver::Auto, TIMEOUT).map(Interruptible::new)
         })?;
         let (sender, receiver) = sync_channel(1);
         let session = Session::new(folder, &names);
@@ -173,12 +168,29 @@ impl Emulated {
         Ok(looked)
     }
 
+    /// Serves the device, whose time passes as fast as it renders, in front of the board.
+    fn serve(&self, args: &Args, name: &str) -> Result<Serving> {
+        let mut profile = Profile::load(name)?;
+        profile.camera.sensor.noiseless |= args.no_noise;
+        let scene = scene(&self.board, &self.shown[0])?;
+        let device = Device::builder(&profile, &scene)
+            .seed(args.seed)
+            .options(render_options(args));
+        let mut device = device.build()?;
+        tell(name, &mut device)?;
+        device.serve(&ServeOptions {
+            clock: ClockPace::Fast,
+            notice: |text| eprintln!("phasmid: {text}"),
+            ..ServeOptions::default()
+        })
+    }
+
     /// Captures the poses in order until the receiver is gone. Returns the device's identification.
     fn capture(
         &self,
         socket: &Path,
         names: &[String],
-        mut scan: impl FnMut() -> Result<Captured>,
+        mut scan: impl FnMut() -> Result<Capture>,
         sender: SyncSender<Taken>,
         mut progress: impl FnMut(usize, usize),
     ) -> Result<String> {
@@ -202,7 +214,7 @@ impl Emulated {
 }
 
 /// Index of a pose and its capture, or why it cannot be used.
-type Taken = (usize, Result<Captured>);
+type Taken = (usize, Result<Capture>);
 
 /// Captures the poses in order until the receiver is gone. A pose that fails is left out; two in
 /// succession end the calibration, because then the device is at fault, and so does one if the user
@@ -211,7 +223,7 @@ fn capture_each(
     names: &[String],
     sender: SyncSender<Taken>,
     interrupted: impl Fn() -> bool,
-    mut capture: impl FnMut(usize) -> Result<Captured>,
+    mut capture: impl FnMut(usize) -> Result<Capture>,
 ) -> Result<()> {
     let mut failed = false;
     for (place, name) in names.iter().enumerate() {
@@ -247,35 +259,24 @@ fn look_at_all(
         if let Some(folder) = &keep {
             captured.write(&folder.join(name))?;
         }
-        let looked = captured
-            .with_stack(|stack| look(board, name, &captured.manifest, stack, captured.calibration));
+        let Capture {
+            manifest,
+            images,
+            calibration,
+            ..
+        } = &captured;
+        let looked = look(board, name, manifest, images, *calibration);
         session.take(place, looked)?;
     }
     Ok(session)
 }
 
-fn serve_arguments(args: &Args, profile: &str, scene: &Path) -> Vec<String> {
-    let mut arguments: Vec<String> = [
-        "--profile",
-        profile,
-        "--scene",
-        &scene.display().to_string(),
-        "--seed",
-        &args.seed.to_string(),
-        "--samples",
-        &args.samples.to_string(),
-        "--backend",
-        &args.backend.to_string(),
-        // Do not wait in real time for exposures.
-        "--clock",
-        "fast",
-    ]
-    .map(str::to_owned)
-    .to_vec();
-    if args.no_noise {
-        arguments.push("--no-noise".to_owned());
+fn render_options(args: &Args) -> RenderOptions {
+    RenderOptions {
+        samples: args.samples,
+        backend: args.backend.into(),
+        ..RenderOptions::default()
     }
-    arguments
 }
 
 #[cfg(test)]
@@ -283,8 +284,8 @@ mod tests {
     use super::*;
     use phasmid_pattern::{Manifest, ProjectorSize};
 
-    fn nothing() -> Captured {
-        Captured {
+    fn nothing() -> Capture {
+        Capture {
             idn: String::new(),
             manifest: Manifest {
                 projector: ProjectorSize {
@@ -294,6 +295,7 @@ mod tests {
                 frame: Vec::new(),
             },
             calibration: None,
+            images: Vec::new(),
             frames: Vec::new(),
         }
     }

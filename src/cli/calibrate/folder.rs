@@ -4,7 +4,7 @@ use super::{Args, CAPTURES, OPENCV, TRUTH};
 use phasmid_calibrate::report;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::output_folder::OutputFolder;
-use phasmid_host::{CALIBRATION_FILE, Captured, MANIFEST_FILE};
+use phasmid_decode::{CALIBRATION_FILE, Capture, MANIFEST_FILE};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -40,7 +40,7 @@ impl Folder {
             }
             check_captures(&captures, poses)?;
             for pose in poses.iter().map(|name| Path::new(CAPTURES).join(name)) {
-                let mut files = Captured::frames_in(&args.out.join(&pose))?;
+                let mut files = Capture::frames_in(&args.out.join(&pose))?;
                 files.extend([MANIFEST_FILE, CALIBRATION_FILE].map(PathBuf::from));
                 earlier.extend(files.iter().map(|file| pose.join(file)));
             }
@@ -55,7 +55,7 @@ impl Folder {
     /// Adds captures from which the calibration is computed: they are not replaced.
     pub(super) fn sparing(mut self, poses: &[PathBuf]) -> Self {
         let files = |pose: &PathBuf| {
-            let frames = Captured::frames_in(pose).unwrap_or_default();
+            let frames = Capture::frames_in(pose).unwrap_or_default();
             let others = [MANIFEST_FILE, CALIBRATION_FILE].map(PathBuf::from);
             let pose = pose.clone();
             frames

@@ -4,9 +4,9 @@ use image::RgbImage;
 use phasmid_calibrate::board::{BoardImage, draw};
 use phasmid_calibrate::rig::{PoseData, sight};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Decoder, FrameStack, Options, Samples};
+use phasmid_decode::{Decoder, Options};
 use phasmid_geometry::{Board, NoiseModel, Rig};
-use phasmid_pattern::{Axis, Manifest};
+use phasmid_pattern::{Axis, Image, Manifest};
 
 /// Result for one pose.
 pub(in crate::cli) struct Looked {
@@ -34,7 +34,7 @@ pub(in crate::cli) fn look(
     board: &Board,
     name: &str,
     manifest: &Manifest,
-    stack: &FrameStack<'_>,
+    images: &[Image],
     nominal: Option<Rig>,
 ) -> Result<Looked> {
     let options = Options {
@@ -42,8 +42,9 @@ pub(in crate::cli) fn look(
         ..Options::default()
     };
     // Without a rig: no points are triangulated here.
-    let decoder = Decoder::new(manifest, stack.width(), stack.height(), None, options)?;
-    let decoded = decoder.decode(stack)?;
+    let size @ [width, height] = Image::common_size(images)?;
+    let decoder = Decoder::new(manifest, width, height, None, options)?;
+    let decoded = decoder.decode(images)?;
     for axis in [Axis::X, Axis::Y] {
         if decoded.axis(axis).is_none() {
             return Err(Error::input(
@@ -53,16 +54,16 @@ pub(in crate::cli) fn look(
             ));
         }
     }
-    let picture = BoardImage::from_frames(manifest, stack, &decoded.noise.unwrap_or(guess(stack)))?;
+    let picture =
+        BoardImage::from_frames(manifest, images, &decoded.noise.unwrap_or(guess(images)))?;
     let found = sight(board, name, &picture, &decoded);
     let saturated = picture.level.iter().filter(|level| level.is_nan()).count();
     let seen = found.as_ref().map_or(&[][..], |data| &data.seen);
-    let size = [stack.width(), stack.height()].map(|side| side as u32);
     Ok(Looked {
         picture: draw(&picture, board, seen),
         found: found.map_err(|why| why.to_string()),
         saturated: saturated as f64 / picture.level.len().max(1) as f64,
-        camera_px: size,
+        camera_px: size.map(|side| side as u32),
         projector_px: [manifest.projector.width_px, manifest.projector.height_px],
         nominal,
         noise: decoded.noise,
@@ -71,11 +72,9 @@ pub(in crate::cli) fn look(
 
 /// Returns a default noise model if neither a calibration nor the frames provide one: only read noise,
 /// two thousandths of full scale.
-fn guess(stack: &FrameStack<'_>) -> NoiseModel {
-    let full = match stack.frames().first() {
-        Some(Samples::U16(_)) => 65535.0,
-        _ => 255.0,
-    };
+fn guess(images: &[Image]) -> NoiseModel {
+    let full = images.iter().map(Image::full_scale).max();
+    let full = f64::from(full.unwrap_or(u16::MAX));
     NoiseModel {
         gain_dn_per_e: 0.0,
         read_noise_dn: full * 2e-3,

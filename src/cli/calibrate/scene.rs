@@ -1,11 +1,8 @@
 //! The scene of a calibration: a board and nothing else.
 
 use phasmid_core::error::Result;
-use phasmid_core::new_file::{self, scratch};
 use phasmid_geometry::{Board, Pose};
-use std::io::Write;
-use std::path::PathBuf;
-use tempfile::TempDir;
+use phasmid_profile::Scene;
 
 /// Reflectance of the paper. The exposure of the built-in devices is set so that a white wall at 1 m
 /// fills three quarters of the full well, and a board comes as near as 700 mm.
@@ -13,24 +10,12 @@ const PAPER: f64 = 0.45;
 /// Ambient irradiance in W/m^2, as in the built-in scenes.
 const AMBIENT_W_M2: f64 = 0.02;
 
-/// A scene file in a temporary folder. Dropping this value deletes both.
-pub(super) struct SceneFile(TempDir);
-
-impl SceneFile {
-    /// Writes the scene with a board in a pose.
-    ///
-    /// # Errors
-    /// Returns an error if the folder or the file cannot be created.
-    pub(super) fn write(board: &Board, rig_from_board: &Pose) -> Result<Self> {
-        let file = Self(scratch("phasmid-board-")?);
-        let text = text(board, rig_from_board);
-        new_file::write(&file.path(), false, |out| out.write_all(text.as_bytes()))?;
-        Ok(file)
-    }
-
-    pub(super) fn path(&self) -> PathBuf {
-        self.0.path().join("board.toml")
-    }
+/// Returns the scene with a board in a pose.
+///
+/// # Errors
+/// Returns an error if the board or the pose is not one of a scene.
+pub(super) fn scene(board: &Board, rig_from_board: &Pose) -> Result<Scene> {
+    Scene::parse(&text(board, rig_from_board), "board")
 }
 
 fn text(board: &Board, rig_from_board: &Pose) -> String {
@@ -50,22 +35,17 @@ fn text(board: &Board, rig_from_board: &Pose) -> String {
 mod tests {
     use super::*;
     use glam::DVec3;
-    use phasmid_profile::Scene;
 
     #[test]
-    fn scene_file_holds_board_and_pose_and_is_removed() {
+    fn scene_holds_board_and_pose() {
         let at = Pose::from_xyz_deg(DVec3::new(1.5, -2e-7, 1000.0), DVec3::new(20.0, -31.5, 7.0));
         for board in [Board::DOTS.scaled(4.0), Board::CHESS] {
-            let file = SceneFile::write(&board, &at).unwrap();
-            let scene = Scene::load(file.path().to_str().unwrap()).unwrap();
+            let scene = scene(&board, &at).unwrap();
             assert_eq!(scene.object.len(), 1);
             let placed = scene.rig_from_object(&scene.object[0]);
             let off = (placed.rotation - at.rotation).to_cols_array();
             assert!(off.iter().all(|o| o.abs() < 1e-14));
             assert_eq!(placed.translation_mm, at.translation_mm);
-            let path = file.path();
-            drop(file);
-            assert!(!path.exists());
         }
     }
 }

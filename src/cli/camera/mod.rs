@@ -5,7 +5,7 @@ mod device;
 mod usb;
 
 use phasmid_core::error::{Error, Result};
-use phasmid_host::{Camera as _, Capture, open_camera};
+use phasmid_host::{Camera as _, CameraDriver, open_camera};
 use phasmid_protocol::printable_json;
 use serde_json::json;
 use std::time::Duration;
@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "/dev/videoN, usb:HOST:PORT[/BUSID], socket:PATH or tcp:HOST:PORT",
         ));
     }
-    let mut camera = open_camera(&args.address, Capture::Auto, timeout)?;
+    let mut camera = open_camera(&args.address, CameraDriver::Auto, timeout)?;
     let Some(frame) = camera.next_frame(timeout)? else {
         return Err(Error::device(format!(
             "camera {}: no frame within {} s; a camera that waits for a trigger sends none until \

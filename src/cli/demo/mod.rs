@@ -3,21 +3,23 @@
 
 use super::backend::Choice;
 use super::dialect;
+use super::emulated::{service, tell};
 use super::method::MethodArgs;
 use super::scan::capture;
-use super::served::{Served, service};
 use super::step;
 use image::GrayImage;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::file;
 use phasmid_core::new_file::{check_folder, replace};
 use phasmid_core::output_folder::OutputFolder;
-use phasmid_decode::{Options, Summary as Decoding};
+use phasmid_decode::{Capture, Options, Summary as Decoding};
+use phasmid_device::Device;
+use phasmid_device::link::{ServeOptions, Serving};
 use phasmid_geometry::{Rig, ply};
-use phasmid_host::{Capture, Captured, ScanOptions};
-use phasmid_profile::Profile;
-use phasmid_protocol::PixelFormat;
-use phasmid_protocol::service::{Item, Request, ask};
+use phasmid_host::{CameraDriver, ScanOptions};
+use phasmid_pattern::Samples;
+use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::service::{ClockPace, Item, Request, ask};
 use phasmid_render::Options as RenderOptions;
 use phasmid_render::truth::Truth;
 use phasmid_study::report::{PICTURES, Summary, write_images};
@@ -78,16 +80,10 @@ const CLOUD: &str = "cloud.ply";
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
-    RenderOptions {
-        samples: args.samples,
-        time_samples: args.time_samples,
-        backend: args.backend.into(),
-    }
-    .checked()?;
     args.method.check()?;
     check_out(&args.out)?;
     step("starting the device");
-    let served = Served::start("demo", &serve_arguments(args))?;
+    let (profile, served) = serve(args)?;
     let endpoints = served.endpoints();
     let begin = Instant::now();
     let options = ScanOptions {
@@ -97,7 +93,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let control = endpoints.control.display().to_string();
     let captured = capture(
-        (&endpoints.camera, Capture::Auto),
+        (&endpoints.camera, CameraDriver::Auto),
         (&control, dialect::spoken(None, Some(&control))?),
         TIMEOUT,
         &options,
@@ -111,7 +107,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .ok_or_else(|| Error::device("the device gave no calibration"))?;
     let truth_rig = Rig {
         noise: reported.noise,
-        ..Profile::load(&args.profile)?.nominal_rig()
+        ..profile.nominal_rig()
     };
     let begin = Instant::now();
     let options = Options {
@@ -150,7 +146,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         scene: args.scene.clone(),
         seed: args.seed,
         noise: !args.no_noise,
-        frames: captured.frames.len(),
+        frames: captured.images.len(),
         calibration: match reported.covariance {
             Some(_) => "factory",
             None => "exact",
@@ -165,7 +161,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let json = serde_json::to_string_pretty(&summary).expect("numbers and strings");
     replace(&draft.join(SUMMARY), |out| writeln!(out, "{json}"))?;
-    folder.finish(Captured::frames_in(&args.out)?, Some(SUMMARY))?;
+    folder.finish(Capture::frames_in(&args.out)?, Some(SUMMARY))?;
     if args.json {
         println!("{json}");
     } else {
@@ -185,59 +181,54 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Returns the first frame as an 8-bit image.
-fn seen(captured: &Captured) -> Result<GrayImage> {
-    let frame = captured
-        .frames
+/// Returns the first image with 8 bits, scaled to the camera's full scale.
+fn seen(captured: &Capture) -> Result<GrayImage> {
+    let image = captured
+        .images
         .first()
         .ok_or_else(|| Error::device("the device gave no frame"))?;
     let full = captured
         .calibration
         .and_then(|rig| rig.noise)
         .map_or(f64::from(u16::MAX), |noise| noise.saturation_dn);
-    let frame = frame.clone().into_luma();
-    let levels = if frame.format == PixelFormat::Y16 {
-        let words = frame.data.chunks_exact(2);
-        words
-            .map(|b| f64::from(u16::from_le_bytes([b[0], b[1]])) / full * 255.0)
-            .map(|level| level as u8)
-            .collect()
-    } else {
-        frame.data
+    let levels = match image.samples() {
+        Samples::U8(levels) => levels.clone(),
+        Samples::U16(levels) => {
+            let scaled = levels.iter().map(|level| f64::from(*level) / full * 255.0);
+            scaled.map(|level| level as u8).collect()
+        }
     };
-    GrayImage::from_raw(frame.width, frame.height, levels)
-        .ok_or_else(|| Error::device("frame: the number of bytes does not match its size"))
+    let size = (image.width() as u32, image.height() as u32);
+    Ok(GrayImage::from_raw(size.0, size.1, levels).expect("as many levels as pixels"))
 }
 
-fn serve_arguments(args: &Args) -> Vec<String> {
-    let mut arguments = vec![
-        "--profile".to_owned(),
-        args.profile.clone(),
-        "--scene".to_owned(),
-        args.scene.clone(),
-        "--seed".to_owned(),
-        args.seed.to_string(),
-        "--samples".to_owned(),
-        args.samples.to_string(),
-        "--time-samples".to_owned(),
-        args.time_samples.to_string(),
-        "--backend".to_owned(),
-        args.backend.to_string(),
-    ];
-    if args.no_noise {
-        arguments.push("--no-noise".to_owned());
-    }
-    if args.exact_calibration {
-        arguments.push("--exact-calibration".to_owned());
-    }
-    arguments
+/// Serves the device, whose time passes as fast as it renders.
+fn serve(args: &Args) -> Result<(Profile, Serving)> {
+    let options = RenderOptions {
+        samples: args.samples,
+        time_samples: args.time_samples,
+        backend: args.backend.into(),
+    };
+    let mut profile = Profile::load(&args.profile)?;
+    profile.camera.sensor.noiseless |= args.no_noise;
+    profile.factory_calibration.exact |= args.exact_calibration;
+    let scene = Scene::load(&args.scene)?;
+    let device = Device::builder(&profile, &scene).seed(args.seed);
+    let mut device = device.options(options).build()?;
+    tell(&args.profile, &mut device)?;
+    let serving = device.serve(&ServeOptions {
+        clock: ClockPace::Fast,
+        notice: |text| eprintln!("phasmid: {text}"),
+        ..ServeOptions::default()
+    })?;
+    Ok((profile, serving))
 }
 
 /// Rejects a folder that contains files with names of results, unless an earlier demo wrote them.
 fn check_out(out: &Path) -> Result<()> {
     let force = is_demo(out);
     check_folder(out, [SUMMARY, CLOUD].into_iter().chain(PICTURES), force)?;
-    Captured::check_folder(out, force)
+    Capture::check_folder(out, force)
 }
 
 /// Returns whether an earlier demo wrote the folder.

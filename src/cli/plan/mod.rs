@@ -5,9 +5,9 @@ mod measure;
 
 use measure::{PassCost, TermCost, costs};
 use phasmid_core::error::Result;
-use phasmid_device::Firmware;
+use phasmid_device::Device;
 use phasmid_profile::{Profile, Scene};
-use phasmid_render::{IndirectLight, Options, Renderer, shot::Shot};
+use phasmid_render::{IndirectLight, Options, shot::Shot};
 use serde::Serialize;
 
 /// Report which terms of image formation a device and a scene need, why, and what each costs here
@@ -51,23 +51,14 @@ struct Report<'a> {
 pub(super) fn run(args: &Args) -> Result<()> {
     let profile = Profile::load(&args.profile)?;
     let scene = Scene::load(&args.scene)?;
-    let firmware = Firmware::new(&profile, &[])?;
     let options = Options {
         samples: args.samples,
         time_samples: args.time_samples,
         ..Options::default()
     };
-    let mut renderer = Renderer::with_options(&profile, &scene, 0, options)?;
-    let shots: Vec<Shot> = firmware
-        .selected_sequence()
-        .into_iter()
-        .map(|(_, shot)| shot)
-        .collect();
-    renderer.expect_pattern_images(
-        shots
-            .iter()
-            .filter_map(|shot| shot.pattern_image.as_deref()),
-    );
+    let device = Device::builder(&profile, &scene).options(options).build()?;
+    let shots: Vec<Shot> = device.shots().into_iter().map(|(_, shot)| shot).collect();
+    let mut renderer = device.renderer;
     let (passes, terms) = costs(&mut renderer, &shots);
     let report = Report {
         profile: &args.profile,

@@ -3,14 +3,13 @@
 use super::Address;
 use crate::cli::{dialect, interrupt::Interruptible};
 use phasmid_core::error::Result;
-use phasmid_host::{
-    Camera, Capture, Captured, Progress, ScanOptions, Scanner, SerialPort, open_camera,
-};
+use phasmid_decode::Capture;
+use phasmid_host::{Camera, CameraDriver, Progress, ScanOptions, Scanner, SerialPort, open_camera};
 use std::time::{Duration, Instant};
 
 /// A scan of one pod.
 pub(in crate::cli) struct Taken {
-    pub(in crate::cli) captured: Captured,
+    pub(in crate::cli) captured: Capture,
     pub(in crate::cli) identified: bool,
     /// When the last frame arrived.
     pub(in crate::cli) arrived: Instant,
@@ -35,7 +34,7 @@ impl Source {
         let dialect = dialect::spoken(None, Some(&address.control))?;
         let port = SerialPort::open(&address.control)?;
         let mut scanner = Scanner::with_dialect(port, dialect, timeout, || {
-            let camera = open_camera(&address.camera, Capture::Auto, timeout)?;
+            let camera = open_camera(&address.camera, CameraDriver::Auto, timeout)?;
             Ok(Interruptible::new(camera))
         })
         .map_err(|e| e.at(&address.name))?;

@@ -3,7 +3,7 @@
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{NewFile, check_folder};
 use phasmid_core::output_folder::OutputFolder;
-use phasmid_host::{Captured, write_png};
+use phasmid_decode::{Capture, write_png};
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::{Channel, Event, Record};
 use std::io::Write;
@@ -15,7 +15,7 @@ const CONVERSATION: &str = "conversation.txt";
 pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
     let mut reader = super::open(path)?;
     check_folder(out, [CONVERSATION], force)?;
-    Captured::check_folder(out, force)?;
+    Capture::check_folder(out, force)?;
     let folder = OutputFolder::create(out, force)?;
     let text = folder.draft().join(CONVERSATION);
     let io = |e| Error::io(out.join(CONVERSATION), e);
@@ -36,16 +36,19 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
         if let Event::Frame(frame) = record.event {
             // Named by number, because frame ids may repeat.
             let name = frame_name(frames);
-            let frame = Frame::clone(&frame).into_luma();
             words = format!("{words}: {name}");
-            write_png(&frame, &folder.draft().join(name), false)?;
+            write_png(
+                &Frame::clone(&frame).into_image()?,
+                &folder.draft().join(name),
+                false,
+            )?;
             frames += 1;
         }
         let seconds = record.time_ns as f64 * 1e-9;
         writeln!(lines, "{seconds:14.6} {words}").map_err(io)?;
     }
     lines.finish()?;
-    let mut earlier = Captured::frames_in(out)?;
+    let mut earlier = Capture::frames_in(out)?;
     // The frames of a scan have fewer digits.
     earlier.retain(|frame| frame.as_os_str().len() == frame_name(0).len());
     folder.sparing([path]).finish(earlier, Some(CONVERSATION))?;

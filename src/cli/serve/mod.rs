@@ -25,7 +25,7 @@ pub(super) use unit::runtime;
 use super::backend::Choice;
 use asked::Asked;
 use phasmid_core::error::{Error, Result};
-use phasmid_device::link::{RunDir, SharedScene, Tcp, Timeline};
+use phasmid_device::link::{RunDir, Serving, SharedScene, Tcp, Timeline, monotonic};
 use phasmid_protocol::admission::Token;
 use phasmid_protocol::faults::Schedule;
 use phasmid_protocol::service::ClockPace;
@@ -34,8 +34,8 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
-use tokio::sync::{mpsc, watch};
-use unit::{News, Unit};
+use tokio::sync::mpsc;
+use unit::Unit;
 use usb::UsbHow;
 
 /// Serve one or several emulated scanners until Ctrl-C or TERM.
@@ -229,7 +229,7 @@ async fn serve(args: &Args, devices: &[Asked], mut units: Vec<Unit>, power: Powe
         .map(|dir| RunDir::claim(dir))
         .collect::<Result<_>>()?;
     power.on();
-    let power_on = video::monotonic();
+    let power_on = monotonic();
     let clock = move || power.elapsed();
     for (unit, device) in units.iter_mut().zip(devices) {
         unit.open_video(args, &device.profile, power_on)?;
@@ -291,53 +291,29 @@ fn recording_path(path: &Path, dir: &Path, alone: bool) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Runs each device on a thread of its own, until one fails or all are asked to end.
+/// Runs each device on a thread of its own, until one ends or all are asked to end.
 async fn supervise(
     units: Vec<(Unit, RunDir)>,
     clock: impl Fn() -> Duration + Clone + Send + 'static,
     mut shutdown: Shutdown,
 ) -> Result<()> {
-    let (stop, _) = watch::channel(false);
-    let (tell, mut news) = mpsc::unbounded_channel();
-    let about: Vec<String> = units
-        .iter()
-        .map(|(unit, _)| unit.about().to_owned())
-        .collect();
-    let mut result = Ok(());
-    let mut running = 0;
-    for (number, (unit, dir)) in units.into_iter().enumerate() {
-        result = unit.start(number, dir, clock.clone(), stop.subscribe(), tell.clone());
-        if result.is_err() {
-            stop.send_replace(true);
-            break;
-        }
-        running += 1;
+    let (tell, mut ended) = mpsc::unbounded_channel();
+    let mut devices = Vec::new();
+    for (unit, dir) in units {
+        let tell = tell.clone();
+        let (serving, about) = unit.start(dir, clock.clone(), move || {
+            let _ = tell.send(());
+        })?;
+        announce::announce(serving.endpoints(), &about);
+        devices.push(serving);
     }
-    let mut shutdown = std::pin::pin!(shutdown.wait());
-    let mut silent = running;
-    while running > 0 {
-        let stopping = *stop.borrow();
-        tokio::select! {
-            () = &mut shutdown, if !stopping => {
-                stop.send_replace(true);
-            }
-            what = news.recv() => match what.expect("its sender is here") {
-                News::Ready(number, endpoints) => {
-                    announce::announce(&endpoints, &about[number]);
-                    silent -= 1;
-                    if silent == 0 {
-                        announce::announce_end();
-                    }
-                }
-                News::Ended(outcome) => {
-                    running -= 1;
-                    stop.send_replace(true);
-                    result = result.and(outcome);
-                }
-            },
-        }
+    announce::announce_end();
+    tokio::select! {
+        () = shutdown.wait() => {}
+        _ = ended.recv() => {}
     }
-    result
+    let ended: Vec<_> = devices.into_iter().map(Serving::stop).collect();
+    ended.into_iter().collect()
 }
 
 #[cfg(test)]

@@ -3,26 +3,22 @@
 use super::Args;
 use super::asked::Asked;
 use super::video::open_video;
-use crate::cli::dialect;
+use crate::cli::emulated::tell;
 use crate::cli::record::unix_s;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::stream;
-use phasmid_device::faults::Faults;
-use phasmid_device::link::{Device, Recording, RunDir, Seat, SharedScene, UsbLink, serve};
-use phasmid_device::{Firmware, Machine, SerialLine, UserSequence};
+use phasmid_device::link::{Recording, RunDir, Seat, ServedDevice, Serving, SharedScene, UsbLink};
+use phasmid_device::{Device, Firmware, UserSequence};
 use phasmid_profile::{Profile, Scene};
-use phasmid_protocol::Endpoints;
 use phasmid_protocol::faults::Schedule;
 use phasmid_render::Options;
-use phasmid_render::Renderer;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use tokio::sync::{mpsc, watch};
 
 /// A device that is prepared to be served.
 pub(super) struct Unit {
-    device: Device,
+    served: ServedDevice,
     /// Describes the camera, or says why it is not a V4L2 node.
     about: String,
     /// The file of its recording, if that was created for it.
@@ -44,14 +40,6 @@ impl Drop for Made {
     }
 }
 
-/// Events of the devices.
-pub(super) enum News {
-    /// The device with this index is reachable.
-    Ready(usize, Box<Endpoints>),
-    /// A device has ended.
-    Ended(Result<()>),
-}
-
 impl Unit {
     /// Prepares a requested device with its scene, its access to the shared timeline and scene, and
     /// the faults that apply to it.
@@ -69,7 +57,6 @@ impl Unit {
             .iter()
             .map(|path| UserSequence::read(path).map_err(|e| e.at("--sequence")))
             .collect::<Result<_>>()?;
-        let id = &profile.identity;
         let mut scene = scene.clone();
         scene.rig = asked.rig.unwrap_or(scene.rig);
         let options = Options {
@@ -77,50 +64,23 @@ impl Unit {
             time_samples: args.time_samples,
             backend: args.backend.into(),
         };
-        let mut renderer = Renderer::with_options(profile, &scene, asked.seed, options)?;
-        if let Some(news) = renderer.news()? {
-            eprintln!("phasmid: {}: {news}", asked.label);
-        }
-        if let Some(adapter) = renderer.adapter() {
-            let (name, kind, driver) = (&adapter.name, adapter.kind, &adapter.driver);
-            let profile = &asked.label;
-            eprintln!("phasmid: {profile}: rendering on a GPU, {kind}: {name} ({driver})");
-        }
-        let port = dialect::port(profile)?;
-        let firmware = Firmware::new(profile, &user)?;
-        if let Err(why) = firmware.factory_calibration() {
-            eprintln!("phasmid: {why}; CALibration:DATA? answers with an error");
-        }
-        let device = Device {
-            machine: Machine::new(
-                firmware,
-                port,
-                SerialLine::new(&profile.control),
-                Faults::new(schedule, &asked.name)
-                    .of_rows(profile.camera.height_px)
-                    .map_err(|flaw| Error::input(flaw.field, flaw.found, flaw.allowed))?,
-            ),
-            renderer,
-            seat,
-            shared_scene,
-            rig: scene.rig,
-            name: format!(
-                "{},{},{},{}",
-                id.manufacturer, id.model, id.serial, id.firmware
-            ),
+        let mut device = Device::builder(profile, &scene)
+            .name(&asked.name)
+            .seed(asked.seed)
+            .options(options)
+            .sequences(user)
+            .faults(schedule)
+            .build()?;
+        tell(&asked.label, &mut device)?;
+        let served = ServedDevice {
             profile: asked.label.clone(),
             scene: label.clone(),
-            seed: asked.seed,
-            dialect: dialect::from_anywhere(&profile.control.dialect_path(&profile.folder)),
-            baud: profile.control.baud,
             tcp,
-            video: None,
-            usb: None,
-            recording: None,
             notice: |text| eprintln!("phasmid: {text}"),
+            ..ServedDevice::new(device, seat, shared_scene)
         };
         Ok(Self {
-            device,
+            served,
             about: String::new(),
             made: None,
         })
@@ -134,18 +94,17 @@ impl Unit {
         power_on: Duration,
     ) -> Result<()> {
         let bits = profile.camera.sensor.bits;
-        (self.device.video, self.about) =
-            open_video(args, self.device.machine.firmware(), bits, power_on)?;
+        (self.served.video, self.about) = open_video(args, self.firmware(), bits, power_on)?;
         Ok(())
     }
 
     pub(super) fn firmware(&self) -> &Firmware {
-        self.device.machine.firmware()
+        self.served.device.machine.firmware()
     }
 
     /// Sets its USB link, and the description of that.
     pub(super) fn set_usb(&mut self, (link, about): (UsbLink, String)) {
-        self.device.usb = Some(link);
+        self.served.usb = Some(link);
         self.about = about;
     }
 
@@ -160,7 +119,7 @@ impl Unit {
             path: path.to_owned(),
             kept: Cell::new(false),
         });
-        self.device.recording = Some(Recording {
+        self.served.recording = Some(Recording {
             file,
             path: path.to_owned(),
             started_unix_s: unix_s(),
@@ -168,60 +127,27 @@ impl Unit {
         Ok(())
     }
 
-    pub(super) fn about(&self) -> &str {
-        &self.about
-    }
-
-    /// Serves it from a directory, on a thread of its own, until `stop` becomes true.
+    /// Serves it from a directory, on a thread of its own; calls `ended` when it ends. Returns it with
+    /// the description of its camera.
     ///
     /// # Errors
-    /// Returns an error if the thread cannot be started.
+    /// Returns an error if the system refuses a thread, a port or a socket.
     pub(super) fn start(
         self,
-        number: usize,
         run_dir: RunDir,
         wall: impl Fn() -> Duration + Clone + Send + 'static,
-        mut stop: watch::Receiver<bool>,
-        tell: mpsc::UnboundedSender<News>,
-    ) -> Result<()> {
-        let body = move || {
-            let mut ending = Ending {
-                tell: tell.clone(),
-                outcome: None,
-            };
-            let Self { device, made, .. } = self;
-            let ready = |endpoints: &Endpoints| {
-                if let Some(made) = &made {
-                    made.kept.set(true);
-                }
-                let _ = tell.send(News::Ready(number, Box::new(endpoints.clone())));
-            };
-            let stopped = async {
-                // A dropped sender also ends the device.
-                let _ = stop.wait_for(|&stop| stop).await;
-            };
-            ending.outcome = Some(runtime().and_then(|runtime| {
-                runtime.block_on(serve(device, run_dir, wall, ready, stopped))
-            }));
-        };
-        let thread = std::thread::Builder::new().name(format!("device {}", number + 1));
-        thread.spawn(body).map_err(|e| Error::io("device", e))?;
-        Ok(())
-    }
-}
-
-/// Reports how a device has ended, even if its thread panics.
-struct Ending {
-    tell: mpsc::UnboundedSender<News>,
-    outcome: Option<Result<()>>,
-}
-
-impl Drop for Ending {
-    fn drop(&mut self) {
-        let died = || Err(Error::device("the thread of a device panicked"));
-        let outcome = self.outcome.take().unwrap_or_else(died);
-        // The receiver is gone if the whole program ends.
-        let _ = self.tell.send(News::Ended(outcome));
+        ended: impl FnOnce() + Send + 'static,
+    ) -> Result<(Serving, String)> {
+        let Self {
+            served,
+            about,
+            made,
+        } = self;
+        let serving = Serving::start(served, run_dir, wall, ended)?;
+        if let Some(made) = &made {
+            made.kept.set(true);
+        }
+        Ok((serving, about))
     }
 }
 

@@ -2,11 +2,11 @@
 
 use phasmid_core::error::{Error, Result};
 use phasmid_device::Firmware;
-use phasmid_device::link::UsbLink;
-use phasmid_device::link::usb::{Binding, Nodes, Port, UsbServer, attach};
+use phasmid_device::link::usb::{Binding, Nodes, export};
+use phasmid_device::link::{UsbLink, UsbServing};
 use phasmid_profile::Profile;
 use phasmid_protocol::usb::usbip::PORT;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::time::Duration;
 
 /// `--usb`.
@@ -23,10 +23,6 @@ pub(super) fn listen_address(text: &str) -> std::result::Result<SocketAddr, &'st
     let allowed = "expected the IP address of one of this machine's interfaces and a port, such as 127.0.0.1:3240 or [::1]:0";
     text.parse().map_err(|_| allowed)
 }
-
-/// Maximum time for drivers to create the nodes of an attached device.
-const NODES: Duration = Duration::from_secs(5);
-const POLL: Duration = Duration::from_millis(20);
 
 /// Rejects devices that a host could not distinguish.
 pub(super) fn check<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Result<()> {
@@ -70,61 +66,22 @@ pub(super) async fn serve_usb(
         .zip(1..)
         .map(|((profile, firmware), number)| Binding::new(profile, firmware, number))
         .collect::<Result<_>>()?;
-    let exported = bindings.iter().map(|binding| binding.device().clone());
-    let server = UsbServer::bind(listen, exported.collect()).await?;
-    let listen = server.address().unwrap_or(listen);
-    if !listen.ip().is_loopback() {
+    let attach = how == UsbHow::Attach;
+    let links = export(bindings, UsbServing { listen, attach }, clock).await?;
+    if let Some(link) = links.first().filter(|link| !link.listen.ip().is_loopback()) {
+        let listen = link.listen;
         eprintln!(
             "phasmid: USB/IP has no authentication: whoever reaches {listen} can take the device"
         );
     }
-    tokio::spawn(server.run(clock.clone()));
-    let nodes = match how {
-        UsbHow::Export => vec![Nodes::default(); bindings.len()],
-        UsbHow::Attach => attached(&bindings, clock).await?,
-    };
-    let links = bindings.into_iter().zip(nodes).map(|(binding, nodes)| {
-        let bus_id = &binding.device().info().bus_id;
+    let described = links.into_iter().map(|link| {
         let words = match how {
-            UsbHow::Export => how_to_attach(listen, bus_id),
-            UsbHow::Attach => what_is_attached(&nodes),
-        };
-        let address = format!("usb:{}/{bus_id}", reachable(listen));
-        let link = UsbLink {
-            binding,
-            address,
-            nodes,
+            UsbHow::Export => how_to_attach(link.listen, &link.binding.device().info().bus_id),
+            UsbHow::Attach => what_is_attached(&link.nodes),
         };
         (link, words)
     });
-    Ok(links.collect())
-}
-
-/// Attaches all devices to this machine's kernel, serves them, and waits for the nodes that its drivers
-/// create.
-async fn attached(
-    bindings: &[Binding],
-    clock: impl Fn() -> Duration + Clone + Send + 'static,
-) -> Result<Vec<Nodes>> {
-    let mut ports = Vec::new();
-    for binding in bindings {
-        let attachment = attach(binding.device().clone())?;
-        ports.push(attachment.port().clone());
-        let clock = clock.clone();
-        tokio::spawn(async move {
-            // Whether the kernel detaches or the connection fails, the device can be attached again.
-            let _ = attachment.run(clock).await;
-        });
-    }
-    let complete = || ports.iter().all(|port| port.nodes().is_complete());
-    let waited = tokio::time::timeout(NODES, async {
-        while !complete() {
-            tokio::time::sleep(POLL).await;
-        }
-    });
-    // After a timeout, the nodes found so far are used.
-    let _ = waited.await;
-    Ok(ports.iter().map(Port::nodes).collect())
+    Ok(described.collect())
 }
 
 fn what_is_attached(nodes: &Nodes) -> String {
@@ -149,28 +106,14 @@ fn how_to_attach(listen: SocketAddr, bus_id: &str) -> String {
     format!("a host takes it with usbip {port}attach -r {host} -b {bus_id}")
 }
 
-/// Returns an address at which this machine reaches the server, even if it listens on all addresses.
-fn reachable(listen: SocketAddr) -> SocketAddr {
-    let loopback = match listen.ip() {
-        ip if !ip.is_unspecified() => ip,
-        IpAddr::V4(_) => Ipv4Addr::LOCALHOST.into(),
-        IpAddr::V6(_) => Ipv6Addr::LOCALHOST.into(),
-    };
-    SocketAddr::new(loopback, listen.port())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn commands_and_addresses_can_be_used_as_they_are_printed() {
+    fn printed_commands_can_be_used() {
         let said = |address: &str| how_to_attach(address.parse().unwrap(), "1-2");
         assert!(said("127.0.0.1:3240").ends_with("usbip attach -r 127.0.0.1 -b 1-2"));
         assert!(said("0.0.0.0:99").ends_with("usbip --tcp-port 99 attach -r HOST -b 1-2"));
-        let address = |address: &str| reachable(address.parse().unwrap()).to_string();
-        assert_eq!(address("0.0.0.0:7"), "127.0.0.1:7");
-        assert_eq!(address("[::]:7"), "[::1]:7");
-        assert_eq!(address("10.0.0.1:7"), "10.0.0.1:7");
     }
 }

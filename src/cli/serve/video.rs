@@ -90,10 +90,3 @@ pub(super) fn open_video(
         Err(why) => (None, why),
     })
 }
-
-/// Returns the monotonic time, with which V4L2 stamps frames.
-pub(super) fn monotonic() -> Duration {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
-    let seconds = u64::try_from(now.tv_sec).unwrap_or(0);
-    Duration::from_secs(seconds) + Duration::from_nanos(now.tv_nsec.unsigned_abs())
-}

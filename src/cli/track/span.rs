@@ -1,6 +1,6 @@
 //! The exposure times of a scan's frames, by the device's clock.
 
-use phasmid_protocol::Frame;
+use phasmid_decode::FrameInfo;
 
 /// The time from the start of the first exposure to the end of the last, in nanoseconds; both are 0 if the
 /// links carry no times.
@@ -12,7 +12,7 @@ pub(super) struct Span {
 
 impl Span {
     /// Extends the span by the frames of a pod.
-    pub(super) fn take(&mut self, frames: &[Frame]) {
+    pub(super) fn take(&mut self, frames: &[FrameInfo]) {
         let [Some(first), Some(last)] = [frames.first(), frames.last()] else {
             return;
         };
@@ -32,18 +32,13 @@ impl Span {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use phasmid_protocol::PixelFormat;
 
-    fn frame(exposure_start_ns: u64) -> Frame {
-        Frame {
+    fn frame(exposure_start_ns: u64) -> FrameInfo {
+        FrameInfo {
             id: 0,
             pattern_index: None,
-            width: 1,
-            height: 1,
-            format: PixelFormat::Grey,
             exposure_start_ns,
             exposure_end_ns: exposure_start_ns + 2_000_000,
-            data: vec![0],
         }
     }
 

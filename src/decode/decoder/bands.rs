@@ -5,21 +5,22 @@ use crate::maps::{AxisMap, Decoded, Verdict};
 use crate::phase::RowNoise;
 use crate::robust_scale::RobustScale;
 use crate::rows::{AxisOut, Job, Scratch, decode_row};
-use crate::samples::{FrameStack, Sample};
+use crate::sample::{Sample, typed};
 use crate::unresolved::{UnresolvedBits, unresolved_bits};
 use phasmid_geometry::NoiseModel;
+use phasmid_pattern::Image;
 use rayon::prelude::*;
 
 impl Decoder {
     /// Decodes all rows (pass 1).
     pub(super) fn rows<T: Sample>(
         &self,
-        stack: &FrameStack<'_>,
+        images: &[Image],
         noise: &NoiseModel,
         [saturation, range]: [f32; 2],
         out: &mut Decoded,
     ) {
-        let frames: Vec<&[T]> = stack.typed().expect("checked: all frames are of one type");
+        let frames: Vec<&[T]> = typed(images);
         let robust_scale: Vec<Vec<RobustScale>> = self
             .kernels
             .iter()

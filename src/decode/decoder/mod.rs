@@ -15,13 +15,12 @@ use super::noise::estimate_noise;
 use super::phase::SetKernel;
 use super::plan::{Order, Plan};
 use super::rows::AxisKernel;
-use super::samples::{FrameStack, Samples};
 use super::unwrap::unwrap;
 use crate::triangulate::Triangulator;
 use neighbours::Finest;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{NoiseModel, Rig};
-use phasmid_pattern::{Axis, Manifest};
+use phasmid_pattern::{Axis, Image, Manifest};
 
 /// Rows per parallel task: few enough for load balance, enough to amortise the overhead.
 pub(super) const BAND: usize = 8;
@@ -174,13 +173,15 @@ impl Decoder {
         self.triangulator.as_ref()
     }
 
-    /// Decodes frames in the manifest's order.
+    /// Decodes images in the manifest's order. One that no coordinate needs (of an image pattern) may
+    /// be empty.
     ///
     /// # Errors
-    /// Returns an error if the number or size of the frames differs from that given to [`Self::new`].
-    pub fn decode(&self, stack: &FrameStack<'_>) -> Result<Decoded> {
+    /// Returns an error if the number or size of the images differs from that given to [`Self::new`],
+    /// or if some have 8 and some 16 bits per sample.
+    pub fn decode(&self, images: &[Image]) -> Result<Decoded> {
         let mut decoded = Decoded::default();
-        self.decode_into(stack, &mut decoded)?;
+        self.decode_into(images, &mut decoded)?;
         Ok(decoded)
     }
 
@@ -188,14 +189,15 @@ impl Decoder {
     ///
     /// # Errors
     /// Returns the errors of [`Self::decode`].
-    pub fn decode_into(&self, stack: &FrameStack<'_>, out: &mut Decoded) -> Result<()> {
-        self.check(stack)?;
+    pub fn decode_into(&self, images: &[Image], out: &mut Decoded) -> Result<()> {
+        let deep = self.check(images)?;
+        let full_scale: f32 = if deep { 65535.0 } else { 255.0 };
         self.shape(out);
         out.notes.clear();
         out.notes.extend(self.plan.notes.iter().cloned());
         let noise = self
             .noise
-            .unwrap_or_else(|| match estimate_noise(&self.plan, stack) {
+            .unwrap_or_else(|| match estimate_noise(&self.plan, images) {
                 Some(noise) => {
                     out.notes.push(format!(
                         "noise estimated from the frames: {:.2} DN in the dark, gain {:.4} DN/e",
@@ -212,17 +214,17 @@ impl Decoder {
                         gain_dn_per_e: 0.0,
                         read_noise_dn: (11.0f64 / 12.0).sqrt(),
                         black_level_dn: 0.0,
-                        saturation_dn: f64::from(stack.full_scale()),
+                        saturation_dn: f64::from(full_scale),
                     }
                 }
             });
         out.noise = Some(noise);
         out.notes.extend(self.unweighted(&noise));
-        let saturation = noise.saturation_dn.min(f64::from(stack.full_scale())) as f32;
+        let saturation = noise.saturation_dn.min(f64::from(full_scale)) as f32;
         let range = (saturation - noise.black_level_dn as f32).max(1.0);
-        match stack.frames()[0] {
-            Samples::U8(_) => self.rows::<u8>(stack, &noise, [saturation, range], out),
-            Samples::U16(_) => self.rows::<u16>(stack, &noise, [saturation, range], out),
+        match deep {
+            false => self.rows::<u8>(images, &noise, [saturation, range], out),
+            true => self.rows::<u16>(images, &noise, [saturation, range], out),
         }
         self.finish(LightNoise::new(&noise, range), out);
         Ok(())
@@ -243,26 +245,28 @@ impl Decoder {
         Some(format!("all steps have equal weight: {why}"))
     }
 
-    fn check(&self, stack: &FrameStack<'_>) -> Result<()> {
-        if (stack.width(), stack.height()) != (self.width, self.height) {
+    /// Checks the images and returns whether they have 16 bits per sample.
+    fn check(&self, images: &[Image]) -> Result<bool> {
+        if images.len() != self.plan.frames {
             return Err(Error::input(
                 "frames",
-                format!("{} x {}", stack.width(), stack.height()),
-                format!("{} x {}", self.width, self.height),
-            ));
-        }
-        if stack.frames().len() != self.plan.frames {
-            return Err(Error::input(
-                "frames",
-                format!("{} frames", stack.frames().len()),
+                format!("{} frames", images.len()),
                 format!(
                     "{} frames, one per pattern of the sequence",
                     self.plan.frames
                 ),
             ));
         }
-        for (i, frame) in stack.frames().iter().enumerate() {
-            if self.plan.uses(i) && frame.is_empty() {
+        let [width, height] = Image::common_size(images)?;
+        if (width, height) != (self.width, self.height) {
+            return Err(Error::input(
+                "frames",
+                format!("{width} x {height}"),
+                format!("{} x {}", self.width, self.height),
+            ));
+        }
+        for (i, image) in images.iter().enumerate() {
+            if self.plan.uses(i) && image.is_empty() {
                 return Err(Error::input(
                     format!("frame {i}"),
                     "no samples",
@@ -270,7 +274,7 @@ impl Decoder {
                 ));
             }
         }
-        Ok(())
+        Ok(images.iter().any(|image| image.bits() == 16))
     }
 
     /// Resizes the maps; every element is written later.

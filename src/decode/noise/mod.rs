@@ -9,11 +9,11 @@
 mod line;
 
 use super::plan::Plan;
-use super::samples::{FrameStack, Samples};
 use super::steps::FringeSet;
 use line::transfer_line;
 use nalgebra::{DMatrix, DVector};
 use phasmid_geometry::NoiseModel;
+use phasmid_pattern::{Image, Samples};
 
 /// Approximate number of pixels sampled.
 const PIXELS: usize = 60_000;
@@ -29,35 +29,34 @@ struct Estimate {
 }
 
 /// Estimates a noise model from the frames' redundancy; `None` if there is too little.
-pub fn estimate_noise(plan: &Plan, stack: &FrameStack<'_>) -> Option<NoiseModel> {
-    let pixels = stack.width() * stack.height();
+pub fn estimate_noise(plan: &Plan, images: &[Image]) -> Option<NoiseModel> {
+    let first = images.iter().find(|image| !image.is_empty())?;
+    let pixels = first.width() * first.height();
     let stride = (pixels / PIXELS).max(1);
-    let sample = |frame: usize, i: usize| match stack.frames()[frame] {
-        Samples::U8(s) => f64::from(s[i]),
-        Samples::U16(s) => f64::from(s[i]),
-    };
-    let ceiling = f64::from(stack.full_scale()) * 0.98;
+    let sample = |frame: usize, i: usize| f64::from(images[frame].value(i));
+    let full_scale = f64::from(first.full_scale());
+    let ceiling = full_scale * 0.98;
     let sources = Sources::of(plan);
     let mut estimates = Vec::new();
     for i in (0..pixels).step_by(stride) {
         sources.at(&|frame| sample(frame, i), ceiling, &mut estimates);
     }
-    let rounding = step(stack, stride).powi(2) / 12.0;
+    let rounding = step(images, stride).powi(2) / 12.0;
     let (s0, gain) = transfer_line(estimates, rounding)?;
     Some(NoiseModel {
         gain_dn_per_e: gain,
         read_noise_dn: (s0 - 1.0 / 12.0).max(0.0).sqrt(),
         black_level_dn: 0.0,
-        saturation_dn: f64::from(stack.full_scale()),
+        saturation_dn: full_scale,
     })
 }
 
 /// Quantisation step: the greatest common divisor of the samples' differences. Larger than 1 if
 /// samples of fewer bits were shifted or stretched.
-fn step(stack: &FrameStack<'_>, stride: usize) -> f64 {
+fn step(images: &[Image], stride: usize) -> f64 {
     let mut there = vec![false; 1 << 16];
-    for frame in stack.frames() {
-        match frame {
+    for image in images {
+        match image.samples() {
             Samples::U8(s) => s
                 .iter()
                 .step_by(stride)

@@ -7,7 +7,7 @@ use crate::maps::Verdict;
 use crate::order::{Ensemble, GrayJoin};
 use crate::phase::{Check, OWN, SetKernel, SetRow, TIED, UNCHECKED};
 use crate::robust_scale::RobustScale;
-use crate::samples::Sample;
+use crate::sample::Sample;
 
 /// Maximum distance of a coordinate outside the projector's pixels, in projector pixels.
 const OVERHANG_PX: f32 = 1.0;

@@ -2,7 +2,7 @@
 
 use super::{AxisKernel, Job, Scratch};
 use crate::gray::Threshold;
-use crate::samples::Sample;
+use crate::sample::Sample;
 
 /// Decodes the Gray bits, and computes the noise of a sample and, without white and black, the half
 /// contrast.

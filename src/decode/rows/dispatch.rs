@@ -6,7 +6,7 @@
 use super::{AxisOut, Job, Scratch, apply_body, decode_body};
 use crate::borders::{self, Near};
 use crate::edges::{self, Around};
-use crate::samples::Sample;
+use crate::sample::Sample;
 use crate::triangulate::{CoordinateRow, Triangulator};
 use phasmid_core::simd::widest;
 

@@ -18,7 +18,7 @@ use super::gray::GrayRow;
 use super::maps::Verdict;
 use super::phase::{RowNoise, SetRow};
 use super::robust_scale::RobustScale;
-use super::samples::Sample;
+use super::sample::Sample;
 use axis::axis_row;
 
 /// Data shared by all rows of a decoding.

@@ -209,6 +209,11 @@ impl Firmware {
         self.link = Some(link);
     }
 
+    /// Returns the names of the sequences in the memory.
+    pub fn sequence_names(&self) -> impl Iterator<Item = &str> {
+        self.memory.names()
+    }
+
     /// Returns the calibration that the device reports, for the whole sensor, or why there is none;
     /// see [`Profile::factory_rig`]. The first call computes it, in 10 to 100 ms.
     pub fn factory_calibration(&self) -> &Result<Rig, String> {

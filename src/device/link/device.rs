@@ -13,20 +13,20 @@ use super::tap::{Recording, Tap};
 use super::timeline::Seat;
 use super::usb::{Binding, Nodes};
 use super::video::VideoOutput;
-use crate::{Machine, Renderer};
+use crate::Device;
 use phasmid_core::error::{Error, Result};
 use phasmid_profile::RigPlace;
 use phasmid_protocol::Endpoints;
+use phasmid_protocol::dialect::Dialect;
 use std::future::Future;
+use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
 
 /// A device to be served.
-pub struct Device {
-    /// The device without its optics.
-    pub machine: Machine,
-    /// The optics.
-    pub renderer: Renderer,
+pub struct ServedDevice {
+    /// The device.
+    pub device: Device,
     /// Its seat on the timeline.
     pub seat: Seat,
     /// The scene, shared with other devices.
@@ -57,10 +57,41 @@ pub struct Device {
     pub notice: fn(&str),
 }
 
+impl ServedDevice {
+    /// Prepares a device to be served over a pty and a frame socket only, and described by the names
+    /// of its profile and scene.
+    pub fn new(device: Device, seat: Seat, shared_scene: SharedScene) -> Self {
+        let (profile, scene) = (&device.profile, &device.scene);
+        let id = &profile.identity;
+        Self {
+            seat,
+            shared_scene,
+            rig: scene.rig,
+            name: format!(
+                "{},{},{},{}",
+                id.manufacturer, id.model, id.serial, id.firmware
+            ),
+            profile: profile.name.clone(),
+            scene: scene.name.clone(),
+            seed: device.seed,
+            dialect: Dialect::from_anywhere(&profile.control.dialect_path(&profile.folder)),
+            baud: profile.control.baud,
+            tcp: None,
+            video: None,
+            usb: None,
+            recording: None,
+            notice: |_| {},
+            device,
+        }
+    }
+}
+
 /// A device's USB side.
 pub struct UsbLink {
     /// The server's side of the USB device.
     pub binding: Binding,
+    /// Address at which the USB/IP server listens.
+    pub listen: SocketAddr,
     /// Address from which it can be attached: `usb:HOST:PORT/BUSID`.
     pub address: String,
     /// Device nodes that this machine's kernel has created for it.
@@ -74,37 +105,42 @@ pub struct UsbLink {
 /// # Errors
 /// Returns an error if the system refuses a port or socket, or if the render thread has failed.
 pub async fn serve(
-    mut device: Device,
+    served: ServedDevice,
     mut run_dir: RunDir,
     wall: impl Fn() -> Duration + Clone + Send + 'static,
     ready: impl FnOnce(&Endpoints),
     shutdown: impl Future<Output = ()>,
 ) -> Result<()> {
+    let Device {
+        mut machine,
+        renderer,
+        ..
+    } = served.device;
     let pty = Pty::open()?;
     let control = run_dir.file(CONTROL);
     point(&control, &pty)?;
     let camera_path = run_dir.file(CAMERA);
-    let camera = FrameSocket::open(&camera_path, device.tcp.as_ref())?;
+    let camera = FrameSocket::open(&camera_path, served.tcp.as_ref())?;
     let service_path = run_dir.file(SERVICE);
     let service = ServiceSocket::open(&service_path)?;
     let camera_socket = format!("socket:{}", camera_path.display());
-    let (usb_address, nodes) = match &device.usb {
+    let (usb_address, nodes) = match &served.usb {
         Some(usb) => (Some(usb.address.clone()), usb.nodes.clone()),
         None => (None, Nodes::default()),
     };
     let node = nodes.camera.map(|path| path.display().to_string());
     let endpoints = Endpoints {
-        name: device.name,
+        name: served.name,
         pid: std::process::id(),
-        profile: Some(device.profile),
-        scene: Some(device.scene),
-        seed: Some(device.seed),
-        clock: Some(device.seat.timeline().about().pace),
+        profile: Some(served.profile),
+        scene: Some(served.scene),
+        seed: Some(served.seed),
+        clock: Some(served.seat.timeline().about().pace),
         control: control.clone(),
-        dialect: Some(device.dialect),
-        baud: device.baud,
+        dialect: Some(served.dialect),
+        baud: served.baud,
         control_usb: nodes.tty,
-        camera: match &device.video {
+        camera: match &served.video {
             Some(video) => video.address(),
             None => node
                 .or_else(|| usb_address.clone())
@@ -115,29 +151,26 @@ pub async fn serve(
         usb: usb_address,
         service: service_path,
     };
-    let render_thread = RenderThread::start(device.renderer, wall.clone(), device.notice)
+    let render_thread = RenderThread::start(renderer, wall.clone(), served.notice)
         .map_err(|e| Error::io("optics", e))?;
-    if let Some(video) = &device.video {
-        device
-            .machine
-            .firmware_mut()
-            .attach(Box::new(video.clone()));
+    if let Some(video) = &served.video {
+        machine.firmware_mut().attach(Box::new(video.clone()));
     }
-    if let Some(usb) = &device.usb {
-        let gate = usb.binding.gate(device.machine.firmware().stream());
-        device.machine.firmware_mut().attach(Box::new(gate));
+    if let Some(usb) = &served.usb {
+        let gate = usb.binding.gate(machine.firmware().stream());
+        machine.firmware_mut().attach(Box::new(gate));
     }
-    let now = device.seat.now_ns();
-    let tap = Tap::start(device.recording, &endpoints, now, device.notice)?;
+    let now = served.seat.now_ns();
+    let tap = Tap::start(served.recording, &endpoints, now, served.notice)?;
     run_dir.publish(&endpoints)?;
     ready(&endpoints);
     let server = Server {
-        machine: device.machine,
-        seat: device.seat,
+        machine,
+        seat: served.seat,
         handled_ns: 0,
-        shared_scene: device.shared_scene,
+        shared_scene: served.shared_scene,
         version: 0,
-        rig: device.rig,
+        rig: served.rig,
         history: History::default(),
         name: endpoints.name,
         bytes: (0, 0),
@@ -145,11 +178,11 @@ pub async fn serve(
         pty: Some(pty),
         control,
         camera,
-        video: device.video,
-        usb: device.usb.map(|usb| usb.binding),
+        video: served.video,
+        usb: served.usb.map(|usb| usb.binding),
         reply_to_usb: false,
         pace: Pace::default(),
-        notice: device.notice,
+        notice: served.notice,
         lost: 0,
         usb_lost: false,
         service,

@@ -19,7 +19,7 @@ mod webcam;
 
 pub use intake::Intake;
 pub use memory::MemoryCamera;
-pub use open::{Capture, open_camera};
+pub use open::{CameraDriver, open_camera};
 pub use socket::SocketCamera;
 #[cfg(target_os = "linux")]
 pub use v4l2_error::explain as explain_device;

@@ -11,7 +11,7 @@ const ALLOWED: &str = "/dev/videoN, socket:PATH or tcp:HOST:PORT; \
 
 /// How to capture the frames of a V4L2 device.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Capture {
+pub enum CameraDriver {
     /// Chosen by the formats the device offers: `V4l` for GREY, Y10, Y10P, Y12, Y12P and Y16, else
     /// `Nokhwa`.
     #[default]
@@ -29,7 +29,11 @@ pub enum Capture {
 /// # Errors
 /// Returns an error if the kind of address is unknown, does not support the capture method, or if
 /// the camera cannot be reached within the timeout.
-pub fn open_camera(address: &str, capture: Capture, timeout: Duration) -> Result<Box<dyn Camera>> {
+pub fn open_camera(
+    address: &str,
+    capture: CameraDriver,
+    timeout: Duration,
+) -> Result<Box<dyn Camera>> {
     if address.starts_with("/dev/") {
         return open_device(address, capture, timeout);
     }
@@ -41,7 +45,7 @@ pub fn open_camera(address: &str, capture: Capture, timeout: Duration) -> Result
     } else {
         return Err(Error::input(place, "an unknown kind of address", ALLOWED));
     };
-    if capture != Capture::Auto {
+    if capture != CameraDriver::Auto {
         return Err(Error::input(
             "--capture",
             format!("an option for V4L2 devices, with the camera {address}"),
@@ -52,7 +56,7 @@ pub fn open_camera(address: &str, capture: Capture, timeout: Duration) -> Result
 }
 
 #[cfg(target_os = "linux")]
-fn open_device(address: &str, capture: Capture, timeout: Duration) -> Result<Box<dyn Camera>> {
+fn open_device(address: &str, capture: CameraDriver, timeout: Duration) -> Result<Box<dyn Camera>> {
     super::unplugged::PluggedCamera::open(address, capture, timeout)
 }
 
@@ -63,7 +67,7 @@ fn open_device(address: &str, capture: Capture, timeout: Duration) -> Result<Box
 #[cfg(target_os = "linux")]
 pub(super) fn open_node(
     address: &str,
-    capture: Capture,
+    capture: CameraDriver,
     timeout: Duration,
 ) -> Result<Box<dyn Camera>> {
     use super::{v4l2, webcam};
@@ -76,7 +80,7 @@ pub(super) fn open_node(
 }
 
 #[cfg(not(target_os = "linux"))]
-fn open_device(address: &str, _: Capture, _: Duration) -> Result<Box<dyn Camera>> {
+fn open_device(address: &str, _: CameraDriver, _: Duration) -> Result<Box<dyn Camera>> {
     Err(Error::input(
         format!("--camera {address}"),
         "a V4L2 device, which only a Linux build can open",

@@ -286,7 +286,7 @@ impl Camera for SocketCamera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Capture, open_camera};
+    use crate::{CameraDriver, open_camera};
     use phasmid_protocol::{PixelFormat, wire};
     use std::io::Write;
     use std::net::TcpListener;
@@ -295,7 +295,7 @@ mod tests {
     use std::thread;
 
     fn refusal(address: &str) -> Error {
-        match open_camera(address, Capture::Auto, Duration::from_millis(200)) {
+        match open_camera(address, CameraDriver::Auto, Duration::from_millis(200)) {
             Ok(_) => panic!("{address}"),
             Err(e) => e,
         }
@@ -344,7 +344,7 @@ mod tests {
         let path = dir.path().join("camera.sock");
         let listener = UnixListener::bind(&path).unwrap();
         let address = format!("socket:{}", path.display());
-        let mut camera = open_camera(&address, Capture::Auto, Duration::from_secs(1)).unwrap();
+        let mut camera = open_camera(&address, CameraDriver::Auto, Duration::from_secs(1)).unwrap();
         let (mut device, _) = listener.accept().unwrap();
         let short = Duration::from_millis(5);
         assert_eq!(camera.next_frame(short).unwrap(), None);
@@ -446,7 +446,7 @@ mod tests {
         let path = dir.path().join("camera.sock");
         let listener = UnixListener::bind(&path).unwrap();
         let address = format!("socket:{}", path.display());
-        let mut camera = open_camera(&address, Capture::Auto, Duration::from_secs(1)).unwrap();
+        let mut camera = open_camera(&address, CameraDriver::Auto, Duration::from_secs(1)).unwrap();
         drop(listener.accept().unwrap());
         let message = camera.next_frame(Duration::from_secs(1)).unwrap_err();
         assert!(message.to_string().contains("closed"), "{message}");

@@ -1,6 +1,6 @@
 //! A camera of a USB device, which may be unplugged and come back under another name.
 
-use super::open::{Capture, open_node};
+use super::open::{CameraDriver, open_node};
 use super::{Camera, Result};
 use crate::deadline::again;
 use crate::plug::Plug;
@@ -14,7 +14,7 @@ pub(super) struct PluggedCamera {
     /// would come back under another one.
     camera: Option<Box<dyn Camera>>,
     plug: Plug,
-    how: Capture,
+    how: CameraDriver,
     /// The address as given.
     given: String,
     address: String,
@@ -27,7 +27,11 @@ impl PluggedCamera {
     ///
     /// # Errors
     /// Same as [`open_node`].
-    pub(super) fn open(address: &str, how: Capture, timeout: Duration) -> Result<Box<dyn Camera>> {
+    pub(super) fn open(
+        address: &str,
+        how: CameraDriver,
+        timeout: Duration,
+    ) -> Result<Box<dyn Camera>> {
         let camera = open_node(address, how, timeout)?;
         Ok(match Plug::of("video4linux", address) {
             None => camera,

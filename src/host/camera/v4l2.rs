@@ -5,7 +5,7 @@
 //! frame are the driver's timestamp.
 
 use super::v4l2_error::{EINVAL, EIO, ENOTTY, explain};
-use super::{Camera, Capture};
+use super::{Camera, CameraDriver};
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::MAX_SIDE_PX;
 use phasmid_protocol::{Frame, PixelFormat, printable};
@@ -61,7 +61,7 @@ enum Refusal {
 /// # Errors
 /// Returns an error if the device cannot be opened, is not a camera, or offers no format that the
 /// capture method reads.
-pub(super) fn find(address: &str, capture: Capture, timeout: Duration) -> Result<Found> {
+pub(super) fn find(address: &str, capture: CameraDriver, timeout: Duration) -> Result<Found> {
     let end = Instant::now() + timeout;
     loop {
         match settle(address, capture) {
@@ -80,7 +80,7 @@ fn no_producer(address: &str) -> Error {
     ))
 }
 
-fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
+fn settle(address: &str, capture: CameraDriver) -> Result<Found, Refusal> {
     let place = format!("--camera {address}");
     let (device, node) =
         Node::open(Path::new(address)).map_err(|e| Refusal::Final(explain(address, "open", e)))?;
@@ -142,13 +142,13 @@ fn settle(address: &str, capture: Capture) -> Result<Found, Refusal> {
         path,
         device,
         layout,
-        webcam: capture == Capture::Nokhwa
-            || (capture == Capture::Auto && WEBCAM.contains(&fourcc)),
+        webcam: capture == CameraDriver::Nokhwa
+            || (capture == CameraDriver::Auto && WEBCAM.contains(&fourcc)),
     })
 }
 
 /// Chooses the format to read: the current one if it can be read, otherwise the best one offered.
-fn choose(capture: Capture, now: FourCc, offered: &[FourCc]) -> Option<FourCc> {
+fn choose(capture: CameraDriver, now: FourCc, offered: &[FourCc]) -> Option<FourCc> {
     let best = |wanted: &[FourCc]| {
         let mut candidates = std::iter::once(&now).chain(wanted);
         // A driver that lists no formats still has a current one.
@@ -157,21 +157,21 @@ fn choose(capture: Capture, now: FourCc, offered: &[FourCc]) -> Option<FourCc> {
             .copied()
     };
     match capture {
-        Capture::Auto => best(&MONO).or_else(|| best(&WEBCAM)),
-        Capture::V4l => best(&MONO).or_else(|| best(&WEBCAM[..1])),
-        Capture::Nokhwa => best(&WEBCAM),
+        CameraDriver::Auto => best(&MONO).or_else(|| best(&WEBCAM)),
+        CameraDriver::V4l => best(&MONO).or_else(|| best(&WEBCAM[..1])),
+        CameraDriver::Nokhwa => best(&WEBCAM),
     }
 }
 
-fn nothing_readable(place: &str, capture: Capture, offered: &[FourCc]) -> Error {
+fn nothing_readable(place: &str, capture: CameraDriver, offered: &[FourCc]) -> Error {
     let names: Vec<String> = offered.iter().map(|code| name(*code)).collect();
     let (flag, allowed) = match capture {
-        Capture::Auto => ("", "GREY, Y10, Y10P, Y12, Y12P, Y16, YUYV or MJPG"),
-        Capture::V4l => (
+        CameraDriver::Auto => ("", "GREY, Y10, Y10P, Y12, Y12P, Y16, YUYV or MJPG"),
+        CameraDriver::V4l => (
             " with --capture v4l",
             "GREY, Y10, Y10P, Y12, Y12P, Y16 or YUYV",
         ),
-        Capture::Nokhwa => (
+        CameraDriver::Nokhwa => (
             " with --capture nokhwa",
             "YUYV or MJPG; or --capture v4l for GREY, Y10, Y10P, Y12, Y12P, Y16 and YUYV",
         ),
@@ -355,21 +355,21 @@ mod tests {
         let all = [*b"YUYV", *b"GREY", *b"Y10 ", *b"MJPG"];
         let packed = [*b"GREY", *b"Y10P", *b"Y12P"];
         for (capture, now, offered, chosen) in [
-            (Capture::Auto, *b"GREY", &all[..], Some(*b"GREY")),
-            (Capture::Auto, *b"YUYV", &all, Some(*b"Y10 ")),
-            (Capture::Auto, *b"NV12", &all[..2], Some(*b"GREY")),
-            (Capture::Auto, *b"Y12P", &all, Some(*b"Y12P")),
-            (Capture::V4l, *b"NV12", &packed, Some(*b"Y12P")),
-            (Capture::Auto, *b"MJPG", &[], Some(*b"MJPG")),
-            (Capture::V4l, *b"MJPG", &all[..1], Some(*b"YUYV")),
-            (Capture::V4l, *b"MJPG", &all[3..], None),
-            (Capture::Nokhwa, *b"GREY", &all, Some(*b"YUYV")),
-            (Capture::Nokhwa, *b"MJPG", &all, Some(*b"MJPG")),
-            (Capture::Nokhwa, *b"GREY", &all[1..3], None),
+            (CameraDriver::Auto, *b"GREY", &all[..], Some(*b"GREY")),
+            (CameraDriver::Auto, *b"YUYV", &all, Some(*b"Y10 ")),
+            (CameraDriver::Auto, *b"NV12", &all[..2], Some(*b"GREY")),
+            (CameraDriver::Auto, *b"Y12P", &all, Some(*b"Y12P")),
+            (CameraDriver::V4l, *b"NV12", &packed, Some(*b"Y12P")),
+            (CameraDriver::Auto, *b"MJPG", &[], Some(*b"MJPG")),
+            (CameraDriver::V4l, *b"MJPG", &all[..1], Some(*b"YUYV")),
+            (CameraDriver::V4l, *b"MJPG", &all[3..], None),
+            (CameraDriver::Nokhwa, *b"GREY", &all, Some(*b"YUYV")),
+            (CameraDriver::Nokhwa, *b"MJPG", &all, Some(*b"MJPG")),
+            (CameraDriver::Nokhwa, *b"GREY", &all[1..3], None),
         ] {
             assert_eq!(choose(capture, now, offered), chosen, "{capture:?} {now:?}");
         }
-        let error = nothing_readable("--camera x", Capture::Nokhwa, &all[1..3]);
+        let error = nothing_readable("--camera x", CameraDriver::Nokhwa, &all[1..3]);
         assert!(
             error
                 .to_string()
@@ -384,7 +384,7 @@ mod tests {
             ("/dev/null", "no V4L2 device"),
             ("/dev/no-such-video", "no such device"),
         ] {
-            let Err(error) = find(address, Capture::Auto, Duration::from_secs(60)) else {
+            let Err(error) = find(address, CameraDriver::Auto, Duration::from_secs(60)) else {
                 panic!("{address}")
             };
             assert_eq!(error.exit_code(), 2, "{error}");

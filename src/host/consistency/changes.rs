@@ -5,7 +5,7 @@
 
 use super::grid::{read_row, value};
 use phasmid_core::simd::widest;
-use phasmid_protocol::Frame;
+use phasmid_pattern::Image;
 use rayon::prelude::*;
 
 /// Rows above and below a change that belong to it.
@@ -38,11 +38,8 @@ pub(super) struct Change {
 }
 
 /// The changes of each frame in which others change too, from the first row to the last.
-pub(super) fn changes_of(frames: &[Frame], down: &[bool], noise_dn: f32) -> Vec<Change> {
-    let Some((width, height)) = frames
-        .first()
-        .map(|f| (f.width as usize, f.height as usize))
-    else {
+pub(super) fn changes_of(frames: &[Image], down: &[bool], noise_dn: f32) -> Vec<Change> {
+    let Some((width, height)) = frames.first().map(|f| (f.width(), f.height())) else {
         return Vec::new();
     };
     if height < 2 * REACH + 2 {
@@ -76,7 +73,7 @@ pub(super) fn changes_of(frames: &[Frame], down: &[bool], noise_dn: f32) -> Vec<
 
 /// Frames, of which only some columns are looked at.
 struct View<'a> {
-    frames: &'a [Frame],
+    frames: &'a [Image],
     down: &'a [bool],
     width: usize,
     noise_dn: f32,
@@ -125,12 +122,12 @@ impl View<'_> {
         let at = row * self.width + column * self.stride;
         let least = SIGMAS * self.noise_dn;
         let more =
-            |frame: &&Frame| (value(frame, at + self.width) - value(frame, at)).abs() > least;
+            |frame: &&Image| (value(frame, at + self.width) - value(frame, at)).abs() > least;
         if self.steady(self.frames).filter(more).count() < LEAST_FRAMES {
             return Vec::new();
         }
         let first = row - REACH;
-        let read = |frame: &Frame| -> [f32; ROWS] {
+        let read = |frame: &Image| -> [f32; ROWS] {
             std::array::from_fn(|r| value(frame, (first + r) * self.width + column * self.stride))
         };
         let seen: Vec<[f32; ROWS]> = self.frames.iter().map(read).collect();

@@ -148,8 +148,8 @@ fn median(mut values: Vec<f32>) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use phasmid_pattern::Image;
     use phasmid_pattern::{Axis, Manifest};
-    use phasmid_protocol::{Frame, PixelFormat};
     use std::f64::consts::TAU;
 
     /// Three fringes of 16 pixels, five bits of cells of `cell` pixels, white and black; a camera that sees
@@ -186,18 +186,16 @@ mod tests {
             let seen: f64 = (0..blurred).map(|dx| shown(k, x + dx)).sum();
             (800.0 + 40_000.0 * light(k) * seen / f64::from(blurred)) as u16
         };
-        let frames: Vec<Frame> = (0..10)
-            .map(|k| Frame {
-                id: k as u64,
-                pattern_index: None,
-                width,
-                height,
-                format: PixelFormat::Y16,
-                exposure_start_ns: 0,
-                exposure_end_ns: 1,
-                data: (0..width * height)
-                    .flat_map(|i| level(k, (i % width) as i32).to_le_bytes())
-                    .collect(),
+        let frames: Vec<Image> = (0..10)
+            .map(|k| {
+                Image::new(
+                    width as usize,
+                    height as usize,
+                    (0..width * height)
+                        .map(|i| level(k, (i % width) as i32))
+                        .collect::<Vec<u16>>(),
+                )
+                .unwrap()
             })
             .collect();
         let plan = Plan::new(&manifest).unwrap();

@@ -6,7 +6,7 @@
 use super::grid::value;
 use phasmid_decode::AxisPlan;
 use phasmid_pattern::Axis;
-use phasmid_protocol::Frame;
+use phasmid_pattern::Image;
 
 /// Pixels that are looked at in each frame, about.
 const PIXELS: usize = 2_000;
@@ -15,7 +15,7 @@ const MANY: f64 = 0.5;
 
 /// The axis of the image along which an axis' patterns vary; the columns' where they vary along both.
 /// Frames are of one size.
-pub(super) fn along(axis: &AxisPlan, frames: &[Frame]) -> Axis {
+pub(super) fn along(axis: &AxisPlan, frames: &[Image]) -> Axis {
     let own = shown(axis)
         .into_iter()
         .filter_map(|frame| frames.get(frame));
@@ -50,8 +50,8 @@ fn shown(axis: &AxisPlan) -> Vec<usize> {
 }
 
 /// How much a frame changes along its rows, and across them, in sums of squares: edges more than noise.
-fn changes(frame: &Frame) -> [f64; 2] {
-    let (width, height) = (frame.width as usize, frame.height as usize);
+fn changes(frame: &Image) -> [f64; 2] {
+    let (width, height) = (frame.width(), frame.height());
     if width < 2 || height < 2 {
         return [0.0; 2];
     }

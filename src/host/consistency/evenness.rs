@@ -135,7 +135,7 @@ fn wrapped(angle: f64) -> f64 {
 mod tests {
     use super::*;
     use phasmid_pattern::Axis;
-    use phasmid_protocol::{Frame, PixelFormat};
+    use phasmid_pattern::Image;
 
     /// Frames of `n` steps of fringes of a period in pixels, with harmonics by order and amplitude, and as
     /// many uniform ones.
@@ -150,17 +150,15 @@ mod tests {
             let shown = if k < n { wave } else { 0.0 };
             (20_000.0 + 10_000.0 * (0.6 + 0.4 * y / 64.0) * shown) as u16
         };
-        let frame = |k: usize| Frame {
-            id: k as u64,
-            pattern_index: None,
-            width,
-            height,
-            format: PixelFormat::Y16,
-            exposure_start_ns: 0,
-            exposure_end_ns: 1,
-            data: (0..width * height)
-                .flat_map(|i| level(k, i).to_le_bytes())
-                .collect(),
+        let frame = |k: usize| {
+            Image::new(
+                width as usize,
+                height as usize,
+                (0..width * height)
+                    .map(|i| level(k, i))
+                    .collect::<Vec<u16>>(),
+            )
+            .unwrap()
         };
         Grid::new(&(0..2 * n).map(frame).collect::<Vec<_>>(), Axis::X)
     }

@@ -1,7 +1,6 @@
 //! The pixels that are looked at: whole lines of the image, along the axis of the patterns.
 
-use phasmid_pattern::Axis;
-use phasmid_protocol::{Frame, PixelFormat};
+use phasmid_pattern::{Axis, Image, Samples};
 
 /// Lines, evenly spread.
 const LINES: usize = 64;
@@ -52,10 +51,8 @@ impl Line {
 
 impl Grid {
     /// Lines along `axis` through frames of one size and format.
-    pub(super) fn new(frames: &[Frame], axis: Axis) -> Self {
-        let (width, height) = frames
-            .first()
-            .map_or((0, 0), |f| (f.width as usize, f.height as usize));
+    pub(super) fn new(frames: &[Image], axis: Axis) -> Self {
+        let (width, height) = frames.first().map_or((0, 0), |f| (f.width(), f.height()));
         let (len, across) = match axis {
             Axis::X => (width, height),
             Axis::Y => (height, width),
@@ -191,33 +188,23 @@ pub(super) fn runs(mut which: Vec<bool>) -> Vec<bool> {
 }
 
 /// A frame's pixel in DN.
-pub(super) fn value(frame: &Frame, index: usize) -> f32 {
-    match frame.format {
-        PixelFormat::Y16 => f32::from(u16::from_le_bytes([
-            frame.data[2 * index],
-            frame.data[2 * index + 1],
-        ])),
-        _ => f32::from(frame.data[index]),
-    }
+pub(super) fn value(frame: &Image, index: usize) -> f32 {
+    f32::from(frame.value(index))
 }
 
 /// Every so manyth pixel of a frame's row in DN, into a buffer that is used again.
-pub(super) fn read_row(frame: &Frame, row: usize, every: usize, into: &mut Vec<f32>) {
-    let width = frame.width as usize;
+pub(super) fn read_row(frame: &Image, row: usize, every: usize, into: &mut Vec<f32>) {
+    fn of<T: Copy + Into<f32>>(pixels: &[T], every: usize, into: &mut Vec<f32>) {
+        match every {
+            1 => into.extend(pixels.iter().map(|pixel| (*pixel).into())),
+            _ => into.extend(pixels.chunks(every).map(|pixels| pixels[0].into())),
+        }
+    }
     into.clear();
-    match frame.format {
-        PixelFormat::Y16 => {
-            let (pixels, _) = frame.data[2 * row * width..2 * (row + 1) * width].as_chunks();
-            let pixels = pixels.iter().step_by(every);
-            into.extend(pixels.map(|&pixel| f32::from(u16::from_le_bytes(pixel))));
-        }
-        _ => {
-            let pixels = &frame.data[row * width..(row + 1) * width];
-            match every {
-                1 => into.extend(pixels.iter().map(|pixel| f32::from(*pixel))),
-                _ => into.extend(pixels.chunks(every).map(|pixels| f32::from(pixels[0]))),
-            }
-        }
+    let row = row * frame.width()..(row + 1) * frame.width();
+    match frame.samples() {
+        Samples::U8(samples) => of(&samples[row], every, into),
+        Samples::U16(samples) => of(&samples[row], every, into),
     }
 }
 

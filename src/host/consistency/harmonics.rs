@@ -102,10 +102,10 @@ fn ripple(
 mod tests {
     use super::super::scatter::MANY;
     use super::*;
-    use phasmid_protocol::{Frame, PixelFormat};
+    use phasmid_pattern::Image;
 
     /// Frames of `n` steps, white and black, whose fringes have a harmonic of an order and amplitude.
-    fn frames(n: usize, order: f64, amplitude: f64) -> Vec<Frame> {
+    fn frames(n: usize, order: f64, amplitude: f64) -> Vec<Image> {
         let (width, height) = (128u32, 64u32);
         let level = |k: usize, i: u32| {
             let phase = TAU * (f64::from(i % width) / 21.3 + k as f64 / n as f64);
@@ -119,17 +119,15 @@ mod tests {
             (100.0 + 50_000.0 * albedo * light) as u16
         };
         (0..n + 2)
-            .map(|k| Frame {
-                id: k as u64,
-                pattern_index: None,
-                width,
-                height,
-                format: PixelFormat::Y16,
-                exposure_start_ns: 0,
-                exposure_end_ns: 1,
-                data: (0..width * height)
-                    .flat_map(|i| level(k, i).to_le_bytes())
-                    .collect(),
+            .map(|k| {
+                Image::new(
+                    width as usize,
+                    height as usize,
+                    (0..width * height)
+                        .map(|i| level(k, i))
+                        .collect::<Vec<u16>>(),
+                )
+                .unwrap()
             })
             .collect()
     }

@@ -6,7 +6,7 @@
 //! other, whatever the surface: where a frame has many that are not, its bits are flipped.
 
 use super::grid::read_row;
-use phasmid_protocol::Frame;
+use phasmid_pattern::Image;
 
 /// Rows that are looked at, evenly spread.
 const ROWS: usize = 32;
@@ -22,7 +22,7 @@ const SHARE: f64 = 0.02;
 
 /// Whether bits of many pixels are flipped. Frames are of one size; `down` are those whose patterns vary
 /// down the image.
-pub(super) fn check(frames: &[Frame], down: &[bool], noise_dn: f32) -> Result<(), String> {
+pub(super) fn check(frames: &[Image], down: &[bool], noise_dn: f32) -> Result<(), String> {
     for (k, frame) in frames.iter().enumerate() {
         let share = share(frame, down[k], noise_dn);
         if share > SHARE {
@@ -37,9 +37,9 @@ pub(super) fn check(frames: &[Frame], down: &[bool], noise_dn: f32) -> Result<()
 
 /// The share of the pixels that are like neither neighbour, along a row for patterns that vary down the
 /// image and down the image for all others.
-fn share(frame: &Frame, down: bool, noise_dn: f32) -> f64 {
-    let height = frame.height as usize;
-    if height < 3 || frame.width < 3 {
+fn share(frame: &Image, down: bool, noise_dn: f32) -> f64 {
+    let height = frame.height();
+    if height < 3 || frame.width() < 3 {
         return 0.0;
     }
     let mut rows: [Vec<f32>; 3] = Default::default();
@@ -72,10 +72,9 @@ fn share(frame: &Frame, down: bool, noise_dn: f32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use phasmid_protocol::PixelFormat;
 
     /// Stripes along x of so many pixels, with every so many'th pixel's highest bit flipped.
-    fn frame(stripe: usize, every: usize) -> Frame {
+    fn frame(stripe: usize, every: usize) -> Image {
         let (width, height) = (120, 60);
         let level = |i: usize| {
             let lit = (i % width / stripe).is_multiple_of(2);
@@ -86,16 +85,12 @@ mod tests {
             let struck = mixed as usize % every == 1;
             if struck { level ^ 0x80 } else { level }
         };
-        Frame {
-            id: 0,
-            pattern_index: None,
-            width: width as u32,
-            height: height as u32,
-            format: PixelFormat::Grey,
-            exposure_start_ns: 0,
-            exposure_end_ns: 1,
-            data: (0..width * height).map(level).collect(),
-        }
+        Image::new(
+            width,
+            height,
+            (0..width * height).map(level).collect::<Vec<u8>>(),
+        )
+        .unwrap()
     }
 
     #[test]

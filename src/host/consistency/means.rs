@@ -109,15 +109,15 @@ mod tests {
     use super::super::scatter::FEW;
     use super::*;
     use phasmid_decode::Plan;
+    use phasmid_pattern::Image;
     use phasmid_pattern::Manifest;
-    use phasmid_protocol::{Frame, PixelFormat};
     use std::f64::consts::TAU;
 
     const SIZE: (u32, u32) = (160, 60);
     const PERIODS: [f64; 3] = [10.0, 96.0, 960.0];
 
     /// Three steps of three periods as a camera sees them on a surface of changing colour.
-    fn capture() -> (Manifest, Vec<Frame>) {
+    fn capture() -> (Manifest, Vec<Image>) {
         let mut text = "[projector]\nwidth_px = 912\nheight_px = 684\n".to_owned();
         let mut frames = Vec::new();
         for k in 0..9u32 {
@@ -132,21 +132,19 @@ mod tests {
                 let level = 0.5 + 0.4 * (TAU * (100.0 + 4.0 * u) / period + phase).cos();
                 (10.0 + (100.0 + v) * level + 3.0 * noise) as u8
             };
-            frames.push(Frame {
-                id: u64::from(k),
-                pattern_index: None,
-                width: SIZE.0,
-                height: SIZE.1,
-                format: PixelFormat::Grey,
-                exposure_start_ns: 0,
-                exposure_end_ns: 1,
-                data: (0..SIZE.0 * SIZE.1).map(value).collect(),
-            });
+            frames.push(
+                Image::new(
+                    SIZE.0 as usize,
+                    SIZE.1 as usize,
+                    (0..SIZE.0 * SIZE.1).map(value).collect::<Vec<u8>>(),
+                )
+                .unwrap(),
+            );
         }
         (Manifest::parse(&text, "t").unwrap(), frames)
     }
 
-    fn said(change: impl FnOnce(&mut [Frame])) -> Option<String> {
+    fn said(change: impl FnOnce(&mut [Image])) -> Option<String> {
         let (manifest, mut frames) = capture();
         change(&mut frames);
         let plan = Plan::new(&manifest).unwrap();
@@ -157,8 +155,13 @@ mod tests {
     #[test]
     fn sound_sets_and_a_few_damaged_pixels_pass() {
         assert_eq!(said(|_| {}), None);
-        let few = |frames: &mut [Frame]| {
-            frames[1].data.iter_mut().step_by(97).for_each(|v| *v ^= 64);
+        let few = |frames: &mut [Image]| {
+            frames[1]
+                .as_u8_mut()
+                .unwrap()
+                .iter_mut()
+                .step_by(97)
+                .for_each(|v| *v ^= 64);
         };
         assert_eq!(said(few), None);
     }
@@ -166,8 +169,13 @@ mod tests {
     #[test]
     fn many_damaged_pixels_are_told() {
         for k in [0, 4, 8] {
-            let many = |frames: &mut [Frame]| {
-                frames[k].data.iter_mut().step_by(29).for_each(|v| *v ^= 64);
+            let many = |frames: &mut [Image]| {
+                frames[k]
+                    .as_u8_mut()
+                    .unwrap()
+                    .iter_mut()
+                    .step_by(29)
+                    .for_each(|v| *v ^= 64);
             };
             let words = said(many).unwrap();
             assert!(words.contains("contradict the other fringes in"), "{words}");
@@ -177,7 +185,7 @@ mod tests {
     #[test]
     fn the_pattern_of_another_set_is_told() {
         for (k, other) in [(2, 3), (3, 2), (5, 6)] {
-            let wrong = |frames: &mut [Frame]| frames[k].data = frames[other].data.clone();
+            let wrong = |frames: &mut [Image]| frames[k] = frames[other].clone();
             let words = said(wrong).unwrap();
             assert!(words.contains("have another mean"), "{words}");
         }

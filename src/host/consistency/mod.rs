@@ -87,12 +87,12 @@ mod slips;
 mod tails;
 mod torn;
 
-pub(super) use modulation::{LEAST_FOLLOWING, following};
+pub use modulation::check_modulation;
+use modulation::following;
 
 use grid::Grid;
 use phasmid_decode::{AxisPlan, Plan};
-use phasmid_pattern::{Axis, Manifest};
-use phasmid_protocol::Frame;
+use phasmid_pattern::{Axis, Image, Manifest};
 use scatter::Scatter;
 
 /// Share of pixels that has to vary in runs for the frames to tell anything.
@@ -100,12 +100,13 @@ const LEAST_VARYING: f64 = 1e-3;
 /// Share below which what varies may be something else in front of the camera.
 const FEW_VARYING: f64 = 2e-2;
 
-/// Checks frames, as many as the sequence has and all of one size and format, GREY or Y16. Frames
-/// that hardly vary pass: that they show no modulation is another matter ([`Captured::check_modulation`](crate::Captured::check_modulation)).
+/// Checks frames, as many as the sequence has and all of one size and format. Frames
+/// that hardly vary pass: that they show no modulation is another matter ([`check_modulation`]). A sequence
+/// passes unchecked if some of its frames were not loaded because no decoder needs them.
 ///
 /// # Errors
 /// How the frames depart from the sequence, with the position where they tell it.
-pub fn check(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
+pub fn check(manifest: &Manifest, frames: &[Image]) -> Result<(), String> {
     examine(manifest, frames, false)
 }
 
@@ -114,15 +115,16 @@ pub fn check(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
 ///
 /// # Errors
 /// As for [`check`].
-pub fn check_identified(manifest: &Manifest, frames: &[Frame]) -> Result<(), String> {
+pub fn check_identified(manifest: &Manifest, frames: &[Image]) -> Result<(), String> {
     examine(manifest, frames, true)
 }
 
 /// What a user should know of frames that follow their sequence: fringes that are not sinusoidal, so that
 /// points are off by what depends on their place in a fringe. Frames as for [`check`].
-pub fn doubt(manifest: &Manifest, frames: &[Frame]) -> Option<String> {
+pub fn doubt(manifest: &Manifest, frames: &[Image]) -> Option<String> {
     let plan = Plan::new(manifest).ok()?;
-    if frames.len() != plan.frames {
+    let lacking = frames.len() != plan.frames || frames.iter().any(Image::is_empty);
+    if lacking || Image::common_size(frames).is_err() {
         return None;
     }
     plan.axes.iter().find_map(|axis| {
@@ -131,14 +133,15 @@ pub fn doubt(manifest: &Manifest, frames: &[Frame]) -> Option<String> {
     })
 }
 
-fn examine(manifest: &Manifest, frames: &[Frame], identified: bool) -> Result<(), String> {
+fn examine(manifest: &Manifest, frames: &[Image], identified: bool) -> Result<(), String> {
     // What cannot be decoded holds nothing that could be checked.
     let Ok(plan) = Plan::new(manifest) else {
         return Ok(());
     };
-    if frames.len() != plan.frames {
+    if frames.len() != plan.frames || frames.iter().any(Image::is_empty) {
         return Ok(());
     }
+    Image::common_size(frames).map_err(|e| e.to_string())?;
     // Of one short set without references nothing of a single pixel contradicts anything.
     let references = plan.white.zip(plan.black);
     let long = |axis: &AxisPlan| axis.sets.iter().any(|set| set.frames.len() > 3);

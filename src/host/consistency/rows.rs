@@ -10,7 +10,7 @@
 //! Something that moves shifts the frames as well, but each of them little more than the one before it.
 
 use super::changes::{Change, changes_of};
-use phasmid_protocol::Frame;
+use phasmid_pattern::Image;
 use std::collections::HashMap;
 
 /// Rows that are looked for; the lack of more is seen by the other checks.
@@ -34,7 +34,7 @@ struct Tail {
 
 /// Whether a frame is whole rows above the others, from some row on. Frames are of one size; `down` are
 /// those that vary down the image.
-pub(super) fn check(frames: &[Frame], down: &[bool], noise_dn: f32) -> Result<(), String> {
+pub(super) fn check(frames: &[Image], down: &[bool], noise_dn: f32) -> Result<(), String> {
     let mut changes = vec![Vec::new(); frames.len()];
     for change in changes_of(frames, down, noise_dn) {
         changes[change.frame].push(change);
@@ -96,12 +96,11 @@ fn follows(changes: &[Change], rows: usize, from: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use phasmid_protocol::PixelFormat;
 
     const SIZE: (usize, usize) = (64, 80);
 
     /// Blocks of brightness, each frame with its own, `up(frame, row)` rows above where they belong.
-    fn frames(up: impl Fn(usize, usize) -> usize) -> Vec<Frame> {
+    fn frames(up: impl Fn(usize, usize) -> usize) -> Vec<Image> {
         let (width, height) = SIZE;
         let picture = |frame: usize| {
             let pixel = |at: usize| {
@@ -109,18 +108,9 @@ mod tests {
                 let block = (y + up(frame, y)) / 11 * 43 + x / 8 * 17 + frame * 13;
                 (20 + block * 37 % 190) as u8
             };
-            (0..width * height).map(pixel).collect()
+            (0..width * height).map(pixel).collect::<Vec<u8>>()
         };
-        let frame = |k: usize| Frame {
-            id: k as u64,
-            pattern_index: None,
-            width: width as u32,
-            height: height as u32,
-            format: PixelFormat::Grey,
-            exposure_start_ns: 0,
-            exposure_end_ns: 0,
-            data: picture(k),
-        };
+        let frame = |k: usize| Image::new(width, height, picture(k)).unwrap();
         (0..8).map(frame).collect()
     }
 

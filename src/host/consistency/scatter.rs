@@ -1,7 +1,7 @@
 //! Pixels from everywhere in the image, for what strikes a few rows or single pixels.
 
 use super::grid::{full_scale, value};
-use phasmid_protocol::Frame;
+use phasmid_pattern::Image;
 
 /// Pixels that tell of a few damaged ones; of smaller images all.
 pub(super) const MANY: usize = 40_000;
@@ -16,10 +16,8 @@ pub(super) struct Scatter {
 
 impl Scatter {
     /// About so many pixels of frames of one size and format.
-    pub(super) fn new(frames: &[Frame], pixels: usize) -> Self {
-        let (width, height) = frames
-            .first()
-            .map_or((0, 0), |f| (f.width as usize, f.height as usize));
+    pub(super) fn new(frames: &[Image], pixels: usize) -> Self {
+        let (width, height) = frames.first().map_or((0, 0), |f| (f.width(), f.height()));
         let stride = (width * height / pixels).max(1);
         let mut values = Vec::with_capacity(width * height / stride * frames.len());
         for row in 0..height {

@@ -11,7 +11,7 @@
 
 use super::grid::{full_scale, read_row, value};
 use phasmid_decode::{AxisPlan, FringeSet};
-use phasmid_protocol::Frame;
+use phasmid_pattern::Image;
 use rayon::prelude::*;
 use std::ops::Add;
 
@@ -66,25 +66,25 @@ impl Sums {
 }
 
 /// Whether a set is rows off from those before and after it, from some row on.
-pub(super) fn check(axis: &AxisPlan, frames: &[Frame], noise_dn: f32) -> Result<(), String> {
+pub(super) fn check(axis: &AxisPlan, frames: &[Image], noise_dn: f32) -> Result<(), String> {
     let mut sets: Vec<&FringeSet> = axis.sets.iter().collect();
     sets.sort_by_key(|set| set.frames.iter().copied().min());
     let Some(first) = frames.first().filter(|_| sets.len() > 2) else {
         return Ok(());
     };
     let steps = || sets.iter().flat_map(|set| &set.frames);
-    let looked = (0..first.data.len() / first.format.bytes_per_pixel()).step_by(97);
+    let looked = (0..first.samples().len()).step_by(97);
     let full = full_scale(steps().flat_map(|k| looked.clone().map(|i| value(&frames[*k], i))));
     for three in sets.windows(3) {
         let sight = Sight {
             sets: [three[0], three[1], three[2]],
             frames,
-            width: first.width as usize,
-            stride: (first.width as usize).div_ceil(COLUMNS).max(1),
+            width: first.width(),
+            stride: first.width().div_ceil(COLUMNS).max(1),
             steep_dn: STEEP * noise_dn,
             full,
         };
-        let last = (first.height as usize).saturating_sub(LAST);
+        let last = first.height().saturating_sub(LAST);
         let starts: Vec<usize> = (1..last.saturating_sub(1)).step_by(BAND).collect();
         let band = |start: &usize| sight.sums(*start, (start + BAND).min(last - 1));
         let bands: Vec<Sums> = starts.par_iter().map(band).collect();
@@ -112,7 +112,7 @@ pub(super) fn check(axis: &AxisPlan, frames: &[Frame], noise_dn: f32) -> Result<
 /// Three sets, and where they are looked at.
 struct Sight<'a> {
     sets: [&'a FringeSet; 3],
-    frames: &'a [Frame],
+    frames: &'a [Image],
     width: usize,
     stride: usize,
     steep_dn: f32,
@@ -180,7 +180,6 @@ mod tests {
     use super::*;
     use phasmid_decode::Plan;
     use phasmid_pattern::Manifest;
-    use phasmid_protocol::PixelFormat;
     use std::f64::consts::TAU;
 
     const SIZE: (usize, usize) = (96, 80);
@@ -204,18 +203,14 @@ mod tests {
                 let albedo = 140.0 + 80.0 * (place / 7.0 + u / 20.0).sin();
                 (10.0 + albedo * level + 3.0 * f64::from(noise) / 65_536.0) as u8
             };
-            Frame {
-                id: k as u64,
-                pattern_index: None,
-                width: width as u32,
-                height: height as u32,
-                format: PixelFormat::Grey,
-                exposure_start_ns: 0,
-                exposure_end_ns: 1,
-                data: (0..width * height).map(value).collect(),
-            }
+            Image::new(
+                width,
+                height,
+                (0..width * height).map(value).collect::<Vec<u8>>(),
+            )
+            .unwrap()
         };
-        let frames: Vec<Frame> = (0..9).map(frame).collect();
+        let frames: Vec<Image> = (0..9).map(frame).collect();
         let plan = Plan::new(&Manifest::parse(&text, "t").unwrap()).unwrap();
         check(&plan.axes[0], &frames, 0.9).err()
     }

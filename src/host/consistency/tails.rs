@@ -9,7 +9,7 @@
 //! out.
 
 use super::grid::read_row;
-use phasmid_protocol::Frame;
+use phasmid_pattern::{Image, Samples};
 
 /// Parts of a row that each have to be written.
 const PARTS: usize = 16;
@@ -19,7 +19,7 @@ const WRITTEN: usize = 8;
 const AS_BRIGHT: f32 = 0.75;
 
 /// Whether frames end in empty rows. Frames are of one size; `down` are those that vary down the image.
-pub(super) fn check(frames: &[Frame], down: &[bool]) -> Result<(), String> {
+pub(super) fn check(frames: &[Image], down: &[bool]) -> Result<(), String> {
     for (k, frame) in frames.iter().enumerate() {
         let rows = empty_rows(frame);
         if rows > 0 && !down[k] && is_cut(frame, rows) {
@@ -36,16 +36,21 @@ pub(super) fn check(frames: &[Frame], down: &[bool]) -> Result<(), String> {
 }
 
 /// Rows at the bottom that are all zeros.
-fn empty_rows(frame: &Frame) -> usize {
-    let bytes = frame.width as usize * frame.format.bytes_per_pixel();
-    let rows = frame.data.chunks_exact(bytes.max(1)).rev();
-    rows.take_while(|row| row.iter().all(|byte| *byte == 0))
-        .count()
+fn empty_rows(frame: &Image) -> usize {
+    fn of<T: Copy + PartialEq + Default>(samples: &[T], width: usize) -> usize {
+        let rows = samples.chunks_exact(width.max(1)).rev();
+        rows.take_while(|row| row.iter().all(|sample| *sample == T::default()))
+            .count()
+    }
+    match frame.samples() {
+        Samples::U8(samples) => of(samples, frame.width()),
+        Samples::U16(samples) => of(samples, frame.width()),
+    }
 }
 
 /// Whether the row above so many is written all over, and no darker than the one above it.
-fn is_cut(frame: &Frame, rows: usize) -> bool {
-    let (width, height) = (frame.width as usize, frame.height as usize);
+fn is_cut(frame: &Image, rows: usize) -> bool {
+    let (width, height) = (frame.width(), frame.height());
     if width < PARTS * WRITTEN || height < rows + 2 {
         return false;
     }
@@ -60,34 +65,24 @@ fn is_cut(frame: &Frame, rows: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use phasmid_protocol::PixelFormat;
 
-    /// A frame by the value of each row and column.
-    fn frame(format: PixelFormat, value: impl Fn(usize, usize) -> u16) -> Frame {
+    /// A frame of `bits` by the value of each row and column.
+    fn frame(bits: u32, value: impl Fn(usize, usize) -> u16) -> Image {
         let (width, height) = (160, 12);
         let pixels = (0..width * height).map(|i| value(i / width, i % width));
-        let data = match format {
-            PixelFormat::Grey => pixels.map(|v| v as u8).collect(),
-            _ => pixels.flat_map(u16::to_le_bytes).collect(),
+        let samples = match bits {
+            8 => Samples::U8(pixels.map(|v| v as u8).collect()),
+            _ => Samples::U16(pixels.collect()),
         };
-        Frame {
-            id: 0,
-            pattern_index: None,
-            width: width as u32,
-            height: height as u32,
-            format,
-            exposure_start_ns: 0,
-            exposure_end_ns: 1,
-            data,
-        }
+        Image::new(width, height, samples).unwrap()
     }
 
     #[test]
     fn empty_rows_below_written_ones_are_told_and_counted() {
-        for format in [PixelFormat::Grey, PixelFormat::Y16] {
+        for bits in [8, 16] {
             let cut = |rows: usize| {
                 frame(
-                    format,
+                    bits,
                     move |r, c| if r < 12 - rows { 90 + c as u16 } else { 0 },
                 )
             };
@@ -111,23 +106,15 @@ mod tests {
     #[test]
     fn noise_alone_is_written() {
         let noise = |r: usize, c: usize| u16::from((r * 31 + c * 17).is_multiple_of(5));
-        let cut = frame(
-            PixelFormat::Grey,
-            |r, c| if r < 10 { noise(r, c) } else { 0 },
-        );
+        let cut = frame(8, |r, c| if r < 10 { noise(r, c) } else { 0 });
         assert!(check(&[cut], &[false]).is_err());
     }
 
     #[test]
     fn light_that_ends_is_no_cut() {
         // Along a row, fading over one; and beside an object that stands in the last lit rows.
-        let field = frame(PixelFormat::Grey, |r, _| {
-            [200, 90, 0][r.saturating_sub(7).min(2)]
-        });
-        let object = frame(
-            PixelFormat::Grey,
-            |r, c| if r < 9 && c < 120 { 200 } else { 0 },
-        );
+        let field = frame(8, |r, _| [200, 90, 0][r.saturating_sub(7).min(2)]);
+        let object = frame(8, |r, c| if r < 9 && c < 120 { 200 } else { 0 });
         assert_eq!(check(&[field, object], &[false; 2]), Ok(()));
     }
 }

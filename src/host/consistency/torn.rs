@@ -14,7 +14,7 @@
 
 use super::grid::{full_scale, read_row, value};
 use phasmid_core::simd::widest;
-use phasmid_protocol::Frame;
+use phasmid_pattern::Image;
 use rayon::prelude::*;
 
 /// Columns of a row that are looked at, about.
@@ -61,10 +61,10 @@ impl Seen {
     }
 
     /// What the pixels of a band of rows see from the row above each to it, in some columns.
-    fn of_band(frames: &[Frame], rows: std::ops::Range<usize>, every: usize) -> Self {
+    fn of_band(frames: &[Image], rows: std::ops::Range<usize>, every: usize) -> Self {
         let columns = frames
             .first()
-            .map_or(0, |frame| (frame.width as usize).div_ceil(every));
+            .map_or(0, |frame| frame.width().div_ceil(every));
         let mut seen = Self::nothing(rows.len() * columns);
         let (mut upper, mut lower) = (Vec::new(), Vec::new());
         for (number, frame) in frames.iter().enumerate() {
@@ -127,11 +127,8 @@ fn add_body(
 
 /// Whether some frame changes along a row in which no other does. Frames are of one size; `down` are
 /// those that vary down the image.
-pub(super) fn check(frames: &[Frame], down: &[bool], noise_dn: f32) -> Result<(), String> {
-    let Some((width, height)) = frames
-        .first()
-        .map(|f| (f.width as usize, f.height as usize))
-    else {
+pub(super) fn check(frames: &[Image], down: &[bool], noise_dn: f32) -> Result<(), String> {
+    let Some((width, height)) = frames.first().map(|f| (f.width(), f.height())) else {
         return Ok(());
     };
     let every = width.div_ceil(COLUMNS).max(1);
@@ -227,11 +224,11 @@ fn changed(
 
 /// Whether all that a frame has from a row on, or before it, is what the frame before it has, or the one
 /// behind it: differences are less than half of what changes.
-fn is_anothers(frames: &[Frame], changed: &Changed, row: usize, every: usize) -> bool {
+fn is_anothers(frames: &[Image], changed: &Changed, row: usize, every: usize) -> bool {
     let frame = &frames[changed.frame];
     let neighbours = [changed.frame.wrapping_sub(1), changed.frame + 1];
     let (mut own, mut theirs) = (Vec::new(), Vec::new());
-    let mut is_theirs = |other: &Frame, rows: std::ops::Range<usize>| {
+    let mut is_theirs = |other: &Image, rows: std::ops::Range<usize>| {
         let (mut pixels, mut differ) = (0usize, 0usize);
         for row in rows {
             read_row(frame, row, every, &mut own);
@@ -244,7 +241,7 @@ fn is_anothers(frames: &[Frame], changed: &Changed, row: usize, every: usize) ->
         }
         differ as f64 <= NOT_THEIRS * pixels as f64
     };
-    let height = frame.height as usize;
+    let height = frame.height();
     neighbours
         .into_iter()
         .filter_map(|k| frames.get(k))

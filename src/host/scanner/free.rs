@@ -1,10 +1,11 @@
 //! Capture without a control port, from a free-running camera.
 
-use super::run::{Wanted, collect, next_frame};
+use super::run::{Wanted, collect, next_frame, unpacked};
 use super::{Fault, Progress, twice};
 use crate::clock::monotonic_ns;
-use crate::{Camera, Captured, consistency};
+use crate::{Camera, consistency};
 use phasmid_core::error::Result;
+use phasmid_decode::Capture;
 use phasmid_pattern::Manifest;
 use std::time::Duration;
 
@@ -28,9 +29,9 @@ pub fn scan_free_running<C: Camera>(
     manifest: &Manifest,
     timeout: Duration,
     progress: &mut dyn FnMut(Progress<'_>),
-) -> Result<Captured> {
+) -> Result<Capture> {
     let info = camera.info().to_owned();
-    let frames = twice(&info, progress, |progress| {
+    let (images, frames) = twice(&info, progress, |progress| {
         for _ in 0..WAITING {
             match next_frame(camera, WAKE) {
                 Ok(None) => break,
@@ -47,18 +48,19 @@ pub fn scan_free_running<C: Camera>(
             timeout,
             free: true,
         };
-        let frames = collect(camera, &wanted, progress)?;
+        let (images, frames) = unpacked(collect(camera, &wanted, progress)?)?;
         let check = match camera.identifies() {
             true => consistency::check_identified,
             false => consistency::check,
         };
-        check(manifest, &frames).map_err(Fault::Frames)?;
-        Ok(frames)
+        check(manifest, &images).map_err(Fault::Frames)?;
+        Ok((images, frames))
     })?;
-    Ok(Captured {
+    Ok(Capture {
         idn: NOBODY.to_owned(),
         manifest: manifest.clone(),
         calibration: None,
+        images,
         frames,
     })
 }

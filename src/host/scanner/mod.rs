@@ -10,9 +10,10 @@ mod run;
 pub use free::scan_free_running;
 
 use super::control::{Control, RECOVERIES, both};
-use super::{Camera, Captured, CommandPort, Instrument};
+use super::{Camera, CommandPort, Instrument};
 use device::check_size;
 use phasmid_core::error::{Error, Result};
+use phasmid_decode::Capture;
 use phasmid_geometry::Rig;
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
@@ -236,7 +237,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         &mut self,
         options: &ScanOptions,
         progress: &mut dyn FnMut(Progress<'_>),
-    ) -> Result<Captured> {
+    ) -> Result<Capture> {
         let mut sequence = options.sequence.clone();
         let mut first: Option<String> = None;
         let (mut recoveries, mut returns) = (0, 0);
@@ -292,7 +293,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         options: &ScanOptions,
         sequence: &mut Option<String>,
         progress: &mut dyn FnMut(Progress<'_>),
-    ) -> Result<Captured, Fault> {
+    ) -> Result<Capture, Fault> {
         let idn = self.control.identify().map_err(Fault::port)?;
         match &self.idn {
             None => progress(Progress::Identified(&idn)),
@@ -317,16 +318,18 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             check_size(place, given, own)?;
         }
         let size = calibration.map(|rig| (rig.camera.lens.width_px, rig.camera.lens.height_px));
-        let frames = self.run(&manifest, &settings, size, options.frame_timeout, progress)?;
+        let (images, frames) =
+            self.run(&manifest, &settings, size, options.frame_timeout, progress)?;
         let noise = calibration.and_then(|own| own.noise);
         let given = self.given.as_ref().map(|(_, given)| Rig {
             noise: given.noise.or(noise),
             ..*given
         });
-        Ok(Captured {
+        Ok(Capture {
             idn,
             manifest,
             calibration: given.or(calibration),
+            images,
             frames,
         })
     }

@@ -7,7 +7,8 @@ use crate::consistency;
 use crate::control::Settings;
 use crate::{Camera, CommandPort};
 use phasmid_core::error::{Error, Result};
-use phasmid_pattern::Manifest;
+use phasmid_decode::FrameInfo;
+use phasmid_pattern::{Image, Manifest};
 use phasmid_protocol::Frame;
 use std::time::{Duration, Instant};
 
@@ -47,7 +48,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         size: Option<(u32, u32)>,
         timeout: Duration,
         progress: &mut dyn FnMut(Progress<'_>),
-    ) -> Result<Vec<Frame>, Fault> {
+    ) -> Result<(Vec<Image>, Vec<FrameInfo>), Fault> {
         let count = manifest.frame.len();
         if let Some((width, height)) = size {
             // Check before anything is exposed; a pixel takes at least one byte.
@@ -88,16 +89,17 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
                 frame.id
             )));
         }
+        let (images, frames) = unpacked(frames)?;
         if !self.checks {
-            return Ok(frames);
+            return Ok((images, frames));
         }
         // The identity of a frame does not say whether its content is good.
         let check = match self.camera.identifies() {
             true => consistency::check_identified,
             false => consistency::check,
         };
-        check(manifest, &frames).map_err(Fault::Frames)?;
-        Ok(frames)
+        check(manifest, &images).map_err(Fault::Frames)?;
+        Ok((images, frames))
     }
 }
 
@@ -160,6 +162,19 @@ pub(super) fn collect<C: Camera>(
         });
     }
     Ok(frames)
+}
+
+/// Separates frames into their images and what identifies them.
+pub(super) fn unpacked(frames: Vec<Frame>) -> Result<(Vec<Image>, Vec<FrameInfo>)> {
+    let info = |frame: &Frame| FrameInfo {
+        id: frame.id,
+        pattern_index: frame.pattern_index,
+        exposure_start_ns: frame.exposure_start_ns,
+        exposure_end_ns: frame.exposure_end_ns,
+    };
+    let infos = frames.iter().map(info).collect();
+    let images = frames.into_iter().map(Frame::into_image);
+    Ok((images.collect::<Result<_>>()?, infos))
 }
 
 /// Returns whether a frame without identity was taken before `since_ns`. If the driver does not use

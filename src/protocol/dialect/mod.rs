@@ -71,6 +71,16 @@ impl Dialect {
         Self::from_source(&builtin::source(name_or_path)?)
     }
 
+    /// Makes the path of a dialect file absolute, and returns a built-in name unchanged.
+    pub fn from_anywhere(name_or_path: &str) -> String {
+        let absolute = std::path::absolute(name_or_path)
+            .ok()
+            .filter(|path| path.is_file() && !Self::names().any(|name| name == name_or_path));
+        absolute
+            .and_then(|path| path.to_str().map(str::to_owned))
+            .unwrap_or_else(|| name_or_path.to_owned())
+    }
+
     /// Parses and checks a dialect; `place` is the file name used in messages.
     ///
     /// # Errors

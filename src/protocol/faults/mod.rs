@@ -211,6 +211,20 @@ impl Schedule {
 }
 
 impl Fault {
+    /// Returns a fault that occurs once: at the `nth` triggered frame, or at the `nth` message on the
+    /// control port if the kind concerns those, counted from 1.
+    pub fn once(what: What, nth: u64) -> Self {
+        let when = When {
+            nth: Some(nth),
+            ..When::default()
+        };
+        Self {
+            when,
+            times: Some(1),
+            ..Self::new(what)
+        }
+    }
+
     /// Returns a fault of a kind with default parameters and no conditions.
     pub fn new(what: What) -> Self {
         Self {

@@ -5,7 +5,7 @@ use super::{Effort, hold};
 use crate::clinic::{InRoom, Pod, Pods};
 use crate::timing::quantile;
 use phasmid_core::error::Result;
-use phasmid_host::Captured;
+use phasmid_decode::Capture;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{Follower, Measured, POINTS, Region, Sight};
 
@@ -52,11 +52,11 @@ fn timed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     let scratch = context.folder.place("planning-latency")?;
     let room = InRoom::new("p02-man-mean", &Region::chest(), &scratch)?;
     let mut pods = Pods::new(&room.scene, context.seed, &|_| {})?;
-    let mut scans: Vec<Vec<Captured>> = Vec::new();
+    let mut scans: Vec<Vec<Capture>> = Vec::new();
     for k in 0..effort.timed_scans {
         let then_ns = BEGIN_NS + k as u64 * APART_NS;
-        let scan = |pod: &mut Pod| pod.scan(then_ns, Some(then_ns)).captured();
-        scans.push(pods.all.iter_mut().map(scan).collect());
+        let scan = |pod: &mut Pod| pod.scan(then_ns, Some(then_ns));
+        scans.push(pods.all.iter_mut().map(scan).collect::<Result<_>>()?);
     }
     let most = POINTS / pods.all.len();
     let sight = |pod: &Pod| Sight::new("pod", pod.room_from_rig());

@@ -1,15 +1,13 @@
 //! One pod: its frames at a device time, decoded into what it measures.
 
-use crate::scanned::{Levels, Scanned};
+use crate::scanned::capture;
 use glam::DVec3;
 use phasmid_core::error::Result;
-use phasmid_decode::{Decoded, FrameStack, Options, SparseDecoder};
-use phasmid_device::Firmware;
+use phasmid_decode::{Capture, Decoded, Options, SparseDecoder};
+use phasmid_device::Device;
 use phasmid_geometry::{Pose, Rig};
 use phasmid_pattern::Pattern;
 use phasmid_profile::{Profile, RigPlace, Scene};
-use phasmid_protocol::PixelFormat;
-use phasmid_render as render;
 use phasmid_render::led::{Model, Source};
 use phasmid_render::{Renderer, shot::Shot, truth::Truth};
 use phasmid_sgrt::{Measured, PIXELS};
@@ -31,20 +29,13 @@ impl Pod {
     /// A device that stands at a place before a scene. `seed` keys its noise.
     ///
     /// # Errors
-    /// What [`Renderer::with_options`], [`Firmware::new`] and [`SparseDecoder::new`] refuse.
+    /// What [`Device`] cannot be built from, and what [`SparseDecoder::new`] refuses.
     pub fn new(profile: &Profile, scene: &Scene, place: RigPlace, seed: u64) -> Result<Self> {
         let scene = Scene {
             rig: place,
             ..scene.clone()
         };
-        let shots = Firmware::new(profile, &[])?.selected_sequence();
-        let mut renderer =
-            Renderer::with_options(profile, &scene, seed, render::Options::default())?;
-        renderer.expect_pattern_images(
-            shots
-                .iter()
-                .filter_map(|(_, shot)| shot.pattern_image.as_deref()),
-        );
+        let device = Device::builder(profile, &scene).seed(seed).build()?;
         let rig = profile.nominal_rig();
         let source = profile.projector.led.as_ref().map(|led| {
             let mut source = Source::new(Model::new(led));
@@ -56,8 +47,8 @@ impl Pod {
             source,
             profile: profile.clone(),
             rig,
-            renderer,
-            shots,
+            shots: device.shots(),
+            renderer: device.renderer,
             room_from_rig: scene.rig_from_scene().inverse(),
             scans: 0,
         })
@@ -113,7 +104,10 @@ impl Pod {
     /// Takes frames from a device time on, with noise of their own; all of them in the middle of
     /// one exposure at `still_ns`, where that is given. Scans of a pod whose light fades come in
     /// the order of device time.
-    pub fn scan(&mut self, start_ns: u64, still_ns: Option<u64>) -> Scanned {
+    ///
+    /// # Errors
+    /// None with frames of this device.
+    pub fn scan(&mut self, start_ns: u64, still_ns: Option<u64>) -> Result<Capture> {
         let count = self.shots.len() as u64;
         let zero_ns = self.shots.first().map_or(0, |(_, shot)| shot.start_ns);
         let frames = self.shots.iter().enumerate().map(|(i, (_, shot))| {
@@ -129,18 +123,11 @@ impl Pod {
                 emission: self.source.as_mut().map(|s| s.emission(start_ns)),
                 ..shot.clone()
             };
-            let frame = self.renderer.expose(&shot);
-            Levels::of_bytes(frame.data, frame.format == PixelFormat::Grey)
+            self.renderer.expose(&shot)
         });
         let frames = frames.collect();
         self.scans += 1;
-        let camera = &self.profile.camera;
-        Scanned {
-            manifest: self.profile.manifest(&self.profile.sequence[0]),
-            rig: self.rig,
-            size: (camera.width_px as usize, camera.height_px as usize),
-            frames,
-        }
+        capture(&self.profile, self.rig, frames)
     }
 
     /// Where its rig's frame stands in the room.
@@ -152,12 +139,9 @@ impl Pod {
     ///
     /// # Errors
     /// What the decoder refuses.
-    pub fn decode(&self, scanned: &Scanned) -> Result<Decoded> {
-        let (width, height) = scanned.size;
-        let samples = scanned.frames.iter().map(Levels::samples).collect();
+    pub fn decode(&self, capture: &Capture) -> Result<Decoded> {
         let mut out = Decoded::default();
-        self.decoder
-            .decode_into(&FrameStack::new(width, height, samples)?, &mut out)?;
+        self.decoder.decode_into(&capture.images, &mut out)?;
         Ok(out)
     }
 

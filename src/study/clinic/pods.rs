@@ -83,7 +83,7 @@ impl Pods {
         let middle_ns = start_ns + self.duration_ns() / 2;
         let mut begin_ns = start_ns;
         let scan = |pod: &mut Pod| {
-            let scanned = pod.scan(begin_ns, still.then_some(middle_ns));
+            let scanned = pod.scan(begin_ns, still.then_some(middle_ns))?;
             begin_ns += pod.turn_ns();
             pod.decode(&scanned)
         };

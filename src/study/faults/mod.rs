@@ -19,13 +19,11 @@
 #![doc = include_str!("matrix.md")]
 
 mod bad_day;
-mod desk;
 mod matrix;
 mod settings;
 mod trial;
 
 pub use bad_day::{BadDay, Place};
-pub use desk::{Desk, DeskCamera, DeskPort, Link};
 pub use matrix::{Cell, Row, Table};
 pub use settings::{frames, messages};
 pub use trial::{Cloud, Outcome, Setting, Trial, Tried};

@@ -1,6 +1,7 @@
 //! The settings of the matrix: small devices, so that a thousand scans take a minute.
 
-use super::{Link, Setting};
+use super::Setting;
+use crate::desk::Link;
 use phasmid_core::error::Result;
 use phasmid_profile::{Profile, Scene};
 

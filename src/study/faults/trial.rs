@@ -1,19 +1,15 @@
 //! One scan of a device that has a bad day, and what came of it.
 
-use super::{Desk, DeskCamera, DeskPort, Link};
+use crate::desk::{Desk, Link};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::Options;
-use phasmid_device::Firmware;
-use phasmid_device::port::Port;
-use phasmid_host::{Camera, Captured, CommandPort, Intake, Progress, ScanOptions, Scanner};
+use phasmid_decode::{Capture, Options};
+use phasmid_device::Device;
+use phasmid_host::{Camera, CommandPort, Intake, Progress, ScanOptions, Scanner, check_modulation};
 use phasmid_measure::GROSS_MM;
 use phasmid_profile::{Profile, Scene};
 use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::faults::{Direction, Fault, Schedule, Side, Struck, What};
 use phasmid_render::{Renderer, truth::Truth};
-use std::cell::RefCell;
-use std::rc::Rc;
-use std::sync::Arc;
 use std::time::Duration;
 
 /// How long the host waits for a reply, in virtual time.
@@ -105,12 +101,13 @@ impl Trial {
         // Points are compared with the truth, so errors of the calibration are left out.
         setting.profile.factory_calibration.exact = true;
         let profile = &setting.profile;
-        let mut renderer = Renderer::new(profile, &setting.scene, 1)?;
-        let truth = renderer.truth(&Firmware::new(profile, &[])?.selected_sequence());
+        let mut device = Device::builder(profile, &setting.scene).seed(1).build()?;
+        let shots = device.shots();
+        let truth = device.renderer.truth(&shots);
         let mut trial = Self {
             setting,
             counts: [0; 3],
-            renderer: Some(renderer),
+            renderer: Some(device.renderer),
             fragile: vec![false; truth.depth_mm.len()],
             truth,
             least: usize::MAX,
@@ -185,24 +182,25 @@ impl Trial {
     fn with_desk<T>(
         &mut self,
         schedule: &Schedule,
-        then: impl FnOnce(&Self, &Rc<RefCell<Desk>>) -> T,
+        then: impl FnOnce(&Self, &Desk) -> T,
     ) -> Result<(T, Vec<Struck>)> {
         let Some(renderer) = self.renderer.take() else {
             return Err(Error::device("the last device was not given back"));
         };
         let setting = &self.setting;
-        let port = match setting.dialect {
-            Some(name) => Port::new(Arc::new(Dialect::load(name)?))?,
-            None => Port::default(),
-        };
-        let desk = Desk::new(&setting.profile, renderer, port, setting.link, schedule)?;
-        let desk = Rc::new(RefCell::new(desk));
+        let mut builder = Device::builder(&setting.profile, &setting.scene)
+            .renderer(renderer)
+            .faults(schedule);
+        if let Some(name) = setting.dialect {
+            builder = builder.dialect(Dialect::load(name)?);
+        }
+        let desk = Desk::new(builder.build()?, setting.link);
         let done = then(self, &desk);
-        let Some(desk) = Rc::into_inner(desk) else {
+        let Some(device) = desk.into_device() else {
             return Err(Error::device("the host has not let go of the device"));
         };
-        let (struck, renderer) = desk.into_inner().into_parts();
-        self.renderer = Some(renderer);
+        let struck = device.machine.faults().struck().cloned().collect();
+        self.renderer = Some(device.renderer);
         Ok((done, struck))
     }
 
@@ -255,10 +253,10 @@ impl Trial {
         }
     }
 
-    fn scanner(&self, desk: &Rc<RefCell<Desk>>) -> Result<Scanner<impl Camera, impl CommandPort>> {
-        let open = || Ok(Intake::new(DeskCamera::open(desk)));
+    fn scanner(&self, desk: &Desk) -> Result<Scanner<impl Camera, impl CommandPort>> {
+        let open = || Ok(Intake::new(desk.camera()));
         let dialect = self.setting.dialect.map(Dialect::load).transpose()?;
-        Scanner::with_dialect(DeskPort::open(desk), dialect, REPLY_TIMEOUT, open)
+        Scanner::with_dialect(desk.port(), dialect, REPLY_TIMEOUT, open)
     }
 
     /// Whether a measured depth is more than 1 mm off, or where there is nothing.
@@ -301,8 +299,8 @@ impl Trial {
 }
 
 /// Decodes a capture, as any application does; NaN where nothing was measured.
-fn depth(captured: &Captured) -> Result<Vec<f32>> {
-    captured.check_modulation()?;
+fn depth(captured: &Capture) -> Result<Vec<f32>> {
+    check_modulation(&captured.manifest, &captured.images)?;
     let (_, decoded) = captured.decode(Options::default())?;
     Ok(decoded.depth)
 }

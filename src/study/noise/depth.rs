@@ -167,10 +167,10 @@ pub(super) fn measure(view: &View, seed: u64) -> Result<Row> {
     };
     let (mut manifest, mut rig) = (None, None);
     for turn in 0..view.turns {
-        let scanned = stage.scan(turn);
-        plain.push(scanned.decode(&scanned.decoder(Options::default())?)?);
-        weighted.push(scanned.decode(&scanned.decoder(weighing)?)?);
-        (manifest, rig) = (Some(scanned.manifest), Some(scanned.rig));
+        let scanned = stage.scan(turn)?;
+        plain.push(scanned.decode(Options::default())?.1);
+        weighted.push(scanned.decode(weighing)?.1);
+        (manifest, rig) = (Some(scanned.manifest), scanned.calibration);
     }
     let (Some(manifest), Some(rig)) = (manifest, rig) else {
         return Ok(Row::new());

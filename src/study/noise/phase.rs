@@ -84,7 +84,7 @@ pub(super) fn measure(fringe: &Fringe, seed: u64, row: Row) -> Result<Row> {
         weighted: true,
         ..Options::default()
     };
-    let decode = |options| stack.decoder(options)?.decode(&stack.frames()?);
+    let decode = |options| stack.decoder(options)?.decode(stack.images());
     let plain = Errors::of(fringe, &decode(Options::default())?);
     let weighted = Errors::of(fringe, &decode(weighing)?);
     let noise = fringe.noise();
@@ -128,7 +128,7 @@ pub(super) fn time(context: &Context<'_>) -> Result<Vec<Row>> {
         rows: if context.settings.quick { 512 } else { 2174 },
     };
     let stack = fringe.scan(context.seed);
-    let frames = stack.frames()?;
+    let frames = stack.images();
     let mut seconds = [Vec::new(), Vec::new()];
     let mut maps = Decoded::default();
     for _ in 0..if context.settings.quick { 5 } else { 31 } {
@@ -138,7 +138,7 @@ pub(super) fn time(context: &Context<'_>) -> Result<Vec<Row>> {
                 ..Options::default()
             };
             let decoder = stack.decoder(options)?;
-            let (decoded, time) = context.timed(|| decoder.decode_into(&frames, &mut maps));
+            let (decoded, time) = context.timed(|| decoder.decode_into(frames, &mut maps));
             decoded?;
             seconds.push(time);
         }

@@ -1,11 +1,10 @@
 //! Frames of a fringe that is known, read by a profile's sensor: what the device's optics would give
 //! of a smooth surface, without optics.
 
-use crate::scanned::Levels;
 use phasmid_core::error::Result;
-use phasmid_decode::{Decoder, FrameStack, Options};
+use phasmid_decode::{Decoder, Options};
 use phasmid_geometry::NoiseModel;
-use phasmid_pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use phasmid_pattern::{Axis, Image, Manifest, ManifestFrame, Pattern, ProjectorSize, Samples};
 use phasmid_profile::Sensor;
 use phasmid_render::read_out;
 use std::f64::consts::TAU;
@@ -36,7 +35,7 @@ pub(super) struct Fringe {
 pub(super) struct Stack {
     fringe: Fringe,
     manifest: Manifest,
-    frames: Vec<Levels>,
+    images: Vec<Image>,
 }
 
 impl Fringe {
@@ -105,13 +104,24 @@ impl Fringe {
                     (self.mean_dn_at(i) + self.modulation_dn * swing) as f32
                 })
                 .collect();
-            Levels::of_bytes(read_out(&self.sensor, [seed, id as u64], &signal), single)
+            let bytes = read_out(&self.sensor, [seed, id as u64], &signal);
+            let samples = match single {
+                true => Samples::U8(bytes),
+                false => {
+                    let (pairs, _) = bytes.as_chunks();
+                    Samples::U16(pairs.iter().map(|pair| u16::from_le_bytes(*pair)).collect())
+                }
+            };
+            Image::new(WIDTH, self.rows, samples)
         };
-        let frames = manifest.frame.iter().enumerate().map(frame).collect();
+        let images = manifest.frame.iter().enumerate().map(frame);
+        let images = images
+            .collect::<Result<_>>()
+            .expect("a sample for each pixel");
         Stack {
             fringe: self.clone(),
             manifest,
-            frames,
+            images,
         }
     }
 }
@@ -130,12 +140,8 @@ impl Stack {
     }
 
     /// The frames as a decoder takes them.
-    ///
-    /// # Errors
-    /// None that a [`Fringe`] gives rise to.
-    pub(super) fn frames(&self) -> Result<FrameStack<'_>> {
-        let samples = self.frames.iter().map(Levels::samples).collect();
-        FrameStack::new(WIDTH, self.fringe.rows, samples)
+    pub(super) fn images(&self) -> &[Image] {
+        &self.images
     }
 }
 

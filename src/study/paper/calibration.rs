@@ -117,7 +117,7 @@ fn scans(context: &Context<'_>, found: &Rig) -> Result<[Row; 2]> {
     let cut = &scan.rig().camera.lens;
     rig.camera.lens.principal_px -= whole.principal_px - cut.principal_px;
     (rig.camera.lens.width_px, rig.camera.lens.height_px) = (cut.width_px, cut.height_px);
-    let (width, height) = scan.scanned.size;
+    let (width, height) = scan.size();
     let decoder = Decoder::new(
         &scan.scanned.manifest,
         width,
@@ -125,7 +125,7 @@ fn scans(context: &Context<'_>, found: &Rig) -> Result<[Row; 2]> {
         Some(&rig),
         Options::default(),
     )?;
-    let estimate = scan.scanned.decode(&decoder)?;
+    let estimate = decoder.decode(&scan.scanned.images)?;
     let row = |case: &str, depth: &[f32]| -> Result<Row> {
         let figures = target.figures(depth, None, &scan.truth)?;
         Ok(figures.row(Row::new().text("case", case)))

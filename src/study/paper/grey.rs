@@ -29,7 +29,7 @@ fn at(context: &Context<'_>, distance: f64) -> Result<Vec<Row>> {
     let profile = bench(DIMMED, around_trapezoid(context.settings.quick))?;
     let scene = trapezoid(distance)?;
     let scan = Scan::new(&profile, &scene, context.seed)?;
-    let (width, height) = scan.scanned.size;
+    let (width, height) = scan.size();
     let line = &scan.frame(0)?[height / 2 * width..][..width];
     let text: String = line.iter().map(|level| format!("{level}\n")).collect();
     context.folder.leave(&file(distance), text.as_bytes())?;

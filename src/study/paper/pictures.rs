@@ -28,7 +28,7 @@ fn draw(context: &Context<'_>, name: &'static str) -> Result<Vec<Row>> {
         _ => (torso(View::Left)?, around_torso(quick)),
     };
     let scan = Scan::new(&bench(1.0, cut)?, &scene, context.seed)?;
-    let (width, height) = scan.scanned.size;
+    let (width, height) = scan.size();
     let frame = GrayImage::from_raw(width as u32, height as u32, scan.frame(0)?.to_vec())
         .ok_or_else(|| Error::device("a frame of another size"))?;
     let picture = overview(&frame, &scan.decoded, &scan.truth, scan.rig());

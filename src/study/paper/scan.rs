@@ -1,18 +1,20 @@
 //! One scan of the bench, and the ways from it to depths.
 
-use crate::scanned::{Levels, Scanned, Stage};
+use crate::scanned::Stage;
 use phasmid_calibrate::height::{Given, Mapping};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{AxisMap, Decoded, Options};
+use phasmid_decode::{AxisMap, Capture, Decoded, Options};
 use phasmid_geometry::Rig;
-use phasmid_pattern::{Axis, finest_fringe};
+use phasmid_pattern::{Axis, Image, finest_fringe};
 use phasmid_profile::{Profile, Scene};
 use phasmid_render::{self as render, truth::Truth};
 
 /// A scan with what was decoded of it and the truth.
 pub struct Scan {
     /// The frames.
-    pub scanned: Scanned,
+    pub scanned: Capture,
+    /// The true rig.
+    rig: Rig,
     /// Coordinates, and depths by triangulation.
     pub decoded: Decoded,
     /// The truth.
@@ -26,9 +28,10 @@ impl Scan {
     /// What [`Stage::new`] and decoding refuse.
     pub fn new(profile: &Profile, scene: &Scene, seed: u64) -> Result<Self> {
         let mut stage = Stage::new(profile, scene, seed, render::Options::default())?;
-        let scanned = stage.scan(0);
-        let decoded = scanned.decode(&scanned.decoder(Options::default())?)?;
+        let scanned = stage.scan(0)?;
+        let (_, decoded) = scanned.decode(Options::default())?;
         Ok(Self {
+            rig: profile.nominal_rig(),
             truth: stage.truth(),
             scanned,
             decoded,
@@ -37,7 +40,7 @@ impl Scan {
 
     /// The true rig.
     pub fn rig(&self) -> &Rig {
-        &self.scanned.rig
+        &self.rig
     }
 
     /// The coordinates along x.
@@ -80,15 +83,19 @@ impl Scan {
         Ok(depth)
     }
 
+    /// Columns and rows of its frames.
+    pub fn size(&self) -> (usize, usize) {
+        let lens = &self.rig.camera.lens;
+        (lens.width_px as usize, lens.height_px as usize)
+    }
+
     /// A frame in grey levels.
     ///
     /// # Errors
     /// A frame that is not there or of more than 8 bits.
     pub fn frame(&self, index: usize) -> Result<&[u8]> {
-        match self.scanned.frames.get(index) {
-            Some(Levels::U8(levels)) => Ok(levels),
-            _ => Err(Error::device(format!("no frame {index} of 8 bits"))),
-        }
+        let levels = self.scanned.images.get(index).and_then(Image::as_u8);
+        levels.ok_or_else(|| Error::device(format!("no frame {index} of 8 bits")))
     }
 }
 

@@ -3,7 +3,6 @@
 use super::SIZE_PX;
 use crate::clinic::{InRoom, Pods, binned};
 use crate::report::overview;
-use crate::scanned::Levels;
 use image::{GrayImage, ImageFormat};
 use phasmid_core::error::{Error, Result};
 use phasmid_report::lab::{Block, Context, Image, Row, Settings, Trial};
@@ -29,16 +28,16 @@ fn draw(context: &Context<'_>, patient: &str) -> Result<Vec<Row>> {
     let Some(foot) = pods.all.last_mut() else {
         return Ok(Vec::new());
     };
-    let scanned = foot.scan(TIME_NS, None);
+    let scanned = foot.scan(TIME_NS, None)?;
     let decoded = foot.decode(&scanned)?;
     let truth = foot.truth(TIME_NS + foot.duration_ns() / 2);
-    let (width, height) = scanned.size;
-    let Some(Levels::U8(levels)) = scanned.frames.first() else {
-        return Err(Error::device("frames of more than 8 bits"));
-    };
-    let frame = GrayImage::from_raw(width as u32, height as u32, levels.clone())
-        .ok_or_else(|| Error::device("a frame of another size"))?;
-    let picture = overview(&frame, &decoded, &truth, &scanned.rig);
+    let first = scanned.images.first();
+    let frame = first.and_then(|image| {
+        let size = (image.width() as u32, image.height() as u32);
+        GrayImage::from_raw(size.0, size.1, image.as_u8()?.to_vec())
+    });
+    let frame = frame.ok_or_else(|| Error::device("frames of more than 8 bits"))?;
+    let picture = overview(&frame, &decoded, &truth, foot.rig());
     let mut png = Cursor::new(Vec::new());
     picture
         .write_to(&mut png, ImageFormat::Png)

@@ -3,7 +3,7 @@
 use crate::scanned::Stage;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Decoded, Options as DecodeOptions};
-use phasmid_device::Firmware;
+use phasmid_device::Device;
 use phasmid_geometry::raycast::Bvh;
 use phasmid_geometry::{Mesh, ply, shapes};
 use phasmid_profile::{Deform, Focus, Interreflection, Keyframe, MeshKeyframe, Motion};
@@ -251,19 +251,19 @@ fn decode(name: &str, profile: &Profile) -> Result<Case> {
     };
     let to_points = name.starts_with("scan to points");
     let mut stage = Stage::new(&profile, &Scene::load("plane")?, 1, Options::default())?;
-    let scanned = stage.scan(0);
+    let scanned = stage.scan(0)?;
     let decoder = scanned.decoder(DecodeOptions::default())?;
-    scanned.decode(&decoder)?;
+    decoder.decode(&scanned.images)?;
     let mut out = Decoded::default();
     let mut points = Vec::new();
     Ok(Case {
         name: name.to_owned(),
         count: 1,
-        pixels: scanned.size.0 * scanned.size.1,
-        bytes_per_pixel: scanned.frames.len(),
+        pixels: scanned.images[0].samples().len(),
+        bytes_per_pixel: scanned.images.len(),
         work: Box::new(move || {
             // It has been decoded before, so it is again.
-            if scanned.decode_into(&decoder, &mut out).is_ok() && to_points {
+            if decoder.decode_into(&scanned.images, &mut out).is_ok() && to_points {
                 decoder.points_into(&out, &mut points);
             }
             black_box((&out, &points));
@@ -279,14 +279,12 @@ struct Setup {
 
 impl Setup {
     fn of(profile: &Profile, scene: &Scene, options: Options) -> Result<Self> {
-        let sequence = Firmware::new(profile, &[])?.selected_sequence();
-        let mut renderer = Renderer::with_options(profile, scene, 1, options)?;
-        let shots: Vec<Shot> = sequence.into_iter().map(|(_, shot)| shot).collect();
-        renderer.expect_pattern_images(
-            shots
-                .iter()
-                .filter_map(|shot| shot.pattern_image.as_deref()),
-        );
-        Ok(Self { renderer, shots })
+        let device = Device::builder(profile, scene).seed(1);
+        let device = device.options(options).build()?;
+        let shots = device.shots().into_iter().map(|(_, shot)| shot);
+        Ok(Self {
+            shots: shots.collect(),
+            renderer: device.renderer,
+        })
     }
 }

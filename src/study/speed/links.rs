@@ -7,23 +7,19 @@
 
 use super::passes::bench;
 #[cfg(target_os = "linux")]
-use super::served::{Exit, Served};
-use crate::faults::{Desk, DeskCamera, DeskPort, Link as Carried};
+use super::served::{Exit, serve};
+use crate::desk::{Desk, Link as Carried};
 use phasmid_core::error::{Error, Result};
-use phasmid_device::port::Port;
+use phasmid_device::Device;
 use phasmid_host::{Camera, CommandPort, Instrument, Intake};
 #[cfg(target_os = "linux")]
 use phasmid_host::{
-    Capture, SerialPort, open_camera,
+    CameraDriver, SerialPort, open_camera,
     usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort},
 };
 use phasmid_profile::{Profile, Scene};
 use phasmid_protocol::Frame;
-use phasmid_protocol::faults::Schedule;
-use phasmid_render::Renderer;
 use phasmid_report::lab::{Context, Row, Settings, Trial};
-use std::cell::RefCell;
-use std::rc::Rc;
 #[cfg(target_os = "linux")]
 use std::sync::Arc;
 use std::time::Duration;
@@ -243,13 +239,10 @@ pub(super) fn over<T>(
     if link != Link::Memory {
         return served(ctx, (profile, scene), (link, mode), work);
     }
-    let renderer = Renderer::new(profile, scene, ctx.seed)?;
-    let schedule = Schedule::default();
-    let carried = Carried::Identified;
-    let desk = Desk::new(profile, renderer, Port::default(), carried, &schedule)?;
-    let desk = Rc::new(RefCell::new(desk));
-    let port = Box::new(DeskPort::open(&desk));
-    let open = || Ok(Box::new(Intake::new(DeskCamera::open(&desk))) as Box<dyn Camera>);
+    let device = Device::builder(profile, scene).seed(ctx.seed).build()?;
+    let desk = Desk::new(device, Carried::Identified);
+    let port = Box::new(desk.port());
+    let open = || Ok(Box::new(Intake::new(desk.camera())) as Box<dyn Camera>);
     Ok(work(&mut Talk::new(port, mode, open)?)?)
 }
 
@@ -279,8 +272,8 @@ fn served<T>(
         Link::Socket | Link::Memory => Exit::None,
     };
     let dir = ctx.folder.path().join("run");
-    let served = Served::start(profile, scene, ctx.seed, exit, &dir)?;
-    let at = &served.at;
+    let served = serve(profile, scene, ctx.seed, exit, &dir)?;
+    let at = served.endpoints();
     let done = if link == Link::UsbIp {
         let address = UsbAddress::parse(&at.camera, "the served device")?;
         let device = Arc::new(UsbDevice::open(&address, TIMEOUT)?);
@@ -297,7 +290,7 @@ fn served<T>(
             _ => at.control.to_string_lossy(),
         };
         let port = Box::new(SerialPort::open(&control)?);
-        let open = || open_camera(address, Capture::Auto, TIMEOUT);
+        let open = || open_camera(address, CameraDriver::Auto, TIMEOUT);
         work(&mut Talk::new(port, mode, open)?)?
     };
     served.stop()?;

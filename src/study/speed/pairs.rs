@@ -58,20 +58,20 @@ pub fn pair(name: &str, profile: &Profile) -> Result<Pair> {
         profile.camera.exposure_us *= DIM;
     }
     let mut stage = Stage::new(&profile, &Scene::load("plane")?, 1, Options::default())?;
-    let scanned = Rc::new(stage.scan(0));
+    let scanned = Rc::new(stage.scan(0)?);
     let work = |options| -> Result<Box<dyn FnMut()>> {
         let scanned = scanned.clone();
         let decoder = scanned.decoder(options)?;
-        scanned.decode(&decoder)?;
+        decoder.decode(&scanned.images)?;
         let mut out = Decoded::default();
         Ok(Box::new(move || {
             // It has been decoded before, so it is again.
-            let _ = black_box(scanned.decode_into(&decoder, &mut out));
+            let _ = black_box(decoder.decode_into(&scanned.images, &mut out));
             black_box(&out);
         }))
     };
     Ok(Pair {
-        pixels: scanned.size.0 * scanned.size.1,
+        pixels: scanned.images[0].samples().len(),
         works: [work(without)?, work(with)?],
     })
 }

@@ -3,10 +3,10 @@
 
 use super::cases::{NAMES, case};
 use phasmid_core::error::Result;
-use phasmid_device::Firmware;
+use phasmid_device::Device;
 use phasmid_profile::{Profile, Scene};
+use phasmid_render::shot::Shot;
 use phasmid_render::{Backend, Options, gpu::adapters};
-use phasmid_render::{Renderer, shot::Shot};
 use phasmid_report::lab::{Context, Row, Settings, Trial};
 use std::hint::black_box;
 
@@ -70,17 +70,13 @@ fn gpu(ctx: &Context<'_>) -> Result<Vec<Row>> {
         backend: Backend::Gpu,
         ..Options::default()
     };
-    let sequence = Firmware::new(&profile, &[])?.selected_sequence();
-    let shots: Vec<Shot> = sequence.into_iter().map(|(_, shot)| shot).collect();
-    let mut renderer = match Renderer::with_options(&profile, &scene, 1, options) {
-        Ok(renderer) => renderer,
+    let device = Device::builder(&profile, &scene).seed(1);
+    let device = match device.options(options).build() {
+        Ok(device) => device,
         Err(e) => return Ok(vec![row().text("note", &e.to_string())]),
     };
-    renderer.expect_pattern_images(
-        shots
-            .iter()
-            .filter_map(|shot| shot.pattern_image.as_deref()),
-    );
+    let shots: Vec<Shot> = device.shots().into_iter().map(|(_, shot)| shot).collect();
+    let mut renderer = device.renderer;
     let adapter = renderer
         .adapter()
         .map(|a| format!("{} ({})", a.name, a.kind));

@@ -5,9 +5,10 @@ use super::light::duration;
 use super::rays::EPS_F32;
 use super::scenes::{scene, small};
 use super::sweep::{Group, Sweep};
+use crate::scanned::levels;
 use phasmid_core::error::Result;
 use phasmid_profile::{Profile, Scene};
-use phasmid_protocol::{Frame, PixelFormat};
+use phasmid_protocol::PixelFormat;
 use phasmid_render::Renderer;
 use phasmid_render::{pattern_image::PatternImage, shot::Shot};
 use phasmid_report::lab::Context;
@@ -130,12 +131,6 @@ pub(super) fn fine() -> Result<Profile> {
     Ok(profile)
 }
 
-/// The numbers of a frame of 16 bits.
-pub(super) fn words(frame: &Frame) -> impl Iterator<Item = f64> {
-    let words = frame.data.chunks_exact(2);
-    words.map(|two| f64::from(u16::from_le_bytes([two[0], two[1]])))
-}
-
 fn noise(context: &Context<'_>) -> Result<Vec<Case>> {
     let profile = fine()?;
     let sensor = profile.camera.sensor.clone();
@@ -156,7 +151,7 @@ fn noise(context: &Context<'_>) -> Result<Vec<Case>> {
         let (mut sum, mut expected, mut spread, mut light, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for turn in 0..frames {
             let frame = renderer.expose(&faint((k * 1000 + turn) as u64));
-            for (dn, mean) in words(&frame).zip(&mean) {
+            for (dn, mean) in levels(frame)?.into_iter().zip(&mean) {
                 let mean = f64::from(*mean);
                 let electrons = (mean - black) / gain;
                 let variance =

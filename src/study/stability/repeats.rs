@@ -1,10 +1,11 @@
 //! A billion frames: counters, keys of the noise, device time.
 
 use super::case::Case;
-use super::exposures::{SURE, fine, white, white_plane, words};
+use super::exposures::{SURE, fine, white, white_plane};
 use super::rays::EPS_F32;
 use super::scenes::small;
 use super::sweep::{Group, Sweep};
+use crate::scanned::levels;
 use phasmid_core::error::Result;
 use phasmid_render::Renderer;
 use phasmid_render::shot::Shot;
@@ -97,17 +98,16 @@ impl Bench {
         })
     }
 
-    fn noise(&mut self, id: u64) -> Noise {
+    fn noise(&mut self, id: u64) -> Result<Noise> {
         let frame = self.renderer.expose(&white(100_000, id));
-        let values = words(&frame).zip(&self.mean);
+        let data = frame.data.clone();
+        let values = levels(frame)?;
         let sigma = self.variance.sqrt();
+        let values = values.iter().zip(&self.mean);
         let values = values
             .map(|(dn, mean)| (dn - f64::from(*mean)) / sigma)
             .collect();
-        Noise {
-            values,
-            data: frame.data,
-        }
+        Ok(Noise { values, data })
     }
 }
 
@@ -116,31 +116,32 @@ fn statistics(context: &Context<'_>) -> Result<Vec<Case>> {
     let one = |id: u64| {
         let (mut sum, mut count) = (0.0, 0.0);
         for k in 0..8 {
-            let noise = bench.noise(id.saturating_sub(7).saturating_add(k));
+            let noise = bench.noise(id.saturating_sub(7).saturating_add(k))?;
             sum += noise.values.iter().map(|v| v * v).sum::<f64>();
             count += noise.values.len() as f64;
         }
         let allowed = SURE * (2.1 / count).sqrt();
-        Case::held(
+        Ok(Case::held(
             format!("frame {id}"),
             id as f64,
             (sum / count - 1.0).abs(),
             allowed,
-        )
+        ))
     };
-    Ok(IDS.into_iter().map(one).collect())
+    IDS.into_iter().map(one).collect()
 }
 
 fn repetition(context: &Context<'_>) -> Result<Vec<Case>> {
     let mut bench = Bench::new(context.seed)?;
-    let first: Vec<Noise> = (0..4).map(|id| bench.noise(id)).collect();
+    let first: Vec<Noise> = (0..4).map(|id| bench.noise(id)).collect::<Result<_>>()?;
     let correlation = |a: &Noise, b: &Noise| {
         let sum: f64 = a.values.iter().zip(&b.values).map(|(a, b)| a * b).sum();
         (sum / a.values.len() as f64).abs()
     };
     let mut cases = Vec::new();
     for id in IDS.into_iter().skip(1) {
-        let [own, again, next] = [id, id, id - 1].map(|id| bench.noise(id));
+        let (own, again) = (bench.noise(id)?, bench.noise(id)?);
+        let next = bench.noise(id - 1)?;
         let name = format!("frame {id}");
         if own.data != again.data {
             cases.push(Case::failed(

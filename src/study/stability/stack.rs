@@ -4,9 +4,9 @@
 use super::rays::EPS_F32;
 use crate::draws::Draws;
 use phasmid_core::error::Result;
-use phasmid_decode::{Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid_decode::{Decoder, Options, Verdict};
 use phasmid_geometry::NoiseModel;
-use phasmid_pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use phasmid_pattern::{Axis, Image, Manifest, ManifestFrame, Pattern, ProjectorSize};
 use phasmid_report::lab::Context;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -137,17 +137,15 @@ impl Stack {
             .enumerate()
             .map(|(k, f)| self.frame(k, &f.pattern, positions))
             .collect();
-        let decoded = if self.full > 255.0 {
-            let samples = frames.iter().map(|f| Samples::U16(f)).collect();
-            decoder.decode(&FrameStack::new(WIDTH, height, samples)?)?
-        } else {
-            let bytes: Vec<Vec<u8>> = frames
-                .iter()
-                .map(|f| f.iter().map(|&v| v as u8).collect())
-                .collect();
-            let samples = bytes.iter().map(|f| Samples::U8(f)).collect();
-            decoder.decode(&FrameStack::new(WIDTH, height, samples)?)?
+        let image = |frame: Vec<u16>| match self.full > 255.0 {
+            true => Image::new(WIDTH, height, frame),
+            false => {
+                let bytes: Vec<u8> = frame.into_iter().map(|level| level as u8).collect();
+                Image::new(WIDTH, height, bytes)
+            }
         };
+        let images = frames.into_iter().map(image).collect::<Result<Vec<_>>>()?;
+        let decoded = decoder.decode(&images)?;
         let map = decoded.x.unwrap_or_default();
         let (mut counts, mut wrong, mut squares, mut worst) = ([0.0; 7], 0.0, 0.0, 0.0_f64);
         let found = map.coordinate.iter().zip(&map.verdict).zip(positions);

@@ -6,12 +6,14 @@ use super::closed::{Footprint, Integral};
 use super::phase::{difference, mm_per_radian, phasors};
 use super::rig::{self, FINE};
 use super::row::times;
+use crate::scanned::levels;
 use crate::timing::Spread;
 use glam::DVec2;
 use phasmid_core::error::{Error, Result};
-use phasmid_device::Firmware;
+use phasmid_device::Device;
 use phasmid_pattern::Pattern;
 use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::Frame;
 use phasmid_render::reference::Reference;
 use phasmid_render::{Backend, Options};
 use phasmid_render::{Renderer, shot::Shot, truth::Truth};
@@ -55,9 +57,9 @@ impl Bench {
         };
         let profile = rig::fine(rig::with_steps(rig::bench(size.0, size.1)?, 4));
         let scene = Scene::load("trapezoid")?;
-        let sequence = Firmware::new(&profile, &[])?.selected_sequence();
-        let mut renderer = Renderer::new(&profile, &scene, ctx.seed)?;
-        let truth = renderer.truth(&sequence);
+        let mut device = Device::builder(&profile, &scene).seed(ctx.seed).build()?;
+        let sequence = device.shots();
+        let truth = device.renderer.truth(&sequence);
         let wanted = Truth::SEEN | Truth::LIT;
         let pixels: Vec<(usize, bool)> = (0..truth.flags.len())
             .map(|i| (i, truth.flags[i] & Truth::CREASE != 0))
@@ -126,21 +128,20 @@ impl Bench {
             backend,
             ..Options::default()
         };
-        let mut renderer = Renderer::with_options(&self.profile, &self.scene, ctx.seed, options)?;
-        renderer.expect_pattern_images(
-            self.shots
-                .iter()
-                .filter_map(|shot| shot.pattern_image.as_deref()),
-        );
-        Ok(renderer)
+        let device = Device::builder(&self.profile, &self.scene).seed(ctx.seed);
+        Ok(device.options(options).build()?.renderer)
     }
 
     /// What a renderer makes of the pixels, and nanoseconds a pixel of a frame, with the geometry
     /// that four frames share.
-    fn rendered(&self, ctx: &Context<'_>, renderer: &mut Renderer) -> (Vec<Vec<f64>>, Spread) {
-        let scan = |renderer: &mut Renderer| -> Vec<Vec<u8>> {
+    fn rendered(
+        &self,
+        ctx: &Context<'_>,
+        renderer: &mut Renderer,
+    ) -> Result<(Vec<Vec<f64>>, Spread)> {
+        let scan = |renderer: &mut Renderer| -> Vec<Frame> {
             renderer.invalidate();
-            let frames = self.shots.iter().map(|shot| renderer.expose(shot).data);
+            let frames = self.shots.iter().map(|shot| renderer.expose(shot));
             frames.collect()
         };
         let frames = scan(renderer);
@@ -148,18 +149,17 @@ impl Bench {
         let spread = watch.spread(self.rounds.0, self.rounds.1, || {
             std::hint::black_box(scan(renderer));
         });
-        let level = |data: &[u8], pixel: usize| {
-            f64::from(u16::from_le_bytes([data[2 * pixel], data[2 * pixel + 1]]))
-        };
-        let picked = |data: &Vec<u8>| {
-            let levels = self.pixels.iter().map(|&(pixel, _)| level(data, pixel));
-            levels.collect()
+        let picked = |frame: Frame| -> Result<Vec<f64>> {
+            let levels = levels(frame)?;
+            Ok(self
+                .pixels
+                .iter()
+                .map(|&(pixel, _)| levels[pixel])
+                .collect())
         };
         let work = (renderer.pixel_count() * self.shots.len()) as f64;
-        (
-            frames.iter().map(picked).collect(),
-            spread.times(1e9 / work),
-        )
+        let levels = frames.into_iter().map(picked).collect::<Result<_>>()?;
+        Ok((levels, spread.times(1e9 / work)))
     }
 
     /// A row of frames and what they cost, smooth surfaces and edges apart.
@@ -209,7 +209,7 @@ fn cpu(ctx: &Context<'_>) -> Result<Vec<Row>> {
     let mut fast = Vec::new();
     for samples in [1, 4, 16, 64] {
         let mut renderer = bench.renderer(ctx, samples, Backend::Cpu)?;
-        let (frames, ns) = bench.rendered(ctx, &mut renderer);
+        let (frames, ns) = bench.rendered(ctx, &mut renderer)?;
         if samples == 1 {
             fast.clone_from(&frames);
         }
@@ -261,7 +261,7 @@ fn gpu(ctx: &Context<'_>) -> Result<Vec<Row>> {
         let adapter = renderer
             .adapter()
             .map(|a| format!("{} ({})", a.name, a.kind));
-        let (frames, ns) = bench.rendered(ctx, &mut renderer);
+        let (frames, ns) = bench.rendered(ctx, &mut renderer)?;
         if let Err(e) = renderer.news() {
             return Ok(vec![without(&e)]);
         }

@@ -93,18 +93,18 @@ mod tests {
         for steps in [6, 12, 24] {
             let profile = rig::fine(rig::with_steps(rig::bench(160, 112).unwrap(), steps));
             let mut stage = Stage::new(&profile, &scene, 1, render::Options::default()).unwrap();
-            let scanned = stage.scan(0);
+            let scanned = stage.scan(0).unwrap();
             let truth = stage.truth();
             let errors = |held| {
                 let options = Options {
                     held,
                     ..Options::default()
                 };
-                let decoder = scanned.decoder(options).unwrap();
-                depth_errors(&scanned.decode(&decoder).unwrap(), &truth)
+                depth_errors(&scanned.decode(options).unwrap().1, &truth)
             };
             let [errors, corrected] = [Held::State, Held::Correct].map(errors);
-            let bias = depth_bias(&profile, &scene, &scanned.rig, &truth, PERIOD_PX).unwrap();
+            let bias =
+                depth_bias(&profile, &scene, &profile.nominal_rig(), &truth, PERIOD_PX).unwrap();
             let both: Vec<[f64; 2]> = errors
                 .iter()
                 .zip(&bias)

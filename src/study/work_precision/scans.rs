@@ -3,7 +3,7 @@
 use super::held::depth_bias;
 use super::rig::{self, PERIOD_PX};
 use super::row::times;
-use crate::scanned::{Scanned, Stage};
+use crate::scanned::{Stage, scored};
 use crate::score::{depth_bounds, depth_errors};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Decoded, Held, Options};
@@ -74,37 +74,38 @@ fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
     };
     let mut stage = Stage::new(&profile, &scene, ctx.seed, options)?;
     // Makes the tables of slides, which a device makes once.
-    let scanned = stage.scan(0);
+    let scanned = stage.scan(0)?;
+    let rig = profile.nominal_rig();
     let watch = ctx.stopwatch();
     let rendering = watch.spread(rounds.0, rounds.1, || {
         stage.renderer().invalidate();
-        std::hint::black_box(stage.scan(0));
+        let _ = std::hint::black_box(stage.scan(0));
     });
     let decoder = scanned.decoder(Options::default())?;
     let mut failed = None;
     let decoding = watch.spread(rounds.0, rounds.1, || {
-        failed = std::hint::black_box(scanned.decode(&decoder)).err();
+        failed = std::hint::black_box(decoder.decode(&scanned.images)).err();
     });
     if let Some(e) = failed {
         return Err(Error::device(e));
     }
     let truth = stage.truth();
-    let (_, score) = scanned.scored(&truth)?;
-    let bias = depth_bias(&profile, &scene, &scanned.rig, &truth, PERIOD_PX)?;
-    let uncorrected = scanned.decoder(Options {
+    let (_, score) = scored(&scanned, &truth)?;
+    let bias = depth_bias(&profile, &scene, &rig, &truth, PERIOD_PX)?;
+    let (_, uncorrected) = scanned.decode(Options {
         held: Held::State,
         ..Options::default()
     })?;
-    let uncorrected = scanned.decode(&uncorrected)?;
-    let (held_mm, ratio_less_held) = less_bias(&scanned, &uncorrected, &truth, &bias);
+    let bounds = depth_bounds(&truth, &scanned.manifest, &rig);
+    let (held_mm, ratio_less_held) = less_bias(&bounds, &uncorrected, &truth, &bias);
     let row = Row::new()
         .text("group", "scan")
         .number("steps", case.steps as f64)
         .number("scale", case.scale)
         .number("samples", f64::from(case.samples))
-        .number("width", scanned.size.0 as f64)
-        .number("height", scanned.size.1 as f64)
-        .number("frames", scanned.frames.len() as f64)
+        .number("width", f64::from(profile.camera.width_px))
+        .number("height", f64::from(profile.camera.height_px))
+        .number("frames", scanned.images.len() as f64)
         .number("points", score.points as f64)
         .number("inlier_rmse_mm", score.inlier_rmse_mm)
         .number("crease_rmse_mm", score.crease.inlier_rmse_mm)
@@ -121,11 +122,10 @@ fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
 
 /// Root mean square of a known bias over the inliers of smooth surfaces, in mm, and of their
 /// uncorrected errors less the bias, each over its own pixel's bound.
-fn less_bias(scanned: &Scanned, decoded: &Decoded, truth: &Truth, bias: &[f64]) -> (f64, f64) {
-    let bounds = depth_bounds(truth, &scanned.manifest, &scanned.rig);
+fn less_bias(bounds: &[f64], decoded: &Decoded, truth: &Truth, bias: &[f64]) -> (f64, f64) {
     let errors = depth_errors(decoded, truth);
     let (mut count, mut squares, mut ratios) = (0.0, 0.0, 0.0);
-    for ((error, bias), bound) in errors.iter().zip(bias).zip(&bounds) {
+    for ((error, bias), bound) in errors.iter().zip(bias).zip(bounds) {
         let error = f64::from(*error);
         if error.abs() <= GROSS_MM && bias.is_finite() && *bound > 0.0 {
             count += 1.0;

@@ -7,11 +7,12 @@ use super::needs::{CHECKS, checks, need};
 use super::phase::{difference, mm_per_radian, phasors};
 use super::rig;
 use super::row::times;
+use crate::scanned::levels;
 use crate::score::depth_bounds;
 use crate::timing::Spread;
 use glam::DVec2;
 use phasmid_core::error::Result;
-use phasmid_device::Firmware;
+use phasmid_device::Device;
 use phasmid_pattern::Pattern;
 use phasmid_profile::{Profile, Scene};
 use phasmid_render::{Pass, Term};
@@ -49,8 +50,9 @@ fn run(ctx: &Context<'_>, term: Term) -> Result<Vec<Row>> {
     profile.camera.line_time_us *= f64::from(rows) / f64::from(size.1);
     // Noise is on for its own sake only: elsewhere it would hide what is looked for.
     profile.camera.sensor.noiseless = term != Term::Noise;
-    let sequence = Firmware::new(&profile, &[])?.selected_sequence();
-    let mut renderer = Renderer::new(&profile, &scene, ctx.seed)?;
+    let device = Device::builder(&profile, &scene).seed(ctx.seed).build()?;
+    let sequence = device.shots();
+    let mut renderer = device.renderer;
     let truth = renderer.truth(&sequence);
     let (rig, manifest) = (
         profile.nominal_rig(),
@@ -71,7 +73,7 @@ fn run(ctx: &Context<'_>, term: Term) -> Result<Vec<Row>> {
         for (place, included) in [false, true].into_iter().enumerate() {
             renderer.force(term, included);
             if found[place].is_empty() {
-                found[place] = phasors(&scan(&mut renderer, &shots));
+                found[place] = phasors(&scan(&mut renderer, &shots)?);
             } else {
                 renderer.make_ready(&shots);
             }
@@ -124,12 +126,7 @@ fn over_bound(found: &[Vec<DVec2>; 2], mm_per_radian: &[f64], bounds: &[f64]) ->
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-fn scan(renderer: &mut Renderer, shots: &[Shot]) -> Vec<Vec<f64>> {
-    let levels = |data: Vec<u8>| {
-        let pairs = data.chunks_exact(2);
-        let levels = pairs.map(|two| f64::from(u16::from_le_bytes([two[0], two[1]])));
-        levels.collect()
-    };
-    let frames = shots.iter().map(|shot| levels(renderer.expose(shot).data));
+fn scan(renderer: &mut Renderer, shots: &[Shot]) -> Result<Vec<Vec<f64>>> {
+    let frames = shots.iter().map(|shot| levels(renderer.expose(shot)));
     frames.collect()
 }

@@ -1,8 +1,9 @@
 //! Devices that speak SCPI with other headers, and the dialect files that describe them.
 
 use super::Sink;
-use phasmid::emulator::{Bench, Firmware, Renderer};
-use phasmid::host::{Captured, MemoryCamera, MemoryPort, ScanOptions, Scanner};
+use phasmid::decode::Capture;
+use phasmid::emulator::Device;
+use phasmid::host::{MemoryCamera, MemoryPort, ScanOptions, Scanner};
 use phasmid::profile::{Profile, Scene};
 use phasmid::protocol::dialect::Dialect;
 use std::cell::RefCell;
@@ -40,15 +41,15 @@ fn scan(
     dialect: Option<Dialect>,
     others: bool,
     sequence: Option<&str>,
-) -> (phasmid::Result<Captured>, Vec<u8>) {
+) -> (phasmid::Result<Capture>, Vec<u8>) {
     let mut profile = Profile::load("webcam-grey").unwrap();
     (profile.camera.width_px, profile.camera.height_px) = (64, 48);
     let camera = MemoryCamera::default();
-    let mut bench = Bench::new(
-        Firmware::new(&profile, &[]).unwrap(),
-        Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
-        Sink(camera.clone()),
-    );
+    let mut bench = Device::builder(&profile, &Scene::load("plane").unwrap())
+        .seed(1)
+        .build()
+        .unwrap()
+        .bench(Sink(camera.clone()));
     let sent = Rc::new(RefCell::new(Vec::new()));
     let tape = sent.clone();
     let port = MemoryPort::new(move |bytes: &[u8]| {
@@ -83,19 +84,19 @@ fn scan(
     (captured, sent)
 }
 
-fn same(one: &Captured, other: &Captured) {
+fn same(one: &Capture, other: &Capture) {
     assert_eq!(one.idn, other.idn);
     assert_eq!(one.manifest, other.manifest);
     assert_eq!(one.calibration, other.calibration);
     same_frames(one, other);
 }
 
-fn same_frames(one: &Captured, other: &Captured) {
+fn same_frames(one: &Capture, other: &Capture) {
     assert_eq!(one.frames.len(), other.frames.len());
     for (one, other) in one.frames.iter().zip(&other.frames) {
         assert_eq!(one.pattern_index, other.pattern_index);
-        assert!(one.data == other.data, "other pixels");
     }
+    assert!(one.images == other.images, "other pixels");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Device time: stepped by a client to the nanosecond, and real time with its lateness.
 
 use crate::served::{LONG, Served, serve, text};
-use phasmid::host::{Capture, open_camera};
+use phasmid::host::{CameraDriver, open_camera};
 use phasmid::protocol::service::{Clock, ClockPace, DeviceAbout, Item, Reply, Request, Step, call};
 use rustix::process::Signal;
 use std::io::{Read, Write};
@@ -38,7 +38,7 @@ fn step_exposes_the_frames_within_it() {
     let mut instrument = served.instrument();
     // Before anyone reads, because the camera would run free.
     instrument.order("TRIG:SOUR BUS").unwrap();
-    let mut camera = open_camera(&served.at.camera, Capture::Auto, LONG).unwrap();
+    let mut camera = open_camera(&served.at.camera, CameraDriver::Auto, LONG).unwrap();
     instrument.order("INIT;*TRG").unwrap();
     let about = clock(&mut stream, Request::Get(Item::Clock));
     assert_eq!((about.pace, about.now_ns), (ClockPace::Stepped, 0));
@@ -95,7 +95,7 @@ fn step_of_a_day_can_be_cancelled() {
     // With a reader, each of the three million frames must be rendered.
     let address = served.at.camera.clone();
     std::thread::spawn(move || {
-        let mut camera = open_camera(&address, Capture::Auto, LONG).unwrap();
+        let mut camera = open_camera(&address, CameraDriver::Auto, LONG).unwrap();
         while camera.next_frame(LONG).is_ok() {}
     });
     while device(&mut stream).camera_clients == 0 {

@@ -1,7 +1,7 @@
 //! Frames and ground truth over their sockets.
 
 use crate::served::{LONG, Served, serve};
-use phasmid::host::{Capture, open_camera};
+use phasmid::host::{CameraDriver, open_camera};
 use phasmid::protocol::service;
 use std::fs;
 use std::io::{Read, Write};
@@ -15,7 +15,7 @@ fn same_seed_and_triggers_give_the_same_bytes() {
         let served = Served::spawn(serve().env("RAYON_NUM_THREADS", threads));
         let mut instrument = served.instrument();
         instrument.order("TRIG:SOUR BUS").unwrap();
-        let mut camera = open_camera(&served.at.camera, Capture::Auto, LONG).unwrap();
+        let mut camera = open_camera(&served.at.camera, CameraDriver::Auto, LONG).unwrap();
         instrument.tell("INIT;*TRG").unwrap();
         (0..13)
             .map(|_| camera.next_frame(LONG).unwrap().unwrap())
@@ -30,8 +30,12 @@ fn same_seed_and_triggers_give_the_same_bytes() {
 #[test]
 fn frames_come_over_tcp_and_run_free() {
     let served = Served::start(&["--tcp", "0"]);
-    let mut camera =
-        open_camera(served.at.camera_tcp.as_ref().unwrap(), Capture::Auto, LONG).unwrap();
+    let mut camera = open_camera(
+        served.at.camera_tcp.as_ref().unwrap(),
+        CameraDriver::Auto,
+        LONG,
+    )
+    .unwrap();
     let first = camera.next_frame(LONG).unwrap().unwrap();
     let second = camera.next_frame(LONG).unwrap().unwrap();
     assert_eq!(first.pattern_index, None);

@@ -3,12 +3,12 @@
 use phasmid::calibrate::board::BoardImage;
 use phasmid::calibrate::rig::{Calibration, PoseData, Task, calibrate, sight};
 use phasmid::calibrate::solve::Choice;
-use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
+use phasmid::decode::{Decoded, Decoder, Options};
 use phasmid::emulator::render::Renderer;
 use phasmid::emulator::{PatternImage, Shot};
 use phasmid::geometry::board_poses::{Wanted, poses};
 use phasmid::geometry::{Board, Pose, Rig};
-use phasmid::pattern::Manifest;
+use phasmid::pattern::{Image, Manifest};
 use phasmid::profile::{Profile, Scene};
 use std::sync::Arc;
 
@@ -59,11 +59,13 @@ impl Desk {
         let frames: Vec<_> = self.shots.iter().map(|s| renderer.expose(s).data).collect();
         let lens = &self.rig.camera.lens;
         let (w, h) = (lens.width_px as usize, lens.height_px as usize);
-        let samples = frames.iter().map(|f| Samples::U8(f)).collect();
-        let stack = FrameStack::new(w, h, samples).unwrap();
+        let images: Vec<_> = frames
+            .iter()
+            .map(|f| Image::new(w, h, f.clone()).unwrap())
+            .collect();
         let noise = self.rig.noise.unwrap();
-        let image = BoardImage::from_frames(&self.manifest, &stack, &noise).unwrap();
-        (image, self.decoder.decode(&stack).unwrap())
+        let image = BoardImage::from_frames(&self.manifest, &images, &noise).unwrap();
+        (image, self.decoder.decode(&images).unwrap())
     }
 
     /// Captures all poses, each with its own noise.

@@ -10,10 +10,11 @@ mod seeds;
 use desk::{Desk, shots};
 use figures::Figures;
 use phasmid::calibrate::solve::{Choice, chi_square_bound};
-use phasmid::decode::{Decoder, FrameStack, Options, Samples};
+use phasmid::decode::{Decoder, Options};
 use phasmid::emulator::render::Renderer;
 use phasmid::geometry::board_poses::Wanted;
 use phasmid::geometry::{Board, Rig};
+use phasmid::pattern::Image;
 use phasmid::profile::{Profile, Scene};
 use phasmid::study::score::score;
 
@@ -63,9 +64,11 @@ fn scan_error_mm(desk: &Desk, rig: &Rig) -> f64 {
     let truth = renderer.truth(&shown);
     let (w, h) = (truth.width as usize, truth.height as usize);
     let decoder = Decoder::new(&manifest, w, h, Some(rig), Options::default()).unwrap();
-    let samples = frames.iter().map(|f| Samples::U8(f)).collect();
-    let stack = FrameStack::new(w, h, samples).unwrap();
-    let decoded = decoder.decode(&stack).unwrap();
+    let images: Vec<_> = frames
+        .iter()
+        .map(|f| Image::new(w, h, f.clone()).unwrap())
+        .collect();
+    let decoded = decoder.decode(&images).unwrap();
     score(&decoded, &truth, &manifest, &desk.rig)
         .unwrap()
         .mae_mm

@@ -2,8 +2,8 @@
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
-use phasmid::decode::{Decoded, Decoder, FrameStack, Samples, Verdict};
-use phasmid::pattern::{Axis, Manifest};
+use phasmid::decode::{Decoded, Decoder, Verdict};
+use phasmid::pattern::{Axis, Image, Manifest};
 use std::f64::consts::TAU;
 
 /// Error beyond which a coordinate is wrong, in projector pixels: beyond noise, about 1 mm on the
@@ -28,10 +28,11 @@ fn capture(steps: usize) -> Manifest {
 fn decode(scene: &Scene, manifest: &Manifest, frames: &[Vec<u8>]) -> Decoded {
     let height = frames[0].len() / WIDTH;
     let decoder = Decoder::new(manifest, WIDTH, height, None, scene.options()).unwrap();
-    let frames = frames.iter().map(|f| Samples::U8(f)).collect();
-    decoder
-        .decode(&FrameStack::new(WIDTH, height, frames).unwrap())
-        .unwrap()
+    let images: Vec<_> = frames
+        .iter()
+        .map(|f| Image::new(WIDTH, height, f.clone()).unwrap())
+        .collect();
+    decoder.decode(&images).unwrap()
 }
 
 /// Returns the number of wrongly decoded pixels and the number of pixels rejected as contradictory.

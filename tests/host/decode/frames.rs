@@ -2,8 +2,8 @@
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
-use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
-use phasmid::pattern::{Axis, Pattern};
+use phasmid::decode::{Decoded, Decoder, Options, Verdict};
+use phasmid::pattern::{Axis, Image, Pattern};
 
 #[test]
 fn saturated_and_dark_pixels_are_masked_with_the_reason() {
@@ -64,25 +64,26 @@ fn frames_that_do_not_fit_are_refused() {
     let list = [equal(Axis::X, 16.0, 4), gray(Axis::X, 8.0, 0..8, true)].concat();
     let manifest = manifest(list);
     let decoder = Decoder::new(&manifest, 4, 3, None, Options::default()).unwrap();
-    let frame = [0u8; 12];
-    let stack = |n: usize| FrameStack::new(4, 3, vec![Samples::U8(&frame); n]).unwrap();
+    let image = |width, height| Image::new(width, height, vec![0_u8; width * height]).unwrap();
+    let stack = |n: usize| vec![image(4, 3); n];
     assert!(decoder.decode(&stack(20)).is_ok());
     let error = decoder.decode(&stack(19)).unwrap_err().to_string();
     assert!(
         error.contains("19 frames") && error.contains("20 frames"),
         "{error}"
     );
-    let other = FrameStack::new(3, 4, vec![Samples::U8(&frame); 20]).unwrap();
-    assert!(decoder.decode(&other).is_err());
-    assert!(FrameStack::new(4, 3, vec![Samples::U8(&frame[..11])]).is_err());
-    assert!(FrameStack::new(4, 3, vec![Samples::U8(&frame), Samples::U16(&[0; 12])]).is_err());
-    assert!(FrameStack::new(4, 3, vec![]).is_err());
-    let mut holes = vec![Samples::U8(&frame); 20];
-    holes[7] = Samples::U8(&[]);
-    let error = decoder
-        .decode(&FrameStack::new(4, 3, holes).unwrap())
-        .unwrap_err();
-    assert!(error.to_string().contains("frame 7"));
+    assert!(decoder.decode(&vec![image(3, 4); 20]).is_err());
+    assert!(decoder.decode(&[]).is_err());
+    let mut mixed = stack(20);
+    mixed[7] = Image::new(4, 3, vec![0_u16; 12]).unwrap();
+    let mut other = stack(20);
+    other[7] = image(4, 2);
+    let mut holes = stack(20);
+    holes[7] = Image::default();
+    for wrong in [mixed, other, holes] {
+        let error = decoder.decode(&wrong).unwrap_err();
+        assert!(error.to_string().contains("frame 7"), "{error}");
+    }
 }
 
 #[test]
@@ -99,12 +100,11 @@ fn images_in_a_sequence_need_no_frame() {
         },
     );
     let frames = scene.frames_u8(&plain, &positions);
-    let mut samples: Vec<Samples<'_>> = frames.iter().map(|f| Samples::U8(f)).collect();
-    samples.insert(3, Samples::U8(&[]));
+    let images = frames.into_iter().map(|f| Image::new(WIDTH, 8, f).unwrap());
+    let mut images: Vec<Image> = images.collect();
+    images.insert(3, Image::default());
     let decoder = Decoder::new(&manifest(with_image), WIDTH, 8, None, scene.options()).unwrap();
-    let decoded = decoder
-        .decode(&FrameStack::new(WIDTH, 8, samples).unwrap())
-        .unwrap();
+    let decoded = decoder.decode(&images).unwrap();
     let f = figures(&decoded, Axis::X, &positions, 4.0);
     assert!(f.gross == 0.0 && f.coverage > 0.99, "{f:?}");
 }

@@ -2,9 +2,9 @@
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
-use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples};
+use phasmid::decode::{Decoded, Decoder, Options};
 use phasmid::geometry::NoiseModel;
-use phasmid::pattern::{Axis, Manifest, Pattern};
+use phasmid::pattern::{Axis, Image, Manifest, Pattern};
 use std::f64::consts::TAU;
 
 #[test]
@@ -69,9 +69,11 @@ fn with_shot_noise(manifest: &Manifest, positions: &[[f64; 2]]) -> (Vec<Vec<u16>
 fn decoded_16(manifest: &Manifest, frames: &[Vec<u16>], options: Options) -> Decoded {
     let height = frames[0].len() / WIDTH;
     let decoder = Decoder::new(manifest, WIDTH, height, None, options).unwrap();
-    let frames = frames.iter().map(|f| Samples::U16(f)).collect();
-    let stack = FrameStack::new(WIDTH, height, frames).unwrap();
-    decoder.decode(&stack).unwrap()
+    let images: Vec<_> = frames
+        .iter()
+        .map(|f| Image::new(WIDTH, height, f.clone()).unwrap())
+        .collect();
+    decoder.decode(&images).unwrap()
 }
 
 #[test]
@@ -233,25 +235,23 @@ fn the_noise_of_a_board_in_a_dark_room_is_that_of_the_board() {
             })
             .collect();
         for factor in [1, 257] {
-            let bytes: Vec<Vec<u8>> = frames
-                .iter()
-                .map(|f| f.iter().map(|&v| v as u8).collect())
-                .collect();
-            let words: Vec<Vec<u16>> = frames
-                .iter()
-                .map(|f| f.iter().map(|v| v * factor).collect())
-                .collect();
-            let frames = match factor {
-                1 => bytes.iter().map(|f| Samples::U8(f)).collect(),
-                _ => words.iter().map(|f| Samples::U16(f)).collect(),
+            let image = |frame: &Vec<u16>| match factor {
+                1 => {
+                    let bytes: Vec<u8> = frame.iter().map(|&v| v as u8).collect();
+                    Image::new(WIDTH, HEIGHT, bytes).unwrap()
+                }
+                _ => {
+                    let words: Vec<u16> = frame.iter().map(|v| v * factor).collect();
+                    Image::new(WIDTH, HEIGHT, words).unwrap()
+                }
             };
-            let stack = FrameStack::new(WIDTH, HEIGHT, frames).unwrap();
+            let images: Vec<Image> = frames.iter().map(image).collect();
             let options = Options {
                 keep_mixed: true,
                 ..Options::default()
             };
             let decoder = Decoder::new(&manifest, WIDTH, HEIGHT, None, options).unwrap();
-            let decoded = decoder.decode(&stack).unwrap();
+            let decoded = decoder.decode(&images).unwrap();
             let map = decoded.x.as_ref().unwrap();
             let whitened: Vec<f64> = (0..positions.len())
                 .filter(|&i| lit(i) && !map.coordinate[i].is_nan())

@@ -2,9 +2,9 @@
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
-use phasmid::decode::{Decoder, FrameStack, Options, Samples};
+use phasmid::decode::{Decoder, Options};
 use phasmid::geometry::NoiseModel;
-use phasmid::pattern::Axis;
+use phasmid::pattern::{Axis, Image};
 
 #[test]
 fn decoding_is_exact_at_wraps_and_code_edges() {
@@ -45,10 +45,11 @@ fn decoding_is_exact_at_wraps_and_code_edges() {
             ..Options::default()
         };
         let decoder = Decoder::new(&manifest, WIDTH, 7, None, options).unwrap();
-        let frames = frames.iter().map(|f| Samples::U16(f)).collect();
-        let decoded = decoder
-            .decode(&FrameStack::new(WIDTH, 7, frames).unwrap())
-            .unwrap();
+        let images: Vec<_> = frames
+            .iter()
+            .map(|f| Image::new(WIDTH, 7, f.clone()).unwrap())
+            .collect();
+        let decoded = decoder.decode(&images).unwrap();
         let f = figures(&decoded, Axis::X, &positions, 1e-3);
         assert!(f.gross == 0.0 && f.coverage == 1.0, "{f:?}");
     }

@@ -2,8 +2,8 @@
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
-use phasmid::decode::{Decoder, FrameStack, Options, Samples, Verdict};
-use phasmid::pattern::{Axis, Pattern};
+use phasmid::decode::{Decoder, Options, Verdict};
+use phasmid::pattern::{Axis, Image, Pattern};
 use proptest::prelude::*;
 use std::f64::consts::TAU;
 
@@ -95,8 +95,8 @@ proptest! {
                 .chunks(pixels)
                 .map(<[u16]>::to_vec)
                 .collect();
-            let frames = frames.iter().map(|f| Samples::U16(f)).collect();
-            let decoded = decoder.decode(&FrameStack::new(size.0, size.1, frames).unwrap()).unwrap();
+            let images: Vec<_> = frames.iter().map(|f| Image::new(size.0, size.1, f.clone()).unwrap()).collect();
+            let decoded = decoder.decode(&images).unwrap();
             for (_, map) in decoded.axes() {
                 for (v, x) in map.verdict.iter().zip(&map.coordinate) {
                     prop_assert_eq!(*v == Verdict::Valid, x.is_finite());

@@ -1,8 +1,8 @@
 //! Frames of a known scene, and the errors of the decoded result.
 
-use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid::decode::{Decoded, Decoder, Options, Verdict};
 use phasmid::geometry::NoiseModel;
-use phasmid::pattern::{Axis, Manifest, Pattern};
+use phasmid::pattern::{Axis, Image, Manifest, Pattern};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -119,10 +119,11 @@ impl Scene {
         let frames = self.frames_u8(manifest, positions);
         let height = positions.len() / WIDTH;
         let decoder = Decoder::new(manifest, WIDTH, height, None, options).unwrap();
-        let frames = frames.iter().map(|f| Samples::U8(f)).collect();
-        decoder
-            .decode(&FrameStack::new(WIDTH, height, frames).unwrap())
-            .unwrap()
+        let images: Vec<_> = frames
+            .iter()
+            .map(|f| Image::new(WIDTH, height, f.clone()).unwrap())
+            .collect();
+        decoder.decode(&images).unwrap()
     }
 }
 

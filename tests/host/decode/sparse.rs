@@ -1,7 +1,8 @@
 //! Decoding a subset of the pixels, compared with decoding all of them.
 
-use phasmid::decode::{Decoded, FrameStack, Held, Options, SparseDecoder};
+use phasmid::decode::{Decoded, Held, Options, SparseDecoder};
 use phasmid::emulator::render;
+use phasmid::pattern::Image;
 use phasmid::profile::{Profile, Scene};
 use phasmid::study::scanned::Stage;
 
@@ -15,25 +16,21 @@ fn sees_the_same_points_as_a_decoder_of_all_pixels() {
         object.position_mm[2] += 1400.0;
     }
     let mut stage = Stage::new(&profile, &scene, 1, render::Options::default()).unwrap();
-    let scanned = stage.scan(0);
-    let samples = || scanned.frames.iter().map(|frame| frame.samples()).collect();
-    let (width, height) = scanned.size;
-    let stack = FrameStack::new(width, height, samples()).unwrap();
+    let scanned = stage.scan(0).unwrap();
+    let size @ [width, _] = Image::common_size(&scanned.images).unwrap();
     // The correction depends on how far the smooth surface reaches, in pixels that are decoded.
     let options = Options {
         held: Held::State,
         ..Options::default()
     };
-    let all = scanned.decoder(options).unwrap();
-    let all = all.decode(&stack).unwrap();
+    let (_, all) = scanned.decode(options).unwrap();
     for (least, every) in [(1 << 30, 1), (60_000, 2), (30_000, 3), (0, 4)] {
-        let rig = Some(&scanned.rig);
-        let size = [width, height];
+        let rig = scanned.calibration.as_ref();
         let sparse = SparseDecoder::new(&scanned.manifest, size, rig, options, least);
         let sparse = sparse.unwrap();
         assert_eq!(sparse.every(), every);
         let mut out = Decoded::default();
-        sparse.decode_into(&stack, &mut out).unwrap();
+        sparse.decode_into(&scanned.images, &mut out).unwrap();
         assert_eq!(out.width, width.div_ceil(every));
         let (mut both, mut either) = (0, 0);
         for (at, depth) in out.depth.iter().enumerate() {

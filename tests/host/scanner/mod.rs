@@ -3,10 +3,11 @@
 
 mod unplugged;
 
-use phasmid::emulator::{Bench, Firmware, FrameSink, Renderer};
+use phasmid::decode::Capture;
+use phasmid::emulator::{Device, FrameSink};
 use phasmid::error::Error;
 use phasmid::geometry::{NoiseModel, Rig};
-use phasmid::host::{Camera, Captured, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
+use phasmid::host::{Camera, MemoryCamera, MemoryPort, Progress, ScanOptions, Scanner};
 use phasmid::profile::{Profile, Scene};
 use phasmid::protocol::Frame;
 use std::sync::Arc;
@@ -119,7 +120,7 @@ fn scan(
     fault: Fault,
     bad_runs: u32,
     options: &ScanOptions,
-) -> (Result<Captured, Error>, Vec<String>) {
+) -> (Result<Capture, Error>, Vec<String>) {
     scan_with(None, fault, bad_runs, options)
 }
 
@@ -129,18 +130,18 @@ fn scan_with(
     fault: Fault,
     bad_runs: u32,
     options: &ScanOptions,
-) -> (Result<Captured, Error>, Vec<String>) {
+) -> (Result<Capture, Error>, Vec<String>) {
     let profile = Profile::load("webcam-grey").unwrap();
     let camera = MemoryCamera::default();
-    let mut bench = Bench::new(
-        Firmware::new(&profile, &[]).unwrap(),
-        Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
-        Way {
+    let mut bench = Device::builder(&profile, &Scene::load("plane").unwrap())
+        .seed(1)
+        .build()
+        .unwrap()
+        .bench(Way {
             camera: camera.clone(),
             fault,
             bad_runs,
-        },
-    );
+        });
     let port = MemoryPort::new(move |bytes: &[u8]| bench.control(bytes));
     let receiver = Receiver {
         camera,
@@ -275,15 +276,15 @@ fn more_frames_than_memory_holds_are_refused_at_once() {
     };
     for calibrated in [true, false] {
         let camera = MemoryCamera::default();
-        let mut bench = Bench::new(
-            Firmware::new(&profile, &[]).unwrap(),
-            Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
-            Way {
+        let mut bench = Device::builder(&profile, &Scene::load("plane").unwrap())
+            .seed(1)
+            .build()
+            .unwrap()
+            .bench(Way {
                 camera: camera.clone(),
                 fault: Fault::None,
                 bad_runs: 0,
-            },
-        );
+            });
         let port = MemoryPort::new(move |bytes: &[u8]| {
             let text = String::from_utf8_lossy(bytes);
             match calibrated {

@@ -2,9 +2,10 @@
 //! or do not.
 
 use super::{SHORT, options};
-use phasmid::emulator::{Bench, Firmware, FrameSink, Renderer};
+use phasmid::decode::Capture;
+use phasmid::emulator::{Device, FrameSink};
 use phasmid::error::Error;
-use phasmid::host::{Camera, Captured, CommandPort, MemoryCamera, Progress, Scanner};
+use phasmid::host::{Camera, CommandPort, MemoryCamera, Progress, Scanner};
 use phasmid::profile::{Profile, Scene};
 use phasmid::protocol::Frame;
 use std::cell::RefCell;
@@ -160,7 +161,7 @@ impl FrameSink for Sink {
 
 /// Result of a scan.
 struct Outcome {
-    captured: Result<Captured, Error>,
+    captured: Result<Capture, Error>,
     retries: Vec<String>,
     opened: Vec<&'static str>,
     /// Whether the cable was pulled as often as intended.
@@ -171,11 +172,11 @@ fn scan(pulled: Pulled, pulls: u32, returns: u32) -> Outcome {
     let mut profile = Profile::load("webcam-grey").unwrap();
     (profile.camera.width_px, profile.camera.height_px) = (64, 48);
     let waiting = MemoryCamera::default();
-    let mut bench = Bench::new(
-        Firmware::new(&profile, &[]).unwrap(),
-        Renderer::new(&profile, &Scene::load("plane").unwrap(), 1).unwrap(),
-        Sink(waiting.clone()),
-    );
+    let mut bench = Device::builder(&profile, &Scene::load("plane").unwrap())
+        .seed(1)
+        .build()
+        .unwrap()
+        .bench(Sink(waiting.clone()));
     let cable = Rc::new(RefCell::new(Cable {
         plugged: true,
         pulled,
@@ -223,7 +224,7 @@ fn scan(pulled: Pulled, pulls: u32, returns: u32) -> Outcome {
     }
 }
 
-fn indices(captured: &Captured) -> Vec<Option<u32>> {
+fn indices(captured: &Capture) -> Vec<Option<u32>> {
     captured.frames.iter().map(|f| f.pattern_index).collect()
 }
 

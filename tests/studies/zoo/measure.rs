@@ -2,11 +2,11 @@
 //! that the decoder states.
 
 use crate::zoo::device::Device;
-use phasmid::decode::{Decoded, Decoder, FrameStack, Options, Samples, Verdict};
+use phasmid::decode::{Decoded, Decoder, Options, Verdict};
 use phasmid::emulator::render::Renderer;
 use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::geometry::Rig;
-use phasmid::host::check_images;
+use phasmid::host::check_sequence;
 use phasmid::pattern::{Axis, Manifest, finest_fringe};
 use phasmid::profile::{Profile, Scene};
 use std::fmt;
@@ -77,23 +77,15 @@ impl Scan {
                 (pattern, shot)
             })
             .collect();
-        let frames: Vec<_> = shots.iter().map(|(_, s)| renderer.expose(s).data).collect();
+        let images = shots.iter().map(|(_, s)| renderer.expose(s).into_image());
+        let images = images.collect::<Result<Vec<_>, _>>().unwrap();
         let truth = renderer.truth(&shots);
         let rig = profile.nominal_rig();
         let (w, h) = (truth.width as usize, truth.height as usize);
         let decoder = Decoder::new(&manifest, w, h, Some(&rig), options).unwrap();
-        let words: Vec<Vec<u16>> = match profile.camera.sensor.bits {
-            8 => Vec::new(),
-            _ => frames.iter().map(|frame| words(frame)).collect(),
-        };
-        let samples = match words.is_empty() {
-            true => frames.iter().map(|f| Samples::U8(f)).collect(),
-            false => words.iter().map(|f| Samples::U16(f)).collect(),
-        };
-        let stack = FrameStack::new(w, h, samples).unwrap();
         Self {
-            decoded: decoder.decode(&stack).unwrap(),
-            checked: check_images(&manifest, &stack),
+            decoded: decoder.decode(&images).unwrap(),
+            checked: check_sequence(&manifest, &images),
             manifest,
             rig,
             truth,
@@ -130,11 +122,6 @@ pub fn measure(device: &Device, seed: u64) -> Measured {
         truth.flags[i] & (wanted | not) == wanted && b > ABOVE_THRESHOLD * threshold
     };
     tally(&decoded, &truth, period, is_wanted)
-}
-
-fn words(frame: &[u8]) -> Vec<u16> {
-    let (pairs, _) = frame.as_chunks::<2>();
-    pairs.iter().map(|&pair| u16::from_le_bytes(pair)).collect()
 }
 
 /// A point of the scan.

@@ -11,9 +11,9 @@
 use super::BoardImage;
 use super::rounding::{ON_OUTLINES, left_by_rounding, same};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{FrameStack, FringeSet, Samples};
+use phasmid_decode::FringeSet;
 use phasmid_geometry::NoiseModel;
-use phasmid_pattern::{Axis, Manifest, Pattern};
+use phasmid_pattern::{Axis, Image, Manifest, Pattern, Samples};
 use rayon::prelude::*;
 
 /// Approximate number of pixels that the groups' signals are estimated from.
@@ -33,34 +33,30 @@ impl BoardImage {
     /// # Errors
     /// Returns an error if the number of frames differs from the manifest's, if the sequence
     /// contains no such group, or if every pixel is saturated in some frame.
-    pub fn from_frames(
-        manifest: &Manifest,
-        stack: &FrameStack<'_>,
-        noise: &NoiseModel,
-    ) -> Result<Self> {
-        if stack.frames().len() != manifest.frame.len() {
+    pub fn from_frames(manifest: &Manifest, images: &[Image], noise: &NoiseModel) -> Result<Self> {
+        if images.len() != manifest.frame.len() {
             return Err(Error::input(
                 "frames",
-                format!("{} frames", stack.frames().len()),
+                format!("{} frames", images.len()),
                 format!(
                     "{} frames, one per pattern of the sequence",
                     manifest.frame.len()
                 ),
             ));
         }
-        let groups = groups(manifest, stack);
-        if groups.is_empty() || stack.width() * stack.height() == 0 {
-            let sizes = (stack.width(), stack.height(), manifest.frame.len());
+        let size @ [width, height] = Image::common_size(images)?;
+        let groups = groups(manifest, images);
+        if groups.is_empty() {
             return Err(Error::input(
                 "sequence",
                 format!(
-                    "no frame that shows a board, of {} frames of {} x {} pixels",
-                    sizes.2, sizes.0, sizes.1
+                    "no frame that shows a board, of {} frames of {width} x {height} pixels",
+                    images.len()
                 ),
                 "a white frame, 3 or more steps of a fringe, or a Gray bit with its complement",
             ));
         }
-        let strengths = strengths(&groups, stack, noise).ok_or_else(|| {
+        let strengths = strengths(&groups, size, images, noise).ok_or_else(|| {
             Error::input(
                 "frames",
                 format!(
@@ -70,17 +66,17 @@ impl BoardImage {
                 "pixels that are not saturated: a shorter exposure",
             )
         })?;
-        Ok(combine(&groups, &strengths, stack, noise))
+        Ok(combine(&groups, &strengths, size, images, noise))
     }
 }
 
 /// Groups the frames of a sequence.
-fn groups(manifest: &Manifest, stack: &FrameStack<'_>) -> Vec<Group> {
+fn groups(manifest: &Manifest, images: &[Image]) -> Vec<Group> {
     let mut groups = Vec::new();
     let mut fringes: Vec<(Axis, f64, Vec<usize>, Vec<f64>)> = Vec::new();
     let mut bits: Vec<(Axis, f64, u32, [Vec<usize>; 2])> = Vec::new();
     for (i, frame) in manifest.frame.iter().enumerate() {
-        if stack.frames()[i].is_empty() {
+        if images[i].is_empty() {
             continue;
         }
         match frame.pattern {
@@ -137,8 +133,13 @@ fn groups(manifest: &Manifest, stack: &FrameStack<'_>) -> Vec<Group> {
 }
 
 /// Weights of the groups, which sum to 1; `None` if every pixel is saturated in some frame.
-fn strengths(groups: &[Group], stack: &FrameStack<'_>, noise: &NoiseModel) -> Option<Vec<f64>> {
-    let pixels = stack.width() * stack.height();
+fn strengths(
+    groups: &[Group],
+    [width, height]: [usize; 2],
+    images: &[Image],
+    noise: &NoiseModel,
+) -> Option<Vec<f64>> {
+    let pixels = width * height;
     let mut sums = vec![0.0; groups.len()];
     let mut count = 0.0;
     let mut means = vec![0.0; groups.len()];
@@ -148,7 +149,7 @@ fn strengths(groups: &[Group], stack: &FrameStack<'_>, noise: &NoiseModel) -> Op
             for (mean, group) in means.iter_mut().zip(groups) {
                 *mean = 0.0;
                 for &(frame, weight) in &group.frames {
-                    let dn = sample(stack.frames()[frame], i);
+                    let dn = f64::from(images[frame].value(i));
                     if dn >= noise.saturation_dn {
                         continue 'pixels;
                     }
@@ -187,20 +188,13 @@ fn spread(group: &Group) -> f64 {
     group.frames.iter().map(|(_, w)| w * w).sum()
 }
 
-fn sample(samples: Samples<'_>, i: usize) -> f64 {
-    match samples {
-        Samples::U8(s) => f64::from(s[i]),
-        Samples::U16(s) => f64::from(s[i]),
-    }
-}
-
 fn combine(
     groups: &[Group],
     strengths: &[f64],
-    stack: &FrameStack<'_>,
+    [width, height]: [usize; 2],
+    images: &[Image],
     noise: &NoiseModel,
 ) -> BoardImage {
-    let (width, height) = (stack.width(), stack.height());
     let mut level = vec![0.0_f32; width * height];
     let mut variance = vec![0.0_f32; width * height];
     let rows = level
@@ -223,7 +217,7 @@ fn combine(
                         weight * dn
                     };
                 };
-                match stack.frames()[frame] {
+                match images[frame].samples() {
                     Samples::U8(s) => mean
                         .iter_mut()
                         .zip(&mut range)

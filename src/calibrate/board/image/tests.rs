@@ -1,7 +1,6 @@
 use super::BoardImage;
-use phasmid_decode::{FrameStack, Samples};
 use phasmid_geometry::NoiseModel;
-use phasmid_pattern::{Axis, Manifest, ManifestFrame, Pattern, ProjectorSize};
+use phasmid_pattern::{Axis, Image, Manifest, ManifestFrame, Pattern, ProjectorSize};
 use std::f64::consts::TAU;
 
 const NOISE: NoiseModel = NoiseModel {
@@ -63,8 +62,10 @@ fn render(manifest: &Manifest) -> Vec<Vec<u16>> {
 }
 
 fn image(manifest: &Manifest, frames: &[Vec<u16>]) -> phasmid_core::error::Result<BoardImage> {
-    let samples = frames.iter().map(|f| Samples::U16(f)).collect();
-    BoardImage::from_frames(manifest, &FrameStack::new(WIDTH, 1, samples)?, &NOISE)
+    let images = frames
+        .iter()
+        .map(|f| Image::new(f.len(), 1, f.clone()).unwrap());
+    BoardImage::from_frames(manifest, &images.collect::<Vec<_>>(), &NOISE)
 }
 
 #[test]

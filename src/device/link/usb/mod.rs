@@ -9,6 +9,7 @@
 //! | `video`, `serial` | the endpoints of camera and serial port |
 //! | `outgoing`, `events` | queues to the host and to the firmware |
 //! | `connection`, `server` | a session over a socket; the USB/IP listener |
+//! | `export` | serves devices over USB/IP, attached to the local kernel if wanted |
 //! | `attach`, `vhci` | attachment to the local kernel |
 //! | `attached`, `device` | exclusive use by a host; the shared handle |
 //! | `binding` | the connection between firmware and USB device |
@@ -21,6 +22,7 @@ mod connection;
 mod descriptors;
 mod device;
 mod events;
+mod export;
 mod fault;
 mod function;
 mod outgoing;
@@ -34,6 +36,7 @@ pub use attach::{Attachment, attach};
 pub use binding::Binding;
 pub(super) use binding::PortEvent;
 pub use device::UsbDevice;
+pub use export::export;
 pub use fault::Fault;
 pub use server::UsbServer;
 pub use vhci::{Nodes, Port};

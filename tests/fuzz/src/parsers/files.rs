@@ -2,7 +2,7 @@
 
 use phasmid::decode::{Plan, load_frames};
 use phasmid::geometry::Mesh;
-use phasmid::pattern::Manifest;
+use phasmid::pattern::{Image, Manifest};
 use std::path::PathBuf;
 
 /// Passes `read` a file with these bytes, which exists until it returns.
@@ -59,10 +59,10 @@ pub fn image(bytes: &[u8]) -> bool {
         let manifest = Manifest::parse(&text, "fuzz").expect("a manifest");
         let plan = Plan::new(&manifest).expect("three steps");
         let folder = path.parent().expect("it has one");
-        let Ok(frames) = load_frames(&manifest, &plan, folder) else {
+        let Ok(images) = load_frames(&manifest, &plan, folder) else {
             return false;
         };
-        frames.stack();
+        Image::common_size(&images).expect("checked when loaded");
         true
     })
 }

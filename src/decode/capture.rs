@@ -1,13 +1,12 @@
-//! The result of a scan and how it is stored: frames as images, the manifest that describes them,
-//! and the calibration.
+//! A capture, the images of one sequence, and how it is stored: the images as PNG, the manifest that
+//! describes them, and the calibration.
 
-use super::consistency::{LEAST_FOLLOWING, doubt, following};
+use super::{Decoded, Decoder, Options};
 use image::{ImageBuffer, ImageFormat, Luma};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{self, replace, write_image};
 use phasmid_geometry::Rig;
-use phasmid_pattern::{Manifest, Pattern};
-use phasmid_protocol::{Frame, PixelFormat};
+use phasmid_pattern::{Image, Manifest, Pattern, Samples};
 use rayon::prelude::*;
 use std::fs;
 use std::io::Write;
@@ -22,48 +21,62 @@ pub const CALIBRATION_FILE: &str = "calibration.toml";
 const IMAGES_REMARK: &str = "# Patterns of kind \"image\" name images in the device, which a scan does not fetch. Decoding\n\
      # needs none of them; to project this sequence again, put them beside this file.\n\n";
 
-/// The frames of a sequence, with their manifest and calibration.
+/// Identity and time of a captured image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameInfo {
+    /// Frame id; a device never repeats one. Cameras without frame identity count their frames.
+    pub id: u64,
+    /// Position of the projected pattern in the sequence, if the camera reports it.
+    pub pattern_index: Option<u32>,
+    /// Start of the exposure in nanoseconds of the camera's clock.
+    pub exposure_start_ns: u64,
+    /// End of the exposure in nanoseconds of the camera's clock.
+    pub exposure_end_ns: u64,
+}
+
+/// The images of a sequence, with their manifest and calibration.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Captured {
+pub struct Capture {
     /// The device's answer to `*IDN?`.
     pub idn: String,
-    /// The projected sequence, one pattern per frame.
+    /// The projected sequence, one pattern per image.
     pub manifest: Manifest,
     /// The calibration read from the device, if it has one.
     pub calibration: Option<Rig>,
-    /// The frames in the manifest's order, all of the same size and format, GREY or Y16.
-    pub frames: Vec<Frame>,
+    /// The images in the manifest's order, all of the same size and bits per sample.
+    pub images: Vec<Image>,
+    /// Identity and time of each image; empty if they are not known.
+    pub frames: Vec<FrameInfo>,
 }
 
-impl Captured {
-    /// Returns the file name that [`Self::write`] gives a frame.
-    fn file_name(&self, index: usize) -> PathBuf {
-        let digits = self.frames.len().saturating_sub(1).to_string().len().max(2);
-        format!("frame_{index:0digits$}.png").into()
-    }
-
-    /// Rejects frames that show no surface: hardly any pixel follows the sequence, and most of the
-    /// variation has another cause.
+impl Capture {
+    /// Creates the decoder of such captures, by the capture's calibration. Without one it finds
+    /// projector coordinates but no points.
     ///
     /// # Errors
-    /// Returns an error if the camera does not see the projected patterns.
-    pub fn check_modulation(&self) -> Result<()> {
-        match following(&self.manifest, &self.frames) {
-            Some(found) if !found.is_shown() => Err(Error::device(format!(
-                "the frames show no modulation: {:.2} % of the pixels follow the sequence, \
-                 expected {} % or more; {}",
-                100.0 * found.share,
-                100.0 * LEAST_FOLLOWING,
-                found.cause()
-            ))),
-            _ => Ok(()),
-        }
+    /// Returns an error if the images differ in size, if the sequence does not determine a projector
+    /// coordinate, or if the calibration does not match it.
+    pub fn decoder(&self, options: Options) -> Result<Decoder> {
+        let [width, height] = Image::common_size(&self.images)?;
+        let rig = self.calibration.as_ref();
+        Decoder::new(&self.manifest, width, height, rig, options)
     }
 
-    /// Returns a warning about frames that follow their sequence, if there is one: fringes that are
-    /// not sinusoidal.
-    pub fn doubt(&self) -> Option<String> {
-        doubt(&self.manifest, &self.frames)
+    /// Decodes the images with the capture's calibration. Without one the result has projector
+    /// coordinates but no points.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Self::decoder`], and an error if the images do not match the sequence.
+    pub fn decode(&self, options: Options) -> Result<(Decoder, Decoded)> {
+        let decoder = self.decoder(options)?;
+        let decoded = decoder.decode(&self.images)?;
+        Ok((decoder, decoded))
+    }
+
+    /// Returns the file name that [`Self::write`] gives an image.
+    fn file_name(&self, index: usize) -> PathBuf {
+        let digits = self.images.len().saturating_sub(1).to_string().len().max(2);
+        format!("frame_{index:0digits$}.png").into()
     }
 
     /// Checks, before a scan, that a folder does not already hold a capture.
@@ -114,18 +127,18 @@ impl Captured {
         Ok(frames)
     }
 
-    /// Writes the frames as `frame_00.png` and so on (8 or 16 bits), `sequence.toml`, which lists
+    /// Writes the images as `frame_00.png` and so on (8 or 16 bits), `sequence.toml`, which lists
     /// them, and `calibration.toml` if there is a calibration. Creates the folder if it does not exist;
     /// files of the same names are replaced.
     ///
     /// # Errors
-    /// Returns an error on I/O failure, or if the data length of a frame does not match its size.
+    /// Returns an error on I/O failure.
     pub fn write(&self, folder: &Path) -> Result<()> {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        self.frames
+        self.images
             .par_iter()
             .enumerate()
-            .try_for_each(|(i, frame)| write_png(frame, &folder.join(self.file_name(i)), true))?;
+            .try_for_each(|(i, image)| write_png(image, &folder.join(self.file_name(i)), true))?;
         let mut manifest = self.manifest.clone();
         for (i, frame) in manifest.frame.iter_mut().enumerate() {
             frame.file = Some(self.file_name(i));
@@ -146,34 +159,30 @@ impl Captured {
     }
 }
 
-/// Writes a frame as a greyscale PNG of 8 or 16 bits. An existing file is replaced only with
+/// Writes an image as a greyscale PNG of 8 or 16 bits. An existing file is replaced only with
 /// `force`.
 ///
 /// # Errors
-/// Returns an error on I/O failure, if the data length of the frame does not match its size, or if
-/// the file exists and `force` is not set.
-pub fn write_png(frame: &Frame, path: &Path, force: bool) -> Result<()> {
-    let (width, height) = (frame.width, frame.height);
-    let wrong = || {
-        Error::device(format!(
-            "frame {}: its data length does not match its size",
-            frame.id
-        ))
-    };
-    if frame.format == PixelFormat::Y16 {
-        let pixels: Vec<u16> = frame
-            .data
-            .chunks_exact(2)
-            .map(|b| u16::from_le_bytes([b[0], b[1]]))
-            .collect();
-        let picture = ImageBuffer::<Luma<u16>, _>::from_raw(width, height, pixels);
-        let picture = picture.ok_or_else(wrong)?;
+/// Returns an error on I/O failure, or if the file exists and `force` is not set.
+pub fn write_png(image: &Image, path: &Path, force: bool) -> Result<()> {
+    fn write<T: image::Primitive>(
+        image: &Image,
+        samples: &[T],
+        path: &Path,
+        force: bool,
+    ) -> Result<()>
+    where
+        Luma<T>: image::PixelWithColorType<Subpixel = T>,
+        [T]: image::EncodableLayout,
+    {
+        let (width, height) = (image.width() as u32, image.height() as u32);
+        let picture = ImageBuffer::<Luma<T>, _>::from_raw(width, height, samples)
+            .expect("an image has as many samples as pixels");
         write_image(path, force, |out| picture.write_to(out, ImageFormat::Png))
-    } else {
-        let pixels = frame.data.as_slice();
-        let picture = ImageBuffer::<Luma<u8>, _>::from_raw(width, height, pixels);
-        let picture = picture.ok_or_else(wrong)?;
-        write_image(path, force, |out| picture.write_to(out, ImageFormat::Png))
+    }
+    match image.samples() {
+        Samples::U8(samples) => write(image, samples, path, force),
+        Samples::U16(samples) => write(image, samples, path, force),
     }
 }
 
@@ -190,26 +199,18 @@ mod tests {
             "test",
         )
         .unwrap();
-        let frame = |id: u64| Frame {
-            id,
-            pattern_index: Some(id as u32),
-            width: 2,
-            height: 1,
-            format: PixelFormat::Y16,
-            exposure_start_ns: 0,
-            exposure_end_ns: 1,
-            data: vec![0x34, 0x12, id as u8, 0],
-        };
-        let captured = Captured {
+        let image = |id: u16| Image::new(2, 1, vec![0x1234, id]).unwrap();
+        let capture = Capture {
             idn: "a,b,c,d".into(),
             manifest,
             calibration: None,
-            frames: vec![frame(0), frame(1)],
+            images: vec![image(0), image(1)],
+            frames: Vec::new(),
         };
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("scan");
-        Captured::check_folder(&out, false).unwrap();
-        captured.write(&out).unwrap();
+        Capture::check_folder(&out, false).unwrap();
+        capture.write(&out).unwrap();
         let back = Manifest::read(&out.join(MANIFEST_FILE)).unwrap();
         let text = fs::read_to_string(out.join(MANIFEST_FILE)).unwrap();
         assert!(text.starts_with("# Patterns of kind"), "{text}");
@@ -217,52 +218,13 @@ mod tests {
         assert_eq!(file, Path::new("frame_01.png"));
         let image = image::open(out.join(file)).unwrap().into_luma16();
         assert_eq!(image.as_raw(), &[0x1234, 1]);
-        let error = Captured::check_folder(&out, false).unwrap_err();
+        let error = Capture::check_folder(&out, false).unwrap_err();
         assert!(error.to_string().contains("--force"), "{error}");
-        Captured::check_folder(&out, true).unwrap();
+        Capture::check_folder(&out, true).unwrap();
         fs::create_dir(out.join("frame_98.png")).unwrap();
-        assert!(Captured::check_folder(&out, true).is_err());
+        assert!(Capture::check_folder(&out, true).is_err());
         fs::remove_dir(out.join("frame_98.png")).unwrap();
         let frames = ["frame_00.png", "frame_01.png"].map(PathBuf::from);
-        assert_eq!(Captured::frames_in(&out).unwrap(), frames);
-    }
-
-    #[test]
-    fn frames_without_modulation_name_the_likely_cause() {
-        let manifest = Manifest::parse(
-            "[projector]\nwidth_px = 64\nheight_px = 48\n\
-             [[frame]]\npattern = { kind = \"white\" }\n\
-             [[frame]]\npattern = { kind = \"black\" }\n\
-             [[frame]]\npattern = { kind = \"fringe\", axis = \"x\", period_px = 16, phase_rad = 0 }\n\
-             [[frame]]\npattern = { kind = \"fringe\", axis = \"x\", period_px = 16, phase_rad = 2.0943951 }\n\
-             [[frame]]\npattern = { kind = \"fringe\", axis = \"x\", period_px = 16, phase_rad = 4.1887902 }\n",
-            "test",
-        )
-        .unwrap();
-        let frame = |id: u64, level: u8| Frame {
-            id,
-            pattern_index: Some(id as u32),
-            width: 64,
-            height: 48,
-            format: PixelFormat::Grey,
-            exposure_start_ns: 0,
-            exposure_end_ns: 1,
-            data: vec![level; 64 * 48],
-        };
-        let why = |level: u8| {
-            let captured = Captured {
-                idn: "a,b,c,d".into(),
-                manifest: manifest.clone(),
-                calibration: None,
-                frames: (0..5).map(|id| frame(id, level)).collect(),
-            };
-            captured.check_modulation().unwrap_err().to_string()
-        };
-        assert!(why(255).contains("100 % are saturated"), "{}", why(255));
-        assert!(
-            why(90).contains("does not see the projector"),
-            "{}",
-            why(90)
-        );
+        assert_eq!(Capture::frames_in(&out).unwrap(), frames);
     }
 }

@@ -1,0 +1,178 @@
+//! Assembles a device from a profile and a scene: for the server, the studies and the tests.
+
+use super::faults::Faults;
+#[cfg(target_os = "linux")]
+use super::link::{ServeOptions, Serving};
+use super::port::Port;
+use super::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine, UserSequence};
+use phasmid_core::error::{Error, Result};
+use phasmid_pattern::Pattern;
+use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::faults::{Flaw, Schedule};
+use phasmid_render::Options;
+use phasmid_render::shot::Shot;
+use std::sync::Arc;
+
+/// An emulated device that is switched on, without links.
+pub struct Device {
+    /// Firmware, control port, serial line and faults.
+    pub machine: Machine,
+    /// The optics.
+    pub renderer: Renderer,
+    /// What it is.
+    pub profile: Profile,
+    /// What it stands in front of.
+    pub scene: Scene,
+    /// Seed of its noise.
+    pub seed: u64,
+}
+
+impl Device {
+    /// Starts to assemble a device with a profile in front of a scene.
+    pub fn builder<'a>(profile: &'a Profile, scene: &'a Scene) -> DeviceBuilder<'a> {
+        DeviceBuilder {
+            profile,
+            scene,
+            renderer: None,
+            name: &profile.name,
+            seed: 0,
+            options: Options::default(),
+            sequences: Vec::new(),
+            dialect: None,
+            schedule: None,
+        }
+    }
+
+    /// Returns the exposures of the selected sequence, with their patterns, in order.
+    pub fn shots(&self) -> Vec<(Pattern, Shot)> {
+        self.machine.firmware().selected_sequence()
+    }
+
+    /// Serves the device on threads of its own, until the result is dropped.
+    ///
+    /// # Errors
+    /// Returns an error if the run directory cannot be used, or if the system refuses a port, a socket,
+    /// a V4L2 node or a USB device.
+    #[cfg(target_os = "linux")]
+    pub fn serve(self, options: &ServeOptions) -> Result<Serving> {
+        Serving::of(self, options)
+    }
+
+    /// Puts the device on a virtual clock, stepped by function calls; `sink` receives its frames.
+    pub fn bench<S: FrameSink>(self, sink: S) -> Bench<S> {
+        Bench::new(self, sink)
+    }
+}
+
+/// What a [`Device`] is assembled from.
+#[must_use]
+pub struct DeviceBuilder<'a> {
+    profile: &'a Profile,
+    scene: &'a Scene,
+    renderer: Option<Renderer>,
+    name: &'a str,
+    seed: u64,
+    options: Options,
+    sequences: Vec<UserSequence>,
+    dialect: Option<Dialect>,
+    schedule: Option<&'a Schedule>,
+}
+
+impl<'a> DeviceBuilder<'a> {
+    /// Sets the name by which faults address the device, instead of the profile's.
+    pub fn name(self, name: &'a str) -> Self {
+        Self { name, ..self }
+    }
+
+    /// Sets the seed of the noise; 0 by default.
+    pub fn seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    /// Sets how the optics render.
+    pub fn options(self, options: Options) -> Self {
+        Self { options, ..self }
+    }
+
+    /// Uses optics that were prepared for the same profile and scene before, with the seed and
+    /// options that they have.
+    pub fn renderer(self, renderer: Renderer) -> Self {
+        Self {
+            renderer: Some(renderer),
+            ..self
+        }
+    }
+
+    /// Stores sequences in the device, besides the profile's.
+    pub fn sequences(self, sequences: Vec<UserSequence>) -> Self {
+        Self { sequences, ..self }
+    }
+
+    /// Sets the dialect of the control port, instead of the profile's.
+    pub fn dialect(self, dialect: Dialect) -> Self {
+        Self {
+            dialect: Some(dialect),
+            ..self
+        }
+    }
+
+    /// Sets the faults that will occur.
+    pub fn faults(self, schedule: &'a Schedule) -> Self {
+        Self {
+            schedule: Some(schedule),
+            ..self
+        }
+    }
+
+    /// Assembles the device.
+    ///
+    /// # Errors
+    /// Returns an error if the profile, a sequence, the dialect or a fault is invalid, or if the scene
+    /// cannot be rendered.
+    pub fn build(self) -> Result<Device> {
+        let profile = self.profile;
+        let firmware = Firmware::new(profile, &self.sequences)?;
+        let dialect = match self.dialect {
+            Some(dialect) => dialect,
+            None => profile.control.load_dialect(&profile.folder)?,
+        };
+        let faults = match self.schedule {
+            Some(schedule) => Faults::new(schedule, self.name),
+            None => Faults::default(),
+        };
+        let refused = |flaw: Flaw| Error::input(flaw.field, flaw.found, flaw.allowed);
+        let schedule = self.schedule.map_or(&[][..], |schedule| &schedule.fault);
+        for (number, fault) in schedule.iter().enumerate() {
+            let at = |flaw: Flaw| Flaw {
+                field: format!("fault[{number}].{}", flaw.field),
+                ..flaw
+            };
+            fault.check().map_err(|flaw| refused(at(flaw)))?;
+        }
+        let faults = faults.of_rows(profile.camera.height_px).map_err(refused)?;
+        let mut renderer = match self.renderer {
+            Some(renderer) => renderer,
+            None => Renderer::with_options(profile, self.scene, self.seed, self.options)?,
+        };
+        let shots = firmware.selected_sequence();
+        renderer.expect_pattern_images(
+            shots
+                .iter()
+                .filter_map(|(_, shot)| shot.pattern_image.as_deref()),
+        );
+        let machine = Machine::new(
+            firmware,
+            Port::new(Arc::new(dialect))?,
+            SerialLine::new(&profile.control),
+            faults,
+        );
+        Ok(Device {
+            machine,
+            renderer,
+            profile: profile.clone(),
+            scene: self.scene.clone(),
+            seed: self.seed,
+        })
+    }
+}

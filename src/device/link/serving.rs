@@ -1,0 +1,309 @@
+//! A device that is served on threads of its own, also from a program with an event loop.
+
+use super::UsbLink;
+use super::device::{ServedDevice, serve};
+use super::frame_socket::Tcp;
+use super::run_dir::RunDir;
+use super::shared_scene::SharedScene;
+use super::timeline::Timeline;
+use super::usb::{Binding, export};
+use super::video::VideoOutput;
+use crate::Device;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Endpoints;
+use phasmid_protocol::service::ClockPace;
+use std::hash::{BuildHasher, RandomState};
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+use tokio::runtime::{Builder, Runtime};
+use tokio::sync::watch;
+
+/// V4L2 node that a served device's frames go to.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum CameraNode {
+    /// None: the frame socket only.
+    #[default]
+    None,
+    /// The first free v4l2loopback node whose label starts with Phasmid.
+    Any,
+    /// The v4l2loopback node of this path.
+    At(PathBuf),
+}
+
+/// The USB device as which a served device is exported over USB/IP.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UsbServing {
+    /// Address at which it can be attached. USB/IP has no authentication.
+    pub listen: SocketAddr,
+    /// Also attach it to this machine's own kernel, which needs its permission.
+    pub attach: bool,
+}
+
+impl Default for UsbServing {
+    /// Returns a free port of the loopback interface, without attaching the device.
+    fn default() -> Self {
+        Self {
+            listen: (Ipv4Addr::LOCALHOST, 0).into(),
+            attach: false,
+        }
+    }
+}
+
+/// How a device is served.
+#[derive(Debug, Clone)]
+pub struct ServeOptions {
+    /// Directory for the endpoints; `None` for a private one in the temporary directory.
+    pub run_dir: Option<PathBuf>,
+    /// How the device's time passes.
+    pub clock: ClockPace,
+    /// Also serve frames over TCP.
+    pub tcp: Option<Tcp>,
+    /// Also deliver frames to a V4L2 node, which requires a clock in real time.
+    pub camera: CameraNode,
+    /// Also be a USB device with camera and serial port.
+    pub usb: Option<UsbServing>,
+    /// Called with messages for the operator.
+    pub notice: fn(&str),
+}
+
+impl Default for ServeOptions {
+    /// Returns options for a pty and a frame socket in real time.
+    fn default() -> Self {
+        Self {
+            run_dir: None,
+            clock: ClockPace::Real,
+            tcp: None,
+            camera: CameraNode::None,
+            usb: None,
+            notice: |_| {},
+        }
+    }
+}
+
+/// A device that is being served, until this value is dropped.
+#[must_use = "the device is served only as long as this value exists"]
+#[derive(Debug)]
+pub struct Serving {
+    endpoints: Endpoints,
+    device: Worker,
+    usb: Option<Worker>,
+}
+
+impl Serving {
+    /// Serves a device, alone on its timeline.
+    pub(crate) fn of(device: Device, options: &ServeOptions) -> Result<Self> {
+        let power_on = monotonic();
+        let wall = move || monotonic().saturating_sub(power_on);
+        if options.camera != CameraNode::None && options.clock != ClockPace::Real {
+            return Err(Error::input(
+                "clock",
+                format!("{:?}, with a V4L2 node", options.clock),
+                "Real: a V4L2 reader cannot pause the device, so frames would be lost",
+            ));
+        }
+        let seat = Timeline::new(options.clock, wall).seat();
+        let shared_scene = SharedScene::new(&device.scene);
+        let mut served = ServedDevice::new(device, seat, shared_scene);
+        served.tcp.clone_from(&options.tcp);
+        served.notice = options.notice;
+        let run_dir = match &options.run_dir {
+            // Absolute, because device.json is read from other working directories.
+            Some(dir) => RunDir::claim(&std::path::absolute(dir).map_err(|e| Error::io(dir, e))?)?,
+            None => private_run_dir()?,
+        };
+        let firmware = served.device.machine.firmware();
+        let bits = served.device.profile.camera.sensor.bits;
+        let stream = firmware.stream();
+        served.video = match &options.camera {
+            CameraNode::None => None,
+            CameraNode::At(path) => Some(VideoOutput::open(path, &stream, bits, power_on)?),
+            CameraNode::Any => {
+                let opened = VideoOutput::open_any(&stream, bits, power_on);
+                Some(opened.map_err(Error::device)?)
+            }
+        };
+        let mut usb = None;
+        if let Some(how) = options.usb {
+            let binding = Binding::new(&served.device.profile, firmware, 1)?;
+            let (link, worker) = serve_usb(binding, how, wall)?;
+            served.usb = Some(link);
+            usb = Some(worker);
+        }
+        let serving = Self::start(served, run_dir, wall, || ())?;
+        Ok(Self { usb, ..serving })
+    }
+
+    /// Serves a device that may share a timeline and a scene with others. `wall` returns how long it
+    /// has been on; `ended` is called when it ends, whatever the reason.
+    ///
+    /// # Errors
+    /// Returns an error if the system refuses a thread, a port or a socket.
+    pub fn start(
+        served: ServedDevice,
+        run_dir: RunDir,
+        wall: impl Fn() -> Duration + Clone + Send + 'static,
+        ended: impl FnOnce() + Send + 'static,
+    ) -> Result<Self> {
+        let (ready, up) = mpsc::channel();
+        let mut device = Worker::start("device", move |stopped| {
+            let _ended = Last(Some(ended));
+            let tell = |endpoints: &Endpoints| {
+                let _ = ready.send(endpoints.clone());
+            };
+            runtime()?.block_on(serve(served, run_dir, wall, tell, until(stopped)))
+        })?;
+        match up.recv() {
+            Ok(endpoints) => Ok(Self {
+                endpoints,
+                device,
+                usb: None,
+            }),
+            // It has ended before it was ready, and its error says why.
+            Err(_) => {
+                device.end()?;
+                Err(Error::device("the device was never ready"))
+            }
+        }
+    }
+
+    /// Returns where the device can be reached.
+    pub fn endpoints(&self) -> &Endpoints {
+        &self.endpoints
+    }
+
+    /// Ends the device and waits until it has.
+    ///
+    /// # Errors
+    /// Returns the error with which it had ended before, if it had.
+    pub fn stop(mut self) -> Result<()> {
+        let ended = self.device.end();
+        ended.and(self.usb.as_mut().map_or(Ok(()), Worker::end))
+    }
+}
+
+/// Calls a function when it is dropped.
+struct Last<F: FnOnce()>(Option<F>);
+
+impl<F: FnOnce()> Drop for Last<F> {
+    fn drop(&mut self) {
+        if let Some(then) = self.0.take() {
+            then();
+        }
+    }
+}
+
+/// A thread that ends on request, at the latest when this value is dropped.
+#[derive(Debug)]
+struct Worker {
+    stop: watch::Sender<bool>,
+    thread: Option<JoinHandle<Result<()>>>,
+}
+
+impl Worker {
+    fn start(
+        name: &'static str,
+        body: impl FnOnce(watch::Receiver<bool>) -> Result<()> + Send + 'static,
+    ) -> Result<Self> {
+        let (stop, stopped) = watch::channel(false);
+        let thread = std::thread::Builder::new().name(name.to_owned());
+        let thread = thread.spawn(move || body(stopped));
+        Ok(Self {
+            stop,
+            thread: Some(thread.map_err(|e| Error::io(name, e))?),
+        })
+    }
+
+    fn end(&mut self) -> Result<()> {
+        self.stop.send_replace(true);
+        let panicked = |_| Err(Error::device("the thread of a device panicked"));
+        match self.thread.take() {
+            Some(thread) => thread.join().unwrap_or_else(panicked),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        // Whoever wants to know has called `stop`.
+        let _ = self.end();
+    }
+}
+
+/// Exports a USB device on a thread of its own, and attaches it to this machine's kernel if wanted.
+fn serve_usb(
+    binding: Binding,
+    how: UsbServing,
+    wall: impl Fn() -> Duration + Clone + Send + Sync + 'static,
+) -> Result<(UsbLink, Worker)> {
+    let (ready, up) = mpsc::channel();
+    let mut worker = Worker::start("usb", move |stopped| {
+        runtime()?.block_on(async {
+            let mut links = export(vec![binding], how, wall).await?;
+            let _ = ready.send(links.remove(0));
+            until(stopped).await;
+            Ok(())
+        })
+    })?;
+    match up.recv() {
+        Ok(link) => Ok((link, worker)),
+        Err(_) => {
+            worker.end()?;
+            Err(Error::device("the USB server was never ready"))
+        }
+    }
+}
+
+/// Completes when the value becomes true or its sender is gone.
+async fn until(mut stopped: watch::Receiver<bool>) {
+    let _ = stopped.wait_for(|&stop| stop).await;
+}
+
+fn runtime() -> Result<Runtime> {
+    let runtime = Builder::new_current_thread().enable_all().build();
+    runtime.map_err(|e| Error::io("event loop", e))
+}
+
+/// Prefix of private run directories; sixteen hexadecimal digits follow.
+const PRIVATE: &str = "phasmid-";
+/// Number of private run directories to try. One may be swept away before it is locked.
+const TRIES: usize = 8;
+
+/// Claims a run directory of an unpredictable name in the temporary directory. Removes what
+/// killed programs have left there.
+fn private_run_dir() -> Result<RunDir> {
+    let parent = std::env::temp_dir();
+    for entry in std::fs::read_dir(&parent).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let number = name.to_str().and_then(|name| name.strip_prefix(PRIVATE));
+        let is_hex = |number: &str| number.bytes().all(|byte| byte.is_ascii_hexdigit());
+        if number.is_some_and(|number| number.len() == 16 && is_hex(number)) {
+            // Refuses one that is in use or has other files; dropping it removes the others.
+            drop(RunDir::claim(&entry.path()));
+        }
+    }
+    let claim = || {
+        // The keys of a `RandomState` are random numbers of the system. The name is short because the
+        // path of a socket is limited to about a hundred bytes.
+        let number = RandomState::new().hash_one(std::process::id());
+        RunDir::claim(&parent.join(format!("{PRIVATE}{number:016x}")))
+    };
+    let mut claimed = claim();
+    for _ in 1..TRIES {
+        if claimed.is_ok() {
+            break;
+        }
+        claimed = claim();
+    }
+    claimed
+}
+
+/// Returns the system's monotonic time, with which V4L2 stamps frames.
+pub fn monotonic() -> Duration {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    let seconds = u64::try_from(now.tv_sec).unwrap_or(0);
+    Duration::from_secs(seconds) + Duration::from_nanos(now.tv_nsec.unsigned_abs())
+}

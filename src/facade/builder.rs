@@ -1,0 +1,219 @@
+//! What an emulated device is built from.
+
+use super::Device;
+use phasmid_core::error::{Error, Result};
+use phasmid_device::UserSequence;
+use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::faults::{Fault, Schedule};
+use phasmid_render::{Backend, Options};
+use std::path::PathBuf;
+
+/// The profile of a device: a built-in name, the path of a TOML file, or a [`Profile`].
+#[derive(Debug, Clone)]
+pub struct ProfileSource(Source<Profile>);
+
+/// The scene in front of a device: a built-in name, the path of a TOML file, or a [`Scene`].
+#[derive(Debug, Clone)]
+pub struct SceneSource(Source<Scene>);
+
+#[derive(Debug, Clone)]
+enum Source<T> {
+    Named(String),
+    Given(Box<T>),
+}
+
+impl<T> Source<T> {
+    fn load(self, read: impl FnOnce(&str) -> Result<T>) -> Result<T> {
+        match self {
+            Self::Named(name) => read(&name),
+            Self::Given(given) => Ok(*given),
+        }
+    }
+}
+
+/// Implements the conversions into a source of a type.
+macro_rules! source_of {
+    ($source:ident, $given:ident) => {
+        impl From<&str> for $source {
+            fn from(name_or_path: &str) -> Self {
+                Self(Source::Named(name_or_path.to_owned()))
+            }
+        }
+
+        impl From<String> for $source {
+            fn from(name_or_path: String) -> Self {
+                Self(Source::Named(name_or_path))
+            }
+        }
+
+        impl From<$given> for $source {
+            fn from(given: $given) -> Self {
+                Self(Source::Given(Box::new(given)))
+            }
+        }
+    };
+}
+
+source_of!(ProfileSource, Profile);
+source_of!(SceneSource, Scene);
+
+/// Builds a [`Device`]. No setter fails; [`Self::build`] reports all errors together.
+///
+/// ```
+/// let wrong = phasmid::Device::builder()
+///     .profile("pmp-bensh")
+///     .scene("teapot")
+///     .build()
+///     .err()
+///     .expect("neither exists");
+/// assert!(wrong.to_string().contains("pmp-bensh") && wrong.to_string().contains("teapot"));
+/// ```
+#[derive(Debug, Clone)]
+#[must_use = "nothing is built before `build`"]
+pub struct DeviceBuilder {
+    profile: ProfileSource,
+    scene: SceneSource,
+    seed: u64,
+    options: Options,
+    noise: bool,
+    exact_calibration: bool,
+    dialect: Option<String>,
+    sequences: Vec<PathBuf>,
+    schedule: Schedule,
+}
+
+impl Default for DeviceBuilder {
+    /// Returns a builder of the built-in device `pmp-bench` in front of the scene `torso`.
+    fn default() -> Self {
+        Self {
+            profile: "pmp-bench".into(),
+            scene: "torso".into(),
+            seed: 0,
+            options: Options::default(),
+            noise: true,
+            exact_calibration: false,
+            dialect: None,
+            sequences: Vec::new(),
+            schedule: Schedule::default(),
+        }
+    }
+}
+
+impl DeviceBuilder {
+    /// Sets the profile; `pmp-bench` by default.
+    pub fn profile(mut self, profile: impl Into<ProfileSource>) -> Self {
+        self.profile = profile.into();
+        self
+    }
+
+    /// Sets the scene; `torso` by default.
+    pub fn scene(mut self, scene: impl Into<SceneSource>) -> Self {
+        self.scene = scene.into();
+        self
+    }
+
+    /// Sets the seed of the noise; 0 by default. Equal seeds give equal bytes on every machine.
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// Sets where the render passes run; the CPU by default.
+    pub fn backend(mut self, backend: Backend) -> Self {
+        self.options.backend = backend;
+        self
+    }
+
+    /// Sets the number of rays per pixel: 1 (default), 4, 16 or 64. More rays resolve details thinner
+    /// than a pixel.
+    pub fn samples(mut self, samples: u32) -> Self {
+        self.options.samples = samples;
+        self
+    }
+
+    /// Sets the number of instants per exposure at which a moving scene is rendered: 1 to 256, 4 by
+    /// default.
+    pub fn time_samples(mut self, time_samples: u32) -> Self {
+        self.options.time_samples = time_samples;
+        self
+    }
+
+    /// Sets whether the sensor has noise; it has by default.
+    pub fn noise(mut self, noise: bool) -> Self {
+        self.noise = noise;
+        self
+    }
+
+    /// Lets the device report its exact rig instead of a factory calibration with errors.
+    pub fn exact_calibration(mut self, exact: bool) -> Self {
+        self.exact_calibration = exact;
+        self
+    }
+
+    /// Sets the dialect of the control port instead of the profile's: a built-in name or the path of a
+    /// TOML file.
+    pub fn dialect(mut self, name_or_path: impl Into<String>) -> Self {
+        self.dialect = Some(name_or_path.into());
+        self
+    }
+
+    /// Stores a sequence in the device besides the profile's: the path of a manifest, with its images
+    /// in the same folder.
+    pub fn sequence(mut self, manifest: impl Into<PathBuf>) -> Self {
+        self.sequences.push(manifest.into());
+        self
+    }
+
+    /// Adds a fault; see [`Device::inject`] for one at run time.
+    pub fn fault(mut self, fault: Fault) -> Self {
+        self.schedule.fault.push(fault);
+        self
+    }
+
+    /// Sets the faults, and the seed of their chances.
+    pub fn faults(mut self, schedule: Schedule) -> Self {
+        self.schedule = schedule;
+        self
+    }
+
+    /// Builds the device and switches it on.
+    ///
+    /// # Errors
+    /// Returns all that is wrong: with the profile, the scene, the dialect, a sequence or an option.
+    pub fn build(self) -> Result<Device> {
+        let mut wrong = Vec::new();
+        let mut keep = |error: Error| wrong.push(error);
+        let profile = self.profile.0.load(Profile::load).map_err(&mut keep).ok();
+        let scene = self.scene.0.load(Scene::load).map_err(&mut keep).ok();
+        let dialect = self.dialect.as_deref().map(Dialect::load).transpose();
+        let dialect = dialect.map_err(&mut keep).ok().flatten();
+        let sequences = self.sequences.iter().filter_map(|path| {
+            let sequence = UserSequence::read(path);
+            sequence.map_err(&mut keep).ok()
+        });
+        let sequences = sequences.collect();
+        let options = self.options.checked().map_err(&mut keep).ok();
+        let (Some(mut profile), Some(scene), Some(options), true) =
+            (profile, scene, options, wrong.is_empty())
+        else {
+            return Err(Error::several(wrong));
+        };
+        profile.camera.sensor.noiseless |= !self.noise;
+        profile.factory_calibration.exact |= self.exact_calibration;
+        if let Some(name) = &self.dialect {
+            // A path is relative to the working directory, not to the profile.
+            profile.control.dialect = Dialect::from_anywhere(name);
+        }
+        let builder = phasmid_device::Device::builder(&profile, &scene)
+            .seed(self.seed)
+            .options(options)
+            .sequences(sequences)
+            .faults(&self.schedule);
+        let builder = match dialect {
+            Some(dialect) => builder.dialect(dialect),
+            None => builder,
+        };
+        Ok(Device::new(builder.build()?))
+    }
+}

@@ -1,0 +1,316 @@
+//! An emulated device in memory.
+
+use super::DeviceBuilder;
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::Capture;
+use phasmid_device::Truth;
+#[cfg(target_os = "linux")]
+use phasmid_device::link::{ServeOptions, Serving};
+use phasmid_geometry::Rig;
+use phasmid_host::{Intake, ScanOptions, Scanner};
+use phasmid_pattern::Pattern;
+use phasmid_profile::{Profile, Scene};
+use phasmid_protocol::faults::{Fault, Struck};
+use phasmid_render::Renderer;
+use phasmid_render::shot::Shot;
+use phasmid_study::desk::{Desk, Link};
+use std::fmt;
+use std::time::Duration;
+
+/// Device time within which a reply or a frame has to arrive. It passes without waiting.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// An emulated scanner in memory, on a clock of its own that does not wait: no sockets, no processes,
+/// no threads of its own.
+///
+/// ```
+/// let mut device = phasmid::Device::builder().profile("webcam-grey").scene("sphere").seed(1).build()?;
+/// let capture = device.scan("quick-4")?;
+/// assert_eq!(capture.images.len(), 13);
+/// let truth = device.truth()?;
+/// assert_eq!(truth.depth_mm.len(), 640 * 480);
+/// # Ok::<(), phasmid::Error>(())
+/// ```
+pub struct Device {
+    desk: Desk,
+    profile: Profile,
+    scene: Scene,
+    last: Option<Last>,
+}
+
+/// What the truth of the last scan needs.
+struct Last {
+    sequence: Vec<(Pattern, Shot)>,
+    /// The scene during it, and the numbers of the objects that were moved since.
+    scene: Scene,
+    moved: Vec<usize>,
+}
+
+impl fmt::Debug for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Device")
+            .field("profile", &self.profile.name)
+            .field("scene", &self.scene.name)
+            .field("time", &self.time())
+            .finish_non_exhaustive()
+    }
+}
+
+impl Device {
+    /// Starts to build a device.
+    pub fn builder() -> DeviceBuilder {
+        DeviceBuilder::default()
+    }
+
+    pub(super) fn new(device: phasmid_device::Device) -> Self {
+        Self {
+            profile: device.profile.clone(),
+            scene: device.scene.clone(),
+            desk: Desk::new(device, Link::Identified),
+            last: None,
+        }
+    }
+
+    /// Returns the profile, with the changes of the builder.
+    pub fn profile(&self) -> &Profile {
+        &self.profile
+    }
+
+    /// Returns the scene, with the changes of [`Self::place`].
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Returns the device time since power-on.
+    pub fn time(&self) -> Duration {
+        Duration::from_nanos(self.desk.now_ns())
+    }
+
+    /// Lets device time pass.
+    pub fn wait(&mut self, time: Duration) {
+        let ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        self.desk.run_until(self.desk.now_ns().saturating_add(ns));
+    }
+
+    /// Scans with a sequence of the device, over its port and camera, as a host does: the capture has
+    /// what a host would receive.
+    ///
+    /// # Errors
+    /// Returns an error if the device has no such sequence, or if the scan fails, as it does with
+    /// faults that a host cannot recover from.
+    pub fn scan(&mut self, sequence: &str) -> Result<Capture> {
+        let known = self.sequences();
+        if !known.iter().any(|name| name == sequence) {
+            return Err(Error::input(
+                "sequence",
+                format!("{sequence:?}"),
+                known.join(", "),
+            ));
+        }
+        let dialect = self.profile.control.load_dialect(&self.profile.folder)?;
+        let dialect = (dialect.name() != "scpi").then_some(dialect);
+        let camera = || Ok(Intake::new(self.desk.camera()));
+        let port = self.desk.port();
+        let mut scanner = Scanner::with_dialect(port, dialect, PATIENCE, camera)?;
+        let options = ScanOptions {
+            sequence: Some(sequence.to_owned()),
+            manifest: None,
+            frame_timeout: PATIENCE,
+        };
+        let captured = scanner.scan(&options, &mut |_| {});
+        let finished = scanner.finish();
+        let captured = captured?;
+        finished?;
+        self.last = Some(Last {
+            sequence: self.desk.with(|device| device.shots()),
+            scene: self.scene.clone(),
+            moved: Vec::new(),
+        });
+        Ok(captured)
+    }
+
+    /// Returns the names of the device's sequences.
+    pub fn sequences(&self) -> Vec<String> {
+        self.desk.with(|device| {
+            let names = device.machine.firmware().sequence_names();
+            names.map(str::to_owned).collect()
+        })
+    }
+
+    /// Sends bytes to the control port, lets device time pass until no operation is pending, and
+    /// returns the replies.
+    ///
+    /// ```
+    /// let mut device = phasmid::Device::builder().profile("webcam-grey").scene("plane").build()?;
+    /// assert!(device.control(b"*IDN?\n").starts_with(b"Phasmid,webcam-grey,"));
+    /// # Ok::<(), phasmid::Error>(())
+    /// ```
+    pub fn control(&mut self, bytes: &[u8]) -> Vec<u8> {
+        self.desk.control(bytes)
+    }
+
+    /// Returns the calibration that the device reports: its factory's, with an uncertainty, unless it
+    /// was built with its exact rig.
+    ///
+    /// # Errors
+    /// Returns an error if the factory could not calibrate the device; it then reports none.
+    pub fn factory_calibration(&self) -> Result<Rig> {
+        let calibration = self
+            .desk
+            .with(|device| device.machine.firmware().factory_calibration().clone());
+        calibration.map_err(Error::device)
+    }
+
+    /// Returns the true rig, which no host knows.
+    pub fn rig(&self) -> Rig {
+        self.profile.nominal_rig()
+    }
+
+    /// Returns the truth of the last scan; of a moving scene in the middle of the scan.
+    ///
+    /// # Errors
+    /// Returns an error if there has been no scan.
+    pub fn truth(&mut self) -> Result<Truth> {
+        self.truth_of(Renderer::truth)
+    }
+
+    /// Returns the truth of the last scan with the scene in its state at a device time.
+    ///
+    /// # Errors
+    /// As for [`Self::truth`].
+    pub fn truth_at(&mut self, time: Duration) -> Result<Truth> {
+        let time_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        self.truth_of(|renderer, sequence| renderer.truth_at(sequence, time_ns))
+    }
+
+    /// Returns the truth of the last scan with the scene in its state in the middle of an exposure;
+    /// `index` counts from 0.
+    ///
+    /// # Errors
+    /// As for [`Self::truth`], and if the sequence has no such frame.
+    pub fn frame_truth(&mut self, index: usize) -> Result<Truth> {
+        let frames = self.last.as_ref().map_or(0, |last| last.sequence.len());
+        if frames > 0 && index >= frames {
+            let allowed = format!("0 to {}", frames - 1);
+            return Err(Error::input("frame", index, allowed));
+        }
+        self.truth_of(|renderer, sequence| {
+            let shot = &sequence[index].1;
+            let middle_ns = shot.start_ns + shot.end_ns().saturating_sub(shot.start_ns) / 2;
+            renderer.truth_at(sequence, middle_ns)
+        })
+    }
+
+    /// Returns a truth of the last scan, with the objects where they were.
+    fn truth_of(
+        &mut self,
+        of: impl FnOnce(&mut Renderer, &[(Pattern, Shot)]) -> Truth,
+    ) -> Result<Truth> {
+        let Some(last) = &self.last else {
+            return Err(Error::device("no scan has been made that has a truth"));
+        };
+        self.desk.with(|device| {
+            place_all(&mut device.renderer, &last.scene, &last.moved)?;
+            let truth = of(&mut device.renderer, &last.sequence);
+            place_all(&mut device.renderer, &self.scene, &last.moved)?;
+            Ok(truth)
+        })
+    }
+
+    /// Moves an object of the scene; `object` counts from 0 in the scene's order. Position in
+    /// millimetres and rotation in degrees as in the scene's file.
+    ///
+    /// # Errors
+    /// Returns an error if there is no such object or the numbers are not finite; nothing has changed
+    /// then.
+    ///
+    /// ```
+    /// let mut device = phasmid::Device::builder().profile("webcam-grey").scene("plane").build()?;
+    /// device.place(0, [0.0, 0.0, 900.0], [0.0, 10.0, 0.0])?;
+    /// assert!(device.place(7, [0.0; 3], [0.0; 3]).is_err());
+    /// # Ok::<(), phasmid::Error>(())
+    /// ```
+    pub fn place(
+        &mut self,
+        object: usize,
+        position_mm: [f64; 3],
+        rotation_deg: [f64; 3],
+    ) -> Result<()> {
+        self.desk.with(|device| {
+            let renderer = &mut device.renderer;
+            renderer.place(object, position_mm, rotation_deg)
+        })?;
+        self.scene.place(object, position_mm, rotation_deg)?;
+        if let Some(last) = &mut self.last
+            && !last.moved.contains(&object)
+        {
+            last.moved.push(object);
+        }
+        Ok(())
+    }
+
+    /// Injects a fault from now on and returns its number.
+    ///
+    /// # Errors
+    /// Returns an error if the device cannot have the fault.
+    ///
+    /// ```
+    /// use phasmid::profile::faults::{Fault, What};
+    /// let mut device = phasmid::Device::builder().profile("webcam-grey").scene("plane").build()?;
+    /// device.inject(Fault::once(What::Dropped, 3))?;
+    /// device.scan("quick-4")?; // The host repeats the run.
+    /// assert_eq!(device.struck().len(), 1);
+    /// # Ok::<(), phasmid::Error>(())
+    /// ```
+    pub fn inject(&mut self, fault: Fault) -> Result<u64> {
+        let added = self
+            .desk
+            .with(|device| device.machine.faults_mut().add(fault));
+        added
+            .map_err(|flaw| Error::input(format!("fault.{}", flaw.field), flaw.found, flaw.allowed))
+    }
+
+    /// Removes all faults.
+    pub fn clear_faults(&mut self) {
+        self.desk.with(|device| device.machine.faults_mut().clear());
+    }
+
+    /// Returns the faults that have occurred, in order.
+    pub fn struck(&self) -> Vec<Struck> {
+        self.desk
+            .with(|device| device.machine.faults().struck().cloned().collect())
+    }
+
+    /// Serves the device on threads of its own: a control port, a frame socket, and what the options
+    /// add. The device ends when the result is dropped.
+    ///
+    /// # Errors
+    /// Returns an error if the run directory cannot be used, or if the system refuses a port, a socket,
+    /// a V4L2 node or a USB device.
+    ///
+    /// ```
+    /// # fn main() -> Result<(), phasmid::Error> {
+    /// let device = phasmid::Device::builder().profile("webcam-grey").scene("plane").build()?;
+    /// let serving = device.serve(&phasmid::ServeOptions::default())?;
+    /// println!("{}", serving.endpoints().control.display());
+    /// # Ok(())
+    /// # }
+    /// ```
+    #[cfg(target_os = "linux")]
+    pub fn serve(self, options: &ServeOptions) -> Result<Serving> {
+        match self.desk.into_device() {
+            Some(device) => device.serve(options),
+            None => Err(Error::device(
+                "a camera or port of the device is still open",
+            )),
+        }
+    }
+}
+
+/// Moves objects to their places in a scene.
+fn place_all(renderer: &mut Renderer, scene: &Scene, objects: &[usize]) -> Result<()> {
+    objects.iter().try_for_each(|&at| {
+        let object = &scene.object[at];
+        renderer.place(at, object.position_mm, object.rotation_deg)
+    })
+}

@@ -1,0 +1,16 @@
+//! The calls of the library's front page: a device in memory, a scanner at its addresses, and what
+//! becomes of their captures.
+//!
+//! | file | contents |
+//! | --- | --- |
+//! | `builder` | what a device is built from |
+//! | `decode` | captures to surfaces, and surfaces compared with the truth |
+//! | `device` | an emulated device in memory |
+
+mod builder;
+mod decode;
+mod device;
+
+pub use builder::{DeviceBuilder, ProfileSource, SceneSource};
+pub use decode::{Decoding, compare, decode};
+pub use device::Device;
