@@ -105,7 +105,10 @@
 
 mod facade;
 
-pub use facade::{Decoding, Device, DeviceBuilder, ProfileSource, SceneSource, compare, decode};
+pub use facade::{
+    Decoding, Device, DeviceBuilder, ProfileSource, ScanOptions, Scanner, SceneSource, compare,
+    decode,
+};
 pub use phasmid_decode::{Capture, Decoder, FrameInfo, Options as DecodeOptions};
 #[cfg(target_os = "linux")]
 pub use phasmid_device::link::{CameraNode, ServeOptions, Serving, UsbServing};
@@ -161,6 +164,7 @@ pub mod study {
     #[doc(no_inline)]
     pub use phasmid_study::*;
 }
+pub use phasmid_core::Stop;
 pub use phasmid_core::error::{Error, Result};
 #[cfg(target_os = "linux")]
 pub use phasmid_v4l2 as v4l2;

@@ -1,12 +1,9 @@
 //! `phasmid dialect`: lists and prints the built-in dialects and checks dialect files.
 
-use phasmid_core::error::{Error, Result};
+use phasmid_core::error::Result;
 use phasmid_device::port::Port;
 use phasmid_profile::{Profile, Station, StationDevice};
 use phasmid_protocol::dialect::Dialect;
-use phasmid_protocol::service::ClockPace;
-use phasmid_protocol::{Endpoints, endpoints};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// List, print or check dialects of the control port.
@@ -58,54 +55,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
 pub(super) fn port(profile: &Profile) -> Result<Port> {
     let dialect = profile.control.load_dialect(&profile.folder)?;
     Port::new(Arc::new(dialect))
-}
-
-/// Returns the dialect of a control port: the requested one, else the dialect that the
-/// `device.json` beside the port names; `None` if neither exists.
-///
-/// # Errors
-/// Returns an error if [`Dialect::load`] does.
-pub(super) fn spoken(asked: Option<&str>, control: Option<&str>) -> Result<Option<Dialect>> {
-    if let Some(asked) = asked {
-        return Dialect::load(asked)
-            .map(Some)
-            .map_err(|e| e.at("--dialect"));
-    }
-    let Some((found, place)) = control.and_then(device_json) else {
-        return Ok(None);
-    };
-    let Some(dialect) = found.dialect else {
-        return Ok(None);
-    };
-    let loaded = Dialect::load(&dialect).map_err(|e| e.at(place.display()));
-    loaded.map(Some)
-}
-
-/// Returns the `device.json` beside a control port and its path; `None` if there is none, or if it
-/// describes another port.
-fn device_json(control: &str) -> Option<(Endpoints, PathBuf)> {
-    let control = Path::new(control);
-    let folder = control.parent().unwrap_or(Path::new(""));
-    let found = Endpoints::read(folder).ok()?;
-    let own = found.control.file_name() == control.file_name();
-    own.then(|| (found, folder.join(endpoints::FILE_NAME)))
-}
-
-/// Adds to a device's error that its clock is stepped, if the `device.json` beside its control port
-/// says so: a wait on such a device may last until a client advances its clock.
-pub(super) fn name_stepped_clock(error: Error, control: &str) -> Error {
-    let (Error::Device(message), Some((found, place))) = (&error, device_json(control)) else {
-        return error;
-    };
-    if found.clock != Some(ClockPace::Stepped) {
-        return error;
-    }
-    Error::device(format!(
-        "{message}; the clock of this device is stepped ({}): it stands still until a client \
-         advances it by {{\"clock\":{{\"step_ns\":N}}}} on {}",
-        place.display(),
-        found.service.display()
-    ))
 }
 
 /// Replaces the dialect of a profile. A path is relative to the working directory; `place` is the

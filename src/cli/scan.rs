@@ -1,9 +1,10 @@
 //! `phasmid scan`: captures a sequence from any reachable device, and decodes it.
 
 use super::decode::HeldArg;
-use super::dialect;
-use super::interrupt::Interruptible;
+use super::interrupt::flow;
 use super::method::MethodArgs;
+use crate::facade::service_of;
+use crate::{ScanOptions, Scanner, Truth};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
@@ -11,16 +12,16 @@ use phasmid_core::new_file::{check_folder, stream};
 use phasmid_core::output_folder::OutputFolder;
 use phasmid_decode::{Capture, MANIFEST_FILE, Options, Summary, output_names, write_outputs};
 use phasmid_geometry::Rig;
-use phasmid_host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
+use phasmid_host::usb::UsbAddress;
 use phasmid_host::{
-    Camera, CameraDriver, CommandPort, Intake, Progress, RecordedCamera, RecordedPort, ScanOptions,
-    Scanner, SerialPort, Tape, check_modulation, monotonic_ns, open_camera, scan_free_running,
+    CameraDriver, Progress, RecordedCamera, Tape, check_modulation, monotonic_ns, open_camera,
+    scan_free_running,
 };
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::record::{About, Limits, Recorder, Side};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Capture a sequence from a scanner and decode it: frames, manifest, calibration, maps and cloud
@@ -78,6 +79,10 @@ pub(super) struct Args {
     /// Capture only, for sequences that are not meant to be decoded.
     #[arg(long)]
     no_decode: bool,
+    /// Also write the truth of each pixel, if the device is emulated (device.json beside --control):
+    /// truth.npz, and its depth as truth_depth.png in units of 0.1 mm.
+    #[arg(long, requires = "control")]
+    truth: bool,
     /// Record every byte and frame with its time, for `phasmid replay` and `phasmid record info`.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -130,6 +135,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "--control PATH for a triggered device, or --manifest FILE for a free-running camera",
         ));
     }
+    if let Some(control) = args.control.as_deref().filter(|_| args.truth) {
+        // Before anything is captured.
+        service_of(Path::new(control)).map_err(|e| e.at("--truth"))?;
+    }
     let timeout = Duration::from_secs_f64(args.timeout);
     Capture::check_folder(&args.out, args.force)?;
     check_folder(&args.out, output_names(), args.force)?;
@@ -137,29 +146,40 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let manifest = manifest.map_err(|e| e.at("--manifest"))?;
     let calibration = args.calibration.as_deref().map(read_rig).transpose();
     let calibration = calibration.map_err(|e| e.at("--calibration"))?;
-    let options = ScanOptions {
-        sequence: args.sequence.clone(),
-        manifest,
-        frame_timeout: timeout,
-    };
-    let dialect = dialect::spoken(args.dialect.as_deref(), args.control.as_deref())?;
+    if let Some(dialect) = &args.dialect {
+        Dialect::load(dialect).map_err(|e| e.at("--dialect"))?;
+    }
     let start = Instant::now();
     let given = args.calibration.as_deref().zip(calibration);
     let address = args.device.as_deref().or(args.camera.as_deref());
     let address = address.unwrap_or_default();
-    let camera = (address, args.capture.into());
     let tape = match &args.record {
         Some(path) => Some(tape(args, path, address, start)?),
         None => None,
     };
-    let captured = match (&args.control, &options.manifest) {
-        _ if args.device.is_some() => {
-            capture_usb((address, dialect), timeout, &options, given, tape)?
+    if let Some(device) = &args.device {
+        UsbAddress::parse(device, &format!("--device {device}"))?;
+    }
+    let free = args.device.is_none() && args.control.is_none();
+    let (captured, truth) = match &manifest {
+        Some(manifest) if free => {
+            let captured = capture_free(args, address, manifest, timeout, given, tape)?;
+            (captured, None)
         }
-        (None, Some(manifest)) => capture_free(args, camera, manifest, timeout, given, tape)?,
-        (control, _) => {
-            let control = control.as_deref().unwrap_or_default();
-            capture(camera, (control, dialect), timeout, &options, given, tape)?
+        _ => {
+            let options = ScanOptions {
+                sequence: args.sequence.clone(),
+                manifest,
+                dialect: args.dialect.clone(),
+                calibration,
+                driver: args.capture.into(),
+                reply_timeout: timeout,
+                frame_timeout: timeout,
+            };
+            let control = args.control.as_deref().unwrap_or_default();
+            let scanner = Scanner::recorded(address, control, options, tape);
+            let captured = scanner.and_then(|scanner| capture(scanner, args.truth));
+            captured.map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))?
         }
     };
     let capture_s = start.elapsed().as_secs_f64();
@@ -170,9 +190,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let folder = OutputFolder::create(&args.out, args.force)?;
     captured.write(folder.draft())?;
+    if let Some(truth) = &truth {
+        write_truth(folder.draft(), truth)?;
+    }
     let mut earlier = Capture::frames_in(&args.out)?;
     let replaces = !earlier.is_empty() || args.out.join(MANIFEST_FILE).exists();
     earlier.extend(output_names().iter().map(PathBuf::from));
+    earlier.extend(TRUTH.map(PathBuf::from));
     let decoded = (!args.no_decode)
         .then(|| decode_captured(&captured, args, folder.draft()))
         .transpose();
@@ -224,66 +248,40 @@ fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape>
     Ok(Tape::new(recorder, now_ns))
 }
 
-/// Captures a sequence from a device that speaks SCPI or a dialect, with a progress bar on a terminal.
-/// A calibration from a file replaces the device's own.
+/// Files of the truth: all maps, and the depth as an image.
+pub(super) const TRUTH: [&str; 2] = ["truth.npz", "truth_depth.png"];
+
+/// Writes the files of the truth into a folder.
 ///
 /// # Errors
-/// Returns an error as [`Scanner::scan`] does. It names a device's clock that is stepped.
-pub(super) fn capture(
-    (camera, how): (&str, CameraDriver),
-    (control, dialect): (&str, Option<Dialect>),
-    timeout: Duration,
-    options: &ScanOptions,
-    calibration: Option<(&Path, Rig)>,
-    tape: Option<Tape>,
-) -> Result<Capture> {
-    let port = RecordedPort::new(SerialPort::open(control)?, tape.clone());
-    let scanner = Scanner::with_dialect(port, dialect, timeout, || {
-        let camera = open_camera(camera, how, timeout)?;
-        Ok(Interruptible::new(RecordedCamera::new(camera, tape)))
-    })?;
-    run_scanner(scanner, options, calibration).map_err(|e| dialect::name_stepped_clock(e, control))
+/// Returns the system's error.
+pub(super) fn write_truth(folder: &Path, truth: &Truth) -> Result<()> {
+    truth.write_npz(&folder.join(TRUTH[0]))?;
+    truth.write_depth_png(&folder.join(TRUTH[1]))
 }
 
-/// Captures a sequence from a USB device, whose camera and control port have one address.
-fn capture_usb(
-    (address, dialect): (&str, Option<Dialect>),
-    timeout: Duration,
-    options: &ScanOptions,
-    calibration: Option<(&Path, Rig)>,
-    tape: Option<Tape>,
-) -> Result<Capture> {
-    let address = UsbAddress::parse(address, &format!("--device {address}"))?;
-    let device = Arc::new(UsbDevice::open(&address, timeout)?);
-    let port = RecordedPort::new(UsbPort::open(&device)?, tape.clone());
-    let scanner = Scanner::with_dialect(port, dialect, timeout, || {
-        let camera = Intake::new(UsbCamera::open(&device, None)?);
-        Ok(Interruptible::new(RecordedCamera::new(camera, tape)))
-    })?;
-    run_scanner(scanner, options, calibration)
-}
-
-fn run_scanner<C: Camera, P: CommandPort>(
-    mut scanner: Scanner<C, P>,
-    options: &ScanOptions,
-    calibration: Option<(&Path, Rig)>,
-) -> Result<Capture> {
-    if let Some((path, rig)) = calibration {
-        scanner = scanner.with_calibration(path.display().to_string(), rig);
-    }
+/// Scans with a progress bar on a terminal, and asks for the truth if wanted. Ctrl-C ends the scan.
+///
+/// # Errors
+/// Returns an error as [`Scanner::scan`] and [`Scanner::truth`] do.
+pub(super) fn capture(mut scanner: Scanner, truth: bool) -> Result<(Capture, Option<Truth>)> {
     let bar = progress_bar();
-    let captured = scanner.scan(options, &mut |progress| show(&bar, progress));
+    let captured = scanner.scan_with(|progress| show(&bar, progress));
     bar.finish_and_clear();
+    let truth = match truth && captured.is_ok() {
+        true => scanner.truth().map(Some),
+        false => Ok(None),
+    };
     let finished = scanner.finish();
     let captured = captured?;
     finished?;
-    Ok(captured)
+    Ok((captured, truth?))
 }
 
 /// Captures from a free-running camera, without a control port.
 fn capture_free(
     args: &Args,
-    (camera, how): (&str, CameraDriver),
+    camera: &str,
     manifest: &Manifest,
     timeout: Duration,
     calibration: Option<(&Path, Rig)>,
@@ -300,11 +298,10 @@ fn capture_free(
         "phasmid: no control port: nothing is triggered, the next {} frames are taken as they arrive",
         manifest.frame.len()
     );
-    let camera = RecordedCamera::new(open_camera(camera, how, timeout)?, tape);
-    let mut camera = Interruptible::new(camera);
+    let mut camera = RecordedCamera::new(open_camera(camera, args.capture.into(), timeout)?, tape);
     let bar = progress_bar();
     let captured = scan_free_running(&mut camera, manifest, timeout, &mut |progress| {
-        show(&bar, progress);
+        show(&bar, progress)
     });
     bar.finish_and_clear();
     Ok(Capture {
@@ -321,7 +318,7 @@ fn progress_bar() -> ProgressBar {
     bar
 }
 
-fn show(bar: &ProgressBar, progress: Progress<'_>) {
+fn show(bar: &ProgressBar, progress: Progress<'_>) -> ControlFlow<()> {
     match progress {
         Progress::Identified(idn) => bar.set_message(idn.to_owned()),
         Progress::Frame { done, of } => {
@@ -329,7 +326,9 @@ fn show(bar: &ProgressBar, progress: Progress<'_>) {
             bar.set_position(done as u64);
         }
         Progress::Retry(why) => bar.suspend(|| eprintln!("phasmid: {why}; once more")),
+        Progress::Waiting => {}
     }
+    flow()
 }
 
 /// Result of decoding a capture.

@@ -30,6 +30,9 @@ pub enum Error {
     /// Several errors that were found together, a line each.
     #[error("{}", lines(.0))]
     Several(Vec<Error>),
+    /// The caller ended the call early.
+    #[error("interrupted")]
+    Interrupted,
     /// A device, link or peer failed or violated its protocol.
     #[error("{0}")]
     Device(String),
@@ -100,6 +103,7 @@ impl Error {
                 let errors = errors.into_iter().map(|error| error.at(outer.as_str()));
                 Self::Several(errors.collect())
             }
+            Self::Interrupted => Self::Interrupted,
             Self::Device(message) => Self::Device(format!("{outer}: {message}")),
         }
     }
@@ -111,7 +115,7 @@ impl Error {
             Self::Input { .. } => 2,
             Self::Several(errors) => errors.iter().map(Self::exit_code).max().unwrap_or(1),
             Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => 2,
-            Self::Io { .. } | Self::Device(_) => 1,
+            Self::Io { .. } | Self::Interrupted | Self::Device(_) => 1,
         }
     }
 }

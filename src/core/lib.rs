@@ -8,22 +8,27 @@
 //! | [`error`] | the error type and its exit statuses |
 //! | [`file`](mod@file) | bounded reading of user files |
 //! | [`new_file`] | atomic writing of output files, scratch folders |
+//! | [`npy`] | NumPy's array files |
 //! | [`numbers`] | deserialisation of number lists of a fixed length |
 //! | [`output_folder`] | output folders that receive all files of a result or none |
 //! | [`philox`](mod@philox) | Philox4x32-10 random numbers |
 //! | [`simd`] | run-time dispatch to AVX2 |
 //! | [`source`] | TOML documents with file and line in every error |
+//! | [`stop`] | ends long calls early, from another thread |
 //! | [`wording`] | messages of serde in this workspace's form, suggestions for misspelt names |
 
 pub mod check;
 pub mod error;
 pub mod file;
 pub mod new_file;
+pub mod npy;
 pub mod numbers;
 pub mod output_folder;
 pub mod philox;
 pub mod simd;
 pub mod source;
+pub mod stop;
 pub mod wording;
 
 pub use error::{Error, Result};
+pub use stop::Stop;

@@ -2,12 +2,12 @@
 
 use super::decoder::Decoder;
 use super::maps::{Decoded, Verdict};
-use super::npy::write_npy;
 use super::triangulate::{Lit, Measured};
 use glam::DVec2;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use phasmid_core::error::Result;
 use phasmid_core::new_file::replace_image;
+use phasmid_core::npy::write_npy;
 use phasmid_geometry::ply;
 use phasmid_pattern::Axis;
 use rayon::prelude::*;

@@ -1,13 +1,14 @@
 //! An emulated device in memory.
 
 use super::DeviceBuilder;
+use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::Capture;
 use phasmid_device::Truth;
 #[cfg(target_os = "linux")]
 use phasmid_device::link::{ServeOptions, Serving};
 use phasmid_geometry::Rig;
-use phasmid_host::{Intake, ScanOptions, Scanner};
+use phasmid_host::{Flow, Intake, Progress, ScanOptions, Scanner};
 use phasmid_pattern::Pattern;
 use phasmid_profile::{Profile, Scene};
 use phasmid_protocol::faults::{Fault, Struck};
@@ -99,6 +100,19 @@ impl Device {
     /// Returns an error if the device has no such sequence, or if the scan fails, as it does with
     /// faults that a host cannot recover from.
     pub fn scan(&mut self, sequence: &str) -> Result<Capture> {
+        self.scan_with(sequence, |_| ())
+    }
+
+    /// [`Self::scan`], and reports the progress. `progress` may return `ControlFlow::Break(())` to end
+    /// the scan between two frames; [`Self::stop`] also ends it within one.
+    ///
+    /// # Errors
+    /// Returns [`Error::Interrupted`] if the scan was ended, and the errors of [`Self::scan`].
+    pub fn scan_with<F: Flow>(
+        &mut self,
+        sequence: &str,
+        mut progress: impl FnMut(Progress<'_>) -> F,
+    ) -> Result<Capture> {
         let known = self.sequences();
         if !known.iter().any(|name| name == sequence) {
             return Err(Error::input(
@@ -117,7 +131,7 @@ impl Device {
             manifest: None,
             frame_timeout: PATIENCE,
         };
-        let captured = scanner.scan(&options, &mut |_| {});
+        let captured = scanner.scan(&options, &mut progress);
         let finished = scanner.finish();
         let captured = captured?;
         finished?;
@@ -127,6 +141,22 @@ impl Device {
             moved: Vec::new(),
         });
         Ok(captured)
+    }
+
+    /// Returns the request with which another thread ends a scan or a truth early, within a fraction of
+    /// a second; the call returns [`Error::Interrupted`].
+    ///
+    /// ```
+    /// let mut device = phasmid::Device::builder().profile("webcam-grey").scene("plane").build()?;
+    /// let stop = device.stop();
+    /// stop.ask();
+    /// assert!(matches!(device.scan("quick-4"), Err(phasmid::Error::Interrupted)));
+    /// stop.reset();
+    /// device.scan("quick-4")?;
+    /// # Ok::<(), phasmid::Error>(())
+    /// ```
+    pub fn stop(&self) -> Stop {
+        self.desk.with(|device| device.renderer.stop())
     }
 
     /// Returns the names of the device's sequences.
@@ -213,6 +243,7 @@ impl Device {
             place_all(&mut device.renderer, &last.scene, &last.moved)?;
             let truth = of(&mut device.renderer, &last.sequence);
             place_all(&mut device.renderer, &self.scene, &last.moved)?;
+            device.renderer.stop().check()?;
             Ok(truth)
         })
     }

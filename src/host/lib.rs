@@ -47,4 +47,4 @@ pub use consistency::{
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};
 pub use record::{RecordedCamera, RecordedPort, Tape};
-pub use scanner::{Progress, ScanOptions, Scanner, scan_free_running};
+pub use scanner::{Flow, Progress, ScanOptions, Scanner, scan_free_running};

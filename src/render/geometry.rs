@@ -94,11 +94,17 @@ pub(super) fn run(
         .bands(rows)
         .into_par_iter()
         .for_each_init(Scratch::default, |scratch, mut band| {
+            if worlds.stop.is_asked() {
+                return;
+            }
             let world = &worlds.at(band.first_row);
             for column in (0..width).step_by(LANES / rows) {
                 tile(world, optics, rays, plan, &mut band, column, scratch);
             }
         });
+    if worlds.stop.is_asked() {
+        return;
+    }
     let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
     let sampler = Sampler {
         worlds,

@@ -85,6 +85,7 @@ mod timetable;
 mod tree;
 mod triangle;
 pub mod truth;
+mod truth_files;
 mod truth_maps;
 mod world;
 mod worlds;

@@ -39,6 +39,9 @@ pub(super) fn run(
                     pixel_slope: (1.0 / optics.camera.lens.focal_px.min_element()) as f32,
                 };
                 let mut samples = Vec::new();
+                if worlds.stop.is_asked() {
+                    return samples;
+                }
                 for column in 0..view.width {
                     let known = uneven.get(row * view.width + column) == Some(&true);
                     let touches = || match plan.has(Term::Lights) {

@@ -29,6 +29,7 @@ use super::{Decision, Options, Plan, Term, glare};
 use crate::{pattern_image::PatternImage, shot::Shot};
 use glam::DVec2;
 use pending::News;
+use phasmid_core::Stop;
 use phasmid_core::error::Result;
 use phasmid_pattern::manifest::MAX_FRAMES;
 use phasmid_profile::{Profile, Scene};
@@ -171,6 +172,12 @@ impl Renderer {
         self.tables.clear();
     }
 
+    /// Returns the request with which another thread ends rendering early. Frames and truths that are
+    /// rendered while it is asked for are invalid.
+    pub fn stop(&self) -> Stop {
+        self.worlds.stop.clone()
+    }
+
     /// Returns the number of triangles in the scene.
     pub fn triangle_count(&self) -> usize {
         self.worlds.any().triangle_count()
@@ -203,7 +210,7 @@ impl Renderer {
         let mut buffer = std::mem::take(&mut self.buffer);
         self.trace(&mut buffer);
         self.buffer = buffer;
-        self.geometry_done = true;
+        self.geometry_done = !self.worlds.stop.is_asked();
         true
     }
 
@@ -410,6 +417,9 @@ impl Renderer {
             .for_each_init(
                 || vec![0.0; CHUNK],
                 |electrons, (i, out)| {
+                    if self.worlds.stop.is_asked() {
+                        return;
+                    }
                     let first = i * CHUNK;
                     let electrons = &mut electrons[..out.len() / per_pixel];
                     schedule.run(&self.buffer, first, electrons);

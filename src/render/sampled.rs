@@ -100,6 +100,9 @@ impl Sampler<'_> {
                 || (Scratch::default(), Vec::new()),
                 |(scratch, casts), band| {
                     let mut kept = Vec::new();
+                    if self.worlds.stop.is_asked() {
+                        return kept;
+                    }
                     let world = &self.worlds.at(band * rows);
                     for column in (0..map.width).step_by(LANES / rows) {
                         let tile = Tile::new(self, map, column, band * rows);

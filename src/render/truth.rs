@@ -17,12 +17,25 @@ pub struct Truth {
     pub projector_x: Vec<f32>,
     /// Projector row of the point, likewise.
     pub projector_y: Vec<f32>,
-    /// Flags of the pixel: a sum of the `Truth::*` constants.
-    pub flags: Vec<u8>,
+    /// The surface point at the pixel centre, in the rig's frame (the camera's), in millimetres.
+    pub point_mm: Vec<[f32; 3]>,
+    /// Unit normal of the surface, facing the camera, in the rig's frame.
+    pub normal: Vec<[f32; 3]>,
+    /// Number of the object in the scene, from 0; [`Truth::NO_OBJECT`] if there is none.
+    pub object: Vec<u16>,
+    /// Fraction of light that the surface reflects diffusely, averaged over the pixel's footprint.
+    pub albedo: Vec<f32>,
+    /// Irradiance on the surface from the projector's full white, in W/m^2; 0 in shadow and outside
+    /// the projector's field.
+    pub irradiance_w_m2: Vec<f32>,
     /// Noise-free signal in digital numbers, black level included, averaged over the fringes.
     pub mean_dn: Vec<f32>,
     /// Noise-free modulation B of the finest fringes in digital numbers.
     pub modulation_dn: Vec<f32>,
+    /// Predicted standard deviation of a grey level at `mean_dn`, in digital numbers.
+    pub noise_dn: Vec<f32>,
+    /// Flags of the pixel: a sum of the `Truth::*` constants.
+    pub flags: Vec<u8>,
 }
 
 impl Truth {
@@ -46,15 +59,51 @@ impl Truth {
     /// instant only.
     pub const MOVING: u8 = 64;
 
-    /// Returns the float maps with their names, in the order of the truth channel.
-    pub fn maps(&self) -> [(&'static str, &[f32]); 5] {
-        [
-            ("depth_mm", &self.depth_mm),
-            ("projector_x", &self.projector_x),
-            ("projector_y", &self.projector_y),
-            ("mean_dn", &self.mean_dn),
-            ("modulation_dn", &self.modulation_dn),
-        ]
+    /// Value of [`Self::object`] where the camera sees no object.
+    pub const NO_OBJECT: u16 = u16::MAX;
+
+    /// Names of the maps of [`Self::maps`].
+    pub const MAPS: [&'static str; 14] = [
+        "depth_mm",
+        "projector_x",
+        "projector_y",
+        "point_x_mm",
+        "point_y_mm",
+        "normal_x",
+        "normal_y",
+        "normal_z",
+        "object",
+        "albedo",
+        "irradiance_w_m2",
+        "mean_dn",
+        "modulation_dn",
+        "noise_dn",
+    ];
+
+    /// Returns the maps with their names, as numbers, in the order of the truth channel. The points'
+    /// z is the depth.
+    pub fn maps(&self) -> Vec<(&'static str, Vec<f32>)> {
+        let axis = |of: &[[f32; 3]], axis: usize| of.iter().map(|v| v[axis]).collect();
+        let maps = [
+            self.depth_mm.clone(),
+            self.projector_x.clone(),
+            self.projector_y.clone(),
+            axis(&self.point_mm, 0),
+            axis(&self.point_mm, 1),
+            axis(&self.normal, 0),
+            axis(&self.normal, 1),
+            axis(&self.normal, 2),
+            self.object
+                .iter()
+                .map(|&object| f32::from(object))
+                .collect(),
+            self.albedo.clone(),
+            self.irradiance_w_m2.clone(),
+            self.mean_dn.clone(),
+            self.modulation_dn.clone(),
+            self.noise_dn.clone(),
+        ];
+        Self::MAPS.into_iter().zip(maps).collect()
     }
 }
 

@@ -8,6 +8,7 @@ use super::animation::State;
 use super::geometry::TILE;
 use super::world::World;
 use crate::shot::Shutter;
+use phasmid_core::Stop;
 use std::borrow::Cow;
 
 /// Maximum number of shapes of a deforming mesh between the first row and the last.
@@ -57,6 +58,8 @@ pub(super) struct Worlds {
     /// The scene at one instant, or at a few between the first row and the last.
     steps: Vec<World>,
     rows: Option<Rows>,
+    /// Ends the passes over the scene early; what they have filled is then invalid.
+    pub(super) stop: Stop,
 }
 
 impl Worlds {
@@ -65,6 +68,7 @@ impl Worlds {
         Self {
             steps: vec![world],
             rows: None,
+            stop: Stop::default(),
         }
     }
 

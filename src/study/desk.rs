@@ -192,6 +192,8 @@ impl Camera for DeskCamera {
         if desk.bench.sink.frames.is_empty() {
             desk.wait(timeout, |desk| !desk.bench.sink.frames.is_empty());
         }
+        // A frame that was being rendered then is invalid.
+        desk.bench.device_mut().renderer.stop().check()?;
         Ok(desk.bench.sink.frames.pop_front())
     }
 

@@ -80,6 +80,39 @@ fn without_noise_the_error_is_that_of_rounding() {
     );
 }
 
+#[test]
+fn truth_is_written_as_arrays_and_as_an_image() {
+    let folder = tempdir().unwrap();
+    summary(
+        folder.path(),
+        &["--profile", "webcam-grey", "--scene", "sphere", "--truth"],
+    );
+    let levels = image::open(folder.path().join("truth_depth.png"))
+        .unwrap()
+        .into_luma16();
+    let near = levels
+        .pixels()
+        .map(|level| level.0[0])
+        .filter(|level| *level > 0)
+        .min();
+    assert!(
+        (5000..20_000).contains(&near.unwrap()),
+        "{near:?}, in tenths of a millimetre"
+    );
+    assert!(
+        std::fs::metadata(folder.path().join("truth.npz"))
+            .unwrap()
+            .len()
+            > 640 * 480 * 49
+    );
+    // A later demo without it leaves no truth of the earlier one.
+    summary(
+        folder.path(),
+        &["--profile", "webcam-grey", "--scene", "plane"],
+    );
+    assert!(!folder.path().join("truth.npz").exists());
+}
+
 /// By default a demo measures with the calibration that a device would have.
 #[test]
 fn demo_states_the_error_of_the_factory_calibration() {

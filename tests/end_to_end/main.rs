@@ -15,6 +15,7 @@ mod factory_calibration;
 mod held;
 mod licences;
 mod nominal_rigs;
+mod other_process;
 mod outputs;
 mod overwrite;
 mod patient_import;

@@ -5,15 +5,16 @@ use super::Args;
 use super::look::look;
 use super::scene::scene;
 use super::session::{Poses, Session};
-use crate::cli::emulated::{service, tell};
-use crate::cli::interrupt::{Interruptible, interrupted};
+use crate::cli::emulated::tell;
+use crate::cli::interrupt::{flow, interrupted};
+use crate::facade::connected;
+use crate::{ScanOptions, Scanner};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::Capture;
 use phasmid_device::Device;
 use phasmid_device::link::{ServeOptions, Serving};
 use phasmid_geometry::board_poses::{Wanted, poses};
 use phasmid_geometry::{Board, Pose, Rig};
-use phasmid_host::{CameraDriver, ScanOptions, Scanner, SerialPort, open_camera};
 use phasmid_profile::Profile;
 use phasmid_protocol::service::{ClockPace, Placement, Request, ask};
 use phasmid_render::Options as RenderOptions;
@@ -132,10 +133,13 @@ impl Emulated {
         let names = self.names();
         let served = self.serve(args, name)?;
         let endpoints = served.endpoints();
-        let port = SerialPort::open(&endpoints.control.display().to_string())?;
-        let mut scanner = Scanner::new(port, TIMEOUT, || {
-            open_camera(&endpoints.camera, CameraDriver::Auto, TIMEOUT).map(Interruptible::new)
-        })?;
+        let options = ScanOptions {
+            sequence: Some(self.sequence.clone()),
+            reply_timeout: TIMEOUT,
+            frame_timeout: TIMEOUT,
+            ..ScanOptions::default()
+        };
+        let mut scanner = Scanner::connect(&endpoints.camera, &endpoints.control, options)?;
         let (sender, receiver) = sync_channel(1);
         let session = Session::new(folder, &names);
         let keep = args.keep_captures.then(|| folder.join(super::CAPTURES));
@@ -145,12 +149,7 @@ impl Emulated {
                     look_at_all(receiver, &self.board, session, keep, &names)
                 })
                 .map_err(|e| Error::io("the thread that analyses the captures", e))?;
-            let options = ScanOptions {
-                sequence: Some(self.sequence.clone()),
-                manifest: None,
-                frame_timeout: TIMEOUT,
-            };
-            let scan = || scanner.scan(&options, &mut |_| {});
+            let scan = || scanner.scan_with(|_| flow());
             let captured = self.capture(&endpoints.service, &names, scan, sender, progress);
             // An error of the analysis takes precedence: the capture only stops when the channel
             // closes.
@@ -194,7 +193,7 @@ impl Emulated {
         sender: SyncSender<Taken>,
         mut progress: impl FnMut(usize, usize),
     ) -> Result<String> {
-        let mut service = service(socket)?;
+        let mut service = connected(socket)?;
         let mut idn = String::new();
         capture_each(names, sender, interrupted, |place| {
             progress(place, self.shown.len());

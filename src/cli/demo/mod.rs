@@ -2,11 +2,12 @@
 //! truth.
 
 use super::backend::Choice;
-use super::dialect;
-use super::emulated::{service, tell};
+use super::emulated::tell;
 use super::method::MethodArgs;
-use super::scan::capture;
+use super::scan::{TRUTH, capture, write_truth};
 use super::step;
+use crate::facade::truth_maps;
+use crate::{ScanOptions, Scanner};
 use image::GrayImage;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::file;
@@ -16,10 +17,9 @@ use phasmid_decode::{Capture, Options, Summary as Decoding};
 use phasmid_device::Device;
 use phasmid_device::link::{ServeOptions, Serving};
 use phasmid_geometry::{Rig, ply};
-use phasmid_host::{CameraDriver, ScanOptions};
 use phasmid_pattern::Samples;
 use phasmid_profile::{Profile, Scene};
-use phasmid_protocol::service::{ClockPace, Item, Request, ask};
+use phasmid_protocol::service::ClockPace;
 use phasmid_render::Options as RenderOptions;
 use phasmid_render::truth::Truth;
 use phasmid_study::report::{PICTURES, Summary, write_images};
@@ -67,6 +67,9 @@ pub struct Args {
     weighted: bool,
     #[command(flatten)]
     method: MethodArgs,
+    /// Also write the truth of each pixel: truth.npz, and its depth as truth_depth.png in units of 0.1 mm
+    #[arg(long)]
+    truth: bool,
     /// Print the results as JSON
     #[arg(long)]
     json: bool,
@@ -87,19 +90,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let endpoints = served.endpoints();
     let begin = Instant::now();
     let options = ScanOptions {
-        sequence: None,
-        manifest: None,
+        reply_timeout: TIMEOUT,
         frame_timeout: TIMEOUT,
+        ..ScanOptions::default()
     };
-    let control = endpoints.control.display().to_string();
-    let captured = capture(
-        (&endpoints.camera, CameraDriver::Auto),
-        (&control, dialect::spoken(None, Some(&control))?),
-        TIMEOUT,
-        &options,
-        None,
-        None,
-    )?;
+    let scanner = Scanner::connect(&endpoints.camera, &endpoints.control, options)?;
+    let (captured, _) = capture(scanner, false)?;
     let capture_s = begin.elapsed().as_secs_f64();
     step("decoding");
     let reported = captured
@@ -118,8 +114,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     args.method.apply(&decoder, &mut decoded, options)?;
     let decode_s = begin.elapsed().as_secs_f64();
     step("asking for the truth");
-    let mut service = service(&endpoints.service)?;
-    let maps = ask(&mut service, Request::Get(Item::Truth))?;
+    let maps = truth_maps(&endpoints.service)?;
     let render_s = maps.render_us as f64 * 1e-6;
     let truth = Truth::from_maps(maps)?;
     served.stop()?;
@@ -132,6 +127,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     captured.write(draft)?;
     ply::write_cloud(&draft.join(CLOUD), &decoder.cloud(&decoded))?;
     write_images(draft, &frame, &decoded, &truth, &truth_rig)?;
+    if args.truth {
+        write_truth(draft, &truth)?;
+    }
     let decoding = Decoding::new(&decoder, &decoded);
     let calibration_sigma_mm = decoding.median_calibration_sigma_mm;
     let masked = decoding
@@ -161,7 +159,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let json = serde_json::to_string_pretty(&summary).expect("numbers and strings");
     replace(&draft.join(SUMMARY), |out| writeln!(out, "{json}"))?;
-    folder.finish(Capture::frames_in(&args.out)?, Some(SUMMARY))?;
+    let mut earlier = Capture::frames_in(&args.out)?;
+    earlier.extend(TRUTH.map(PathBuf::from));
+    folder.finish(earlier, Some(SUMMARY))?;
     if args.json {
         println!("{json}");
     } else {
@@ -227,7 +227,8 @@ fn serve(args: &Args) -> Result<(Profile, Serving)> {
 /// Rejects a folder that contains files with names of results, unless an earlier demo wrote them.
 fn check_out(out: &Path) -> Result<()> {
     let force = is_demo(out);
-    check_folder(out, [SUMMARY, CLOUD].into_iter().chain(PICTURES), force)?;
+    let names = [SUMMARY, CLOUD].into_iter().chain(PICTURES).chain(TRUTH);
+    check_folder(out, names, force)?;
     Capture::check_folder(out, force)
 }
 

@@ -1,10 +1,12 @@
 //! Opens a pod's ports and scans with it.
 
 use super::Address;
-use crate::cli::{dialect, interrupt::Interruptible};
+use crate::cli::{decode::name_calibration, interrupt::flow};
+use crate::{ScanOptions, Scanner};
 use phasmid_core::error::Result;
 use phasmid_decode::Capture;
-use phasmid_host::{Camera, CameraDriver, Progress, ScanOptions, Scanner, SerialPort, open_camera};
+use phasmid_host::Progress;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// A scan of one pod.
@@ -18,9 +20,9 @@ pub(in crate::cli) struct Taken {
 /// A pod whose ports are open.
 pub(in crate::cli) struct Source {
     name: String,
-    control: String,
-    scanner: Scanner<Interruptible<Box<dyn Camera>>, SerialPort>,
-    options: ScanOptions,
+    scanner: Scanner,
+    /// Where its calibration came from, if it is not the device's own.
+    calibration: Option<PathBuf>,
     /// The sequence that was selected before [`Self::show`], which `finish` restores.
     before: Option<String>,
 }
@@ -31,25 +33,17 @@ impl Source {
     /// # Errors
     /// Returns an error if the device cannot be reached.
     pub(in crate::cli) fn open(address: &Address, timeout: Duration) -> Result<Self> {
-        let dialect = dialect::spoken(None, Some(&address.control))?;
-        let port = SerialPort::open(&address.control)?;
-        let mut scanner = Scanner::with_dialect(port, dialect, timeout, || {
-            let camera = open_camera(&address.camera, CameraDriver::Auto, timeout)?;
-            Ok(Interruptible::new(camera))
-        })
-        .map_err(|e| e.at(&address.name))?;
-        if let Some((place, rig)) = &address.calibration {
-            scanner = scanner.with_calibration(place.clone(), *rig);
-        }
+        let options = ScanOptions {
+            calibration: address.calibration.as_ref().map(|(_, rig)| *rig),
+            reply_timeout: timeout,
+            frame_timeout: timeout,
+            ..ScanOptions::default()
+        };
+        let scanner = Scanner::connect(&address.camera, &address.control, options);
         Ok(Self {
+            scanner: scanner.map_err(|e| e.at(&address.name))?,
             name: address.name.clone(),
-            control: address.control.clone(),
-            scanner,
-            options: ScanOptions {
-                sequence: None,
-                manifest: None,
-                frame_timeout: timeout,
-            },
+            calibration: address.calibration.as_ref().map(|(place, _)| place.into()),
             before: None,
         })
     }
@@ -68,7 +62,7 @@ impl Source {
     /// Returns an error if the port is lost.
     pub(in crate::cli) fn show(&mut self, sequence: &str) -> Result<()> {
         self.before = self.scanner.selected().map_err(|e| e.at(&self.name))?;
-        self.options.sequence = Some(sequence.to_owned());
+        self.scanner.select(sequence);
         Ok(())
     }
 
@@ -78,13 +72,14 @@ impl Source {
     /// Returns an error as [`Scanner::scan`] does.
     pub(in crate::cli) fn scan(&mut self) -> Result<Taken> {
         let mut arrived = Instant::now();
-        let captured = self.scanner.scan(&self.options, &mut |progress| {
+        let captured = self.scanner.scan_with(|progress| {
             if let Progress::Frame { .. } = progress {
                 arrived = Instant::now();
             }
+            flow()
         });
-        let captured =
-            captured.map_err(|e| dialect::name_stepped_clock(e, &self.control).at(&self.name))?;
+        let captured = captured
+            .map_err(|e| name_calibration(e, self.calibration.as_deref()).at(&self.name))?;
         Ok(Taken {
             identified: self.scanner.identifies(),
             captured,
@@ -98,7 +93,7 @@ impl Source {
     /// Returns an error if the port is lost.
     pub(in crate::cli) fn finish(mut self) -> Result<()> {
         let selected = match &self.before {
-            Some(name) => self.scanner.select(name),
+            Some(name) => self.scanner.restore(name),
             None => Ok(()),
         };
         selected

@@ -85,6 +85,9 @@ impl Decoder {
         tasks.par_iter_mut().for_each_init(
             Scratch::default,
             |scratch, (first, maps, modulation, intensity)| {
+                if self.stop.is_asked() {
+                    return;
+                }
                 let width = self.width;
                 let rows = modulation
                     .chunks_mut(width)

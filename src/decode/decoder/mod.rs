@@ -18,6 +18,7 @@ use super::rows::AxisKernel;
 use super::unwrap::unwrap;
 use crate::triangulate::Triangulator;
 use neighbours::Finest;
+use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{NoiseModel, Rig};
 use phasmid_pattern::{Axis, Image, Manifest};
@@ -86,6 +87,7 @@ pub struct Decoder {
     noise: Option<NoiseModel>,
     /// Distance between neighbouring pixels, in pixel widths.
     spacing: f32,
+    stop: Stop,
 }
 
 impl Decoder {
@@ -152,6 +154,7 @@ impl Decoder {
             noise: options.noise.or(rig.and_then(|r| r.noise)),
             plan,
             spacing: 1.0,
+            stop: Stop::default(),
         })
     }
 
@@ -161,6 +164,12 @@ impl Decoder {
             spacing: pixels as f32,
             ..self
         }
+    }
+
+    /// Lets another thread end decoding early: it then returns [`Error::Interrupted`].
+    #[must_use]
+    pub fn with_stop(self, stop: Stop) -> Self {
+        Self { stop, ..self }
     }
 
     /// Returns the plan of the sequence.
@@ -226,8 +235,9 @@ impl Decoder {
             false => self.rows::<u8>(images, &noise, [saturation, range], out),
             true => self.rows::<u16>(images, &noise, [saturation, range], out),
         }
+        self.stop.check()?;
         self.finish(LightNoise::new(&noise, range), out);
-        Ok(())
+        self.stop.check()
     }
 
     /// The reason why steps are not weighted although the options ask for it.
@@ -322,6 +332,9 @@ impl Decoder {
             });
             neighbours::clean(out, light, finest, &held);
         }
+        if self.stop.is_asked() {
+            return;
+        }
         for (axis, map) in [(Axis::X, &mut out.x), (Axis::Y, &mut out.y)] {
             let Some(map) = map else { continue };
             let Some(period) = map.wrapped_px else {
@@ -362,6 +375,9 @@ impl Decoder {
             notes.extend(footprints.note(axis, map));
         }
         out.notes.append(&mut notes);
+        if self.stop.is_asked() {
+            return;
+        }
         if let Some(triangulator) = &self.triangulator {
             depth::triangulate(triangulator, out);
         }

@@ -2,6 +2,7 @@
 //! responsive. Jobs run in order.
 
 use crate::{Exposure, Renderer, Shot, Truth};
+use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::Pattern;
 use phasmid_protocol::Frame;
@@ -9,7 +10,7 @@ use phasmid_protocol::service::Placement;
 use phasmid_render::Pending;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -38,14 +39,14 @@ pub(super) struct TruthJob {
 /// Maximum number of finished frames in the channel; the thread blocks beyond that.
 const MAX_FRAMES: usize = 64;
 
-/// Handle of the render thread; dropping it stops the thread after the current job.
+/// Handle of the render thread; dropping it stops the thread, also within a job.
 pub(super) struct RenderThread {
     jobs: Option<mpsc::Sender<Job>>,
     /// Finished frames, followed by the error that ended the thread, if any.
     frames: results::Receiver<Result<Arc<Frame>>>,
     /// Number of submitted exposures whose frames have not been received.
     backlog: usize,
-    stop: Arc<AtomicBool>,
+    stop: Stop,
     /// Time spent on frames since power-on, in microseconds.
     render_us: Arc<AtomicU64>,
     thread: Option<JoinHandle<()>>,
@@ -177,7 +178,7 @@ impl RenderThread {
     ) -> std::io::Result<Self> {
         let (jobs, queue) = mpsc::channel();
         let (done, frames) = results::channel(MAX_FRAMES);
-        let stop = Arc::new(AtomicBool::new(false));
+        let stop = renderer.stop();
         let stopped = stop.clone();
         let render_us = Arc::new(AtomicU64::new(0));
         let mut work = Work {
@@ -189,7 +190,7 @@ impl RenderThread {
         };
         let work = move || {
             while let Some(job) = work.next(&queue, notice) {
-                if stopped.load(Ordering::Relaxed) {
+                if stopped.is_asked() {
                     return;
                 }
                 work.run(job);
@@ -256,7 +257,7 @@ impl RenderThread {
 
 impl Drop for RenderThread {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
+        self.stop.ask();
         self.jobs = None;
         // The thread may be blocked on a full channel.
         self.frames.close();

@@ -1,7 +1,7 @@
 //! Capture without a control port, from a free-running camera.
 
 use super::run::{Wanted, collect, next_frame, unpacked};
-use super::{Fault, Progress, twice};
+use super::{Fault, Flow, Progress, Watch, twice};
 use crate::clock::monotonic_ns;
 use crate::{Camera, consistency};
 use phasmid_core::error::Result;
@@ -24,16 +24,17 @@ const NOBODY: &str = "no control port";
 /// # Errors
 /// Returns an error if the camera fails or delivers no frame within `timeout`, or if the frames do
 /// not match the manifest.
-pub fn scan_free_running<C: Camera>(
+pub fn scan_free_running<C: Camera, F: Flow>(
     camera: &mut C,
     manifest: &Manifest,
     timeout: Duration,
-    progress: &mut dyn FnMut(Progress<'_>),
+    progress: &mut (impl FnMut(Progress<'_>) -> F + ?Sized),
 ) -> Result<Capture> {
+    let progress: &mut Watch<'_> = &mut |what: Progress<'_>| progress(what).flow();
     let info = camera.info().to_owned();
     let (images, frames) = twice(&info, progress, |progress| {
         for _ in 0..WAITING {
-            match next_frame(camera, WAKE) {
+            match next_frame(camera, WAKE, progress) {
                 Ok(None) => break,
                 // A damaged frame is discarded like the others.
                 Ok(Some(_)) | Err(Fault::Frames(_)) => {}

@@ -17,6 +17,7 @@ use phasmid_decode::Capture;
 use phasmid_geometry::Rig;
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 /// Options for a scan.
@@ -44,6 +45,37 @@ pub enum Progress<'a> {
     },
     /// A run failed for this reason and is repeated.
     Retry(&'a str),
+    /// The scan is waiting for a frame; reported at least ten times a second.
+    Waiting,
+}
+
+/// What the function that receives the progress may return: nothing, or whether to go on.
+pub trait Flow {
+    /// Returns whether the scan goes on.
+    fn flow(self) -> ControlFlow<()>;
+}
+
+impl Flow for () {
+    fn flow(self) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
+impl Flow for ControlFlow<()> {
+    fn flow(self) -> ControlFlow<()> {
+        self
+    }
+}
+
+/// Receives the progress of a scan and says whether it goes on.
+type Watch<'a> = dyn FnMut(Progress<'_>) -> ControlFlow<()> + 'a;
+
+/// Reports progress; an error if the scan is to end.
+fn report(watch: &mut Watch<'_>, progress: Progress<'_>) -> Result<()> {
+    match watch(progress) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(Error::Interrupted),
+    }
 }
 
 /// A device that can scan.
@@ -94,15 +126,15 @@ impl From<Error> for Fault {
 /// Repeats a run once if it lost a frame; `place` names the camera in messages.
 fn twice<T>(
     place: &str,
-    progress: &mut dyn FnMut(Progress<'_>),
-    mut run: impl FnMut(&mut dyn FnMut(Progress<'_>)) -> Result<T, Fault>,
+    progress: &mut Watch<'_>,
+    mut run: impl FnMut(&mut Watch<'_>) -> Result<T, Fault>,
 ) -> Result<T> {
     let first = match run(progress) {
         Ok(done) => return Ok(done),
         Err(Fault::Fatal(error) | Fault::Port(error) | Fault::Camera(error)) => return Err(error),
         Err(Fault::Frames(first)) => first,
     };
-    progress(Progress::Retry(&first));
+    report(progress, Progress::Retry(&first))?;
     run(progress).map_err(|fault| match fault {
         Fault::Fatal(error) | Fault::Port(error) | Fault::Camera(error) => error,
         Fault::Frames(second) => two_failed(place, &first, &second),
@@ -230,14 +262,17 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     /// once the device has been found again; and up to twice after the camera was unplugged, once
     /// it has come back.
     ///
+    /// `progress` may end the scan by returning `ControlFlow::Break`.
+    ///
     /// # Errors
-    /// Returns an error if the device refuses, does not answer, sends invalid data, or keeps
+    /// Returns [`Error::Interrupted`] if `progress` ended it, or an error if the device refuses, does not answer, sends invalid data, or keeps
     /// failing; the message says what was waited for and how long.
-    pub fn scan(
+    pub fn scan<F: Flow>(
         &mut self,
         options: &ScanOptions,
-        progress: &mut dyn FnMut(Progress<'_>),
+        progress: &mut (impl FnMut(Progress<'_>) -> F + ?Sized),
     ) -> Result<Capture> {
+        let progress: &mut Watch<'_> = &mut |what: Progress<'_>| progress(what).flow();
         let mut sequence = options.sequence.clone();
         let mut first: Option<String> = None;
         let (mut recoveries, mut returns) = (0, 0);
@@ -249,7 +284,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
                     if let Some(first) = first {
                         return Err(two_failed(self.camera.info(), &first, &why));
                     }
-                    progress(Progress::Retry(&why));
+                    report(progress, Progress::Retry(&why))?;
                     first = Some(why);
                 }
                 Err(Fault::Port(error)) if recoveries == RECOVERIES => return Err(error),
@@ -257,14 +292,14 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
                     recoveries += 1;
                     let found = self.control.recover();
                     self.found(&error, found)?;
-                    progress(Progress::Retry(&error.to_string()));
+                    report(progress, Progress::Retry(&error.to_string()))?;
                 }
                 Err(Fault::Camera(error)) if returns == RECOVERIES => return Err(error),
                 Err(Fault::Camera(error)) => {
                     returns += 1;
                     let found = self.plug_in(options.frame_timeout);
                     self.found(&error, found)?;
-                    progress(Progress::Retry(&error.to_string()));
+                    report(progress, Progress::Retry(&error.to_string()))?;
                 }
             }
         }
@@ -292,11 +327,11 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         &mut self,
         options: &ScanOptions,
         sequence: &mut Option<String>,
-        progress: &mut dyn FnMut(Progress<'_>),
+        progress: &mut Watch<'_>,
     ) -> Result<Capture, Fault> {
         let idn = self.control.identify().map_err(Fault::port)?;
         match &self.idn {
-            None => progress(Progress::Identified(&idn)),
+            None => report(progress, Progress::Identified(&idn))?,
             Some(before) if *before != idn => {
                 return Err(Fault::Fatal(Error::device(format!(
                     "another device answers at the control port: {idn:?}, previously {before:?}"

@@ -1,7 +1,7 @@
 //! A single run: collects the frames of a sequence after its trigger, in order.
 
 use super::judge::{judge, judge_counted};
-use super::{Fault, Progress, Scanner};
+use super::{Fault, Progress, Scanner, Watch, report};
 use crate::clock::monotonic_ns;
 use crate::consistency;
 use crate::control::Settings;
@@ -15,6 +15,8 @@ use std::time::{Duration, Instant};
 /// Time for which the camera must be silent before a run, and also after it if its frames carry no
 /// identity.
 const QUIET: Duration = Duration::from_millis(20);
+/// Time between two reports while a frame is awaited.
+const SLICE: Duration = Duration::from_millis(100);
 /// Maximum memory for the frames of a run, in bytes; the decoder has the same limit for files.
 const MAX_BYTES: u64 = 4 << 30;
 /// A frame whose timestamp is this far from the present uses a clock other than the monotonic one.
@@ -47,7 +49,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         settings: &Settings,
         size: Option<(u32, u32)>,
         timeout: Duration,
-        progress: &mut dyn FnMut(Progress<'_>),
+        progress: &mut Watch<'_>,
     ) -> Result<(Vec<Image>, Vec<FrameInfo>), Fault> {
         let count = manifest.frame.len();
         if let Some((width, height)) = size {
@@ -60,7 +62,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         }
         // This is answered once the last frame of an earlier run has left the device.
         self.control.settle().map_err(Fault::port)?;
-        let stale = drain(&mut self.camera, timeout)?;
+        let stale = drain(&mut self.camera, timeout, progress)?;
         self.control.arm().map_err(Fault::port)?;
         let since_ns = monotonic_ns();
         self.control.trigger().map_err(Fault::port)?;
@@ -82,7 +84,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         self.control.complaints().map_err(Fault::port)?;
         let frames = frames?;
         if !self.camera.identifies()
-            && let Some(frame) = next_frame(&mut self.camera, QUIET)?
+            && let Some(frame) = next_frame(&mut self.camera, QUIET, progress)?
         {
             return Err(Fault::Frames(format!(
                 "frame {} is foreign: all {count} patterns had arrived",
@@ -107,7 +109,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
 pub(super) fn collect<C: Camera>(
     camera: &mut C,
     wanted: &Wanted,
-    progress: &mut dyn FnMut(Progress<'_>),
+    progress: &mut Watch<'_>,
 ) -> Result<Vec<Frame>, Fault> {
     let Wanted {
         count,
@@ -118,7 +120,7 @@ pub(super) fn collect<C: Camera>(
     let mut frames: Vec<Frame> = Vec::with_capacity(count);
     let begin = Instant::now();
     while frames.len() < count {
-        let Some(frame) = next_frame(camera, timeout)? else {
+        let Some(frame) = next_frame(camera, timeout, progress)? else {
             let due = frames.len();
             let waited = timeout.as_secs_f64();
             let cause = match due {
@@ -156,10 +158,8 @@ pub(super) fn collect<C: Camera>(
             check_room(camera.info(), count, frame.data.len() as u64)?;
         }
         frames.push(frame);
-        progress(Progress::Frame {
-            done: frames.len(),
-            of: count,
-        });
+        let (done, of) = (frames.len(), count);
+        report(progress, Progress::Frame { done, of })?;
     }
     Ok(frames)
 }
@@ -199,11 +199,15 @@ fn check_room(camera: &str, count: usize, bytes: u64) -> Result<()> {
 }
 
 /// Discards frames in transit until none comes; returns the id of the last one.
-fn drain<C: Camera>(camera: &mut C, timeout: Duration) -> Result<Option<u64>, Fault> {
+fn drain<C: Camera>(
+    camera: &mut C,
+    timeout: Duration,
+    progress: &mut Watch<'_>,
+) -> Result<Option<u64>, Fault> {
     let end = Instant::now() + timeout;
     let mut last = None;
     loop {
-        match next_frame(camera, QUIET) {
+        match next_frame(camera, QUIET, progress) {
             Ok(None) => return Ok(last),
             Ok(Some(frame)) => last = Some(frame.id),
             // A damaged frame is discarded like the others.
@@ -224,11 +228,22 @@ fn drain<C: Camera>(camera: &mut C, timeout: Duration) -> Result<Option<u64>, Fa
 pub(super) fn next_frame<C: Camera>(
     camera: &mut C,
     timeout: Duration,
+    progress: &mut Watch<'_>,
 ) -> Result<Option<Frame>, Fault> {
-    let frame = camera.next_frame(timeout);
-    frame.map_err(|error| match (camera.has_skipped(), camera.has_gone()) {
-        (true, _) => Fault::Frames(error.to_string()),
-        (false, true) => Fault::Camera(error),
-        (false, false) => Fault::Fatal(error),
-    })
+    let mut left = timeout;
+    loop {
+        report(progress, Progress::Waiting)?;
+        // Counted, not measured: a device in memory lets time pass without waiting.
+        let slice = left.min(SLICE);
+        left -= slice;
+        let frame = camera.next_frame(slice);
+        let frame = frame.map_err(|error| match (camera.has_skipped(), camera.has_gone()) {
+            (true, _) => Fault::Frames(error.to_string()),
+            (false, true) => Fault::Camera(error),
+            (false, false) => Fault::Fatal(error),
+        })?;
+        if frame.is_some() || left.is_zero() {
+            return Ok(frame);
+        }
+    }
 }

@@ -98,7 +98,10 @@ impl<'a> Trial<'a> {
 
     fn each(&self, of: impl Fn(usize, &mut Scratch) -> f64 + Sync) -> Vec<f64> {
         let pixels = self.pixels.par_iter();
-        let of = |scratch: &mut Scratch, &pixel: &usize| of(pixel, scratch);
+        let of = |scratch: &mut Scratch, &pixel: &usize| match self.worlds.stop.is_asked() {
+            true => 0.0,
+            false => of(pixel, scratch),
+        };
         pixels.map_init(Scratch::default, of).collect()
     }
 

@@ -81,7 +81,8 @@ impl<'a> Gatherer<'a> {
                 for pixel in pixels {
                     let before = gathered.rays.len();
                     let mut lamps = [0.0; 2];
-                    if let Some(pixel) = *pixel {
+                    let wanted = pixel.filter(|_| !self.worlds.stop.is_asked());
+                    if let Some(pixel) = wanted {
                         let world = self.worlds.at(pixel / map.width);
                         let place = self.place(&world, map, pixel);
                         self.point(&place, &mut gathered.rays, &mut lamps, scratch);

@@ -24,6 +24,11 @@ pub(crate) struct Evenly<'a> {
 }
 
 impl Evenly<'_> {
+    /// Returns the fraction of light that is reflected diffusely.
+    pub(crate) fn albedo(&self) -> f64 {
+        self.albedo
+    }
+
     /// Returns the fraction of light from a direction at this cosine to the normal that is
     /// reflected, diffuse part and lobe together, so that energy is conserved.
     pub(crate) fn share(&self, cos: f64) -> f64 {

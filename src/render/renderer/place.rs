@@ -50,7 +50,9 @@ impl Renderer {
             plan.set(term, plan.has(term) || self.plan.has(term));
         }
         self.scene = scene;
+        let stop = self.worlds.stop.clone();
         self.worlds = Worlds::new(world);
+        self.worlds.stop = stop;
         self.moment = None;
         match plan == self.plan {
             true => self.outdate(),

@@ -98,6 +98,9 @@ impl Renderer {
         let camera = &self.profile.camera;
         let mut sum = vec![0.0f32; camera.width_px as usize * camera.height_px as usize];
         for (moment, part) in &parts {
+            if self.worlds.stop.is_asked() {
+                break;
+            }
             if let Some(moment) = moment {
                 self.go_to(moment);
             }

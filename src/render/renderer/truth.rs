@@ -3,9 +3,12 @@
 use super::time::{Light, middle_ns};
 use super::{Renderer, exposure};
 use crate::Term;
-use crate::world::Surface;
+use crate::material::Patch;
+use crate::world::{Surface, World};
 use crate::{shot::Shot, truth, truth::Truth};
+use glam::DVec3;
 use phasmid_pattern::{Axis, Pattern, finest_fringe};
+use rayon::prelude::*;
 
 impl Renderer {
     /// Returns the ground truth of a sequence's frames: geometry, and mean and modulation of its
@@ -44,15 +47,94 @@ impl Renderer {
         }
         let map = &self.buffer;
         let (mean_dn, modulation_dn) = truth::harmonic(&phases, &signals, map.x.len());
+        let noise = fringes.first().map(|(_, shot)| {
+            let exposure_s = shot.exposure_ns as f64 * 1e-9;
+            let sensor = &self.profile.camera.sensor;
+            sensor.noise_model(shot.gain_db, exposure_s)
+        });
+        let noise_dn = |dn: &f32| match &noise {
+            Some(noise) if dn.is_finite() => noise.variance_dn2(f64::from(*dn)).sqrt() as f32,
+            _ => f32::NAN,
+        };
+        let places = self.places();
+        let of = |value: fn(&PlaceOfPixel) -> f32| places.iter().map(value).collect();
         Truth {
             width: map.width as u32,
             height: map.height as u32,
             depth_mm: map.depth.clone(),
             projector_x: map.x.clone(),
             projector_y: map.y.clone(),
-            flags,
+            point_mm: places.iter().map(|place| place.point_mm).collect(),
+            normal: places.iter().map(|place| place.normal).collect(),
+            object: places.iter().map(|place| place.object).collect(),
+            albedo: of(|place| place.albedo),
+            irradiance_w_m2: of(|place| place.irradiance_w_m2),
+            noise_dn: mean_dn.iter().map(noise_dn).collect(),
             mean_dn,
             modulation_dn,
+            flags,
+        }
+    }
+
+    /// Describes what each pixel sees.
+    fn places(&self) -> Vec<PlaceOfPixel> {
+        let (width, height) = (self.buffer.width, self.buffer.height);
+        let of_row = |row| {
+            let world = self.worlds.at(row);
+            let places = (0..width).map(|column| self.place_of(&world, column, row));
+            places.collect::<Vec<_>>()
+        };
+        (0..height).into_par_iter().flat_map_iter(of_row).collect()
+    }
+
+    /// Describes the surface that a pixel's centre sees.
+    fn place_of(&self, world: &World, column: usize, row: usize) -> PlaceOfPixel {
+        let map = &self.buffer;
+        let pixel = row * map.width + column;
+        if map.flags[pixel] & Truth::SEEN == 0 {
+            return PlaceOfPixel::NONE;
+        }
+        let surface = Surface(map.surface[pixel]);
+        let rays = self.pixel_rays();
+        let direction = rays.center(column, row);
+        let depth = f64::from(map.depth[pixel]);
+        let point = direction * depth;
+        let normal = DVec3::from_array(map.normal[pixel].map(f64::from));
+        // Sides of the footprint on the tangent plane.
+        let (slope, facing) = (rays.slope(direction), normal.dot(direction));
+        let sides = [slope.x_axis, slope.y_axis].map(|slope| {
+            let step = slope.extend(0.0) * depth;
+            step - direction * (normal.dot(step) / facing)
+        });
+        let patch = Patch {
+            point,
+            normal,
+            surface,
+            sides,
+        };
+        let optics = &self.optics;
+        let irradiance_w_m2 = match map.flags[pixel] & Truth::LIT {
+            0 => 0.0,
+            _ => {
+                let to_light = optics.projector.center() - point;
+                let cos = normal.dot(to_light.normalize()).max(0.0);
+                let view = &optics.projector.rig_from_view;
+                let local = view.rotation.transpose() * (point - view.translation_mm);
+                let ideal = local.truncate() / local.z;
+                let shown = match self.plan.has(Term::ProjectorVignetting) {
+                    true => optics.shown.at(ideal),
+                    false => 1.0,
+                };
+                shown * optics.irradiance_w_m2(cos, to_light.length_squared())
+            }
+        };
+        let materials = &world.materials;
+        PlaceOfPixel {
+            point_mm: point.to_array().map(|x| x as f32),
+            normal: map.normal[pixel],
+            object: world.object(surface),
+            albedo: materials.evenly(&self.plan, world, &patch).albedo() as f32,
+            irradiance_w_m2: irradiance_w_m2 as f32,
         }
     }
 
@@ -92,6 +174,25 @@ impl Renderer {
     }
 }
 
+/// The surface that a pixel's centre sees; NaN where there is none.
+struct PlaceOfPixel {
+    point_mm: [f32; 3],
+    normal: [f32; 3],
+    object: u16,
+    albedo: f32,
+    irradiance_w_m2: f32,
+}
+
+impl PlaceOfPixel {
+    const NONE: Self = Self {
+        point_mm: [f32::NAN; 3],
+        normal: [f32::NAN; 3],
+        object: Truth::NO_OBJECT,
+        albedo: f32::NAN,
+        irradiance_w_m2: f32::NAN,
+    };
+}
+
 /// Returns the phases and shots of the finest fringes.
 fn finest_fringes(sequence: &[(Pattern, Shot)]) -> Vec<(f64, &Shot)> {
     let finest = finest_fringe(sequence.iter().map(|(pattern, _)| pattern));
@@ -106,4 +207,48 @@ fn finest_fringes(sequence: &[(Pattern, Shot)]) -> Vec<(f64, &Shot)> {
             _ => None,
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasmid_profile::{Profile, Scene};
+
+    const SCENE: &str = "name = \"s\"\ndescription = \"\"\n\
+        [[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0.0, 0.0, 1000.0]\nalbedo = 0.25\n\
+        [[object]]\nshape = { kind = \"sphere\", radius_mm = 60.0 }\n\
+        position_mm = [0.0, 0.0, 900.0]\nalbedo = 0.75\n";
+
+    #[test]
+    fn surface_maps_agree_with_the_scene_and_its_light() {
+        let profile = Profile::load("webcam-grey").unwrap();
+        let scene = Scene::parse(SCENE, "test").unwrap();
+        let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
+        let truth = renderer.truth(&[]);
+        let center = scene.rig_from_object(&scene.object[1]).translation_mm;
+        let mut pixels = [0; 2];
+        for at in (0..truth.flags.len()).filter(|&at| truth.flags[at] & Truth::SEEN != 0) {
+            let object = usize::from(truth.object[at]);
+            pixels[object] += 1;
+            let [point, normal] =
+                [truth.point_mm[at], truth.normal[at]].map(|v| DVec3::from_array(v.map(f64::from)));
+            assert_eq!(truth.point_mm[at][2], truth.depth_mm[at]);
+            assert!((normal.length() - 1.0).abs() < 1e-6 && normal.dot(point) < 0.0);
+            if object == 1 {
+                assert!(((point - center).length() - 60.0).abs() < 1e-3, "{point}");
+                assert!((normal - (point - center) / 60.0).length() < 1e-4);
+            }
+            assert_eq!(truth.albedo[at], [0.25, 0.75][object]);
+            // The light that arrives at the sensor is that which the surface reflects.
+            let electrons = renderer.optics.electrons_per_irradiance
+                * f64::from(truth.albedo[at] * truth.irradiance_w_m2[at]);
+            let rendered = f64::from(renderer.buffer.projected[at]);
+            assert!(
+                (electrons - rendered).abs() <= 1e-4 * rendered.max(1.0),
+                "{at}"
+            );
+        }
+        assert!(pixels[0] > 100_000 && pixels[1] > 5000, "{pixels:?}");
+        assert!(truth.noise_dn.iter().all(|dn| dn.is_nan()), "no fringes");
+    }
 }

@@ -1,4 +1,4 @@
-//! The flags of the truth, as the page of the service channel lists them.
+//! Maps and flags of the truth, as the page of the service channel lists them.
 
 use super::text;
 use phasmid::emulator::Truth;
@@ -27,4 +27,17 @@ fn flags_of_the_truth_are_those_of_the_source() {
         vec![bit, value.to_string(), name.to_owned()]
     });
     assert_eq!(rows, wanted);
+}
+
+#[test]
+fn maps_of_the_truth_are_those_of_the_source() {
+    let page = text(Path::new("docs/src/reference/service.md"));
+    let (_, section) = page.split_once("\n## Maps of the truth\n").unwrap();
+    let (section, _) = section.split_once("\n## ").unwrap();
+    let names: Vec<&str> = section
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `")?.split_once('`'))
+        .map(|(name, _)| name)
+        .collect();
+    assert_eq!(names, Truth::MAPS);
 }

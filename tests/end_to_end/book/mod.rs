@@ -10,6 +10,7 @@ mod figures;
 mod flags;
 mod links;
 mod run;
+mod rust;
 
 use pulldown_cmark::{CodeBlockKind, Event, Options, Parser, Tag, TagEnd};
 use std::path::{Path, PathBuf};

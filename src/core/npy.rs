@@ -2,8 +2,8 @@
 //! dictionary padded with spaces to a multiple of 64 bytes and ended by a newline, then the numbers
 //! in C order (NumPy enhancement proposal 1, "A Simple File Format for NumPy Arrays").
 
-use phasmid_core::error::Result;
-use phasmid_core::new_file::replace;
+use crate::error::Result;
+use crate::new_file::replace;
 use std::io::Write;
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use std::path::Path;
 /// Panics if the number of values is not width x height.
 pub fn write_npy(path: &Path, width: usize, height: usize, values: &[f32]) -> Result<()> {
     assert_eq!(values.len(), width * height);
-    let mut bytes = header(width, height);
+    let mut bytes = header("<f4", &[height, width]);
     bytes.reserve(4 * values.len());
     for v in values {
         bytes.extend_from_slice(&v.to_le_bytes());
@@ -24,9 +24,13 @@ pub fn write_npy(path: &Path, width: usize, height: usize, values: &[f32]) -> Re
     replace(path, |out| out.write_all(&bytes))
 }
 
-fn header(width: usize, height: usize) -> Vec<u8> {
-    let dictionary =
-        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
+/// Returns the header of an array of two or more dimensions; `kind` is NumPy's name of the type of its numbers, such as `<f4`.
+pub fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
+    let shape: Vec<String> = shape.iter().map(ToString::to_string).collect();
+    let dictionary = format!(
+        "{{'descr': '{kind}', 'fortran_order': False, 'shape': ({}), }}",
+        shape.join(", ")
+    );
     // Magic, version and length take 10 bytes, the newline one.
     let total = (10 + dictionary.len() + 1).next_multiple_of(64);
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
@@ -44,7 +48,7 @@ mod tests {
     #[test]
     fn header_is_as_the_proposal_says() {
         for (width, height) in [(1, 1), (1138, 489), (32768, 32768)] {
-            let h = header(width, height);
+            let h = header("<f4", &[height, width]);
             assert_eq!(h.len() % 64, 0);
             assert_eq!(&h[..8], b"\x93NUMPY\x01\x00");
             assert_eq!(usize::from(u16::from_le_bytes([h[8], h[9]])), h.len() - 10);

@@ -1,0 +1,344 @@
+//! A scanner at its addresses, emulated or physical.
+
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::Capture;
+use phasmid_geometry::Rig;
+use phasmid_host::usb::{UsbAddress, UsbCamera, UsbDevice, UsbPort};
+use phasmid_host::{
+    Camera, CameraDriver, CommandPort, Flow, Intake, Progress, RecordedCamera, RecordedPort,
+    SerialPort, Tape, open_camera,
+};
+use phasmid_pattern::Manifest;
+use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::service::{ClockPace, Maps};
+#[cfg(unix)]
+use phasmid_protocol::service::{Item, Request, ask};
+use phasmid_protocol::{Endpoints, endpoints};
+use phasmid_render::truth::Truth;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How a [`Scanner`] is connected and scans.
+#[derive(Debug, Clone)]
+pub struct ScanOptions {
+    /// Sequence to select; `None` keeps the one selected in the device.
+    pub sequence: Option<String>,
+    /// Manifest of the sequence, for a device that does not report it.
+    pub manifest: Option<Manifest>,
+    /// Dialect of the control port: a built-in name or the path of a TOML file. `None` for that of
+    /// the `device.json` beside the port, else SCPI.
+    pub dialect: Option<String>,
+    /// Calibration to use instead of the device's own. Without a noise model it gets the device's.
+    pub calibration: Option<Rig>,
+    /// How a camera at `/dev/videoN` is read.
+    pub driver: CameraDriver,
+    /// Maximum time to wait for a reply, or for a device to open.
+    pub reply_timeout: Duration,
+    /// Maximum time to wait for a frame, from the trigger or the frame before.
+    pub frame_timeout: Duration,
+}
+
+impl Default for ScanOptions {
+    /// Returns options for the selected sequence of a device that reports its calibration, with
+    /// time-outs of 10 s.
+    fn default() -> Self {
+        Self {
+            sequence: None,
+            manifest: None,
+            dialect: None,
+            calibration: None,
+            driver: CameraDriver::Auto,
+            reply_timeout: Duration::from_secs(10),
+            frame_timeout: Duration::from_secs(10),
+        }
+    }
+}
+
+type AnyScanner = phasmid_host::Scanner<Box<dyn Camera>, Box<dyn CommandPort>>;
+
+/// A scanner, emulated or physical, with an open camera and control port.
+///
+/// ```
+/// # fn main() -> Result<(), phasmid::Error> {
+/// use phasmid::{Device, ScanOptions, Scanner, ServeOptions};
+/// let device = Device::builder().profile("webcam-grey").scene("plane").build()?;
+/// let serving = device.serve(&ServeOptions::default())?;
+/// let at = serving.endpoints();
+///
+/// let mut scanner = Scanner::connect(&at.camera, &at.control, ScanOptions::default())?;
+/// let capture = scanner.scan()?;
+/// assert_eq!(capture.images.len(), 13);
+/// scanner.finish()?;
+/// # Ok(())
+/// # }
+/// ```
+pub struct Scanner {
+    scanner: AnyScanner,
+    options: phasmid_host::ScanOptions,
+    /// For messages.
+    control: PathBuf,
+}
+
+impl fmt::Debug for Scanner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Scanner")
+            .field("control", &self.control)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Scanner {
+    /// Connects to the camera and the control port of a device. The camera's address is `/dev/videoN`,
+    /// `socket:PATH` or `tcp:HOST:PORT`, the port's the path of a serial port. A device behind
+    /// `usb:HOST:PORT/BUSID` has that address for both.
+    ///
+    /// A free-running camera is stopped; [`Self::finish`] lets it run again.
+    ///
+    /// # Errors
+    /// Returns an error if an address is invalid, or if the device does not answer.
+    pub fn connect(camera: &str, control: impl AsRef<Path>, options: ScanOptions) -> Result<Self> {
+        Self::recorded(camera, control, options, None)
+    }
+
+    /// Connects to the device served from a run directory, as its `device.json` says.
+    ///
+    /// # Errors
+    /// Returns an error if the directory has no `device.json`, or an error of [`Self::connect`].
+    pub fn of_run_dir(run_dir: impl AsRef<Path>, options: ScanOptions) -> Result<Self> {
+        let at = Endpoints::read(run_dir.as_ref())?;
+        Self::connect(&at.camera, &at.control, options)
+    }
+
+    /// [`Self::connect`], and records the traffic on a tape if there is one.
+    pub(crate) fn recorded(
+        camera: &str,
+        control: impl AsRef<Path>,
+        options: ScanOptions,
+        tape: Option<Tape>,
+    ) -> Result<Self> {
+        let control = control.as_ref();
+        let place = control.display().to_string();
+        let dialect = dialect_of(options.dialect.as_deref(), control)?;
+        let timeout = options.reply_timeout;
+        let record = |camera: Box<dyn Camera>| -> Box<dyn Camera> {
+            Box::new(RecordedCamera::new(camera, tape.clone()))
+        };
+        let scanner = if camera.starts_with("usb:") {
+            let address = UsbAddress::parse(camera, camera)?;
+            let device = Arc::new(UsbDevice::open(&address, timeout)?);
+            let port: Box<dyn CommandPort> =
+                Box::new(RecordedPort::new(UsbPort::open(&device)?, tape.clone()));
+            AnyScanner::with_dialect(port, dialect, timeout, || {
+                Ok(record(Box::new(Intake::new(UsbCamera::open(
+                    &device, None,
+                )?))))
+            })
+        } else {
+            let port: Box<dyn CommandPort> =
+                Box::new(RecordedPort::new(SerialPort::open(&place)?, tape.clone()));
+            AnyScanner::with_dialect(port, dialect, timeout, || {
+                open_camera(camera, options.driver, timeout).map(record)
+            })
+        };
+        let mut scanner = scanner.map_err(|e| name_stepped_clock(e, control))?;
+        if let Some(rig) = options.calibration {
+            scanner = scanner.with_calibration("calibration", rig);
+        }
+        Ok(Self {
+            scanner,
+            options: phasmid_host::ScanOptions {
+                sequence: options.sequence,
+                manifest: options.manifest,
+                frame_timeout: options.frame_timeout,
+            },
+            control: control.to_owned(),
+        })
+    }
+
+    /// Returns captures without checking that their frames follow the sequence, for a caller that does
+    /// so while the next scan is running ([`check_sequence`](crate::host::check_sequence)).
+    #[must_use]
+    pub fn without_checks(self) -> Self {
+        Self {
+            scanner: self.scanner.without_checks(),
+            ..self
+        }
+    }
+
+    /// Returns whether the camera's frames identify themselves.
+    pub fn identifies(&self) -> bool {
+        self.scanner.identifies()
+    }
+
+    /// Returns the sequence that is selected in the device, if it reports it.
+    ///
+    /// # Errors
+    /// Returns an error if the port fails.
+    pub fn selected(&mut self) -> Result<Option<String>> {
+        self.scanner.selected()
+    }
+
+    /// Selects a sequence in the device at once.
+    ///
+    /// # Errors
+    /// Returns an error if the port fails or the device refuses.
+    pub fn restore(&mut self, sequence: &str) -> Result<()> {
+        self.scanner.select(sequence)
+    }
+
+    /// Selects the sequence of the following scans.
+    pub fn select(&mut self, sequence: impl Into<String>) {
+        self.options.sequence = Some(sequence.into());
+    }
+
+    /// Scans once. A run with a missing, repeated, foreign or damaged frame is repeated once.
+    ///
+    /// # Errors
+    /// Returns an error if the device refuses, does not answer, sends invalid data, or keeps failing.
+    pub fn scan(&mut self) -> Result<Capture> {
+        self.scan_with(|_| ())
+    }
+
+    /// Scans once and reports the progress. `progress` may return `ControlFlow::Break(())` to end the
+    /// scan; it is called at least ten times a second while a frame is awaited.
+    ///
+    /// ```
+    /// # fn main() -> Result<(), phasmid::Error> {
+    /// use phasmid::{Device, ScanOptions, Scanner, ServeOptions};
+    /// use phasmid::host::Progress;
+    /// use std::ops::ControlFlow;
+    /// # let device = Device::builder().profile("webcam-grey").scene("plane").build()?;
+    /// # let serving = device.serve(&ServeOptions::default())?;
+    /// # let at = serving.endpoints();
+    /// let mut scanner = Scanner::connect(&at.camera, &at.control, ScanOptions::default())?;
+    /// let ended = scanner.scan_with(|progress| match progress {
+    ///     Progress::Frame { done: 3, .. } => ControlFlow::Break(()),
+    ///     _ => ControlFlow::Continue(()),
+    /// });
+    /// assert!(matches!(ended, Err(phasmid::Error::Interrupted)));
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// Returns [`Error::Interrupted`] if `progress` ended the scan, and the errors of [`Self::scan`].
+    pub fn scan_with<F: Flow>(
+        &mut self,
+        mut progress: impl FnMut(Progress<'_>) -> F,
+    ) -> Result<Capture> {
+        let captured = self.scanner.scan(&self.options, &mut progress);
+        captured.map_err(|e| name_stepped_clock(e, &self.control))
+    }
+
+    /// Returns the truth of the last scan, if the device is emulated: over the service channel that the
+    /// `device.json` beside the control port names.
+    ///
+    /// # Errors
+    /// Returns an error if the device has no service channel, as no physical one has.
+    pub fn truth(&mut self) -> Result<Truth> {
+        let maps = truth_maps(&service_of(&self.control)?)?;
+        Truth::from_maps(maps)
+    }
+
+    /// Closes the ports and lets a camera run again that was free-running before.
+    ///
+    /// # Errors
+    /// Returns an error if the port fails or the device refuses.
+    pub fn finish(self) -> Result<()> {
+        self.scanner.finish()
+    }
+}
+
+/// Maximum time for an answer on the service channel. Frames in flight are finished first.
+#[cfg(unix)]
+const ANSWER: Duration = Duration::from_secs(60);
+
+/// Returns the service channel of the device at a control port.
+///
+/// # Errors
+/// Returns an error if no `device.json` beside the port names one.
+pub(crate) fn service_of(control: &Path) -> Result<PathBuf> {
+    let service = device_json(control).map(|(found, _)| found.service);
+    let service = service.filter(|path| !path.as_os_str().is_empty());
+    service.ok_or_else(|| {
+        Error::input(
+            format!("truth of the device at {}", control.display()),
+            format!(
+                "no {} beside it that names a service channel",
+                endpoints::FILE_NAME
+            ),
+            "an emulated device: a physical one has no truth",
+        )
+    })
+}
+
+/// Asks a device for the truth of its last scan.
+///
+/// # Errors
+/// Returns an error if the service channel cannot be opened or the device refuses.
+#[cfg(unix)]
+pub(crate) fn truth_maps(service: &Path) -> Result<Maps> {
+    ask(&mut connected(service)?, Request::Get(Item::Truth))
+}
+
+#[cfg(not(unix))]
+pub(crate) fn truth_maps(service: &Path) -> Result<Maps> {
+    Err(Error::device(format!(
+        "{}: this system has no Unix sockets",
+        service.display()
+    )))
+}
+
+/// Connects to a device's service channel.
+///
+/// # Errors
+/// Returns an error if the socket cannot be opened.
+#[cfg(unix)]
+pub(crate) fn connected(service: &Path) -> Result<std::os::unix::net::UnixStream> {
+    let io = |e| Error::io(service, e);
+    let stream = std::os::unix::net::UnixStream::connect(service).map_err(io)?;
+    stream.set_read_timeout(Some(ANSWER)).map_err(io)?;
+    stream.set_write_timeout(Some(ANSWER)).map_err(io)?;
+    Ok(stream)
+}
+
+/// Returns the dialect of a control port: as requested, else as the `device.json` beside the port says;
+/// `None` if neither exists.
+fn dialect_of(asked: Option<&str>, control: &Path) -> Result<Option<Dialect>> {
+    if let Some(asked) = asked {
+        return Dialect::load(asked).map(Some);
+    }
+    let Some((found, place)) = device_json(control) else {
+        return Ok(None);
+    };
+    let dialect = found.dialect.as_deref().map(Dialect::load).transpose();
+    dialect.map_err(|e| e.at(place.display()))
+}
+
+/// Returns the `device.json` beside a control port and its path; `None` if there is none, or if it
+/// describes another port.
+fn device_json(control: &Path) -> Option<(Endpoints, PathBuf)> {
+    let folder = control.parent().unwrap_or(Path::new(""));
+    let found = Endpoints::read(folder).ok()?;
+    let own = found.control.file_name() == control.file_name();
+    own.then(|| (found, folder.join(endpoints::FILE_NAME)))
+}
+
+/// Adds to a device's error that its clock is stepped, if the `device.json` beside its control port
+/// says so: a wait on such a device may last until a client advances its clock.
+fn name_stepped_clock(error: Error, control: &Path) -> Error {
+    let (Error::Device(message), Some((found, place))) = (&error, device_json(control)) else {
+        return error;
+    };
+    if found.clock != Some(ClockPace::Stepped) {
+        return error;
+    }
+    Error::device(format!(
+        "{message}; the clock of this device is stepped ({}): it stands still until a client \
+         advances it by {{\"clock\":{{\"step_ns\":N}}}} on {}",
+        place.display(),
+        found.service.display()
+    ))
+}
