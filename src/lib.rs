@@ -2,7 +2,54 @@
 //!
 //! It renders what a real scanner's camera would see, delivers the frames as a camera does, accepts
 //! projector and trigger commands on a serial port, and decodes the frames of any such device,
-//! emulated or physical, into a measured surface. This page is an overview of the crates.
+//! emulated or physical, into a measured surface.
+//!
+//! # Programs of ten lines
+//!
+//! A device in memory, scanned, decoded, and compared with its truth:
+//!
+//! ```
+//! use phasmid::{DecodeOptions, Device};
+//!
+//! let mut device = Device::builder().profile("webcam-grey").scene("sphere").seed(1).build()?;
+//! let capture = device.scan("quick-4")?;
+//! let rig = device.factory_calibration()?;
+//! let decoding = phasmid::decode(&capture, &rig, &DecodeOptions::default())?;
+//! let score = phasmid::compare(&decoding, &device.truth()?, &device.rig())?;
+//! println!("{} points, {:.3} mm RMS", score.points, score.inlier_rmse_mm);
+//! # Ok::<(), phasmid::Error>(())
+//! ```
+//!
+//! The same device behind a serial port and a camera, and any scanner by its addresses:
+//!
+//! ```
+//! # #[cfg(target_os = "linux")]
+//! # fn main() -> Result<(), phasmid::Error> {
+//! use phasmid::{Device, ScanOptions, Scanner, ServeOptions};
+//!
+//! let device = Device::builder().profile("webcam-grey").scene("sphere").build()?;
+//! let serving = device.serve(&ServeOptions::default())?;
+//!
+//! let at = serving.endpoints();
+//! let mut scanner = Scanner::connect(&at.camera, &at.control, ScanOptions::default())?;
+//! let capture = scanner.scan()?;
+//! scanner.finish()?;
+//! # assert_eq!(capture.images.len(), 13);
+//! # Ok(())
+//! # }
+//! # #[cfg(not(target_os = "linux"))]
+//! # fn main() {}
+//! ```
+//!
+//! | call | does |
+//! | --- | --- |
+//! | [`Device`] | an emulated device in memory: scans, truth, moves, faults, links |
+//! | [`Scanner`] | any scanner, by the addresses of its camera and control port |
+//! | [`fn@decode`] | a capture to a surface with a standard deviation for each pixel |
+//! | [`compare`] | a surface against the truth |
+//! | [`fn@calibrate`] | captures of a board to a calibration |
+//!
+//! The rest of this page is an overview of the crates.
 //!
 //! # Device side and host side
 //!
@@ -28,7 +75,7 @@
 //! | device | `render` | [`emulator::render`] | image formation on CPU and GPU, ground truth |
 //! | device | `device` | [`emulator`], `link` | firmware, control port and serial line, faults; the links (Linux only): pty, frame socket, V4L2 node, USB device, service socket, time and scene shared by several devices, replay |
 //! | host | `decode` | [`mod@decode`] | frames to projector coordinates to points |
-//! | host | `calibrate` | [`calibrate`] | board detection, calibration of a rig, pose of a calibrated rig, calibration files and report |
+//! | host | `calibrate` | [`mod@calibrate`] | board detection, calibration of a rig, pose of a calibrated rig, calibration files and report |
 //! | host | `measure` | [`measure`] | distances to ground truth, overlap of solids, registration |
 //! | host | `host` | [`host`] | an application's access to a device: camera, port (SCPI or a dialect), scanner |
 //! | host | `sgrt` | [`host::track`] | patient tracking by the skin surface: six degrees of freedom, tumour position by a motion model, beam hold |
@@ -106,8 +153,8 @@
 mod facade;
 
 pub use facade::{
-    Decoding, Device, DeviceBuilder, ProfileSource, ScanOptions, Scanner, SceneSource, compare,
-    decode,
+    Decoding, Device, DeviceBuilder, ProfileSource, ScanOptions, Scanner, SceneSource, calibrate,
+    compare, decode,
 };
 pub use phasmid_decode::{Capture, Decoder, FrameInfo, Options as DecodeOptions};
 #[cfg(target_os = "linux")]

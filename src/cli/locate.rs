@@ -5,10 +5,10 @@ mod report;
 mod station;
 
 use super::board_args::BoardArgs;
-use super::calibrate::look;
 use super::pods::{Address, PodArgs, Source};
 use super::vector::vector;
 use glam::DVec3;
+use phasmid_calibrate::rig::look;
 use phasmid_calibrate::rig::place;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;

@@ -10,7 +10,7 @@ use phasmid_pattern::{Axis, Image, Manifest};
 use std::path::{Path, PathBuf};
 
 /// Options of the conversion from projector coordinates to points.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub(super) struct MethodArgs {
     /// How to convert projector coordinates to points
     #[arg(long, value_enum, default_value_t = Method::Triangulation)]

@@ -7,6 +7,7 @@
 //! | `backend` | `--backend`, where the render passes run |
 //! | `board_args` | options that describe a calibration board |
 //! | `emulated` | messages about the optics of an emulated device |
+//! | `help` | groups of commands, completions, man pages |
 //! | `interrupt` | Ctrl-C and TERM during a capture |
 //! | `method` | `--method`, from projector coordinates to points |
 //! | `pods` | options that select the pods of a station, and their scans |
@@ -55,6 +56,7 @@ mod doctor;
 #[cfg(target_os = "linux")]
 mod emulated;
 mod faults;
+mod help;
 mod interrupt;
 mod locate;
 mod method;
@@ -78,7 +80,7 @@ mod without_link;
 #[cfg(not(target_os = "linux"))]
 use {without_link as demo, without_link as doctor, without_link as replay, without_link as serve};
 
-use clap::{Parser, Subcommand};
+use clap::{FromArgMatches, Parser, Subcommand};
 use phasmid_core::error::{Error, Result};
 use std::process::ExitCode;
 
@@ -114,6 +116,8 @@ enum Command {
     Faults(faults::Args),
     Study(study::Args),
     Report(report::Args),
+    Completions(help::CompletionsArgs),
+    Man(help::ManArgs),
 }
 
 /// Place in messages about standard output.
@@ -161,7 +165,8 @@ fn step(what: &str) {
 /// Exit status: 0 for success, 1 for a failure of a device or the system, 2 for invalid input.
 pub fn main() -> ExitCode {
     use std::io::{ErrorKind, Write};
-    let cli = match Cli::try_parse() {
+    let parsed = help::command().try_get_matches();
+    let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         // A usage error, or the text of --help or --version.
         Err(answer) => {
@@ -232,5 +237,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Faults(args) => faults::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Completions(args) => help::completions(&args),
+        Command::Man(args) => help::man(&args),
     }
 }

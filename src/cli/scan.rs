@@ -18,6 +18,7 @@ use phasmid_host::{
     scan_free_running,
 };
 use phasmid_pattern::Manifest;
+use phasmid_protocol::Endpoints;
 use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::record::{About, Limits, Recorder, Side};
 use std::ops::ControlFlow;
@@ -25,19 +26,23 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Capture a sequence from a scanner and decode it: frames, manifest, calibration, maps and cloud
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 #[command(
-    after_help = "Example:\n  phasmid scan --camera /dev/video0 --control /dev/ttyACM0 --out scan"
+    after_help = "Examples:\n  phasmid scan --camera /dev/video0 --control /dev/ttyACM0 --out scan\n  \
+                  phasmid scan --run-dir run --out scan"
 )]
 pub(super) struct Args {
     /// Camera: /dev/videoN, socket:PATH or tcp:HOST:PORT. For tcp:, the environment variable
     /// PHASMID_TCP_TOKEN_FILE names the file of the device's --tcp-token.
-    #[arg(long, value_name = "ADDR", required_unless_present = "device")]
+    #[arg(long, value_name = "ADDR", required_unless_present_any = ["device", "run_dir"])]
     camera: Option<String>,
     /// USB device with camera and control port, served over USB/IP: usb:HOST:PORT or
     /// usb:HOST:PORT/BUSID.
     #[arg(long, value_name = "ADDR", conflicts_with_all = ["camera", "control", "capture"])]
     device: Option<String>,
+    /// Directory of a served device, instead of the addresses: its device.json names them.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["camera", "control", "device", "dialect"])]
+    run_dir: Option<PathBuf>,
     /// How to read a V4L2 camera
     #[arg(long, value_name = "HOW", default_value = "auto")]
     capture: How,
@@ -50,7 +55,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "NAME|FILE")]
     dialect: Option<String>,
     /// Folder for the capture and the results.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", default_value = "phasmid-scan")]
     out: PathBuf,
     /// Calibration to use instead of the device's own: calibration.toml, or OpenCV's YAML, XML or
     /// JSON, or SLStudio's formats, with image sizes.
@@ -81,7 +86,7 @@ pub(super) struct Args {
     no_decode: bool,
     /// Also write the truth of each pixel, if the device is emulated (device.json beside --control):
     /// truth.npz, and its depth as truth_depth.png in units of 0.1 mm.
-    #[arg(long, requires = "control")]
+    #[arg(long)]
     truth: bool,
     /// Record every byte and frame with its time, for `phasmid replay` and `phasmid record info`.
     #[arg(long, value_name = "FILE")]
@@ -92,6 +97,19 @@ pub(super) struct Args {
     /// Print the result as JSON.
     #[arg(long)]
     json: bool,
+}
+
+impl Args {
+    /// Returns the arguments with the addresses that the run directory names.
+    fn addressed(&self) -> Result<Self> {
+        let mut args = self.clone();
+        if let Some(dir) = &self.run_dir {
+            let at = Endpoints::read(dir).map_err(|e| e.at("--run-dir"))?;
+            args.camera = Some(at.camera);
+            args.control = Some(at.control.display().to_string());
+        }
+        Ok(args)
+    }
 }
 
 /// How a V4L2 camera is read.
@@ -119,6 +137,7 @@ impl From<How> for CameraDriver {
 const MAX_TIMEOUT_S: f64 = 3600.0;
 
 pub(super) fn run(args: &Args) -> Result<()> {
+    let args = &args.addressed()?;
     let range = 0.001..=MAX_TIMEOUT_S;
     if !range.contains(&args.timeout) {
         return Err(Error::input(
@@ -135,8 +154,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "--control PATH for a triggered device, or --manifest FILE for a free-running camera",
         ));
     }
-    if let Some(control) = args.control.as_deref().filter(|_| args.truth) {
+    if args.truth {
         // Before anything is captured.
+        let control = args.control.as_deref().unwrap_or_default();
         service_of(Path::new(control)).map_err(|e| e.at("--truth"))?;
     }
     let timeout = Duration::from_secs_f64(args.timeout);

@@ -345,3 +345,54 @@ fn place_all(renderer: &mut Renderer, scene: &Scene, objects: &[usize]) -> Resul
         renderer.place(at, object.position_mm, object.rotation_deg)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device(scene: &str) -> Device {
+        let mut profile = Profile::load("webcam-grey").unwrap();
+        (profile.camera.width_px, profile.camera.height_px) = (160, 120);
+        let builder = Device::builder().profile(profile);
+        builder.scene(scene).seed(2).build().unwrap()
+    }
+
+    #[test]
+    fn every_dialect_gives_the_same_scan() {
+        let profile = device("plane").profile().clone();
+        let scan = |dialect: &str| {
+            let builder = Device::builder().profile(profile.clone()).scene("plane");
+            let mut device = builder.seed(2).dialect(dialect).build().unwrap();
+            device.scan("quick-4").unwrap()
+        };
+        let plain = device("plane").scan("quick-4").unwrap();
+        for dialect in ["scpi", "okline", "dlpc350"] {
+            let capture = scan(dialect);
+            assert!(capture.images == plain.images, "{dialect}");
+            assert_eq!(capture.manifest, plain.manifest, "{dialect}");
+        }
+    }
+
+    #[test]
+    fn truth_is_that_of_the_scan_also_after_a_move() {
+        let mut device = device("plane");
+        assert!(device.truth().is_err(), "nothing has been scanned");
+        device.scan("quick-4").unwrap();
+        let center = |truth: &Truth| truth.depth_mm[60 * 160 + 80];
+        let before = center(&device.truth().unwrap());
+        let rotation = device.scene().object[0].rotation_deg;
+        let mut position = device.scene().object[0].position_mm;
+        position[2] -= 100.0;
+        device.place(0, position, rotation).unwrap();
+        assert_eq!(center(&device.truth().unwrap()), before);
+        assert_eq!(center(&device.frame_truth(3).unwrap()), before);
+        let capture = device.scan("quick-4").unwrap();
+        let moved = center(&device.truth().unwrap());
+        assert!((before - moved - 100.0).abs() < 1.0, "{before} {moved}");
+        let error = device.frame_truth(capture.images.len()).unwrap_err();
+        assert!(error.to_string().contains("0 to 12"), "{error}");
+        let error = device.scan("quick-5").unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains("quick-4"), "{error}");
+    }
+}

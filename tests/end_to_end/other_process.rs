@@ -1,6 +1,6 @@
 //! A device in another process, driven only through its ports, against the same device in memory.
 
-use crate::served::{LONG, Served, serve};
+use crate::served::{LONG, Served, phasmid, serve, text};
 use phasmid::{Device, ScanOptions, Scanner};
 
 #[test]
@@ -28,5 +28,65 @@ fn a_device_in_another_process_gives_the_bytes_of_one_in_memory() {
     assert!(
         far[0].images != far[1].images,
         "the noise of each scan differs"
+    );
+}
+
+#[test]
+fn scan_takes_the_addresses_from_the_run_directory_and_writes_the_truth() {
+    let served = Served::start(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let scan = |arguments: &[&str]| {
+        let mut command = phasmid();
+        command.current_dir(&folder).arg("scan").args(arguments);
+        command.output().unwrap()
+    };
+    let run_dir = served.dir.to_str().unwrap();
+    let output = scan(&["--run-dir", run_dir, "--truth"]);
+    assert!(output.status.success(), "{}", text(&output));
+    for name in ["cloud.ply", "truth.npz", "truth_depth.png"] {
+        assert!(
+            folder.path().join("phasmid-scan").join(name).is_file(),
+            "{name}"
+        );
+    }
+    let absent = scan(&["--run-dir", "absent", "--out", "other"]);
+    assert_eq!(absent.status.code(), Some(2), "{}", text(&absent));
+    assert!(text(&absent).contains("--run-dir"), "{}", text(&absent));
+    // The same addresses without their device.json, as a physical device has them.
+    let link = folder.path().join("port");
+    std::os::unix::fs::symlink(&served.at.control, &link).unwrap();
+    let physical = [
+        "--camera",
+        &served.at.camera,
+        "--control",
+        "port",
+        "--truth",
+        "--out",
+        "other",
+    ];
+    let output = scan(&physical);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(
+        text(&output).contains("a physical one has no truth"),
+        "{}",
+        text(&output)
+    );
+}
+
+#[test]
+fn completions_and_help_list_the_commands() {
+    let bash = phasmid().args(["completions", "bash"]).output().unwrap();
+    assert!(
+        bash.status.success() && text(&bash).contains("calibrate"),
+        "{}",
+        text(&bash)
+    );
+    // The bare command says where to start.
+    let bare = phasmid().output().unwrap();
+    assert_eq!(bare.status.code(), Some(2));
+    assert!(
+        text(&bare).contains("Start with `phasmid demo`"),
+        "{}",
+        text(&bare)
     );
 }

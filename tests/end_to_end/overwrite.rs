@@ -18,7 +18,8 @@ const OUT: &str = "@OUT";
 const SINGLE: &str = "years-of-work";
 
 /// Commands that write files; a test below runs each of them.
-const WRITERS: [&str; 14] = [
+const WRITERS: [&str; 15] = [
+    "man",
     "demo",
     "serve",
     "scan",
@@ -41,10 +42,14 @@ fn every_command_that_writes_is_tested() {
     let mut left = vec![String::new()];
     while let Some(command) = left.pop() {
         let help = text(&run(&format!("help {command}")));
-        let subcommands = help.split("\nCommands:\n").nth(1).unwrap_or_default();
+        // The top level lists its commands in groups.
+        let (_, subcommands) = match command.is_empty() {
+            true => help.split_once("\nStart here:\n").unwrap(),
+            false => help.split_once("\nCommands:\n").unwrap_or_default(),
+        };
         let names: Vec<&str> = subcommands
             .lines()
-            .take_while(|line| !line.is_empty())
+            .take_while(|line| !line.is_empty() || command.is_empty())
             .filter_map(|line| line.strip_prefix("  ")?.split(' ').next())
             .filter(|name| !["", "help"].contains(name))
             .collect();
@@ -278,6 +283,13 @@ fn forced_calibration_follows_no_link() {
     assert!(text(&refused).contains("captures"), "{}", text(&refused));
     assert!(tree(elsewhere.path()) == before);
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn man_pages_keep_what_exists() {
+    let pages = written("man --out @OUT");
+    assert!(pages.len() > 40, "{pages:?}");
+    refuses_each("man --out @OUT", pages.iter().take(3));
 }
 
 #[test]

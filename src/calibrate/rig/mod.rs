@@ -10,17 +10,23 @@
 //! projector's coordinates at the corrected points, and repeats until the points no longer move.
 //! [`place`] does the same for the pose of a board with a known rig.
 //!
+//! - `look`: decodes and detects one pose
+//! - `poses`: the poses of a calibration
 //! - `sight`: detection in one pose
 //! - `rounds`: the calibration loop
 //! - `place`: the loop for one board with a known rig
 //! - `checks`: comparison with the nominal rig
 
 mod checks;
+mod look;
 mod place;
+mod poses;
 mod rounds;
 mod sight;
 
+pub use look::{Looked, look};
 pub use place::place;
+pub use poses::{Gathering, Poses};
 pub use rounds::calibrate;
 pub use sight::{PoseData, sight};
 

@@ -1,7 +1,7 @@
 //! Reads poses from folders of captures, which may come from any device.
 
-use super::look::{Looked, look};
-use super::session::{Poses, Session};
+use super::session::{Gathered, Session};
+use phasmid_calibrate::rig::{Looked, look};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{CALIBRATION_FILE, MANIFEST_FILE, Plan, load_frames};
 use phasmid_geometry::board_poses::MOST_POSES;
@@ -20,7 +20,7 @@ pub(super) fn look_at_all(
     board: &Board,
     images: &Path,
     mut progress: impl FnMut(usize, usize),
-) -> Result<Poses> {
+) -> Result<Gathered> {
     let names: Vec<String> = poses.iter().map(|pose| name(pose)).collect();
     let mut session = Session::new(images, &names);
     for (place, (pose, name)) in poses.iter().zip(&names).enumerate() {

@@ -2,13 +2,13 @@
 //! ports, which stay open throughout.
 
 use super::Args;
-use super::look::look;
 use super::scene::scene;
-use super::session::{Poses, Session};
+use super::session::{Gathered, Session};
 use crate::cli::emulated::tell;
 use crate::cli::interrupt::{flow, interrupted};
 use crate::facade::connected;
 use crate::{ScanOptions, Scanner};
+use phasmid_calibrate::rig::look;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::Capture;
 use phasmid_device::Device;
@@ -129,7 +129,7 @@ impl Emulated {
         name: &str,
         folder: &Path,
         progress: impl FnMut(usize, usize),
-    ) -> Result<(Poses, String)> {
+    ) -> Result<(Gathered, String)> {
         let names = self.names();
         let served = self.serve(args, name)?;
         let endpoints = served.endpoints();

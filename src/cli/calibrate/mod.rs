@@ -6,7 +6,6 @@ mod coefficients;
 #[cfg(target_os = "linux")]
 mod emulated;
 mod folder;
-mod look;
 #[cfg(target_os = "linux")]
 mod scene;
 mod session;
@@ -14,8 +13,6 @@ mod session;
 mod without_device;
 #[cfg(not(target_os = "linux"))]
 use without_device as emulated;
-
-pub(super) use look::look;
 
 use super::backend;
 use super::board_args::BoardArgs;
@@ -25,14 +22,14 @@ use folder::Folder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use phasmid_calibrate::files::{Reprojection, write_opencv};
 use phasmid_calibrate::report::{self, About, Summary};
-use phasmid_calibrate::rig::{Calibration, Missed, Task, calibrate};
+use phasmid_calibrate::rig::{Calibration, Missed, Poses};
 use phasmid_calibrate::solve::{Choice, Unsolved};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::replace;
 use phasmid_geometry::Board;
 use phasmid_study::calibration::Truth;
 use serde::Serialize;
-use session::Poses;
+use session::Gathered;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -149,9 +146,10 @@ fn run_captures(args: &Args, folder: &Path) -> Result<()> {
     let poses = captures::poses(folder)?;
     let out = Folder::prepare(args, &[])?.sparing(&poses);
     let bar = progress_bar();
-    let poses = captures::look_at_all(&poses, &board, out.draft(), |done, of| show(&bar, done, of));
+    let looked =
+        captures::look_at_all(&poses, &board, out.draft(), |done, of| show(&bar, done, of));
     bar.finish_and_clear();
-    let poses = poses?;
+    let Gathered { poses, images } = looked?;
     let place = format!("--captures {}", folder.display());
     if poses.poses.is_empty() {
         let (found, allowed) = no_board(&poses, &board);
@@ -159,7 +157,7 @@ fn run_captures(args: &Args, folder: &Path) -> Result<()> {
     }
     let remarks = vec![("captures".to_owned(), folder.display().to_string())];
     let calibration = solve(args, &board, &poses, &place)?;
-    finish(args, out, &calibration, poses.images, remarks, None)
+    finish(args, out, &calibration, images, remarks, None)
 }
 
 fn run_emulated(args: &Args, name: &str) -> Result<()> {
@@ -169,7 +167,7 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
     let bar = progress_bar();
     let scanned = device.scan(args, name, out.draft(), |done, of| show(&bar, done, of));
     bar.finish_and_clear();
-    let (poses, idn) = scanned?;
+    let (Gathered { poses, images }, idn) = scanned?;
     out.keep_captures()?;
     if poses.poses.is_empty() {
         let (found, allowed) = no_board(&poses, device.board());
@@ -207,7 +205,7 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
     let remarks = remarks
         .map(|(name, value)| (name.to_owned(), value))
         .to_vec();
-    finish(args, out, &calibration, poses.images, remarks, Some(&truth))
+    finish(args, out, &calibration, images, remarks, Some(&truth))
 }
 
 /// Returns what was found and what was expected, for the case that no pose shows the board.
@@ -242,23 +240,13 @@ fn reasons(missed: &[Missed]) -> String {
 
 fn solve(args: &Args, board: &Board, poses: &Poses, place: &str) -> Result<Calibration> {
     step("solving");
-    let [camera_px, projector_px] = poses.sizes;
-    let task = Task {
-        board,
-        camera_px,
-        projector_px,
-        nominal: poses.nominal.as_ref(),
-        noise: poses.noise,
-        choice: Choice {
-            camera: args.camera_distortion.0,
-            projector: args.projector_distortion.0,
-            ..Choice::default()
-        },
+    let choice = Choice {
+        camera: args.camera_distortion.0,
+        projector: args.projector_distortion.0,
+        ..Choice::default()
     };
-    let mut calibration = calibrate(&task, &poses.poses, poses.missed.clone())
-        .map_err(|why| unsolved(&why, poses, place))?;
-    calibration.warnings.extend(poses.warnings.iter().cloned());
-    Ok(calibration)
+    let calibration = poses.calibrate(board, choice);
+    calibration.map_err(|why| unsolved(&why, poses, place))
 }
 
 /// Converts a failed solution to an input error, because it takes other poses to resolve it.

@@ -1,7 +1,7 @@
 //! Stand-in for the emulated device in builds without one: only captures can be calibrated.
 
 use super::Args;
-use super::session::Poses;
+use super::session::Gathered;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Board, Pose, Rig};
 use std::path::Path;
@@ -38,7 +38,7 @@ impl Emulated {
         _: &str,
         _: &Path,
         _: impl FnMut(usize, usize),
-    ) -> Result<(Poses, String)> {
+    ) -> Result<(Gathered, String)> {
         match *self {}
     }
 }

@@ -14,13 +14,15 @@ fn help(command: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Returns the names listed under `Commands:` in a help text.
+/// Returns the names listed under `Commands:` in a help text, or in its groups.
 fn subcommands(help: &str) -> Vec<&str> {
+    let grouped = help.contains("\nStart here:\n");
+    let first = if grouped { "Start here:" } else { "Commands:" };
     help.lines()
-        .skip_while(|line| *line != "Commands:")
+        .skip_while(|line| *line != first)
         .skip(1)
-        .take_while(|line| line.starts_with("  "))
-        .filter(|line| !line.starts_with("   "))
+        .take_while(|line| line.starts_with("  ") || grouped)
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
         .filter_map(|line| line.split_whitespace().next())
         .filter(|name| *name != "help")
         .collect()

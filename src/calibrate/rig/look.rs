@@ -1,36 +1,37 @@
 //! Decodes the frames of a pose and detects the board in them.
 
+use super::{PoseData, sight};
+use crate::board::{BoardImage, draw};
 use image::RgbImage;
-use phasmid_calibrate::board::{BoardImage, draw};
-use phasmid_calibrate::rig::{PoseData, sight};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Decoder, Options};
 use phasmid_geometry::{Board, NoiseModel, Rig};
 use phasmid_pattern::{Axis, Image, Manifest};
 
-/// Result for one pose.
-pub(in crate::cli) struct Looked {
+/// What the images of one pose show.
+#[derive(Debug)]
+pub struct Looked {
     /// The points of the board, or why the board was not found.
-    pub(in crate::cli) found: Result<PoseData, String>,
+    pub found: Result<PoseData, String>,
     /// The image, with the detected points drawn into it.
-    pub(in crate::cli) picture: RgbImage,
+    pub picture: RgbImage,
     /// Fraction of the pixels that are saturated in at least one frame.
-    pub(in crate::cli) saturated: f64,
+    pub saturated: f64,
     /// Width and height of the camera's image.
-    pub(in crate::cli) camera_px: [u32; 2],
+    pub camera_px: [u32; 2],
     /// Width and height of the projector's image.
-    pub(in crate::cli) projector_px: [u32; 2],
+    pub projector_px: [u32; 2],
     /// The calibration that the device reports, or that was stored with the capture.
-    pub(in crate::cli) nominal: Option<Rig>,
+    pub nominal: Option<Rig>,
     /// The camera's noise model, if known.
-    pub(in crate::cli) noise: Option<NoiseModel>,
+    pub noise: Option<NoiseModel>,
 }
 
 /// Decodes a pose's frames and detects the board in them.
 ///
 /// # Errors
 /// Returns an error if the sequence does not encode both axes, or the frames do not match it.
-pub(in crate::cli) fn look(
+pub fn look(
     board: &Board,
     name: &str,
     manifest: &Manifest,

@@ -1,0 +1,187 @@
+//! Collects the poses of one calibration.
+
+use super::look::Looked;
+use super::{Calibration, Missed, PoseData, Task, calibrate};
+use crate::solve::{Choice, Unsolved};
+use phasmid_core::error::Result;
+use phasmid_geometry::{Board, NoiseModel, Rig};
+
+/// Minimum number of points with a projector coordinate that a pose needs to constrain the projector.
+const FEWEST_LIT: usize = 6;
+/// Minimum fraction of saturated pixels that is mentioned in messages.
+const SATURATED: f64 = 0.01;
+
+/// Width and height of the camera's and of the projector's images.
+type Sizes = [[u32; 2]; 2];
+
+/// The poses received so far.
+#[derive(Debug)]
+pub struct Gathering {
+    names: Vec<String>,
+    found: Vec<Found>,
+    /// Index of each pose that cannot be used, and the reason.
+    missed: Vec<(usize, String)>,
+}
+
+/// A pose in which the board was found.
+#[derive(Debug)]
+struct Found {
+    place: usize,
+    sizes: Sizes,
+    data: PoseData,
+    nominal: Option<Rig>,
+    noise: Option<NoiseModel>,
+    saturated: f64,
+}
+
+/// The poses of a calibration, all with images of the same sizes.
+#[derive(Debug)]
+pub struct Poses {
+    /// Indices of the poses with a board, among all poses.
+    pub places: Vec<usize>,
+    /// The points of the board in each.
+    pub poses: Vec<PoseData>,
+    /// Poses that cannot be used.
+    pub missed: Vec<Missed>,
+    /// Warnings about the usable poses.
+    pub warnings: Vec<String>,
+    /// Width and height of the camera's and of the projector's images.
+    pub sizes: Sizes,
+    /// The calibration that came with the images, if any.
+    pub nominal: Option<Rig>,
+    /// The camera's noise model, if known.
+    pub noise: Option<NoiseModel>,
+}
+
+impl Gathering {
+    /// Starts without poses; `names` are the names of all expected poses in order.
+    pub fn new(names: Vec<String>) -> Self {
+        Self {
+            names,
+            found: Vec::new(),
+            missed: Vec::new(),
+        }
+    }
+
+    /// Adds a pose by its index among the names. A pose that is invalid or shows no board is noted, and
+    /// the calibration continues with the others.
+    pub fn take(&mut self, place: usize, looked: Result<Looked>) {
+        let looked = match looked {
+            Ok(looked) => looked,
+            Err(why) => {
+                self.missed.push((place, why.to_string()));
+                return;
+            }
+        };
+        match looked.found {
+            Err(why) => {
+                let why = format!("{why}{}", saturation(looked.saturated));
+                self.missed.push((place, why));
+            }
+            Ok(data) => self.found.push(Found {
+                place,
+                sizes: [looked.camera_px, looked.projector_px],
+                data,
+                nominal: looked.nominal,
+                noise: looked.noise,
+                saturated: looked.saturated,
+            }),
+        }
+    }
+
+    /// Excludes poses whose images differ in size from most others, and returns the rest.
+    pub fn finish(self) -> Poses {
+        let Self {
+            names,
+            found,
+            mut missed,
+        } = self;
+        let many = |sizes: Sizes| found.iter().filter(|pose| pose.sizes == sizes).count();
+        // Prefer the first of equal counts: `max_by_key` returns the last one, so reverse the
+        // order.
+        let most = found.iter().rev().max_by_key(|pose| many(pose.sizes));
+        let sizes = most.map(|pose| pose.sizes).unwrap_or_default();
+        let mut poses = Poses {
+            places: Vec::new(),
+            poses: Vec::new(),
+            missed: Vec::new(),
+            warnings: Vec::new(),
+            sizes,
+            nominal: None,
+            noise: None,
+        };
+        for pose in found {
+            if pose.sizes != sizes {
+                missed.push((pose.place, other_size(pose.sizes, sizes)));
+                continue;
+            }
+            poses.warnings.extend(unlit(&pose));
+            poses.places.push(pose.place);
+            poses.poses.push(pose.data);
+            poses.nominal = poses.nominal.or(pose.nominal);
+            poses.noise = poses.noise.or(pose.noise);
+        }
+        missed.sort_by_key(|(place, _)| *place);
+        let named = |(place, why): (usize, String)| Missed {
+            name: names.get(place).cloned().unwrap_or_default(),
+            why,
+        };
+        poses.missed = missed.into_iter().map(named).collect();
+        poses
+    }
+}
+
+impl Poses {
+    /// Solves for the rig.
+    ///
+    /// # Errors
+    /// Returns an error if the poses do not determine it.
+    pub fn calibrate(&self, board: &Board, choice: Choice) -> Result<Calibration, Unsolved> {
+        let [camera_px, projector_px] = self.sizes;
+        let task = Task {
+            board,
+            camera_px,
+            projector_px,
+            nominal: self.nominal.as_ref(),
+            noise: self.noise,
+            choice,
+        };
+        let mut calibration = calibrate(&task, &self.poses, self.missed.clone())?;
+        calibration.warnings.extend(self.warnings.iter().cloned());
+        Ok(calibration)
+    }
+}
+
+/// Returns a warning if too few points of the board are lit and pixels are saturated. The solver
+/// reports other causes.
+fn unlit(pose: &Found) -> Option<String> {
+    let (lit, all) = (pose.data.lit(), pose.data.seen.len());
+    let (name, why) = (&pose.data.name, saturation(pose.saturated));
+    (lit < FEWEST_LIT && !why.is_empty())
+        .then(|| format!("{name}: {lit} of its {all} points have a projector coordinate{why}"))
+}
+
+/// Describes saturated pixels; empty if there are few.
+fn saturation(share: f64) -> String {
+    match share >= SATURATED {
+        true => format!(
+            "; {:.0} % of the pixels are saturated: shorten the exposure",
+            100.0 * share
+        ),
+        false => String::new(),
+    }
+}
+
+fn other_size(found: Sizes, wanted: Sizes) -> String {
+    let words = |[camera, projector]: Sizes| {
+        format!(
+            "camera {} x {}, projector {} x {} pixels",
+            camera[0], camera[1], projector[0], projector[1]
+        )
+    };
+    format!(
+        "images of another size: {}; expected {}, as most poses have",
+        words(found),
+        words(wanted)
+    )
+}

@@ -1,0 +1,131 @@
+//! The commands in groups, as the help lists them; completions for shells, and man pages.
+
+use super::Cli;
+use clap::CommandFactory;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file;
+use phasmid_core::output_folder::OutputFolder;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// All commands in groups.
+const GROUPS: [(&str, &[&str]); 8] = [
+    ("Start here", &["demo"]),
+    (
+        "Devices",
+        &[
+            "serve", "profile", "scene", "dialect", "faults", "plan", "bench",
+        ],
+    ),
+    ("Host", &["scan", "camera"]),
+    ("Calibration", &["calibrate", "board"]),
+    ("Radiotherapy", &["patient", "locate", "track"]),
+    ("Data", &["decode", "compare", "record", "replay"]),
+    ("Studies", &["study", "report"]),
+    ("This machine", &["doctor", "completions", "man"]),
+];
+
+/// Write completions for a shell to standard output
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid completions bash > phasmid.bash")]
+pub(super) struct CompletionsArgs {
+    /// Shell to complete for
+    shell: clap_complete::Shell,
+}
+
+/// Write man pages, one for each command
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  phasmid man --out man1")]
+pub(super) struct ManArgs {
+    /// Folder for the pages; it is made if it does not exist
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Overwrite existing pages
+    #[arg(long)]
+    force: bool,
+}
+
+/// Returns the command line, with a help that lists the commands in groups.
+pub(super) fn command() -> clap::Command {
+    let command = Cli::command();
+    let about = |name: &str| {
+        let about = command.find_subcommand(name).and_then(|c| c.get_about());
+        about.map(ToString::to_string).unwrap_or_default()
+    };
+    let mut list = String::new();
+    for (group, names) in GROUPS {
+        list += &format!("{group}:\n");
+        for name in names {
+            list += &format!("  {name:<13}{}\n", about(name));
+        }
+        list.push('\n');
+    }
+    list += "Start with `phasmid demo`; `phasmid COMMAND --help` explains a command.";
+    let template = "{about}\n\n{usage-heading} {usage}\n\nOptions:\n{options}\n\n{after-help}\n";
+    command.help_template(template).after_help(list)
+}
+
+pub(super) fn completions(args: &CompletionsArgs) -> Result<()> {
+    let mut text = Vec::new();
+    clap_complete::generate(args.shell, &mut Cli::command(), "phasmid", &mut text);
+    print!("{}", String::from_utf8_lossy(&text));
+    Ok(())
+}
+
+pub(super) fn man(args: &ManArgs) -> Result<()> {
+    let mut command = Cli::command();
+    command.build();
+    let mut pages = Vec::new();
+    let mut open = vec![(command, "phasmid".to_owned())];
+    while let Some((command, name)) = open.pop() {
+        for inner in command.get_subcommands().filter(|c| c.get_name() != "help") {
+            open.push((inner.clone(), format!("{name}-{}", inner.get_name())));
+        }
+        let mut page = Vec::new();
+        let rendered = clap_mangen::Man::new(command.name(name.clone())).render(&mut page);
+        rendered.map_err(|e| Error::io(&args.out, e))?;
+        pages.push((format!("{name}.1"), page));
+    }
+    new_file::check_folder(&args.out, pages.iter().map(|(file, _)| file), args.force)?;
+    let folder = OutputFolder::create(&args.out, args.force)?;
+    for (file, page) in &pages {
+        new_file::replace(&folder.draft().join(file), |out| out.write_all(page))?;
+    }
+    folder.finish(pages.iter().map(|(file, _)| file), None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_is_in_one_group() {
+        let mut grouped: Vec<&str> = GROUPS
+            .iter()
+            .flat_map(|(_, names)| *names)
+            .copied()
+            .collect();
+        grouped.sort_unstable();
+        let command = Cli::command();
+        let mut names: Vec<&str> = command
+            .get_subcommands()
+            .map(clap::Command::get_name)
+            .collect();
+        names.sort_unstable();
+        assert_eq!(grouped, names);
+    }
+
+    #[test]
+    fn man_pages_are_written_for_all_commands_and_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let args = ManArgs {
+            out: folder.path().join("man1"),
+            force: false,
+        };
+        man(&args).unwrap();
+        let page = |name: &str| std::fs::read_to_string(args.out.join(name)).unwrap();
+        assert!(page("phasmid.1").contains("phasmid\\-demo"));
+        assert!(page("phasmid-profile-check.1").contains("SYNOPSIS"));
+        assert!(man(&args).is_err());
+    }
+}
