@@ -61,7 +61,7 @@ pub(super) fn command() -> clap::Command {
         list.push('\n');
     }
     list += "Start with `phasmid demo`; `phasmid COMMAND --help` explains a command.";
-    let template = "{about}\n\n{usage-heading} {usage}\n\nOptions:\n{options}\n\n{after-help}\n";
+    let template = "{about}\n\n{usage-heading} {usage}\n\nOptions:\n{options}{after-help}\n";
     command.help_template(template).after_help(list)
 }
 

@@ -1,10 +1,15 @@
 //! Ctrl-C and TERM during a capture: the scan ends as after any other failure and restores the device. A
 //! second signal exits at once.
 
+use phasmid_core::error::{Error, Result};
 use std::ops::ControlFlow;
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
 
+/// Time between two looks at the signals.
+const POLL: Duration = Duration::from_millis(50);
 /// Exit status of a program that SIGINT has ended, as in shells: 128 + 2.
 const INTERRUPTED: i32 = 130;
 
@@ -24,6 +29,48 @@ pub(super) fn flow() -> ControlFlow<()> {
     match interrupted() {
         true => ControlFlow::Break(()),
         false => ControlFlow::Continue(()),
+    }
+}
+
+/// Lets the signals end what follows at the next [`check`] or [`flow`], instead of the program.
+pub(super) fn watch_signals() {
+    let _ = flow();
+}
+
+/// Returns an error if Ctrl-C or TERM has come.
+///
+/// # Errors
+/// [`Error::Interrupted`].
+pub(super) fn check() -> Result<()> {
+    match interrupted() {
+        true => Err(Error::Interrupted),
+        false => Ok(()),
+    }
+}
+
+/// Waits for a result that another thread computes, but no longer than until one of the signals.
+///
+/// # Errors
+/// Returns the error of the work, or [`Error::Interrupted`].
+pub(super) fn unless_interrupted<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T> + Send + 'static,
+) -> Result<T> {
+    let (done, waiting) = mpsc::channel();
+    let thread = std::thread::Builder::new().spawn(move || {
+        let _ = done.send(work());
+    });
+    thread.map_err(|e| Error::io("a thread that waits for an answer", e))?;
+    loop {
+        check()?;
+        match waiting.recv_timeout(POLL) {
+            Ok(result) => return result,
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(Error::device(
+                    "the thread that waits for an answer panicked",
+                ));
+            }
+        }
     }
 }
 

@@ -1,9 +1,9 @@
 //! `phasmid scan`: captures a sequence from any reachable device, and decodes it.
 
 use super::decode::HeldArg;
-use super::interrupt::flow;
+use super::interrupt::{check, flow, unless_interrupted, watch_signals};
 use super::method::MethodArgs;
-use crate::facade::service_of;
+use crate::facade::{endpoints_in, service_of, truth_maps};
 use crate::{ScanOptions, Scanner, Truth};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use phasmid_calibrate::files::read_rig;
@@ -18,7 +18,6 @@ use phasmid_host::{
     scan_free_running,
 };
 use phasmid_pattern::Manifest;
-use phasmid_protocol::Endpoints;
 use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::record::{About, Limits, Recorder, Side};
 use std::ops::ControlFlow;
@@ -104,7 +103,7 @@ impl Args {
     fn addressed(&self) -> Result<Self> {
         let mut args = self.clone();
         if let Some(dir) = &self.run_dir {
-            let at = Endpoints::read(dir).map_err(|e| e.at("--run-dir"))?;
+            let at = endpoints_in(dir).map_err(|e| e.at("--run-dir"))?;
             args.camera = Some(at.camera);
             args.control = Some(at.control.display().to_string());
         }
@@ -156,7 +155,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     if args.truth {
         // Before anything is captured.
-        let control = args.control.as_deref().unwrap_or_default();
+        let Some(control) = &args.control else {
+            let allowed = "--control or --run-dir of an emulated device";
+            return Err(Error::input("--truth", "no control port", allowed));
+        };
         service_of(Path::new(control)).map_err(|e| e.at("--truth"))?;
     }
     let timeout = Duration::from_secs_f64(args.timeout);
@@ -181,11 +183,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         UsbAddress::parse(device, &format!("--device {device}"))?;
     }
     let free = args.device.is_none() && args.control.is_none();
-    let (captured, truth) = match &manifest {
-        Some(manifest) if free => {
-            let captured = capture_free(args, address, manifest, timeout, given, tape)?;
-            (captured, None)
-        }
+    watch_signals();
+    let captured = match &manifest {
+        Some(manifest) if free => capture_free(args, address, manifest, timeout, given, tape)?,
         _ => {
             let options = ScanOptions {
                 sequence: args.sequence.clone(),
@@ -198,7 +198,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             };
             let control = args.control.as_deref().unwrap_or_default();
             let scanner = Scanner::recorded(address, control, options, tape);
-            let captured = scanner.and_then(|scanner| capture(scanner, args.truth));
+            let captured = scanner.and_then(capture);
             captured.map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))?
         }
     };
@@ -210,9 +210,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let folder = OutputFolder::create(&args.out, args.force)?;
     captured.write(folder.draft())?;
-    if let Some(truth) = &truth {
-        write_truth(folder.draft(), truth)?;
-    }
+    // The capture is kept if this fails.
+    let truth = match &args.control {
+        Some(control) if args.truth => truth_into(folder.draft(), control),
+        _ => Ok(()),
+    };
+    check()?;
     let mut earlier = Capture::frames_in(&args.out)?;
     let replaces = !earlier.is_empty() || args.out.join(MANIFEST_FILE).exists();
     earlier.extend(output_names().iter().map(PathBuf::from));
@@ -234,6 +237,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             return Err(why.at(place));
         }
     };
+    truth.map_err(|e| e.at(format!("--truth (capture kept in {})", args.out.display())))?;
     let of_maps = decoding
         .as_ref()
         .and_then(|decoding| decoding.doubt.clone());
@@ -280,22 +284,25 @@ pub(super) fn write_truth(folder: &Path, truth: &Truth) -> Result<()> {
     truth.write_depth_png(&folder.join(TRUTH[1]))
 }
 
-/// Scans with a progress bar on a terminal, and asks for the truth if wanted. Ctrl-C ends the scan.
+/// Asks an emulated device for the truth and writes its files into a folder.
+fn truth_into(folder: &Path, control: &str) -> Result<()> {
+    let service = service_of(Path::new(control))?;
+    let maps = unless_interrupted(move || truth_maps(&service))?;
+    write_truth(folder, &Truth::from_maps(maps)?)
+}
+
+/// Scans with a progress bar on a terminal. Ctrl-C ends the scan.
 ///
 /// # Errors
-/// Returns an error as [`Scanner::scan`] and [`Scanner::truth`] do.
-pub(super) fn capture(mut scanner: Scanner, truth: bool) -> Result<(Capture, Option<Truth>)> {
+/// Returns an error as [`Scanner::scan`] does.
+pub(super) fn capture(mut scanner: Scanner) -> Result<Capture> {
     let bar = progress_bar();
     let captured = scanner.scan_with(|progress| show(&bar, progress));
     bar.finish_and_clear();
-    let truth = match truth && captured.is_ok() {
-        true => scanner.truth().map(Some),
-        false => Ok(None),
-    };
     let finished = scanner.finish();
     let captured = captured?;
     finished?;
-    Ok((captured, truth?))
+    Ok(captured)
 }
 
 /// Captures from a free-running camera, without a control port.

@@ -2,30 +2,44 @@
 
 use crate::error::{Error, Result};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// A request to end a long call early. Clones are the same request.
 ///
 /// The call returns [`Error::Interrupted`] within a fraction of a second, and so do later ones until
 /// [`Self::reset`].
 #[derive(Debug, Clone, Default)]
-pub struct Stop(Arc<AtomicBool>);
+pub struct Stop(Arc<Request>);
+
+#[derive(Debug, Default)]
+struct Request {
+    asked: AtomicBool,
+    /// How often it has been asked.
+    times: AtomicU64,
+}
 
 impl Stop {
     /// Asks the calls to end.
     pub fn ask(&self) {
-        self.0.store(true, Ordering::Relaxed);
+        self.0.times.fetch_add(1, Ordering::SeqCst);
+        self.0.asked.store(true, Ordering::SeqCst);
     }
 
     /// Lets later calls run again.
     pub fn reset(&self) {
-        self.0.store(false, Ordering::Relaxed);
+        self.0.asked.store(false, Ordering::SeqCst);
     }
 
     /// Returns whether the calls have been asked to end.
     #[inline]
     pub fn is_asked(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.0.asked.load(Ordering::Relaxed)
+    }
+
+    /// Returns how often calls have been asked to end. A call whose number changes meanwhile has been
+    /// asked, even if the request was taken back.
+    pub fn times(&self) -> u64 {
+        self.0.times.load(Ordering::SeqCst)
     }
 
     /// Returns an error if the calls have been asked to end.

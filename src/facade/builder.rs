@@ -76,8 +76,8 @@ pub struct DeviceBuilder {
     scene: SceneSource,
     seed: u64,
     options: Options,
-    noise: bool,
-    exact_calibration: bool,
+    noise: Option<bool>,
+    exact_calibration: Option<bool>,
     dialect: Option<String>,
     sequences: Vec<PathBuf>,
     schedule: Schedule,
@@ -91,8 +91,8 @@ impl Default for DeviceBuilder {
             scene: "torso".into(),
             seed: 0,
             options: Options::default(),
-            noise: true,
-            exact_calibration: false,
+            noise: None,
+            exact_calibration: None,
             dialect: None,
             sequences: Vec::new(),
             schedule: Schedule::default(),
@@ -139,15 +139,16 @@ impl DeviceBuilder {
         self
     }
 
-    /// Sets whether the sensor has noise; it has by default.
+    /// Sets whether the sensor has noise, instead of what the profile says.
     pub fn noise(mut self, noise: bool) -> Self {
-        self.noise = noise;
+        self.noise = Some(noise);
         self
     }
 
-    /// Lets the device report its exact rig instead of a factory calibration with errors.
+    /// Sets whether the device reports its exact rig instead of a factory calibration with errors, instead of
+    /// what the profile says.
     pub fn exact_calibration(mut self, exact: bool) -> Self {
-        self.exact_calibration = exact;
+        self.exact_calibration = Some(exact);
         self
     }
 
@@ -180,7 +181,8 @@ impl DeviceBuilder {
     /// Builds the device and switches it on.
     ///
     /// # Errors
-    /// Returns all that is wrong: with the profile, the scene, the dialect, a sequence or an option.
+    /// Returns all that is wrong with the profile, the scene, the dialect, the files of sequences and the
+    /// options; or what is wrong with their combination or with a fault.
     pub fn build(self) -> Result<Device> {
         let mut wrong = Vec::new();
         let mut keep = |error: Error| wrong.push(error);
@@ -199,8 +201,12 @@ impl DeviceBuilder {
         else {
             return Err(Error::several(wrong));
         };
-        profile.camera.sensor.noiseless |= !self.noise;
-        profile.factory_calibration.exact |= self.exact_calibration;
+        if let Some(noise) = self.noise {
+            profile.camera.sensor.noiseless = !noise;
+        }
+        if let Some(exact) = self.exact_calibration {
+            profile.factory_calibration.exact = exact;
+        }
         if let Some(name) = &self.dialect {
             // A path is relative to the working directory, not to the profile.
             profile.control.dialect = Dialect::from_anywhere(name);

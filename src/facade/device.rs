@@ -131,10 +131,14 @@ impl Device {
             manifest: None,
             frame_timeout: PATIENCE,
         };
+        let (stop, asked) = (self.stop(), self.stop().times());
         let captured = scanner.scan(&options, &mut progress);
         let finished = scanner.finish();
         let captured = captured?;
         finished?;
+        if stop.times() != asked {
+            return Err(Error::Interrupted);
+        }
         self.last = Some(Last {
             sequence: self.desk.with(|device| device.shots()),
             scene: self.scene.clone(),
@@ -240,11 +244,15 @@ impl Device {
             return Err(Error::device("no scan has been made that has a truth"));
         };
         self.desk.with(|device| {
+            let (stop, asked) = (device.renderer.stop(), device.renderer.stop().times());
             place_all(&mut device.renderer, &last.scene, &last.moved)?;
             let truth = of(&mut device.renderer, &last.sequence);
             place_all(&mut device.renderer, &self.scene, &last.moved)?;
-            device.renderer.stop().check()?;
-            Ok(truth)
+            stop.check()?;
+            match stop.times() == asked {
+                true => Ok(truth),
+                false => Err(Error::Interrupted),
+            }
         })
     }
 
@@ -269,7 +277,8 @@ impl Device {
     ) -> Result<()> {
         self.desk.with(|device| {
             let renderer = &mut device.renderer;
-            renderer.place(object, position_mm, rotation_deg)
+            renderer.place(object, position_mm, rotation_deg)?;
+            device.scene.place(object, position_mm, rotation_deg)
         })?;
         self.scene.place(object, position_mm, rotation_deg)?;
         if let Some(last) = &mut self.last
@@ -394,5 +403,35 @@ mod tests {
         let error = device.scan("quick-5").unwrap_err();
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("quick-4"), "{error}");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn device_used_in_memory_is_served_from_its_time_and_scene_on() {
+        use crate::{ScanOptions, Scanner};
+        let mut device = device("plane");
+        device.scan("quick-4").unwrap();
+        let mut position = device.scene().object[0].position_mm;
+        position[2] -= 100.0;
+        device.place(0, position, [0.0; 3]).unwrap();
+        // Longer than a host waits.
+        device.wait(Duration::from_secs(3600));
+        let stop = device.stop();
+        let serving = device.serve(&ServeOptions::default()).unwrap();
+        // No longer concerns the device.
+        stop.ask();
+        let at = serving.endpoints();
+        let options = ScanOptions {
+            frame_timeout: Duration::from_secs(60),
+            ..ScanOptions::default()
+        };
+        let mut scanner = Scanner::connect(&at.camera, &at.control, options).unwrap();
+        let capture = scanner.scan().unwrap();
+        assert!(capture.frames[0].exposure_start_ns > 3_600_000_000_000);
+        let truth = scanner.truth().unwrap();
+        let depth = f64::from(truth.depth_mm[60 * 160 + 80]);
+        assert!((depth - position[2]).abs() < 1.0, "{depth}");
+        scanner.finish().unwrap();
+        serving.stop().unwrap();
     }
 }

@@ -19,7 +19,17 @@ pub use builder::{DeviceBuilder, ProfileSource, SceneSource};
 pub use calibrate::calibrate;
 pub use decode::{Decoding, compare, decode};
 pub use device::Device;
-pub(crate) use scanner::service_of;
-pub use scanner::{ScanOptions, Scanner};
 #[cfg(target_os = "linux")]
-pub(crate) use scanner::{connected, truth_maps};
+pub(crate) use scanner::connected;
+pub use scanner::{ScanOptions, Scanner};
+pub(crate) use scanner::{endpoints_in, service_of, truth_maps};
+
+// Values that a program moves between its threads.
+const _: fn() = || {
+    fn is_send<T: Send>() {}
+    is_send::<Device>();
+    is_send::<Scanner>();
+    is_send::<Decoding>();
+    #[cfg(target_os = "linux")]
+    is_send::<crate::Serving>();
+};

@@ -56,7 +56,7 @@ impl Default for ScanOptions {
     }
 }
 
-type AnyScanner = phasmid_host::Scanner<Box<dyn Camera>, Box<dyn CommandPort>>;
+type AnyScanner = phasmid_host::Scanner<Box<dyn Camera + Send>, Box<dyn CommandPort + Send>>;
 
 /// A scanner, emulated or physical, with an open camera and control port.
 ///
@@ -92,7 +92,8 @@ impl fmt::Debug for Scanner {
 impl Scanner {
     /// Connects to the camera and the control port of a device. The camera's address is `/dev/videoN`,
     /// `socket:PATH` or `tcp:HOST:PORT`, the port's the path of a serial port. A device behind
-    /// `usb:HOST:PORT/BUSID` has that address for both.
+    /// `usb:HOST:PORT/BUSID` has its control port there as well; `control` then only tells where to look for
+    /// its `device.json`.
     ///
     /// A free-running camera is stopped; [`Self::finish`] lets it run again.
     ///
@@ -107,7 +108,7 @@ impl Scanner {
     /// # Errors
     /// Returns an error if the directory has no `device.json`, or an error of [`Self::connect`].
     pub fn of_run_dir(run_dir: impl AsRef<Path>, options: ScanOptions) -> Result<Self> {
-        let at = Endpoints::read(run_dir.as_ref())?;
+        let at = endpoints_in(run_dir.as_ref())?;
         Self::connect(&at.camera, &at.control, options)
     }
 
@@ -122,13 +123,13 @@ impl Scanner {
         let place = control.display().to_string();
         let dialect = dialect_of(options.dialect.as_deref(), control)?;
         let timeout = options.reply_timeout;
-        let record = |camera: Box<dyn Camera>| -> Box<dyn Camera> {
+        let record = |camera: Box<dyn Camera + Send>| -> Box<dyn Camera + Send> {
             Box::new(RecordedCamera::new(camera, tape.clone()))
         };
         let scanner = if camera.starts_with("usb:") {
             let address = UsbAddress::parse(camera, camera)?;
             let device = Arc::new(UsbDevice::open(&address, timeout)?);
-            let port: Box<dyn CommandPort> =
+            let port: Box<dyn CommandPort + Send> =
                 Box::new(RecordedPort::new(UsbPort::open(&device)?, tape.clone()));
             AnyScanner::with_dialect(port, dialect, timeout, || {
                 Ok(record(Box::new(Intake::new(UsbCamera::open(
@@ -136,7 +137,7 @@ impl Scanner {
                 )?))))
             })
         } else {
-            let port: Box<dyn CommandPort> =
+            let port: Box<dyn CommandPort + Send> =
                 Box::new(RecordedPort::new(SerialPort::open(&place)?, tape.clone()));
             AnyScanner::with_dialect(port, dialect, timeout, || {
                 open_camera(camera, options.driver, timeout).map(record)
@@ -232,8 +233,9 @@ impl Scanner {
         captured.map_err(|e| name_stepped_clock(e, &self.control))
     }
 
-    /// Returns the truth of the last scan, if the device is emulated: over the service channel that the
-    /// `device.json` beside the control port names.
+    /// Returns the truth of the selected sequence with the scene as it stands now, so ask right after a
+    /// scan. The device must be emulated: the `device.json` beside its control port names its service
+    /// channel.
     ///
     /// # Errors
     /// Returns an error if the device has no service channel, as no physical one has.
@@ -249,6 +251,47 @@ impl Scanner {
     pub fn finish(self) -> Result<()> {
         self.scanner.finish()
     }
+}
+
+/// Returns where the device that is served from a run directory can be reached.
+///
+/// # Errors
+/// Returns an error if the directory has no `device.json`, or if its device no longer runs: its port may
+/// be another terminal by now.
+pub(crate) fn endpoints_in(run_dir: &Path) -> Result<Endpoints> {
+    let place = run_dir.display();
+    let expected = "the run directory of a device that is being served";
+    if !run_dir.join(endpoints::FILE_NAME).is_file() {
+        let inside = std::fs::read_dir(run_dir).into_iter().flatten().flatten();
+        let devices = inside.filter(|e| e.path().join(endpoints::FILE_NAME).is_file());
+        let mut names: Vec<_> = devices.map(|e| e.path().display().to_string()).collect();
+        names.sort();
+        let expected = match names.is_empty() {
+            true => expected.to_owned(),
+            false => format!("one of {}", names.join(", ")),
+        };
+        let found = format!("no {} in it", endpoints::FILE_NAME);
+        return Err(Error::input(place, found, expected));
+    }
+    let found = Endpoints::read(run_dir)?;
+    if !is_served(run_dir) {
+        let found = format!("its device (process {}) no longer runs", found.pid);
+        return Err(Error::input(place, found, expected));
+    }
+    Ok(found)
+}
+
+/// Returns whether a device holds the lock of its run directory.
+#[cfg(unix)]
+fn is_served(run_dir: &Path) -> bool {
+    use rustix::fs::{FlockOperation, flock};
+    std::fs::File::open(run_dir)
+        .is_ok_and(|dir| flock(&dir, FlockOperation::NonBlockingLockShared).is_err())
+}
+
+#[cfg(not(unix))]
+fn is_served(_: &Path) -> bool {
+    true
 }
 
 /// Maximum time for an answer on the service channel. Frames in flight are finished first.

@@ -178,6 +178,11 @@ impl Renderer {
         self.worlds.stop.clone()
     }
 
+    /// Replaces the request by a new one; earlier copies no longer concern this renderer.
+    pub fn renew_stop(&mut self) {
+        self.worlds.stop = Stop::default();
+    }
+
     /// Returns the number of triangles in the scene.
     pub fn triangle_count(&self) -> usize {
         self.worlds.any().triangle_count()
@@ -207,10 +212,12 @@ impl Renderer {
         if self.geometry_done {
             return false;
         }
+        let asked = self.worlds.stop.times();
         let mut buffer = std::mem::take(&mut self.buffer);
         self.trace(&mut buffer);
         self.buffer = buffer;
-        self.geometry_done = !self.worlds.stop.is_asked();
+        let stop = &self.worlds.stop;
+        self.geometry_done = !stop.is_asked() && stop.times() == asked;
         true
     }
 

@@ -25,8 +25,8 @@ pub struct Truth {
     pub object: Vec<u16>,
     /// Fraction of light that the surface reflects diffusely, averaged over the pixel's footprint.
     pub albedo: Vec<f32>,
-    /// Irradiance on the surface from the projector's full white, in W/m^2; 0 in shadow and outside
-    /// the projector's field.
+    /// Irradiance on the surface from the projector's full white, in W/m^2, without the projector's blur;
+    /// 0 in shadow and outside its field.
     pub irradiance_w_m2: Vec<f32>,
     /// Noise-free signal in digital numbers, black level included, averaged over the fringes.
     pub mean_dn: Vec<f32>,

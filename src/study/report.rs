@@ -27,6 +27,8 @@ pub struct Summary {
     pub profile: String,
     /// Scene as it was chosen.
     pub scene: String,
+    /// Whether the truth was written as well.
+    pub truth: bool,
     /// Seed of the noise.
     pub seed: u64,
     /// Whether the sensor's noise was on.

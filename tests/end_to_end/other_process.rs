@@ -73,6 +73,45 @@ fn scan_takes_the_addresses_from_the_run_directory_and_writes_the_truth() {
     );
 }
 
+/// The port of a killed device may be another terminal by now, so it must not be opened.
+#[test]
+fn scan_refuses_the_run_directory_of_a_killed_device() {
+    let mut served = Served::start(&[]);
+    served.child.kill().unwrap();
+    served.child.wait().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = phasmid();
+    command.current_dir(&folder).args(["scan", "--run-dir"]);
+    let output = command.arg(&served.dir).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(
+        text(&output).contains("no longer runs"),
+        "{}",
+        text(&output)
+    );
+    let parent = served.dir.parent().unwrap();
+    let output = phasmid()
+        .args(["scan", "--run-dir", parent.to_str().unwrap()])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(
+        text(&output).contains("expected one of"),
+        "{}",
+        text(&output)
+    );
+}
+
+#[test]
+fn run_directory_that_device_json_cannot_name_is_refused() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path().join(std::ffi::OsStr::from_bytes(b"run-\xff"));
+    let output = serve().arg("--run-dir").arg(dir).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert_eq!(text(&output).trim().lines().count(), 1, "{}", text(&output));
+}
+
 #[test]
 fn completions_and_help_list_the_commands() {
     let bash = phasmid().args(["completions", "bash"]).output().unwrap();

@@ -5,7 +5,7 @@ use super::Args;
 use super::scene::scene;
 use super::session::{Gathered, Session};
 use crate::cli::emulated::tell;
-use crate::cli::interrupt::{flow, interrupted};
+use crate::cli::interrupt::{check, flow, interrupted};
 use crate::facade::connected;
 use crate::{ScanOptions, Scanner};
 use phasmid_calibrate::rig::look;
@@ -177,6 +177,7 @@ impl Emulated {
             .options(render_options(args));
         let mut device = device.build()?;
         tell(name, &mut device)?;
+        check()?;
         device.serve(&ServeOptions {
             clock: ClockPace::Fast,
             notice: |text| eprintln!("phasmid: {text}"),

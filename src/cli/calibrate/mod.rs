@@ -16,6 +16,7 @@ use without_device as emulated;
 
 use super::backend;
 use super::board_args::BoardArgs;
+use super::interrupt::watch_signals;
 use super::step;
 use emulated::Emulated;
 use folder::Folder;
@@ -162,6 +163,7 @@ fn run_captures(args: &Args, folder: &Path) -> Result<()> {
 
 fn run_emulated(args: &Args, name: &str) -> Result<()> {
     let device = Emulated::new(args, name)?;
+    watch_signals();
     let out = Folder::prepare(args, &device.names())?;
     step("starting the device");
     let bar = progress_bar();

@@ -3,6 +3,7 @@
 
 use super::backend::Choice;
 use super::emulated::tell;
+use super::interrupt::{check, unless_interrupted, watch_signals};
 use super::method::MethodArgs;
 use super::scan::{TRUTH, capture, write_truth};
 use super::step;
@@ -84,7 +85,7 @@ const CLOUD: &str = "cloud.ply";
 pub(super) fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
     args.method.check()?;
-    check_out(&args.out)?;
+    check_out(&args.out, args.truth)?;
     step("starting the device");
     let (profile, served) = serve(args)?;
     let endpoints = served.endpoints();
@@ -95,9 +96,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         ..ScanOptions::default()
     };
     let scanner = Scanner::connect(&endpoints.camera, &endpoints.control, options)?;
-    let (captured, _) = capture(scanner, false)?;
+    let captured = capture(scanner)?;
     let capture_s = begin.elapsed().as_secs_f64();
     step("decoding");
+    check()?;
     let reported = captured
         .calibration
         .ok_or_else(|| Error::device("the device gave no calibration"))?;
@@ -114,13 +116,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
     args.method.apply(&decoder, &mut decoded, options)?;
     let decode_s = begin.elapsed().as_secs_f64();
     step("asking for the truth");
-    let maps = truth_maps(&endpoints.service)?;
+    let service = endpoints.service.clone();
+    let maps = unless_interrupted(move || truth_maps(&service))?;
     let render_s = maps.render_us as f64 * 1e-6;
     let truth = Truth::from_maps(maps)?;
     served.stop()?;
     step("comparing");
     let score = score(&decoded, &truth, &captured.manifest, &truth_rig)?;
     step("writing");
+    check()?;
     let frame = seen(&captured)?;
     let folder = OutputFolder::create(&args.out, is_demo(&args.out))?;
     let draft = folder.draft();
@@ -152,6 +156,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         calibration_sigma_mm,
         score,
         masked,
+        truth: args.truth,
         render_s,
         capture_s,
         decode_s,
@@ -159,8 +164,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let json = serde_json::to_string_pretty(&summary).expect("numbers and strings");
     replace(&draft.join(SUMMARY), |out| writeln!(out, "{json}"))?;
+    check()?;
     let mut earlier = Capture::frames_in(&args.out)?;
-    earlier.extend(TRUTH.map(PathBuf::from));
+    if args.truth || has_truth(&args.out) {
+        earlier.extend(TRUTH.map(PathBuf::from));
+    }
     folder.finish(earlier, Some(SUMMARY))?;
     if args.json {
         println!("{json}");
@@ -169,7 +177,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
         println!(
             "{}: frame_*.png, {CLOUD}, {}, {SUMMARY}",
             args.out.display(),
-            PICTURES.join(", ")
+            PICTURES
+                .into_iter()
+                .chain(TRUTH.into_iter().filter(|_| args.truth))
+                .collect::<Vec<_>>()
+                .join(", ")
         );
     }
     if summary.score.points == 0 {
@@ -216,6 +228,7 @@ fn serve(args: &Args) -> Result<(Profile, Serving)> {
     let device = Device::builder(&profile, &scene).seed(args.seed);
     let mut device = device.options(options).build()?;
     tell(&args.profile, &mut device)?;
+    watch_signals();
     let serving = device.serve(&ServeOptions {
         clock: ClockPace::Fast,
         notice: |text| eprintln!("phasmid: {text}"),
@@ -225,11 +238,19 @@ fn serve(args: &Args) -> Result<(Profile, Serving)> {
 }
 
 /// Rejects a folder that contains files with names of results, unless an earlier demo wrote them.
-fn check_out(out: &Path) -> Result<()> {
+fn check_out(out: &Path, truth: bool) -> Result<()> {
     let force = is_demo(out);
-    let names = [SUMMARY, CLOUD].into_iter().chain(PICTURES).chain(TRUTH);
+    let truth = TRUTH.into_iter().filter(|_| truth);
+    let names = [SUMMARY, CLOUD].into_iter().chain(PICTURES).chain(truth);
     check_folder(out, names, force)?;
     Capture::check_folder(out, force)
+}
+
+/// Returns whether an earlier demo wrote a truth into the folder.
+fn has_truth(out: &Path) -> bool {
+    let summary = file::read(&out.join(SUMMARY), 1 << 20).unwrap_or_default();
+    let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap_or_default();
+    summary["truth"] == true
 }
 
 /// Returns whether an earlier demo wrote the folder.

@@ -1,7 +1,10 @@
 //! Opens a pod's ports and scans with it.
 
 use super::Address;
-use crate::cli::{decode::name_calibration, interrupt::flow};
+use crate::cli::{
+    decode::name_calibration,
+    interrupt::{flow, watch_signals},
+};
 use crate::{ScanOptions, Scanner};
 use phasmid_core::error::Result;
 use phasmid_decode::Capture;
@@ -39,6 +42,7 @@ impl Source {
             frame_timeout: timeout,
             ..ScanOptions::default()
         };
+        watch_signals();
         let scanner = Scanner::connect(&address.camera, &address.control, options);
         Ok(Self {
             scanner: scanner.map_err(|e| e.at(&address.name))?,

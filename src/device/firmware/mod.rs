@@ -237,6 +237,11 @@ impl Firmware {
         self.framer = framer;
     }
 
+    /// Returns the device time up to which everything has been processed, in nanoseconds.
+    pub fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
     /// Processes everything due up to `now_ns`.
     pub fn advance(&mut self, now_ns: u64) {
         self.now_ns = self.now_ns.max(now_ns);

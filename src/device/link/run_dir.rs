@@ -144,7 +144,10 @@ impl RunDir {
 
     /// Writes `device.json` atomically: once it exists, everything that it names can be used.
     pub(super) fn publish(&mut self, endpoints: &Endpoints) -> Result<()> {
-        let text = serde_json::to_string_pretty(endpoints).expect("numbers and strings");
+        let text = serde_json::to_string_pretty(endpoints).map_err(|why| {
+            let place = format!("--run-dir {}", self.path.display());
+            Error::input(place, why, "a path in UTF-8, which device.json can hold")
+        })?;
         let path = self.file(endpoints::FILE_NAME);
         write(&path, false, |file| writeln!(file, "{text}"))
     }

@@ -94,9 +94,14 @@ pub struct Serving {
 
 impl Serving {
     /// Serves a device, alone on its timeline.
-    pub(crate) fn of(device: Device, options: &ServeOptions) -> Result<Self> {
-        let power_on = monotonic();
-        let wall = move || monotonic().saturating_sub(power_on);
+    pub(crate) fn of(mut device: Device, options: &ServeOptions) -> Result<Self> {
+        // A request to end calls in memory does not concern the served device.
+        device.renderer.renew_stop();
+        // A device that was used in memory goes on at its time.
+        let begin_ns = device.machine.firmware().now_ns();
+        let (begin, begun) = (monotonic(), Duration::from_nanos(begin_ns));
+        let power_on = begin.saturating_sub(begun);
+        let wall = move || monotonic().saturating_sub(begin) + begun;
         if options.camera != CameraNode::None && options.clock != ClockPace::Real {
             return Err(Error::input(
                 "clock",
@@ -104,7 +109,7 @@ impl Serving {
                 "Real: a V4L2 reader cannot pause the device, so frames would be lost",
             ));
         }
-        let seat = Timeline::new(options.clock, wall).seat();
+        let seat = Timeline::new(options.clock, wall).from(begin_ns).seat();
         let shared_scene = SharedScene::new(&device.scene);
         let mut served = ServedDevice::new(device, seat, shared_scene);
         served.tcp.clone_from(&options.tcp);
@@ -281,8 +286,12 @@ fn private_run_dir() -> Result<RunDir> {
         let number = name.to_str().and_then(|name| name.strip_prefix(PRIVATE));
         let is_hex = |number: &str| number.bytes().all(|byte| byte.is_ascii_hexdigit());
         if number.is_some_and(|number| number.len() == 16 && is_hex(number)) {
-            // Refuses one that is in use or has other files; dropping it removes the others.
-            drop(RunDir::claim(&entry.path()));
+            // Refuses one that is in use or has other files; dropping it removes the others. An empty
+            // one is removed while it is locked.
+            if let Ok(claimed) = RunDir::claim(&entry.path()) {
+                let _ = std::fs::remove_dir(entry.path());
+                drop(claimed);
+            }
         }
     }
     let claim = || {
@@ -298,7 +307,7 @@ fn private_run_dir() -> Result<RunDir> {
         }
         claimed = claim();
     }
-    claimed
+    claimed.map_err(|e| e.at("TMPDIR, the folder of temporary files"))
 }
 
 /// Returns the system's monotonic time, with which V4L2 stamps frames.

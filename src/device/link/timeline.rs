@@ -96,6 +96,16 @@ impl Timeline {
         }
     }
 
+    /// Lets time begin at `now_ns` instead of 0. `wall` must return as much at first.
+    #[must_use]
+    pub fn from(self, now_ns: u64) -> Self {
+        {
+            let mut state = self.shared.state();
+            (state.now_ns, state.target_ns) = (now_ns, now_ns);
+        }
+        self
+    }
+
     /// Returns a seat for a device, which counts as busy until it waits.
     pub fn seat(&self) -> Seat {
         let wake = Arc::new(Notify::new());

@@ -72,7 +72,7 @@ pub trait Camera {
     }
 }
 
-impl Camera for Box<dyn Camera> {
+impl<C: Camera + ?Sized> Camera for Box<C> {
     fn info(&self) -> &str {
         (**self).info()
     }

@@ -33,7 +33,7 @@ pub fn open_camera(
     address: &str,
     capture: CameraDriver,
     timeout: Duration,
-) -> Result<Box<dyn Camera>> {
+) -> Result<Box<dyn Camera + Send>> {
     if address.starts_with("/dev/") {
         return open_device(address, capture, timeout);
     }
@@ -56,7 +56,11 @@ pub fn open_camera(
 }
 
 #[cfg(target_os = "linux")]
-fn open_device(address: &str, capture: CameraDriver, timeout: Duration) -> Result<Box<dyn Camera>> {
+fn open_device(
+    address: &str,
+    capture: CameraDriver,
+    timeout: Duration,
+) -> Result<Box<dyn Camera + Send>> {
     super::unplugged::PluggedCamera::open(address, capture, timeout)
 }
 
@@ -69,7 +73,7 @@ pub(super) fn open_node(
     address: &str,
     capture: CameraDriver,
     timeout: Duration,
-) -> Result<Box<dyn Camera>> {
+) -> Result<Box<dyn Camera + Send>> {
     use super::{v4l2, webcam};
     let found = v4l2::find(address, capture, timeout)?;
     Ok(if found.is_webcam() {
@@ -80,7 +84,7 @@ pub(super) fn open_node(
 }
 
 #[cfg(not(target_os = "linux"))]
-fn open_device(address: &str, _: CameraDriver, _: Duration) -> Result<Box<dyn Camera>> {
+fn open_device(address: &str, _: CameraDriver, _: Duration) -> Result<Box<dyn Camera + Send>> {
     Err(Error::input(
         format!("--camera {address}"),
         "a V4L2 device, which only a Linux build can open",

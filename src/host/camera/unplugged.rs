@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 pub(super) struct PluggedCamera {
     /// `None` once the camera is gone: an open node would keep its name occupied, and the device
     /// would come back under another one.
-    camera: Option<Box<dyn Camera>>,
+    camera: Option<Box<dyn Camera + Send>>,
     plug: Plug,
     how: CameraDriver,
     /// The address as given.
@@ -31,7 +31,7 @@ impl PluggedCamera {
         address: &str,
         how: CameraDriver,
         timeout: Duration,
-    ) -> Result<Box<dyn Camera>> {
+    ) -> Result<Box<dyn Camera + Send>> {
         let camera = open_node(address, how, timeout)?;
         Ok(match Plug::of("video4linux", address) {
             None => camera,

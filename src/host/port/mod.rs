@@ -43,7 +43,7 @@ pub trait CommandPort {
     }
 }
 
-impl CommandPort for Box<dyn CommandPort> {
+impl<P: CommandPort + ?Sized> CommandPort for Box<P> {
     fn info(&self) -> &str {
         (**self).info()
     }

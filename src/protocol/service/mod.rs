@@ -19,6 +19,6 @@ pub const MAX_LINE: usize = 4096;
 /// Maximum reply line length in bytes.
 pub const MAX_REPLY_LINE: usize = 4 << 20;
 /// Maximum payload size in bytes.
-pub const MAX_PAYLOAD: u64 = 2 << 30;
+pub const MAX_PAYLOAD: u64 = 4 << 30;
 /// Maximum number of maps in a reply.
 const MAX_MAPS: usize = 64;

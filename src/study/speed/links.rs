@@ -184,16 +184,16 @@ pub(super) fn row<T>(
 
 /// A conversation with a device, and its camera.
 pub(super) struct Talk {
-    pub(super) instrument: Instrument<Box<dyn CommandPort>>,
-    pub(super) camera: Box<dyn Camera>,
+    pub(super) instrument: Instrument<Box<dyn CommandPort + Send>>,
+    pub(super) camera: Box<dyn Camera + Send>,
 }
 
 impl Talk {
     /// Waits for triggers in a mode, and only then opens the camera, which runs free until then.
     fn new(
-        port: Box<dyn CommandPort>,
+        port: Box<dyn CommandPort + Send>,
         mode: &str,
-        open: impl FnOnce() -> Result<Box<dyn Camera>>,
+        open: impl FnOnce() -> Result<Box<dyn Camera + Send>>,
     ) -> Result<Self> {
         let mut instrument = Instrument::open(port, TIMEOUT)?;
         instrument.order(&format!("ABOR;:TRIG:SOUR BUS;MODE {mode}"))?;
@@ -242,7 +242,7 @@ pub(super) fn over<T>(
     let device = Device::builder(profile, scene).seed(ctx.seed).build()?;
     let desk = Desk::new(device, Carried::Identified);
     let port = Box::new(desk.port());
-    let open = || Ok(Box::new(Intake::new(desk.camera())) as Box<dyn Camera>);
+    let open = || Ok(Box::new(Intake::new(desk.camera())) as Box<dyn Camera + Send>);
     Ok(work(&mut Talk::new(port, mode, open)?)?)
 }
 
@@ -278,7 +278,8 @@ fn served<T>(
         let address = UsbAddress::parse(&at.camera, "the served device")?;
         let device = Arc::new(UsbDevice::open(&address, TIMEOUT)?);
         let port = Box::new(UsbPort::open(&device)?);
-        let open = || Ok(Box::new(Intake::new(UsbCamera::open(&device, None)?)) as Box<dyn Camera>);
+        let open =
+            || Ok(Box::new(Intake::new(UsbCamera::open(&device, None)?)) as Box<dyn Camera + Send>);
         work(&mut Talk::new(port, mode, open)?)?
     } else {
         let address = match exit {
