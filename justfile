@@ -35,6 +35,15 @@ bench name:
 demo *arguments:
     cargo run --release -- demo {{arguments}}
 
+# The program to hand out: target/dist/phasmid
+dist:
+    cargo build --locked --profile dist
+
+# The container image's last stage, tested in a chroot; needs root
+container:
+    cargo build --release --locked
+    tests/container/run
+
 # The programs in examples, as tests
 examples:
     cargo test --release --examples

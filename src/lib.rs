@@ -48,6 +48,7 @@
 //! | [`fn@decode`] | a capture to a surface with a standard deviation for each pixel |
 //! | [`compare`] | a surface against the truth |
 //! | [`fn@calibrate`] | captures of a board to a calibration |
+//! | [`fn@track`] | scanners at known places in a treatment room to the position of a patient and a tumour, scan by scan |
 //!
 //! The rest of this page is an overview of the crates.
 //!
@@ -69,10 +70,10 @@
 //! | shared | `pattern` | [`pattern`] | projected patterns; the sequence manifest |
 //! | shared | `protocol` | [`protocol`] | SCPI, dialects, header of the frame socket, data line, USB and USB/IP, recordings, service channel, `device.json`, fault schedules |
 //! | shared | `planning` | [`patient`] | volumes, MetaImage, DICOM CT series, the skin as an iso-surface, the planning folder and import of clinical data into one |
-//! | shared | `v4l2` | `v4l2` | device nodes and buffer queues of the kernel's camera interface (Linux only) |
+//! | shared | `v4l2` | `v4l2` | device nodes and buffer queues of the kernel's camera interface (Linux only, feature `v4l2`) |
 //! | device | `phantom` | [`patient::phantom`] | generated patients: a breathing thorax with a tumour |
 //! | device | `profile` | [`profile`] | devices, scenes and stations as typed, checked structs, and the built-in ones |
-//! | device | `render` | [`emulator::render`] | image formation on CPU and GPU, ground truth |
+//! | device | `render` | [`emulator::render`] | image formation on CPU and GPU (feature `gpu`), ground truth |
 //! | device | `device` | [`emulator`], `link` | firmware, control port and serial line, faults; the links (Linux only): pty, frame socket, V4L2 node, USB device, service socket, time and scene shared by several devices, replay |
 //! | host | `decode` | [`mod@decode`] | frames to projector coordinates to points |
 //! | host | `calibrate` | [`mod@calibrate`] | board detection, calibration of a rig, pose of a calibrated rig, calibration files and report |
@@ -153,8 +154,9 @@
 mod facade;
 
 pub use facade::{
-    Decoding, Device, DeviceBuilder, ProfileSource, ScanOptions, Scanner, SceneSource, calibrate,
-    compare, decode,
+    Decoding, Device, DeviceBuilder, Pod, ProfileSource, ScanOptions, Scanner, SceneSource,
+    SkinPose, TrackOptions, TrackProgress, Tracked, Tracker, TumourPosition, calibrate,
+    calibrate_with_stop, compare, decode, track,
 };
 pub use phasmid_decode::{Capture, Decoder, FrameInfo, Options as DecodeOptions};
 #[cfg(target_os = "linux")]
@@ -205,6 +207,7 @@ pub mod profile {
     pub use phasmid_protocol::faults;
 }
 pub use phasmid_protocol as protocol;
+pub use phasmid_sgrt as track;
 /// See [`phasmid_study`].
 pub mod study {
     pub use phasmid_report::lab;
@@ -213,5 +216,5 @@ pub mod study {
 }
 pub use phasmid_core::Stop;
 pub use phasmid_core::error::{Error, Result};
-#[cfg(target_os = "linux")]
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub use phasmid_v4l2 as v4l2;

@@ -1,6 +1,7 @@
 //! `phasmid decode`: decodes images of a sequence to projector coordinates and points.
 
 use super::method::MethodArgs;
+use super::step;
 use phasmid_calibrate::files::{Sizes, read_rig_sized};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::check_folder;
@@ -115,7 +116,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let rig = args.calibration.as_ref().map(read).transpose();
     let rig = rig.map_err(|e| e.at("--calibration"))?;
     check_folder(&args.out, output_names(), args.force)?;
+    step("reading the frames");
     let images = load_frames(&manifest, &plan, folder)?;
+    step("decoding");
     let [width, height] = Image::common_size(&images)?;
     let options = Options {
         keep_mixed: args.keep_mixed,
@@ -138,6 +141,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .map(|file| folder.join(file))
         .chain([args.manifest.clone()])
         .chain(args.calibration.clone());
+    step("writing");
     let output = OutputFolder::create(&args.out, args.force)?.sparing(inputs);
     let names = write_outputs(output.draft(), &decoder, &decoded)?;
     output.finish(output_names(), None)?;
@@ -166,9 +170,12 @@ pub(super) fn doubt(
     decoded: &Decoded,
     strict: bool,
 ) -> Result<Option<String>> {
-    let departs = check_sequence(manifest, images).err();
-    let doubt = || doubt_sequence(manifest, images).or_else(|| decoded.doubt());
-    let Some(why) = departs.or_else(doubt) else {
+    let of_frames = check_sequence(manifest, images)
+        .err()
+        .or_else(|| doubt_sequence(manifest, images));
+    let of_maps = || decoded.doubt().map(|doubt| doubt.to_string());
+    let doubt = of_frames.map(|doubt| doubt.to_string());
+    let Some(why) = doubt.or_else(of_maps) else {
         return Ok(None);
     };
     if strict {

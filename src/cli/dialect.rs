@@ -2,7 +2,7 @@
 
 use phasmid_core::error::Result;
 use phasmid_device::port::Port;
-use phasmid_profile::{Profile, Station, StationDevice};
+use phasmid_profile::{Profile, Settings, Station, StationDevice};
 use phasmid_protocol::dialect::Dialect;
 use std::sync::Arc;
 
@@ -68,8 +68,12 @@ pub(super) fn speak(profile: &mut Profile, name_or_path: &str, place: &str) {
 ///
 /// # Errors
 /// As for [`Profile::load`].
-pub(super) fn profile_of(station: &Station, device: &StationDevice) -> Result<Profile> {
-    let mut profile = Profile::load(&station.profile(device))?;
+pub(super) fn profile_of(
+    station: &Station,
+    device: &StationDevice,
+    settings: &Settings,
+) -> Result<Profile> {
+    let mut profile = Profile::load_with(&station.profile(device), settings)?;
     if let Some(serial) = &device.serial {
         profile.identity.serial.clone_from(serial);
     }

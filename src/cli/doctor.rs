@@ -1,8 +1,9 @@
 //! `phasmid doctor`: reports what this machine has and lacks.
 
-use crate::doctor::{Feature, MODPROBE, MODULES_LOAD, Machine, Shipped, UDEV, User, examine};
+use crate::doctor::{
+    Feature, MODPROBE, MODULES_LOAD, Machine, Shipped, UDEV, User, examine, is_forgotten,
+};
 use phasmid_core::error::{Error, Result};
-use phasmid_v4l2::Node;
 use rustix::fs::{Access, AtFlags, CWD};
 use std::io;
 use std::path::Path;
@@ -93,7 +94,7 @@ fn this_machine() -> Machine {
         container_env: std::env::var_os("container").is_some_and(|name| !name.is_empty()),
         run_parent: super::serve::run_parent(),
         access,
-        forgotten: |path| Node::open(path).is_ok_and(|(_, node)| node.is_forgotten()),
+        forgotten: is_forgotten,
     }
 }
 

@@ -1,10 +1,12 @@
-//! The commands in groups, as the help lists them; completions for shells, and man pages.
+//! The commands in groups, as the help lists them; help of subcommands, completions for shells, and
+//! man pages.
 
 use super::Cli;
-use clap::CommandFactory;
+use clap::{ArgMatches, CommandFactory};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
 use phasmid_core::output_folder::OutputFolder;
+use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -14,7 +16,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
     (
         "Devices",
         &[
-            "serve", "profile", "scene", "dialect", "faults", "plan", "bench",
+            "serve", "profile", "sequence", "scene", "dialect", "faults", "plan", "bench",
         ],
     ),
     ("Host", &["scan", "camera"]),
@@ -22,7 +24,16 @@ const GROUPS: [(&str, &[&str]); 8] = [
     ("Radiotherapy", &["patient", "locate", "track"]),
     ("Data", &["decode", "compare", "record", "replay"]),
     ("Studies", &["study", "report"]),
-    ("This machine", &["doctor", "completions", "man"]),
+    (
+        "This machine",
+        &[
+            "doctor",
+            #[cfg(feature = "schema")]
+            "schema",
+            "completions",
+            "man",
+        ],
+    ),
 ];
 
 /// Write completions for a shell to standard output
@@ -45,8 +56,47 @@ pub(super) struct ManArgs {
     force: bool,
 }
 
+/// The command line.
+pub(super) struct CommandLine(clap::Command);
+
+impl CommandLine {
+    /// Parses the arguments of the program.
+    ///
+    /// # Errors
+    /// Returns a usage error, or the text of the help or version.
+    pub(super) fn try_get_matches(self) -> Result<ArgMatches, clap::Error> {
+        self.parse(std::env::args_os().collect())
+    }
+
+    /// Parses arguments, of which the first is the program's name.
+    fn parse(self, mut arguments: Vec<OsString>) -> Result<ArgMatches, clap::Error> {
+        // `clap` takes everything after the subcommand `help` for the name of a command.
+        if let Some(help) = self.place_of_help(&arguments) {
+            let mut place = 0..;
+            arguments.retain(|word| place.next() <= Some(help) || !is_help_option(word));
+        }
+        self.0.try_get_matches_from(arguments)
+    }
+
+    /// Returns the index of the subcommand `help`, if the arguments contain it.
+    fn place_of_help(&self, arguments: &[OsString]) -> Option<usize> {
+        let mut command = &self.0;
+        for (place, word) in arguments.iter().enumerate().skip(1) {
+            if word == "help" && command.has_subcommands() {
+                return Some(place);
+            }
+            command = command.find_subcommand(word)?;
+        }
+        None
+    }
+}
+
+fn is_help_option(word: &OsStr) -> bool {
+    word == "--help" || word == "-h"
+}
+
 /// Returns the command line, with a help that lists the commands in groups.
-pub(super) fn command() -> clap::Command {
+pub(super) fn command() -> CommandLine {
     let command = Cli::command();
     let about = |name: &str| {
         let about = command.find_subcommand(name).and_then(|c| c.get_about());
@@ -62,7 +112,7 @@ pub(super) fn command() -> clap::Command {
     }
     list += "Start with `phasmid demo`; `phasmid COMMAND --help` explains a command.";
     let template = "{about}\n\n{usage-heading} {usage}\n\nOptions:\n{options}{after-help}\n";
-    command.help_template(template).after_help(list)
+    CommandLine(command.help_template(template).after_help(list))
 }
 
 pub(super) fn completions(args: &CompletionsArgs) -> Result<()> {
@@ -113,6 +163,30 @@ mod tests {
             .collect();
         names.sort_unstable();
         assert_eq!(grouped, names);
+    }
+
+    #[test]
+    fn help_of_a_command_takes_the_option_help() {
+        let answer = |line: &str| {
+            let arguments = line.split(' ').map(OsString::from).collect();
+            command().parse(arguments).unwrap_err()
+        };
+        for (line, same) in [
+            ("phasmid help --help", "phasmid --help"),
+            ("phasmid help -h scan", "phasmid scan --help"),
+            ("phasmid profile help --help", "phasmid profile --help"),
+            ("phasmid record help info -h", "phasmid record info --help"),
+            ("phasmid help faults list", "phasmid faults list --help"),
+        ] {
+            let (one, other) = (answer(line), answer(same));
+            assert_eq!(one.kind(), clap::error::ErrorKind::DisplayHelp, "{line}");
+            assert_eq!(one.to_string(), other.to_string(), "{line}");
+        }
+        // The built-in profile `help`, which does not exist.
+        let show = answer("phasmid profile show help --help");
+        assert!(show.to_string().contains("profile show <NAME>"), "{show}");
+        let unknown = answer("phasmid profile help moon --help").to_string();
+        assert!(unknown.contains("'moon'"), "{unknown}");
     }
 
     #[test]

@@ -1,22 +1,32 @@
-//! Ctrl-C and TERM during a capture: the scan ends as after any other failure and restores the device. A
-//! second signal exits at once.
+//! Ctrl-C, TERM and a closed terminal (HUP) during a capture: the command ends as after any other
+//! failure, restores the device and removes its unfinished output. A second signal removes the
+//! unfinished output and ends the program, without waiting for the device.
 
 use phasmid_core::error::{Error, Result};
+use phasmid_core::output_folder::OutputFolder;
+use std::fs;
+use std::io::ErrorKind;
 use std::ops::ControlFlow;
-use std::sync::Once;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 use std::time::Duration;
 
 /// Time between two looks at the signals.
 const POLL: Duration = Duration::from_millis(50);
+/// Minimum time between the first signal and an end by the second. Signals often come in pairs: a
+/// script passes on the Ctrl-C that the terminal has sent to both.
+const GRACE: Duration = Duration::from_millis(500);
+/// Maximum number of attempts to remove a folder in which another thread still creates files.
+const REMOVALS: usize = 100;
 /// Exit status of a program that SIGINT has ended, as in shells: 128 + 2.
 const INTERRUPTED: i32 = 130;
 
 /// Whether one of the signals has come since the first capture began.
 static ASKED: AtomicBool = AtomicBool::new(false);
 
-/// Returns whether Ctrl-C or TERM has ended the captures.
+/// Returns whether one of the signals has ended the captures.
 pub(super) fn interrupted() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
@@ -37,7 +47,7 @@ pub(super) fn watch_signals() {
     let _ = flow();
 }
 
-/// Returns an error if Ctrl-C or TERM has come.
+/// Returns an error if one of the signals has come.
 ///
 /// # Errors
 /// [`Error::Interrupted`].
@@ -74,37 +84,275 @@ pub(super) fn unless_interrupted<T: Send + 'static>(
     }
 }
 
+/// Installs the signal handlers before it returns.
 fn watch() {
-    // If the thread cannot be started, the signals keep their default effect.
-    let _ = std::thread::Builder::new()
-        .name("signals".into())
-        .spawn(move || {
-            if wait().is_ok() {
-                ASKED.store(true, Ordering::Relaxed);
-                // The scan may still wait for a port that is gone; a second signal skips that wait.
-                if wait().is_ok() {
-                    std::process::exit(INTERRUPTED);
-                }
-            }
-        });
+    let (installed, waiting) = mpsc::channel();
+    let thread = std::thread::Builder::new().name("signals".into());
+    // If the thread or a handler cannot be created, the signals keep their default effect.
+    let _ = thread.spawn(move || listen(installed));
+    let _ = waiting.recv();
 }
 
-/// Waits for one of the signals.
-fn wait() -> std::io::Result<()> {
+/// Handles the signals until the second one. Drops `installed` when the handlers are installed.
+fn listen(installed: mpsc::Sender<()>) -> std::io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
-    runtime.block_on(async {
-        #[cfg(unix)]
-        {
-            use tokio::signal::unix::{SignalKind, signal};
-            let mut terminate = signal(SignalKind::terminate())?;
-            tokio::select! {
-                interrupted = tokio::signal::ctrl_c() => interrupted,
-                _ = terminate.recv() => Ok(()),
-            }
-        }
-        #[cfg(not(unix))]
-        tokio::signal::ctrl_c().await
+    runtime.block_on(async move {
+        // Both signals come from the same streams, so that none is lost in between.
+        let mut signals = Signals::install()?;
+        drop(installed);
+        signals.next().await;
+        ASKED.store(true, Ordering::Relaxed);
+        let end = tokio::time::Instant::now() + GRACE;
+        // The scan may still wait for a port that is gone; a second signal skips that wait.
+        signals.next().await;
+        tokio::time::sleep_until(end).await;
+        remaining().iter().for_each(Remains::remove);
+        std::process::exit(INTERRUPTED)
     })
+}
+
+#[cfg(unix)]
+struct Signals {
+    interrupt: tokio::signal::unix::Signal,
+    terminate: tokio::signal::unix::Signal,
+    /// Sent when the terminal closes. `None` if the program was told to survive that.
+    hang_up: Option<tokio::signal::unix::Signal>,
+}
+
+#[cfg(unix)]
+impl Signals {
+    fn install() -> std::io::Result<Self> {
+        use tokio::signal::unix::{SignalKind, signal};
+        let hang_up = (!ignores_hang_up()).then(|| signal(SignalKind::hangup()));
+        Ok(Self {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+            hang_up: hang_up.transpose()?,
+        })
+    }
+
+    /// Waits for the next signal.
+    async fn next(&mut self) {
+        let hang_up = async {
+            match &mut self.hang_up {
+                Some(signal) => signal.recv().await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            _ = self.interrupt.recv() => {}
+            _ = self.terminate.recv() => {}
+            _ = hang_up => {}
+        }
+    }
+}
+
+/// Returns whether HUP was ignored when the program started, as `nohup` arranges it. Always false on
+/// systems other than Linux.
+#[cfg(unix)]
+fn ignores_hang_up() -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    // Bit 0 is signal 1, HUP.
+    mask.is_some_and(|mask| mask & 1 != 0)
+}
+
+#[cfg(not(unix))]
+struct Signals;
+
+#[cfg(not(unix))]
+impl Signals {
+    fn install() -> std::io::Result<Self> {
+        Ok(Self)
+    }
+
+    /// Waits for the next signal.
+    async fn next(&mut self) {
+        if tokio::signal::ctrl_c().await.is_err() {
+            std::future::pending().await
+        }
+    }
+}
+
+/// A folder that the second signal removes.
+struct Remains {
+    folder: PathBuf,
+    /// Folders created for it, innermost first; removed if they are empty.
+    made: Vec<PathBuf>,
+}
+
+impl Remains {
+    /// Removes the folders, as far as possible.
+    fn remove(&self) {
+        for _ in 0..REMOVALS {
+            let _ = fs::remove_dir_all(&self.folder);
+            if self.folder.symlink_metadata().is_err() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        self.made.iter().all(|made| fs::remove_dir(made).is_ok());
+    }
+}
+
+/// Returns what the second signal removes. That signal does not end the program while the returned
+/// value exists.
+fn remaining() -> MutexGuard<'static, Vec<Remains>> {
+    static REMAINS: Mutex<Vec<Remains>> = Mutex::new(Vec::new());
+    REMAINS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Path of a folder that the second signal removes, until this value is dropped.
+pub(super) struct RemovedAtExit(PathBuf);
+
+impl Drop for RemovedAtExit {
+    fn drop(&mut self) {
+        remaining().retain(|remains| remains.folder != self.0);
+    }
+}
+
+/// Lets the second signal remove the private run directory of a device, named by its control port.
+#[cfg(target_os = "linux")]
+pub(super) fn remove_run_dir_at_exit(control: &Path) -> Option<RemovedAtExit> {
+    let folder = control.parent()?.to_owned();
+    remaining().push(Remains {
+        folder: folder.clone(),
+        made: Vec::new(),
+    });
+    Some(RemovedAtExit(folder))
+}
+
+/// An output folder being filled, whose draft the second signal removes.
+pub(super) struct Unfinished {
+    // Dropped first.
+    folder: OutputFolder,
+    draft: RemovedAtExit,
+}
+
+impl Unfinished {
+    /// Creates the folder and its draft, as [`OutputFolder::create`] does. `option` is the option
+    /// that names the folder.
+    ///
+    /// # Errors
+    /// Returns an error if the folder cannot be created or written.
+    pub(super) fn create(option: &str, out: &Path, force: bool) -> Result<Self> {
+        let mut remaining = remaining();
+        let made = out.ancestors().filter(|path| path.file_name().is_some());
+        let made = made.filter(|path| path.symlink_metadata().is_err());
+        let made = made.map(Path::to_owned).collect();
+        let folder =
+            OutputFolder::create(out, force).map_err(|why| unwritable(option, out, why))?;
+        let draft = folder.draft().to_owned();
+        remaining.push(Remains {
+            folder: draft.clone(),
+            made,
+        });
+        Ok(Self {
+            folder,
+            draft: RemovedAtExit(draft),
+        })
+    }
+
+    /// Adds files that are not replaced, see [`OutputFolder::sparing`].
+    #[must_use]
+    pub(super) fn sparing(self, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
+        Self {
+            folder: self.folder.sparing(inputs),
+            ..self
+        }
+    }
+
+    /// Returns the folder to write files and subfolders to.
+    pub(super) fn draft(&self) -> &Path {
+        self.folder.draft()
+    }
+
+    /// Moves the files of one subfolder now, see [`OutputFolder::keep`].
+    ///
+    /// # Errors
+    /// Returns an error if a file cannot be moved.
+    pub(super) fn keep(&self, subfolder: &str) -> Result<()> {
+        let _no_exit = remaining();
+        self.folder.keep(subfolder)
+    }
+
+    /// Moves all files, see [`OutputFolder::finish`].
+    ///
+    /// # Errors
+    /// Returns an error if a file cannot be moved.
+    pub(super) fn finish(
+        self,
+        earlier: impl IntoIterator<Item = impl AsRef<Path>>,
+        marker: Option<&str>,
+    ) -> Result<()> {
+        let Self { folder, draft } = self;
+        let no_exit = remaining();
+        let moved = folder.finish(earlier, marker);
+        drop(no_exit);
+        drop(draft);
+        moved
+    }
+}
+
+/// Converts the system's refusal to create files in a folder to a mistake in an option. A full disk
+/// remains a failure of the system.
+fn unwritable(option: &str, out: &Path, why: Error) -> Error {
+    match why {
+        Error::Io { source, .. } if source.kind() != ErrorKind::StorageFull => Error::input(
+            format!("{option} {}", out.display()),
+            format!("cannot create files in it: {source}"),
+            "a folder that you may write to, or a path where one can be made",
+        ),
+        why => why.at(option),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn count(folder: &Path) -> usize {
+        fs::read_dir(folder).unwrap().count()
+    }
+
+    /// Removes what the second signal would remove of the folder `out`.
+    fn exit(out: &Path) {
+        let remaining = remaining();
+        let of_out = |remains: &&Remains| remains.folder.starts_with(out);
+        remaining.iter().filter(of_out).for_each(Remains::remove);
+    }
+
+    #[test]
+    fn second_signal_removes_the_draft_and_the_folders_made_for_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("x/y");
+        let unfinished = Unfinished::create("--out", &out, false).unwrap();
+        fs::create_dir(unfinished.draft().join("captures")).unwrap();
+        fs::write(unfinished.draft().join("captures/a"), "half").unwrap();
+        exit(&out);
+        assert_eq!(count(dir.path()), 0);
+        drop(unfinished);
+
+        let unfinished = Unfinished::create("--out", dir.path(), false).unwrap();
+        fs::write(dir.path().join("mine"), "mine").unwrap();
+        fs::write(unfinished.draft().join("a"), "new").unwrap();
+        unfinished.finish([""; 0], None).unwrap();
+        exit(dir.path());
+        assert_eq!(count(dir.path()), 2, "finished files stay");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn folder_that_cannot_be_made_is_a_mistake_in_the_option() {
+        // The kernel makes no folders here, not even for root.
+        let out = Path::new("/proc/phasmid/out");
+        let refused = Unfinished::create("--out", out, false).err().unwrap();
+        assert_eq!(refused.exit_code(), 2);
+        let words = refused.to_string();
+        let start = "--out /proc/phasmid/out: cannot create files in it: ";
+        assert!(words.starts_with(start), "{words}");
+    }
 }

@@ -122,7 +122,7 @@ fn locate(
         None => source.scan(),
     };
     let finished = source.finish();
-    let captured = scanned?.captured;
+    let captured = scanned?;
     finished?;
     let failed = |why: String| Error::device(format!("{}: {why}", pod.name));
     let Some(rig) = captured.calibration else {
@@ -137,7 +137,7 @@ fn locate(
         Some(rig),
     )
     .map_err(|e| e.at(&pod.name))?;
-    let data = looked.found.map_err(failed)?;
+    let data = looked.found.map_err(|e| failed(e.to_string()))?;
     let placed = place(&board, &data, &rig).map_err(|e| failed(e.to_string()))?;
     Ok(Located::new(pod, &placed, room_from_board))
 }

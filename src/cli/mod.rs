@@ -11,6 +11,8 @@
 //! | `interrupt` | Ctrl-C and TERM during a capture |
 //! | `method` | `--method`, from projector coordinates to points |
 //! | `pods` | options that select the pods of a station, and their scans |
+//! | `progress` | progress on a terminal, with the remaining time |
+//! | `set` | `--set`, fields of the profile and of the scene |
 //! | `vector` | options with three numbers |
 //! | `without_link` | stand-in for commands that need Linux |
 
@@ -32,11 +34,11 @@ macro_rules! println {
 }
 
 /// Writes a line to standard error. The standard macro panics when the write fails; a message that
-/// nobody can read must not change the exit status.
+/// nobody can read must not change the exit status. A line of progress is moved out of its way.
 macro_rules! eprintln {
     ($($arg:tt)*) => {{
         use std::io::Write;
-        let _ = writeln!(std::io::stderr(), $($arg)*);
+        let _ = $crate::cli::progress::aside(|| writeln!(std::io::stderr(), $($arg)*));
     }};
 }
 
@@ -64,14 +66,19 @@ mod patient;
 mod plan;
 mod pods;
 mod profile;
+mod progress;
 mod record;
 #[cfg(target_os = "linux")]
 mod replay;
 mod report;
 mod scan;
 mod scene;
+#[cfg(feature = "schema")]
+mod schema;
+mod sequence;
 #[cfg(target_os = "linux")]
 mod serve;
+mod set;
 mod study;
 mod track;
 mod vector;
@@ -103,7 +110,9 @@ enum Command {
     Decode(decode::Args),
     Calibrate(calibrate::Args),
     Compare(compare::Args),
+    #[command(visible_alias = "station")]
     Profile(profile::Args),
+    Sequence(sequence::Args),
     Dialect(dialect::Args),
     Scene(scene::Args),
     Patient(patient::Args),
@@ -116,6 +125,8 @@ enum Command {
     Faults(faults::Args),
     Study(study::Args),
     Report(report::Args),
+    #[cfg(feature = "schema")]
+    Schema(schema::Args),
     Completions(help::CompletionsArgs),
     Man(help::ManArgs),
 }
@@ -225,6 +236,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Profile(args) => profile::run(&args),
+        Command::Sequence(args) => sequence::run(&args),
         Command::Dialect(args) => dialect::run(&args),
         Command::Scene(args) => scene::run(&args),
         Command::Patient(args) => patient::run(&args),
@@ -237,6 +249,8 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Faults(args) => faults::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Report(args) => report::run(&args),
+        #[cfg(feature = "schema")]
+        Command::Schema(args) => schema::run(&args),
         Command::Completions(args) => help::completions(&args),
         Command::Man(args) => help::man(&args),
     }

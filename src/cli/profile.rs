@@ -1,12 +1,12 @@
 //! `phasmid profile`: lists and prints the built-in profiles and checks profile files.
 
+use super::set::SetArgs;
 use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
 use phasmid_decode::Plan;
 use phasmid_geometry::{Lens, Rig};
 use phasmid_profile::{
-    Configuration, Control, Parity, Profile, Scene, Station, profile_names, profile_text,
-    station_names,
+    Configuration, Control, Parity, Profile, Scene, Settings, Station, profile_names, station_names,
 };
 use phasmid_protocol::dialect::Dialect;
 use phasmid_study::sampling::{Sampling, TILT_DEG};
@@ -24,17 +24,24 @@ enum Action {
     /// List the built-in profiles and stations.
     #[command(after_help = "Example:\n  phasmid profile list")]
     List,
-    /// Print a built-in profile or station, as a start for your own.
+    /// Print a profile or station, as a start for your own.
     #[command(after_help = "Example:\n  phasmid profile show webcam-grey > mine.toml")]
     Show {
-        /// Built-in name.
+        /// Built-in name, or path of a TOML file.
         name: String,
+        /// Print it with all that it extends, without comments; --set implies it.
+        #[arg(long)]
+        full: bool,
+        #[command(flatten)]
+        set: SetArgs,
     },
     /// Check a profile, station or dialect and summarise it.
     #[command(after_help = "Example:\n  phasmid profile check mine.toml")]
     Check {
         /// Path of a TOML file, or a built-in name.
         file: String,
+        #[command(flatten)]
+        set: SetArgs,
     },
 }
 
@@ -49,16 +56,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 println!("{name:<16}{description}");
             }
         }
-        Action::Show { name } => super::show(
-            "profile",
-            name,
-            profile_text(name),
-            profile_names().chain(station_names()),
-        )?,
-        Action::Check { file } if names_dialect(file)? => {
+        Action::Show { name, full, set } => match set.settings()?.only_profile()? {
+            settings if *full || set.is_some() => {
+                print!("{}", Configuration::full_text(name, &settings)?);
+            }
+            _ => print!("{}", Configuration::text(name)?),
+        },
+        Action::Check { file, .. } if names_dialect(file)? => {
             super::dialect::check(file, Dialect::load(file)?)?;
         }
-        Action::Check { file } => match Configuration::load(file)? {
+        Action::Check { file, set } => match Configuration::load_with(file, &set.settings()?)? {
             Configuration::Device(profile) => {
                 super::dialect::port(&profile)?;
                 println!("{file}: ok");
@@ -70,25 +77,25 @@ pub(super) fn run(args: &Args) -> Result<()> {
                     Err(why) => println!("  precision   not measured: {why}"),
                 }
             }
-            Configuration::Station(station) => check_station(file, &station)?,
+            Configuration::Station(station) => check_station(file, &station, &set.settings()?)?,
         },
     }
     Ok(())
 }
 
 /// Checks a station's devices and scene, and prints a summary.
-fn check_station(file: &str, station: &Station) -> Result<()> {
+fn check_station(file: &str, station: &Station, settings: &Settings) -> Result<()> {
     let profiles: Vec<Profile> = station
         .device
         .iter()
         .map(|device| {
-            let profile = super::dialect::profile_of(station, device)?;
+            let profile = super::dialect::profile_of(station, device, settings)?;
             super::dialect::port(&profile).map(|_| profile)
         })
         .collect::<Result<_>>()?;
     let scene = station.scene();
     if let Some(scene) = &scene {
-        Scene::load(scene)?;
+        Scene::load_with(scene, settings)?;
     }
     println!("{file}: ok");
     println!("  name        {}", station.name);

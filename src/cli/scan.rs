@@ -1,27 +1,27 @@
 //! `phasmid scan`: captures a sequence from any reachable device, and decodes it.
 
 use super::decode::HeldArg;
-use super::interrupt::{check, flow, unless_interrupted, watch_signals};
+use super::interrupt::{Unfinished, check, flow, unless_interrupted, watch_signals};
 use super::method::MethodArgs;
+use super::progress::ProgressLine;
+use super::record::{Recording, folder_of};
+use super::step;
 use crate::facade::{endpoints_in, service_of, truth_maps};
 use crate::{ScanOptions, Scanner, Truth};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
-use phasmid_core::new_file::{check_folder, stream};
-use phasmid_core::output_folder::OutputFolder;
+use phasmid_core::new_file::{self, check_folder};
 use phasmid_decode::{Capture, MANIFEST_FILE, Options, Summary, output_names, write_outputs};
 use phasmid_geometry::Rig;
 use phasmid_host::usb::UsbAddress;
 use phasmid_host::{
-    CameraDriver, Progress, RecordedCamera, Tape, check_modulation, monotonic_ns, open_camera,
-    scan_free_running,
+    CameraDriver, Progress, RecordedCamera, Tape, check_modulation, open_camera, scan_free_running,
 };
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
-use phasmid_protocol::record::{About, Limits, Recorder, Side};
+use phasmid_protocol::endpoints;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Capture a sequence from a scanner and decode it: frames, manifest, calibration, maps and cloud
@@ -161,9 +161,18 @@ pub(super) fn run(args: &Args) -> Result<()> {
         };
         service_of(Path::new(control)).map_err(|e| e.at("--truth"))?;
     }
+    let free = args.device.is_none() && args.control.is_none();
+    if let Some(name) = args.sequence.as_ref().filter(|_| free) {
+        return Err(Error::input(
+            format!("--sequence {name}"),
+            "given without --control",
+            "--control PATH, or --manifest alone",
+        ));
+    }
     let timeout = Duration::from_secs_f64(args.timeout);
     Capture::check_folder(&args.out, args.force)?;
     check_folder(&args.out, output_names(), args.force)?;
+    check_places(args)?;
     let manifest = args.manifest.as_deref().map(Manifest::read).transpose();
     let manifest = manifest.map_err(|e| e.at("--manifest"))?;
     let calibration = args.calibration.as_deref().map(read_rig).transpose();
@@ -171,21 +180,33 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if let Some(dialect) = &args.dialect {
         Dialect::load(dialect).map_err(|e| e.at("--dialect"))?;
     }
+    if let Some(device) = &args.device {
+        UsbAddress::parse(device, &format!("--device {device}"))?;
+    }
     let start = Instant::now();
     let given = args.calibration.as_deref().zip(calibration);
     let address = args.device.as_deref().or(args.camera.as_deref());
     let address = address.unwrap_or_default();
-    let tape = match &args.record {
-        Some(path) => Some(tape(args, path, address, start)?),
-        None => None,
-    };
-    if let Some(device) = &args.device {
-        UsbAddress::parse(device, &format!("--device {device}"))?;
-    }
-    let free = args.device.is_none() && args.control.is_none();
     watch_signals();
+    let folder = Unfinished::create("--out", &args.out, args.force)?;
+    let (mut recording, tape) = match &args.record {
+        Some(path) => {
+            let control = args.control.as_deref().unwrap_or_default();
+            let at = [address, control];
+            let (recording, tape) = Recording::start(path, args.force, at, start)?;
+            (Some(recording), Some(tape))
+        }
+        None => (None, None),
+    };
+    let on_frame = || {
+        if let Some(recording) = &mut recording {
+            recording.keep();
+        }
+    };
     let captured = match &manifest {
-        Some(manifest) if free => capture_free(args, address, manifest, timeout, given, tape)?,
+        Some(manifest) if free => {
+            capture_free(args, address, manifest, timeout, given, tape, on_frame)
+        }
         _ => {
             let options = ScanOptions {
                 sequence: args.sequence.clone(),
@@ -197,18 +218,21 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 frame_timeout: timeout,
             };
             let control = args.control.as_deref().unwrap_or_default();
+            step("connecting");
             let scanner = Scanner::recorded(address, control, options, tape);
-            let captured = scanner.and_then(capture);
-            captured.map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))?
+            let captured = scanner.and_then(|scanner| capture(scanner, on_frame));
+            captured.map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))
         }
     };
+    let recorded = recording.map(|recording| recording.end(captured.as_ref().err()));
+    let captured = captured?;
     let capture_s = start.elapsed().as_secs_f64();
     let source = match (given, captured.calibration) {
         (Some(_), _) => "file",
         (None, Some(_)) => "device",
         (None, None) => "none",
     };
-    let folder = OutputFolder::create(&args.out, args.force)?;
+    step("writing the frames");
     captured.write(folder.draft())?;
     // The capture is kept if this fails.
     let truth = match &args.control {
@@ -241,35 +265,85 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let of_maps = decoding
         .as_ref()
         .and_then(|decoding| decoding.doubt.clone());
-    let doubt = phasmid_host::doubt(&captured.manifest, &captured.images).or(of_maps);
+    let doubt = phasmid_host::doubt(&captured.manifest, &captured.images);
+    let doubt = doubt.map(|doubt| doubt.to_string()).or(of_maps);
     if let Some(why) = &doubt {
         eprintln!("phasmid: {address}: {why}");
     }
     report(&captured, args, source, capture_s, decoding.as_ref(), doubt);
-    Ok(())
+    recorded.unwrap_or(Ok(()))
 }
 
-/// Starts the recording of `--record`, whose times count from `start`.
-fn tape(args: &Args, path: &Path, address: &str, start: Instant) -> Result<Tape> {
-    let control = args.control.as_deref().unwrap_or_default();
-    let now_ns = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
-    let about = About {
-        side: Side::Host,
-        program: concat!("phasmid ", env!("CARGO_PKG_VERSION")).into(),
-        started_unix_s: super::record::unix_s(),
-        name: if control.is_empty() { address } else { control }.to_owned(),
-        control: control.to_owned(),
-        camera: address.to_owned(),
-        profile: None,
-        scene: None,
-        seed: None,
-        monotonic_ns: Some(monotonic_ns().saturating_sub(now_ns())),
+/// Rejects outputs in the run directory of the device, and a recording that is another file of this
+/// scan or cannot be written.
+fn check_places(args: &Args) -> Result<()> {
+    let camera = args.camera.as_deref();
+    let socket = camera.and_then(|address| address.strip_prefix("socket:"));
+    let folders = [args.control.as_deref(), socket].into_iter().flatten();
+    let folders = folders.map(|file| folder_of(Path::new(file)));
+    let run_dirs: Vec<PathBuf> = folders
+        .filter(|folder| folder.join(endpoints::FILE_NAME).is_file())
+        .map(resolved)
+        .collect();
+    let in_run_dir = |path: &Path| run_dirs.iter().any(|dir| path.starts_with(dir));
+    let out = resolved(&args.out);
+    if in_run_dir(&out) {
+        return Err(Error::input(
+            format!("--out {}", args.out.display()),
+            "the run directory of the device, or a folder in it",
+            "a folder elsewhere: a run directory is only for the device's own files",
+        ));
+    }
+    let Some(path) = &args.record else {
+        return Ok(());
     };
-    let file = stream(path, args.force).map_err(|e| e.at("--record"))?;
-    let place = path.display().to_string();
-    let notice = |text: &str| eprintln!("phasmid: {text}");
-    let recorder = Recorder::start(file, &place, about, 0, Limits::default(), notice)?;
-    Ok(Tape::new(recorder, now_ns))
+    let place = format!("--record {}", path.display());
+    let folder = resolved(folder_of(path));
+    if in_run_dir(&folder) {
+        let found = "a file in the run directory of the device";
+        return Err(Error::input(place, found, "a file elsewhere"));
+    }
+    if folder.starts_with(&out) {
+        let found = format!("a file in the folder of --out, {}", args.out.display());
+        return Err(Error::input(place, found, "a file elsewhere"));
+    }
+    let dialect = args.dialect.as_deref().map(Path::new);
+    for (option, input) in [
+        ("--calibration", args.calibration.as_deref()),
+        ("--manifest", args.manifest.as_deref()),
+        ("--dialect", dialect),
+    ] {
+        let same = |input: &Path| {
+            let [file, input] = [path, input].map(Path::canonicalize);
+            file.is_ok_and(|file| input.is_ok_and(|input| input == file))
+        };
+        if input.is_some_and(same) {
+            let found = format!("the file of {option}");
+            return Err(Error::input(place, found, "another file"));
+        }
+    }
+    new_file::check(path, args.force).map_err(|e| e.at("--record"))
+}
+
+/// Returns an absolute path without links, also for a folder that does not exist yet.
+fn resolved(folder: &Path) -> PathBuf {
+    let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let existing = folder.ancestors().find_map(|ancestor| {
+        let real = ancestor.canonicalize().ok()?;
+        Some((real, folder.strip_prefix(ancestor).ok()?))
+    });
+    let Some((mut real, rest)) = existing else {
+        return folder;
+    };
+    for part in rest.components() {
+        match part {
+            Component::ParentDir => {
+                real.pop();
+            }
+            part => real.push(part),
+        }
+    }
+    real
 }
 
 /// Files of the truth: all maps, and the depth as an image.
@@ -291,18 +365,36 @@ fn truth_into(folder: &Path, control: &str) -> Result<()> {
     write_truth(folder, &Truth::from_maps(maps)?)
 }
 
-/// Scans with a progress bar on a terminal. Ctrl-C ends the scan.
+/// Scans with a progress bar on a terminal, and calls `on_frame` after each frame. Ctrl-C ends the scan.
 ///
 /// # Errors
 /// Returns an error as [`Scanner::scan`] does.
-pub(super) fn capture(mut scanner: Scanner) -> Result<Capture> {
-    let bar = progress_bar();
-    let captured = scanner.scan_with(|progress| show(&bar, progress));
-    bar.finish_and_clear();
+pub(super) fn capture(mut scanner: Scanner, mut on_frame: impl FnMut()) -> Result<Capture> {
+    let line = ProgressLine::new("capturing");
+    let captured = scanner.scan_with(|progress| show(&line, progress, &mut on_frame));
+    drop(line);
     let finished = scanner.finish();
     let captured = captured?;
     finished?;
     Ok(captured)
+}
+
+/// Names the dialect in the error of a command that serves its device from a profile. The error names
+/// an option of `scan`, which replaces what the dialect cannot do.
+#[cfg(target_os = "linux")]
+pub(super) fn blame_dialect(why: Error, profile: &str) -> Error {
+    match why {
+        Error::Input { place, found, .. }
+            if place.contains("--manifest") || place.contains("--sequence") =>
+        {
+            Error::input(
+                format!("profile {profile}: dialect"),
+                found,
+                "a dialect with select and manifest in its [host]",
+            )
+        }
+        why => why,
+    }
 }
 
 /// Captures from a free-running camera, without a control port.
@@ -313,46 +405,36 @@ fn capture_free(
     timeout: Duration,
     calibration: Option<(&Path, Rig)>,
     tape: Option<Tape>,
+    mut on_frame: impl FnMut(),
 ) -> Result<Capture> {
-    if let Some(name) = &args.sequence {
-        return Err(Error::input(
-            format!("--sequence {name}"),
-            "given without --control",
-            "--control PATH, or --manifest alone",
-        ));
-    }
     eprintln!(
         "phasmid: no control port: nothing is triggered, the next {} frames are taken as they arrive",
         manifest.frame.len()
     );
     let mut camera = RecordedCamera::new(open_camera(camera, args.capture.into(), timeout)?, tape);
-    let bar = progress_bar();
+    let line = ProgressLine::new("capturing");
     let captured = scan_free_running(&mut camera, manifest, timeout, &mut |progress| {
-        show(&bar, progress)
+        show(&line, progress, &mut on_frame)
     });
-    bar.finish_and_clear();
+    drop(line);
     Ok(Capture {
         calibration: calibration.map(|given| given.1),
         ..captured?
     })
 }
 
-fn progress_bar() -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len}") {
-        bar.set_style(style);
-    }
-    bar
-}
-
-fn show(bar: &ProgressBar, progress: Progress<'_>) -> ControlFlow<()> {
+fn show(
+    line: &ProgressLine,
+    progress: Progress<'_>,
+    mut on_frame: impl FnMut(),
+) -> ControlFlow<()> {
     match progress {
-        Progress::Identified(idn) => bar.set_message(idn.to_owned()),
+        Progress::Identified(idn) => line.rename(idn),
         Progress::Frame { done, of } => {
-            bar.set_length(of as u64);
-            bar.set_position(done as u64);
+            line.show(done, of);
+            on_frame();
         }
-        Progress::Retry(why) => bar.suspend(|| eprintln!("phasmid: {why}; once more")),
+        Progress::Retry(why) => eprintln!("phasmid: {why}; once more"),
         Progress::Waiting => {}
     }
     flow()
@@ -376,6 +458,7 @@ fn discard_maps(draft: &Path) {
 
 /// Decodes the capture into a folder.
 fn decode_captured(captured: &Capture, args: &Args, out: &Path) -> Result<Decoding> {
+    step("decoding");
     check_modulation(&captured.manifest, &captured.images)?;
     let options = Options {
         keep_mixed: args.keep_mixed,
@@ -387,7 +470,7 @@ fn decode_captured(captured: &Capture, args: &Args, out: &Path) -> Result<Decodi
     let (decoder, mut decoded) = captured
         .decode(options)
         .map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))?;
-    let doubt = decoded.doubt();
+    let doubt = decoded.doubt().map(|doubt| doubt.to_string());
     args.method.apply(&decoder, &mut decoded, options)?;
     let decode_s = begin.elapsed().as_secs_f64();
     write_outputs(out, &decoder, &decoded)?;

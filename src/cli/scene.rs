@@ -1,8 +1,9 @@
 //! `phasmid scene`: lists and prints the built-in scenes and checks scene files.
 
+use super::set::SetArgs;
 use phasmid_core::error::Result;
 use phasmid_geometry::Mesh;
-use phasmid_profile::{Scene, Shape, scene_names, scene_text};
+use phasmid_profile::{Scene, Shape, scene_names};
 
 /// List, print or check scenes.
 #[derive(Debug, clap::Args)]
@@ -16,17 +17,24 @@ enum Action {
     /// List the built-in scenes.
     #[command(after_help = "Example:\n  phasmid scene list")]
     List,
-    /// Print a built-in scene, as a start for your own.
+    /// Print a scene, as a start for your own.
     #[command(after_help = "Example:\n  phasmid scene show sphere > mine.toml")]
     Show {
-        /// Built-in name.
+        /// Built-in name, or path of a TOML file.
         name: String,
+        /// Print it with all that it extends, without comments; --set implies it.
+        #[arg(long)]
+        full: bool,
+        #[command(flatten)]
+        set: SetArgs,
     },
     /// Check a scene file (or a built-in scene) and the meshes that it names.
     #[command(after_help = "Example:\n  phasmid scene check mine.toml")]
     Check {
         /// Path of a TOML file, or a built-in name.
         file: String,
+        #[command(flatten)]
+        set: SetArgs,
     },
 }
 
@@ -37,9 +45,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 println!("{name:<24}{}", Scene::load(name)?.description);
             }
         }
-        Action::Show { name } => super::show("scene", name, scene_text(name), scene_names())?,
-        Action::Check { file } => {
-            let scene = Scene::load(file)?;
+        Action::Show { name, full, set } => match set.settings()? {
+            settings if *full || set.is_some() => {
+                print!("{}", Scene::full_text(name, &settings)?);
+            }
+            _ => print!("{}", Scene::text(name)?),
+        },
+        Action::Check { file, set } => {
+            let scene = Scene::load_with(file, &set.settings()?)?;
             let mut triangles = 0;
             for (i, object) in scene.object.iter().enumerate() {
                 if let Shape::Mesh { file: mesh } = &object.shape {
@@ -62,10 +75,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
                     Mesh::read(&scene.folder.join(&key.file)).map_err(|e| e.at(place))?;
                 }
             }
-            println!(
-                "{file}: ok, {} objects, {triangles} triangles from files",
-                scene.object.len()
-            );
+            let objects = match scene.object.len() {
+                1 => "1 object".to_owned(),
+                count => format!("{count} objects"),
+            };
+            println!("{file}: ok, {objects}, {triangles} triangles from files");
         }
     }
     Ok(())

@@ -1,10 +1,9 @@
 //! `phasmid study`: runs a study, or lists the studies.
 
-use indicatif::{ProgressBar, ProgressStyle};
+use super::progress::ProgressLine;
 use phasmid_core::error::{Error, Result};
 use phasmid_report::lab::{Settings, Study, Surroundings, run as run_study};
 use phasmid_study::ALL;
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Instant, UNIX_EPOCH};
@@ -54,14 +53,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         jobs: usize::from(args.jobs),
         revision: &revision,
     };
-    let bar = bar();
+    let line = ProgressLine::new("trials");
     let progress = |done: usize, all: usize, trial: &str| {
-        bar.set_length(all as u64);
-        bar.set_position(done as u64);
-        bar.set_message(trial.to_owned());
+        line.show(done, all);
+        line.remark(trial.to_owned());
     };
     let document = run_study(study, out, &settings, &around, &progress)?;
-    bar.finish_and_clear();
+    drop(line);
     print!("{}", document.screen());
     println!("\n{}: rows.csv, tables.md, report.html", out.display());
     let failed: Vec<&str> = document
@@ -86,15 +84,6 @@ fn find(name: &str) -> Result<&'static dyn Study> {
         let names: Vec<&str> = ALL.iter().map(|study| study.name()).collect();
         Error::input("study", name, names.join(", "))
     })
-}
-
-/// Makes a progress bar on a terminal, hidden otherwise (in a pipe).
-fn bar() -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} {msg}");
-    ProgressBar::new(1).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
 /// Identifies the program by the revision of its source and the checksum of its file, which distinguishes

@@ -1,28 +1,20 @@
 //! `phasmid track`: follows a patient and the tumour live, through the ports of the pods.
 
-mod scan_deadline;
-mod span;
 mod table;
 
-use super::pods::{Address, PodArgs, Source, Taken};
-use glam::DVec3;
+use super::interrupt::check;
+use super::pods::PodArgs;
+use super::progress::ProgressLine;
+use crate::facade::TOLERANCE_MM;
+use crate::{Pod, TrackOptions, TrackProgress};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
-use phasmid_host::doubt;
 use phasmid_planning::planning::Planning;
-use phasmid_sgrt::{
-    Answers, Beam, Follower, Hold, HoldRules, Measured, ModelOptions, POINTS, Planned, Quantity,
-    Reading, Region, Sight,
-};
-use scan_deadline::{FOREVER, ScanDeadline};
-use span::Span;
+use phasmid_sgrt::{Beam, ModelOptions, Planned, Reason, Region};
+use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::time::{Duration, Instant};
-use table::{Row, Table};
-
-/// Maximum tolerance in millimetres.
-const MOST_TOLERANCE_MM: f64 = 1000.0;
+use std::time::Instant;
+use table::Table;
 
 /// Follow a patient's skin and tumour live with one or several pods: six degrees of freedom, the tumour's
 /// position with its standard deviation, beam hold and latency, as one line of CSV per scan
@@ -53,12 +45,10 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let timeout = args.pods.timeout()?;
-    if !(0.001..=MOST_TOLERANCE_MM).contains(&args.tolerance_mm) {
-        return Err(Error::input(
-            "--tolerance-mm",
-            args.tolerance_mm,
-            format!("0.001 to {MOST_TOLERANCE_MM}"),
-        ));
+    if !TOLERANCE_MM.contains(&args.tolerance_mm) {
+        let (least, most) = (TOLERANCE_MM.start(), TOLERANCE_MM.end());
+        let allowed = format!("{least} to {most}");
+        return Err(Error::input("--tolerance-mm", args.tolerance_mm, allowed));
     }
     let station = args.pods.station()?;
     if args.scans == Some(0) {
@@ -71,160 +61,82 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let planning = Planning::load(&args.planning).map_err(|e| e.at("--planning"))?;
     let planned = Planned::new(&planning, &Region::chest(), &ModelOptions::default())?;
     let pods = args.pods.addresses(&station)?;
-    // The channel holds one scan per pod, so the pods never scan further ahead than that.
-    let (send, taken) = sync_channel(pods.len());
-    std::thread::scope(|threads| {
-        let (from, scans) = (&pods, args.scans);
-        let scanning = std::thread::Builder::new()
-            .name("pods".into())
-            .spawn_scoped(threads, move || scan(from, timeout, scans, &send));
-        let scanning = scanning.map_err(|e| Error::device(format!("cannot start thread: {e}")))?;
-        let followed = follow(args, &planned, &pods, &taken);
-        // Ends the scanning thread at its next send.
-        drop(taken);
-        let scanned = scanning
-            .join()
-            .unwrap_or_else(|_| Err(Error::device("the thread of the pods panicked")));
-        // An error at the ports takes precedence: it is the reason why the scans ended.
-        scanned.and(followed)
-    })
-}
-
-/// Scans with one pod after the other, because their projectors take turns, while earlier scans are
-/// evaluated.
-fn scan(
-    pods: &[Address],
-    timeout: Duration,
-    scans: Option<u64>,
-    to: &SyncSender<Taken>,
-) -> Result<()> {
-    let mut sources = Vec::new();
-    for pod in pods {
-        sources.push(Source::open(pod, timeout)?.without_checks());
-    }
-    let mut scanned = Ok(());
-    let mut count = 0;
-    'scans: while scans.is_none_or(|scans| count < scans) {
-        for source in &mut sources {
-            let taken = match source.scan() {
-                Ok(taken) => taken,
-                Err(e) => {
-                    scanned = Err(e);
-                    break 'scans;
-                }
-            };
-            if to.send(taken).is_err() {
-                break 'scans;
-            }
-        }
-        count += 1;
-    }
-    for source in sources {
-        let finished = source.finish();
-        scanned = scanned.and(finished);
-    }
-    scanned
-}
-
-/// Fits, decides and reports, scan by scan, until the scans end.
-fn follow(args: &Args, planned: &Planned, pods: &[Address], scans: &Receiver<Taken>) -> Result<()> {
-    let mut hold = Hold::new(HoldRules::default())?;
-    let mut follower = Follower::new(planned)?;
-    let sight = |pod: &Address| Sight::new(&pod.name, pod.room_from_rig);
-    let mut sights: Vec<Sight> = pods.iter().map(sight).collect();
-    let target = planned.tumour_mm();
-    let begin = Instant::now();
     let modes = planned.model.components();
-    let mut table = Table::new(args.out.as_deref(), args.force, begin, modes);
-    let mut scan_deadline = ScanDeadline::new(hold.stale());
-    let most = POINTS / pods.len().max(1);
-    let mut count = 0;
-    'scans: loop {
-        let mut measured = Measured::default();
-        let mut reading = Reading::default();
-        let mut span = Span::default();
-        let (mut last_frame, mut decoding) = (begin, Duration::ZERO);
-        for (sight, pod) in sights.iter_mut().zip(pods) {
-            let mut silence = scan_deadline.left(Instant::now());
-            let taken = loop {
-                match scans.recv_timeout(silence) {
-                    Ok(taken) => break taken,
-                    Err(RecvTimeoutError::Timeout) => {
-                        // Holds the beam before anything else is known, and reports that once.
-                        table.silent(count, hold.silent())?;
-                        silence = FOREVER;
-                    }
-                    Err(RecvTimeoutError::Disconnected) => {
-                        if args.scans != Some(count) && *hold.beam() == Beam::On {
-                            table.silent(count, hold.silent())?;
-                        }
-                        break 'scans;
-                    }
-                }
-            };
-            if count == 0
-                && let Some(why) = doubt(&taken.captured.manifest, &taken.captured.images)
-            {
-                eprintln!("phasmid: {}: {why}", pod.name);
-            }
-            let arrived = Instant::now();
-            let doubt = sight.measure(&taken.captured, taken.identified, &mut measured, most)?;
-            reading.warnings.extend(doubt);
-            decoding += arrived.elapsed();
-            span.take(&taken.captured.frames);
-            last_frame = taken.arrived.max(last_frame);
+    let mut table = Table::new(args.out.as_deref(), args.force, Instant::now(), modes);
+    let pods = pods.iter().map(|pod| pod.pod(timeout));
+    let mut pods = pods.collect::<Result<Vec<_>>>()?;
+    let options = TrackOptions {
+        tolerance_mm: args.tolerance_mm,
+        scans: args.scans,
+        ..TrackOptions::default()
+    };
+    // Lines on standard output show the progress themselves.
+    let line = args.out.as_ref().map(|_| ProgressLine::new("tracking"));
+    // Number of the next scan, while the beam is on.
+    let mut on = None;
+    let mut reported = Ok(());
+    let tracked = crate::track(&mut pods, &planned, &options, |progress| {
+        if let Some(line) = &line {
+            show(line, progress, args.scans);
         }
-        scan_deadline.heard(Instant::now());
-        let Answers { rigid, motion: fit } = follower.answer(&measured);
-        match &fit {
-            Ok(fit) => {
-                let off = fit.tumour_mm - target;
-                let along = off.normalize_or(DVec3::Z);
-                let variance = along.dot(fit.total_covariance(target) * along);
-                reading.quantities.push(Quantity {
-                    name: "tumour",
-                    value: off.length(),
-                    deviation: variance.max(0.0).sqrt(),
-                    tolerance: args.tolerance_mm,
-                });
-                let warnings = fit.warnings.iter().map(ToString::to_string);
-                reading.warnings.extend(warnings);
-            }
-            Err(lost) => reading.warnings.push(lost.to_string()),
+        reported = report(progress, &mut table, &mut on).and_then(|()| check());
+        match reported {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(_) => ControlFlow::Break(()),
         }
-        let host_ms = last_frame.elapsed().as_secs_f64() * 1e3;
-        let beam: Beam = hold.update(span.end_ns, &reading).clone();
-        table.row(&Row {
-            scan: count,
-            device_s: span.end_ns as f64 * 1e-9,
-            rigid: rigid.as_ref().ok(),
-            motion: fit.as_ref().ok(),
-            target,
-            points: measured.len(),
-            decode_ms: decoding.as_secs_f64() * 1e3,
-            host_ms,
-            since_motion_ms: span.middle_to_end_ms().map(|device_ms| device_ms + host_ms),
-            beam: &beam,
-            warnings: &warnings(&rigid, &reading),
-        })?;
-        count += 1;
+    });
+    drop(line);
+    if let Some(scan) = on.filter(|_| matches!(reported, Err(Error::Interrupted))) {
+        // A signal has ended the scans while the beam was on.
+        let held = table.silent(scan, &Beam::Held(Reason::Stale));
+        reported = held.and(reported);
     }
-    Ok(())
+    if args.scans.is_none() && matches!(reported, Err(Error::Interrupted)) {
+        // The usual end of tracking without a number of scans.
+        reported = Ok(());
+    }
+    let finished: Vec<_> = pods.into_iter().map(Pod::finish).collect();
+    tracked.and(reported).and(finished.into_iter().collect())
 }
 
-/// Returns the warnings of the rigid fit, followed by the warnings of the reading.
-fn warnings(
-    rigid: &std::result::Result<phasmid_sgrt::RigidFit, phasmid_sgrt::Lost>,
-    reading: &Reading,
-) -> Vec<String> {
-    let mut all = match rigid {
-        Ok(rigid) => rigid
-            .warnings
-            .iter()
-            .map(|w| format!("rigid: {w}"))
-            .collect(),
-        Err(lost) => vec![format!("rigid: {lost}")],
+/// Shows the latest scan and the state of the beam in the line of progress. Numbers of scans are those
+/// of the table.
+fn show(line: &ProgressLine, progress: TrackProgress<'_>, scans: Option<u64>) {
+    let (scan, beam, tumour) = match progress {
+        TrackProgress::Scan(tracked) => {
+            if let Some(scans) = scans {
+                line.show(tracked.scan as usize + 1, scans as usize);
+            }
+            (tracked.scan, &tracked.beam, tracked.tumour.as_ref())
+        }
+        TrackProgress::Overdue { scan, beam } => (scan, beam, None),
+        _ => return,
     };
-    all.extend(reading.warnings.iter().cloned());
-    all
+    let off = tumour.map_or(String::new(), |tumour| {
+        format!(", tumour {:.1} mm off", tumour.off_mm)
+    });
+    // The reason comes last, because the end of a long line is cut off.
+    line.remark(match beam {
+        Beam::On => format!("scan {scan}: beam on{off}"),
+        Beam::Held(reason) => format!("scan {scan}: beam held{off}: {reason}"),
+    });
+}
+
+/// Writes what tracking reports, and notes the number of the next scan while the beam is on.
+fn report(progress: TrackProgress<'_>, table: &mut Table, on: &mut Option<u64>) -> Result<()> {
+    match progress {
+        TrackProgress::Scan(tracked) => {
+            *on = (tracked.beam == Beam::On).then_some(tracked.scan + 1);
+            table.row(tracked)
+        }
+        TrackProgress::Overdue { scan, beam } => {
+            *on = None;
+            table.silent(scan, beam)
+        }
+        TrackProgress::Doubtful { pod, why } => {
+            eprintln!("phasmid: {pod}: {why}");
+            Ok(())
+        }
+        TrackProgress::Waiting => Ok(()),
+    }
 }

@@ -1,6 +1,14 @@
 //! The error type. It separates user mistakes (exit status 2) from failures of the machine or the
 //! device (exit status 1).
+//!
+//! One enum serves all crates. A caller decides by the variant (correct the input, retry, give up), and
+//! every crate can fail in each of these ways; an enum per crate would repeat the variants and convert
+//! them at every boundary, and the place of an error, which [`Error::at`] extends on its way up, would
+//! have to be carried through each conversion. Reasons that a caller can act on have types of their
+//! own: of a failed call ([`Error::Rejected`]) and of a successful call whose result is
+//! doubtful. They display as the message for users.
 
+use std::error::Error as StdError;
 use std::fmt::Display;
 use std::path::Path;
 
@@ -33,6 +41,15 @@ pub enum Error {
     /// The caller ended the call early.
     #[error("interrupted")]
     Interrupted,
+    /// Input that a computation rejects. The [`source`](StdError::source) is the reason as a type of
+    /// the crate that found it.
+    #[error("{message}")]
+    Rejected {
+        /// The message, which contains that of the source.
+        message: String,
+        /// The reason.
+        source: Box<dyn StdError + Send + Sync>,
+    },
     /// A device, link or peer failed or violated its protocol.
     #[error("{0}")]
     Device(String),
@@ -57,16 +74,35 @@ impl Error {
     }
 
     /// Combines errors into one; a single error stays what it is.
-    pub fn several(mut errors: Vec<Self>) -> Self {
+    pub fn several(errors: Vec<Self>) -> Self {
+        let mut errors: Vec<Self> = errors.into_iter().flat_map(Self::each).collect();
         match errors.len() {
             1 => errors.remove(0),
             _ => Self::Several(errors),
         }
     }
 
+    fn each(self) -> Vec<Self> {
+        match self {
+            Self::Several(errors) => errors,
+            other => vec![other],
+        }
+    }
+
     /// Creates an error for a failure of a device, link or peer.
     pub fn device(message: impl Display) -> Self {
         Self::Device(message.to_string())
+    }
+
+    /// Creates an error for input that a computation rejects. The message includes that of `source`.
+    pub fn rejected(
+        message: impl Display,
+        source: impl Into<Box<dyn StdError + Send + Sync>>,
+    ) -> Self {
+        Self::Rejected {
+            message: message.to_string(),
+            source: source.into(),
+        }
     }
 
     /// Creates an error for a system error at a path.
@@ -104,6 +140,10 @@ impl Error {
                 Self::Several(errors.collect())
             }
             Self::Interrupted => Self::Interrupted,
+            Self::Rejected { message, source } => Self::Rejected {
+                message: format!("{outer}: {message}"),
+                source,
+            },
             Self::Device(message) => Self::Device(format!("{outer}: {message}")),
         }
     }
@@ -112,10 +152,25 @@ impl Error {
     /// Of several errors the largest status counts.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Input { .. } => 2,
+            Self::Input { .. } | Self::Rejected { .. } => 2,
             Self::Several(errors) => errors.iter().map(Self::exit_code).max().unwrap_or(1),
             Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => 2,
             Self::Io { .. } | Self::Interrupted | Self::Device(_) => 1,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rejected_input_keeps_its_reason_as_source() {
+        let reason = Error::device("too dark");
+        let error = Error::rejected(format!("poses: {reason}"), reason).at("folder");
+        assert_eq!(error.to_string(), "folder: poses: too dark");
+        assert_eq!(error.exit_code(), 2);
+        let source = error.source().and_then(|s| s.downcast_ref());
+        assert!(matches!(source, Some(Error::Device(message)) if message == "too dark"));
     }
 }

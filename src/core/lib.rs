@@ -7,11 +7,13 @@
 //! | [`check`] | checks of values read from TOML, reported with their line |
 //! | [`error`] | the error type and its exit statuses |
 //! | [`file`](mod@file) | bounded reading of user files |
+//! | `layers` | documents that extend others, and settings on top |
 //! | [`new_file`] | atomic writing of output files, scratch folders |
 //! | [`npy`] | NumPy's array files |
 //! | [`numbers`] | deserialisation of number lists of a fixed length |
 //! | [`output_folder`] | output folders that receive all files of a result or none |
 //! | [`philox`](mod@philox) | Philox4x32-10 random numbers |
+//! | `repair` | all errors of a document in one message |
 //! | [`simd`] | run-time dispatch to AVX2 |
 //! | [`source`] | TOML documents with file and line in every error |
 //! | [`stop`] | ends long calls early, from another thread |
@@ -20,11 +22,13 @@
 pub mod check;
 pub mod error;
 pub mod file;
+mod layers;
 pub mod new_file;
 pub mod npy;
 pub mod numbers;
 pub mod output_folder;
 pub mod philox;
+mod repair;
 pub mod simd;
 pub mod source;
 pub mod stop;

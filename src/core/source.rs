@@ -2,28 +2,31 @@
 
 use crate::error::{Error, Result};
 use crate::file;
-use crate::wording::{found_and_expected, nearest};
+use crate::layers::Layers;
+use crate::repair;
+use crate::wording::nearest;
 use serde::de::DeserializeOwned;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
-use toml::de::{DeTable, DeValue};
+use std::str::FromStr;
 
 /// Size limit, larger than any valid profile, scene or manifest; a larger file is rejected without
 /// being read.
 const MAX_BYTES: u64 = 8 << 20;
 
-/// A TOML document and its file name.
+/// Maximum number of documents that extend each other.
+const MAX_EXTENDED: usize = 16;
+
+/// A TOML document and its file name, with the documents that it extends and settings on top of it.
 pub struct TomlSource {
-    text: String,
-    place: String,
+    layers: Layers,
 }
 
 impl TomlSource {
     /// Wraps text; `place` is used as the file name in messages.
     pub fn new(text: &str, place: &str) -> Self {
         Self {
-            text: text.to_owned(),
-            place: place.to_owned(),
+            layers: Layers::of_document(text.to_owned(), place.to_owned()),
         }
     }
 
@@ -36,36 +39,101 @@ impl TomlSource {
         let bytes = file::read(path, MAX_BYTES)?;
         let text = String::from_utf8(bytes)
             .map_err(|e| Error::input(&place, e, "a text file in UTF-8"))?;
-        Ok(Self { text, place })
+        Ok(Self {
+            layers: Layers::of_document(text, place),
+        })
+    }
+
+    /// Puts below the document another that it names in `extends`, if it has that key: a built-in one,
+    /// or a file relative to `folder`, which is the document's. `built_in` and `kind` are as for [`load`].
+    ///
+    /// # Errors
+    /// Returns an error if the extended document cannot be read, or extends itself.
+    pub fn extended(
+        mut self,
+        folder: &Path,
+        built_in: &[(&str, &str)],
+        kind: &str,
+    ) -> Result<Self> {
+        let mut folder = folder.to_path_buf();
+        // Of the documents below, seen from this one's folder.
+        let mut seen_from = PathBuf::new();
+        let mut chain = self.place().to_owned();
+        for _ in 0..MAX_EXTENDED {
+            let Some((name, place)) = self.layers.extends()? else {
+                return Ok(self);
+            };
+            let is_built_in = built_in.iter().any(|(known, _)| *known == name);
+            let path = match is_built_in {
+                true => name.clone(),
+                false => folder.join(&name).display().to_string(),
+            };
+            let (base, _) = find(&path, built_in, kind).map_err(|error| error.at(&place))?;
+            chain = format!("{chain}, which extends {}", base.place());
+            // Built-in documents name no files.
+            let inner = Path::new(&name).parent();
+            if let Some(inner) = inner.filter(|inner| *inner != Path::new("") && !is_built_in) {
+                folder.push(inner);
+                seen_from.push(inner);
+            }
+            self.layers
+                .extend(base.layers, &seen_from.display().to_string());
+        }
+        Err(Error::input(
+            self.place(),
+            format!(
+                "documents that extend each other without end: {}",
+                shortened(&chain)
+            ),
+            format!("at most {MAX_EXTENDED} documents, the last of which extends no other"),
+        ))
+    }
+
+    /// Puts settings on top.
+    pub fn with(mut self, settings: &[Setting]) -> Self {
+        for setting in settings {
+            let place = format!("--set {setting}");
+            self.layers.set(&setting.path, &setting.value, place);
+        }
+        self
     }
 
     /// Returns the file name used in messages.
     pub fn place(&self) -> &str {
-        &self.place
+        self.layers.place()
     }
 
     /// Returns whether the document has a top-level key of this name; false if it is not valid
     /// TOML.
     pub fn has(&self, key: &str) -> bool {
-        DeTable::parse(&self.text).is_ok_and(|root| root.get_ref().contains_key(key))
+        let merged = self.layers.merged();
+        merged.is_ok_and(|root| root.get_ref().contains_key(key))
     }
 
     /// Deserialises the document.
     ///
     /// # Errors
-    /// Returns an error with the line for a syntax error, an unknown field or a wrong type.
+    /// Returns an error with the line for a syntax error. For a document up to 256 KiB, returns all
+    /// unknown fields, missing fields and wrong types together, 20 at most.
     pub fn deserialize<T: DeserializeOwned>(&self) -> Result<T> {
-        toml::from_str(&self.text).map_err(|e| {
-            let line = e.span().map_or(1, |span| self.line_of(span.start));
-            let message = e.message();
-            let missing = message.strip_prefix("missing field ");
-            let otherwise = missing.map_or_else(
-                || "valid TOML".to_owned(),
-                |name| format!("the required field {}", name.trim_end()),
-            );
-            let (found, expected) = found_and_expected(message, &otherwise);
-            Error::input(format!("{}:{line}", self.place), found, expected)
+        repair::deserialize(self.layers.merged()?, self.layers.length()).map_err(|errors| {
+            let errors = errors.iter().map(|error| self.layers.error(error, 0));
+            Error::several(errors.collect())
         })
+    }
+
+    /// Returns the document as written.
+    pub fn text(&self) -> &str {
+        self.layers.text()
+    }
+
+    /// Returns the document with all that it extends and all settings, as TOML without comments.
+    ///
+    /// # Errors
+    /// Returns an error with the line for a syntax error.
+    pub fn to_toml(&self) -> Result<String> {
+        let table: toml::Table = self.deserialize()?;
+        Ok(table.to_string())
     }
 
     /// Creates an error about the value at `path`, such as `frame[3].pattern.period_px`, with the
@@ -76,53 +144,82 @@ impl TomlSource {
 
     /// Returns the location of the value at `path` as `FILE:LINE: PATH`.
     pub fn place_of(&self, path: &str) -> String {
-        let line = self.line_of(self.offset_of(path).unwrap_or(0));
-        format!("{}:{line}: {path}", self.place)
-    }
-
-    fn line_of(&self, offset: usize) -> usize {
-        let end = offset.min(self.text.len());
-        1 + self.text.as_bytes()[..end]
-            .iter()
-            .filter(|&&b| b == b'\n')
-            .count()
-    }
-
-    fn offset_of(&self, path: &str) -> Option<usize> {
-        let root = DeTable::parse(&self.text).ok()?;
-        let mut table = root.get_ref();
-        let mut offset = None;
-        for step in path.split('.') {
-            let (key, indices) = step.split_once('[').unwrap_or((step, ""));
-            let Some((name, value)) = table.get_key_value(key) else {
-                break;
-            };
-            offset = Some(name.span().start);
-            let mut value = value;
-            for index in indices.split(']').filter(|s| !s.is_empty()) {
-                let index: usize = index.trim_start_matches('[').parse().ok()?;
-                let DeValue::Array(array) = value.get_ref() else {
-                    break;
-                };
-                value = array.get(index)?;
-                offset = Some(value.span().start);
-            }
-            match value.get_ref() {
-                DeValue::Table(inner) => table = inner,
-                _ => break,
-            }
-        }
-        offset
+        let position = self.layers.position_of(path).unwrap_or(0);
+        format!("{}: {path}", self.layers.place_at(position))
     }
 }
 
-/// Loads a built-in document by name, or else a file. Also returns the file's folder, which is
-/// empty for a built-in document. `built_in` lists names and texts; `kind` names the kind of
-/// document in messages.
+/// A value for a field of a document, such as `camera.sensor.read_noise_e=5`: the path of the field and
+/// a TOML value; a text that is no TOML value counts as a string.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Setting {
+    path: String,
+    value: String,
+}
+
+impl Setting {
+    /// Creates a setting from a path such as `object[0].position_mm` and a TOML value.
+    pub fn new(path: impl Into<String>, value: impl Display) -> Self {
+        Self {
+            path: path.into(),
+            value: value.to_string(),
+        }
+    }
+
+    /// Returns the first key of the path.
+    pub fn section(&self) -> &str {
+        self.path.split(['.', '[']).next().unwrap_or_default()
+    }
+}
+
+impl FromStr for Setting {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let is_key = |c: char| c.is_ascii_alphanumeric() || "_-.[]".contains(c);
+        match text.split_once('=') {
+            Some((path, value)) if !path.trim().is_empty() && path.trim().chars().all(is_key) => {
+                Ok(Self::new(path.trim(), value.trim()))
+            }
+            _ => Err(Error::input(
+                "setting",
+                format!("{text:?}"),
+                "FIELD=VALUE, such as camera.sensor.read_noise_e=5",
+            )),
+        }
+    }
+}
+
+impl Display for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}={}", self.path, self.value)
+    }
+}
+
+/// Loads a built-in document by name, or else a file, with the documents that it extends. Also returns
+/// the file's folder, which is empty for a built-in document. `built_in` lists names and texts; `kind`
+/// names the kind of document in messages.
 ///
 /// # Errors
-/// Returns an error if the name is neither built in nor a file, or if the file cannot be read.
+/// Returns an error if the name is neither built in nor a file, if the file cannot be read, or if
+/// [`TomlSource::extended`] fails.
 pub fn load(
+    name_or_path: &str,
+    built_in: &[(&str, &str)],
+    kind: &str,
+) -> Result<(TomlSource, PathBuf)> {
+    let (source, folder) = find(name_or_path, built_in, kind)?;
+    let source = source.extended(&folder, built_in, kind)?;
+    Ok((source, folder))
+}
+
+/// Returns the first part of a text, at a comma.
+fn shortened(chain: &str) -> String {
+    let first: Vec<&str> = chain.split(", ").take(4).collect();
+    format!("{} ...", first.join(", "))
+}
+
+fn find(
     name_or_path: &str,
     built_in: &[(&str, &str)],
     kind: &str,
@@ -136,9 +233,13 @@ pub fn load(
         let names: Vec<_> = built_in.iter().map(|(name, _)| *name).collect();
         let suggestion = nearest(name_or_path, names.iter().copied())
             .map_or_else(String::new, |name| format!(" (did you mean {name}?)"));
+        let found = match path.exists() {
+            true => "neither a built-in name nor a regular file".to_owned(),
+            false => format!("neither a built-in name nor a file{suggestion}"),
+        };
         return Err(Error::input(
             format!("{kind} {name_or_path:?}"),
-            format!("neither a built-in name nor a file{suggestion}"),
+            found,
             format!("{} or the path of a TOML file", names.join(", ")),
         ));
     }

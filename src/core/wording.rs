@@ -18,8 +18,12 @@ pub fn found_and_expected(message: &str, otherwise: &str) -> (String, String) {
     };
     let expected = match expected {
         "f64" => "a number",
-        "u32" | "u64" => "a whole number, 0 or more",
+        "u8" => "a whole number, 0 to 255",
+        "u32" => "a whole number, 0 to 4294967295",
+        "u64" => "a whole number, 0 or more",
+        "a sequence" => "a list: [[...]] for tables, [...] for values",
         "i32" => "a whole number",
+        other if other.starts_with("struct ") || other.contains("tagged enum ") => "a table",
         other => other,
     };
     let suggestion = unknown_name(found)
@@ -73,6 +77,11 @@ mod tests {
                 "invalid type: string \"x\", expected f64",
                 "invalid type: string \"x\"",
                 "a number",
+            ),
+            (
+                "invalid type: integer `3`, expected struct Camera",
+                "invalid type: integer `3`",
+                "a table",
             ),
             ("7; expected 1 to 3", "7", "1 to 3"),
             ("missing field `name`", "missing field `name`", "valid TOML"),

@@ -6,6 +6,7 @@
 
 use super::{AxisMap, Decoded, Verdict};
 use phasmid_pattern::Axis;
+use std::fmt;
 
 /// Fraction of the brighter pixels with uncertain order above which the frames are doubted. Valid
 /// captures of the built-in profiles have up to 0.005 of all pixels; any order of a code's bits or a
@@ -18,17 +19,56 @@ const LEAST_VALID: f64 = 0.9;
 /// Minimum number of pixels for a decision.
 const FEWEST: usize = 400;
 
+/// A reason to doubt that frames belong to their sequence, or that their exposure was right. It displays
+/// as a message for users.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Doubt {
+    /// The fringe order is uncertain in many of the brighter pixels.
+    UncertainOrder {
+        /// The projector's axis.
+        axis: Axis,
+        /// Fraction of the brighter pixels, 0 to 1.
+        share: f64,
+    },
+    /// More than half of the pixels are saturated.
+    Saturated {
+        /// Fraction of the saturated and valid pixels, 0 to 1.
+        share: f64,
+    },
+}
+
+impl fmt::Display for Doubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UncertainOrder { axis, share } => write!(
+                f,
+                "the order along {axis} is uncertain in {:.0} % of the brighter pixels: frames may be \
+                 exchanged, or show patterns that the sequence does not have",
+                100.0 * share
+            ),
+            Self::Saturated { share } => write!(
+                f,
+                "{:.0} % of the pixels are saturated: shorten the exposure, or lower the gain",
+                100.0 * share
+            ),
+        }
+    }
+}
+
+impl std::error::Error for Doubt {}
+
 impl Decoded {
     /// Returns a reason to doubt the frames, or `None`. Call it on maps as returned by the decoder,
     /// before orders are unwrapped or single pixels filled.
-    pub fn doubt(&self) -> Option<String> {
+    pub fn doubt(&self) -> Option<Doubt> {
         let of_light = || self.axes().find_map(|(_, map)| saturated(map));
         self.doubt_of_orders().or_else(of_light)
     }
 
     /// Like [`Self::doubt`], for fringe orders alone: ignores saturation, which a bright object in
     /// front of the camera may cause.
-    pub fn doubt_of_orders(&self) -> Option<String> {
+    pub fn doubt_of_orders(&self) -> Option<Doubt> {
         let mut axes = self.axes();
         axes.find_map(|(axis, map)| uncertain(axis, &map.verdict, &self.modulation))
     }
@@ -55,7 +95,7 @@ pub(super) fn note_of_loss(axis: Axis, map: &AxisMap) -> Option<String> {
     ))
 }
 
-fn uncertain(axis: Axis, verdicts: &[Verdict], modulation: &[f32]) -> Option<String> {
+fn uncertain(axis: Axis, verdicts: &[Verdict], modulation: &[f32]) -> Option<Doubt> {
     let ordered =
         |(verdict, _): &(&Verdict, &f32)| matches!(verdict, Verdict::Valid | Verdict::Uncertain);
     let pixels = || verdicts.iter().zip(modulation).filter(ordered);
@@ -68,25 +108,13 @@ fn uncertain(axis: Axis, verdicts: &[Verdict], modulation: &[f32]) -> Option<Str
     let bright = || pixels().filter(|(_, light)| **light >= robust_scale);
     let count = bright().filter(|(v, _)| **v == Verdict::Uncertain).count();
     let share = count as f64 / bright().count().max(1) as f64;
-    (share > MOST_UNCERTAIN).then(|| {
-        format!(
-            "the order along {} is uncertain in {:.0} % of the brighter pixels: frames may be \
-             exchanged, or show patterns that the sequence does not have",
-            axis,
-            100.0 * share
-        )
-    })
+    (share > MOST_UNCERTAIN).then_some(Doubt::UncertainOrder { axis, share })
 }
 
-fn saturated(map: &AxisMap) -> Option<String> {
+fn saturated(map: &AxisMap) -> Option<Doubt> {
     let saturated = map.count(Verdict::Saturated);
     let share = saturated as f64 / (saturated + map.count(Verdict::Valid)).max(1) as f64;
-    (saturated >= FEWEST && share > MOST_SATURATED).then(|| {
-        format!(
-            "{:.0} % of the pixels are saturated: shorten the exposure, or lower the gain",
-            100.0 * share
-        )
-    })
+    (saturated >= FEWEST && share > MOST_SATURATED).then_some(Doubt::Saturated { share })
 }
 
 #[cfg(test)]
@@ -121,7 +149,12 @@ mod tests {
         // Noise explains uncertain orders where there is little light.
         assert_eq!(doubt(40, 3.0), None);
         let why = doubt(15, 50.0).unwrap();
-        assert!(why.contains("along x is uncertain in 15 %"), "{why}");
+        assert!(matches!(why, Doubt::UncertainOrder { axis: Axis::X, .. }));
+        assert_eq!(
+            why.to_string(),
+            "the order along x is uncertain in 15 % of the brighter pixels: frames may be exchanged, or \
+             show patterns that the sequence does not have"
+        );
     }
 
     #[test]
@@ -144,6 +177,7 @@ mod tests {
     fn saturated_pixels_are_doubted_where_they_are_most() {
         assert_eq!(decoded(Verdict::Saturated, 40, 120.0).doubt(), None);
         let why = decoded(Verdict::Saturated, 97, 120.0).doubt().unwrap();
+        let why = why.to_string();
         assert!(why.starts_with("97 % of the pixels are saturated"), "{why}");
         assert_eq!(decoded(Verdict::Dim, 97, 1.0).doubt(), None);
         assert_eq!(Decoded::default().doubt(), None);

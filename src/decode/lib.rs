@@ -46,6 +46,7 @@ mod weighted;
 
 pub use capture::{CALIBRATION_FILE, Capture, FrameInfo, MANIFEST_FILE, write_png};
 pub use decoder::{Decoder, Options};
+pub use doubt::Doubt;
 pub use gray::{GrayBit, GrayCode};
 pub use held::Held;
 pub use load::{frame_size, load_frames};

@@ -5,6 +5,7 @@ use super::faults::Faults;
 use super::link::{ServeOptions, Serving};
 use super::port::Port;
 use super::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine, UserSequence};
+use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::Pattern;
 use phasmid_profile::{Profile, Scene};
@@ -38,6 +39,7 @@ impl Device {
             name: &profile.name,
             seed: 0,
             options: Options::default(),
+            stop: Stop::default(),
             sequences: Vec::new(),
             dialect: None,
             schedule: None,
@@ -74,6 +76,7 @@ pub struct DeviceBuilder<'a> {
     name: &'a str,
     seed: u64,
     options: Options,
+    stop: Stop,
     sequences: Vec<UserSequence>,
     dialect: Option<Dialect>,
     schedule: Option<&'a Schedule>,
@@ -93,6 +96,12 @@ impl<'a> DeviceBuilder<'a> {
     /// Sets how the optics render.
     pub fn options(self, options: Options) -> Self {
         Self { options, ..self }
+    }
+
+    /// Lets another thread end [`Self::build`] early. It is the request of the device's renderer
+    /// afterwards ([`Renderer::stop`]).
+    pub fn stop(self, stop: Stop) -> Self {
+        Self { stop, ..self }
     }
 
     /// Uses optics that were prepared for the same profile and scene before, with the seed and
@@ -128,8 +137,8 @@ impl<'a> DeviceBuilder<'a> {
     /// Assembles the device.
     ///
     /// # Errors
-    /// Returns an error if the profile, a sequence, the dialect or a fault is invalid, or if the scene
-    /// cannot be rendered.
+    /// Returns an error if the profile, a sequence, the dialect or a fault is invalid, if the scene
+    /// cannot be rendered, or if [`Self::stop`] is asked.
     pub fn build(self) -> Result<Device> {
         let profile = self.profile;
         let firmware = Firmware::new(profile, &self.sequences)?;
@@ -153,7 +162,10 @@ impl<'a> DeviceBuilder<'a> {
         let faults = faults.of_rows(profile.camera.height_px).map_err(refused)?;
         let mut renderer = match self.renderer {
             Some(renderer) => renderer,
-            None => Renderer::with_options(profile, self.scene, self.seed, self.options)?,
+            None => {
+                let (seed, options) = (self.seed, self.options);
+                Renderer::with_stop(profile, self.scene, seed, options, self.stop)?
+            }
         };
         let shots = firmware.selected_sequence();
         renderer.expect_pattern_images(

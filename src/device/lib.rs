@@ -9,7 +9,7 @@
 //! | `clock` | device time that jumps instead of waiting |
 //! | [`faults`] | faults on messages, frames and the whole device |
 //! | [`firmware`] | commands, trigger system, sequences, status registers |
-//! | `link` (Linux) | pseudo-terminal, sockets, V4L2, USB/IP and the service channel |
+//! | `link` (Linux) | pseudo-terminal, sockets, V4L2 (feature `v4l2`), USB/IP and the service channel |
 //! | `line` | the serial line in device time |
 //! | `machine` | the device without its optics |
 //! | [`port`] | the control port's dialect |

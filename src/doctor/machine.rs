@@ -59,12 +59,6 @@ impl Machine {
         Some(String::from_utf8_lossy(&bytes).into_owned())
     }
 
-    /// Returns a file's first line; `None` if it cannot be read.
-    pub(super) fn line(&self, path: impl AsRef<Path>) -> Option<String> {
-        let text = self.text(path)?;
-        Some(text.lines().next().unwrap_or_default().trim().to_owned())
-    }
-
     /// Returns the entries of a folder, sorted; empty if it cannot be read.
     pub(super) fn list(&self, folder: impl AsRef<Path>) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(self.path(folder));

@@ -8,39 +8,36 @@
 //! | file | contents |
 //! | --- | --- |
 //! | `basics` | pty and run directory |
-//! | `module` | the kernel module v4l2loopback |
-//! | `nodes` | video nodes: state, permissions, stable names |
-//! | `installed` | the system files that Phasmid ships |
+//! | `v4l2` | the kernel module v4l2loopback, its nodes, and the installed files |
 //! | `usb` | the virtual USB host controller and the drivers |
 //! | `vulkan` | Vulkan loader, drivers and render nodes |
 //! | `machine` | the examined machine |
 //! | `report` | the results as text and JSON |
+//! | `shipped` | the system files that Phasmid ships |
 
 mod basics;
-mod installed;
 mod machine;
-mod module;
-mod nodes;
 mod report;
-#[cfg(test)]
+mod shipped;
+#[cfg(all(test, feature = "gpu", feature = "v4l2"))]
 mod tests;
 mod usb;
+#[cfg(feature = "v4l2")]
+mod v4l2;
+#[cfg(not(feature = "v4l2"))]
+#[path = "without_v4l2.rs"]
+mod v4l2;
 mod vulkan;
 
-pub use installed::{MODPROBE, MODULES_LOAD, Shipped, UDEV};
 pub use machine::{Machine, User};
 pub use report::{Check, Feature, Report, Status};
+pub use shipped::{MODPROBE, MODULES_LOAD, Shipped, UDEV};
+pub use v4l2::is_forgotten;
 
 /// Runs all checks.
 pub fn examine(machine: &Machine) -> Report {
     let mut checks = basics::checks(machine);
-    checks.push(module::check(machine));
-    checks.extend(nodes::checks(machine));
-    // In a container, /etc is not what the host's module tools read. The checks run there only if the
-    // module is loaded.
-    if !machine.container() || machine.has(module::LOADED) {
-        checks.extend(installed::checks(machine));
-    }
+    checks.extend(v4l2::checks(machine));
     checks.extend(usb::checks(machine));
     checks.extend(vulkan::checks(machine));
     Report {

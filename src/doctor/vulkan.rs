@@ -17,6 +17,10 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
         apt.then(|| "sudo apt-get install mesa-vulkan-drivers libvulkan1".to_owned())
     };
     let check = |found: String| Check::ok("Vulkan", Feature::Vulkan, found);
+    if !cfg!(feature = "gpu") {
+        let found = "this program was built without the feature gpu".to_owned();
+        return vec![check(found).but(Status::Missing, None)];
+    }
     if library(machine, LOADER).is_none() {
         return vec![check(format!("no loader ({LOADER})")).but(Status::Missing, fix())];
     }

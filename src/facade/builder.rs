@@ -1,12 +1,14 @@
 //! What an emulated device is built from.
 
 use super::Device;
+use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_device::UserSequence;
-use phasmid_profile::{Profile, Scene};
+use phasmid_profile::{Profile, Scene, Setting, Settings};
 use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::faults::{Fault, Schedule};
 use phasmid_render::{Backend, Options};
+use std::fmt::Display;
 use std::path::PathBuf;
 
 /// The profile of a device: a built-in name, the path of a TOML file, or a [`Profile`].
@@ -24,6 +26,10 @@ enum Source<T> {
 }
 
 impl<T> Source<T> {
+    fn is_given(&self) -> bool {
+        matches!(self, Self::Given(_))
+    }
+
     fn load(self, read: impl FnOnce(&str) -> Result<T>) -> Result<T> {
         match self {
             Self::Named(name) => read(&name),
@@ -78,9 +84,11 @@ pub struct DeviceBuilder {
     options: Options,
     noise: Option<bool>,
     exact_calibration: Option<bool>,
+    settings: Vec<Setting>,
     dialect: Option<String>,
     sequences: Vec<PathBuf>,
     schedule: Schedule,
+    stop: Stop,
 }
 
 impl Default for DeviceBuilder {
@@ -93,9 +101,11 @@ impl Default for DeviceBuilder {
             options: Options::default(),
             noise: None,
             exact_calibration: None,
+            settings: Vec::new(),
             dialect: None,
             sequences: Vec::new(),
             schedule: Schedule::default(),
+            stop: Stop::default(),
         }
     }
 }
@@ -110,6 +120,25 @@ impl DeviceBuilder {
     /// Sets the scene; `torso` by default.
     pub fn scene(mut self, scene: impl Into<SceneSource>) -> Self {
         self.scene = scene.into();
+        self
+    }
+
+    /// Sets a field of the profile or of the scene, over what its file says: the path of the field and a
+    /// TOML value, or text.
+    ///
+    /// ```
+    /// # fn main() -> Result<(), phasmid::Error> {
+    /// let builder = phasmid::Device::builder().profile("webcam-grey").scene("plane");
+    /// let device = builder
+    ///     .set("camera.sensor.read_noise_e", 5)
+    ///     .set("object[0].position_mm", "[0, 0, 900]")
+    ///     .build()?;
+    /// assert_eq!(device.profile().camera.sensor.read_noise_e, 5.0);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn set(mut self, field: impl Into<String>, value: impl Display) -> Self {
+        self.settings.push(Setting::new(field, value));
         self
     }
 
@@ -178,16 +207,41 @@ impl DeviceBuilder {
         self
     }
 
+    /// Lets another thread end the preparation of the scene, and the rendering of the device afterwards
+    /// ([`Device::stop`]).
+    pub fn stop(mut self, stop: Stop) -> Self {
+        self.stop = stop;
+        self
+    }
+
     /// Builds the device and switches it on.
     ///
     /// # Errors
     /// Returns all that is wrong with the profile, the scene, the dialect, the files of sequences and the
-    /// options; or what is wrong with their combination or with a fault.
+    /// options; or what is wrong with their combination or with a fault; or [`Error::Interrupted`] if
+    /// [`Self::stop`] is asked.
     pub fn build(self) -> Result<Device> {
         let mut wrong = Vec::new();
         let mut keep = |error: Error| wrong.push(error);
-        let profile = self.profile.0.load(Profile::load).map_err(&mut keep).ok();
-        let scene = self.scene.0.load(Scene::load).map_err(&mut keep).ok();
+        let settings = Settings::new(self.settings).map_err(&mut keep);
+        let settings = settings.unwrap_or_default();
+        let given = [
+            (self.profile.0.is_given(), settings.profile(), "profile"),
+            (self.scene.0.is_given(), settings.scene(), "scene"),
+        ];
+        for (is_given, settings, kind) in given {
+            if let Some(setting) = settings.first().filter(|_| is_given) {
+                keep(Error::input(
+                    format!("set {setting}"),
+                    format!("a {kind} that is given as a value"),
+                    format!("the {kind}'s name or path, or a change of the value itself"),
+                ));
+            }
+        }
+        let load = |name: &str| Profile::load_with(name, &settings);
+        let profile = self.profile.0.load(load).map_err(&mut keep).ok();
+        let load = |name: &str| Scene::load_with(name, &settings);
+        let scene = self.scene.0.load(load).map_err(&mut keep).ok();
         let dialect = self.dialect.as_deref().map(Dialect::load).transpose();
         let dialect = dialect.map_err(&mut keep).ok().flatten();
         let sequences = self.sequences.iter().filter_map(|path| {
@@ -214,6 +268,7 @@ impl DeviceBuilder {
         let builder = phasmid_device::Device::builder(&profile, &scene)
             .seed(self.seed)
             .options(options)
+            .stop(self.stop)
             .sequences(sequences)
             .faults(&self.schedule);
         let builder = match dialect {
@@ -221,5 +276,35 @@ impl DeviceBuilder {
             None => builder,
         };
         Ok(Device::new(builder.build()?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn building_ends_when_asked() {
+        let stop = Stop::default();
+        stop.ask();
+        let builder = DeviceBuilder::default().scene("torso").stop(stop);
+        assert!(matches!(builder.build(), Err(Error::Interrupted)));
+    }
+
+    #[test]
+    fn settings_of_a_profile_given_as_a_value_are_refused() {
+        let profile = Profile::load("webcam-grey").unwrap();
+        let builder = DeviceBuilder::default().profile(profile);
+        let refused = builder
+            .set("camera.max_gain_db", 3)
+            .set("light[0].depth", 1)
+            .build();
+        let message = refused.err().unwrap().to_string();
+        assert!(
+            message.contains("camera.max_gain_db=3: a profile that is given as a value"),
+            "{message}"
+        );
+        // Both errors are reported: the built-in scene has no lamp.
+        assert!(message.contains("light[0].depth=1"), "{message}");
     }
 }

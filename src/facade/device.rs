@@ -189,10 +189,10 @@ impl Device {
     /// # Errors
     /// Returns an error if the factory could not calibrate the device; it then reports none.
     pub fn factory_calibration(&self) -> Result<Rig> {
-        let calibration = self
-            .desk
-            .with(|device| device.machine.firmware().factory_calibration().clone());
-        calibration.map_err(Error::device)
+        self.desk.with(|device| {
+            let calibration = device.machine.firmware().factory_calibration();
+            calibration.copied().map_err(Error::device)
+        })
     }
 
     /// Returns the true rig, which no host knows.

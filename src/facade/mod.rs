@@ -8,21 +8,27 @@
 //! | `decode` | captures to surfaces, and surfaces compared with the truth |
 //! | `device` | an emulated device in memory |
 //! | `scanner` | a scanner at its addresses |
+//! | `track` | a patient and a tumour, tracked by the pods of a room |
 
 mod builder;
 mod calibrate;
 mod decode;
 mod device;
 mod scanner;
+mod track;
 
 pub use builder::{DeviceBuilder, ProfileSource, SceneSource};
-pub use calibrate::calibrate;
+pub use calibrate::{calibrate, calibrate_with_stop};
 pub use decode::{Decoding, compare, decode};
 pub use device::Device;
 #[cfg(target_os = "linux")]
 pub(crate) use scanner::connected;
 pub use scanner::{ScanOptions, Scanner};
 pub(crate) use scanner::{endpoints_in, service_of, truth_maps};
+pub(crate) use track::TOLERANCE_MM;
+pub use track::{
+    Pod, SkinPose, TrackOptions, TrackProgress, Tracked, Tracker, TumourPosition, track,
+};
 
 // Values that a program moves between its threads.
 const _: fn() = || {
@@ -30,6 +36,8 @@ const _: fn() = || {
     is_send::<Device>();
     is_send::<Scanner>();
     is_send::<Decoding>();
+    is_send::<Pod>();
+    is_send::<Tracked>();
     #[cfg(target_os = "linux")]
     is_send::<crate::Serving>();
 };

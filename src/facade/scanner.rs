@@ -158,6 +158,16 @@ impl Scanner {
         })
     }
 
+    /// Uses a calibration instead of the device's own, as [`ScanOptions::calibration`] does; `place`
+    /// names it in messages.
+    #[must_use]
+    pub(crate) fn with_calibration(self, place: &str, rig: Rig) -> Self {
+        Self {
+            scanner: self.scanner.with_calibration(place, rig),
+            ..self
+        }
+    }
+
     /// Returns captures without checking that their frames follow the sequence, for a caller that does
     /// so while the next scan is running ([`check_sequence`](crate::host::check_sequence)).
     #[must_use]

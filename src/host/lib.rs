@@ -3,8 +3,9 @@
 //! whatever it opens as a device. The system's monotonic clock is read for two purposes only: to
 //! end waits in time, and to tell frames that a camera took before it was triggered from those it
 //! took after. The crate depends on `phasmid-core`, `phasmid-geometry`, `phasmid-pattern`,
-//! `phasmid-protocol`, `phasmid-v4l2` and `phasmid-decode`, but not on the simulated device or the
-//! renderer. Applications in radiotherapy build on it elsewhere (`phasmid-sgrt`).
+//! `phasmid-protocol`, `phasmid-v4l2` (feature `v4l2`) and `phasmid-decode`, but not on the
+//! simulated device or the renderer. Applications in radiotherapy build on it elsewhere
+//! (`phasmid-sgrt`).
 //!
 //! | module | contents |
 //! | --- | --- |
@@ -37,12 +38,13 @@ mod tcp;
 
 pub mod usb;
 
-#[cfg(target_os = "linux")]
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub use camera::explain_device;
 pub use camera::{Camera, CameraDriver, Intake, MemoryCamera, SocketCamera, open_camera};
 pub use clock::monotonic_ns;
 pub use consistency::{
-    check as check_sequence, check_identified as check_identified_sequence, check_modulation, doubt,
+    FrameDoubt, check as check_sequence, check_identified as check_identified_sequence,
+    check_modulation, doubt,
 };
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};

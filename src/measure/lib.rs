@@ -17,7 +17,7 @@ mod surface;
 mod visible;
 
 pub use icp::{Alignment, IcpOptions, align};
-pub use metrics::{Comparison, Directed, GROSS_MM, GROSS_SIGMAS, Stated, compare};
+pub use metrics::{Comparison, Directed, GROSS_MM, GROSS_SIGMAS, OneWay, Stated, compare};
 pub use overlap::{OVERLAP_COLUMNS, Overlap, PositionErrors, TargetError, overlap, solid_moments};
 pub use surface::{Foot, Surface, Surfels, Truth};
 pub use visible::{GRAZING_DEG, lit_and_seen};

@@ -27,7 +27,8 @@ use super::visible::{all_of, lit_and_seen};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Cloud, Rig};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
+use std::fmt;
 
 /// Distance above which an error counts as gross, in millimetres.
 pub const GROSS_MM: f64 = 1.0;
@@ -86,6 +87,31 @@ impl Stated {
     }
 }
 
+/// Why a cloud is compared with the truth in one direction only. It displays as a message for users.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum OneWay {
+    /// The true surface is a mesh, without a calibration.
+    NoRig,
+    /// The calibrated rig sees and lights nothing of the mesh.
+    NothingVisible,
+}
+
+impl fmt::Display for OneWay {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NoRig => "a mesh needs a calibration to determine which parts are lit and seen",
+            Self::NothingVisible => "the calibrated rig sees and lights nothing of the mesh",
+        })
+    }
+}
+
+impl Serialize for OneWay {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
 /// Comparison of a cloud with the truth.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
@@ -100,9 +126,9 @@ pub struct Comparison {
     pub stated: Option<Stated>,
     /// Distances from each lit and seen true point to the measured surface.
     pub truth_to_cloud: Option<Directed>,
-    /// Reason if `truth_to_cloud` is absent.
+    /// Reason if `truth_to_cloud` is absent. It is serialized as its message.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub truth_to_cloud_absent: Option<String>,
+    pub truth_to_cloud_absent: Option<OneWay>,
     /// Statistics over both directions.
     pub both: Option<Directed>,
     /// Mean distance to agreement over both directions, in millimetres.
@@ -181,12 +207,12 @@ pub fn compare(
         (Truth::Mesh(mesh), Surface::Mesh(tree), Some(rig)) => {
             let visible = lit_and_seen(mesh, tree, rig, SAMPLES);
             if visible.is_empty() {
-                Err("the calibrated rig sees and lights nothing of the mesh".to_owned())
+                Err(OneWay::NothingVisible)
             } else {
                 Ok(visible)
             }
         }
-        _ => Err("a mesh needs a calibration to determine which parts are lit and seen".to_owned()),
+        _ => Err(OneWay::NoRig),
     };
     let (truth_to_cloud, absent) = match visible {
         Ok(visible) => {
@@ -324,10 +350,11 @@ mod tests {
         let found = against(&grid(50, 999.5), &Truth::Mesh(floor(1000.0)), None);
         assert_eq!(found.cloud_to_truth.mae_mm, 0.5);
         assert_eq!((found.truth_to_cloud, found.coverage), (None, None));
-        assert!(found.truth_to_cloud_absent.unwrap().contains("calibration"));
+        assert_eq!(found.truth_to_cloud_absent, Some(OneWay::NoRig));
         // A rig that looks elsewhere sees nothing of the mesh.
         let behind = against(&grid(5, 1.0), &Truth::Mesh(floor(-1000.0)), Some(&rig()));
-        assert!(behind.truth_to_cloud_absent.unwrap().contains("nothing"));
+        let absent = behind.truth_to_cloud_absent;
+        assert_eq!(absent, Some(OneWay::NothingVisible));
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! | --- | --- |
 //! | [`image`] | a grey image of 8 or 16 bits |
 //! | [`manifest`] | the sequence manifest: patterns and frame files, checked |
+//! | [`written`] | patterns as files write them: one by one or in sets |
 //!
 //! A projector shows constant pixels of its own bit depth: pixel i covers [i - 0.5, i + 0.5) along
 //! its axis and has one level there. A fringe is `A + B cos(2 pi x / period_px + phase_rad)`,
@@ -13,6 +14,7 @@
 
 pub mod image;
 pub mod manifest;
+pub mod written;
 
 pub use image::{Image, Samples};
 pub use manifest::{MAX_SIDE_PX, Manifest, ManifestFrame, ProjectorSize};
@@ -23,6 +25,7 @@ use std::path::PathBuf;
 
 /// The projector's pixel axis along which a pattern varies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// Along the rows: the level depends on the column index.
@@ -42,7 +45,7 @@ impl std::fmt::Display for Axis {
 
 /// One projected image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+#[serde(tag = "kind", rename_all = "lowercase", try_from = "written::Patterns")]
 pub enum Pattern {
     /// A sinusoidal fringe.
     Fringe {
@@ -64,7 +67,6 @@ pub enum Pattern {
         /// Index of the bit shown; 0 is the least significant.
         bit: u32,
         /// Whether the bit is shown inverted.
-        #[serde(default)]
         inverted: bool,
     },
     /// Uniform, full brightness.
@@ -79,6 +81,57 @@ pub enum Pattern {
 }
 
 impl Pattern {
+    /// Returns fringes whose phases are equally spaced over one turn: step k has the phase
+    /// `phase_rad + 2 pi k / steps`.
+    ///
+    /// ```
+    /// use phasmid_pattern::{Axis, Pattern};
+    ///
+    /// let set = Pattern::fringe_set(Axis::X, 16.0, 4, 0.0);
+    /// assert_eq!(set.len(), 4);
+    /// assert_eq!(set[2].level(0), Some(0.0));
+    /// ```
+    pub fn fringe_set(axis: Axis, period_px: f64, steps: u32, phase_rad: f64) -> Vec<Self> {
+        let fringe = |step| Self::Fringe {
+            axis,
+            period_px,
+            phase_rad: phase_rad + TAU * f64::from(step) / f64::from(steps),
+        };
+        (0..steps).map(fringe).collect()
+    }
+
+    /// Returns all bits of a Gray code, the most significant first. With `half_cell`, the finest bit of
+    /// the code of half as wide cells follows, which finds the order where two cells meet. With
+    /// `inverted`, each bit is followed by its inverse.
+    ///
+    /// ```
+    /// use phasmid_pattern::{Axis, Pattern};
+    ///
+    /// assert_eq!(Pattern::gray_set(Axis::X, 16.0, 6, true, false).len(), 7);
+    /// ```
+    pub fn gray_set(
+        axis: Axis,
+        cell_px: f64,
+        bits: u32,
+        half_cell: bool,
+        inverted: bool,
+    ) -> Vec<Self> {
+        let whole = (0..bits).rev().map(|bit| (cell_px, bits, bit));
+        let half = half_cell.then_some((cell_px / 2.0, bits + 1, 0));
+        let inverses: &[bool] = if inverted { &[false, true] } else { &[false] };
+        let shown = |(cell_px, bits, bit)| {
+            let gray = move |&inverted| Self::Gray {
+                axis,
+                cell_px,
+                bits,
+                bit,
+                inverted,
+            };
+            inverses.iter().map(gray)
+        };
+        whole.chain(half).flat_map(shown).collect()
+    }
+
     /// Returns the axis along which the pattern varies; `None` for uniform patterns and images.
     #[inline]
     pub fn axis(&self) -> Option<Axis> {

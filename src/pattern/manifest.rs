@@ -14,6 +14,7 @@ pub const MAX_SIDE_PX: u32 = 32768;
 
 /// The projector's size in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ProjectorSize {
     /// Columns.
@@ -23,11 +24,10 @@ pub struct ProjectorSize {
 }
 
 /// One frame: the projected pattern and, if frames are files, the photograph of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ManifestFrame {
     /// Photograph, relative to the folder of the frames.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
     /// The projected pattern.
     pub pattern: Pattern,
@@ -35,11 +35,14 @@ pub struct ManifestFrame {
 
 /// A sequence of patterns and the size of the projector that shows it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
     /// The projector that shows the sequence.
     pub projector: ProjectorSize,
     /// The frames in temporal order.
+    #[serde(deserialize_with = "crate::written::frames")]
+    #[cfg_attr(feature = "schema", schemars(with = "Vec<crate::written::Entry>"))]
     pub frame: Vec<ManifestFrame>,
 }
 
@@ -76,7 +79,7 @@ impl Manifest {
                 ));
             }
         }
-        check_frames(&manifest.frame, "frame", source)?;
+        check_count(&manifest.frame, "frame", source)?;
         Ok(manifest)
     }
 
@@ -86,64 +89,19 @@ impl Manifest {
     }
 }
 
-/// Checks a list of frames; `field` is the path of the list in `source`.
+/// Checks the number of frames of a list; `field` is the path of the list in `source`.
 ///
 /// # Errors
-/// Returns an error with the line of the first value out of range.
-pub fn check_frames(frames: &[ManifestFrame], field: &str, source: &TomlSource) -> Result<()> {
-    if frames.is_empty() || frames.len() > MAX_FRAMES {
-        return Err(source.violation(
-            field,
-            format!("{} frames", frames.len()),
-            format!("1 to {MAX_FRAMES} frames"),
-        ));
+/// Returns an error with the line of the list if it has no frame or too many.
+pub fn check_count(frames: &[ManifestFrame], field: &str, source: &TomlSource) -> Result<()> {
+    if (1..=MAX_FRAMES).contains(&frames.len()) {
+        return Ok(());
     }
-    for (i, frame) in frames.iter().enumerate() {
-        if let Err((name, found, allowed)) = check_pattern(&frame.pattern) {
-            return Err(source.violation(&format!("{field}[{i}].pattern.{name}"), found, allowed));
-        }
-    }
-    Ok(())
-}
-
-fn check_pattern(pattern: &Pattern) -> Result<(), (&'static str, String, String)> {
-    let refuse = |name, found: &dyn std::fmt::Display, allowed: &str| {
-        Err((name, found.to_string(), allowed.to_string()))
-    };
-    match pattern {
-        Pattern::Fringe {
-            period_px,
-            phase_rad,
-            ..
-        } => {
-            if !(period_px.is_finite() && *period_px > 2.0 && *period_px <= 1e6) {
-                return refuse("period_px", period_px, "above 2, up to 1e6");
-            }
-            if !(phase_rad.is_finite() && phase_rad.abs() <= 1e4) {
-                return refuse("phase_rad", phase_rad, "-1e4 to 1e4");
-            }
-        }
-        Pattern::Gray {
-            cell_px, bits, bit, ..
-        } => {
-            if !(cell_px.is_finite() && (1.0..=1e6).contains(cell_px)) {
-                return refuse("cell_px", cell_px, "1 to 1e6");
-            }
-            if !(1..=20).contains(bits) {
-                return refuse("bits", bits, "1 to 20");
-            }
-            if bit >= bits {
-                return refuse("bit", bit, &format!("0 to bits - 1 = {}", bits - 1));
-            }
-        }
-        Pattern::Image { file } => {
-            if file.as_os_str().is_empty() {
-                return refuse("file", &"an empty path", "the path of an image");
-            }
-        }
-        Pattern::White {} | Pattern::Black {} => {}
-    }
-    Ok(())
+    Err(source.violation(
+        field,
+        format!("{} frames", frames.len()),
+        format!("1 to {MAX_FRAMES} frames"),
+    ))
 }
 
 #[cfg(test)]

@@ -89,6 +89,7 @@ fn check_treatment(t: &Treatment, check: &Check<'_>) -> Result<()> {
 
 /// Checks combinations of values that are each valid on their own.
 fn together(p: &Patient, check: &Check<'_>) -> Result<()> {
+    check.in_range()?;
     let [least, most] = Outline::masses_kg(p);
     check.that(
         (least..=most).contains(&p.mass_kg),

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// Parameters of a generated patient: body, tumour, breathing, and the day of the treatment.
 /// Generation is deterministic: equal parameters give identical patients.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Patient {
     /// Name for selection.
@@ -46,6 +47,7 @@ pub struct Patient {
 
 /// Sex, which selects the outlines of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Sex {
     /// Narrower waist and chest, wider hips.
@@ -56,6 +58,7 @@ pub enum Sex {
 
 /// Breasts and skin folds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Chest {
     /// Volume of the right and the left breast in millilitres, 0 to 1500.
@@ -69,6 +72,7 @@ pub struct Chest {
 
 /// A scar on the front or a side: a line along the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Scar {
     /// Start: along the skin from the middle of the front to the patient's left, and from the tip
@@ -86,6 +90,7 @@ pub struct Scar {
 
 /// A lobe of a lung.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Lobe {
     /// Right lung, above both fissures.
@@ -102,6 +107,7 @@ pub enum Lobe {
 
 /// A tumour in a lung.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Tumour {
     /// The lobe that contains it.
@@ -119,6 +125,7 @@ pub struct Tumour {
 
 /// Breathing at planning: the mean cycle, and the variation of cycles on the day of the treatment.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Breathing {
     /// Mean period of a cycle, 1.5 to 12 s.
@@ -163,6 +170,7 @@ fn exponent() -> u32 {
 /// Differences on the day of the treatment. Set-up is a rigid motion of the whole patient about the
 /// isocentre, along and about the patient's axes (left, posterior, head).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Treatment {
     /// Depth of breathing relative to planning, 0.3 to 2.
@@ -246,6 +254,16 @@ impl Patient {
         Self::from_source(&source)
     }
 
+    /// Returns the TOML of a patient as written.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::load`] does.
+    pub fn text(name_or_path: &str) -> Result<String> {
+        let (source, _) = source::load(name_or_path, &catalogue::PATIENTS, "patient")?;
+        Self::from_source(&source)?;
+        Ok(source.text().to_owned())
+    }
+
     /// Parses and checks a patient; `place` is used as the file name in messages.
     ///
     /// # Errors
@@ -257,7 +275,7 @@ impl Patient {
 
     fn from_source(source: &TomlSource) -> Result<Self> {
         let patient: Self = source.deserialize()?;
-        checks::check(&patient, &Check::new(source))?;
+        Check::all(source, |all| checks::check(&patient, all))?;
         Ok(patient)
     }
 

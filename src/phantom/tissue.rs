@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Optical properties of skin, by class or by coefficients at the projector's wavelength. The
 /// derived quantities and their sources are in `phasmid_render::skin`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Skin {
     /// Fitzpatrick class, 1 (palest) to 6: melanin of the epidermis over the same dermis. For

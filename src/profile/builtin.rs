@@ -1,8 +1,8 @@
 //! Built-in profiles, stations and scenes.
 
-use phasmid_core::error::Result;
+use phasmid_core::error::{Error, Result};
 use phasmid_core::source::{self, TomlSource};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Name and text of each profile.
 const PROFILES: [(&str, &str); 5] = [
@@ -74,14 +74,43 @@ fn text(documents: &[(&str, &'static str)], name: &str) -> Option<&'static str> 
     Some(text)
 }
 
+/// Loads the TOML of a built-in profile, or of a file.
 pub(super) fn profile_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
-    source::load(name_or_path, &PROFILES, "profile")
+    let station = |source: &TomlSource| source.has("device") && !source.has("camera");
+    let is_station = STATIONS.iter().any(|(name, _)| *name == name_or_path);
+    match source::load(name_or_path, &PROFILES, "profile") {
+        Ok((source, _)) if station(&source) => Err(refused_station(name_or_path)),
+        Err(_) if is_station => Err(refused_station(name_or_path)),
+        found => found,
+    }
+}
+
+fn refused_station(name_or_path: &str) -> Error {
+    let names: Vec<&str> = profile_names().collect();
+    Error::input(
+        format!("profile {name_or_path:?}"),
+        "a station, which lists several devices",
+        format!(
+            "the profile of one device: {} or a TOML file",
+            names.join(", ")
+        ),
+    )
 }
 
 /// Loads the TOML of a built-in profile or station, or of a file.
 pub(super) fn configuration_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {
     let shipped = [&PROFILES[..], &STATIONS].concat();
     source::load(name_or_path, &shipped, "profile")
+}
+
+/// Puts below a document what it extends, with paths relative to `folder`.
+pub(super) fn extended_profile(source: TomlSource, folder: &Path) -> Result<TomlSource> {
+    source.extended(folder, &PROFILES, "profile")
+}
+
+/// Puts below a document what it extends, with paths relative to `folder`.
+pub(super) fn extended_scene(source: TomlSource, folder: &Path) -> Result<TomlSource> {
+    source.extended(folder, &SCENES, "scene")
 }
 
 pub(super) fn scene_source(name_or_path: &str) -> Result<(TomlSource, PathBuf)> {

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Calibration defaults of a device.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Calibration {
     /// Name of a sequence that encodes both projector axes; when absent, the first such sequence.

@@ -14,6 +14,7 @@ const MAX_LINE_TIME_US: f64 = 1000.0;
 
 /// Optics and timing of the camera, whose frame is the rig's frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
     /// Columns.
@@ -35,6 +36,7 @@ pub struct Camera {
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub distortion: [f64; 5],
     /// Working f-number; determines the light that reaches the sensor and the defocus blur.
+    #[serde(default = "f_number")]
     pub f_number: f64,
     /// Fall of light towards the edge of the image; none when absent.
     #[serde(default)]
@@ -44,18 +46,25 @@ pub struct Camera {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focus_mm: Option<f64>,
     /// Pixel format on the link at power-on.
+    #[serde(default = "format")]
     pub format: PixelFormat,
     /// Adds a row above each image, on every link, that carries the frame's identity and metadata.
     #[serde(default)]
     pub data_line: bool,
     /// Exposure at power-on in microseconds.
+    #[serde(default = "exposure_us")]
     pub exposure_us: f64,
     /// Minimum and maximum exposure in microseconds.
-    #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
+    #[serde(
+        default = "exposure_range_us",
+        deserialize_with = "phasmid_core::numbers::exactly"
+    )]
     pub exposure_range_us: [f64; 2],
     /// Maximum gain in decibels above the sensor's base gain; the gain is 0 dB at power-on.
+    #[serde(default = "max_gain_db")]
     pub max_gain_db: f64,
     /// Interval of free-running frames in microseconds.
+    #[serde(default = "frame_interval_us")]
     pub frame_interval_us: f64,
     /// Line time of a rolling shutter in microseconds, as stated in CMOS data sheets: row r of the
     /// readout region starts its exposure r line times after the first row, and reading the frame
@@ -75,12 +84,33 @@ pub struct Camera {
     #[serde(default)]
     pub glare: Option<Glare>,
     /// The sensor.
+    #[serde(default)]
     pub sensor: Sensor,
 }
 
 /// Aspect of square pixels.
 fn square() -> f64 {
     1.0
+}
+
+fn f_number() -> f64 {
+    4.0
+}
+fn format() -> PixelFormat {
+    PixelFormat::Grey
+}
+fn exposure_us() -> f64 {
+    10_000.0
+}
+fn exposure_range_us() -> [f64; 2] {
+    [50.0, 500_000.0]
+}
+fn max_gain_db() -> f64 {
+    24.0
+}
+/// 30 frames per second.
+fn frame_interval_us() -> f64 {
+    33_333.0
 }
 
 impl Camera {
@@ -141,36 +171,24 @@ impl Camera {
 }
 
 pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
+    check.section(|check| super::sensor::check(&c.sensor, c.format, check));
     check.within("camera.width_px", c.width_px, 8..=MAX_SIDE_PX)?;
     check.within("camera.height_px", c.height_px, 8..=MAX_SIDE_PX)?;
-    let pixels = u64::from(c.width_px) * u64::from(c.height_px);
-    check.that(
-        pixels <= 1 << 26,
-        "camera.height_px",
-        format!("{pixels} pixels in all"),
-        "up to 67108864 pixels",
-    )?;
     check.within("camera.focal_length_mm", c.focal_length_mm, 0.1..=10_000.0)?;
     check.within("camera.sensor_width_mm", c.sensor_width_mm, 0.1..=1000.0)?;
     check.within("camera.pixel_aspect", c.pixel_aspect, PIXEL_ASPECT)?;
     if let Some(point) = c.principal_point_px {
         check.all_within("camera.principal_point_px", &point, -1e6..=1e6)?;
     }
-    distortion::check(&c.view().lens, "camera.distortion", check)?;
     check.within("camera.f_number", c.f_number, 0.5..=128.0)?;
-    vignetting::check(&c.vignetting, &c.view().lens, "camera.vignetting", check)?;
     if let Some(focus) = c.focus_mm {
         check.within("camera.focus_mm", focus, c.focal_length_mm..=1e9)?;
     }
+    if let Some(glare) = c.glare {
+        super::glare::check(glare, check)?;
+    }
     let [shortest, longest] = c.exposure_range_us;
     check.all_within("camera.exposure_range_us", &[shortest, longest], 0.1..=60e6)?;
-    check.that(
-        shortest <= longest,
-        "camera.exposure_range_us",
-        format!("[{shortest}, {longest}]"),
-        "the shorter first",
-    )?;
-    check.within("camera.exposure_us", c.exposure_us, shortest..=longest)?;
     check.within("camera.max_gain_db", c.max_gain_db, 0.0..=60.0)?;
     check.within(
         "camera.line_time_us",
@@ -183,6 +201,22 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
     ] {
         check.within(field, us.unwrap_or(0.0), 0.0..=60e6)?;
     }
+    let pixels = u64::from(c.width_px) * u64::from(c.height_px);
+    check.that(
+        pixels <= 1 << 26,
+        "camera.height_px",
+        format!("{pixels} pixels in all"),
+        "up to 67108864 pixels",
+    )?;
+    distortion::check(&c.view().lens, "camera.distortion", check)?;
+    vignetting::check(&c.vignetting, &c.view().lens, "camera.vignetting", check)?;
+    check.that(
+        shortest <= longest,
+        "camera.exposure_range_us",
+        format!("[{shortest}, {longest}]"),
+        "the shorter first",
+    )?;
+    check.within("camera.exposure_us", c.exposure_us, shortest..=longest)?;
     check.that(
         c.line_time_ns() == 0 || c.readout_us.is_none(),
         "camera.readout_us",
@@ -200,28 +234,23 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
         format!("YUYV of {} columns", c.width_px),
         "GREY, or an even width_px: YUYV holds pairs of pixels",
     )?;
-    if c.data_line {
-        check.that(
-            c.width_px >= data_line::WIDTH_PX,
-            "camera.data_line",
-            format!("a data line above {} columns", c.width_px),
-            format!("false, or a width_px of {} or more", data_line::WIDTH_PX),
-        )?;
-        // The data line reports the time from the start of the first row's exposure to the end of
-        // the last row's.
-        let skew_ns = c.line_time_ns() * u64::from(c.height_px - 1);
-        let longest_told_us = (data_line::MAX_EXPOSURE_NS.saturating_sub(skew_ns)) as f64 / 1e3;
-        check.that(
-            longest <= longest_told_us,
-            "camera.data_line",
-            format!("a data line, and exposures of up to {longest} us"),
-            format!(
-                "false, or exposures of up to {longest_told_us} us: the line has no room for more"
-            ),
-        )?;
+    if !c.data_line {
+        return Ok(());
     }
-    if let Some(glare) = c.glare {
-        super::glare::check(glare, check)?;
-    }
-    super::sensor::check(&c.sensor, c.format, check)
+    check.that(
+        c.width_px >= data_line::WIDTH_PX,
+        "camera.data_line",
+        format!("a data line above {} columns", c.width_px),
+        format!("false, or a width_px of {} or more", data_line::WIDTH_PX),
+    )?;
+    // The data line reports the time from the start of the first row's exposure to the end of the
+    // last row's.
+    let skew_ns = c.line_time_ns() * u64::from(c.height_px - 1);
+    let longest_told_us = (data_line::MAX_EXPOSURE_NS.saturating_sub(skew_ns)) as f64 / 1e3;
+    check.that(
+        longest <= longest_told_us,
+        "camera.data_line",
+        format!("a data line, and exposures of up to {longest} us"),
+        format!("false, or exposures of up to {longest_told_us} us: the line has no room for more"),
+    )
 }

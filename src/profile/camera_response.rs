@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Response curve from the converter's linear digital numbers (DN) to the DN in the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum CameraResponse {
     /// No change: frames contain the linear DN.

@@ -10,6 +10,7 @@ use std::path::Path;
 
 /// Control port of a device: dialect and serial settings. Every field is optional.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Control {
     /// Dialect of the port: a built-in name, or a file relative to the profile's folder.
@@ -73,6 +74,7 @@ impl Default for Control {
 
 /// Parity of a serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Parity {
     /// No parity bit.

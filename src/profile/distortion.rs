@@ -8,6 +8,7 @@ use phasmid_geometry::Lens;
 /// two.
 pub(super) fn check(lens: &Lens, field: &str, check: &Check<'_>) -> Result<()> {
     check.all_within(field, &lens.distortion, -1e3..=1e3)?;
+    check.in_range()?;
     lens.folds_before().map_or(Ok(()), |px| {
         Err(check
             .source

@@ -16,6 +16,7 @@ use std::f64::consts::TAU;
 
 /// Factory calibration of a device: the answer to `CALibration:DATA?`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct FactoryCalibration {
     /// Report the exact rig instead of a measured one, without a covariance.

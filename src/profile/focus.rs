@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// `focal_px` (similar triangles; see the depth of field in any optics textbook, e.g. Hecht:
 /// "Optics").
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Focus {
     /// Distance of sharp focus along the axis in millimetres.

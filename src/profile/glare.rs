@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 /// measures it as the veiling glare index: the fraction of a white field's light that falls on a
 /// black hole.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Glare {
     /// Percentage of each point's light that is scattered.

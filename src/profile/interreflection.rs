@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// Indirect light varies slowly, so it is gathered at some pixels and interpolated in between.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Interreflection {
     /// Largest error of the indirect light, in percent of a pixel's light under full white, in 99 %

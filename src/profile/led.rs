@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Light source with a finite rise time that loses output as it warms. Data sheets give both: rise
 /// and fall time, and relative flux over junction temperature.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Led {
     /// Rise time from 10 to 90 per cent, equal to the fall time, in microseconds: 2.2 time
@@ -20,6 +21,7 @@ pub struct Led {
 
 /// Light lost as one part of the source warms.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Droop {
     /// Thermal time constant in seconds.

@@ -24,8 +24,10 @@
 //! | `projector` | projector optics and light |
 //! | `response` | light over displayed level |
 //! | `scene` | a complete scene |
+//! | `schema` | JSON Schemas of files, with the feature `schema` |
 //! | `sensor` | image sensor in EMVA 1288 parameters |
 //! | `sequence` | pattern sequences |
+//! | `settings` | settings on top of a profile or a scene |
 //! | `station` | several devices that observe one scene |
 //! | `surface` | specular reflection |
 //! | `timing` | display timing of a DLP projector |
@@ -55,8 +57,11 @@ mod placing;
 mod projector;
 mod response;
 mod scene;
+#[cfg(feature = "schema")]
+mod schema;
 mod sensor;
 mod sequence;
+mod settings;
 
 mod station;
 mod surface;
@@ -81,13 +86,16 @@ pub use led::{Droop, Led};
 pub use light::{Ambient, Flicker, Light};
 pub use motion::{Deform, Keyframe, MeshKeyframe, Motion};
 pub use object::{Object, Shape};
-pub use phasmid_core::source::TomlSource;
+pub use phasmid_core::source::{Setting, TomlSource};
 pub use phasmid_phantom::tissue::Skin;
 pub use projector::Projector;
 pub use response::Response;
 pub use scene::{RigPlace, Scene};
+#[cfg(feature = "schema")]
+pub use schema::Document;
 pub use sensor::Sensor;
 pub use sequence::Sequence;
+pub use settings::Settings;
 pub use station::{Configuration, MAX_DEVICES, Station, StationDevice};
 pub use surface::Specular;
 pub use timing::Timing;

@@ -9,6 +9,7 @@ const MAX_LIGHTS: usize = 32;
 
 /// Constant light that is equal on all surfaces.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Ambient {
     /// Irradiance in W/m^2 at the projector's wavelength.
@@ -21,6 +22,7 @@ pub struct Ambient {
 /// A lamp that casts shadows. Its light adds to the ambient light and does not depend on the
 /// projected pattern.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Light {
     /// An isotropic point source, itself invisible to the camera.
@@ -51,6 +53,7 @@ pub enum Light {
 /// This is the modulation of IEEE Std 1789-2015 (`depth` is its modulation percentage over 100).
 /// All flickering light in a scene shares one mains supply, hence frequency and phase.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Flicker {
     /// Twice the mains frequency: 100 or 120 Hz.

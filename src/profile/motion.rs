@@ -17,6 +17,7 @@ const MAX_MESHES: usize = 1024;
 /// A rigid motion: poses in the object's own frame, interpolated smoothly. Without a period the object
 /// is at rest before the first and after the last keyframe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
     /// Period in seconds after which the keyframes repeat without a discontinuity.
@@ -28,6 +29,7 @@ pub struct Motion {
 
 /// A pose of a moving object.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Keyframe {
     /// Device time in seconds since power-on.
@@ -45,6 +47,7 @@ pub struct Keyframe {
 /// A deformation through a series of meshes that replace the object's own. Each vertex moves
 /// smoothly through its keyframes. The object may also have a rigid `motion`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Deform {
     /// Period in seconds after which the keyframes repeat without a discontinuity.
@@ -56,6 +59,7 @@ pub struct Deform {
 
 /// The shape of a deforming mesh at one time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct MeshKeyframe {
     /// Device time in seconds since power-on.

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 /// A shape with its pose and surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Object {
     /// Shape in the object's own frame.
@@ -29,6 +30,7 @@ pub struct Object {
     pub scale: f64,
     /// Diffuse (Lambertian) reflectance, 0 to 1; for skin, a factor on the reflectance that follows
     /// from its coefficients.
+    #[serde(default = "albedo")]
     pub albedo: f64,
     /// Subsurface scattering: fringes lose contrast and oblique light emerges shifted. When absent,
     /// light is reflected where it hits.
@@ -62,10 +64,15 @@ pub struct Object {
 fn one() -> f64 {
     1.0
 }
+/// White paint and many plastics.
+fn albedo() -> f64 {
+    0.8
+}
 
 /// Shapes in their own frame, in millimetres. Solids rest on the plane z = 0 and extend towards -z,
 /// that is, towards a camera looking along +z.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Shape {
     /// The plane z = 0, infinite or a rectangle centred on the origin.

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// The projector, an inverse camera.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Projector {
     /// Columns.
@@ -35,11 +36,14 @@ pub struct Projector {
     #[serde(default, deserialize_with = "phasmid_core::numbers::exactly")]
     pub distortion: [f64; 5],
     /// Bits per displayed level, 1 to 8.
+    #[serde(default = "bits")]
     pub bits: u32,
     /// Radiant intensity of full white in watts per steradian, uniform over the field except for
     /// `vignetting`.
+    #[serde(default = "radiant_intensity_w_sr")]
     pub radiant_intensity_w_sr: f64,
     /// Wavelength of the light in nanometres.
+    #[serde(default = "wavelength_nm")]
     pub wavelength_nm: f64,
     /// Response of light to the displayed level; linear when absent.
     #[serde(default)]
@@ -65,6 +69,17 @@ pub struct Projector {
 /// Aspect of square pixels.
 fn square() -> f64 {
     1.0
+}
+
+fn bits() -> u32 {
+    8
+}
+/// About 100 lm of green light over 0.3 sr.
+fn radiant_intensity_w_sr() -> f64 {
+    0.5
+}
+fn wavelength_nm() -> f64 {
+    550.0
 }
 
 impl Projector {
@@ -105,15 +120,7 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
     check.within("projector.pixel_aspect", p.pixel_aspect, PIXEL_ASPECT)?;
     check.all_within("projector.lens_shift_px", &p.lens_shift_px, -1e5..=1e5)?;
     check.all_within("projector.position_mm", &p.position_mm, -1e7..=1e7)?;
-    let baseline = p.view().center().length();
-    check.that(
-        baseline >= 1e-3,
-        "projector.position_mm",
-        format!("{baseline} mm from the camera (zero baseline)"),
-        "at least 0.001 mm",
-    )?;
     check.all_within("projector.rotation_deg", &p.rotation_deg, -360.0..=360.0)?;
-    distortion::check(&p.view().lens, "projector.distortion", check)?;
     check.within("projector.bits", p.bits, 1..=8)?;
     check.within(
         "projector.radiant_intensity_w_sr",
@@ -121,20 +128,29 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
         0.0..=1e6,
     )?;
     check.within("projector.wavelength_nm", p.wavelength_nm, 300.0..=1100.0)?;
-    if let Some(curve) = &p.response {
-        response::check(curve, "projector.response", check)?;
-    }
     if let Some(ratio) = p.contrast_ratio {
         check.within("projector.contrast_ratio", ratio, 1.0..=1e9)?;
     }
-    vignetting::check(&p.vignetting, &p.view().lens, "projector.vignetting", check)?;
+    if let Some(f) = &p.focus {
+        focus::check(f, "projector.focus", check)?;
+    }
+    if let Some(curve) = &p.response {
+        check.section(|check| response::check(curve, "projector.response", check));
+    }
     if let Some(led) = &p.led {
-        led::check(led, check)?;
+        check.section(|check| led::check(led, check));
     }
     if let Some(t) = &p.timing {
-        timing::check(t, p.response.is_some(), check)?;
+        check.section(|check| timing::check(t, p.response.is_some(), check));
     }
-    p.focus
-        .iter()
-        .try_for_each(|f| focus::check(f, "projector.focus", check))
+    check.in_range()?;
+    let baseline = p.view().center().length();
+    check.that(
+        baseline >= 1e-3,
+        "projector.position_mm",
+        format!("{baseline} mm from the camera (zero baseline)"),
+        "at least 0.001 mm",
+    )?;
+    distortion::check(&p.view().lens, "projector.distortion", check)?;
+    vignetting::check(&p.vignetting, &p.view().lens, "projector.vignetting", check)
 }

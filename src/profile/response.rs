@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Light over level, both from 0 (black) to 1 (full white).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Response {
     /// Light is the level raised to this power (Zhang and Yau: "Generic nonsinusoidal phase error

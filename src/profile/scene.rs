@@ -1,22 +1,24 @@
 //! Scene: objects in front of the scanner, the pose of the rig, and light other than the
 //! projector's. Without a `[rig]` the scene's frame is the rig's.
 
-use super::{Ambient, Interreflection, Light, Object, TomlSource};
+use super::{Ambient, Interreflection, Light, Object, Settings, TomlSource};
 use super::{builtin, interreflection, light, object};
 use glam::DVec3;
 use phasmid_core::check::{Check, name};
 use phasmid_core::error::Result;
 use phasmid_geometry::Pose;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Objects and light.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
     /// Name used to select the scene.
     pub name: String,
     /// One line for listings.
+    #[serde(default)]
     pub description: String,
     /// Pose of the rig.
     #[serde(default)]
@@ -40,6 +42,7 @@ pub struct Scene {
 
 /// Pose of the rig in the scene; the rig's frame is the camera's.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RigPlace {
     /// Position of the camera's pupil in the scene's frame in millimetres.
@@ -71,8 +74,36 @@ impl Scene {
     /// Returns an error if the name is neither built in nor a file, if the file cannot be read, or
     /// if [`Self::parse`] fails.
     pub fn load(name_or_path: &str) -> Result<Self> {
+        Self::load_with(name_or_path, &Settings::default())
+    }
+
+    /// Loads a scene as [`Self::load`] does, with settings on top.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::load`] does, or if a setting names no field or an invalid value.
+    pub fn load_with(name_or_path: &str, settings: &Settings) -> Result<Self> {
         let (source, folder) = builtin::scene_source(name_or_path)?;
-        Self::from_source(&source, folder)
+        Self::from_source(&source.with(&settings.scene), folder)
+    }
+
+    /// Returns the TOML of a scene as written.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::load`] does.
+    pub fn text(name_or_path: &str) -> Result<String> {
+        Self::load(name_or_path)?;
+        let (source, _) = builtin::scene_source(name_or_path)?;
+        Ok(source.text().to_owned())
+    }
+
+    /// Returns the TOML of a scene with all that it extends and with settings, without comments.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::load_with`] does.
+    pub fn full_text(name_or_path: &str, settings: &Settings) -> Result<String> {
+        Self::load_with(name_or_path, settings)?;
+        let (source, _) = builtin::scene_source(name_or_path)?;
+        source.with(&settings.scene).to_toml()
     }
 
     /// Parses and checks a scene; `place` is the file name used in messages.
@@ -81,12 +112,13 @@ impl Scene {
     /// Returns an error with its line on a syntax error, an unknown field, a wrong type or an
     /// invalid value.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
-        Self::from_source(&TomlSource::new(text, place), PathBuf::new())
+        let source = builtin::extended_scene(TomlSource::new(text, place), Path::new(""))?;
+        Self::from_source(&source, PathBuf::new())
     }
 
     fn from_source(source: &TomlSource, folder: PathBuf) -> Result<Self> {
         let mut scene: Self = source.deserialize()?;
-        check(&scene, &Check::new(source))?;
+        Check::all(source, |all| check(&scene, all))?;
         scene.folder = folder;
         for (i, object) in scene.object.iter_mut().enumerate() {
             let place = || source.place_of(&format!("object[{i}].shape.patient"));
@@ -100,9 +132,9 @@ fn check(s: &Scene, check: &Check<'_>) -> Result<()> {
     name(&s.name, "name", check)?;
     check.all_within("rig.position_mm", &s.rig.position_mm, -1e9..=1e9)?;
     check.all_within("rig.rotation_deg", &s.rig.rotation_deg, -360.0..=360.0)?;
-    light::check(&s.ambient, &s.light, check)?;
+    check.section(|check| light::check(&s.ambient, &s.light, check));
     if let Some(interreflection) = s.interreflection {
-        interreflection::check(interreflection, check)?;
+        check.section(|check| interreflection::check(interreflection, check));
     }
     check.that(
         s.object.len() <= 4096,
@@ -110,8 +142,8 @@ fn check(s: &Scene, check: &Check<'_>) -> Result<()> {
         format!("{} objects", s.object.len()),
         "up to 4096 objects",
     )?;
-    s.object
-        .iter()
-        .enumerate()
-        .try_for_each(|(i, o)| object::check(o, &format!("object[{i}]"), check))
+    for (i, o) in s.object.iter().enumerate() {
+        check.section(|check| object::check(o, &format!("object[{i}]"), check));
+    }
+    Ok(())
 }

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 /// An image sensor described by EMVA 1288 parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
 pub struct Sensor {
     /// Electrons per photon at the projector's wavelength, 0 to 1.
     pub quantum_efficiency: f64,
@@ -17,7 +18,8 @@ pub struct Sensor {
     pub full_well_e: f64,
     /// Standard deviation of the dark signal in electrons.
     pub read_noise_e: f64,
-    /// Overall system gain K at 0 dB, in digital numbers per electron.
+    /// Overall system gain K at 0 dB, in digital numbers per electron; when absent, a full well has the
+    /// largest digital number.
     pub gain_dn_per_e: f64,
     /// Digital number without light.
     pub black_level_dn: f64,
@@ -26,33 +28,56 @@ pub struct Sensor {
     /// Dark current in electrons per pixel and second, at the sensor's temperature (EMVA 1288
     /// release 4.0, section 2: the mean dark signal grows linearly with the exposure, and its
     /// electrons have shot noise like photoelectrons). 0 disables it.
-    #[serde(default)]
     pub dark_current_e_s: f64,
     /// Photo response non-uniformity, PRNU1288: standard deviation of the pixels' sensitivities in
     /// per cent of their mean (EMVA 1288 release 4.0, section 4). 0 disables it.
-    #[serde(default)]
     pub prnu_percent: f64,
     /// Dark signal non-uniformity, DSNU1288: standard deviation in electrons of the pixels' offsets
     /// from the mean dark signal (EMVA 1288 release 4.0, section 4). 0 disables it.
-    #[serde(default)]
     pub dsnu_e: f64,
     /// Seed of the fixed pattern, independent of the noise seed; identifies one specimen of the
     /// model.
-    #[serde(default)]
     pub pattern_seed: u64,
     /// Percentage of the charge beyond the full well that spills along the column, half each way,
     /// into unsaturated pixels; an anti-blooming drain removes the rest. 0 disables it.
-    #[serde(default)]
     pub blooming_percent: f64,
     /// Response curve from linear DN to frame DN.
-    #[serde(default)]
     pub response: CameraResponse,
     /// Disables shot and read noise. Set at run time, not a property of the model.
     #[serde(skip)]
     pub noiseless: bool,
 }
 
+impl Default for Sensor {
+    /// Returns a typical sensor of 8 bits.
+    fn default() -> Self {
+        Self {
+            quantum_efficiency: 0.5,
+            full_well_e: 10_000.0,
+            read_noise_e: 5.0,
+            gain_dn_per_e: f64::NAN,
+            black_level_dn: 4.0,
+            bits: 8,
+            dark_current_e_s: 0.0,
+            prnu_percent: 0.0,
+            dsnu_e: 0.0,
+            pattern_seed: 0,
+            blooming_percent: 0.0,
+            response: CameraResponse::default(),
+            noiseless: false,
+        }
+    }
+}
+
 impl Sensor {
+    /// Sets the gain if it is absent.
+    pub(super) fn settle(&mut self) {
+        if self.gain_dn_per_e.is_nan() {
+            let full_scale = f64::from(self.bits).exp2() - 1.0;
+            self.gain_dn_per_e = (full_scale - self.black_level_dn) / self.full_well_e;
+        }
+    }
+
     /// Returns the native pixel format of the converter: GREY up to 8 bits, Y16 above.
     pub fn native_format(&self) -> PixelFormat {
         if self.bits <= 8 {
@@ -152,6 +177,7 @@ pub(super) fn check(s: &Sensor, format: PixelFormat, check: &Check<'_>) -> Resul
         PixelFormat::Y16 => 9..=16,
     };
     check.within("camera.sensor.bits", s.bits, bits)?;
+    check.in_range()?;
     let half = s.full_scale_dn() / 2.0;
     check.within("camera.sensor.black_level_dn", s.black_level_dn, 0.0..=half)
 }

@@ -1,15 +1,16 @@
 //! Pattern sequences of a profile.
 
-use super::Profile;
 use super::timing::on_clock;
+use super::{Profile, Projector};
 use phasmid_core::check::{Check, name};
 use phasmid_core::error::Result;
-use phasmid_pattern::manifest::check_frames;
-use phasmid_pattern::{Axis, ManifestFrame, Pattern};
+use phasmid_pattern::manifest::check_count;
+use phasmid_pattern::{Axis, MAX_SIDE_PX, ManifestFrame, Pattern};
 use serde::{Deserialize, Serialize};
 
 /// A pattern sequence in the device's memory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Sequence {
     /// Name used by `SEQuence:SELect`.
@@ -17,19 +18,61 @@ pub struct Sequence {
     /// Pattern period in microseconds: at least exposure plus readout, and a period that the
     /// projector's `timing` allows if there is one.
     pub period_us: f64,
-    /// The patterns in order.
+    /// The patterns in order; a file may write them in sets.
+    #[serde(deserialize_with = "phasmid_pattern::written::frames")]
+    #[cfg_attr(
+        feature = "schema",
+        schemars(with = "Vec<phasmid_pattern::written::Entry>")
+    )]
     pub frame: Vec<ManifestFrame>,
+}
+
+impl Sequence {
+    /// Returns two short sequences, the second for calibration: fringes of 16 px in 4 steps and a Gray
+    /// code with its half-cell bit, along x or along both axes, white and black.
+    pub(super) fn plain(projector: &Projector, period_us: f64) -> [Self; 2] {
+        const PERIOD_PX: f64 = 16.0;
+        let along = |axis, size_px: u32| {
+            // A size that no projector has is found by the checks of the projector.
+            let size_px = f64::from(size_px.clamp(32, MAX_SIDE_PX));
+            let bits = (size_px / PERIOD_PX).log2().ceil() as u32;
+            let mut patterns = Pattern::fringe_set(axis, PERIOD_PX, 4, 0.0);
+            patterns.extend(Pattern::gray_set(axis, PERIOD_PX, bits, true, false));
+            patterns
+        };
+        let x = along(Axis::X, projector.width_px);
+        let y = along(Axis::Y, projector.height_px);
+        let sequence = |name: &str, fringes: Vec<Pattern>| {
+            let levels = [Pattern::White {}, Pattern::Black {}];
+            let frame = |pattern| ManifestFrame {
+                file: None,
+                pattern,
+            };
+            Self {
+                name: name.to_owned(),
+                period_us,
+                frame: fringes.into_iter().chain(levels).map(frame).collect(),
+            }
+        };
+        let both = [x.clone(), y].concat();
+        [sequence("4-step", x), sequence("4-step-xy", both)]
+    }
 }
 
 pub(super) fn check(s: &Sequence, index: usize, p: &Profile, check: &Check<'_>) -> Result<()> {
     let field = |name: &str| format!("sequence[{index}].{name}");
     name(&s.name, &field("name"), check)?;
-    check.within(
+    let shortest_us = p.camera.shortest_period_us();
+    check.that(
+        (shortest_us..=60e6).contains(&s.period_us),
         &field("period_us"),
         s.period_us,
-        p.camera.shortest_period_us()..=60e6,
+        format!(
+            "{shortest_us}, for camera.exposure_us = {} and the readout, to 60000000",
+            p.camera.exposure_us
+        ),
     )?;
-    check_frames(&s.frame, &field("frame"), check.source)?;
+    check_count(&s.frame, &field("frame"), check.source)?;
     shown_in_time(s, &field("period_us"), p, check)?;
     for axis in [Axis::X, Axis::Y] {
         let size = match axis {
@@ -78,7 +121,7 @@ fn gray_reaches(
         .frame
         .iter()
         .any(|f| matches!(f.pattern, Pattern::Fringe { axis: a, .. } if a == axis));
-    for (i, frame) in s.frame.iter().enumerate() {
+    for frame in &s.frame {
         let Pattern::Gray {
             axis: a,
             cell_px,
@@ -91,7 +134,7 @@ fn gray_reaches(
         let reach = cell_px * f64::from(bits).exp2();
         check.that(
             !fringes || a != axis || reach >= f64::from(size),
-            &format!("sequence[{index}].frame[{i}].pattern.bits"),
+            &format!("sequence[{index}].frame"),
             format!("{bits} bits of {cell_px} px, which cover {reach} px"),
             format!(
                 "at least {} bits for the fringes over {size} px",

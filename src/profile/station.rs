@@ -3,7 +3,7 @@
 
 use super::device::check_identity;
 use super::placing::{POSITION_MM, ROTATION_DEG};
-use super::{Profile, RigPlace, TomlSource, builtin, profile_names, scene_names};
+use super::{Profile, RigPlace, Settings, TomlSource, builtin, profile_names, scene_names};
 use phasmid_core::check::{Check, name};
 use phasmid_core::error::Result;
 use phasmid_protocol::dialect::Dialect;
@@ -32,11 +32,13 @@ pub const MAX_DEVICES: usize = 64;
 /// Devices of a station share scene and clock. A camera sees only the light of its own device's
 /// projector: devices that expose at the same time are assumed to separate their light.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Station {
     /// Name used to select the station.
     pub name: String,
     /// One line for listings.
+    #[serde(default)]
     pub description: String,
     /// Scene: a built-in name, or a file relative to this one.
     #[serde(default)]
@@ -50,6 +52,7 @@ pub struct Station {
 
 /// A device of a station.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct StationDevice {
     /// Name, unique within the station.
@@ -96,6 +99,15 @@ impl Configuration {
     /// Returns an error if the name is neither built in nor a file, if the file cannot be read, or
     /// if [`Profile::parse`] or [`Station::parse`] fails.
     pub fn load(name_or_path: &str) -> Result<Self> {
+        Self::load_with(name_or_path, &Settings::default())
+    }
+
+    /// Loads a profile or a station as [`Self::load`] does. A profile gets the settings; those for a
+    /// station belong to the profiles of its devices and to its scene, which are loaded later.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::load`] does, or if a setting names no field or an invalid value.
+    pub fn load_with(name_or_path: &str, settings: &Settings) -> Result<Self> {
         let (source, folder) = builtin::configuration_source(name_or_path)?;
         Ok(if source.has("device") {
             Self::Station(Station {
@@ -105,9 +117,31 @@ impl Configuration {
         } else {
             Self::Device(Box::new(Profile {
                 folder,
-                ..Profile::from_source(&source)?
+                ..Profile::from_source(&source.with(&settings.profile))?
             }))
         })
+    }
+}
+
+impl Configuration {
+    /// Returns the TOML of a profile or a station as written.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::load`] does.
+    pub fn text(name_or_path: &str) -> Result<String> {
+        Self::load(name_or_path)?;
+        let (source, _) = builtin::configuration_source(name_or_path)?;
+        Ok(source.text().to_owned())
+    }
+
+    /// Returns the TOML of a profile or a station with all that it extends and with settings, without comments.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::load_with`] does.
+    pub fn full_text(name_or_path: &str, settings: &Settings) -> Result<String> {
+        Self::load_with(name_or_path, settings)?;
+        let (source, _) = builtin::configuration_source(name_or_path)?;
+        source.with(&settings.profile).to_toml()
     }
 }
 
@@ -126,7 +160,7 @@ impl Station {
         for (at, device) in station.device.iter_mut().enumerate() {
             device.dialect_place = source.place_of(&format!("device[{at}].dialect"));
         }
-        check(&station, &Check::new(source))?;
+        Check::all(source, |all| check(&station, all))?;
         Ok(station)
     }
 

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 /// the light the lobe transmits. A highlight narrower than a pixel is sampled at the pixel's
 /// centre.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Specular {
     /// Reflectance at normal incidence, 0 to 1: ((n - 1)/(n + 1))^2 of a dielectric, so 0.04 for

@@ -27,6 +27,7 @@ const BUFFER_PLANES: usize = 24;
 
 /// Display timing of a projector. All times are multiples of `resolution_us`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
     /// Time step of the controller in microseconds; a whole number of nanoseconds.

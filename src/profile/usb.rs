@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 /// USB properties of a scanner; every field is optional. The string descriptors come from the
 /// identity: manufacturer, model and serial number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Usb {
     /// Vendor id. Defaults to 0x1209, which belongs to pid.codes.
@@ -44,6 +45,7 @@ impl Default for Usb {
 
 /// Speeds of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Speed {
     /// 480 Mbit/s, USB 2.0.
@@ -54,6 +56,7 @@ pub enum Speed {
 
 /// Transfer type of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Transfer {
     /// Bulk transfers: as fast as the link allows, without loss.
@@ -64,6 +67,7 @@ pub enum Transfer {
 
 /// Effect of a rising edge of RTS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum RtsUse {
     /// Nothing.
@@ -74,6 +78,7 @@ pub enum RtsUse {
 
 /// Meaning of DSR.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum DsrUse {
     /// The device is on.

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Light attenuation factor that depends on the angle to the axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Vignetting {
     /// Whether to apply natural vignetting, the cosine-fourth law for light on a flat sensor or
@@ -47,6 +48,7 @@ pub fn half_diagonal(lens: &Lens) -> f64 {
 pub(super) fn check(v: &Vignetting, lens: &Lens, field: &str, check: &Check<'_>) -> Result<()> {
     let field = format!("{field}.falloff");
     check.all_within(&field, &v.falloff, -100.0..=100.0)?;
+    check.in_range()?;
     let (w, h) = (f64::from(lens.width_px), f64::from(lens.height_px));
     let far = [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)]
         .map(|c| lens.ray(DVec2::from(c) - 0.5).truncate().length())

@@ -11,7 +11,7 @@ pub const FILE_NAME: &str = "device.json";
 const MOST_BYTES: u64 = 1 << 20;
 
 /// The endpoints of one device.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Endpoints {
     /// `*IDN?` of the device.
     pub name: String,
@@ -29,6 +29,12 @@ pub struct Endpoints {
     /// Time mode of the device, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<ClockPace>,
+    /// Render time of the latest frames over the interval of their exposures, if device time is real
+    /// time and this has been 1.5 or more: 3.8 means that frames are rendered 3.8 times slower than in
+    /// real time. The server replaces the value when it changes by more than a factor of 1.5; below 1
+    /// the device keeps up again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slowdown: Option<f64>,
     /// Path of the control port.
     pub control: PathBuf,
     /// Dialect of the control port, if known: a built-in name or the path of a dialect file.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Memory layout of a row of pixels, named as in V4L2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum PixelFormat {
     /// One byte per pixel.
     #[serde(rename = "GREY")]

@@ -1,6 +1,6 @@
 //! Image formation: renders the frames of a camera from a profile, a scene and patterns, with
-//! ground truth. A device-side crate: it depends on core, shaders, geometry, pattern, protocol,
-//! phantom and profile, and no host-side crate may depend on it.
+//! ground truth. A device-side crate: it depends on core, shaders (feature `gpu`), geometry, pattern,
+//! protocol, phantom and profile, and no host-side crate may depend on it.
 //!
 //! Rendering has three passes, each skipped when a scene does not need it.
 //!
@@ -25,7 +25,8 @@
 //! | `exposure` | exposure pass: patterns averaged over footprints |
 //! | `geometry` | geometry pass over pixel centres |
 //! | `glare` | veiling glare |
-//! | `gpu` | the same passes on a GPU |
+//! | `gpu` | the same passes on a GPU (feature `gpu`) |
+//! | `gpu_data` | input and reports of the passes on a GPU |
 //! | `image_file` | image files as patterns |
 //! | `instance` | moving and deforming meshes |
 //! | `interreflection` | gathering of indirect light |
@@ -54,13 +55,21 @@
 //! | `world` | surfaces of a scene at an instant |
 //! | `worlds` | surfaces of a scene over an exposure |
 
+// Some items are used only by the GPU passes.
+#![cfg_attr(not(feature = "gpu"), allow(dead_code, unused_imports))]
+
 mod animation;
 mod aperture;
 mod buffer;
 mod exposure;
 mod geometry;
 mod glare;
+#[cfg(feature = "gpu")]
 pub mod gpu;
+#[cfg(not(feature = "gpu"))]
+#[path = "without_gpu.rs"]
+pub mod gpu;
+mod gpu_data;
 pub mod image_file;
 mod instance;
 mod interreflection;

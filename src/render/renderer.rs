@@ -30,7 +30,7 @@ use crate::{pattern_image::PatternImage, shot::Shot};
 use glam::DVec2;
 use pending::News;
 use phasmid_core::Stop;
-use phasmid_core::error::Result;
+use phasmid_core::error::{Error, Result};
 use phasmid_pattern::manifest::MAX_FRAMES;
 use phasmid_profile::{Profile, Scene};
 use phasmid_protocol::Frame;
@@ -92,9 +92,27 @@ impl Renderer {
         seed: u64,
         options: Options,
     ) -> Result<Self> {
+        Self::with_stop(profile, scene, seed, options, Stop::default())
+    }
+
+    /// Same as [`Self::with_options`]; another thread can end the preparation early. Later,
+    /// [`Self::stop`] returns the same request.
+    ///
+    /// # Errors
+    /// Returns [`Error::Interrupted`] soon after `stop` is asked (the file, the material and the
+    /// hierarchy of one mesh are each completed first), and the errors of [`Self::with_options`].
+    pub fn with_stop(
+        profile: &Profile,
+        scene: &Scene,
+        seed: u64,
+        options: Options,
+        stop: Stop,
+    ) -> Result<Self> {
         let options = options.checked()?;
+        stop.check()?;
+        let asked = stop.times();
         let optics = Optics::new(profile, scene);
-        let world = World::new(scene, &optics.skins)?;
+        let world = World::with_stop(scene, &optics.skins, &stop)?;
         let plan = Plan::new(&Needs {
             profile,
             optics: &optics,
@@ -130,8 +148,12 @@ impl Renderer {
             gpu,
             news,
         };
+        renderer.worlds.stop = stop.clone();
         renderer.choose_gathering();
-        Ok(renderer)
+        match stop.times() == asked {
+            true => Ok(renderer),
+            false => Err(Error::Interrupted),
+        }
     }
 
     /// Returns the terms computed for the patterns seen so far.
@@ -510,6 +532,33 @@ mod tests {
         renderer.force(Term::CameraDistortion, true);
         assert_eq!(renderer.expose(&shot), own);
         assert_ne!(own, wanted.expose(&shot));
+    }
+
+    #[test]
+    fn preparation_ends_when_another_thread_asks() {
+        let profile = Profile::load("webcam-grey").unwrap();
+        let scene = Scene::load("torso").unwrap();
+        let stop = Stop::default();
+        let prepare = || {
+            Renderer::with_stop(&profile, &scene, 1, Options::default(), stop.clone())
+                .map(|renderer| renderer.stop())
+        };
+        std::thread::scope(|threads| {
+            threads.spawn(|| stop.ask());
+            let why = loop {
+                if let Err(why) = prepare() {
+                    break why;
+                }
+            };
+            assert!(matches!(why, Error::Interrupted));
+        });
+        let skins = &Optics::new(&profile, &scene).skins;
+        let built = World::with_stop(&scene, skins, &stop);
+        assert!(matches!(built, Err(Error::Interrupted)));
+        stop.reset();
+        let own = prepare().unwrap();
+        stop.ask();
+        assert!(own.is_asked(), "the renderer keeps the request");
     }
 
     #[test]

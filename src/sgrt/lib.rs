@@ -49,7 +49,7 @@ pub use model::{ModelOptions, MotionModel, Snapshots};
 pub use planned::{Planned, room_from_patient};
 pub use practice::{PIXELS, POINTS};
 pub use rigid::{Freedom, RigidFit, RigidOptions, Start, track_rigid};
-pub use sight::Sight;
+pub use sight::{Sight, SightWarning};
 pub use six::SixDof;
 pub use surface::{Foot, Reference, Region};
 pub use warning::{Lost, Warning};

@@ -8,6 +8,7 @@ use phasmid_geometry::{Mesh, Pose};
 use phasmid_measure::solid_moments;
 use phasmid_planning::planning::Planning;
 use phasmid_planning::volume::Field;
+use std::path::Path;
 
 /// A patient as planned, head first and supine, in the room frame with the isocentre at its origin.
 pub struct Planned {
@@ -20,6 +21,16 @@ pub struct Planned {
 }
 
 impl Planned {
+    /// Reads a planning folder, for the skin of the chest ([`Region::chest`]) and a motion model with
+    /// default options.
+    ///
+    /// # Errors
+    /// Returns an error as [`Planning::load`] and [`Self::new`] do.
+    pub fn load(folder: impl AsRef<Path>) -> Result<Self> {
+        let planning = Planning::load(folder.as_ref())?;
+        Self::new(&planning, &Region::chest(), &ModelOptions::default())
+    }
+
     /// Builds the planned patient from the content of a planning folder; `region` is the tracked part
     /// of the skin.
     ///

@@ -3,10 +3,32 @@
 use super::measured::Measured;
 use super::practice::PIXELS;
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Capture, Decoded, Options, SparseDecoder};
+use phasmid_decode::{Capture, Decoded, Doubt, Options, SparseDecoder};
 use phasmid_geometry::Pose;
-use phasmid_host::{check_identified_sequence, check_sequence};
+use phasmid_host::{FrameDoubt, check_identified_sequence, check_sequence};
 use phasmid_pattern::Image;
+
+/// Why the frames of a pod's scan are rejected or doubted. It displays as a message for users.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SightWarning {
+    /// The frames do not follow their sequence and added no points.
+    #[error("{pod}: {why}")]
+    Rejected {
+        /// Name of the pod.
+        pod: String,
+        /// How the frames depart from the sequence.
+        why: FrameDoubt,
+    },
+    /// The fringe orders are doubtful; the points were added.
+    #[error("{pod}: {why}")]
+    Doubtful {
+        /// Name of the pod.
+        pod: String,
+        /// The reason.
+        why: Doubt,
+    },
+}
 
 /// Turns the successive scans of one pod into measured points.
 pub struct Sight {
@@ -47,7 +69,7 @@ impl Sight {
         identified: bool,
         measured: &mut Measured,
         most: usize,
-    ) -> Result<Option<String>> {
+    ) -> Result<Option<SightWarning>> {
         if captured.calibration.is_none() {
             return Err(Error::device(format!(
                 "{}: the device provides no calibration",
@@ -64,7 +86,8 @@ impl Sight {
         );
         depths?;
         if let Err(why) = checked {
-            return Ok(Some(format!("{}: {why}", self.name)));
+            let pod = self.name.clone();
+            return Ok(Some(SightWarning::Rejected { pod, why }));
         }
         if let Some(decoder) = &self.decoder {
             decoder
@@ -78,7 +101,8 @@ impl Sight {
         // Saturation is not reported: an occluding object may be bright, and its saturated pixels are
         // missing.
         let doubt = self.decoded.doubt_of_orders();
-        Ok(doubt.map(|why| format!("{}: {why}", self.name)))
+        let pod = || self.name.clone();
+        Ok(doubt.map(|why| SightWarning::Doubtful { pod: pod(), why }))
     }
 
     fn depths(&mut self, captured: &Capture) -> Result<()> {

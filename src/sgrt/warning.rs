@@ -5,6 +5,7 @@ use std::fmt;
 
 /// A reason to doubt a result. Any warning holds the beam.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Warning {
     /// The shape does not determine these motions: along them the result keeps the start values.
     Undetermined {
@@ -94,6 +95,7 @@ impl fmt::Display for Warning {
 
 /// The reason why tracking has failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Lost {
     /// Too few points lie over the region.
     #[error("lost: {found} measured points over the region of interest, expected {wanted} or more")]

@@ -1,7 +1,7 @@
 //! Calibration boards before a device within the process: what a calibration keeps of each.
 
 use super::scanned::Stage;
-use phasmid_calibrate::board::BoardImage;
+use phasmid_calibrate::board::{BoardImage, NotFound};
 use phasmid_calibrate::rig::{PoseData, sight};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Capture, Options};
@@ -24,7 +24,7 @@ pub fn shown_to(
     rig_from_board: &Pose,
     name: &str,
     seed: u64,
-) -> Result<Result<PoseData, String>> {
+) -> Result<Result<PoseData, NotFound>> {
     let mut scene = Scene::load("board")?;
     for object in &mut scene.object {
         object.shape = Shape::Board {
@@ -48,7 +48,7 @@ pub fn seen_in(
     board: &Board,
     name: &str,
     seed: u64,
-) -> Result<Result<PoseData, String>> {
+) -> Result<Result<PoseData, NotFound>> {
     let scanned = Stage::new(profile, scene, seed, render::Options::default())?.scan(0)?;
     let noise = profile.nominal_rig().noise;
     let noise = noise.ok_or_else(|| Error::device("a rig without noise"))?;
@@ -63,5 +63,5 @@ pub fn seen_in(
     };
     let (_, decoded) = uncalibrated.decode(options)?;
     let picture = BoardImage::from_frames(&uncalibrated.manifest, &uncalibrated.images, &noise)?;
-    Ok(sight(board, name, &picture, &decoded).map_err(|why| why.to_string()))
+    Ok(sight(board, name, &picture, &decoded))
 }

@@ -45,13 +45,19 @@ pub struct Summary {
     pub score: Score,
     /// Pixels left out of the cloud, by reason.
     pub masked: Vec<(&'static str, usize)>,
-    /// Seconds that the device spent on rendering the frames.
+    /// Seconds from the start of the program to a device that can be reached.
+    pub start_s: f64,
+    /// Seconds that the device spent on rendering the frames, most of them within `capture_s`.
     pub render_s: f64,
-    /// Seconds from opening the device to the last frame.
+    /// Seconds from opening the device to the last frame, with rendering and transfer.
     pub capture_s: f64,
     /// Seconds from frames to points.
     pub decode_s: f64,
-    /// Seconds of the whole run, starting the device and writing files included.
+    /// Seconds for the truth and the comparison with it.
+    pub compare_s: f64,
+    /// Seconds for the files, without this summary.
+    pub write_s: f64,
+    /// Seconds of the whole run: the sum of the others without `render_s`.
     pub total_s: f64,
 }
 
@@ -111,11 +117,18 @@ impl fmt::Display for Summary {
             writeln!(f, "{:<26}{pixels:>12}", format!("left out, {reason}"))?;
         }
         writeln!(f)?;
-        writeln!(
-            f,
-            "rendered in {:.2} s, captured in {:.2} s, decoded in {:.3} s, {:.1} s in all",
-            self.render_s, self.capture_s, self.decode_s, self.total_s
-        )
+        let times = [
+            ("start", self.start_s),
+            ("capture", self.capture_s),
+            ("  of that, rendering", self.render_s),
+            ("decoding", self.decode_s),
+            ("comparison with the truth", self.compare_s),
+            ("files", self.write_s),
+            ("total time", self.total_s),
+        ];
+        times
+            .into_iter()
+            .try_for_each(|(name, s)| writeln!(f, "{name:<26}{:>12}", cell(s, 3, "s")))
     }
 }
 

@@ -267,18 +267,19 @@ fn rows_have_to_be_read_before_the_next_exposure() {
 
 #[test]
 fn a_gray_code_too_short_for_its_fringes_is_refused() {
-    let text = BENCH
-        .replace("bits = 7,", "bits = 6,")
-        .replace("bit = 6 }", "bit = 5 }");
+    let text = BENCH.replace("bits = 7,", "bits = 6,");
     let message = Profile::parse(&text, "file.toml").unwrap_err().to_string();
     assert!(
         message.contains("6 bits of 16 px") && message.contains("at least 7 bits"),
         "{message}"
     );
-    let line = 1 + text[..text.find("bits = 6,").unwrap()]
+    let line = 1 + text[..text.find("frame = [").unwrap()]
         .matches('\n')
         .count();
-    assert!(message.contains(&format!("file.toml:{line}")), "{message}");
+    assert!(
+        message.contains(&format!("file.toml:{line}: sequence[0].frame")),
+        "{message}"
+    );
 }
 
 #[test]

@@ -301,7 +301,7 @@ fn a_period_too_short_for_the_rows_is_seen_in_the_frames() {
 
     // Row r sees the next pattern image for max(0, 20 us r + 12 ms - period): from row 200 on.
     let short = scan(&profile, 16_000);
-    let told = check(&short).unwrap_err();
+    let told = check(&short).unwrap_err().to_string();
     assert!(told.contains("contradict each other"), "{told}");
     let leaking = decode(&profile, &short);
     for (a, b) in short.iter().zip(&clean) {
@@ -335,6 +335,6 @@ fn a_period_too_short_for_the_rows_is_seen_in_the_frames() {
     assert!(uncertain(&sound) < 50 && uncertain(&leaking) > 3000);
 
     let shortest = scan(&profile, 12_000);
-    let message = check(&shortest).unwrap_err();
+    let message = check(&shortest).unwrap_err().to_string();
     assert!(message.contains("ought to be white"), "{message}");
 }

@@ -139,6 +139,46 @@ fn an_emulated_device_is_calibrated_over_its_ports() {
 }
 
 #[test]
+fn output_that_cannot_be_made_is_refused_before_the_device_starts() {
+    // The kernel makes no folders here, not even for root.
+    let out = Path::new("/proc/phasmid/out");
+    let output = Command::new(env!("CARGO_BIN_EXE_phasmid"))
+        .args(["calibrate", "--profile", "webcam-grey", "--out"])
+        .arg(out)
+        // The device could not start.
+        .env("TMPDIR", "/nonexistent")
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", words(&output));
+    let named = words(&output).contains("--out /proc/phasmid/out: ");
+    assert!(named, "{}", words(&output));
+}
+
+#[test]
+fn closed_terminal_leaves_nothing() {
+    let folder = tempdir().unwrap();
+    let out = folder.path().join("out");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_phasmid"))
+        .args(["calibrate", "--profile", "webcam-grey", "--poses", "100"])
+        .args(["--keep-captures", "--out"])
+        .arg(&out)
+        .env("TMPDIR", folder.path())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let begin = std::time::Instant::now();
+    while !out.exists() {
+        assert!(begin.elapsed().as_secs() < 120);
+        assert_eq!(child.try_wait().unwrap(), None);
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    let pid = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(pid, rustix::process::Signal::HUP).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
 fn its_captures_give_the_same_rig() {
     let again = tempdir().unwrap();
     let captures = out().join("captures");

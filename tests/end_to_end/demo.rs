@@ -1,8 +1,9 @@
 //! The demo as a user runs it: a device scanned through its pty and frame socket.
 
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::tempdir;
 
@@ -44,11 +45,14 @@ fn trapezoid_meets_its_bars_through_the_ports() {
         "mdta_mm",
         "bound_mm",
         "render_s",
-        "capture_s",
-        "decode_s",
+        "total_s",
     ] {
         assert!(number(key) > 0.0, "{key}: {s}");
     }
+    let phases = ["start_s", "capture_s", "decode_s", "compare_s", "write_s"];
+    assert!(phases.iter().all(|phase| number(phase) > 0.0), "{s}");
+    let sum: f64 = phases.iter().map(|phase| number(phase)).sum();
+    assert!((sum - number("total_s")).abs() < 1e-6, "{s}");
     assert!(s["crease"]["mae_mm"].as_f64().unwrap() > 0.0);
     for file in [
         "cloud.ply",
@@ -134,8 +138,16 @@ fn refuses_bad_arguments_and_keeps_existing_files() {
     std::fs::write(&mine, "mine").unwrap();
     let output = demo(folder.path(), &[]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("cloud.ply"));
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(words.contains("cloud.ply"), "{words}");
+    assert!(!words.contains("--force"), "not an option of demo: {words}");
     assert_eq!(std::fs::read_to_string(&mine).unwrap(), "mine");
+    std::fs::rename(&mine, folder.path().join("frame_00.png")).unwrap();
+    let output = demo(folder.path(), &[]);
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{words}");
+    assert!(words.contains("frame_00.png"), "{words}");
+    assert!(!words.contains("--force"), "not an option of demo: {words}");
 
     let elsewhere = folder.path().join("new");
     for (arguments, needle) in [
@@ -238,6 +250,92 @@ fn the_next_demo_removes_what_a_killed_one_has_left() {
     let quick = ["--profile", "webcam-grey", "--scene", "plane"];
     assert!(start(&quick).wait().unwrap().success());
     assert_eq!(run_dir(), None);
+}
+
+#[test]
+fn dialect_without_manifest_is_named_instead_of_an_option_of_scan() {
+    let folder = tempdir().unwrap();
+    let show = |what: &str, name: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_phasmid"));
+        let output = command.args([what, "show", name]).output().unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let dialect = show("dialect", "okline");
+    let lines = dialect
+        .lines()
+        .filter(|line| !line.starts_with("manifest = "));
+    let dialect = lines.collect::<Vec<_>>().join("\n");
+    std::fs::write(folder.path().join("own.toml"), dialect).unwrap();
+    let profile = format!(
+        "{}\n[control]\ndialect = \"own.toml\"\n",
+        show("profile", "webcam-grey")
+    );
+    let file = folder.path().join("profile.toml");
+    std::fs::write(&file, profile).unwrap();
+    let out = folder.path().join("out");
+    let arguments = ["--scene", "plane", "--profile", file.to_str().unwrap()];
+    let output = demo(&out, &arguments);
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{words}");
+    let named = words.contains("profile.toml: dialect: ") && !words.contains("--manifest");
+    assert!(named, "{words}");
+    assert!(!out.exists());
+}
+
+#[test]
+fn signals_leave_no_folder_of_the_output_or_of_the_device() {
+    for signals in [
+        &[Signal::HUP][..],
+        &[Signal::TERM],
+        &[Signal::INT, Signal::INT],
+    ] {
+        let folder = tempdir().unwrap();
+        let out = folder.path().join("new/out");
+        // Renders for long enough to be interrupted.
+        let mut child = Command::new(env!("CARGO_BIN_EXE_phasmid"))
+            .args(["demo", "--samples", "64", "--out"])
+            .arg(&out)
+            .env("TMPDIR", folder.path())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let has_device = || {
+            let entries = std::fs::read_dir(folder.path()).unwrap();
+            let mut paths = entries.map(|entry| entry.unwrap().path());
+            paths.any(|path| path.join("device.json").exists())
+        };
+        let begin = Instant::now();
+        while !has_device() {
+            assert!(begin.elapsed() < Duration::from_secs(120));
+            assert_eq!(child.try_wait().unwrap(), None, "it has ended");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(out.exists(), "the output is made before the capture");
+        for signal in signals {
+            kill_process(Pid::from_child(&child), *signal).unwrap();
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let code = child.wait().unwrap().code().unwrap();
+        assert!([1, 130].contains(&code), "{signals:?}: {code}");
+        let left = std::fs::read_dir(folder.path()).unwrap().count();
+        assert_eq!(left, 0, "{signals:?}");
+    }
+}
+
+#[test]
+fn output_that_cannot_be_made_is_refused_before_the_device_starts() {
+    // The kernel makes no folders here, not even for root.
+    let out = "/proc/phasmid/out";
+    let output = Command::new(env!("CARGO_BIN_EXE_phasmid"))
+        .args(["demo", "--profile", "dlp-evm", "--scene", "plane"])
+        .args(["--out", out])
+        // The device could not start.
+        .env("TMPDIR", "/nonexistent")
+        .output()
+        .unwrap();
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{words}");
+    assert!(words.contains("--out /proc/phasmid/out: "), "{words}");
 }
 
 #[test]

@@ -19,6 +19,7 @@ mod other_process;
 mod outputs;
 mod overwrite;
 mod patient_import;
+mod progress;
 mod serve;
 mod soak;
 mod weighted;

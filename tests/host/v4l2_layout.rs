@@ -1,6 +1,6 @@
 //! Compares the V4L2 bindings with the kernel's own header, through a C program compiled here, and
 //! with published numbers; also checks the build requirements.
-#![cfg(target_os = "linux")]
+#![cfg(all(target_os = "linux", feature = "v4l2"))]
 
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -21,6 +21,7 @@ mod smooth;
 
 pub use draw::draw;
 pub use find::find;
+pub(crate) use find::search;
 pub use image::BoardImage;
 pub use not_found::NotFound;
 pub use sighting::{Lit, Seen, Sighting};

@@ -2,6 +2,7 @@
 
 /// Error of a failed search: describes the content of the image and the expected content.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum NotFound {
     /// Nothing that resembles the board.
     #[error("no board: {found}; expected {wanted}")]
@@ -33,6 +34,9 @@ pub enum NotFound {
         /// The complete board.
         wanted: String,
     },
+    /// The caller ended the search early.
+    #[error("interrupted")]
+    Interrupted,
     /// A board other than the specified one.
     #[error("another board: {found}; expected {wanted}")]
     WrongBoard {

@@ -1,8 +1,10 @@
 //! Decodes the frames of a pose and detects the board in them.
 
-use super::{PoseData, sight};
-use crate::board::{BoardImage, draw};
+use super::PoseData;
+use super::sight::sight_with_stop;
+use crate::board::{BoardImage, NotFound, draw};
 use image::RgbImage;
+use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Decoder, Options};
 use phasmid_geometry::{Board, NoiseModel, Rig};
@@ -12,7 +14,7 @@ use phasmid_pattern::{Axis, Image, Manifest};
 #[derive(Debug)]
 pub struct Looked {
     /// The points of the board, or why the board was not found.
-    pub found: Result<PoseData, String>,
+    pub found: Result<PoseData, NotFound>,
     /// The image, with the detected points drawn into it.
     pub picture: RgbImage,
     /// Fraction of the pixels that are saturated in at least one frame.
@@ -38,6 +40,21 @@ pub fn look(
     images: &[Image],
     nominal: Option<Rig>,
 ) -> Result<Looked> {
+    look_with_stop(board, name, manifest, images, nominal, &Stop::default())
+}
+
+/// [`look`], which another thread can end early.
+///
+/// # Errors
+/// Returns [`Error::Interrupted`] soon after `stop` is asked, and the errors of [`look`].
+pub fn look_with_stop(
+    board: &Board,
+    name: &str,
+    manifest: &Manifest,
+    images: &[Image],
+    nominal: Option<Rig>,
+    stop: &Stop,
+) -> Result<Looked> {
     let options = Options {
         noise: nominal.and_then(|rig| rig.noise),
         ..Options::default()
@@ -45,7 +62,7 @@ pub fn look(
     // Without a rig: no points are triangulated here.
     let size @ [width, height] = Image::common_size(images)?;
     let decoder = Decoder::new(manifest, width, height, None, options)?;
-    let decoded = decoder.decode(images)?;
+    let decoded = decoder.with_stop(stop.clone()).decode(images)?;
     for axis in [Axis::X, Axis::Y] {
         if decoded.axis(axis).is_none() {
             return Err(Error::input(
@@ -57,12 +74,17 @@ pub fn look(
     }
     let picture =
         BoardImage::from_frames(manifest, images, &decoded.noise.unwrap_or(guess(images)))?;
-    let found = sight(board, name, &picture, &decoded);
+    stop.check()?;
+    let found = sight_with_stop(board, name, &picture, &decoded, stop);
+    if found == Err(NotFound::Interrupted) {
+        return Err(Error::Interrupted);
+    }
+    stop.check()?;
     let saturated = picture.level.iter().filter(|level| level.is_nan()).count();
     let seen = found.as_ref().map_or(&[][..], |data| &data.seen);
     Ok(Looked {
         picture: draw(&picture, board, seen),
-        found: found.map_err(|why| why.to_string()),
+        found,
         saturated: saturated as f64 / picture.level.len().max(1) as f64,
         camera_px: size.map(|side| side as u32),
         projector_px: [manifest.projector.width_px, manifest.projector.height_px],

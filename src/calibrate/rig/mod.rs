@@ -24,13 +24,14 @@ mod poses;
 mod rounds;
 mod sight;
 
-pub use look::{Looked, look};
+pub use look::{Looked, look, look_with_stop};
 pub use place::place;
 pub use poses::{Gathering, Poses};
 pub use rounds::calibrate;
 pub use sight::{PoseData, sight};
 
 use super::solve::{Choice, PoseSightings, Solution};
+use phasmid_core::Stop;
 use phasmid_geometry::{Board, NoiseModel, Rig};
 
 /// Input of a calibration apart from the poses.
@@ -48,6 +49,9 @@ pub struct Task<'a> {
     pub noise: Option<NoiseModel>,
     /// Options of the solver: distortion coefficients to estimate, exclusion of outliers.
     pub choice: Choice,
+    /// Request with which another thread ends the calibration early, with
+    /// [`Unsolved::Interrupted`](super::solve::Unsolved::Interrupted).
+    pub stop: Option<&'a Stop>,
 }
 
 /// A pose in which no usable board was found.

@@ -3,6 +3,7 @@
 use super::look::Looked;
 use super::{Calibration, Missed, PoseData, Task, calibrate};
 use crate::solve::{Choice, Unsolved};
+use phasmid_core::Stop;
 use phasmid_core::error::Result;
 use phasmid_geometry::{Board, NoiseModel, Rig};
 
@@ -137,6 +138,20 @@ impl Poses {
     /// # Errors
     /// Returns an error if the poses do not determine it.
     pub fn calibrate(&self, board: &Board, choice: Choice) -> Result<Calibration, Unsolved> {
+        self.calibrate_with_stop(board, choice, &Stop::default())
+    }
+
+    /// [`Self::calibrate`], which another thread can end early.
+    ///
+    /// # Errors
+    /// Returns [`Unsolved::Interrupted`] soon after `stop` is asked, and the errors of
+    /// [`Self::calibrate`].
+    pub fn calibrate_with_stop(
+        &self,
+        board: &Board,
+        choice: Choice,
+        stop: &Stop,
+    ) -> Result<Calibration, Unsolved> {
         let [camera_px, projector_px] = self.sizes;
         let task = Task {
             board,
@@ -145,6 +160,7 @@ impl Poses {
             nominal: self.nominal.as_ref(),
             noise: self.noise,
             choice,
+            stop: Some(stop),
         };
         let mut calibration = calibrate(&task, &self.poses, self.missed.clone())?;
         calibration.warnings.extend(self.warnings.iter().cloned());

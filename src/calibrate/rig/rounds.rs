@@ -5,8 +5,9 @@ use super::{Calibration, Missed, PoseData, Task};
 use crate::board::Seen;
 use crate::board::bias::of_disc;
 use crate::board::lit::unread;
-use crate::solve::{Solution, Unsolved, solve};
+use crate::solve::{Solution, Unsolved, solve_with_stop};
 use glam::DVec2;
+use phasmid_core::Stop;
 use phasmid_geometry::{Board, Lens, Pose};
 
 /// Points that move less than this have converged: a thousandth of the precision of a dot's centre.
@@ -18,7 +19,7 @@ pub(super) const ROUNDS: usize = 6;
 /// Solves for the rig from its poses. `missed` lists the poses without a board, for the report.
 ///
 /// # Errors
-/// Returns an error if the poses do not determine the rig.
+/// Returns an error if the poses do not determine the rig, or if [`Task::stop`] is asked.
 pub fn calibrate(
     task: &Task<'_>,
     poses: &[PoseData],
@@ -28,7 +29,7 @@ pub fn calibrate(
         .iter()
         .map(|pose| vec![DVec2::ZERO; pose.seen.len()])
         .collect();
-    let mut rounds = 0;
+    let (mut rounds, never) = (0, Stop::default());
     loop {
         rounds += 1;
         let sightings: Vec<_> = poses
@@ -36,12 +37,13 @@ pub fn calibrate(
             .zip(&biases)
             .map(|(pose, bias)| pose.sightings(bias))
             .collect();
-        let mut solution = solve(
+        let mut solution = solve_with_stop(
             task.board,
             &sightings,
             task.camera_px,
             task.projector_px,
             &task.choice,
+            task.stop.unwrap_or(&never),
         )
         .map_err(|why| with_reasons(why, poses))?;
         let next = biases_of(task.board, &solution, poses, &biases);

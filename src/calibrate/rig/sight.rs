@@ -1,9 +1,10 @@
 //! Data of one pose: the detected board and the projector's coordinates about its points.
 
 use crate::board::lit::{LocalFit, Unread, local_fits};
-use crate::board::{BoardImage, NotFound, Seen, Sighting, find};
+use crate::board::{BoardImage, NotFound, Seen, Sighting, search};
 use crate::solve::PoseSightings;
 use glam::DVec2;
+use phasmid_core::Stop;
 use phasmid_decode::Decoded;
 use phasmid_geometry::Board;
 
@@ -28,7 +29,19 @@ pub fn sight(
     image: &BoardImage,
     decoded: &Decoded,
 ) -> Result<PoseData, NotFound> {
-    let seen = find(board, image)?;
+    sight_with_stop(board, name, image, decoded, &Stop::default())
+}
+
+/// [`sight`], which returns [`NotFound::Interrupted`] soon after `stop` is asked.
+pub(super) fn sight_with_stop(
+    board: &Board,
+    name: &str,
+    image: &BoardImage,
+    decoded: &Decoded,
+    stop: &Stop,
+) -> Result<PoseData, NotFound> {
+    let seen = search(board, image, stop)?;
+    stop.check().map_err(|_| NotFound::Interrupted)?;
     let fits = local_fits(board, &seen, decoded);
     Ok(PoseData {
         name: name.to_owned(),

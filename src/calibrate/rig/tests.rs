@@ -4,8 +4,10 @@ use super::*;
 use crate::board::bias::of_disc;
 use crate::board::lit::case::{Case, Random, rig};
 use crate::board::lit::{Unread, local_fits};
+use crate::board::{BoardImage, NotFound, search};
 use crate::solve::Unsolved;
 use glam::{DMat2, DVec3};
+use phasmid_core::Stop;
 use phasmid_geometry::Pose;
 
 const BOARD: Board = Board::Dots {
@@ -61,6 +63,7 @@ fn task<'a>(board: &'a Board, nominal: &'a Rig) -> Task<'a> {
         nominal: Some(nominal),
         noise: None,
         choice: Choice::default(),
+        stop: None,
     }
 }
 
@@ -156,4 +159,26 @@ fn refuses_poses_that_determine_no_rig() {
         pose.fits.clear();
     }
     assert!(solve(&poses).is_err());
+}
+
+#[test]
+fn calibration_and_detection_end_when_asked() {
+    let (cases, seen): (Vec<_>, Vec<_>) = poses(1.0, 4).into_iter().unzip();
+    let stop = Stop::default();
+    stop.ask();
+    let task = Task {
+        stop: Some(&stop),
+        ..task(&BOARD, &cases[0].rig)
+    };
+    assert_eq!(calibrate(&task, &seen, vec![]), Err(Unsolved::Interrupted));
+    let image = BoardImage {
+        width: 64,
+        height: 64,
+        level: vec![100.0; 64 * 64],
+        variance: vec![1.0; 64 * 64],
+    };
+    for board in [BOARD, Board::CHESS] {
+        let found = search(&board, &image, &stop);
+        assert_eq!(found, Err(NotFound::Interrupted));
+    }
 }

@@ -10,6 +10,7 @@ use super::refusal::{Why, refusal};
 use super::robust::{self, Loss};
 use super::{Choice, Coefficients, LeftOut, PoseSightings, Unsolved, start};
 use nalgebra::DMatrix;
+use phasmid_core::Stop;
 use phasmid_geometry::Board;
 
 /// The poses in use and the excluded ones.
@@ -17,6 +18,8 @@ use phasmid_geometry::Board;
 pub(super) struct Bundle {
     pub poses: Vec<PoseObservations>,
     pub left_out: Vec<LeftOut>,
+    /// Ends the minimisations early.
+    pub stop: Stop,
 }
 
 /// Result of `Bundle::solve`.
@@ -56,6 +59,7 @@ impl Bundle {
                 .map(|(i, p)| PoseObservations::new(board, p, i))
                 .collect(),
             left_out: Vec::new(),
+            stop: Stop::default(),
         }
     }
 
@@ -103,6 +107,7 @@ impl Bundle {
                     (*self, solved) = (other, found.of(model));
                     break;
                 }
+                Err(Unsolved::Interrupted) => return Err(Unsolved::Interrupted),
                 _ => {}
             }
         }
@@ -111,7 +116,7 @@ impl Bundle {
 
     /// Fits the models in the given order (larger ones first) and returns the first one that the
     /// data determine and whose distortion does not fold the image over.
-    fn largest(
+    pub fn largest(
         &mut self,
         state: &State,
         models: &[Model],
@@ -133,6 +138,7 @@ impl Bundle {
                     return Ok(settled.of(*model));
                 }
                 Ok(_) => {}
+                Err(Unsolved::Interrupted) => return Err(Unsolved::Interrupted),
                 Err(why) => refusal = why,
             }
         }
@@ -156,8 +162,8 @@ impl Bundle {
             } else {
                 Loss::Square([1.0; 2])
             };
-            let fit = minimise(&self.poses, state, free, &loss, Effort::ROUGH)
-                .ok_or_else(|| self.refusal(Why::NoStart, state))?;
+            let fit = minimise(&self.poses, state, free, &loss, Effort::ROUGH, &self.stop)
+                .map_err(|why| self.refusal(why, state))?;
             *state = fit.state;
             // Each of the two scales is at least 1, so a sum below 2.1 cannot improve noticeably.
             let now: f64 = robust::scales(&self.poses, state).iter().sum();
@@ -188,8 +194,8 @@ impl Bundle {
                 break;
             }
             let loss = Loss::Square(inflation);
-            let fit = minimise(&self.poses, &state, free, &loss, Effort::FULL)
-                .ok_or_else(|| self.refusal(Why::NoStart, &state))?;
+            let fit = minimise(&self.poses, &state, free, &loss, Effort::FULL, &self.stop)
+                .map_err(|why| self.refusal(why, &state))?;
             state = fit.state;
             if !fit.converged {
                 let why = fit.next.map_or(Why::Open, Why::Restless);

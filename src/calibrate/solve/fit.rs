@@ -6,7 +6,9 @@
 use super::model::State;
 use super::normal::{Free, Normal};
 use super::observation::PoseObservations;
+use super::refusal::Why;
 use super::robust::Loss;
+use phasmid_core::Stop;
 
 /// Result of a minimisation.
 pub(super) struct Fit {
@@ -51,19 +53,24 @@ const NEAR: f64 = 1e-3;
 /// Iteration ends if damping exceeds this.
 const MOST_DAMPING: f64 = 1e8;
 
-/// Minimises the loss from a starting state. Returns `None` if the loss is undefined there.
+/// Minimises the loss from a starting state.
+///
+/// # Errors
+/// Returns [`Why::NoStart`] if the loss is undefined there, and [`Why::Stopped`] if `stop` is asked.
 pub(super) fn minimise(
     poses: &[PoseObservations],
     start: &State,
     free: &Free,
     loss: &Loss,
     effort: Effort,
-) -> Option<Fit> {
+    stop: &Stop,
+) -> Result<Fit, Why> {
     let mut state = start.clone();
-    let mut normal = Normal::at(poses, &state, loss)?;
+    let mut normal = Normal::at(poses, &state, loss).ok_or(Why::NoStart)?;
     let mut damping = 1e-4;
     let (mut converged, mut next) = (false, None);
     for _ in 0..effort.most {
+        stop.check().map_err(|_| Why::Stopped)?;
         let undamped = normal.step(free, 0.0);
         next = undamped.as_ref().map(|s| s.length);
         let length = next.unwrap_or(f64::INFINITY);
@@ -98,7 +105,7 @@ pub(super) fn minimise(
             damping = 0.0;
         }
     }
-    Some(Fit {
+    Ok(Fit {
         state,
         converged,
         next,

@@ -56,6 +56,7 @@ pub use solution::{
 pub use unsolved::Unsolved;
 
 use super::board::Sighting;
+use phasmid_core::Stop;
 use phasmid_geometry::Board;
 use phasmid_geometry::board_poses::MOST_POSES;
 
@@ -113,6 +114,23 @@ pub fn solve(
     projector_px: [u32; 2],
     choice: &Choice,
 ) -> Result<Solution, Unsolved> {
+    let stop = Stop::default();
+    solve_with_stop(board, poses, camera_px, projector_px, choice, &stop)
+}
+
+/// [`solve`], which another thread can end early.
+///
+/// # Errors
+/// Returns [`Unsolved::Interrupted`] soon after `stop` is asked, and the errors of [`solve`].
+pub fn solve_with_stop(
+    board: &Board,
+    poses: &[PoseSightings],
+    camera_px: [u32; 2],
+    projector_px: [u32; 2],
+    choice: &Choice,
+    stop: &Stop,
+) -> Result<Solution, Unsolved> {
+    stop.check().map_err(|_| Unsolved::Interrupted)?;
     if poses.len() > MOST_POSES {
         return Err(Unsolved::TooManyPoses {
             found: poses.len().to_string(),
@@ -120,6 +138,7 @@ pub fn solve(
         });
     }
     let mut bundle = bundle::Bundle::new(board, poses);
+    bundle.stop = stop.clone();
     let solved = bundle.solve([camera_px, projector_px], choice)?;
     let mut solution = summary::of(bundle, solved);
     check::refuse(&solution)?;

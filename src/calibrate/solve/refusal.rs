@@ -21,6 +21,8 @@ pub(super) enum Why {
     TooFew { unknowns: usize },
     /// Some combination of the unknowns does not affect the observations.
     Open,
+    /// The caller ended the call early.
+    Stopped,
     /// Steps do not become small; holds the squared length of the last one in standard deviations.
     Restless(f64),
 }
@@ -36,6 +38,7 @@ pub(super) fn refusal(
     let numbers = format!("{observed} numbers of {} poses", poses.len());
     let fewer = || format!("{TILTS_WANTED}, or fewer distortion coefficients");
     let found = match why {
+        Why::Stopped => return Unsolved::Interrupted,
         Why::NoStart => {
             return Unsolved::Undetermined {
                 found: format!(

@@ -5,6 +5,7 @@ use super::coefficients::{Model, free};
 use super::fit::{Effort, minimise};
 use super::homography::Homography;
 use super::model::State;
+use super::refusal::Why;
 use super::robust::{self, Loss};
 use super::start_projector::projector;
 use super::{Choice, Unsolved, zhang};
@@ -180,7 +181,7 @@ pub(super) fn state(
         rig_from_projector: Pose::IDENTITY,
         boards,
     };
-    let state = camera_alone(bundle, guess, model, choice);
+    let state = camera_alone(bundle, guess, model, choice)?;
     let (projector, rig_from_projector) = projector(bundle, maps, &state, &points, sizes[1])?;
     Ok(State {
         projector,
@@ -226,7 +227,12 @@ fn some_points(pose: &super::observation::PoseObservations) -> Vec<DVec2> {
         .collect()
 }
 
-fn camera_alone(bundle: &Bundle, guess: State, model: &Model, choice: &Choice) -> State {
+fn camera_alone(
+    bundle: &Bundle,
+    guess: State,
+    model: &Model,
+    choice: &Choice,
+) -> Result<State, Unsolved> {
     let mut poses = bundle.poses.clone();
     for o in poses.iter_mut().flat_map(|p| &mut p.points) {
         (o.lit, o.projector_counts) = (None, false);
@@ -240,10 +246,11 @@ fn camera_alone(bundle: &Bundle, guess: State, model: &Model, choice: &Choice) -
         } else {
             Loss::Square([1.0; 2])
         };
-        match minimise(&poses, &state, &free, &loss, Effort::ROUGH) {
-            Some(fit) => state = fit.state,
-            None => break,
+        match minimise(&poses, &state, &free, &loss, Effort::ROUGH, &bundle.stop) {
+            Ok(fit) => state = fit.state,
+            Err(Why::Stopped) => return Err(Unsolved::Interrupted),
+            Err(_) => break,
         }
     }
-    state
+    Ok(state)
 }

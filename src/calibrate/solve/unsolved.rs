@@ -1,7 +1,10 @@
 //! Errors of the solver.
 
+use phasmid_core::error::Error;
+
 /// Reasons why the observations do not determine a rig, with what was found and what is needed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Unsolved {
     /// Fewer usable poses than the closed form needs.
     #[error("too few poses: {found}; expected {wanted}")]
@@ -59,4 +62,16 @@ pub enum Unsolved {
         /// Data that would determine it.
         wanted: String,
     },
+    /// The caller ended the call early.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl From<Unsolved> for Error {
+    fn from(why: Unsolved) -> Self {
+        match why {
+            Unsolved::Interrupted => Self::Interrupted,
+            why => Self::rejected(why.to_string(), why),
+        }
+    }
 }

@@ -5,6 +5,7 @@ mod measure;
 mod table;
 
 use super::backend::Choice;
+use crate::cli::set::SetArgs;
 use crate::cli::step;
 use measure::Run;
 use phasmid_core::error::Result;
@@ -26,6 +27,8 @@ pub struct Args {
     /// Scene in front of the device: a built-in name or a TOML file
     #[arg(long, default_value = "torso")]
     scene: String,
+    #[command(flatten)]
+    set: SetArgs,
     /// Rays per pixel: 1, 4, 16 or 64
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
@@ -72,8 +75,7 @@ struct Subject<'a> {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let profile = Profile::load(&args.profile)?;
-    let scene = Scene::load(&args.scene)?;
+    let (profile, scene) = args.set.load(&args.profile, &args.scene)?;
     let sequence = Firmware::new(&profile, &[])?.selected_sequence();
     let camera = &profile.camera;
     let pixels = camera.width_px as usize * camera.height_px as usize;

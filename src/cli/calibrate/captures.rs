@@ -1,6 +1,7 @@
 //! Reads poses from folders of captures, which may come from any device.
 
 use super::session::{Gathered, Session};
+use crate::cli::interrupt::check;
 use phasmid_calibrate::rig::{Looked, look};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{CALIBRATION_FILE, MANIFEST_FILE, Plan, load_frames};
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// Decodes the poses one after the other and saves an annotated image of each.
 ///
 /// # Errors
-/// Returns an error if an image cannot be written.
+/// Returns an error if an image cannot be written, or if the user has interrupted the calibration.
 pub(super) fn look_at_all(
     poses: &[PathBuf],
     board: &Board,
@@ -24,6 +25,7 @@ pub(super) fn look_at_all(
     let names: Vec<String> = poses.iter().map(|pose| name(pose)).collect();
     let mut session = Session::new(images, &names);
     for (place, (pose, name)) in poses.iter().zip(&names).enumerate() {
+        check()?;
         progress(place, poses.len());
         session.take(place, one(pose, name, board))?;
     }

@@ -5,7 +5,8 @@ use super::Args;
 use super::scene::scene;
 use super::session::{Gathered, Session};
 use crate::cli::emulated::tell;
-use crate::cli::interrupt::{check, flow, interrupted};
+use crate::cli::interrupt::{check, flow, interrupted, remove_run_dir_at_exit};
+use crate::cli::scan::blame_dialect;
 use crate::facade::connected;
 use crate::{ScanOptions, Scanner};
 use phasmid_calibrate::rig::look;
@@ -39,6 +40,10 @@ pub(super) struct Emulated {
     truth: Rig,
 }
 
+fn profile(args: &Args, name: &str) -> Result<Profile> {
+    Profile::load_with(name, &args.set.settings()?.only_profile()?)
+}
+
 impl Emulated {
     /// Chooses the sequence and the poses. Does not start the device.
     ///
@@ -52,7 +57,7 @@ impl Emulated {
             let allowed = format!("{least} to {most}");
             return Err(Error::input("--max-tilt-deg", args.max_tilt_deg, allowed));
         }
-        let profile = Profile::load(name)?;
+        let profile = profile(args, name)?;
         // A profile's `board_scale` applies to its board of dots only.
         let board = match args.board.board(1.0)? {
             chess @ Board::Chess { .. } => chess,
@@ -131,8 +136,11 @@ impl Emulated {
         progress: impl FnMut(usize, usize),
     ) -> Result<(Gathered, String)> {
         let names = self.names();
+        // Declared before the device, so that it outlasts it.
+        let _run_dir;
         let served = self.serve(args, name)?;
         let endpoints = served.endpoints();
+        _run_dir = remove_run_dir_at_exit(&endpoints.control);
         let options = ScanOptions {
             sequence: Some(self.sequence.clone()),
             reply_timeout: TIMEOUT,
@@ -161,7 +169,7 @@ impl Emulated {
             Ok((session.finish(), captured?))
         });
         let finished = scanner.finish();
-        let looked = looked?;
+        let looked = looked.map_err(|why| blame_dialect(why, name))?;
         finished?;
         served.stop()?;
         Ok(looked)
@@ -169,7 +177,7 @@ impl Emulated {
 
     /// Serves the device, whose time passes as fast as it renders, in front of the board.
     fn serve(&self, args: &Args, name: &str) -> Result<Serving> {
-        let mut profile = Profile::load(name)?;
+        let mut profile = profile(args, name)?;
         profile.camera.sensor.noiseless |= args.no_noise;
         let scene = scene(&self.board, &self.shown[0])?;
         let device = Device::builder(&profile, &scene)

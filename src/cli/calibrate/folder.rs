@@ -1,16 +1,16 @@
 //! The output folder of a calibration, which receives all results or none.
 
 use super::{Args, CAPTURES, OPENCV, TRUTH};
+use crate::cli::interrupt::Unfinished;
 use phasmid_calibrate::report;
 use phasmid_core::error::{Error, Result};
-use phasmid_core::output_folder::OutputFolder;
 use phasmid_decode::{CALIBRATION_FILE, Capture, MANIFEST_FILE};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The output folder of a calibration in progress.
 pub(super) struct Folder {
-    folder: OutputFolder,
+    folder: Unfinished,
     /// Names of files of an earlier calibration and, if captures are kept, of its captures.
     earlier: Vec<PathBuf>,
     /// Whether there are captures, which only a calibration that succeeds replaces.
@@ -47,7 +47,7 @@ impl Folder {
         }
         Ok(Self {
             earlier,
-            folder: OutputFolder::create(&args.out, args.force)?,
+            folder: Unfinished::create("--out", &args.out, args.force)?,
             had_captures,
         })
     }

@@ -16,11 +16,12 @@ use without_device as emulated;
 
 use super::backend;
 use super::board_args::BoardArgs;
-use super::interrupt::watch_signals;
+use super::interrupt::{check, watch_signals};
+use super::progress::ProgressLine;
+use super::set::SetArgs;
 use super::step;
 use emulated::Emulated;
 use folder::Folder;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use phasmid_calibrate::files::{Reprojection, write_opencv};
 use phasmid_calibrate::report::{self, About, Summary};
 use phasmid_calibrate::rig::{Calibration, Missed, Poses};
@@ -52,6 +53,8 @@ pub(super) struct Args {
     /// board and scanned over its ports
     #[arg(long, required_unless_present = "captures")]
     profile: Option<String>,
+    #[command(flatten)]
+    set: SetArgs,
     /// Captures to calibrate from: a folder with one folder per pose, as `phasmid scan --no-decode`
     /// writes it: images and their sequence.toml
     #[arg(long, value_name = "DIR", conflicts_with = "profile")]
@@ -145,11 +148,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
 fn run_captures(args: &Args, folder: &Path) -> Result<()> {
     let board = args.board.board(1.0)?;
     let poses = captures::poses(folder)?;
+    watch_signals();
     let out = Folder::prepare(args, &[])?.sparing(&poses);
-    let bar = progress_bar();
-    let looked =
-        captures::look_at_all(&poses, &board, out.draft(), |done, of| show(&bar, done, of));
-    bar.finish_and_clear();
+    let line = ProgressLine::new("poses");
+    let looked = captures::look_at_all(&poses, &board, out.draft(), |done, of| line.show(done, of));
+    drop(line);
     let Gathered { poses, images } = looked?;
     let place = format!("--captures {}", folder.display());
     if poses.poses.is_empty() {
@@ -166,9 +169,9 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
     watch_signals();
     let out = Folder::prepare(args, &device.names())?;
     step("starting the device");
-    let bar = progress_bar();
-    let scanned = device.scan(args, name, out.draft(), |done, of| show(&bar, done, of));
-    bar.finish_and_clear();
+    let line = ProgressLine::new("poses");
+    let scanned = device.scan(args, name, out.draft(), |done, of| line.show(done, of));
+    drop(line);
     let (Gathered { poses, images }, idn) = scanned?;
     out.keep_captures()?;
     if poses.poses.is_empty() {
@@ -292,6 +295,7 @@ fn finish(
         write_opencv(&out.draft().join(file), rig, &errors)?;
     }
     let summary = report::write(out.draft(), calibration, &about)?;
+    check()?;
     out.finish()?;
     if args.json {
         let summary = &summary;
@@ -324,17 +328,4 @@ fn errors(calibration: &Calibration) -> Reprojection {
 fn json(value: &impl Serialize) -> String {
     let text = serde_json::to_string_pretty(value).expect("numbers and strings");
     format!("{text}\n")
-}
-
-fn progress_bar() -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-    if let Ok(style) = ProgressStyle::with_template("poses [{bar:30}] {pos}/{len}") {
-        bar.set_style(style);
-    }
-    bar
-}
-
-fn show(bar: &ProgressBar, done: usize, of: usize) {
-    bar.set_length(of as u64);
-    bar.set_position(done as u64);
 }

@@ -1,6 +1,6 @@
 //! `phasmid camera info`: reports what a camera is and offers.
 
-#[cfg(target_os = "linux")]
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
 mod device;
 mod usb;
 
@@ -43,7 +43,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if !(0.001..=3600.0).contains(&args.timeout) {
         return Err(Error::input("--timeout", args.timeout, "0.001 to 3600 s"));
     }
-    #[cfg(target_os = "linux")]
+    #[cfg(all(target_os = "linux", feature = "v4l2"))]
     if args.address.starts_with("/dev/") {
         return device::report(&args.address, args.json);
     }

@@ -3,9 +3,12 @@
 
 use super::backend::Choice;
 use super::emulated::tell;
-use super::interrupt::{check, unless_interrupted, watch_signals};
+use super::interrupt::{
+    Unfinished, check, remove_run_dir_at_exit, unless_interrupted, watch_signals,
+};
 use super::method::MethodArgs;
-use super::scan::{TRUTH, capture, write_truth};
+use super::scan::{TRUTH, blame_dialect, capture, write_truth};
+use super::set::SetArgs;
 use super::step;
 use crate::facade::truth_maps;
 use crate::{ScanOptions, Scanner};
@@ -13,13 +16,12 @@ use image::GrayImage;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::file;
 use phasmid_core::new_file::{check_folder, replace};
-use phasmid_core::output_folder::OutputFolder;
 use phasmid_decode::{Capture, Options, Summary as Decoding};
 use phasmid_device::Device;
-use phasmid_device::link::{ServeOptions, Serving};
+use phasmid_device::link::ServeOptions;
 use phasmid_geometry::{Rig, ply};
 use phasmid_pattern::Samples;
-use phasmid_profile::{Profile, Scene};
+use phasmid_profile::Profile;
 use phasmid_protocol::service::ClockPace;
 use phasmid_render::Options as RenderOptions;
 use phasmid_render::truth::Truth;
@@ -43,6 +45,8 @@ pub struct Args {
     /// Scene in front of the device: a built-in name or a TOML file
     #[arg(long, default_value = "torso")]
     scene: String,
+    #[command(flatten)]
+    set: SetArgs,
     /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -83,38 +87,49 @@ const SUMMARY: &str = "summary.json";
 const CLOUD: &str = "cloud.ply";
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let start = Instant::now();
+    let mut laps = Laps::start();
     args.method.check()?;
     check_out(&args.out, args.truth)?;
+    step("preparing the device");
+    let (profile, device) = device(args)?;
+    watch_signals();
+    let folder = Unfinished::create("--out", &args.out, is_demo(&args.out))?;
     step("starting the device");
-    let (profile, served) = serve(args)?;
+    // Declared before the device, so that it outlasts it.
+    let _run_dir;
+    let served = device.serve(&ServeOptions {
+        clock: ClockPace::Fast,
+        notice: |text| eprintln!("phasmid: {text}"),
+        ..ServeOptions::default()
+    })?;
     let endpoints = served.endpoints();
-    let begin = Instant::now();
+    _run_dir = remove_run_dir_at_exit(&endpoints.control);
+    let start_s = laps.lap_s();
     let options = ScanOptions {
         reply_timeout: TIMEOUT,
         frame_timeout: TIMEOUT,
         ..ScanOptions::default()
     };
     let scanner = Scanner::connect(&endpoints.camera, &endpoints.control, options)?;
-    let captured = capture(scanner)?;
-    let capture_s = begin.elapsed().as_secs_f64();
+    let captured = capture(scanner, || ());
+    let captured = captured.map_err(|why| blame_dialect(why, &args.profile))?;
+    let capture_s = laps.lap_s();
     step("decoding");
     check()?;
     let reported = captured
         .calibration
-        .ok_or_else(|| Error::device("the device gave no calibration"))?;
+        .ok_or_else(|| no_calibration(&args.profile))?;
     let truth_rig = Rig {
         noise: reported.noise,
         ..profile.nominal_rig()
     };
-    let begin = Instant::now();
     let options = Options {
         weighted: args.weighted,
         ..Options::default()
     };
     let (decoder, mut decoded) = captured.decode(options)?;
     args.method.apply(&decoder, &mut decoded, options)?;
-    let decode_s = begin.elapsed().as_secs_f64();
+    let decode_s = laps.lap_s();
     step("asking for the truth");
     let service = endpoints.service.clone();
     let maps = unless_interrupted(move || truth_maps(&service))?;
@@ -123,10 +138,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
     served.stop()?;
     step("comparing");
     let score = score(&decoded, &truth, &captured.manifest, &truth_rig)?;
+    let compare_s = laps.lap_s();
     step("writing");
     check()?;
     let frame = seen(&captured)?;
-    let folder = OutputFolder::create(&args.out, is_demo(&args.out))?;
     let draft = folder.draft();
     captured.write(draft)?;
     ply::write_cloud(&draft.join(CLOUD), &decoder.cloud(&decoded))?;
@@ -157,10 +172,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         score,
         masked,
         truth: args.truth,
+        start_s,
         render_s,
         capture_s,
         decode_s,
-        total_s: start.elapsed().as_secs_f64(),
+        compare_s,
+        write_s: laps.lap_s(),
+        total_s: laps.total_s(),
     };
     let json = serde_json::to_string_pretty(&summary).expect("numbers and strings");
     replace(&draft.join(SUMMARY), |out| writeln!(out, "{json}"))?;
@@ -169,7 +187,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if args.truth || has_truth(&args.out) {
         earlier.extend(TRUTH.map(PathBuf::from));
     }
-    folder.finish(earlier, Some(SUMMARY))?;
+    folder
+        .finish(earlier, Some(SUMMARY))
+        .map_err(without_force)?;
     if args.json {
         println!("{json}");
     } else {
@@ -193,6 +213,38 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// Times of successive phases.
+struct Laps {
+    start: Instant,
+    last: Instant,
+}
+
+impl Laps {
+    fn start() -> Self {
+        let start = Instant::now();
+        Self { start, last: start }
+    }
+
+    /// Returns the seconds since the last call.
+    fn lap_s(&mut self) -> f64 {
+        let last = std::mem::replace(&mut self.last, Instant::now());
+        self.last.duration_since(last).as_secs_f64()
+    }
+
+    /// Returns the seconds from the start to the end of the last phase.
+    fn total_s(&self) -> f64 {
+        self.last.duration_since(self.start).as_secs_f64()
+    }
+}
+
+/// Error for a device that reports no calibration.
+fn no_calibration(profile: &str) -> Error {
+    Error::device(format!(
+        "profile {profile}: the device reported no calibration; expected a dialect with calibration \
+         in its [host]"
+    ))
+}
+
 /// Returns the first image with 8 bits, scaled to the camera's full scale.
 fn seen(captured: &Capture) -> Result<GrayImage> {
     let image = captured
@@ -214,27 +266,20 @@ fn seen(captured: &Capture) -> Result<GrayImage> {
     Ok(GrayImage::from_raw(size.0, size.1, levels).expect("as many levels as pixels"))
 }
 
-/// Serves the device, whose time passes as fast as it renders.
-fn serve(args: &Args) -> Result<(Profile, Serving)> {
+/// Builds the device.
+fn device(args: &Args) -> Result<(Profile, Device)> {
     let options = RenderOptions {
         samples: args.samples,
         time_samples: args.time_samples,
         backend: args.backend.into(),
     };
-    let mut profile = Profile::load(&args.profile)?;
+    let (mut profile, scene) = args.set.load(&args.profile, &args.scene)?;
     profile.camera.sensor.noiseless |= args.no_noise;
     profile.factory_calibration.exact |= args.exact_calibration;
-    let scene = Scene::load(&args.scene)?;
     let device = Device::builder(&profile, &scene).seed(args.seed);
     let mut device = device.options(options).build()?;
     tell(&args.profile, &mut device)?;
-    watch_signals();
-    let serving = device.serve(&ServeOptions {
-        clock: ClockPace::Fast,
-        notice: |text| eprintln!("phasmid: {text}"),
-        ..ServeOptions::default()
-    })?;
-    Ok((profile, serving))
+    Ok((profile, device))
 }
 
 /// Rejects a folder that contains files with names of results, unless an earlier demo wrote them.
@@ -242,8 +287,25 @@ fn check_out(out: &Path, truth: bool) -> Result<()> {
     let force = is_demo(out);
     let truth = TRUTH.into_iter().filter(|_| truth);
     let names = [SUMMARY, CLOUD].into_iter().chain(PICTURES).chain(truth);
-    check_folder(out, names, force)?;
-    Capture::check_folder(out, force)
+    let checked = check_folder(out, names, force);
+    let checked = checked.and_then(|()| Capture::check_folder(out, force));
+    checked.map_err(without_force)
+}
+
+/// Replaces the hint at `--force`, an option that this command does not have.
+fn without_force(why: Error) -> Error {
+    match why {
+        Error::Input {
+            place,
+            found,
+            expected,
+        } if expected.contains("--force") => Error::input(
+            place,
+            found,
+            "a folder without such files, or one that a demo has written",
+        ),
+        why => why,
+    }
 }
 
 /// Returns whether an earlier demo wrote a truth into the folder.

@@ -62,7 +62,7 @@ impl Located {
     pub(super) fn new(pod: &Address, placed: &Placed, room_from_board: &Pose) -> Self {
         let room_from_rig = *room_from_board * placed.rig_from_board.inverse();
         let (position_mm, rotation_deg) = room_from_rig.to_xyz_deg();
-        let by_file = pod.room_from_rig * placed.rig_from_board;
+        let by_file = pod.room_from_rig() * placed.rig_from_board;
         let turn = DQuat::from_mat3(&(by_file.rotation * room_from_board.rotation.transpose()));
         let spread = |axes: [usize; 3]| axes.map(|k| placed.covariance[k][k]).iter().sum::<f64>();
         Self {

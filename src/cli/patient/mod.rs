@@ -3,6 +3,7 @@
 
 mod import;
 
+use super::progress::ProgressLine;
 use phasmid_core::error::Result;
 use phasmid_phantom::{Patient, Phantom, patient_names};
 use std::path::{Path, PathBuf};
@@ -20,6 +21,12 @@ enum Action {
     /// List the built-in patients.
     #[command(after_help = "Example:\n  phasmid patient list")]
     List,
+    /// Print a patient, as a start for your own.
+    #[command(after_help = "Example:\n  phasmid patient show p02-man-mean > mine.toml")]
+    Show {
+        /// Built-in name, or path of a TOML file.
+        name: String,
+    },
     /// Check a patient and summarise it.
     #[command(after_help = "Example:\n  phasmid patient check p02-man-mean")]
     Check {
@@ -61,6 +68,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
             }
             Ok(())
         }
+        Action::Show { name } => {
+            print!("{}", Patient::text(name)?);
+            Ok(())
+        }
         Action::Check { patient } => {
             let patient = Patient::load(patient)?;
             describe(&patient);
@@ -100,8 +111,10 @@ fn describe(patient: &Patient) {
 }
 
 fn plan(patient: &Patient, out: &Path, spacing_mm: f64, ct: bool, force: bool) -> Result<()> {
-    super::step(&format!("{}: skin, tumour and ten fields", patient.name));
+    let name = format!("{}: skin, tumour and ten fields", patient.name);
+    let line = ProgressLine::new(&name);
     Phantom::new(patient).export_planning(out, spacing_mm, ct, force)?;
+    drop(line);
     println!(
         "{}: planning.toml, skin.ply, tumour.ply, dvf_00.mha to dvf_90.mha",
         out.display()

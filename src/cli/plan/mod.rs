@@ -3,10 +3,10 @@
 
 mod measure;
 
+use crate::cli::set::SetArgs;
 use measure::{PassCost, TermCost, costs};
 use phasmid_core::error::Result;
 use phasmid_device::Device;
-use phasmid_profile::{Profile, Scene};
 use phasmid_render::{IndirectLight, Options, shot::Shot};
 use serde::Serialize;
 
@@ -20,6 +20,8 @@ pub struct Args {
     /// Scene in front of the device: a built-in name or a TOML file
     #[arg(long, default_value = "torso")]
     scene: String,
+    #[command(flatten)]
+    set: SetArgs,
     /// Rays per pixel: 1, 4, 16 or 64
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
@@ -49,8 +51,7 @@ struct Report<'a> {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let profile = Profile::load(&args.profile)?;
-    let scene = Scene::load(&args.scene)?;
+    let (profile, scene) = args.set.load(&args.profile, &args.scene)?;
     let options = Options {
         samples: args.samples,
         time_samples: args.time_samples,

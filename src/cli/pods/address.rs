@@ -1,11 +1,14 @@
 //! A pod's ports, and its pose in the room.
 
+use crate::cli::interrupt::watch_signals;
+use crate::{Pod, ScanOptions, Scanner};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Pose, Rig};
 use phasmid_profile::{RigPlace, Station, StationDevice};
 use phasmid_protocol::Endpoints;
 use std::path::Path;
+use std::time::Duration;
 
 /// A pod.
 pub(in crate::cli) struct Address {
@@ -15,9 +18,8 @@ pub(in crate::cli) struct Address {
     pub(super) control: String,
     /// Calibration that replaces the device's own, and the option that gave it.
     pub(super) calibration: Option<(String, Rig)>,
-    /// Maps coordinates in its rig's frame to the room's, in millimetres, according to the station
-    /// file.
-    pub(in crate::cli) room_from_rig: Pose,
+    /// Pose of its rig in the room, according to the station file.
+    place: RigPlace,
 }
 
 impl Address {
@@ -60,20 +62,49 @@ impl Address {
         self.camera == other.camera || self.control == other.control
     }
 
+    /// Opens the ports. From now on, the signals end captures instead of the program.
+    ///
+    /// # Errors
+    /// Returns an error if the device cannot be reached.
+    pub(super) fn connect(&self, timeout: Duration) -> Result<Scanner> {
+        let options = ScanOptions {
+            reply_timeout: timeout,
+            frame_timeout: timeout,
+            ..ScanOptions::default()
+        };
+        watch_signals();
+        let scanner = Scanner::connect(&self.camera, &self.control, options);
+        let scanner = scanner.map_err(|e| e.at(&self.name))?;
+        Ok(match &self.calibration {
+            Some((place, rig)) => scanner.with_calibration(place, *rig),
+            None => scanner,
+        })
+    }
+
+    /// Opens the ports of a pod that is to track.
+    ///
+    /// # Errors
+    /// Returns an error if the device cannot be reached.
+    pub(in crate::cli) fn pod(&self, timeout: Duration) -> Result<Pod> {
+        Ok(Pod::new(&self.name, self.connect(timeout)?, self.place))
+    }
+
+    /// Returns the pose that maps coordinates in its rig's frame to the room's, in millimetres,
+    /// according to the station file.
+    pub(in crate::cli) fn room_from_rig(&self) -> Pose {
+        Pose::from_xyz_deg(
+            DVec3::from_array(self.place.position_mm),
+            DVec3::from_array(self.place.rotation_deg),
+        )
+    }
+
     fn new(device: &StationDevice, camera: String, control: String) -> Self {
-        let RigPlace {
-            position_mm,
-            rotation_deg,
-        } = device.rig().unwrap_or_default();
         Self {
             name: device.name.clone(),
             camera,
             control,
             calibration: None,
-            room_from_rig: Pose::from_xyz_deg(
-                DVec3::from_array(position_mm),
-                DVec3::from_array(rotation_deg),
-            ),
+            place: device.rig().unwrap_or_default(),
         }
     }
 }

@@ -4,7 +4,7 @@ mod address;
 mod source;
 
 pub(super) use address::Address;
-pub(super) use source::{Source, Taken};
+pub(super) use source::Source;
 
 use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};

@@ -2,6 +2,9 @@
 
 mod export;
 mod info;
+mod recording;
+
+pub(super) use recording::{Recording, folder_of};
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::record::Reader;

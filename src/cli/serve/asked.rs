@@ -3,7 +3,7 @@
 use super::Args;
 use crate::cli::dialect;
 use phasmid_core::error::{Error, Result};
-use phasmid_profile::{Configuration, MAX_DEVICES, Profile, RigPlace, Scene};
+use phasmid_profile::{Configuration, MAX_DEVICES, Profile, RigPlace, Scene, Settings};
 use std::collections::HashMap;
 
 /// Default scene.
@@ -44,9 +44,10 @@ struct Draft {
 /// # Errors
 /// Returns an error if a profile, station or scene cannot be read, or options contradict each other.
 pub(super) fn asked(args: &Args) -> Result<(Vec<Asked>, Vec<Chosen>)> {
+    let settings = args.set.settings()?;
     let mut drafts = Vec::new();
     for label in &args.profile {
-        take(label, &mut drafts)?;
+        take(label, &settings, &mut drafts)?;
     }
     check(args, drafts.len())?;
     // Scenes of the command line: one for all devices, or one for each, even if they are equal.
@@ -79,14 +80,14 @@ pub(super) fn asked(args: &Args) -> Result<(Vec<Asked>, Vec<Chosen>)> {
             seed: args.seed.wrapping_add(draft.seed.unwrap_or(at as u64)),
         });
     }
-    let load = |name: String| Scene::load(&name).map(|scene| (name, scene));
+    let load = |name: String| Scene::load_with(&name, &settings).map(|scene| (name, scene));
     let scenes = names.into_iter().map(load).collect::<Result<_>>()?;
     Ok((devices, scenes))
 }
 
 /// Adds the device of a profile, or the devices of a station.
-fn take(label: &str, drafts: &mut Vec<Draft>) -> Result<()> {
-    match Configuration::load(label)? {
+fn take(label: &str, settings: &Settings, drafts: &mut Vec<Draft>) -> Result<()> {
+    match Configuration::load_with(label, settings)? {
         Configuration::Device(profile) => drafts.push(Draft {
             name: profile.name.clone(),
             label: label.to_owned(),
@@ -98,7 +99,7 @@ fn take(label: &str, drafts: &mut Vec<Draft>) -> Result<()> {
         Configuration::Station(station) => {
             for device in &station.device {
                 let label = station.profile(device);
-                let profile = dialect::profile_of(&station, device)?;
+                let profile = dialect::profile_of(&station, device, settings)?;
                 drafts.push(Draft {
                     name: device.name.clone(),
                     profile,

@@ -23,6 +23,7 @@ pub(super) use shutdown::Shutdown;
 pub(super) use unit::runtime;
 
 use super::backend::Choice;
+use super::set::SetArgs;
 use asked::Asked;
 use phasmid_core::error::{Error, Result};
 use phasmid_device::link::{RunDir, Serving, SharedScene, Tcp, Timeline, monotonic};
@@ -52,6 +53,8 @@ pub(super) struct Args {
     /// torso]. Given once, all devices share it; else repeat it once per device.
     #[arg(long)]
     scene: Vec<String>,
+    #[command(flatten)]
+    set: SetArgs,
     /// Directory for the endpoints [default: one per device under XDG_RUNTIME_DIR or the temporary
     /// directory]. Each of several devices has a directory in it, with its name in the station or its
     /// profile's.
@@ -159,6 +162,12 @@ pub(super) fn tcp(port: Option<u16>, token: Option<&Path>) -> Result<Option<Tcp>
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
+    // Watch before anything else, so that a signal ends the program in the same way at any time.
+    let runtime = unit::runtime()?;
+    let shutdown = {
+        let _inside = runtime.enter();
+        Shutdown::watch(args.while_stdin)?
+    };
     let (mut devices, scenes) = asked::asked(args)?;
     for device in &mut devices {
         device.profile.camera.sensor.noiseless = args.no_noise;
@@ -198,8 +207,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             )
         })
         .collect::<Result<_>>()?;
-    let runtime = unit::runtime()?;
-    let served = runtime.block_on(serve(args, &devices, units, power));
+    let served = runtime.block_on(serve(args, &devices, units, power, shutdown));
     announce::announce_lateness(timeline.about().late);
     served
 }
@@ -219,9 +227,16 @@ impl Power {
     }
 }
 
-async fn serve(args: &Args, devices: &[Asked], mut units: Vec<Unit>, power: Power) -> Result<()> {
-    // Watch before creating anything that must be removed at the end.
-    let mut shutdown = Shutdown::watch(args.while_stdin)?;
+async fn serve(
+    args: &Args,
+    devices: &[Asked],
+    mut units: Vec<Unit>,
+    power: Power,
+    mut shutdown: Shutdown,
+) -> Result<()> {
+    if shutdown.has_come().await {
+        return Ok(());
+    }
     let dirs = run_dirs::run_dirs(args, devices)?;
     let _holder = run_dirs::Holder::make(&dirs, args.run_dir.is_some())?;
     let dirs: Vec<_> = dirs

@@ -1,6 +1,7 @@
 //! Reasons to end a device: a signal, or the end of the program that started it.
 
 use phasmid_core::error::{Error, Result};
+use std::time::Duration;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 
@@ -29,6 +30,13 @@ impl Shutdown {
                 .transpose()
                 .map_err(|e| Error::io("a thread for the end of standard input", e))?,
         })
+    }
+
+    /// Returns whether there has been a reason to end.
+    pub(super) async fn has_come(&mut self) -> bool {
+        // The event loop looks at the signals only while it waits.
+        let wait = Duration::from_millis(1);
+        tokio::time::timeout(wait, self.wait()).await.is_ok()
     }
 
     /// Waits for the first reason to end.

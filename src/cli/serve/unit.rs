@@ -73,6 +73,7 @@ impl Unit {
             .build()?;
         tell(&asked.label, &mut device)?;
         let served = ServedDevice {
+            label: asked.name.clone(),
             profile: asked.label.clone(),
             scene: label.clone(),
             tcp,

@@ -1,12 +1,12 @@
 //! Writes a line of CSV for each scan.
 
-use glam::DVec3;
+use crate::{Tracked, TumourPosition};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
-use phasmid_sgrt::{Beam, MotionFit, RigidFit, six};
+use phasmid_sgrt::{Beam, six};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Writes the lines to a file or standard output.
 pub(super) struct Table {
@@ -18,26 +18,6 @@ pub(super) struct Table {
     modes: usize,
     /// `None` before the first line.
     to: Option<BufWriter<Box<dyn Write>>>,
-}
-
-/// Results of one scan.
-pub(super) struct Row<'a> {
-    pub(super) scan: u64,
-    /// End of the last exposure by the device's clock; 0 if the link carries no times.
-    pub(super) device_s: f64,
-    pub(super) rigid: Option<&'a RigidFit>,
-    pub(super) motion: Option<&'a MotionFit>,
-    /// Planned position of the tumour.
-    pub(super) target: DVec3,
-    pub(super) points: usize,
-    pub(super) decode_ms: f64,
-    /// Time from the arrival of the last frame to the answer.
-    pub(super) host_ms: f64,
-    /// Time from the middle of the scan to the answer: to the last frame by the device's clock, then by
-    /// the host's. `None` if the links carry no times.
-    pub(super) since_motion_ms: Option<f64>,
-    pub(super) beam: &'a Beam,
-    pub(super) warnings: &'a [String],
 }
 
 impl Table {
@@ -115,46 +95,38 @@ impl Table {
     ///
     /// # Errors
     /// Returns an error if the line cannot be written.
-    pub(super) fn row(&mut self, row: &Row<'_>) -> Result<()> {
-        let mut fields = self.first(row.scan, &format!("{:.6}", row.device_s));
-        fields.push(row.points.to_string());
-        let six = row
-            .rigid
-            .map(|fit| (fit.six.to_array(), fit.total_deviations()));
-        for i in 0..6 {
-            fields.push(six.map_or(String::new(), |(value, _)| format!("{:.4}", value[i])));
-            fields.push(six.map_or(String::new(), |(_, sd)| format!("{:.4}", sd[i])));
+    pub(super) fn row(&mut self, tracked: &Tracked) -> Result<()> {
+        let device_s = format!("{:.6}", tracked.time.as_secs_f64());
+        let mut fields = self.first(tracked.scan, &device_s);
+        fields.push(tracked.points.to_string());
+        let skin = tracked.skin.as_ref();
+        for axis in 0..3 {
+            fields.push(number(skin.map(|s| s.shift_mm[axis])));
+            fields.push(number(skin.map(|s| s.shift_sd_mm[axis])));
         }
         for axis in 0..3 {
-            let of = |f: &dyn Fn(&MotionFit) -> f64| {
-                row.motion.map_or(String::new(), |m| format!("{:.4}", f(m)))
-            };
-            fields.push(of(&|m| m.tumour_mm[axis]));
-            let variance = |m: &MotionFit| m.total_covariance(row.target).col(axis)[axis];
-            fields.push(of(&|m| variance(m).max(0.0).sqrt()));
+            fields.push(number(skin.map(|s| s.rotation_deg[axis])));
+            fields.push(number(skin.map(|s| s.rotation_sd_deg[axis])));
+        }
+        let tumour = |value: &dyn Fn(&TumourPosition) -> f64| {
+            let value = tracked.tumour.as_ref().map(value);
+            number(value)
+        };
+        for axis in 0..3 {
+            fields.push(tumour(&|t| t.position_mm[axis]));
+            fields.push(tumour(&|t| t.sd_mm[axis]));
         }
         for mode in 0..self.modes {
-            let of = |f: &dyn Fn(&MotionFit) -> f64| {
-                row.motion.map_or(String::new(), |m| format!("{:.4}", f(m)))
-            };
-            fields.push(of(&|m| m.state.coefficients[mode]));
-            fields.push(of(&|m| m.covariance[(mode, mode)].max(0.0).sqrt()));
+            fields.push(tumour(&|t| t.modes[mode]));
+            fields.push(tumour(&|t| t.modes_sd[mode]));
         }
-        let off = |m: &MotionFit| format!("{:.4}", (m.tumour_mm - row.target).length());
-        fields.push(row.motion.map_or(String::new(), off));
-        fields.push(
-            row.motion
-                .map_or(String::new(), |m| format!("{:.4}", m.rms_mm)),
-        );
-        fields.push(
-            row.motion
-                .map_or(String::new(), |m| format!("{:.4}", m.coverage)),
-        );
-        fields.push(format!("{:.2}", row.decode_ms));
-        fields.push(format!("{:.2}", row.host_ms));
-        let since = row.since_motion_ms;
-        fields.push(since.map_or(String::new(), |ms| format!("{ms:.2}")));
-        fields.extend(verdict(row.beam, row.warnings));
+        fields.push(tumour(&|t| t.off_mm));
+        fields.push(tumour(&|t| t.rms_mm));
+        fields.push(tumour(&|t| t.coverage));
+        fields.push(ms(tracked.decoding));
+        fields.push(ms(tracked.latency));
+        fields.push(tracked.since_motion.map_or(String::new(), ms));
+        fields.extend(verdict(&tracked.beam, &tracked.warnings));
         self.line(&fields)
     }
 
@@ -177,6 +149,14 @@ impl Table {
             .and_then(|()| to.flush())
             .map_err(failed)
     }
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map_or(String::new(), |value| format!("{value:.4}"))
+}
+
+fn ms(time: Duration) -> String {
+    format!("{:.2}", time.as_secs_f64() * 1e3)
 }
 
 /// Returns the fields `beam` and `why`: the state of the beam, and its reason with all warnings.

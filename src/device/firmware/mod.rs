@@ -33,7 +33,7 @@ use super::projection::Planes;
 use super::{Exposure, PatternImage, StreamSink};
 use memory::{Memory, Stored};
 use messages::{Current, Waiting};
-use phasmid_core::error::Result;
+use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Rig;
 use phasmid_profile::Profile;
 use phasmid_protocol::dialect::Event;
@@ -117,7 +117,7 @@ pub struct Firmware {
     /// Serial line settings of the host; they have no effect on the device.
     line: LineCoding,
     /// The factory calibration, once it was asked for, or why there is none.
-    calibration: OnceCell<Result<Rig, String>>,
+    calibration: OnceCell<Result<Rig>>,
     /// Link that must know the stream format in advance.
     link: Option<Box<dyn StreamSink + Send>>,
     now_ns: u64,
@@ -214,11 +214,14 @@ impl Firmware {
         self.memory.names()
     }
 
-    /// Returns the calibration that the device reports, for the whole sensor, or why there is none;
-    /// see [`Profile::factory_rig`]. The first call computes it, in 10 to 100 ms.
-    pub fn factory_calibration(&self) -> &Result<Rig, String> {
-        let compute = || self.profile.factory_rig().map_err(|e| e.to_string());
-        self.calibration.get_or_init(compute)
+    /// Returns the calibration that the device reports, for the whole sensor. The first call computes
+    /// it, in 10 to 100 ms.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Profile::factory_rig`].
+    pub fn factory_calibration(&self) -> Result<&Rig, &Error> {
+        let compute = || self.profile.factory_rig();
+        self.calibration.get_or_init(compute).as_ref()
     }
 
     /// Sets the serial line coding that `SYSTem:COMMunicate:SERial` reports.

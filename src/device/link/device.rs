@@ -9,6 +9,7 @@ use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
 use super::server::Server;
 use super::service::ServiceSocket;
 use super::shared_scene::SharedScene;
+use super::slowdown::Slowdown;
 use super::tap::{Recording, Tap};
 use super::timeline::Seat;
 use super::usb::{Binding, Nodes};
@@ -18,6 +19,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_profile::RigPlace;
 use phasmid_protocol::Endpoints;
 use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::service::ClockPace;
 use std::future::Future;
 use std::net::SocketAddr;
 use std::path::Path;
@@ -35,6 +37,8 @@ pub struct ServedDevice {
     pub rig: RigPlace,
     /// `*IDN?` of the device, for `device.json`.
     pub name: String,
+    /// Name of the device in its server, for messages.
+    pub label: String,
     /// Profile as selected, for `device.json`.
     pub profile: String,
     /// Scene as selected, for `device.json`.
@@ -71,6 +75,7 @@ impl ServedDevice {
                 "{},{},{},{}",
                 id.manufacturer, id.model, id.serial, id.firmware
             ),
+            label: profile.name.clone(),
             profile: profile.name.clone(),
             scene: scene.name.clone(),
             seed: device.seed,
@@ -99,8 +104,8 @@ pub struct UsbLink {
 }
 
 /// Serves a device from a run directory, in a tokio runtime, until `shutdown` completes. `wall`
-/// returns how long the device has been on; `ready` is called once all ports and sockets are
-/// reachable.
+/// returns how long the device has been on. `published` is called with the content of `device.json`:
+/// first when all ports and sockets are reachable, then whenever it has changed.
 ///
 /// # Errors
 /// Returns an error if the system refuses a port or socket, or if the render thread has failed.
@@ -108,7 +113,7 @@ pub async fn serve(
     served: ServedDevice,
     mut run_dir: RunDir,
     wall: impl Fn() -> Duration + Clone + Send + 'static,
-    ready: impl FnOnce(&Endpoints),
+    mut published: impl FnMut(&Endpoints),
     shutdown: impl Future<Output = ()>,
 ) -> Result<()> {
     let Device {
@@ -129,13 +134,15 @@ pub async fn serve(
         None => (None, Nodes::default()),
     };
     let node = nodes.camera.map(|path| path.display().to_string());
-    let endpoints = Endpoints {
+    let pace = served.seat.timeline().about().pace;
+    let mut endpoints = Endpoints {
         name: served.name,
         pid: std::process::id(),
         profile: Some(served.profile),
         scene: Some(served.scene),
         seed: Some(served.seed),
-        clock: Some(served.seat.timeline().about().pace),
+        clock: Some(pace),
+        slowdown: None,
         control: control.clone(),
         dialect: Some(served.dialect),
         baud: served.baud,
@@ -163,7 +170,8 @@ pub async fn serve(
     let now = served.seat.now_ns();
     let tap = Tap::start(served.recording, &endpoints, now, served.notice)?;
     run_dir.publish(&endpoints)?;
-    ready(&endpoints);
+    published(&endpoints);
+    let (notice, v4l2) = (served.notice, served.video.is_some());
     let server = Server {
         machine,
         seat: served.seat,
@@ -172,9 +180,10 @@ pub async fn serve(
         version: 0,
         rig: served.rig,
         history: History::default(),
-        name: endpoints.name,
+        name: endpoints.name.clone(),
         bytes: (0, 0),
         render_thread,
+        slowdown: (pace == ClockPace::Real).then(Slowdown::default),
         pty: Some(pty),
         control,
         camera,
@@ -190,7 +199,26 @@ pub async fn serve(
         stall: None,
         stalled_at: 0,
     };
-    server.run(wall, shutdown).await
+    let slow = |factor| {
+        if endpoints.slowdown.replace(factor).is_none() {
+            notice(&too_slow(&served.label, factor, v4l2));
+        }
+        if let Err(why) = run_dir.publish(&endpoints) {
+            notice(&format!("{}: {why}", served.label));
+        }
+        published(&endpoints);
+    };
+    server.run(wall, slow, shutdown).await
+}
+
+/// Returns the message for a device that cannot keep up with real time. A V4L2 node needs real time.
+fn too_slow(label: &str, factor: f64, v4l2: bool) -> String {
+    let clock = if v4l2 { "" } else { "--clock fast, " };
+    format!(
+        "{label}: frames are rendered {factor} times slower than real time, so they are late or left \
+         out; use {clock}fewer pixels or a smaller scene (`phasmid plan` states the costs); reported \
+         only once"
+    )
 }
 
 /// Points the control link to a pty.

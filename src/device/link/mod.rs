@@ -18,9 +18,14 @@ mod server;
 mod service;
 mod serving;
 mod shared_scene;
+mod slowdown;
 mod tap;
 mod timeline;
 pub mod usb;
+#[cfg(feature = "v4l2")]
+mod video;
+#[cfg(not(feature = "v4l2"))]
+#[path = "without_video.rs"]
 mod video;
 
 pub use device::{ServedDevice, UsbLink, serve};

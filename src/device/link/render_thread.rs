@@ -39,13 +39,24 @@ pub(super) struct TruthJob {
 /// Maximum number of finished frames in the channel; the thread blocks beyond that.
 const MAX_FRAMES: usize = 64;
 
+/// A finished frame.
+pub(super) struct Rendered {
+    /// The frame.
+    pub(super) frame: Arc<Frame>,
+    /// Time that the render thread spent on it.
+    pub(super) took: Duration,
+    /// Interval of its exposure, as given to [`RenderThread::expose`].
+    pub(super) interval: Option<Duration>,
+}
+
 /// Handle of the render thread; dropping it stops the thread, also within a job.
 pub(super) struct RenderThread {
     jobs: Option<mpsc::Sender<Job>>,
-    /// Finished frames, followed by the error that ended the thread, if any.
-    frames: results::Receiver<Result<Arc<Frame>>>,
-    /// Number of submitted exposures whose frames have not been received.
-    backlog: usize,
+    /// Finished frames and the time spent on each, followed by the error that ended the thread, if
+    /// any.
+    frames: results::Receiver<Result<(Arc<Frame>, Duration)>>,
+    /// Intervals of the submitted exposures whose frames have not been received, in order.
+    backlog: VecDeque<Option<Duration>>,
     stop: Stop,
     /// Time spent on frames since power-on, in microseconds.
     render_us: Arc<AtomicU64>,
@@ -55,11 +66,11 @@ pub(super) struct RenderThread {
 /// State of the render thread.
 struct Work<W> {
     renderer: Renderer,
-    /// Frames in progress, in order of exposure.
-    under_way: VecDeque<(Box<Exposure>, Pending)>,
+    /// Frames in progress and the time spent on each so far, in order of exposure.
+    under_way: VecDeque<(Box<Exposure>, Pending, Duration)>,
     wall: W,
     spent: Arc<AtomicU64>,
-    done: results::Sender<Result<Arc<Frame>>>,
+    done: results::Sender<Result<(Arc<Frame>, Duration)>>,
 }
 
 impl<W: Fn() -> Duration> Work<W> {
@@ -89,8 +100,8 @@ impl<W: Fn() -> Duration> Work<W> {
             Job::Expose(exposure) => {
                 let start = (self.wall)();
                 let pending = self.renderer.submit(&exposure.shot);
-                self.account(start);
-                self.under_way.push_back((exposure, pending));
+                let took = self.account(start);
+                self.under_way.push_back((exposure, pending, took));
             }
             Job::Truth(job) => {
                 self.finish_all();
@@ -133,20 +144,22 @@ impl<W: Fn() -> Duration> Work<W> {
 
     /// Finishes the oldest frame in progress and sends it on.
     fn finish(&mut self) {
-        if let Some((exposure, pending)) = self.under_way.pop_front() {
+        if let Some((exposure, pending, took)) = self.under_way.pop_front() {
             let start = (self.wall)();
             let frame = self.renderer.finish(pending);
-            self.account(start);
+            let took = took + self.account(start);
+            let frame = Arc::new(exposure.readout.read(frame));
             // The receiver is gone when the device is switched off.
-            let _ = self
-                .done
-                .blocking_send(Ok(Arc::new(exposure.readout.read(frame))));
+            let _ = self.done.blocking_send(Ok((frame, took)));
         }
     }
 
-    fn account(&self, start: Duration) {
-        let took = (self.wall)().saturating_sub(start).as_micros() as u64;
-        self.spent.fetch_add(took, Ordering::Relaxed);
+    /// Adds the time since `start` to the time spent on frames, and returns it.
+    fn account(&self, start: Duration) -> Duration {
+        let took = (self.wall)().saturating_sub(start);
+        self.spent
+            .fetch_add(took.as_micros() as u64, Ordering::Relaxed);
+        took
     }
 
     /// Reports the renderer's messages for the user. Returns `false` if the renderer has failed;
@@ -205,7 +218,7 @@ impl RenderThread {
         Ok(Self {
             jobs: Some(jobs),
             frames,
-            backlog: 0,
+            backlog: VecDeque::new(),
             stop,
             render_us,
             thread: Some(thread),
@@ -213,11 +226,13 @@ impl RenderThread {
     }
 
     pub(super) fn backlog(&self) -> usize {
-        self.backlog
+        self.backlog.len()
     }
 
-    pub(super) fn expose(&mut self, exposure: Exposure) {
-        self.backlog += 1;
+    /// Submits an exposure. `interval` is the device time from one exposure to the next at its rate, if
+    /// known.
+    pub(super) fn expose(&mut self, exposure: Exposure, interval: Option<Duration>) {
+        self.backlog.push_back(interval);
         self.submit(Job::Expose(Box::new(exposure)));
     }
 
@@ -247,11 +262,15 @@ impl RenderThread {
     ///
     /// # Errors
     /// Returns an error if the renderer has failed or the thread has died.
-    pub(super) async fn next(&mut self) -> Result<Arc<Frame>> {
+    pub(super) async fn next(&mut self) -> Result<Rendered> {
         let died = || Err(Error::device("the render thread panicked"));
-        let frame = self.frames.recv().await.unwrap_or_else(died)?;
-        self.backlog -= 1;
-        Ok(frame)
+        let (frame, took) = self.frames.recv().await.unwrap_or_else(died)?;
+        let interval = self.backlog.pop_front().flatten();
+        Ok(Rendered {
+            frame,
+            took,
+            interval,
+        })
     }
 }
 

@@ -142,14 +142,19 @@ impl RunDir {
         path
     }
 
-    /// Writes `device.json` atomically: once it exists, everything that it names can be used.
+    /// Writes `device.json` atomically, and replaces an earlier one of this device: once it exists,
+    /// everything that it names can be used.
     pub(super) fn publish(&mut self, endpoints: &Endpoints) -> Result<()> {
         let text = serde_json::to_string_pretty(endpoints).map_err(|why| {
             let place = format!("--run-dir {}", self.path.display());
             Error::input(place, why, "a path in UTF-8, which device.json can hold")
         })?;
-        let path = self.file(endpoints::FILE_NAME);
-        write(&path, false, |file| writeln!(file, "{text}"))
+        let path = self.path.join(endpoints::FILE_NAME);
+        let again = self.files.contains(&path);
+        if !again {
+            self.files.push(path.clone());
+        }
+        write(&path, again, |file| writeln!(file, "{text}"))
     }
 }
 
@@ -180,6 +185,7 @@ mod tests {
             scene: Some("s".into()),
             seed: Some(1),
             clock: None,
+            slowdown: None,
             control: "control".into(),
             dialect: None,
             baud: None,
@@ -204,6 +210,12 @@ mod tests {
         assert_eq!(mode(&path), 0o700);
         dir.publish(&endpoints(7)).unwrap();
         assert_eq!(Endpoints::read(&path).unwrap(), endpoints(7));
+        let slow = Endpoints {
+            slowdown: Some(3.8),
+            ..endpoints(7)
+        };
+        dir.publish(&slow).unwrap();
+        assert_eq!(Endpoints::read(&path).unwrap(), slow);
         let message = RunDir::claim(&path).unwrap_err().to_string();
         assert!(message.contains("process 7 serves"), "{message}");
         drop(dir);

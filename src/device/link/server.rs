@@ -6,10 +6,11 @@ use super::frame_socket::FrameSocket;
 use super::history::History;
 use super::pace::Pace;
 use super::pty::{Event, Pty};
-use super::render_thread::RenderThread;
+use super::render_thread::{RenderThread, Rendered};
 use super::run_dir::CAMERA;
 use super::service::ServiceSocket;
 use super::shared_scene::SharedScene;
+use super::slowdown::Slowdown;
 use super::tap::Tap;
 use super::timeline::{Seat, Wait};
 use super::usb::{Binding, PortEvent};
@@ -53,6 +54,8 @@ pub(super) struct Server {
     /// Number of bytes received and sent on the control port.
     pub(super) bytes: (u64, u64),
     pub(super) render_thread: RenderThread,
+    /// `None` unless device time is real time.
+    pub(super) slowdown: Option<Slowdown>,
     /// `None` while the port is disconnected.
     pub(super) pty: Option<Pty>,
     /// Link to the pty.
@@ -79,10 +82,13 @@ pub(super) struct Server {
 }
 
 impl Server {
-    /// Serves until `shutdown` completes; `wall` returns how long the device has been on.
+    /// Serves until `shutdown` completes; `wall` returns how long the device has been on. `slow` is
+    /// called with the ratio of render time to real time when frames are first rendered too slowly,
+    /// and when the ratio has changed.
     pub(super) async fn run(
         mut self,
         wall: impl Fn() -> Duration,
+        mut slow: impl FnMut(f64),
         shutdown: impl Future<Output = ()>,
     ) -> Result<()> {
         let mut shutdown = pin!(shutdown);
@@ -112,9 +118,15 @@ impl Server {
                 biased;
                 () = &mut shutdown => return Ok(()),
                 frame = self.render_thread.next(), if !self.pace.holds() => {
-                    let frame = frame?;
+                    let Rendered { frame, took, interval } = frame?;
                     let now = self.now();
                     self.machine.rendered(Some(frame), now);
+                    if let Some(slowdown) = &mut self.slowdown
+                        && let Some(interval) = interval
+                        && let Some(factor) = slowdown.rendered(took, interval)
+                    {
+                        slow(factor);
+                    }
                 }
                 frame = self.pace.due() => self.deliver(&frame, wall())?,
                 changed = self.camera.changed() => {
@@ -318,7 +330,12 @@ impl Server {
         for exposure in self.machine.take_exposures(now_ns) {
             let (firmware, version) = (self.machine.firmware(), self.version);
             self.history.push(&exposure.shot, firmware, version);
-            let free = exposure.shot.pattern_index.is_none();
+            let pattern_index = exposure.shot.pattern_index;
+            let interval = self.slowdown.as_mut().and_then(|slowdown| {
+                let free_ns = firmware.stream().interval_ns;
+                slowdown.interval(pattern_index, exposure.shot.start_ns, free_ns)
+            });
+            let free = pattern_index.is_none();
             let wanted = if free {
                 self.keeps_up() && self.render_thread.backlog() < MAX_FREE_BACKLOG
             } else {
@@ -327,7 +344,7 @@ impl Server {
             if !wanted {
                 self.machine.rendered(None, now_ns);
             } else {
-                self.render_thread.expose(exposure);
+                self.render_thread.expose(exposure, interval);
             }
         }
         if !self.pace.holds() {

@@ -88,6 +88,7 @@ impl Default for ServeOptions {
 #[derive(Debug)]
 pub struct Serving {
     endpoints: Endpoints,
+    slowdown: watch::Receiver<Option<f64>>,
     device: Worker,
     usb: Option<Worker>,
 }
@@ -153,16 +154,20 @@ impl Serving {
         ended: impl FnOnce() + Send + 'static,
     ) -> Result<Self> {
         let (ready, up) = mpsc::channel();
+        let (measured, slowdown) = watch::channel(None);
         let mut device = Worker::start("device", move |stopped| {
             let _ended = Last(Some(ended));
-            let tell = |endpoints: &Endpoints| {
+            let published = |endpoints: &Endpoints| {
+                measured.send_replace(endpoints.slowdown);
+                // Only the first time somebody waits for it.
                 let _ = ready.send(endpoints.clone());
             };
-            runtime()?.block_on(serve(served, run_dir, wall, tell, until(stopped)))
+            runtime()?.block_on(serve(served, run_dir, wall, published, until(stopped)))
         })?;
         match up.recv() {
             Ok(endpoints) => Ok(Self {
                 endpoints,
+                slowdown,
                 device,
                 usb: None,
             }),
@@ -174,9 +179,16 @@ impl Serving {
         }
     }
 
-    /// Returns where the device can be reached.
+    /// Returns where the device can be reached, as it was when it started.
     pub fn endpoints(&self) -> &Endpoints {
         &self.endpoints
+    }
+
+    /// Returns the render time of the latest frames over the interval of their exposures, if device
+    /// time is real time and the machine has been too slow for that: the present
+    /// [`Endpoints::slowdown`].
+    pub fn slowdown(&self) -> Option<f64> {
+        *self.slowdown.borrow()
     }
 
     /// Ends the device and waits until it has.

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// A calibration board. Lengths are in millimetres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(tag = "pattern", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Board {
     /// Dark dots on white paper. Five larger dots, the markers, identify the position in the

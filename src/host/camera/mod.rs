@@ -1,28 +1,25 @@
 //! Cameras by address: `socket:PATH`, `tcp:HOST:PORT`, `/dev/videoN` or a link to one under `/dev`.
 //!
 //! Every camera opened here returns GREY or Y16, whatever its own format, without the embedded data
-//! line (`intake`). There are two ways to read a V4L2 device: `v4l` for monochrome cameras, frame
-//! by frame as the driver delivers them, and `nokhwa` for the formats of webcams.
+//! line (`intake`). There are two ways to read a V4L2 device (`node`): `v4l` for monochrome cameras,
+//! frame by frame as the driver delivers them, and `nokhwa` for the formats of webcams.
 
 mod intake;
 mod memory;
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
+mod node;
+#[cfg(not(all(target_os = "linux", feature = "v4l2")))]
+#[path = "without_node.rs"]
+mod node;
 mod open;
 mod socket;
-#[cfg(target_os = "linux")]
-mod unplugged;
-#[cfg(target_os = "linux")]
-mod v4l2;
-#[cfg(target_os = "linux")]
-mod v4l2_error;
-#[cfg(target_os = "linux")]
-mod webcam;
 
 pub use intake::Intake;
 pub use memory::MemoryCamera;
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
+pub use node::explain_device;
 pub use open::{CameraDriver, open_camera};
 pub use socket::SocketCamera;
-#[cfg(target_os = "linux")]
-pub use v4l2_error::explain as explain_device;
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;

@@ -1,7 +1,7 @@
 //! Opens a camera by its address.
 
 use super::socket::SocketCamera;
-use super::{Camera, Intake};
+use super::{Camera, Intake, node};
 use phasmid_core::error::{Error, Result};
 use std::time::Duration;
 
@@ -35,7 +35,7 @@ pub fn open_camera(
     timeout: Duration,
 ) -> Result<Box<dyn Camera + Send>> {
     if address.starts_with("/dev/") {
-        return open_device(address, capture, timeout);
+        return node::open(address, capture, timeout);
     }
     let place = format!("--camera {address}");
     let camera = if let Some(path) = address.strip_prefix("socket:") {
@@ -53,41 +53,4 @@ pub fn open_camera(
         ));
     }
     Ok(Box::new(Intake::new(camera)))
-}
-
-#[cfg(target_os = "linux")]
-fn open_device(
-    address: &str,
-    capture: CameraDriver,
-    timeout: Duration,
-) -> Result<Box<dyn Camera + Send>> {
-    super::unplugged::PluggedCamera::open(address, capture, timeout)
-}
-
-/// Opens a V4L2 device by the path of its node.
-///
-/// # Errors
-/// Same as [`open_camera`].
-#[cfg(target_os = "linux")]
-pub(super) fn open_node(
-    address: &str,
-    capture: CameraDriver,
-    timeout: Duration,
-) -> Result<Box<dyn Camera + Send>> {
-    use super::{v4l2, webcam};
-    let found = v4l2::find(address, capture, timeout)?;
-    Ok(if found.is_webcam() {
-        Box::new(Intake::new(webcam::WebcamCamera::open(found)?))
-    } else {
-        Box::new(Intake::new(v4l2::V4l2Camera::start(found, timeout)?))
-    })
-}
-
-#[cfg(not(target_os = "linux"))]
-fn open_device(address: &str, _: CameraDriver, _: Duration) -> Result<Box<dyn Camera + Send>> {
-    Err(Error::input(
-        format!("--camera {address}"),
-        "a V4L2 device, which only a Linux build can open",
-        "socket:PATH or tcp:HOST:PORT",
-    ))
 }

@@ -14,6 +14,7 @@
 //! has: that is a property of the device, and is told without refusing anything. With four steps and
 //! more an error of that size is none that a response curve makes.
 
+use super::FrameDoubt;
 use super::grid::{Grid, Line};
 use nalgebra::{Matrix2, Vector2};
 use phasmid_decode::FringeSet;
@@ -44,27 +45,22 @@ const LEAST_SHOWN: f64 = 0.1;
 /// Whether the phase of a set is off by more than is believed, as a function of itself.
 pub(super) fn check(set: &FringeSet, grid: &Grid) -> Result<(), String> {
     match set.frames.len() >= REFUSED_STEPS {
-        true => beyond(LARGEST_RAD, set, grid).map_or(Ok(()), Err),
+        true => beyond(LARGEST_RAD, set, grid).map_or(Ok(()), |doubt| Err(doubt.to_string())),
         false => Ok(()),
     }
 }
 
 /// What is to be told of a set's phase.
-pub(super) fn doubt(set: &FringeSet, grid: &Grid) -> Option<String> {
+pub(super) fn doubt(set: &FringeSet, grid: &Grid) -> Option<FrameDoubt> {
     beyond(WORTH_RAD, set, grid)
 }
 
-/// Words on a phase that is surely off by more than so much.
-fn beyond(least_rad: f64, set: &FringeSet, grid: &Grid) -> Option<String> {
+/// Returns the doubt if the phase is certainly off by more than `least_rad`.
+fn beyond(least_rad: f64, set: &FringeSet, grid: &Grid) -> Option<FrameDoubt> {
     let (found, deviation) = phase_error(set, grid)?;
-    (found - SIGMAS * deviation > least_rad).then(|| {
-        format!(
-            "the fringes of frames {} to {} are not sinusoidal: the phase is off by up to about {found:.2} \
-             rad; does the camera's exposure cover all of the pattern's, and is the projector's response \
-             straight?",
-            set.frames[0],
-            set.frames[set.frames.len() - 1],
-        )
+    (found - SIGMAS * deviation > least_rad).then(|| FrameDoubt::NotSinusoidal {
+        frames: set.frames[0]..=set.frames[set.frames.len() - 1],
+        phase_error_rad: found,
     })
 }
 

@@ -66,6 +66,7 @@ mod direction;
 mod each;
 mod evenness;
 mod explained;
+mod frame_doubt;
 mod fringes;
 mod gains;
 mod gray;
@@ -87,6 +88,7 @@ mod slips;
 mod tails;
 mod torn;
 
+pub use frame_doubt::FrameDoubt;
 pub use modulation::check_modulation;
 use modulation::following;
 
@@ -105,8 +107,8 @@ const FEW_VARYING: f64 = 2e-2;
 /// passes unchecked if some of its frames were not loaded because no decoder needs them.
 ///
 /// # Errors
-/// How the frames depart from the sequence, with the position where they tell it.
-pub fn check(manifest: &Manifest, frames: &[Image]) -> Result<(), String> {
+/// Returns how the frames depart from the sequence, and the position where they show it.
+pub fn check(manifest: &Manifest, frames: &[Image]) -> Result<(), FrameDoubt> {
     examine(manifest, frames, false)
 }
 
@@ -115,13 +117,13 @@ pub fn check(manifest: &Manifest, frames: &[Image]) -> Result<(), String> {
 ///
 /// # Errors
 /// As for [`check`].
-pub fn check_identified(manifest: &Manifest, frames: &[Image]) -> Result<(), String> {
+pub fn check_identified(manifest: &Manifest, frames: &[Image]) -> Result<(), FrameDoubt> {
     examine(manifest, frames, true)
 }
 
 /// What a user should know of frames that follow their sequence: fringes that are not sinusoidal, so that
 /// points are off by what depends on their place in a fringe. Frames as for [`check`].
-pub fn doubt(manifest: &Manifest, frames: &[Image]) -> Option<String> {
+pub fn doubt(manifest: &Manifest, frames: &[Image]) -> Option<FrameDoubt> {
     let plan = Plan::new(manifest).ok()?;
     let lacking = frames.len() != plan.frames || frames.iter().any(Image::is_empty);
     if lacking || Image::common_size(frames).is_err() {
@@ -133,7 +135,7 @@ pub fn doubt(manifest: &Manifest, frames: &[Image]) -> Option<String> {
     })
 }
 
-fn examine(manifest: &Manifest, frames: &[Image], identified: bool) -> Result<(), String> {
+fn examine(manifest: &Manifest, frames: &[Image], identified: bool) -> Result<(), FrameDoubt> {
     // What cannot be decoded holds nothing that could be checked.
     let Ok(plan) = Plan::new(manifest) else {
         return Ok(());
@@ -141,7 +143,7 @@ fn examine(manifest: &Manifest, frames: &[Image], identified: bool) -> Result<()
     if frames.len() != plan.frames || frames.iter().any(Image::is_empty) {
         return Ok(());
     }
-    Image::common_size(frames).map_err(|e| e.to_string())?;
+    Image::common_size(frames).map_err(|e| FrameDoubt::Sizes(e.to_string()))?;
     // Of one short set without references nothing of a single pixel contradicts anything.
     let references = plan.white.zip(plan.black);
     let long = |axis: &AxisPlan| axis.sets.iter().any(|set| set.frames.len() > 3);
@@ -161,18 +163,15 @@ fn examine(manifest: &Manifest, frames: &[Image], identified: bool) -> Result<()
     for (axis, along) in plan.axes.iter().zip(&along) {
         direction::mark(axis, *along, &mut down);
     }
-    tails::check(frames, &down).map_err(departs)?;
+    tails::check(frames, &down).map_err(FrameDoubt::Departs)?;
     let mut noise_dn = 0.0;
     for (axis, along) in plan.axes.iter().zip(along) {
         let grid = Grid::new(frames, along);
         noise_dn = grid.noise_dn;
         let varying = grid.varying();
         if !identified && varying < FEW_VARYING && grid.saturated > varying.max(FEW_VARYING) {
-            return Err(format!(
-                "the frames are saturated: {:.0} % of the pixels reach the camera's full scale, and \
-                 hardly any others vary; shorten the exposure or dim the projector",
-                100.0 * grid.saturated
-            ));
+            let share = grid.saturated;
+            return Err(FrameDoubt::Saturated { share });
         }
         let shown = || following(manifest, frames).is_none_or(|found| found.is_shown());
         if varying < LEAST_VARYING || (varying < FEW_VARYING && !shown()) {
@@ -195,19 +194,15 @@ fn examine(manifest: &Manifest, frames: &[Image], identified: bool) -> Result<()
                 Some(scatter) => everywhere(&plan, axis, noise_dn, scatter),
                 None => Ok(()),
             });
-        found.map_err(departs)?;
+        found.map_err(FrameDoubt::Departs)?;
     }
     impulses::check(frames, &down, noise_dn)
         .and_then(|()| torn::check(frames, &down, noise_dn))
         .and_then(|()| rows::check(frames, &down, noise_dn))
-        .map_err(departs)?;
+        .map_err(FrameDoubt::Departs)?;
     let mut axes = plan.axes.iter();
     axes.try_for_each(|axis| slips::check(axis, frames, noise_dn))
-        .map_err(departs)
-}
-
-fn departs(what: String) -> String {
-    format!("the frames do not follow the sequence: {what}")
+        .map_err(FrameDoubt::Departs)
 }
 
 /// The checks of single pixels, each held against all the others.

@@ -110,7 +110,7 @@ impl<P: CommandPort> Spoken<P> {
                         Ok(Some(bytes)) => return Ok(bytes),
                         Ok(None) => {}
                         Err(why) => {
-                            last = why;
+                            last = why.to_string();
                             break;
                         }
                     }

@@ -54,7 +54,7 @@ pub fn scan_free_running<C: Camera, F: Flow>(
             true => consistency::check_identified,
             false => consistency::check,
         };
-        check(manifest, &images).map_err(Fault::Frames)?;
+        check(manifest, &images).map_err(|doubt| Fault::Frames(doubt.to_string()))?;
         Ok((images, frames))
     })?;
     Ok(Capture {

@@ -100,7 +100,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             true => consistency::check_identified,
             false => consistency::check,
         };
-        check(manifest, &images).map_err(Fault::Frames)?;
+        check(manifest, &images).map_err(|doubt| Fault::Frames(doubt.to_string()))?;
         Ok((images, frames))
     }
 }

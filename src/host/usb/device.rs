@@ -66,7 +66,7 @@ impl UsbDevice {
         let usb_bcd = word(&device, 2);
         let head = read(kind::CONFIGURATION, 0, 9)?;
         let whole = read(kind::CONFIGURATION, 0, word(&head, 2).max(9))?;
-        let configuration = Configuration::parse(&whole).map_err(bad)?;
+        let configuration = Configuration::parse(&whole).map_err(|e| e.at(client.place()))?;
         // Devices of USB 2.01 and later have a binary object store (BOS).
         let capabilities = match usb_bcd {
             0x0201.. => {

@@ -2,6 +2,7 @@
 //! 5.3).
 
 use super::topology::{Configuration, TransferKind};
+use phasmid_core::error::{Error, Result};
 use phasmid_protocol::usb::descriptor::class;
 
 /// Subclass of the abstract control model.
@@ -23,8 +24,15 @@ pub struct SerialFunction {
 }
 
 impl SerialFunction {
-    /// Finds the first serial port; the error says why there is none.
-    pub fn find(configuration: &Configuration) -> Result<Self, String> {
+    /// Finds the first serial port.
+    ///
+    /// # Errors
+    /// Returns an error if there is none, or if its descriptors are invalid.
+    pub fn find(configuration: &Configuration) -> Result<Self> {
+        Self::first(configuration).map_err(Error::device)
+    }
+
+    fn first(configuration: &Configuration) -> Result<Self, String> {
         let control = configuration
             .interfaces
             .iter()

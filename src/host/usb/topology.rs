@@ -1,5 +1,6 @@
 //! Parsed configuration descriptors: interfaces, their alternate settings and endpoints.
 
+use phasmid_core::error::{Error, Result};
 use phasmid_protocol::usb::descriptor::{Walk, kind};
 
 /// Transfer type of an endpoint.
@@ -63,8 +64,15 @@ pub struct Configuration {
 }
 
 impl Configuration {
-    /// Parses the descriptors; the error says which part is invalid.
-    pub fn parse(bytes: &[u8]) -> Result<Self, String> {
+    /// Parses the descriptors.
+    ///
+    /// # Errors
+    /// Returns an error that names the first invalid part.
+    pub fn parse(bytes: &[u8]) -> Result<Self> {
+        Self::read(bytes).map_err(Error::device)
+    }
+
+    fn read(bytes: &[u8]) -> Result<Self, String> {
         let mut walk = Walk::new(bytes);
         let head = walk
             .next()
@@ -207,7 +215,9 @@ mod tests {
             assert!(Configuration::parse(&whole[..len]).is_err(), "{len}");
         }
         let lost_endpoint = [9, 2, 16, 0, 1, 1, 0, 0x80, 50, 7, 5, 0x81, 2, 0, 2, 0];
-        let error = Configuration::parse(&lost_endpoint).unwrap_err();
+        let error = Configuration::parse(&lost_endpoint)
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("out of place"), "{error}");
     }
 

@@ -1,6 +1,7 @@
 //! The video function of a configuration, located by its class codes (UVC 1.1, chapter 3).
 
 use super::topology::{Configuration, Endpoint, Interface, TransferKind, long, word};
+use phasmid_core::error::{Error, Result};
 use phasmid_protocol::PixelFormat;
 use phasmid_protocol::usb::descriptor::{class, video};
 use phasmid_protocol::usb::uvc;
@@ -61,8 +62,15 @@ pub struct VideoFunction {
 }
 
 impl VideoFunction {
-    /// Finds the first camera; the error says why there is none.
-    pub fn find(configuration: &Configuration) -> Result<Self, String> {
+    /// Finds the first camera.
+    ///
+    /// # Errors
+    /// Returns an error if there is none, or if its descriptors are invalid.
+    pub fn find(configuration: &Configuration) -> Result<Self> {
+        Self::first(configuration).map_err(Error::device)
+    }
+
+    fn first(configuration: &Configuration) -> Result<Self, String> {
         let is = |interface: &&Interface, subclass| {
             interface.class[..2] == [class::VIDEO, subclass] && interface.setting == 0
         };

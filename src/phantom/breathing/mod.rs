@@ -42,6 +42,7 @@ const THROWN_UP: f64 = 0.5;
 
 /// Planning or treatment day.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Day {
     /// The mean cycle, repeated exactly, as binned by a 4D-CT.

@@ -4,6 +4,7 @@ use serde::Deserialize;
 
 /// Checksum algorithm of a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Checksum {
     /// Sum of the bytes modulo 256.

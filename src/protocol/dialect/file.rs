@@ -6,6 +6,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
     pub(super) name: String,
@@ -25,6 +26,7 @@ pub(super) struct File {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub(super) enum FramingKind {
     Scpi,
@@ -33,6 +35,7 @@ pub(super) enum FramingKind {
 }
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct LineFile {
     pub(super) to_device: String,
@@ -59,6 +62,7 @@ impl Default for LineFile {
 }
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct PacketFile {
     pub(super) size_bytes: Option<usize>,
@@ -78,6 +82,7 @@ pub(super) struct PacketFile {
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Endian {
     #[default]
@@ -86,6 +91,7 @@ pub(super) enum Endian {
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct FlagsFile {
     pub(super) at: usize,
@@ -95,12 +101,14 @@ pub(super) struct FlagsFile {
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct SequenceFile {
     pub(super) at: usize,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct LengthFile {
     pub(super) at: usize,
@@ -109,6 +117,7 @@ pub(super) struct LengthFile {
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct CodeFile {
     pub(super) at: usize,
@@ -116,6 +125,7 @@ pub(super) struct CodeFile {
 }
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct ReplyLayoutFile {
     pub(super) code: Option<bool>,
@@ -123,6 +133,7 @@ pub(super) struct ReplyLayoutFile {
 }
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct CommandFile {
     pub(super) name: String,
@@ -143,6 +154,7 @@ pub(super) struct CommandFile {
 }
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct FieldFile {
     pub(super) name: String,
@@ -155,10 +167,12 @@ pub(super) struct FieldFile {
     pub(super) max: Option<f64>,
     pub(super) choices: Option<BTreeMap<String, String>>,
     pub(super) bytes: Option<usize>,
+    #[cfg_attr(feature = "schema", schemars(with = "Option<serde_json::Value>"))]
     pub(super) constant: Option<toml::Value>,
 }
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct ChunkFile {
     pub(super) data: String,
@@ -169,6 +183,7 @@ pub(super) struct ChunkFile {
 }
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct ErrorsFile {
     pub(super) line: Option<String>,
@@ -180,6 +195,7 @@ pub(super) struct ErrorsFile {
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct ErrorFile {
     pub(super) number: i32,
@@ -187,6 +203,7 @@ pub(super) struct ErrorFile {
 }
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct MappedFile {
     pub(super) scpi: Vec<i16>,
@@ -195,6 +212,7 @@ pub(super) struct MappedFile {
 }
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct BootFile {
     pub(super) line: Option<String>,
@@ -204,6 +222,7 @@ pub(super) struct BootFile {
 }
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct OperationFile {
     pub(super) steps: Vec<StepFile>,
@@ -211,9 +230,14 @@ pub(super) struct OperationFile {
 }
 
 #[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct StepFile {
     pub(super) command: String,
     #[serde(default)]
+    #[cfg_attr(
+        feature = "schema",
+        schemars(with = "BTreeMap<String, serde_json::Value>")
+    )]
     pub(super) args: BTreeMap<String, toml::Value>,
 }

@@ -98,6 +98,15 @@ impl Dialect {
         check::dialect(&source.deserialize()?, source)
     }
 
+    /// Returns the JSON Schema of dialect files, with these settings of the generator.
+    #[cfg(feature = "schema")]
+    #[doc(hidden)]
+    pub fn schema(settings: schemars::generate::SchemaSettings) -> schemars::Schema {
+        settings
+            .into_generator()
+            .into_root_schema_for::<file::File>()
+    }
+
     /// Returns the names of the built-in dialects.
     pub fn names() -> impl Iterator<Item = &'static str> {
         builtin::DIALECTS.iter().map(|(name, _)| *name)

@@ -177,7 +177,11 @@ impl<'a> Gather<'a> {
     /// # Errors
     /// Returns an error if a piece does not fit the previous ones, the size exceeds
     /// [`MAX_CHUNKED_BYTES`] or the checksum does not match.
-    pub fn take(&mut self, values: &[(String, Value)]) -> Result<Option<Vec<u8>>, String> {
+    pub fn take(&mut self, values: &[(String, Value)]) -> Result<Option<Vec<u8>>> {
+        self.add(values).map_err(Error::device)
+    }
+
+    fn add(&mut self, values: &[(String, Value)]) -> Result<Option<Vec<u8>>, String> {
         let find = |name: &str| {
             let found = values.iter().find(|(n, _)| n == name).map(|(_, v)| v);
             found.ok_or_else(|| format!("a piece without {name}"))

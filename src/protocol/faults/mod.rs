@@ -45,6 +45,7 @@ pub const MAX_FAULTS: usize = 1024;
 
 /// A schedule: the file of `phasmid serve --faults`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Schedule {
     /// Seed of all random choices.
@@ -57,6 +58,7 @@ pub struct Schedule {
 
 /// One fault, as written in a schedule or sent over the service channel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
     /// Kind of fault.
@@ -108,6 +110,7 @@ pub struct Fault {
 
 /// Conditions, all of which must hold.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct When {
     /// Index of the counted frame or message, from 1.
@@ -137,6 +140,7 @@ pub struct When {
 
 /// Frames to count.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Frames {
     /// Frames of triggered exposures.
@@ -150,6 +154,7 @@ pub enum Frames {
 
 /// Direction of bytes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
     /// From the client to the device.
@@ -161,6 +166,7 @@ pub enum Direction {
 
 /// A fault that has occurred.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Struck {
     /// Device time in nanoseconds.
     pub time_ns: u64,

@@ -12,7 +12,7 @@ pub use about::{
 };
 pub use maps::{Maps, ask, call};
 pub use reply::Reply;
-pub use request::{Action, Every, Item, Placement, Request, Step, Which};
+pub use request::{Action, Every, InvalidRequest, Item, Placement, Request, Step, Which};
 
 /// Maximum request line length in bytes.
 pub const MAX_LINE: usize = 4096;

@@ -1,7 +1,7 @@
 //! Selects and opens a GPU, and tracks its failures.
 
+use crate::gpu_data::Adapter;
 use phasmid_core::error::{Error, Result};
-use serde::Serialize;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Maximum number of storage buffers per entry point.
@@ -12,19 +12,6 @@ const LARGEST_ELEMENT: u64 = 16;
 /// Maximum number of threads per pass: fits 32 bits, with headroom for the padding of the dispatch
 /// grid.
 const MOST_SAMPLES: u64 = 1 << 31;
-
-/// Properties of an adapter.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Adapter {
-    /// Device name.
-    pub name: String,
-    /// Discrete, integrated, virtual, or software running on the CPU.
-    pub kind: &'static str,
-    /// Driver name and version.
-    pub driver: String,
-    /// Whether it is hardware rather than software.
-    pub hardware: bool,
-}
 
 /// An opened GPU.
 pub struct Gpu {

@@ -1,7 +1,7 @@
 //! Runs shader entry points on named buffers.
 
-use super::timing::{PassTime, Timing};
-use super::{EntryPoint, Gpu, shaders, store::Store};
+use super::timing::Timing;
+use super::{EntryPoint, Gpu, PassTime, shaders, store::Store};
 use phasmid_core::error::{Error, Result};
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;

@@ -3,12 +3,10 @@
 
 use super::engine::Commands;
 use super::tables::{Head, Tables};
-use super::{Engine, EntryPoint, grid};
-use crate::exposure::{Bell, Table};
-use crate::timetable::Timetable;
-use crate::{Plan, Term};
+use super::{Engine, EntryPoint, Shown, grid};
+use crate::Term;
+use crate::exposure::Bell;
 use phasmid_core::error::Result;
-use std::sync::Arc;
 
 /// Polynomial pieces of the bell's left half, which suffices for `bell.wgsl`.
 const PIECES: usize = 96;
@@ -18,20 +16,6 @@ const PIECES: usize = 96;
 pub(crate) struct Exposure {
     tables: Tables,
     has_bell: bool,
-}
-
-/// Light that a shot exposes the pixels to.
-pub(crate) struct Shown<'a> {
-    pub(crate) plan: &'a Plan,
-    pub(crate) when: &'a Timetable,
-    /// Tables of the visible patterns, numbered as in the timetable.
-    pub(crate) tables: &'a [Arc<Table>],
-    /// The projector's blur along y over that along x.
-    pub(crate) blur_aspect: f64,
-    /// Number of pixels of the image.
-    pub(crate) pixels: usize,
-    /// Whether to add to `electrons`, which already holds other instants of the exposure.
-    pub(crate) adds: bool,
 }
 
 impl Exposure {

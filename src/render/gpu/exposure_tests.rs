@@ -1,7 +1,8 @@
 //! Compares electrons of whole frames from the GPU's exposure pass with the CPU's. Both use the
 //! CPU's geometry maps, so that only the exposure differs.
 
-use super::exposure::{Exposure, Shown};
+use super::Shown;
+use super::exposure::Exposure;
 use super::{Engine, maps, skin, upload, upload_mixed};
 use crate::aperture::Aperture;
 use crate::buffer::GeometryBuffer;

@@ -55,11 +55,11 @@ mod upload;
 #[cfg(test)]
 mod upload_mixed;
 
-pub use device::{Adapter, Gpu, adapters};
+pub use super::gpu_data::{Adapter, PassTime};
+pub(super) use super::gpu_data::{Shown, View};
+pub use device::{Gpu, adapters};
 pub(super) use engine::{Commands, Engine};
 pub(super) use entry_point::{EntryPoint, grid};
-pub(super) use exposure::Shown;
 pub(super) use fits::fits;
 pub(super) use frames::{DEPTH, Ticket};
-pub(super) use passes::{Passes, View};
-pub use timing::PassTime;
+pub(super) use passes::Passes;

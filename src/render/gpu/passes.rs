@@ -1,22 +1,18 @@
 //! All GPU passes of one renderer: state of its maps, and readback of frames.
 
 use super::engine::Commands;
-use super::exposure::{Exposure, Shown};
+use super::exposure::Exposure;
 use super::frames::{Arrived, Frames, Ticket};
 use super::glare::Glare;
 use super::materials::Materials;
 use super::sampled::Sampler;
 use super::scene::Scene;
 use super::sensor::SensorPass;
-use super::{Engine, Gpu, PassTime, geometry, interreflection, optics, skin};
+use super::{Engine, Gpu, PassTime, Shown, View, geometry, interreflection, optics, skin};
 use crate::aperture::Aperture;
-use crate::sensor::{FixedPattern, Sensor};
-use crate::shade::Optics;
-use crate::worlds::Worlds;
-use crate::{Options, Plan, Term};
-use glam::DVec2;
+use crate::sensor::Sensor;
+use crate::{Plan, Term};
 use phasmid_core::error::{Error, Result};
-use phasmid_profile::Profile;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -30,20 +26,6 @@ pub(crate) struct Passes {
     open: Option<Commands>,
     /// Revision of scene and plan for which the maps are valid.
     holds: Option<u64>,
-}
-
-/// The renderer's state that the passes read.
-pub(crate) struct View<'a> {
-    pub(crate) profile: &'a Profile,
-    pub(crate) worlds: &'a Worlds,
-    pub(crate) optics: &'a Optics,
-    /// Ideal image points of the pixels, if the lens has distortion.
-    pub(crate) rays: Option<&'a [DVec2]>,
-    pub(crate) plan: &'a Plan,
-    pub(crate) options: Options,
-    pub(crate) fixed: Option<&'a FixedPattern>,
-    /// Revision counter of scene and plan.
-    pub(crate) revision: u64,
 }
 
 /// Resources built for one plan.

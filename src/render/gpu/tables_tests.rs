@@ -1,6 +1,7 @@
 //! Compares the shaders' averages of patterns under many footprints with the CPU's.
 
-use super::exposure::{Shown, bell, packed};
+use super::Shown;
+use super::exposure::{bell, packed};
 use super::tables::Tables;
 use super::{Engine, EntryPoint};
 use crate::buffer::{GeometryBuffer, Mixed};

@@ -1,20 +1,10 @@
 //! Pass durations measured with GPU timestamps.
 
-use super::Gpu;
-use serde::Serialize;
+use super::{Gpu, PassTime};
 use std::collections::BTreeMap;
 
 /// Maximum number of passes between two readbacks of timestamps.
 const MOST: u32 = 256;
-
-/// Accumulated time of a pass.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct PassTime {
-    /// Number of runs.
-    pub runs: u64,
-    /// Total nanoseconds of all runs.
-    pub total_ns: f64,
-}
 
 /// Records timestamps before and after passes; inactive until enabled, or if the adapter has no
 /// timestamps.

@@ -212,7 +212,7 @@ impl Renderer {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 mod tests {
     use super::*;
     use crate::Options;

@@ -103,7 +103,6 @@ fn polynomial(coefficients: &[f32; 9], at: f32) -> f32 {
 mod tests {
     use super::super::elementary::exp_negative;
     use super::*;
-    use crate::gpu::Engine;
 
     /// Standard normal distribution function: the continued fraction of its tail (Abramowitz and
     /// Stegun 26.2.14) and, near zero, its series (26.2.10).
@@ -127,6 +126,7 @@ mod tests {
 
     /// Checks logarithm, exponential and normal numbers for words at both ends of the range and in
     /// between.
+    #[cfg(feature = "gpu")]
     #[test]
     #[ignore = "needs a Vulkan adapter"]
     fn gpu_functions_match_the_cpu_within_rounding() {
@@ -134,7 +134,8 @@ mod tests {
         let ends = (0..1000).flat_map(|i| [i, !i, (1 << 31) + i, (1 << 31) - i - 1]);
         let words: Vec<u32> = ends.chain((0..500_000).map(spread)).collect();
         let count = words.len();
-        let output = Engine::for_tests().call("tests/normal_test", &words, 3 * count, count);
+        let output =
+            crate::gpu::Engine::for_tests().call("tests/normal_test", &words, 3 * count, count);
         let (results, _) = output.as_chunks();
         for (&word, &[log, exp, normal]) in words.iter().zip(results) {
             let x = (word as f32 + 0.5) * (80.0 / 4_294_967_296.0);

@@ -62,11 +62,11 @@ fn fill_body([seed, frame]: [u64; 2], first_block: u32, draw: u32, words: &mut [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::Engine;
     use phasmid_core::philox::philox;
 
     /// Checks the published test vectors and random ones, as words of a counter and as words of its
     /// pixels.
+    #[cfg(feature = "gpu")]
     #[test]
     #[ignore = "needs a Vulkan adapter"]
     fn gpu_words_equal_those_of_the_cpu() {
@@ -77,7 +77,8 @@ mod tests {
         let random: Vec<_> = (0..1000).map(|i| block(1, i, 9, 2)).collect();
         input.extend(random.as_flattened());
         let count = input.len() / 6;
-        let output = Engine::for_tests().call("tests/philox_test", &input, count * 8, count);
+        let output =
+            crate::gpu::Engine::for_tests().call("tests/philox_test", &input, count * 8, count);
         let expected = |words: &[u32; 6]| {
             let [a, b, c, d, k, l] = *words;
             [a, a >> 5].map(|a| philox([a, b, c, d], [k, l]))

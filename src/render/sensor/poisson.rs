@@ -133,7 +133,6 @@ fn exactly(mean: f32, word: u32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::Engine;
 
     /// Compares lanes with f64 sums: the numbers agree, except for words at the border of two
     /// numbers.
@@ -163,6 +162,7 @@ mod tests {
     }
 
     /// Covers any mean with any word, and words of the far tail, where the GPU lacks f64.
+    #[cfg(feature = "gpu")]
     #[test]
     #[ignore = "needs a Vulkan adapter"]
     fn gpu_numbers_match_the_cpu() {
@@ -173,7 +173,7 @@ mod tests {
             2 => 31.999_998,
             _ => hash(i) as f32 / 4.3e9 * 32.0,
         };
-        let mut engine = Engine::for_tests();
+        let mut engine = crate::gpu::Engine::for_tests();
         for far in [false, true] {
             let word = |i: u32| {
                 let word = hash(i.wrapping_mul(2_654_435_769));

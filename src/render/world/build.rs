@@ -7,6 +7,7 @@ use crate::material::{Materials, Smoother};
 use crate::shape::{mesh, solid};
 use crate::skin::Skins;
 use glam::DVec3;
+use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::raycast::Bvh;
 use phasmid_geometry::{Mesh, Solid};
@@ -19,6 +20,8 @@ const MAX_TRIANGLES: usize = 50_000_000;
 /// A world under construction.
 struct Builder<'a> {
     scene: &'a Scene,
+    /// Ends the construction early.
+    stop: &'a Stop,
     fixed: Fixed,
     solids: Vec<Placed>,
     instances: Vec<Instance>,
@@ -61,11 +64,14 @@ impl Builder<'_> {
             _ => "shape",
         };
         let place = || format!("scene, object[{index}].{field}");
+        self.stop.check()?;
         let mut mesh = mesh(&object.shape, &self.scene.folder).map_err(|e| e.at(place()))?;
+        self.stop.check()?;
         // A deforming mesh is compared with its keyframes first.
         if object.deform.is_none() {
             self.clean(&mut mesh, &[], object, index)?;
         }
+        self.stop.check()?;
         let total = self.fixed.owner.len() + mesh.triangles.len();
         if total > MAX_TRIANGLES {
             return Err(Error::input(
@@ -103,6 +109,7 @@ impl Builder<'_> {
         if object.deform.is_some() {
             self.clean(&mut mesh, &keys, object, index)?;
         }
+        self.stop.check()?;
         let rig_from_rest = self.scene.rig_from_object(object);
         let scaled: Vec<DVec3> = mesh.vertices.iter().map(|&v| v * object.scale).collect();
         let placed: Vec<DVec3> = scaled.iter().map(|&v| rig_from_rest.point(v)).collect();
@@ -110,6 +117,7 @@ impl Builder<'_> {
         self.materials
             .mesh(index, first, &mesh, &placed, &mesh.triangles)
             .map_err(|e| e.at(place()))?;
+        self.stop.check()?;
         let shines = object.lobe().is_some() && !keys.is_empty();
         let smoother = shines.then(|| Smoother::new(&scaled, &mesh.triangles));
         self.fixed.owner.resize(first + mesh.triangles.len(), index);
@@ -144,8 +152,16 @@ impl Builder<'_> {
 impl World {
     /// Builds the scene in its state at power-on.
     pub(crate) fn new(scene: &Scene, skins: &Skins) -> Result<Self> {
+        Self::with_stop(scene, skins, &Stop::default())
+    }
+
+    /// [`Self::new`], which returns [`Error::Interrupted`] if `stop` is asked: between objects, and
+    /// between the steps of building one.
+    pub(crate) fn with_stop(scene: &Scene, skins: &Skins, stop: &Stop) -> Result<Self> {
+        stop.check()?;
         let mut builder = Builder {
             scene,
+            stop,
             fixed: Fixed::default(),
             solids: Vec::new(),
             instances: Vec::new(),
@@ -169,6 +185,7 @@ impl World {
                 builder.path(object, index, part)?;
             }
         }
+        stop.check()?;
         let mut fixed = builder.fixed;
         fixed.bvh = Bvh::build(&fixed.vertices, &fixed.triangles);
         fixed.paths.sort_by_key(|path| path.object);
@@ -178,6 +195,7 @@ impl World {
             instances: builder.instances,
             materials: Arc::new(builder.materials),
         };
+        stop.check()?;
         world.set(&world.state(0.0));
         Ok(world)
     }

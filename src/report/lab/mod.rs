@@ -36,7 +36,7 @@ pub use document::{Block, Document, Figure, Image, Section, Table};
 pub use folder::Folder;
 pub use page::page;
 pub use row::{Row, Rows};
-pub use runner::{Progress, read, run, write};
+pub use runner::{Progress, read, run, run_with_stop, write};
 pub use settings::{Settings, Surroundings};
 pub use trial::{Context, Trial};
 

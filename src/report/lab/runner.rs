@@ -7,14 +7,15 @@ use super::page::page;
 use super::row::Row;
 use super::settings::{Settings, Surroundings};
 use super::trial::{Context, Trial};
+use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Called after every trial with the number of finished trials, the number of all trials, and the
-/// trial's key.
+/// Called before the first trial and after every trial, with the number of finished trials, the number
+/// of all trials, and the key of the trial that has finished, if any.
 pub type Progress<'a> = &'a (dyn Fn(usize, usize, &str) + Sync);
 
 /// Runs a study in a folder. Trials that have run there before are not run again.
@@ -28,6 +29,24 @@ pub fn run(
     around: &Surroundings<'_>,
     progress: Progress<'_>,
 ) -> Result<Document> {
+    run_with_stop(study, path, settings, around, progress, &Stop::default())
+}
+
+/// [`run`], which another thread can end early. The rows of finished trials stay in the folder, so that
+/// another run continues there.
+///
+/// # Errors
+/// Returns [`Error::Interrupted`] when the trials in progress have ended after `stop` is asked, and the
+/// errors of [`run`]. A trial ends early if it passes on [`Context::stop`].
+pub fn run_with_stop(
+    study: &dyn Study,
+    path: &Path,
+    settings: &Settings,
+    around: &Surroundings<'_>,
+    progress: Progress<'_>,
+    stop: &Stop,
+) -> Result<Document> {
+    stop.check()?;
     let trials = trials(study, settings)?;
     let folder = Folder::begin(path, &about(study, settings, around.revision))?;
     distinct(&trials);
@@ -48,7 +67,9 @@ pub fn run(
         done: AtomicUsize::new(known.len()),
         all: trials.len(),
         progress,
+        stop,
     };
+    progress(known.len(), trials.len(), "");
     runner.run(&left)?;
     let rows = whole(folder.rows(&columns)?, &trials);
     let document = study.document(&rows, &folder, settings)?;
@@ -110,6 +131,7 @@ struct Runner<'a> {
     done: AtomicUsize,
     all: usize,
     progress: Progress<'a>,
+    stop: &'a Stop,
 }
 
 impl Runner<'_> {
@@ -157,15 +179,22 @@ impl Runner<'_> {
         failed.map_or(Ok(()), Err)
     }
 
-    /// Runs one trial and writes its rows.
+    /// Runs one trial and writes its rows, unless the run is asked to end.
     fn one(&self, trial: &Trial) -> Result<()> {
+        self.stop.check()?;
+        let asked = self.stop.times();
         let context = Context {
             settings: self.settings,
             seed: trial.seed,
             folder: self.folder,
             clock: self.around.clock,
+            stop: self.stop,
         };
         let (rows, seconds) = context.timed(|| (trial.work)(&context));
+        if self.stop.times() != asked {
+            // Calls to which the trial has passed the request on may have returned invalid results.
+            return Err(Error::Interrupted);
+        }
         let rows = rows.map_err(|e| Error::device(format!("trial {}: {e}", trial.key)))?;
         let parts = rows.len();
         let rows: Vec<Row> = rows

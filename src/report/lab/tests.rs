@@ -2,6 +2,7 @@
 //! jobs.
 
 use super::*;
+use phasmid_core::Stop;
 use phasmid_core::error::Error;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -142,4 +143,76 @@ fn interrupted_study_resumes() {
     std::fs::write(&rows, text.replace(",1.1,", ",")).unwrap();
     let error = go(None, &path, 1, 5).unwrap_err().to_string();
     assert!(error.contains("rows.csv, line 4"), "{error}");
+}
+
+/// A study of six trials. The third one asks the study to end, if it is to be ended.
+struct Ends {
+    ends: bool,
+}
+
+impl Study for Ends {
+    fn name(&self) -> &'static str {
+        "ends"
+    }
+
+    fn about(&self) -> &'static str {
+        "Ends early."
+    }
+
+    fn columns(&self) -> &'static [&'static str] {
+        &["x"]
+    }
+
+    fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
+        let ends = self.ends;
+        let one = |i: usize| {
+            Trial::new(format!("x={i}"), settings.seed, move |context| {
+                if ends && i == 2 {
+                    // As from another thread, also if it is taken back at once.
+                    context.stop.ask();
+                    context.stop.reset();
+                }
+                Ok(vec![Row::new().number("x", i as f64)])
+            })
+        };
+        Ok((0..6).map(one).collect())
+    }
+
+    fn document(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Document> {
+        assert_eq!(rows.all.len(), 6);
+        Ok(Document {
+            title: "Ends".into(),
+            sections: Vec::new(),
+        })
+    }
+}
+
+#[test]
+fn study_ends_when_asked_without_the_trial_in_progress() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("study");
+    let settings = Settings {
+        quick: true,
+        seed: 1,
+        only: None,
+    };
+    let around = Surroundings {
+        clock: &|| Duration::ZERO,
+        jobs: 1,
+        revision: "r",
+    };
+    let stop = Stop::default();
+    let go = |ends| {
+        let study = Ends { ends };
+        run_with_stop(&study, &path, &settings, &around, &|_, _, _| {}, &stop)
+    };
+    stop.ask();
+    assert!(matches!(go(false), Err(Error::Interrupted)));
+    assert!(!path.exists());
+    stop.reset();
+    assert!(matches!(go(true), Err(Error::Interrupted)));
+    let rows = std::fs::read_to_string(path.join("rows.csv")).unwrap();
+    // The header and two trials.
+    assert_eq!(rows.lines().count(), 3, "{rows}");
+    go(false).unwrap();
 }

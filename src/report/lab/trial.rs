@@ -4,6 +4,7 @@ use super::folder::Folder;
 use super::row::Row;
 use super::settings::Settings;
 use crate::stopwatch::Stopwatch;
+use phasmid_core::Stop;
 use phasmid_core::error::Result;
 use std::time::Duration;
 
@@ -51,6 +52,9 @@ pub struct Context<'a> {
     pub seed: u64,
     /// Folder in which it may write files for the study's document.
     pub folder: &'a Folder,
+    /// Request to end the study. A trial may pass it on to calls that take a long time; the rows of a
+    /// trial during which it is asked are dropped.
+    pub stop: &'a Stop,
     pub(super) clock: &'a (dyn Fn() -> Duration + Sync),
 }
 

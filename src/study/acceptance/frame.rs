@@ -189,6 +189,7 @@ fn calibrated(pod: &Pod, drawn: &Rig, count: usize, seed: u64) -> Result<Rig> {
         nominal: None,
         noise: drawn.noise,
         choice: Choice::default(),
+        stop: None,
     };
     let found = calibrate(&task, &data, Vec::new());
     Ok(found

@@ -51,7 +51,10 @@ fn calibration(context: &Context<'_>) -> Result<Vec<Row>> {
                 seen.push(data);
                 places.push(*pose);
             }
-            Err(why) => missed.push(Missed { name, why }),
+            Err(why) => missed.push(Missed {
+                name,
+                why: why.to_string(),
+            }),
         }
     }
     let [camera_px, projector_px] =
@@ -63,6 +66,7 @@ fn calibration(context: &Context<'_>) -> Result<Vec<Row>> {
         nominal: Some(&rig),
         noise: rig.noise,
         choice: Choice::default(),
+        stop: None,
     };
     let found = calibrate(&task, &seen, missed).map_err(|why| Error::device(why.to_string()))?;
     let mut rows = vec![solved(&found, &rig, &places)];

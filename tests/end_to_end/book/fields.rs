@@ -32,12 +32,15 @@ const DOCUMENTS: [(&str, &str, &str); 7] = [
     (
         "Profile",
         "Profile",
-        "Describes a scanner; `phasmid serve --profile`, `phasmid profile check`.",
+        "Describes a scanner; `phasmid serve --profile`, `phasmid profile check`. With `extends = \"NAME\"`, it \
+         has everything of [another profile](../guides/own-scanner.md#extend-another-profile) that it does \
+         not say itself.",
     ),
     (
         "Scene",
         "Scene",
-        "Describes what the scanner sees; `phasmid serve --scene`, `phasmid scene check`.",
+        "Describes what the scanner sees; `phasmid serve --scene`, `phasmid scene check`. With \
+         `extends = \"NAME\"`, it has everything of another scene that it does not say itself.",
     ),
     (
         "Station",
@@ -110,14 +113,13 @@ fn definitions() -> (HashMap<String, Definition>, HashMap<String, Expr>) {
         for item in items {
             let (name, attributes, shape) = match item {
                 Item::Struct(item) => {
-                    let Fields::Named(fields) = item.fields else {
-                        continue;
+                    let fields = match item.fields {
+                        Fields::Named(fields) => fields.named.into_iter().collect(),
+                        // Read as another type.
+                        _ if serde(&item.attrs, "try_from").is_some() => Vec::new(),
+                        _ => continue,
                     };
-                    (
-                        item.ident,
-                        item.attrs,
-                        Shape::Struct(fields.named.into_iter().collect()),
-                    )
+                    (item.ident, item.attrs, Shape::Struct(fields))
                 }
                 Item::Enum(item) => (
                     item.ident,
@@ -324,8 +326,11 @@ impl Document<'_> {
                     let found = self.types.get(name);
                     found.unwrap_or_else(|| panic!("{path}: type {name}"))
                 };
-                let written = serde(&find(name).attributes, "try_from");
-                let name = written.as_deref().unwrap_or(name);
+                let mut name = name.to_owned();
+                while let Some(path) = serde(&find(&name).attributes, "try_from") {
+                    name = path.rsplit("::").next().unwrap().to_owned();
+                }
+                let name = name.as_str();
                 let definition = find(name);
                 let rename_all = serde(&definition.attributes, "rename_all");
                 let is_unit = |v: &syn::Variant| matches!(v.fields, Fields::Unit);
@@ -364,6 +369,22 @@ impl Document<'_> {
                 _ => panic!("a default that is neither number, text nor boolean"),
             },
             Expr::MethodCall(call) => self.written(&call.receiver),
+            // `String::new()`, `Type::default()`.
+            Expr::Call(call) => match call.func.as_ref() {
+                Expr::Path(path) if path.path.segments[0].ident == "String" => "\"\"".into(),
+                _ => "its defaults".into(),
+            },
+            Expr::Array(array) => {
+                let entries: Vec<_> = array
+                    .elems
+                    .iter()
+                    .map(|entry| self.written(entry))
+                    .collect();
+                format!("[{}]", entries.join(", "))
+            }
+            Expr::Path(path) if path.path.segments.last().unwrap().ident == "NAN" => {
+                "computed".into()
+            }
             Expr::Path(path) => {
                 let names: Vec<String> = path
                     .path
@@ -395,7 +416,11 @@ impl Document<'_> {
         if serde(&definition.attributes, "default").is_some()
             && let Some(expr) = definition.defaults.get(&format!("{owner}.{name}"))
         {
-            return format!("`{}`", self.written(expr)).replace("`absent`", "absent");
+            let text = self.written(expr);
+            return match text.as_str() {
+                "absent" | "computed" | "its defaults" => text,
+                _ => format!("`{text}`"),
+            };
         }
         let by_container = serde(&definition.attributes, "default").is_some();
         let zero = |ty: &Type| match ty {
@@ -432,7 +457,13 @@ impl Document<'_> {
                 "" => name.clone(),
                 path => format!("{path}.{name}"),
             };
-            let value = self.value(&field.ty, &inner);
+            // A list whose entries are written in another form than they are kept.
+            let frames: Type = syn::parse_str("Vec<Entry>").unwrap();
+            let ty = match serde(&field.attrs, "deserialize_with") {
+                Some(function) if function.ends_with("written::frames") => &frames,
+                _ => &field.ty,
+            };
+            let value = self.value(ty, &inner);
             let default = self.default(field, owner);
             let meaning = documentation(&field.attrs);
             writeln!(self.out, "| `{name}` | {value} | {default} | {meaning} |").unwrap();

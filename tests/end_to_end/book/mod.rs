@@ -11,6 +11,8 @@ mod flags;
 mod links;
 mod run;
 mod rust;
+#[cfg(feature = "schema")]
+mod schemas;
 
 use pulldown_cmark::{CodeBlockKind, Event, Options, Parser, Tag, TagEnd};
 use std::path::{Path, PathBuf};

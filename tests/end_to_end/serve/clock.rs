@@ -1,13 +1,14 @@
 //! Device time: stepped by a client to the nanosecond, and real time with its lateness.
 
-use crate::served::{LONG, Served, serve, text};
+use crate::served::{LONG, Served, phasmid, serve, text};
 use phasmid::host::{CameraDriver, open_camera};
+use phasmid::protocol::Endpoints;
 use phasmid::protocol::service::{Clock, ClockPace, DeviceAbout, Item, Reply, Request, Step, call};
 use rustix::process::Signal;
 use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
 use std::process::Stdio;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 pub fn service(served: &Served) -> UnixStream {
     let stream = UnixStream::connect(&served.at.service).unwrap();
@@ -198,4 +199,58 @@ fn real_clock_reports_lateness() {
         line.starts_with("device time: ") && line.contains("99 % of them"),
         "{said}"
     );
+}
+
+/// A scene that moves, so that each frame has its own geometry passes.
+const SWINGING: &str = r#"
+name = "swinging"
+description = "A sphere that swings"
+[[object]]
+shape = { kind = "sphere", radius_mm = 120.0 }
+position_mm = [0.0, 0.0, 950.0]
+albedo = 0.5
+motion = { period_s = 0.5, keyframes = [
+    { time_s = 0.0 },
+    { time_s = 0.2, position_mm = [100.0, 0.0, 0.0] },
+] }
+"#;
+
+#[test]
+fn device_that_renders_too_slowly_for_real_time_reports_it_once() {
+    let base = tempfile::tempdir().unwrap();
+    let scene = base.path().join("swinging.toml");
+    std::fs::write(&scene, SWINGING).unwrap();
+    let mut command = phasmid();
+    command
+        .args(["serve", "--profile", "webcam-grey", "--camera", "socket"])
+        // 500 frames a second; two cores render about 12.
+        .args(["--set", "camera.exposure_us=2000"])
+        .args(["--set", "camera.frame_interval_us=2000"])
+        .args(["--clock", "real", "--scene"])
+        .arg(&scene)
+        .stderr(Stdio::piped());
+    let mut served = Served::spawn_as_it_is(&mut command);
+    let mut words = served.child.stderr.take().unwrap();
+    assert_eq!(served.at.slowdown, None);
+    let mut camera = open_camera(&served.at.camera, CameraDriver::Auto, LONG).unwrap();
+    let begin = Instant::now();
+    let slowdown = loop {
+        camera.next_frame(LONG).unwrap();
+        if let Some(slowdown) = Endpoints::read(&served.dir).unwrap().slowdown {
+            break slowdown;
+        }
+        assert!(begin.elapsed() < LONG, "the device does not report it");
+    };
+    assert!(slowdown >= 1.5, "{slowdown}");
+    // As many frames as it took before the first report.
+    for _ in 0..15 {
+        camera.next_frame(LONG).unwrap();
+    }
+    served.stop(Signal::TERM);
+    let mut said = String::new();
+    words.read_to_string(&mut said).unwrap();
+    let start = format!("phasmid: webcam-grey: frames are rendered {slowdown} times slower than");
+    assert!(said.starts_with(&start), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(said.contains("--clock fast"), "{said}");
 }

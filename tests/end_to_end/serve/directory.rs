@@ -1,8 +1,9 @@
 //! The run directory: one device at a time, and reuse of what a killed device leaves behind.
 
-use crate::served::{Served, serve, text};
+use crate::served::{LONG, Served, serve, text};
 use std::io::Read;
 use std::process::Stdio;
+use std::time::{Duration, Instant};
 
 #[test]
 fn one_directory_serves_one_device_and_a_killed_one_is_succeeded() {
@@ -39,4 +40,31 @@ fn one_directory_serves_one_device_and_a_killed_one_is_succeeded() {
     rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0));
     assert!(!served.dir.exists());
+}
+
+#[test]
+fn signal_before_the_device_is_up_ends_it_with_success() {
+    let base = tempfile::tempdir().unwrap();
+    let mut child = serve()
+        .arg("--run-dir")
+        .arg(base.path().join("run"))
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let pid = rustix::process::Pid::from_child(&child);
+    // The program has installed a handler for TERM, signal 15.
+    let handles = || {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap();
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+        let caught = u64::from_str_radix(caught.unwrap().trim(), 16).unwrap();
+        caught & (1 << 14) != 0
+    };
+    let end = Instant::now() + LONG;
+    while !handles() {
+        assert!(Instant::now() < end, "no handler");
+        std::thread::sleep(Duration::from_micros(100));
+    }
+    rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(std::fs::read_dir(base.path()).unwrap().count(), 0);
 }

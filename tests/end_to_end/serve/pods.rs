@@ -356,7 +356,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
         std::thread::sleep(Duration::from_millis(20));
     }
     kill_process(Pid::from_child(&track), Signal::INT).unwrap();
-    track.wait().unwrap();
+    assert!(track.wait().unwrap().success());
 
     let text = fs::read_to_string(&out).unwrap();
     let names: Vec<&str> = text.lines().next().unwrap().split(',').collect();

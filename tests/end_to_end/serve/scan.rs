@@ -106,3 +106,100 @@ fn missing_camera_or_port_is_reported() {
     assert_eq!(video.status.code(), Some(2), "{}", text(&video));
     assert!(text(&video).contains("V4L2"), "{}", text(&video));
 }
+
+#[test]
+fn refused_scan_leaves_no_recording_and_keeps_an_earlier_one() {
+    let served = Served::start(&[]);
+    let base = tempfile::tempdir().unwrap();
+    let file = base.path().join("a.rec");
+    let record = ["--record", file.to_str().unwrap(), "--force"];
+    let no_device = || {
+        phasmid()
+            .args(["scan", "--camera", "socket:none", "--control", "none"])
+            .args(record)
+            .arg("--out")
+            .arg(base.path().join("out"))
+            .output()
+            .unwrap()
+    };
+    let no_sequence = || {
+        let moon = ["--sequence", "moon"];
+        served.scan(&base.path().join("out"), &[&record[..], &moon].concat())
+    };
+    for earlier in [None, Some("years of work")] {
+        if let Some(text) = earlier {
+            fs::write(&file, text).unwrap();
+        }
+        for refused in [no_device(), no_sequence()] {
+            assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
+            assert_eq!(fs::read_to_string(&file).ok().as_deref(), earlier);
+            let left = fs::read_dir(base.path()).unwrap().count();
+            assert_eq!(left, usize::from(earlier.is_some()), "no other file");
+        }
+    }
+    let scan = served.scan(&base.path().join("out"), &record);
+    assert!(scan.status.success(), "{}", text(&scan));
+    let info = phasmid().args(["record", "info"]).arg(&file).output();
+    let info = text(&info.unwrap());
+    assert!(info.contains("ends         in order"), "{info}");
+}
+
+#[test]
+fn scan_refuses_outputs_that_are_other_files_of_it() {
+    let served = Served::start(&[]);
+    let base = tempfile::tempdir().unwrap();
+    let at = |name: &str| base.path().join(name);
+    let refused = |out: &std::path::Path, arguments: &[&str], needle: &str| {
+        let scan = served.scan(out, &[&["--force"], arguments].concat());
+        assert_eq!(scan.status.code(), Some(2), "{}", text(&scan));
+        assert!(text(&scan).contains(needle), "{}", text(&scan));
+    };
+    for out in ["", "scan", "../run/x/../scan"] {
+        let out = served.dir.join(out);
+        refused(&out, &[], "the run directory of the device");
+    }
+    let inside = served.dir.join("a.rec");
+    let inside = ["--record", inside.to_str().unwrap()];
+    refused(&at("scan"), &inside, "in the run directory of the device");
+
+    fs::create_dir(at("scan")).unwrap();
+    for file in ["scan/a.rec", "scan/../scan/frame_00.png"] {
+        let file = at(file);
+        let record = ["--record", file.to_str().unwrap()];
+        refused(&at("scan"), &record, "in the folder of --out");
+    }
+    let scan = served.scan(&at("first"), &[]);
+    assert!(scan.status.success(), "{}", text(&scan));
+    for (option, name) in [
+        ("--manifest", "first/sequence.toml"),
+        ("--calibration", "first/calibration.toml"),
+    ] {
+        let file = at(name);
+        let before = fs::read(&file).unwrap();
+        let file = file.to_str().unwrap();
+        let same = [option, file, "--record", file];
+        refused(&at("scan"), &same, &format!("the file of {option}"));
+        assert_eq!(fs::read(file).unwrap(), before);
+    }
+    assert_eq!(fs::read_dir(at("scan")).unwrap().count(), 0);
+    served.stop(rustix::process::Signal::TERM);
+}
+
+#[test]
+fn output_that_cannot_be_made_is_refused_before_the_device_is_opened() {
+    // The kernel makes no folders here, not even for root.
+    for (option, other) in [("--out", "--record"), ("--record", "--out")] {
+        let base = tempfile::tempdir().unwrap();
+        let output = phasmid()
+            .args(["scan", "--camera", "socket:none", "--control", "none"])
+            .args([option, "/proc/phasmid"])
+            .arg(other)
+            .arg(base.path().join("other"))
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        let expected = format!("{option} /proc");
+        assert!(text(&output).contains(&expected), "{}", text(&output));
+        assert_eq!(fs::read_dir(base.path()).unwrap().count(), 0);
+    }
+}

@@ -89,6 +89,7 @@ impl Desk {
             nominal: Some(&self.rig),
             noise: self.rig.noise,
             choice,
+            stop: None,
         };
         calibrate(&task, seen, Vec::new()).unwrap()
     }

@@ -6,7 +6,7 @@ use phasmid::decode::{Decoded, Decoder, Options, Verdict};
 use phasmid::emulator::render::Renderer;
 use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::geometry::Rig;
-use phasmid::host::check_sequence;
+use phasmid::host::{FrameDoubt, check_sequence};
 use phasmid::pattern::{Axis, Manifest, finest_fringe};
 use phasmid::profile::{Profile, Scene};
 use std::fmt;
@@ -49,7 +49,7 @@ pub struct Scan {
     pub truth: Truth,
     pub decoded: Decoded,
     /// Finding of the host's checks of the frames.
-    pub checked: Result<(), String>,
+    pub checked: Result<(), FrameDoubt>,
 }
 
 impl Scan {

@@ -3,6 +3,7 @@
 use crate::zoo::measure::Scan;
 use phasmid::decode::Options;
 use phasmid::emulator::Truth;
+use phasmid::host::FrameDoubt;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
@@ -190,7 +191,7 @@ pub struct Found {
     /// more than a projector pixel off.
     pub at_edges: [usize; 2],
     /// Finding of the host's checks of the frames.
-    pub checked: Result<(), String>,
+    pub checked: Result<(), FrameDoubt>,
     /// The decoder's notes.
     pub notes: String,
 }

@@ -24,12 +24,14 @@ mod saddles;
 #[cfg(test)]
 mod tests;
 
+use super::find::check;
 use super::{BoardImage, NotFound, Seen};
 use blur::Blur;
 use fit::{Corner, Guess, fit};
 use glam::{DMat2, DVec2};
 use grey::Grey;
 use grid::Grid;
+use phasmid_core::Stop;
 use phasmid_geometry::Board;
 use rayon::prelude::*;
 use saddles::Saddle;
@@ -52,6 +54,15 @@ const SPARE: usize = 10;
 /// Returns an error that describes the image if it contains no board, part of a board, another
 /// board or several boards.
 pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
+    search(board, image, &Stop::default())
+}
+
+/// [`find`], which returns [`NotFound::Interrupted`] soon after `stop` is asked.
+pub(crate) fn search(
+    board: &Board,
+    image: &BoardImage,
+    stop: &Stop,
+) -> Result<Vec<Seen>, NotFound> {
     let wanted = board.grid();
     if wanted.iter().any(|&n| n < 3) {
         return Err(NotFound::Ambiguous {
@@ -62,8 +73,10 @@ pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
     let mut grey = Grey::of(image);
     let mut worst = Best::default();
     for halvings in 0..=HALVINGS {
+        check(stop)?;
         let smoothed = grey.smoothed();
         let saddles = saddles::saddles(&smoothed);
+        check(stop)?;
         let links = links::links(&smoothed, &saddles);
         let grids = grid::grids(&saddles, &links);
         let whole: Vec<&Grid> = grids.iter().filter(|g| is_whole(g, wanted)).collect();

@@ -24,11 +24,13 @@ mod step;
 #[cfg(test)]
 mod tests;
 
+use crate::board::find::check;
 use crate::board::{BoardImage, NotFound, Seen};
 use blobs::Blob;
 use known::{Dot, Dots};
 use label::Labels;
 use lattice::Grid;
+use phasmid_core::Stop;
 use phasmid_geometry::Board;
 use std::collections::BTreeMap;
 
@@ -59,6 +61,15 @@ const SIDES: std::ops::RangeInclusive<u32> = 5..=199;
 /// Returns an error if no dot board is found, its orientation is ambiguous, the image is mirrored,
 /// or the board differs from the specified one.
 pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
+    search(board, image, &Stop::default())
+}
+
+/// [`find`], which returns [`NotFound::Interrupted`] soon after `stop` is asked.
+pub(crate) fn search(
+    board: &Board,
+    image: &BoardImage,
+    stop: &Stop,
+) -> Result<Vec<Seen>, NotFound> {
     let [columns, rows] = board.grid();
     let nothing = |found: String| NotFound::Nothing {
         found,
@@ -84,6 +95,7 @@ pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
         if side / 2 > image.width.max(image.height) {
             continue;
         }
+        check(stop)?;
         let blobs = blobs::find(image, side, part);
         most_blobs = most_blobs.max(blobs.len());
         if blobs.len() < LEAST {
@@ -91,6 +103,7 @@ pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
         }
         let mut labelled = Vec::new();
         for grid in lattice::grids(&blobs).into_iter().take(GRIDS) {
+            check(stop)?;
             largest = largest.max(grid.len());
             match label::label(board, &blobs, &grid) {
                 Ok(labels) => labelled.push((grid, labels)),

@@ -4,6 +4,7 @@ use super::LocalFit;
 
 /// Reason why a point has no projector coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
+#[non_exhaustive]
 pub enum Unread {
     /// The sequence does not resolve both axes, or the board has too few points.
     #[error("without both of the projector's coordinates, or with too few of the board's points")]

@@ -7,4 +7,5 @@ mod place;
 mod prediction;
 mod scene;
 mod stiff;
+mod stop;
 mod which_coefficients;

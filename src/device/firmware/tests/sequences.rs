@@ -103,5 +103,12 @@ fn a_bad_manifest_says_why() {
         b"[projector]\nwidth_px = -3\nheight_px = 1\n",
     ));
     let text = port.ask("SYST:ERR?");
-    assert!(text.starts_with("-200,\"Execution error;own:2"), "{text}");
+    assert!(
+        text.starts_with("-200,\"Execution error;own:1: missing field `frame`"),
+        "{text}"
+    );
+    assert!(
+        text.contains("own:2: invalid value: integer `-3`"),
+        "{text}"
+    );
 }

@@ -70,6 +70,7 @@ pub async fn replay<R: Read>(
             true => ClockPace::Fast,
             false => ClockPace::Real,
         }),
+        slowdown: None,
         control: ends.control.clone(),
         dialect: None,
         baud: None,

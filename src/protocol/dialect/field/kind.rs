@@ -7,6 +7,7 @@ const EXACT: f64 = 9_007_199_254_740_992.0;
 
 /// Encoding of a value on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub(in crate::dialect) enum Kind {
     /// Line: an integer with optional sign.
@@ -90,6 +91,7 @@ impl Kind {
 
 /// Unit of a number on the wire.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(in crate::dialect) enum Unit {
     /// No unit.
     #[default]

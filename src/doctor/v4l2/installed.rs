@@ -1,64 +1,31 @@
-//! The system files that Phasmid ships, and checks whether they are installed.
+//! Checks whether the system files that Phasmid ships are installed.
 
-use super::{Check, Feature, Machine, Status};
+use super::{Check, Feature, MODPROBE, MODULES_LOAD, Machine, Shipped, Status, UDEV};
 use phasmid_v4l2::RELOAD;
 use std::path::{Path, PathBuf};
-
-/// A system file that Phasmid ships.
-#[derive(Debug, PartialEq, Eq)]
-pub struct Shipped {
-    /// Its name for `phasmid doctor --print`.
-    pub name: &'static str,
-    /// Path where it is installed.
-    pub path: &'static str,
-    /// Contents.
-    pub text: &'static str,
-}
-
-/// udev rules for stable names and permissions.
-pub const UDEV: Shipped = Shipped {
-    name: "udev",
-    path: "/etc/udev/rules.d/60-phasmid.rules",
-    text: include_str!("../../udev/60-phasmid.rules"),
-};
-
-/// Options of v4l2loopback.
-pub const MODPROBE: Shipped = Shipped {
-    name: "modprobe",
-    path: "/etc/modprobe.d/v4l2loopback-phasmid.conf",
-    text: include_str!("../../udev/v4l2loopback-phasmid.conf"),
-};
-
-/// Loads the module at boot.
-pub const MODULES_LOAD: Shipped = Shipped {
-    name: "modules-load",
-    path: "/etc/modules-load.d/phasmid.conf",
-    text: include_str!("../../udev/phasmid-modules.conf"),
-};
 
 /// Roots of the folders in which the system looks for configuration files, in order of precedence.
 const ROOTS: [&str; 4] = ["etc", "run", "usr/lib", "lib"];
 
-impl Shipped {
-    fn put(&self) -> String {
-        format!(
-            "phasmid doctor --print {} | sudo tee {} > /dev/null",
-            self.name, self.path
-        )
-    }
+/// Returns the command that installs a file.
+fn put(file: &Shipped) -> String {
+    format!(
+        "phasmid doctor --print {} | sudo tee {} > /dev/null",
+        file.name, file.path
+    )
 }
 
 /// Returns the command that installs the rules and applies them.
 pub(super) fn install_rules() -> String {
     format!(
         "{} && sudo udevadm control --reload && sudo udevadm trigger --subsystem-match=video4linux --action=change",
-        UDEV.put()
+        put(&UDEV)
     )
 }
 
 /// Returns the command that installs the module's options and applies them.
 pub(super) fn install_options() -> String {
-    format!("{} && {RELOAD}", MODPROBE.put())
+    format!("{} && {RELOAD}", put(&MODPROBE))
 }
 
 pub(super) fn checks(machine: &Machine) -> Vec<Check> {
@@ -136,7 +103,7 @@ fn loading(machine: &Machine) -> Check {
     match loads {
         Some(path) => check(format!("{} loads the module", machine.shown(&path))),
         None => {
-            check("the module is not loaded at boot".into()).but(Status::Note, MODULES_LOAD.put())
+            check("the module is not loaded at boot".into()).but(Status::Note, put(&MODULES_LOAD))
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The exposure times of a scan's frames, by the device's clock.
 
 use phasmid_decode::FrameInfo;
+use std::time::Duration;
 
 /// The time from the start of the first exposure to the end of the last, in nanoseconds; both are 0 if the
 /// links carry no times.
@@ -21,11 +22,16 @@ impl Span {
         self.end_ns = self.end_ns.max(last.exposure_end_ns);
     }
 
-    /// Returns the time from the middle of the scan to its end in milliseconds; `None` if the links carry
-    /// no times. A patient in uniform motion is measured where they were in the middle of the scan.
-    pub(super) fn middle_to_end_ms(&self) -> Option<f64> {
+    /// Returns the end of the span, counted from power-on.
+    pub(super) fn end(&self) -> Duration {
+        Duration::from_nanos(self.end_ns)
+    }
+
+    /// Returns the time from the middle of the scan to its end; `None` if the links carry no times. A
+    /// patient in uniform motion is measured where they were in the middle of the scan.
+    pub(super) fn middle_to_end(&self) -> Option<Duration> {
         let length_ns = self.end_ns.checked_sub(self.begin_ns?)?;
-        (length_ns > 0).then_some(0.5e-6 * length_ns as f64)
+        (length_ns > 0).then_some(Duration::from_nanos(length_ns / 2))
     }
 }
 
@@ -45,13 +51,11 @@ mod tests {
     #[test]
     fn a_scan_lasts_from_its_first_frame_to_its_last() {
         let mut span = Span::default();
-        assert_eq!(span.middle_to_end_ms(), None);
+        let ms = Duration::from_millis;
+        assert_eq!(span.middle_to_end(), None);
         span.take(&[frame(10_000_000), frame(18_000_000)]);
-        assert_eq!(span.middle_to_end_ms(), Some(5.0));
+        assert_eq!(span.middle_to_end(), Some(ms(5)));
         span.take(&[frame(30_000_000), frame(48_000_000)]);
-        assert_eq!(
-            (span.end_ns, span.middle_to_end_ms()),
-            (50_000_000, Some(20.0))
-        );
+        assert_eq!((span.end(), span.middle_to_end()), (ms(50), Some(ms(20))));
     }
 }

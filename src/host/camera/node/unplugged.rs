@@ -1,10 +1,9 @@
 //! A camera of a USB device, which may be unplugged and come back under another name.
 
-use super::open::{CameraDriver, open_node};
-use super::{Camera, Result};
+use super::{Camera, CameraDriver, open_node};
 use crate::deadline::again;
 use crate::plug::Plug;
-use phasmid_core::error::Error;
+use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
 use std::time::{Duration, Instant};
 

@@ -1,0 +1,159 @@
+//! The recording of `phasmid scan --record`.
+
+use crate::cli::interrupt::Unfinished;
+use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file::stream;
+use phasmid_host::{Tape, monotonic_ns};
+use phasmid_protocol::record::{About, Limits, Recorder, Side, Summary};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// A recording in progress. Its file gets its name with the first frame: a scan that is refused
+/// before that leaves no recording, and keeps an earlier one.
+pub(in crate::cli) struct Recording {
+    path: PathBuf,
+    /// Folder with the file, until it has its name.
+    unnamed: Option<Unfinished>,
+    /// Result of giving the file its name.
+    named: Result<()>,
+}
+
+impl Recording {
+    /// Starts the recording of a device with these addresses. The times in it count from `start`. An
+    /// existing file is replaced only with `force`.
+    ///
+    /// # Errors
+    /// Returns an error if the folder cannot be written.
+    pub(in crate::cli) fn start(
+        path: &Path,
+        force: bool,
+        [camera, control]: [&str; 2],
+        start: Instant,
+    ) -> Result<(Self, Tape)> {
+        let unnamed = Unfinished::create("--record", folder_of(path), force)?;
+        let now_ns = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let about = About {
+            side: Side::Host,
+            program: concat!("phasmid ", env!("CARGO_PKG_VERSION")).into(),
+            started_unix_s: super::unix_s(),
+            name: if control.is_empty() { camera } else { control }.to_owned(),
+            control: control.to_owned(),
+            camera: camera.to_owned(),
+            profile: None,
+            scene: None,
+            seed: None,
+            monotonic_ns: Some(monotonic_ns().saturating_sub(now_ns())),
+        };
+        let file = stream(&file_in(&unnamed, path), false).map_err(|e| e.at("--record"))?;
+        let place = path.display().to_string();
+        let notice = |text: &str| eprintln!("phasmid: {text}");
+        let recorder = Recorder::start(file, &place, about, 0, Limits::default(), notice)?;
+        let recording = Self {
+            path: path.to_owned(),
+            unnamed: Some(unnamed),
+            named: Ok(()),
+        };
+        Ok((recording, Tape::new(recorder, now_ns)))
+    }
+
+    /// Gives the file its name, if it does not have it yet.
+    pub(in crate::cli) fn keep(&mut self) {
+        let Some(unnamed) = self.unnamed.take() else {
+            return;
+        };
+        self.named = unnamed.finish([""; 0], None).map_err(|why| match why {
+            Error::Input { .. } => Error::input(
+                format!("--record {}", self.path.display()),
+                "a file that was created during the scan",
+                "a new file, or --force to overwrite",
+            ),
+            why => why.at("--record"),
+        });
+    }
+
+    /// Ends the recording, after its last tape is dropped. Without a frame it is kept only if the
+    /// device has been talked to and the scan failed for another reason than a mistake of the user's.
+    ///
+    /// # Errors
+    /// Returns an error if the file could not be given its name; then it is deleted.
+    pub(in crate::cli) fn end(mut self, failed: Option<&Error>) -> Result<()> {
+        let refused = failed.is_some_and(|why| why.exit_code() == 2);
+        if !refused && self.has_traffic() {
+            self.keep();
+        }
+        self.named
+    }
+
+    /// Returns whether the file holds bytes or frames.
+    fn has_traffic(&self) -> bool {
+        let Some(unnamed) = &self.unnamed else {
+            return false;
+        };
+        let reader = super::open(&file_in(unnamed, &self.path));
+        reader.is_ok_and(|mut reader| {
+            let summary = Summary::of(&mut reader);
+            summary.sent.count + summary.received.count + summary.frame.count > 0
+        })
+    }
+}
+
+/// Returns the path of the recording until it has its name.
+fn file_in(unnamed: &Unfinished, path: &Path) -> PathBuf {
+    unnamed.draft().join(path.file_name().unwrap_or_default())
+}
+
+/// Returns the folder of a file.
+pub(in crate::cli) fn folder_of(file: &Path) -> &Path {
+    match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// Starts a recording over an existing file, and ends it.
+    fn record(path: &Path, frame: bool, failed: Option<Error>) -> String {
+        fs::write(path, "earlier").unwrap();
+        let begun = Recording::start(path, true, ["camera", ""], Instant::now());
+        let (mut recording, tape) = begun.unwrap();
+        assert_eq!(fs::read(path).unwrap(), b"earlier");
+        if frame {
+            recording.keep();
+        }
+        drop(tape);
+        recording.end(failed.as_ref()).unwrap();
+        let count = fs::read_dir(folder_of(path)).unwrap().count();
+        assert_eq!(count, 1, "no draft is left");
+        String::from_utf8_lossy(&fs::read(path).unwrap()).into_owned()
+    }
+
+    #[test]
+    fn only_a_recording_of_something_replaces_an_earlier_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.rec");
+        let refused = Error::input("--sequence", "moon", "quick-4");
+        assert_eq!(record(&path, false, Some(refused)), "earlier");
+        assert_eq!(record(&path, false, Some(Error::device("gone"))), "earlier");
+        assert!(record(&path, true, None).contains("camera"));
+        assert!(record(&path, true, Some(Error::Interrupted)).contains("camera"));
+    }
+
+    #[test]
+    fn file_created_during_the_scan_is_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.rec");
+        let begun = Recording::start(&path, false, ["camera", ""], Instant::now());
+        let (mut recording, tape) = begun.unwrap();
+        fs::write(&path, "theirs").unwrap();
+        recording.keep();
+        drop(tape);
+        let refused = recording.end(None).unwrap_err();
+        assert_eq!(refused.exit_code(), 2);
+        assert_eq!(fs::read(&path).unwrap(), b"theirs");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+}

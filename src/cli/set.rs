@@ -1,0 +1,49 @@
+//! `--set`, fields of the profile and of the scene.
+
+use phasmid_core::error::{Error, Result};
+use phasmid_profile::{Profile, Scene, Setting, Settings};
+
+/// Options that set single fields.
+#[derive(Debug, clap::Args)]
+pub(super) struct SetArgs {
+    /// Set a field of the profile or of the scene, such as camera.sensor.read_noise_e=5 or
+    /// object[0].albedo=0.4; the value is TOML, or text. May be repeated
+    #[arg(long, value_name = "FIELD=VALUE")]
+    set: Vec<String>,
+}
+
+impl SetArgs {
+    /// Returns whether there are any.
+    pub(super) fn is_some(&self) -> bool {
+        !self.set.is_empty()
+    }
+
+    /// Returns the settings.
+    ///
+    /// # Errors
+    /// Returns an error if an option has no value or names no section of a profile or a scene.
+    pub(super) fn settings(&self) -> Result<Settings> {
+        let settings = self.set.iter().map(|text| text.parse::<Setting>());
+        Settings::new(
+            settings
+                .collect::<Result<Vec<_>>>()
+                .map_err(|e| e.at("--set"))?,
+        )
+    }
+
+    /// Loads a profile and a scene, with the settings.
+    ///
+    /// # Errors
+    /// Returns all that is wrong with both.
+    pub(super) fn load(&self, profile: &str, scene: &str) -> Result<(Profile, Scene)> {
+        let settings = self.settings()?;
+        let profile = Profile::load_with(profile, &settings);
+        match (profile, Scene::load_with(scene, &settings)) {
+            (Ok(profile), Ok(scene)) => Ok((profile, scene)),
+            (profile, scene) => {
+                let errors = profile.err().into_iter().chain(scene.err());
+                Err(Error::several(errors.collect()))
+            }
+        }
+    }
+}

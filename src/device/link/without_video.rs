@@ -1,0 +1,60 @@
+//! Stands in for `video` in builds without the feature `v4l2`: no node can be opened.
+
+use crate::{Stream, StreamSink};
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Frame;
+use std::path::Path;
+use std::time::Duration;
+
+/// A loopback node that receives the device's frames. This build cannot open one.
+#[derive(Clone)]
+pub enum VideoOutput {}
+
+/// Result of writing a frame.
+#[derive(PartialEq)]
+pub(super) enum Put {
+    /// The node did not accept it.
+    Lost,
+}
+
+impl VideoOutput {
+    /// Refuses a node.
+    ///
+    /// # Errors
+    /// Returns an error that names the feature.
+    pub fn open(path: &Path, _: &Stream, _: u32, _: Duration) -> Result<Self> {
+        Err(Error::input(
+            format!("--camera {}", path.display()),
+            "a V4L2 node, which this build cannot open (it was built without the feature v4l2)",
+            "auto or socket",
+        ))
+    }
+
+    /// Finds no node.
+    ///
+    /// # Errors
+    /// Returns why there is none.
+    pub fn open_any(_: &Stream, _: u32, _: Duration) -> Result<Self, String> {
+        Err("no V4L2 node: this program was built without the feature v4l2".to_owned())
+    }
+
+    /// Returns the address of the node.
+    pub fn address(&self) -> String {
+        match *self {}
+    }
+
+    /// Describes the node.
+    pub fn about(&self) -> String {
+        match *self {}
+    }
+
+    pub(in crate::link) fn put(&self, _: &Frame) -> Result<Put> {
+        match *self {}
+    }
+}
+
+impl StreamSink for VideoOutput {
+    fn announce(&mut self, _: &Stream) -> Result<(), String> {
+        match *self {}
+    }
+}

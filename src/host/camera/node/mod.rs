@@ -1,0 +1,42 @@
+//! V4L2 devices, by the paths of their nodes.
+
+mod unplugged;
+mod v4l2;
+mod v4l2_error;
+mod webcam;
+
+pub use v4l2_error::explain as explain_device;
+
+use super::{Camera, CameraDriver, Intake};
+use phasmid_core::error::Result;
+use std::time::Duration;
+use unplugged::PluggedCamera;
+
+/// Opens a V4L2 device.
+///
+/// # Errors
+/// Same as [`super::open_camera`].
+pub(super) fn open(
+    address: &str,
+    capture: CameraDriver,
+    timeout: Duration,
+) -> Result<Box<dyn Camera + Send>> {
+    PluggedCamera::open(address, capture, timeout)
+}
+
+/// Opens a V4L2 device, which cannot be found again after it was unplugged.
+///
+/// # Errors
+/// Same as [`open`].
+fn open_node(
+    address: &str,
+    capture: CameraDriver,
+    timeout: Duration,
+) -> Result<Box<dyn Camera + Send>> {
+    let found = v4l2::find(address, capture, timeout)?;
+    Ok(if found.is_webcam() {
+        Box::new(Intake::new(webcam::WebcamCamera::open(found)?))
+    } else {
+        Box::new(Intake::new(v4l2::V4l2Camera::start(found, timeout)?))
+    })
+}
