@@ -90,6 +90,16 @@
 //! device-side crates, nor the reverse, not even in their tests; `.ci/crates` checks it. A decoder
 //! with access to the renderer's data would prove nothing about a real scanner.
 //!
+//! # Features
+//!
+//! All are on by default.
+//!
+//! | feature | gives | needs |
+//! | --- | --- | --- |
+//! | `gpu` | rendering on a GPU; without it, [`emulator::render::Backend::Gpu`] fails and `Auto` renders on the CPU | a Vulkan driver at run time |
+//! | `v4l2` | cameras of the kernel (Linux): reading `/dev/videoN`, and `CameraNode` other than `None` | libclang to build |
+//! | `schema` | JSON Schemas of profiles, scenes and other files | |
+//!
 //! # Conventions
 //!
 //! Internal units are millimetres, seconds and radians; in files, the field's name contains the

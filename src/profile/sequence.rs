@@ -68,7 +68,7 @@ pub(super) fn check(s: &Sequence, index: usize, p: &Profile, check: &Check<'_>) 
         &field("period_us"),
         s.period_us,
         format!(
-            "{shortest_us}, for camera.exposure_us = {} and the readout, to 60000000",
+            "{shortest_us} to 60000000: no shorter than camera.exposure_us = {} and the readout",
             p.camera.exposure_us
         ),
     )?;
