@@ -184,7 +184,8 @@ mod tests {
         }
         // The built-in profile `help`, which does not exist.
         let show = answer("phasmid profile show help --help");
-        assert!(show.to_string().contains("profile show <NAME>"), "{show}");
+        let usage = "profile show [OPTIONS] <NAME>";
+        assert!(show.to_string().contains(usage), "{show}");
         let unknown = answer("phasmid profile help moon --help").to_string();
         assert!(unknown.contains("'moon'"), "{unknown}");
     }

@@ -62,7 +62,8 @@ impl Case {
             found: f64::NAN,
             allowed: f64::NAN,
             kept: f64::NAN,
-            says: says.to_owned(),
+            // The first of several errors.
+            says: says.lines().next().unwrap_or_default().to_owned(),
             outcome: if said {
                 Outcome::Refused
             } else {
