@@ -36,8 +36,11 @@ impl<'a> Check<'a> {
     }
 
     /// Checks a part of the document whose violations do not matter to the rest; returns whether it has
-    /// none.
+    /// none. After 20 violations the rest is not checked.
     pub fn section(&self, check: impl FnOnce(&Self) -> Result<()>) -> bool {
+        if self.inside.borrow().len() >= MAX_ERRORS {
+            return false;
+        }
         let errors = Self::errors_of(self.source, check);
         let is_valid = errors.is_empty();
         self.inside.borrow_mut().extend(errors);
@@ -194,5 +197,17 @@ mod tests {
             (0..100).try_for_each(|_| check.within("a", 1, 2..=3))
         });
         assert_eq!(all.unwrap_err().to_string().lines().count(), MAX_ERRORS);
+        let mut checked = 0;
+        let all = Check::all(&source, |check| {
+            for _ in 0..100 {
+                check.section(|check| {
+                    checked += 1;
+                    check.within("a", 1, 2..=3)
+                });
+            }
+            Ok(())
+        });
+        assert_eq!(all.unwrap_err().to_string().lines().count(), MAX_ERRORS);
+        assert_eq!(checked, MAX_ERRORS);
     }
 }

@@ -11,6 +11,9 @@ use toml::de::{DeTable, DeValue};
 /// Key with the name or path of the document that a document extends.
 pub(crate) const EXTENDS: &str = "extends";
 
+/// Maximum number of steps of a setting's path. Values are dropped and written recursively.
+const MAX_STEPS: usize = 64;
+
 /// Texts in ascending precedence.
 #[derive(Clone)]
 pub(crate) struct Layers(Vec<Layer>);
@@ -262,12 +265,15 @@ fn differ_in_kind(lower: &DeTable<'_>, upper: &DeTable<'_>) -> bool {
     kind(upper).is_some_and(|upper| kind(lower) != Some(upper))
 }
 
-/// Prepends a folder to relative paths: all under the keys `file` and `texture`; patients and dialects
-/// if they end with `.toml`, because the others are built in.
+/// Prepends a folder to relative paths: all under the keys `file` and `texture`; patients, dialects,
+/// scenes and profiles if they end with `.toml`, because the others are built in.
 fn relocate(table: &mut DeTable<'_>, folder: &str) {
     for (key, value) in table {
         let is_file = matches!(key.get_ref().as_ref(), "file" | "texture");
-        let is_named = matches!(key.get_ref().as_ref(), "patient" | "dialect");
+        let is_named = matches!(
+            key.get_ref().as_ref(),
+            "patient" | "dialect" | "scene" | "profile"
+        );
         relocate_value(value.get_mut(), folder, is_file, is_named);
     }
 }
@@ -296,6 +302,10 @@ fn put<'a>(
     path: &'a str,
     value: Spanned<DeValue<'a>>,
 ) -> Result<(), (String, String)> {
+    if path.split('.').count() > MAX_STEPS {
+        let found = format!("a path of more than {MAX_STEPS} steps");
+        return Err((found, "the path of a field".to_owned()));
+    }
     let span = value.span();
     let mut steps = path.split('.').peekable();
     let mut here = table.get_mut();
@@ -452,6 +462,8 @@ bits = 8
             &["own.toml:2: extends", "an integer"],
         );
         assert!("camera".parse::<Setting>().is_err());
+        let deep = format!("camera{}=1", ".a".repeat(60_000));
+        refused(base, &deep, &["a path of more than 64 steps"]);
     }
 
     #[test]
@@ -467,7 +479,7 @@ bits = 8
         );
         write(
             "lib/low.toml",
-            "patient = 'p.toml'\nlist = [{ file = '/b.ply' }]\n",
+            "patient = 'p.toml'\nscene = 'torso'\nprofile = 'pod.toml'\nlist = [{ file = '/b.ply' }]\n",
         );
         let load = |name: &str| {
             let path = folder.path().join(name).display().to_string();
@@ -475,7 +487,7 @@ bits = 8
         };
         let (source, _) = load("own.toml").unwrap();
         let table: toml::Table = source.to_toml().unwrap().parse().unwrap();
-        let expected = "name = 'own'\nshape = { file = 'lib/a.ply' }\npatient = 'lib/p.toml'\nlist = [{ file = '/b.ply' }]\n";
+        let expected = "name = 'own'\nshape = { file = 'lib/a.ply' }\npatient = 'lib/p.toml'\nscene = 'torso'\nprofile = 'lib/pod.toml'\nlist = [{ file = '/b.ply' }]\n";
         assert_eq!(table, expected.parse().unwrap());
         write("lib/low.toml", "extends = 'middle.toml'\n");
         let message = load("own.toml").err().unwrap().to_string();

@@ -56,6 +56,13 @@ pub(crate) fn deserialize<T: DeserializeOwned>(
                     .as_ref()
                     .is_some_and(|name| name == key || key == "kind")
         });
+        // An error in a list of enumerations has the position of the list, which no repair reaches.
+        let again = |earlier: &Error| {
+            earlier.span() == error.span() && earlier.message() == error.message()
+        };
+        if errors.iter().any(again) {
+            break;
+        }
         if span.start < PLACEHOLDERS && !known {
             errors.push(error);
         }
