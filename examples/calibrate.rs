@@ -31,7 +31,7 @@ fn main() -> Result<(), Error> {
     let mut captures = Vec::new();
     for rig_from_board in poses(&board, &device.rig(), &wanted)? {
         let (position_mm, rotation_deg) = rig_from_board.to_xyz_deg();
-        device.place(0, position_mm.to_array(), rotation_deg.to_array())?;
+        device.place(0, position_mm, rotation_deg)?;
         captures.push(device.scan(&sequence.name)?);
     }
     let calibration = phasmid::calibrate(&captures, &board, Choice::default())?;

@@ -105,7 +105,7 @@ fn compare(scans: &[Tracked], patient: &Phantom) {
 fn true_tumour_mm(patient: &Phantom, time: Duration) -> [f64; 3] {
     let state = patient.state(Day::Treatment, time.as_secs_f64());
     let target = patient.target(&state);
-    room_from_patient().point(target.centroid_mm).to_array()
+    room_from_patient().point(target.centroid_mm)
 }
 
 /// Returns the difference between the largest and the smallest value.

@@ -108,6 +108,10 @@
 //! transforms coordinates from frame b to frame a. A fringe is
 //! `A + B cos(2 pi x / period_px + phase_rad)`; see [`pattern`].
 //!
+//! The calls in the first table, and all types reached through them, take and return types of this
+//! workspace and of std. Other modules also use vectors and matrices of glam, which [`geometry`]
+//! re-exports.
+//!
 //! Only [`cli`] reads the wall clock or the environment. The links and the host side use the
 //! monotonic clock, for pacing and timeouts. No crate uses a global random generator.
 //!

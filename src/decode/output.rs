@@ -3,7 +3,6 @@
 use super::decoder::Decoder;
 use super::maps::{Decoded, Verdict};
 use super::triangulate::{Lit, Measured};
-use glam::DVec2;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use phasmid_core::error::Result;
 use phasmid_core::new_file::replace_image;
@@ -244,7 +243,7 @@ fn calibration_sigma(decoder: &Decoder, decoded: &Decoded) -> Option<f32> {
                 .filter(|m| !m.px.is_nan());
             }
             let [u, v] = [i % decoded.width, i / decoded.width].map(|at| at as f64);
-            (DVec2::new(u, v), lit)
+            ([u, v], lit)
         })
         .collect();
     let sigma = triangulator.calibration_sigma(&pixels)?;

@@ -40,6 +40,7 @@ impl Lens {
 
     /// Message text: what was found in a file whose coefficients fold; `corner` comes from
     /// [`Self::folds_before`].
+    #[doc(hidden)]
     pub fn fold_found(corner: DVec2) -> String {
         format!(
             "an image that folds over between the principal point and pixel ({:.0}, {:.0})",
@@ -59,6 +60,7 @@ impl Lens {
 
     /// Returns an image corner that has no ray because the distortion folds between the principal
     /// point and the corner; `None` if every pixel has one ray.
+    #[doc(hidden)]
     pub fn folds_before(&self) -> Option<DVec2> {
         if !self.is_distorted() {
             return None;

@@ -12,7 +12,8 @@
 //!
 //! Pixel centres are at integers.
 
-use glam::{DMat2, DVec2, DVec3};
+use crate::{Vector2, Vector3};
+use glam::{DMat2, DVec2};
 use serde::{Deserialize, Serialize};
 
 /// Intrinsics of a camera or projector.
@@ -23,10 +24,10 @@ pub struct Lens {
     pub width_px: u32,
     /// Image height in pixels.
     pub height_px: u32,
-    /// Focal lengths fx, fy in pixels.
+    #[doc(hidden)]
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub focal_px: DVec2,
-    /// Principal point cx, cy in pixels.
+    #[doc(hidden)]
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub principal_px: DVec2,
     /// Distortion coefficients k1, k2, p1, p2, k3.
@@ -35,6 +36,42 @@ pub struct Lens {
 }
 
 impl Lens {
+    /// Creates the intrinsics of an image of this width and height in pixels: focal lengths fx, fy and
+    /// principal point cx, cy in pixels, and distortion coefficients k1, k2, p1, p2, k3.
+    ///
+    /// ```
+    /// use phasmid_geometry::Lens;
+    ///
+    /// let lens = Lens::new([640, 480], [800.0, 800.0], [319.5, 239.5], [-0.1, 0.0, 0.0, 0.0, 0.0]);
+    /// let px = lens.project([10.0, -20.0, 500.0]).unwrap();
+    /// let [x, y, z] = lens.ray(px);
+    /// assert!((x - 0.02).abs() < 1e-12 && (y + 0.04).abs() < 1e-12 && z == 1.0);
+    /// ```
+    pub fn new(
+        [width_px, height_px]: [u32; 2],
+        focal_px: [f64; 2],
+        principal_px: [f64; 2],
+        distortion: [f64; 5],
+    ) -> Self {
+        Self {
+            width_px,
+            height_px,
+            focal_px: focal_px.into(),
+            principal_px: principal_px.into(),
+            distortion,
+        }
+    }
+
+    /// Returns the focal lengths fx, fy in pixels.
+    pub fn focal_px(&self) -> [f64; 2] {
+        self.focal_px.to_array()
+    }
+
+    /// Returns the principal point cx, cy in pixels.
+    pub fn principal_px(&self) -> [f64; 2] {
+        self.principal_px.to_array()
+    }
+
     /// Returns whether any distortion coefficient is non-zero.
     #[inline]
     pub fn is_distorted(&self) -> bool {
@@ -45,40 +82,42 @@ impl Lens {
     /// `None` if the point is not in front of the lens, or so far off axis that the distortion
     /// polynomial folds it back into the image.
     #[inline]
-    pub fn project(&self, p: DVec3) -> Option<DVec2> {
-        (p.z > 0.0)
-            .then(|| self.place(p.truncate() / p.z))
-            .flatten()
+    pub fn project<V: Vector3>(&self, p: V) -> Option<V::Image> {
+        let p = p.to_glam();
+        let px = (p.z > 0.0).then(|| self.place(p.truncate() / p.z));
+        px.flatten().map(V::Image::from_glam)
     }
 
     /// Returns the pixel of the ideal image point (X/Z, Y/Z); `None` where the polynomial folds
     /// back into the image, which a real lens does not do.
     #[inline]
-    pub fn place(&self, ideal: DVec2) -> Option<DVec2> {
+    pub fn place<V: Vector2>(&self, ideal: V) -> Option<V> {
+        let ideal = ideal.to_glam();
         let px = self.distort_to_px(ideal);
         let folded = self.is_distorted() && self.contains(px) && !self.is_unfolded(ideal);
-        (!folded).then_some(px)
+        (!folded).then(|| V::from_glam(px))
     }
 
     /// Returns the pixel of the ideal image point (X/Z, Y/Z) without the fold check of
     /// [`Self::place`].
     #[inline]
-    pub fn distort_to_px(&self, ideal: DVec2) -> DVec2 {
-        self.focal_px * self.distort(ideal) + self.principal_px
+    pub fn distort_to_px<V: Vector2>(&self, ideal: V) -> V {
+        V::from_glam(self.focal_px * self.distort(ideal.to_glam()) + self.principal_px)
     }
 
     /// Returns the direction, with z = 1, of the ray through a pixel; NaN where the distortion
     /// cannot be inverted.
     #[inline]
-    pub fn ray(&self, px: DVec2) -> DVec3 {
-        self.undistort((px - self.principal_px) / self.focal_px)
-            .extend(1.0)
+    pub fn ray<V: Vector2>(&self, px: V) -> V::Space {
+        let ideal = self.undistort((px.to_glam() - self.principal_px) / self.focal_px);
+        V::Space::from_glam(ideal.extend(1.0))
     }
 
     /// Returns whether a pixel coordinate lies in the image, x in [-0.5, width - 0.5) and y
     /// likewise.
     #[inline]
-    pub fn contains(&self, px: DVec2) -> bool {
+    pub fn contains<V: Vector2>(&self, px: V) -> bool {
+        let px = px.to_glam();
         px.x >= -0.5
             && px.y >= -0.5
             && px.x < f64::from(self.width_px) - 0.5
@@ -87,22 +126,24 @@ impl Lens {
 
     /// Returns the distorted image point of an ideal one, both in units of the focal length.
     #[inline]
-    pub fn distort(&self, p: DVec2) -> DVec2 {
+    pub fn distort<V: Vector2>(&self, p: V) -> V {
         if !self.is_distorted() {
             return p;
         }
+        let p = p.to_glam();
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r2 = p.length_squared();
         let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
         let cross = 2.0 * p.x * p.y;
-        p * radial
-            + DVec2::new(
-                p1 * cross + p2 * (r2 + 2.0 * p.x * p.x),
-                p1 * (r2 + 2.0 * p.y * p.y) + p2 * cross,
-            )
+        let decentred = DVec2::new(
+            p1 * cross + p2 * (r2 + 2.0 * p.x * p.x),
+            p1 * (r2 + 2.0 * p.y * p.y) + p2 * cross,
+        );
+        V::from_glam(p * radial + decentred)
     }
 
     /// Returns the Jacobian of [`Self::distort`]; column j holds the derivatives by coordinate j.
+    #[doc(hidden)]
     pub fn distort_jacobian(&self, p: DVec2) -> DMat2 {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r2 = p.length_squared();
@@ -124,16 +165,17 @@ impl Lens {
 
     /// Returns the ideal image point of a distorted one by Newton's method, exact to rounding: the
     /// one connected to the axis without crossing a fold. NaN if there is none.
-    pub fn undistort(&self, d: DVec2) -> DVec2 {
+    pub fn undistort<V: Vector2>(&self, d: V) -> V {
         if !self.is_distorted() {
             return d;
         }
+        let d = d.to_glam();
         // Plain Newton steps from the distorted point nearly always converge; the result is
         // accepted only inside the disc without folds.
-        match self.newton(d) {
+        V::from_glam(match self.newton(d) {
             Some(p) if self.is_unfolded(p) => p,
             _ => self.descend(d),
-        }
+        })
     }
 
     fn newton(&self, d: DVec2) -> Option<DVec2> {
@@ -158,6 +200,7 @@ impl Lens {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     fn lens(distortion: [f64; 5]) -> Lens {
         Lens {

@@ -20,6 +20,11 @@
 //! | [`shapes`] | generated torso, couch and linac head |
 //! | `solid` | analytic solids |
 //! | `timeline`, `trajectory` | keyframes and rigid motion over time |
+//! | `vector` | points and directions as arguments |
+//!
+//! The types of a calibration ([`Rig`], [`View`], [`Lens`], [`Pose`], [`Board`]) take and return
+//! arrays. Meshes, clouds and the search in them hold vectors of [`glam`], which is re-exported in the
+//! version in use.
 
 mod board;
 pub mod board_poses;
@@ -45,6 +50,9 @@ mod solid;
 mod stl;
 mod timeline;
 mod trajectory;
+mod vector;
+
+pub use glam;
 
 pub use board::{Board, MARKERS};
 #[cfg(feature = "raycast")]
@@ -59,3 +67,4 @@ pub use rig::{Covariance, NoiseModel, Rig, View, Violation, parameters};
 pub use solid::{Solid, SolidHit};
 pub use timeline::{Span, Timeline};
 pub use trajectory::Trajectory;
+pub use vector::{Vector2, Vector3};

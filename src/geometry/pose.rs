@@ -1,16 +1,28 @@
 //! Rigid poses. A pose `a_from_b` maps coordinates in b to coordinates in a.
 
+use crate::Vector3;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// A rigid motion: rotation, then translation in millimetres.
+///
+/// ```
+/// use phasmid_geometry::Pose;
+///
+/// // A quarter turn about z, then a shift along x.
+/// let pose = Pose::from_xyz_deg([10.0, 0.0, 0.0], [0.0, 0.0, 90.0]);
+/// let [x, y, z] = pose.point([1.0, 0.0, 0.0]);
+/// assert!((x - 10.0).abs() < 1e-12 && (y - 1.0).abs() < 1e-12 && z == 0.0);
+/// assert_eq!(Pose::new(pose.rotation(), pose.translation_mm()), pose);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pose {
-    /// Rotation matrix, serialised as three rows.
+    // Serialised as three rows.
+    #[doc(hidden)]
     #[serde(with = "rows")]
     pub rotation: DMat3,
-    /// Translation in millimetres.
+    #[doc(hidden)]
     #[serde(deserialize_with = "phasmid_core::numbers::exactly")]
     pub translation_mm: DVec3,
 }
@@ -22,21 +34,39 @@ impl Pose {
         translation_mm: DVec3::ZERO,
     };
 
+    /// Creates a pose from the rows of a rotation matrix and a translation in millimetres.
+    pub fn new(rotation: [[f64; 3]; 3], translation_mm: [f64; 3]) -> Self {
+        Self {
+            rotation: DMat3::from_cols_array_2d(&rotation).transpose(),
+            translation_mm: translation_mm.into(),
+        }
+    }
+
+    /// Returns the rows of the rotation matrix.
+    pub fn rotation(&self) -> [[f64; 3]; 3] {
+        self.rotation.transpose().to_cols_array_2d()
+    }
+
+    /// Returns the translation in millimetres.
+    pub fn translation_mm(&self) -> [f64; 3] {
+        self.translation_mm.to_array()
+    }
+
     /// Creates a pose from a position in millimetres and rotations in degrees about the fixed x,
     /// then y, then z axis: R = Rz Ry Rx.
-    pub fn from_xyz_deg(position_mm: DVec3, rotation_deg: DVec3) -> Self {
-        let r = rotation_deg * (std::f64::consts::PI / 180.0);
+    pub fn from_xyz_deg<V: Vector3>(position_mm: V, rotation_deg: V) -> Self {
+        let r = rotation_deg.to_glam() * (std::f64::consts::PI / 180.0);
         Self {
             rotation: DMat3::from_rotation_z(r.z)
                 * DMat3::from_rotation_y(r.y)
                 * DMat3::from_rotation_x(r.x),
-            translation_mm: position_mm,
+            translation_mm: position_mm.to_glam(),
         }
     }
 
     /// Returns the position and the rotations from which [`Self::from_xyz_deg`] makes this pose. If
     /// the rotation about y is +-90 degrees, the rotation about z is 0.
-    pub fn to_xyz_deg(&self) -> (DVec3, DVec3) {
+    pub fn to_xyz_deg(&self) -> ([f64; 3], [f64; 3]) {
         let m = self.rotation;
         // For R = Rz Ry Rx, the third row is -sin y, cos y sin x, cos y cos x.
         let y = (-m.x_axis.z).atan2(m.y_axis.z.hypot(m.z_axis.z));
@@ -45,22 +75,20 @@ impl Pose {
             // Ry(+-90) Rx has cos x and sin x in its second row.
             false => ((-m.z_axis.y).atan2(m.y_axis.y), 0.0),
         };
-        (
-            self.translation_mm,
-            DVec3::new(x, y, z) * (180.0 / std::f64::consts::PI),
-        )
+        let turns = DVec3::new(x, y, z) * (180.0 / std::f64::consts::PI);
+        (self.translation_mm(), turns.to_array())
     }
 
     /// Maps a point in b to a.
     #[inline]
-    pub fn point(&self, p: DVec3) -> DVec3 {
-        self.rotation * p + self.translation_mm
+    pub fn point<V: Vector3>(&self, p: V) -> V {
+        V::from_glam(self.rotation * p.to_glam() + self.translation_mm)
     }
 
     /// Maps a direction in b to a.
     #[inline]
-    pub fn direction(&self, d: DVec3) -> DVec3 {
-        self.rotation * d
+    pub fn direction<V: Vector3>(&self, d: V) -> V {
+        V::from_glam(self.rotation * d.to_glam())
     }
 
     /// Returns `b_from_a` for an `a_from_b`.
@@ -121,7 +149,7 @@ mod tests {
                     let back = Pose::from_xyz_deg(position, rotation);
                     let off = (back.rotation - pose.rotation).to_cols_array();
                     let worst = off.iter().fold(0.0_f64, |m, o| m.max(o.abs()));
-                    assert!(worst < 1e-12, "{x} {y} {z}: {rotation}");
+                    assert!(worst < 1e-12, "{x} {y} {z}: {rotation:?}");
                 }
             }
         }

@@ -102,7 +102,7 @@ pub struct State {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// Centroid in the patient frame in millimetres.
-    pub centroid_mm: DVec3,
+    pub centroid_mm: [f64; 3],
     /// Volume in cubic millimetres.
     pub volume_mm3: f64,
 }
@@ -314,7 +314,7 @@ impl Phantom {
             moment += self.place(x, state) * now;
         }
         Target {
-            centroid_mm: moment / volume_mm3,
+            centroid_mm: (moment / volume_mm3).to_array(),
             volume_mm3,
         }
     }

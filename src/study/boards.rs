@@ -34,7 +34,7 @@ pub fn shown_to(
         object.albedo = PAPER;
     }
     let (position, rotation) = rig_from_board.to_xyz_deg();
-    scene.place(0, position.to_array(), rotation.to_array())?;
+    scene.place(0, position, rotation)?;
     seen_in(&scene, profile, board, name, seed)
 }
 

@@ -50,7 +50,7 @@ fn depth_errors_of_200_serial_numbers_are_as_large_as_their_covariances_say() {
         let lit = lit(&truth);
         let pixels: Vec<_> = lit
             .iter()
-            .map(|(px, at, _)| (*px, [measured(at.x), None]))
+            .map(|(px, at, _)| (px.to_array(), [measured(at.x), None]))
             .collect();
         let sums: Vec<[f64; 3]> = (0..200)
             .into_par_iter()
@@ -90,7 +90,7 @@ fn independent_errors_of_the_parameters_would_exaggerate_errors_of_depth() {
         let lit = lit(&truth);
         let pixels: Vec<_> = lit
             .iter()
-            .map(|(px, at, _)| (*px, [measured(at.x), None]))
+            .map(|(px, at, _)| (px.to_array(), [measured(at.x), None]))
             .collect();
         for sigma in triangulator(&rig).calibration_sigma(&pixels).unwrap() {
             joint += sigma * sigma;

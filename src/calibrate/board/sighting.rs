@@ -22,23 +22,56 @@ pub struct Seen {
 pub struct Sighting {
     /// Column and row on the board.
     pub index: [u32; 2],
-    /// Image of the point itself in pixels: for a dot its centre, with the perspective bias
-    /// removed.
+    #[doc(hidden)]
     pub camera_px: DVec2,
-    /// Covariance of `camera_px` in pixels squared.
+    #[doc(hidden)]
     pub camera_covariance: DMat2,
-    /// Projector coordinates at `camera_px`; `None` if they could not be measured.
+    /// Projector coordinates at [`Self::camera_px`]; `None` if they could not be measured.
     pub projector: Option<Lit>,
+}
+
+impl Sighting {
+    /// Returns the image of the point itself in pixels: for a dot its centre, with the perspective
+    /// bias removed.
+    pub fn camera_px(&self) -> [f64; 2] {
+        self.camera_px.to_array()
+    }
+
+    /// Returns the covariance of [`Self::camera_px`] in pixels squared.
+    pub fn camera_covariance(&self) -> [[f64; 2]; 2] {
+        rows(self.camera_covariance)
+    }
 }
 
 /// Projector coordinates at a camera pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lit {
-    /// Projector column and row at `camera_px`, in pixels.
+    #[doc(hidden)]
     pub px: DVec2,
-    /// Derivative of `px` by the camera pixel; column j by coordinate j. An error e of `camera_px`
-    /// adds an error `slope * e` to that of `px`.
+    #[doc(hidden)]
     pub slope: DMat2,
-    /// Covariance of `px` in pixels squared, for an exactly known `camera_px`.
+    #[doc(hidden)]
     pub covariance: DMat2,
+}
+
+impl Lit {
+    /// Returns the projector column and row at the camera pixel, in pixels.
+    pub fn px(&self) -> [f64; 2] {
+        self.px.to_array()
+    }
+
+    /// Returns the rows of the derivative of [`Self::px`] by the camera pixel. An error e of the camera
+    /// pixel adds an error `slope * e` to that of the projector's.
+    pub fn slope(&self) -> [[f64; 2]; 2] {
+        rows(self.slope)
+    }
+
+    /// Returns the covariance of [`Self::px`] in pixels squared, for an exactly known camera pixel.
+    pub fn covariance(&self) -> [[f64; 2]; 2] {
+        rows(self.covariance)
+    }
+}
+
+fn rows(matrix: DMat2) -> [[f64; 2]; 2] {
+    matrix.transpose().to_cols_array_2d()
 }

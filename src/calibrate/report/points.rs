@@ -53,8 +53,8 @@ fn row(board: &Board, sighting: &Sighting, residual: Option<&PointResidual>) -> 
         Some(sigma(sighting.camera_covariance)),
         lit.map(|l| l.px),
         lit.map(|l| sigma(observed(&l, sighting.camera_covariance))),
-        residual.map(|r| r.camera_px),
-        projector.map(|p| p.px),
+        residual.map(|r| r.camera_px.into()),
+        projector.map(|p| p.px.into()),
     ];
     let mut fields = vec![column.to_string(), row.to_string()];
     for pair in pairs {

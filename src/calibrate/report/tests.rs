@@ -86,19 +86,22 @@ fn pose(name: &str, given: usize, noise: &mut Noise) -> (SolvedPose, PoseSightin
         });
         points.push(PointResidual {
             index,
-            camera_px: CAMERA_PX * camera,
-            camera_whitened: camera,
+            camera_px: (CAMERA_PX * camera).to_array(),
+            camera_whitened: camera.to_array(),
             camera_weight: if index == [3, 3] { 0.0 } else { 1.0 },
             projector: lit.map(|_| ProjectorResidual {
-                px: seen,
-                whitened: projector,
+                px: seen.to_array(),
+                whitened: projector.to_array(),
                 weight: if index == [4, 3] { 0.0 } else { 1.0 },
             }),
         });
     }
-    let lengths: Vec<f64> = points.iter().map(|p| p.camera_px.length()).collect();
+    let lengths: Vec<f64> = points
+        .iter()
+        .map(|p| DVec2::from(p.camera_px).length())
+        .collect();
     let lit = points.iter().filter_map(|p| p.projector);
-    let lit: Vec<f64> = lit.map(|p| p.px.length()).collect();
+    let lit: Vec<f64> = lit.map(|p| DVec2::from(p.px).length()).collect();
     let solved = SolvedPose {
         name: name.to_owned(),
         given,
@@ -297,7 +300,7 @@ fn tables_hold_numbers_at_full_precision() {
         let px = sighting.camera_px;
         assert_eq!((number("camera_u_px"), number("camera_v_px")), px.into());
         assert!((number("camera_sigma_v_px") - CAMERA_PX).abs() < 1e-12);
-        assert_eq!(number("camera_residual_v_px"), residual.camera_px.y);
+        assert_eq!(number("camera_residual_v_px"), residual.camera_px[1]);
         let lit = residual.projector;
         if let Some(lit) = lit {
             // The variance of a coordinate is the projector's own plus the camera's times the
@@ -311,7 +314,7 @@ fn tables_hold_numbers_at_full_precision() {
                 let of = |what: &str| number(&format!("projector_{what}_{axis}_px"));
                 squares.push((of("residual") / of("sigma")).powi(2));
             }
-            assert_eq!(number("projector_residual_u_px"), lit.px.x);
+            assert_eq!(number("projector_residual_u_px"), lit.px[0]);
         }
         let outlier = sighting.index == [3, 3] || sighting.index == [4, 3] && lit.is_some();
         assert_eq!(number("weight"), if outlier { 0.0 } else { 1.0 });
@@ -380,13 +383,12 @@ fn empty_or_invalid_data_does_not_panic() {
     short.sightings.truncate(1);
     short.sightings[0].sightings.truncate(3);
     let mut odd = made_up(&["a"]);
-    let nan = DVec2::NAN;
     for pose in &mut odd.solution.poses {
         pose.camera_from_board.translation_mm = DVec3::NAN;
         pose.camera_errors.mean_px = f64::INFINITY;
         for point in &mut pose.points {
-            point.camera_px = nan;
-            point.camera_whitened = DVec2::INFINITY;
+            point.camera_px = [f64::NAN; 2];
+            point.camera_whitened = [f64::INFINITY; 2];
             point.projector = None;
         }
     }

@@ -1,7 +1,6 @@
 //! Result of the solver: the rig, the poses, and their uncertainty.
 
 use super::coefficients::free;
-use glam::DVec2;
 use nalgebra::{DMatrix, DVector};
 use phasmid_geometry::rotation::difference;
 use phasmid_geometry::{Pose, Rig};
@@ -23,16 +22,14 @@ pub struct Solution {
     /// All estimated parameters: the camera's lens, the projector's lens, the projector's pose,
     /// then six numbers for each used pose.
     pub parameters: Vec<Parameter>,
-    /// Covariance of `parameters`, in their order and units. Rotation errors are small rotation
-    /// vectors in radians about the axes of the rig's frame: true rotation = exp(vector) *
-    /// estimated rotation.
+    #[doc(hidden)]
     pub covariance: DMatrix<f64>,
     /// Sum of squared whitened residuals, using the given covariances, over the degrees of freedom.
     /// It is about 1 if the given covariances are right.
     pub variance_factor: f64,
     /// Factors, at least 1, by which the given covariances of camera points and of projector
     /// coordinates were multiplied because the residuals exceed them by more than chance.
-    /// `covariance` includes them.
+    /// The covariance includes them.
     pub inflation: [f64; 2],
     /// Number of scalar observations (of the points used) minus number of parameters.
     pub degrees_of_freedom: usize,
@@ -96,9 +93,9 @@ pub struct PointResidual {
     /// Column and row on the board.
     pub index: [u32; 2],
     /// Observed minus predicted camera pixel.
-    pub camera_px: DVec2,
+    pub camera_px: [f64; 2],
     /// `camera_px` whitened with its given covariance: components of variance 1.
-    pub camera_whitened: DVec2,
+    pub camera_whitened: [f64; 2],
     /// 1 if the camera's observation is used, 0 if it is an outlier.
     pub camera_weight: f64,
     /// The projector's residual; `None` if the point has no projector coordinate.
@@ -109,10 +106,10 @@ pub struct PointResidual {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProjectorResidual {
     /// Decoded minus predicted projector pixel.
-    pub px: DVec2,
+    pub px: [f64; 2],
     /// The part of `px` that the camera point's error does not explain, whitened with its given
     /// covariance: components of variance 1.
-    pub whitened: DVec2,
+    pub whitened: [f64; 2],
     /// 1 if the observation is used, 0 if it is an outlier.
     pub weight: f64,
 }
@@ -132,6 +129,16 @@ pub struct Parameter {
 }
 
 impl Solution {
+    /// Returns the covariance of two of `parameters` by their indices, in their units. Rotation errors
+    /// are small rotation vectors in radians about the axes of the rig's frame: true rotation =
+    /// exp(vector) * estimated rotation.
+    ///
+    /// # Panics
+    /// Panics if an index is beyond `parameters`.
+    pub fn covariance_of(&self, i: usize, j: usize) -> f64 {
+        self.covariance[(i, j)]
+    }
+
     /// Computes the squared Mahalanobis distance of the estimates from the true rig and, if given,
     /// the true poses of the boards (`camera_from_board`, one for each used pose, in their order).
     /// Returns it with its degrees of freedom.

@@ -127,15 +127,15 @@ fn point(o: &Observation, state: &State, board: usize) -> Option<PointResidual> 
     let w = r.whitened(o);
     Some(PointResidual {
         index: o.index,
-        camera_px: r.camera,
-        camera_whitened: w.camera,
+        camera_px: r.camera.to_array(),
+        camera_whitened: w.camera.to_array(),
         camera_weight: f64::from(u8::from(o.camera_counts)),
         projector: r
             .projector
             .zip(w.projector)
             .map(|(px, whitened)| ProjectorResidual {
-                px,
-                whitened,
+                px: px.to_array(),
+                whitened: whitened.to_array(),
                 weight: f64::from(u8::from(o.projector_counts)),
             }),
     })
@@ -144,13 +144,14 @@ fn point(o: &Observation, state: &State, board: usize) -> Option<PointResidual> 
 /// Residuals in pixels and whitened, of inliers only.
 fn camera_errors(pose: &SolvedPose) -> Vec<(DVec2, DVec2)> {
     let points = pose.points.iter().filter(|p| p.camera_weight > 0.0);
-    points.map(|p| (p.camera_px, p.camera_whitened)).collect()
+    let pair = |p: &PointResidual| (p.camera_px.into(), p.camera_whitened.into());
+    points.map(pair).collect()
 }
 
 fn projector_errors(pose: &SolvedPose) -> Vec<(DVec2, DVec2)> {
     let parts = pose.points.iter().filter_map(|p| p.projector);
     let parts = parts.filter(|p| p.weight > 0.0);
-    parts.map(|p| (p.px, p.whitened)).collect()
+    parts.map(|p| (p.px.into(), p.whitened.into())).collect()
 }
 
 fn gathered(errors: impl Iterator<Item = (DVec2, DVec2)>) -> Errors {

@@ -41,7 +41,7 @@ pub(super) struct Emulated {
 }
 
 fn profile(args: &Args, name: &str) -> Result<Profile> {
-    Profile::load_with(name, &args.set.settings()?.only_profile()?)
+    Profile::load_with(name, &args.set.of_profile()?)
 }
 
 impl Emulated {
@@ -209,8 +209,8 @@ impl Emulated {
             let (position, rotation) = self.shown[place].to_xyz_deg();
             let placement = Placement {
                 object: 0,
-                position_mm: position.to_array(),
-                rotation_deg: rotation.to_array(),
+                position_mm: position,
+                rotation_deg: rotation,
             };
             ask(&mut service, Request::Place(placement))?;
             let captured = scan()?;

@@ -26,8 +26,7 @@ fn text(board: &Board, rig_from_board: &Pose) -> String {
          [ambient]\nirradiance_w_m2 = {AMBIENT_W_M2}\n\n\
          [[object]]\nposition_mm = {:?}\nrotation_deg = {:?}\nalbedo = {PAPER}\n\
          shape = {{ kind = \"board\", board = {board} }}\n",
-        position.to_array(),
-        rotation.to_array()
+        position, rotation
     )
 }
 

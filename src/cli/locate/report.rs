@@ -68,8 +68,8 @@ impl Located {
         Self {
             name: pod.name.clone(),
             room_from_rig,
-            position_mm,
-            rotation_deg,
+            position_mm: position_mm.into(),
+            rotation_deg: rotation_deg.into(),
             camera: Group::of(&placed.pose.camera_errors),
             projector: Group::of(&placed.pose.projector_errors),
             deviation_mm: spread([3, 4, 5]).sqrt(),

@@ -12,8 +12,8 @@ use std::path::Path;
 pub(super) fn move_to(station: &mut Station, name: &str, room_from_rig: &Pose) {
     let (position_mm, rotation_deg) = room_from_rig.to_xyz_deg();
     for device in station.device.iter_mut().filter(|d| d.name == name) {
-        device.position_mm = Some(position_mm.to_array());
-        device.rotation_deg = Some(rotation_deg.to_array());
+        device.position_mm = Some(position_mm);
+        device.rotation_deg = Some(rotation_deg);
     }
 }
 

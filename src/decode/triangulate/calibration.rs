@@ -1,12 +1,11 @@
 //! Standard deviation of depth that the calibration causes.
 
 use super::{Measured, Triangulator};
-use glam::DVec2;
 use phasmid_geometry::Rig;
 use rayon::prelude::*;
 
 /// A camera pixel and the projector coordinates that lit it, along x and along y.
-pub type Lit = (DVec2, [Option<Measured>; 2]);
+pub type Lit = ([f64; 2], [Option<Measured>; 2]);
 
 impl Triangulator {
     /// Computes the standard deviation in mm that errors of the calibration cause in the depth of each

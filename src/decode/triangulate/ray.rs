@@ -3,6 +3,7 @@
 
 use super::{FARTHEST_MM, Measured, Triangulator, WORST_RELATIVE_SIGMA};
 use glam::{DVec2, DVec3};
+use phasmid_geometry::Vector2;
 
 /// Maximum distance of the projected point from the decoded coordinates, in projector pixels, unless
 /// 6 standard deviations are larger. With both axes decoded, a larger one means a wrong fringe order
@@ -15,13 +16,17 @@ impl Triangulator {
     /// ray through camera pixel `camera_px` lit from the given projector coordinates, in f64 directly
     /// from the lens model. Returns `None` without a coordinate, behind either lens, or without
     /// parallax.
-    pub fn depth(
+    pub fn depth<V: Vector2>(
         &self,
-        camera_px: DVec2,
+        camera_px: V,
         x: Option<Measured>,
         y: Option<Measured>,
     ) -> Option<(f64, f64)> {
-        self.solve(self.rig.camera.lens.ray(camera_px).truncate(), x, y)
+        self.solve(
+            self.rig.camera.lens.ray(camera_px.to_glam()).truncate(),
+            x,
+            y,
+        )
     }
 
     /// The depth and its standard deviation along the camera ray (X/Z, Y/Z).

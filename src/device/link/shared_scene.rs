@@ -67,9 +67,7 @@ impl Patient {
         let target = self.phantom.target(&state);
         PatientAbout {
             phase: state.phase,
-            tumour_mm: scene_from_object
-                .point(target.centroid_mm * scale)
-                .to_array(),
+            tumour_mm: scene_from_object.point(target.centroid_mm.map(|x| x * scale)),
             tumour_mm3: target.volume_mm3 * scale.powi(3),
         }
     }
@@ -235,8 +233,8 @@ fn place(object: &Object, time_ns: u64) -> PlaceAbout {
     let pose: Pose = object.scene_from_object() * moved;
     let (position_mm, rotation_deg) = pose.to_xyz_deg();
     PlaceAbout {
-        position_mm: position_mm.to_array(),
-        rotation_deg: rotation_deg.to_array(),
+        position_mm,
+        rotation_deg,
     }
 }
 

@@ -17,6 +17,11 @@ const MOST: usize = 64;
 impl Board {
     /// Sides of the sheet in millimetres; the grid is centred on it. A dot board has a margin of
     /// one pitch beyond the outer dot centres, a chessboard half a pitch beyond the outer squares.
+    pub fn size_mm(&self) -> [f64; 2] {
+        self.sheet_mm().to_array()
+    }
+
+    #[doc(hidden)]
     pub fn sheet_mm(&self) -> DVec2 {
         let cells = match self {
             Self::Dots { .. } => 1.0,
@@ -31,6 +36,7 @@ impl Board {
     ///
     /// The squares of a chessboard are dark where column + row, counted from 0, is even, so the top
     /// left square is dark.
+    #[doc(hidden)]
     pub fn ink(&self, at: DVec2, across: DVec2, down: DVec2) -> f64 {
         if !(at.is_finite() && across.is_finite() && down.is_finite()) {
             let sheet = self.sheet_mm();

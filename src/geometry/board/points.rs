@@ -35,6 +35,11 @@ impl Board {
     }
 
     /// Returns the point in a column and row, in millimetres in the board's frame.
+    pub fn point_mm(&self, index: [u32; 2]) -> [f64; 2] {
+        self.point(index).to_array()
+    }
+
+    #[doc(hidden)]
     pub fn point(&self, [column, row]: [u32; 2]) -> DVec2 {
         let [columns, rows] = self.grid();
         let middle = (DVec2::new(columns.into(), rows.into()) - 1.0) / 2.0;

@@ -24,6 +24,7 @@ impl Covariance {
     /// Creates a covariance from its matrix, with a row and a column for each estimated parameter.
     /// Returns `None` if the matrix has another size or is not positive definite, or if no parameter
     /// is estimated.
+    #[doc(hidden)]
     pub fn new(estimated: &[bool; RIG], matrix: &DMatrix<f64>) -> Option<Self> {
         let at = indices(estimated);
         if at.is_empty() || matrix.shape() != (at.len(), at.len()) {

@@ -7,7 +7,7 @@ mod prediction;
 
 pub use covariance::Covariance;
 
-use crate::{Lens, Pose};
+use crate::{Lens, Pose, Vector2, Vector3};
 use glam::{DVec2, DVec3};
 use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
@@ -27,6 +27,11 @@ pub struct View {
 
 impl View {
     /// Returns the pupil (projection centre) in the rig's frame, in millimetres.
+    pub fn center_mm(&self) -> [f64; 3] {
+        self.center().to_array()
+    }
+
+    #[doc(hidden)]
     #[inline]
     pub fn center(&self) -> DVec3 {
         self.rig_from_view.translation_mm
@@ -35,15 +40,15 @@ impl View {
     /// Returns the pixel of a point in the rig's frame, in millimetres; `None` where
     /// [`Lens::project`] has none.
     #[inline]
-    pub fn project(&self, p: DVec3) -> Option<DVec2> {
-        let local = self.rig_from_view.rotation.transpose() * (p - self.center());
-        self.lens.project(local)
+    pub fn project<V: Vector3>(&self, p: V) -> Option<V::Image> {
+        let local = self.rig_from_view.rotation.transpose() * (p.to_glam() - self.center());
+        self.lens.project(local).map(V::Image::from_glam)
     }
 
     /// Returns the direction in the rig's frame of the ray through a pixel; its z in the view's
     /// frame is 1.
     #[inline]
-    pub fn ray(&self, px: DVec2) -> DVec3 {
+    pub fn ray<V: Vector2>(&self, px: V) -> V::Space {
         self.rig_from_view.direction(self.lens.ray(px))
     }
 }

@@ -101,6 +101,7 @@ impl Lens {
 
     /// Returns the pixel of a point in the lens's frame, in mm, with its derivatives, without the
     /// fold check of [`Self::project`]; `None` if the point is not in front of the lens.
+    #[doc(hidden)]
     pub fn sight(&self, p: DVec3) -> Option<Sight> {
         if !(p.z > 0.0) {
             return None;

@@ -203,8 +203,8 @@ fn at_isocentre(pod: &Pod, rig: &Rig, seed: u64) -> Result<Pose> {
     let mut scene = Scene::load(BOARD_ROOM)?;
     let (position, rotation) = pod.room_from_rig().to_xyz_deg();
     scene.rig = RigPlace {
-        position_mm: position.to_array(),
-        rotation_deg: rotation.to_array(),
+        position_mm: position,
+        rotation_deg: rotation,
     };
     let (object, board) = scene
         .object

@@ -160,8 +160,8 @@ fn way(poses: &[SixDof], rest: &Pose) -> Motion {
         let (position, rotation) = moved.to_xyz_deg();
         (0..4).map(move |i| Keyframe {
             time_s: k as f64 * APART_S + f64::from(i),
-            position_mm: position.to_array(),
-            rotation_deg: rotation.to_array(),
+            position_mm: position,
+            rotation_deg: rotation,
         })
     });
     Motion {

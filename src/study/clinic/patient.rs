@@ -70,7 +70,7 @@ impl InRoom {
         let state = self.phantom.state(Day::Treatment, time_ns as f64 * 1e-9);
         let room = room_from_patient();
         Moment {
-            tumour_mm: room.point(self.phantom.target(&state).centroid_mm),
+            tumour_mm: room.point(self.phantom.target(&state).centroid_mm).into(),
             tumour: stood(&room, self.phantom.tumour_mesh(&state, TARGET_LEVEL)),
             state,
         }

@@ -112,8 +112,7 @@ impl Desk {
              [object.shape]\nkind = \"board\"\nink = 0.06\n\
              board = {{ pattern = \"dots\", columns = {columns}, rows = {rows}, \
              pitch_mm = {pitch_mm:?}, dot_mm = {dot_mm:?}, marker_mm = {marker_mm:?} }}\n",
-            position.to_array(),
-            rotation.to_array()
+            position, rotation
         );
         Scene::parse(&text, "board.toml").unwrap()
     }

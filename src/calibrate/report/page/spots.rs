@@ -26,8 +26,8 @@ pub(super) fn camera(calibration: &Calibration) -> Vec<Spot> {
     gather(calibration, |sighting, point| {
         Some((
             sighting.camera_px,
-            point.camera_px,
-            point.camera_whitened,
+            point.camera_px.into(),
+            point.camera_whitened.into(),
             point.camera_weight,
         ))
     })
@@ -37,7 +37,8 @@ pub(super) fn camera(calibration: &Calibration) -> Vec<Spot> {
 pub(super) fn projector(calibration: &Calibration) -> Vec<Spot> {
     gather(calibration, |sighting, point| {
         let (lit, fit) = (sighting.projector?, point.projector?);
-        Some((lit.px, fit.px, fit.whitened, fit.weight))
+        let (px, whitened) = (fit.px.into(), fit.whitened.into());
+        Some((lit.px, px, whitened, fit.weight))
     })
 }
 
