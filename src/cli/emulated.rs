@@ -1,7 +1,9 @@
-//! Messages about the optics of emulated devices.
+//! Messages about emulated devices.
 
 use phasmid_core::error::Result;
 use phasmid_device::Device;
+#[cfg(target_os = "linux")]
+use phasmid_device::link::Notice;
 
 /// Prints where a device renders, and why it has no factory calibration if it has none. `label` is the
 /// profile as given.
@@ -20,4 +22,10 @@ pub(super) fn tell(label: &str, device: &mut Device) -> Result<()> {
         eprintln!("phasmid: {why}; CALibration:DATA? answers with an error");
     }
     Ok(())
+}
+
+/// Returns the receiver of a served device's messages that prints them.
+#[cfg(target_os = "linux")]
+pub(super) fn printed() -> Notice {
+    Notice::new(|message| eprintln!("phasmid: {message}"))
 }

@@ -108,56 +108,67 @@ fn listen(installed: mpsc::Sender<()>) -> std::io::Result<()> {
         // The scan may still wait for a port that is gone; a second signal skips that wait.
         signals.next().await;
         tokio::time::sleep_until(end).await;
-        remaining().iter().for_each(Remains::remove);
+        // Locked until the end, so that nothing new is started.
+        let remaining = remaining();
+        remaining.iter().for_each(Remains::remove);
         std::process::exit(INTERRUPTED)
     })
 }
 
+/// The signals that end a command. A signal that was ignored when the program started, such as HUP under
+/// `nohup`, stays ignored.
 #[cfg(unix)]
-struct Signals {
-    interrupt: tokio::signal::unix::Signal,
-    terminate: tokio::signal::unix::Signal,
-    /// Sent when the terminal closes. `None` if the program was told to survive that.
+pub(super) struct Signals {
+    interrupt: Option<tokio::signal::unix::Signal>,
+    terminate: Option<tokio::signal::unix::Signal>,
+    /// Sent when the terminal closes.
     hang_up: Option<tokio::signal::unix::Signal>,
 }
 
 #[cfg(unix)]
 impl Signals {
-    fn install() -> std::io::Result<Self> {
+    /// Installs the handlers, inside a tokio runtime.
+    ///
+    /// # Errors
+    /// Returns the system's error.
+    pub(super) fn install() -> std::io::Result<Self> {
         use tokio::signal::unix::{SignalKind, signal};
-        let hang_up = (!ignores_hang_up()).then(|| signal(SignalKind::hangup()));
+        let ignored = ignored();
+        let install = |kind: SignalKind| {
+            // Bit 0 is signal 1.
+            let is_ignored = ignored >> (kind.as_raw_value() - 1) & 1 != 0;
+            (!is_ignored).then(|| signal(kind)).transpose()
+        };
         Ok(Self {
-            interrupt: signal(SignalKind::interrupt())?,
-            terminate: signal(SignalKind::terminate())?,
-            hang_up: hang_up.transpose()?,
+            interrupt: install(SignalKind::interrupt())?,
+            terminate: install(SignalKind::terminate())?,
+            hang_up: install(SignalKind::hangup())?,
         })
     }
 
     /// Waits for the next signal.
-    async fn next(&mut self) {
-        let hang_up = async {
-            match &mut self.hang_up {
-                Some(signal) => signal.recv().await,
+    pub(super) async fn next(&mut self) {
+        async fn received(signal: &mut Option<tokio::signal::unix::Signal>) {
+            match signal {
+                Some(signal) => drop(signal.recv().await),
                 None => std::future::pending().await,
             }
-        };
+        }
         tokio::select! {
-            _ = self.interrupt.recv() => {}
-            _ = self.terminate.recv() => {}
-            _ = hang_up => {}
+            () = received(&mut self.interrupt) => {}
+            () = received(&mut self.terminate) => {}
+            () = received(&mut self.hang_up) => {}
         }
     }
 }
 
-/// Returns whether HUP was ignored when the program started, as `nohup` arranges it. Always false on
-/// systems other than Linux.
+/// Returns the mask of the signals that the program ignores. Always 0 on systems other than Linux.
 #[cfg(unix)]
-fn ignores_hang_up() -> bool {
+fn ignored() -> u64 {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    // Bit 0 is signal 1, HUP.
-    mask.is_some_and(|mask| mask & 1 != 0)
+    mask.unwrap_or_default()
 }
 
 #[cfg(not(unix))]
@@ -203,6 +214,12 @@ impl Remains {
 fn remaining() -> MutexGuard<'static, Vec<Remains>> {
     static REMAINS: Mutex<Vec<Remains>> = Mutex::new(Vec::new());
     REMAINS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Does short work, such as writing a file, that the second signal must not interrupt.
+pub(super) fn uninterrupted<T>(work: impl FnOnce() -> T) -> T {
+    let _no_exit = remaining();
+    work()
 }
 
 /// Path of a folder that the second signal removes, until this value is dropped.

@@ -5,6 +5,7 @@ mod report;
 mod station;
 
 use super::board_args::BoardArgs;
+use super::interrupt::uninterrupted;
 use super::pods::{Address, PodArgs, Source};
 use super::vector::vector;
 use glam::DVec3;
@@ -64,7 +65,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     for located in &all {
         station::move_to(&mut measured, &located.name, &located.room_from_rig);
     }
-    station::write(&measured, &args.out, args.force)?;
+    uninterrupted(|| station::write(&measured, &args.out, args.force))?;
     for warning in report::warnings(&all) {
         eprintln!("phasmid: {warning}");
     }

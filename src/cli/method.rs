@@ -44,7 +44,8 @@ pub(super) enum Method {
 }
 
 impl MethodArgs {
-    /// Rejects numbers that are not finite and positive, and options of the other method.
+    /// Rejects numbers that are not finite and positive, options of the other method, and a reference
+    /// that cannot be decoded, before anything is captured.
     ///
     /// # Errors
     /// Returns an error that names the option at fault.
@@ -71,8 +72,13 @@ impl MethodArgs {
                 "given without --method height",
                 "--method height, or none of its options",
             )),
-            _ => Ok(()),
+            _ => self.reference.as_deref().map_or(Ok(()), Reference::check),
         }
+    }
+
+    /// Returns the folder of `--reference`.
+    pub(super) fn reference(&self) -> Option<&Path> {
+        self.reference.as_deref()
     }
 
     /// Replaces triangulated depths by depths from this method.
@@ -211,11 +217,26 @@ struct Reference {
 }
 
 impl Reference {
+    /// Checks that a folder holds a capture that can be decoded.
+    fn check(folder: &Path) -> Result<()> {
+        let read = || {
+            let (manifest, images) = Self::read(folder)?;
+            let [width, height] = Image::common_size(&images)?;
+            Decoder::new(&manifest, width, height, None, Options::default()).map(drop)
+        };
+        read().map_err(|e: Error| e.at("--reference"))
+    }
+
+    fn read(folder: &Path) -> Result<(Manifest, Vec<Image>)> {
+        let manifest = Manifest::read(&folder.join(MANIFEST_FILE))?;
+        let plan = Plan::new(&manifest)?;
+        let images = load_frames(&manifest, &plan, folder)?;
+        Ok((manifest, images))
+    }
+
     fn open(folder: &Path, rig: &Rig, options: Options) -> Result<Self> {
         let read = || {
-            let manifest = Manifest::read(&folder.join(MANIFEST_FILE))?;
-            let plan = Plan::new(&manifest)?;
-            let images = load_frames(&manifest, &plan, folder)?;
+            let (manifest, images) = Self::read(folder)?;
             let [width, height] = Image::common_size(&images)?;
             let decoder = Decoder::new(&manifest, width, height, Some(rig), options)?;
             let decoded = decoder.decode(&images)?;

@@ -6,7 +6,7 @@
 //! | --- | --- |
 //! | `backend` | `--backend`, where the render passes run |
 //! | `board_args` | options that describe a calibration board |
-//! | `emulated` | messages about the optics of an emulated device |
+//! | `emulated` | messages about an emulated device |
 //! | `help` | groups of commands, completions, man pages |
 //! | `interrupt` | Ctrl-C and TERM during a capture |
 //! | `method` | `--method`, from projector coordinates to points |

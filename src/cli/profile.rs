@@ -12,6 +12,13 @@ use phasmid_protocol::dialect::Dialect;
 use phasmid_study::sampling::{Sampling, TILT_DEG};
 use std::path::Path;
 
+/// Depths at which the fields of view of camera and projector may meet.
+const FIELDS_MM: [f64; 2] = [10.0, 1e6];
+/// Number of rays of the camera across and down its image that are searched for light.
+const FIELD_RAYS: u32 = 17;
+/// Ratio of successive depths along a ray.
+const FIELD_STEP: f64 = 1.02;
+
 /// List, print or check device profiles.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -56,28 +63,42 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 println!("{name:<16}{description}");
             }
         }
-        Action::Show { name, full, set } => match set.settings()?.only_profile()? {
-            settings if *full || set.is_some() => {
-                print!("{}", Configuration::full_text(name, &settings)?);
+        Action::Show { name, full, set } => {
+            let settings = set.of_profile()?;
+            if set.is_some()
+                && let Configuration::Station(_) = Configuration::load(name)?
+            {
+                set.refuse(&format!("{name} is a station: its devices have profiles"))?;
             }
-            _ => print!("{}", Configuration::text(name)?),
-        },
-        Action::Check { file, .. } if names_dialect(file)? => {
+            match *full || set.is_some() {
+                true => print!("{}", Configuration::full_text(name, &settings)?),
+                false => print!("{}", Configuration::text(name)?),
+            }
+        }
+        Action::Check { file, set } if names_dialect(file)? => {
+            set.refuse(&format!("{file} is a dialect"))?;
             super::dialect::check(file, Dialect::load(file)?)?;
         }
         Action::Check { file, set } => match Configuration::load_with(file, &set.settings()?)? {
             Configuration::Device(profile) => {
+                set.of_profile()?;
                 super::dialect::port(&profile)?;
                 println!("{file}: ok");
                 describe(&profile);
                 describe_factory(&profile);
+                warn_of_fields(file, &profile);
                 match Sampling::of(&profile) {
                     Ok(found) => describe_sampling(&found),
                     // Not an error of the profile: its patterns may be images that are not here.
                     Err(why) => println!("  precision   not measured: {why}"),
                 }
             }
-            Configuration::Station(station) => check_station(file, &station, &set.settings()?)?,
+            Configuration::Station(station) => {
+                if station.scene().is_none() {
+                    set.of_profile()?;
+                }
+                check_station(file, &station, &set.settings()?)?;
+            }
         },
     }
     Ok(())
@@ -117,8 +138,46 @@ fn check_station(file: &str, station: &Station, settings: &Settings) -> Result<(
             profile.name,
             line(&profile.control)
         );
+        warn_of_fields(&device.name, profile);
     }
     Ok(())
+}
+
+/// Warns if the camera sees nothing that the projector lights.
+fn warn_of_fields(place: &str, profile: &Profile) {
+    let [near_mm, far_mm] = FIELDS_MM;
+    if !fields_meet(&profile.nominal_rig()) {
+        eprintln!(
+            "phasmid: {place}: the fields of view of camera and projector do not meet from {near_mm} mm to \
+             {} m: no point can be measured; check projector.position_mm and projector.rotation_deg",
+            far_mm / 1000.0
+        );
+    }
+}
+
+/// Returns whether any point within [`FIELDS_MM`] is in both fields of view.
+fn fields_meet(rig: &Rig) -> bool {
+    let Rig {
+        camera, projector, ..
+    } = rig;
+    let [near_mm, far_mm] = FIELDS_MM;
+    let part = |step: u32| f64::from(step) / f64::from(FIELD_RAYS - 1);
+    let mut pixels = (0..FIELD_RAYS.pow(2)).map(|ray| {
+        let [across, down] = [ray % FIELD_RAYS, ray / FIELD_RAYS].map(part);
+        [
+            across * f64::from(camera.lens.width_px - 1),
+            down * f64::from(camera.lens.height_px - 1),
+        ]
+    });
+    let depths_mm = std::iter::successors(Some(near_mm), |depth| Some(depth * FIELD_STEP));
+    let depths_mm: Vec<f64> = depths_mm.take_while(|depth| *depth <= far_mm).collect();
+    pixels.any(|px| {
+        let (from, ray) = (camera.center_mm(), camera.ray(px));
+        depths_mm.iter().any(|depth| {
+            let lit = projector.project([0, 1, 2].map(|axis| from[axis] + depth * ray[axis]));
+            lit.is_some_and(|px| projector.lens.contains(px))
+        })
+    })
 }
 
 /// Formats a lens's focal length in pixels: one number for square pixels, fx and fy for others.
@@ -250,4 +309,19 @@ pub(super) fn names_dialect(file: &str) -> Result<bool> {
     let shipped = Dialect::names().any(|name| name == file);
     let path = Path::new(file);
     Ok(shipped || path.is_file() && TomlSource::read(path)?.has("framing"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_of_the_built_in_profiles_meet() {
+        for name in profile_names() {
+            let mut profile = Profile::load(name).unwrap();
+            assert!(fields_meet(&profile.nominal_rig()), "{name}");
+            profile.projector.rotation_deg[1] += 180.0;
+            assert!(!fields_meet(&profile.nominal_rig()), "{name}, turned away");
+        }
+    }
 }

@@ -1,7 +1,8 @@
 //! `phasmid replay`: serves a device that behaves as recorded.
 
+use super::emulated::printed;
 use super::record;
-use super::serve::{Shutdown, default_run_dir, runtime, tcp};
+use super::serve::{Shutdown, check_run_dir, default_run_dir, runtime, tcp};
 use phasmid_core::error::{Error, Result};
 use phasmid_device::link::{Outcome, Replay, RunDir, replay};
 use phasmid_host::monotonic_ns;
@@ -48,6 +49,7 @@ enum Pace {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
+    check_run_dir(args.run_dir.as_deref())?;
     let mut reader = record::open(&args.file)?;
     let about = about(&mut reader, &args.file)?;
     let run_dir = match &args.run_dir {
@@ -61,7 +63,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         about,
         fast: args.clock == Pace::Fast,
         tcp: tcp(args.tcp, args.tcp_token.as_deref())?,
-        notice: |text| eprintln!("phasmid: {text}"),
+        notice: printed(),
     };
     let outcome = runtime()?.block_on(async {
         // Watch before creating anything that must be removed at the end.

@@ -11,7 +11,9 @@ use crate::{ScanOptions, Scanner, Truth};
 use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{self, check_folder};
-use phasmid_decode::{Capture, MANIFEST_FILE, Options, Summary, output_names, write_outputs};
+use phasmid_decode::{
+    CALIBRATION_FILE, Capture, MANIFEST_FILE, Options, Summary, output_names, write_outputs,
+};
 use phasmid_geometry::Rig;
 use phasmid_host::usb::UsbAddress;
 use phasmid_host::{
@@ -274,8 +276,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     recorded.unwrap_or(Ok(()))
 }
 
-/// Rejects outputs in the run directory of the device, and a recording that is another file of this
-/// scan or cannot be written.
+/// Rejects outputs in the run directory of the device or over an input, and a recording that is another
+/// file of this scan or cannot be written.
 fn check_places(args: &Args) -> Result<()> {
     let camera = args.camera.as_deref();
     let socket = camera.and_then(|address| address.strip_prefix("socket:"));
@@ -294,6 +296,35 @@ fn check_places(args: &Args) -> Result<()> {
             "a folder elsewhere: a run directory is only for the device's own files",
         ));
     }
+    let dialect = args.dialect.as_deref().map(Path::new);
+    let inputs = [
+        ("--calibration", args.calibration.as_deref()),
+        ("--manifest", args.manifest.as_deref()),
+        ("--dialect", dialect),
+    ];
+    for (option, input) in inputs {
+        let Some(input) = input.and_then(|input| input.canonicalize().ok()) else {
+            continue;
+        };
+        if input.parent() == Some(&out) && is_written(&input) {
+            return Err(Error::input(
+                format!("--out {}", args.out.display()),
+                format!("the folder of {option}, whose file the scan would overwrite"),
+                "another folder",
+            ));
+        }
+    }
+    if args
+        .method
+        .reference()
+        .is_some_and(|folder| resolved(folder) == out)
+    {
+        return Err(Error::input(
+            format!("--out {}", args.out.display()),
+            "the folder of --reference, which the scan would overwrite",
+            "another folder",
+        ));
+    }
     let Some(path) = &args.record else {
         return Ok(());
     };
@@ -307,12 +338,7 @@ fn check_places(args: &Args) -> Result<()> {
         let found = format!("a file in the folder of --out, {}", args.out.display());
         return Err(Error::input(place, found, "a file elsewhere"));
     }
-    let dialect = args.dialect.as_deref().map(Path::new);
-    for (option, input) in [
-        ("--calibration", args.calibration.as_deref()),
-        ("--manifest", args.manifest.as_deref()),
-        ("--dialect", dialect),
-    ] {
+    for (option, input) in inputs {
         let same = |input: &Path| {
             let [file, input] = [path, input].map(Path::canonicalize);
             file.is_ok_and(|file| input.is_ok_and(|input| input == file))
@@ -323,6 +349,14 @@ fn check_places(args: &Args) -> Result<()> {
         }
     }
     new_file::check(path, args.force).map_err(|e| e.at("--record"))
+}
+
+/// Returns whether a scan writes a file of this name, or deletes an earlier one.
+fn is_written(file: &Path) -> bool {
+    let name = file.file_name().unwrap_or_default();
+    let fixed = [MANIFEST_FILE, CALIBRATION_FILE];
+    fixed.iter().chain(&TRUTH).any(|written| name == *written)
+        || output_names().iter().any(|written| name == *written)
 }
 
 /// Returns an absolute path without links, also for a folder that does not exist yet.

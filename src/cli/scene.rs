@@ -45,14 +45,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 println!("{name:<24}{}", Scene::load(name)?.description);
             }
         }
-        Action::Show { name, full, set } => match set.settings()? {
+        Action::Show { name, full, set } => match set.of_scene()? {
             settings if *full || set.is_some() => {
                 print!("{}", Scene::full_text(name, &settings)?);
             }
             _ => print!("{}", Scene::text(name)?),
         },
         Action::Check { file, set } => {
-            let scene = Scene::load_with(file, &set.settings()?)?;
+            let scene = Scene::load_with(file, &set.of_scene()?)?;
             let mut triangles = 0;
             for (i, object) in scene.object.iter().enumerate() {
                 if let Shape::Mesh { file: mesh } = &object.shape {

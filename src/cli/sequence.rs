@@ -42,7 +42,7 @@ enum Action {
 pub(super) fn run(args: &Args) -> Result<()> {
     match &args.action {
         Action::List { profile, set } => {
-            let profile = Profile::load_with(profile, &set.settings()?.only_profile()?)?;
+            let profile = Profile::load_with(profile, &set.of_profile()?)?;
             for Sequence {
                 name,
                 period_us,
@@ -73,12 +73,17 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
 }
 
-/// Returns a sequence of a profile, or a manifest. A file is a manifest if it has the key `frame`.
+/// Returns a sequence of a profile, or a manifest. A file is a manifest if it has the key `frame`,
+/// or only the projector of a profile.
 fn manifest(file: &str, sequence: Option<&str>, set: &SetArgs) -> Result<Manifest> {
     let path = Path::new(file);
     let is_profile = profile_names().any(|name| name == file) || !path.is_file();
-    let settings = set.settings()?.only_profile()?;
-    if !is_profile && TomlSource::read(path)?.has("frame") {
+    let is_manifest = |source: &TomlSource| {
+        let of_profile = ["name", "camera", "extends"];
+        source.has("frame")
+            || source.has("projector") && !of_profile.iter().any(|key| source.has(key))
+    };
+    if !is_profile && is_manifest(&TomlSource::read(path)?) {
         if let Some(name) = sequence {
             return Err(Error::input(
                 format!("sequence {name}"),
@@ -86,9 +91,10 @@ fn manifest(file: &str, sequence: Option<&str>, set: &SetArgs) -> Result<Manifes
                 "no name: a manifest has one sequence",
             ));
         }
+        set.refuse(&format!("{file} is a manifest"))?;
         return Manifest::read(path);
     }
-    let profile = Profile::load_with(file, &settings)?;
+    let profile = Profile::load_with(file, &set.of_profile()?)?;
     let wanted = sequence.unwrap_or(&profile.sequence[0].name);
     let found = profile.sequence.iter().find(|s| s.name == wanted);
     let found = found.ok_or_else(|| {

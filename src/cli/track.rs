@@ -6,15 +6,18 @@ use super::interrupt::check;
 use super::pods::PodArgs;
 use super::progress::ProgressLine;
 use crate::facade::TOLERANCE_MM;
-use crate::{Pod, TrackOptions, TrackProgress};
+use crate::{Pod, TrackOptions, TrackProgress, Tracked};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
 use phasmid_planning::planning::Planning;
 use phasmid_sgrt::{Beam, ModelOptions, Planned, Reason, Region};
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, RangeInclusive};
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use table::Table;
+
+/// Allowed values of `--seconds`.
+const SECONDS: RangeInclusive<f64> = 0.001..=1e6;
 
 /// Follow a patient's skin and tumour live with one or several pods: six degrees of freedom, the tumour's
 /// position with its standard deviation, beam hold and latency, as one line of CSV per scan
@@ -32,6 +35,10 @@ pub(super) struct Args {
     /// Number of scans [default: unlimited].
     #[arg(long, value_name = "N")]
     scans: Option<u64>,
+    /// Seconds of device time after the first scan, 0.001 to 1000000 [default: unlimited]. With --scans,
+    /// tracking ends at whichever comes first.
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
     /// File for the lines [default: standard output].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -54,6 +61,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if args.scans == Some(0) {
         return Err(Error::input("--scans", 0, "1 or more"));
     }
+    let seconds = args.seconds.filter(|s| !SECONDS.contains(s));
+    if let Some(seconds) = seconds {
+        let allowed = format!("{} to {}", SECONDS.start(), SECONDS.end());
+        return Err(Error::input("--seconds", seconds, allowed));
+    }
     if let Some(path) = &args.out {
         new_file::check(path, args.force)?;
     }
@@ -68,6 +80,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let options = TrackOptions {
         tolerance_mm: args.tolerance_mm,
         scans: args.scans,
+        duration: args.seconds.map(Duration::from_secs_f64),
         ..TrackOptions::default()
     };
     // Lines on standard output show the progress themselves.
@@ -78,6 +91,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let tracked = crate::track(&mut pods, &planned, &options, |progress| {
         if let Some(line) = &line {
             show(line, progress, args.scans);
+        }
+        if let TrackProgress::Scan(tracked) = progress {
+            hint(tracked);
         }
         reported = report(progress, &mut table, &mut on).and_then(|()| check());
         match reported {
@@ -91,12 +107,25 @@ pub(super) fn run(args: &Args) -> Result<()> {
         let held = table.silent(scan, &Beam::Held(Reason::Stale));
         reported = held.and(reported);
     }
-    if args.scans.is_none() && matches!(reported, Err(Error::Interrupted)) {
-        // The usual end of tracking without a number of scans.
+    if args.scans.is_none() && args.seconds.is_none() && matches!(reported, Err(Error::Interrupted))
+    {
+        // The usual end of tracking without a limit.
         reported = Ok(());
     }
     let finished: Vec<_> = pods.into_iter().map(Pod::finish).collect();
     tracked.and(reported).and(finished.into_iter().collect())
+}
+
+/// Says what to check if the first scan shows no skin.
+fn hint(first: &Tracked) {
+    if first.scan == 0 && first.skin.is_none() && first.tumour.is_none() {
+        eprintln!(
+            "phasmid: no skin in sight, found {} points; check the poses of the pods in the station \
+             (--station), and the exposure, the sequence and the image size or binning of each pod; \
+             `phasmid scan` shows what one pod measures, and `phasmid plan` what an emulated one renders",
+            first.points
+        );
+    }
 }
 
 /// Shows the latest scan and the state of the beam in the line of progress. Numbers of scans are those

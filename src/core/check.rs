@@ -2,13 +2,11 @@
 //! the value found and the allowed range.
 
 use crate::error::{Error, Result};
-use crate::source::TomlSource;
+use crate::source::{MAX_COUNTED, TomlSource};
+use serde::de::DeserializeOwned;
 use std::cell::RefCell;
 use std::fmt::{Display, LowerExp};
 use std::ops::RangeInclusive;
-
-/// Maximum number of violations that are reported together.
-const MAX_ERRORS: usize = 20;
 
 /// Checks values read from a document and reports violations by file, line and field. Values out of
 /// range are collected; any other violation ends its section.
@@ -25,20 +23,46 @@ impl<'a> Check<'a> {
     /// Checks the values of a document.
     ///
     /// # Errors
-    /// Returns all violations that were found, 20 at most.
+    /// Returns all violations that were found, the first 20 of them by line.
+    #[cfg(test)]
     pub fn all(source: &'a TomlSource, check: impl FnOnce(&Self) -> Result<()>) -> Result<()> {
-        let mut errors = Self::errors_of(source, check);
-        errors.truncate(MAX_ERRORS);
+        let errors = Self::errors_of(source, check);
         match errors.is_empty() {
             true => Ok(()),
-            false => Err(Error::several(errors)),
+            false => Err(source.in_order(errors, false)),
+        }
+    }
+
+    /// Deserialises a document and checks its values.
+    ///
+    /// # Errors
+    /// Returns all errors that were found, the first 20 of them by line. Values are not checked if the
+    /// document has an error other than a missing text.
+    pub fn read<T: DeserializeOwned>(
+        source: &'a TomlSource,
+        check: impl FnOnce(&mut T, &Self) -> Result<()>,
+    ) -> Result<T> {
+        let (mut value, mut errors) = match source.deserialized()? {
+            Ok(value) => (value, Vec::new()),
+            Err(mut faults) => {
+                let errors = source.errors(&faults);
+                match faults.mended.take() {
+                    Some(mended) => (mended, errors),
+                    None => return Err(source.in_order(errors, !faults.is_complete)),
+                }
+            }
+        };
+        errors.extend(Self::errors_of(source, |all| check(&mut value, all)));
+        match errors.is_empty() {
+            true => Ok(value),
+            false => Err(source.in_order(errors, false)),
         }
     }
 
     /// Checks a part of the document whose violations do not matter to the rest; returns whether it has
-    /// none. After 20 violations the rest is not checked.
+    /// none. After 200 violations the rest is not checked.
     pub fn section(&self, check: impl FnOnce(&Self) -> Result<()>) -> bool {
-        if self.inside.borrow().len() >= MAX_ERRORS {
+        if self.inside.borrow().len() >= MAX_COUNTED {
             return false;
         }
         let errors = Self::errors_of(self.source, check);
@@ -77,15 +101,33 @@ impl<'a> Check<'a> {
     where
         T: PartialOrd + Display + LowerExp + Copy,
     {
+        self.within_for(field, value, range, "")
+    }
+
+    /// Checks that a value lies in an inclusive range; `reason` follows the range in the message, such as
+    /// " for camera.bits = 8".
+    ///
+    /// # Errors
+    /// Returns the error of [`Self::within`].
+    pub fn within_for<T>(
+        &self,
+        field: &str,
+        value: T,
+        range: RangeInclusive<T>,
+        reason: &str,
+    ) -> Result<()>
+    where
+        T: PartialOrd + Display + LowerExp + Copy,
+    {
         // NaN is never contained in a range.
         if range.contains(&value) {
             return Ok(());
         }
         let (low, high) = (range.start(), range.end());
         let allowed = if low == high {
-            low.to_string()
+            format!("{low}{reason}")
         } else {
-            format!("{low} to {high}")
+            format!("{low} to {high}{reason}")
         };
         // Use exponent notation for numbers that would print hundreds of digits.
         let plain = value.to_string();
@@ -94,12 +136,28 @@ impl<'a> Check<'a> {
         } else {
             format!("{value:e}")
         };
-        let error = self.source.violation(field, found, allowed);
-        let mut errors = self.errors.borrow_mut();
-        if errors.len() + 1 >= MAX_ERRORS {
-            return Err(error);
+        let found = self.given(field, found);
+        self.collect(self.source.violation(field, found, allowed))
+    }
+
+    /// Returns the value of a field for a message, which says so if the document does not give it.
+    pub fn given(&self, field: &str, value: impl Display) -> String {
+        match self.source.has(field) {
+            true => value.to_string(),
+            false => format!("{value}, the default"),
         }
-        errors.push(error);
+    }
+
+    /// Adds a violation of this section.
+    ///
+    /// # Errors
+    /// Returns the violation if the section has many.
+    pub fn collect(&self, violation: Error) -> Result<()> {
+        let mut errors = self.errors.borrow_mut();
+        if errors.len() + 1 >= MAX_COUNTED {
+            return Err(violation);
+        }
+        errors.push(violation);
         Ok(())
     }
 
@@ -181,11 +239,10 @@ mod tests {
             unreachable!("values are out of range")
         });
         let message = message.unwrap_err().to_string();
-        let mut places: Vec<_> = message
+        let places: Vec<_> = message
             .lines()
             .filter_map(|line| line.split(": ").next())
             .collect();
-        places.sort_unstable();
         assert_eq!(places, ["m.toml:1", "m.toml:2", "m.toml:4"], "{message}");
         Check::all(&source, |check| check.within("a", 1, 0..=3)).unwrap();
     }
@@ -196,10 +253,12 @@ mod tests {
         let all = Check::all(&source, |check| {
             (0..100).try_for_each(|_| check.within("a", 1, 2..=3))
         });
-        assert_eq!(all.unwrap_err().to_string().lines().count(), MAX_ERRORS);
+        let message = all.unwrap_err().to_string();
+        assert_eq!(message.lines().count(), 21);
+        assert!(message.ends_with("\nand 80 further errors"), "{message}");
         let mut checked = 0;
         let all = Check::all(&source, |check| {
-            for _ in 0..100 {
+            for _ in 0..1000 {
                 check.section(|check| {
                     checked += 1;
                     check.within("a", 1, 2..=3)
@@ -207,7 +266,31 @@ mod tests {
             }
             Ok(())
         });
-        assert_eq!(all.unwrap_err().to_string().lines().count(), MAX_ERRORS);
-        assert_eq!(checked, MAX_ERRORS);
+        assert_eq!(checked, MAX_COUNTED);
+        let message = all.unwrap_err().to_string();
+        let end = "\nand at least 180 further errors";
+        assert!(message.ends_with(end), "{message}");
+    }
+
+    #[test]
+    fn defaults_are_called_so_and_a_missing_name_hides_nothing() {
+        #[derive(Debug, serde::Deserialize)]
+        #[expect(dead_code, reason = "only read")]
+        struct Document {
+            a: i32,
+            name: String,
+        }
+        let source = TomlSource::new("a = 7\n", "m.toml");
+        let read = Check::read(&source, |document: &mut Document, check| {
+            check.within("a", document.a, 2..=3)?;
+            check.within("b", 5, 2..=3)
+        });
+        let message = read.unwrap_err().to_string();
+        let expected = [
+            "m.toml:1: missing field `name`; expected the required field `name`",
+            "m.toml:1: a: 7; expected 2 to 3",
+            "m.toml:1: b: 5, the default; expected 2 to 3",
+        ];
+        assert_eq!(message.lines().collect::<Vec<_>>(), expected);
     }
 }

@@ -38,6 +38,14 @@ pub enum Error {
     /// Several errors that were found together, a line each.
     #[error("{}", lines(.0))]
     Several(Vec<Error>),
+    /// Errors of the same input that are not listed.
+    #[error("and {}{count} further error{}", if *.is_least { "at least " } else { "" }, if *.count == 1 { "" } else { "s" })]
+    Further {
+        /// Number of errors.
+        count: usize,
+        /// Whether there may be more than that.
+        is_least: bool,
+    },
     /// The caller ended the call early.
     #[error("interrupted")]
     Interrupted,
@@ -139,7 +147,7 @@ impl Error {
                 let errors = errors.into_iter().map(|error| error.at(outer.as_str()));
                 Self::Several(errors.collect())
             }
-            Self::Interrupted => Self::Interrupted,
+            Self::Interrupted | Self::Further { .. } => self,
             Self::Rejected { message, source } => Self::Rejected {
                 message: format!("{outer}: {message}"),
                 source,
@@ -152,7 +160,7 @@ impl Error {
     /// Of several errors the largest status counts.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Input { .. } | Self::Rejected { .. } => 2,
+            Self::Input { .. } | Self::Rejected { .. } | Self::Further { .. } => 2,
             Self::Several(errors) => errors.iter().map(Self::exit_code).max().unwrap_or(1),
             Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => 2,
             Self::Io { .. } | Self::Interrupted | Self::Device(_) => 1,

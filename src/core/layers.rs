@@ -1,18 +1,27 @@
 //! TOML documents in layers: a document, the ones that it extends, and single settings above it.
 //! Positions count over the texts of all layers, so that each value keeps its file and line.
 
+use crate::deserializer::{article, type_name};
 use crate::error::{Error, Result};
+use crate::setting::{Step, steps};
 use crate::wording::found_and_expected;
 use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeArray, DeTable, DeValue};
 
 /// Key with the name or path of the document that a document extends.
 pub(crate) const EXTENDS: &str = "extends";
 
-/// Maximum number of steps of a setting's path. Values are dropped and written recursively.
-const MAX_STEPS: usize = 64;
+/// Fields that exclude each other. A document that gives one side drops the other side of the document
+/// that it extends.
+const ALTERNATIVES: [[&[&str]; 2]; 2] = [
+    [&["gamma"], &["table"]],
+    [
+        &["fitzpatrick"],
+        &["absorption_per_mm", "reduced_scattering_per_mm"],
+    ],
+];
 
 /// Texts in ascending precedence.
 #[derive(Clone)]
@@ -49,7 +58,7 @@ impl Layers {
         self.0.splice(0..0, layers);
     }
 
-    /// Puts a value on top; a text that is no TOML value counts as a string.
+    /// Puts a value on top; a text that is not valid TOML counts as a string.
     pub fn set(&mut self, path: &str, value: &str, place: String) {
         let text = match DeValue::parse(value) {
             Ok(_) => value.to_owned(),
@@ -82,7 +91,7 @@ impl Layers {
             DeValue::String(name) => Ok(Some((name.to_string(), place))),
             other => Err(Error::input(
                 place,
-                format!("{} {}", article(other), other.type_str()),
+                format!("{} {}", article(other), type_name(other)),
                 "the name of a built-in document or the path of a file, in quotes",
             )),
         }
@@ -112,7 +121,7 @@ impl Layers {
                 });
             } else if let Some(table) = &mut merged {
                 let value = DeValue::parse(&layer.text)
-                    .map_err(|error| self.error(&error, start))
+                    .map_err(|error| self.syntax_error(&error, &layer.text, start))
                     .map(|value| shifted(value, start))?;
                 put(table, &layer.path, value)
                     .map_err(|(found, expected)| Error::input(&layer.place, found, expected))?;
@@ -137,7 +146,8 @@ impl Layers {
     }
 
     fn parse<'a>(&self, layer: &'a Layer, start: usize) -> Result<Spanned<DeTable<'a>>> {
-        let table = DeTable::parse(&layer.text).map_err(|error| self.error(&error, start))?;
+        let table = DeTable::parse(&layer.text)
+            .map_err(|error| self.syntax_error(&error, &layer.text, start))?;
         let span = table.span();
         Ok(Spanned::new(
             moved(span, start),
@@ -145,17 +155,17 @@ impl Layers {
         ))
     }
 
-    /// Rewords an error of the TOML parser; `start` is added to its position.
-    pub fn error(&self, error: &toml::de::Error, start: usize) -> Error {
-        let at = start + error.span().map_or(0, |span| span.start);
-        let message = error.message();
-        let missing = message.strip_prefix("missing field ");
-        let otherwise = missing.map_or_else(
-            || "valid TOML".to_owned(),
-            |name| format!("the required field {}", name.trim_end()),
-        );
-        let (found, expected) = found_and_expected(message, &otherwise);
-        Error::input(self.place_at(at), found, expected)
+    /// Rewords an error of the TOML parser in a text; `start` is the position of the text.
+    fn syntax_error(&self, error: &toml::de::Error, text: &str, start: usize) -> Error {
+        let span = error.span().unwrap_or_default();
+        let place = self.place_at(start + span.start);
+        let message = error.message().trim_end();
+        if message == "duplicate key" {
+            let key = text.get(span).unwrap_or_default().trim();
+            return Error::input(place, format!("duplicate key `{key}`"), "each key once");
+        }
+        let (found, expected) = found_and_expected(message, "valid TOML");
+        Error::input(place, found, expected)
     }
 
     /// Returns `FILE:LINE` of a position, or the setting that it is in.
@@ -176,41 +186,25 @@ impl Layers {
         format!("{}:1", self.place())
     }
 
-    /// Returns the position of the value at a path such as `frame[3].pattern`, or of the closest table
-    /// around it.
-    pub fn position_of(&self, path: &str) -> Option<usize> {
-        let root = self.merged().ok()?;
-        let start = root.span().start;
-        let mut table = root.get_ref();
-        let mut position = start;
-        for step in path.split('.') {
-            let (key, indices) = step.split_once('[').unwrap_or((step, ""));
-            let Some((name, mut value)) = table.get_key_value(key) else {
-                break;
+    /// Returns a key by which places are sorted: settings first, then the document and what it
+    /// extends, each by line.
+    pub fn rank(&self, place: &str) -> (usize, usize) {
+        for (i, layer) in self.0.iter().rev().enumerate() {
+            let Some(rest) = place.strip_prefix(&layer.place) else {
+                continue;
             };
-            position = name.span().start;
-            for index in indices.split(']').filter(|s| !s.is_empty()) {
-                let index: usize = index.trim_start_matches('[').parse().ok()?;
-                let DeValue::Array(array) = value.get_ref() else {
-                    break;
-                };
-                value = array.get(index)?;
-                position = value.span().start;
+            let line = rest.strip_prefix(':').and_then(|rest| {
+                let digits = rest.split(':').next()?;
+                digits.parse().ok()
+            });
+            if let Some(line) = line {
+                return (i, line);
             }
-            match value.get_ref() {
-                DeValue::Table(inner) => table = inner,
-                _ => break,
+            if !layer.path.is_empty() {
+                return (i, 0);
             }
         }
-        Some(position)
-    }
-}
-
-/// Returns the indefinite article of a type's name.
-fn article(value: &DeValue<'_>) -> &'static str {
-    match value {
-        DeValue::Integer(_) | DeValue::Array(_) => "an",
-        _ => "a",
+        (self.0.len(), 0)
     }
 }
 
@@ -238,8 +232,39 @@ fn shifted_table(table: DeTable<'_>, by: usize) -> DeTable<'_> {
     entries.collect()
 }
 
+/// Removes from a table what a table above it replaces without a field of the same name.
+fn drop_replaced(below: &mut DeTable<'_>, above: &DeTable<'_>) {
+    for [one, other] in ALTERNATIVES {
+        for (given, replaced) in [(one, other), (other, one)] {
+            let has = |names: &[&str]| names.iter().any(|name| above.contains_key(*name));
+            if has(given) && !has(replaced) {
+                for name in replaced {
+                    below.remove(*name);
+                }
+            }
+        }
+    }
+    // `calibration.sequence` names one of the sequences.
+    let Some(DeValue::Array(sequences)) = above.get("sequence").map(Spanned::get_ref) else {
+        return;
+    };
+    if let Some(calibration) = below.get_mut("calibration")
+        && let DeValue::Table(calibration) = calibration.get_mut()
+        && let Some(DeValue::String(named)) = calibration.get("sequence").map(Spanned::get_ref)
+    {
+        let is_named = |sequence: &Spanned<DeValue<'_>>| {
+            let name = sequence.get_ref().get("name");
+            name.is_some_and(|name| name.get_ref().as_str() == Some(named.as_ref()))
+        };
+        if !sequences.iter().any(is_named) {
+            calibration.remove("sequence");
+        }
+    }
+}
+
 /// Merges a table into the one below it.
 fn merge<'a>(below: &mut DeTable<'a>, above: DeTable<'a>) {
+    drop_replaced(below, &above);
     for (key, value) in above {
         let span = value.span();
         let value = match (
@@ -302,68 +327,93 @@ fn put<'a>(
     path: &'a str,
     value: Spanned<DeValue<'a>>,
 ) -> Result<(), (String, String)> {
-    if path.split('.').count() > MAX_STEPS {
-        let found = format!("a path of more than {MAX_STEPS} steps");
-        return Err((found, "the path of a field".to_owned()));
-    }
     let span = value.span();
-    let mut steps = path.split('.').peekable();
-    let mut here = table.get_mut();
+    let mut steps = steps(path)?.into_iter().peekable();
+    let mut value = Some(value);
+    let mut here = Place::Table(table.get_mut());
+    let mut before = "";
     while let Some(step) = steps.next() {
-        let (key, indices) = step.split_once('[').unwrap_or((step, ""));
-        let last = steps.peek().is_none();
-        let name = || Spanned::new(span.clone(), key.into());
-        if last && indices.is_empty() {
-            here.remove(key);
-            here.insert(name(), value);
-            return Ok(());
-        }
-        if !here.contains_key(key) && indices.is_empty() {
-            let inner = DeValue::Table(DeTable::new());
-            here.insert(name(), Spanned::new(span.clone(), inner));
-        }
-        let Some(mut inner) = here.get_mut(key) else {
-            return Err((
-                format!("no list {key}"),
-                "an index of an existing list".to_owned(),
-            ));
+        // The last step gets the value, the others get tables.
+        let last = match steps.peek() {
+            None => value.take(),
+            Some(_) => None,
         };
-        for index in indices.split(']').filter(|s| !s.is_empty()) {
-            let DeValue::Array(array) = inner.get_mut() else {
-                return Err((
-                    format!("{key}, which is no list"),
-                    "the path of a field".to_owned(),
-                ));
-            };
-            let count = array.len();
-            let entry = index
-                .trim_start_matches('[')
-                .parse()
-                .ok()
-                .and_then(|i: usize| array.get_mut(i));
-            inner = entry.ok_or_else(|| {
-                (
-                    format!(
-                        "element {:?} of {key}, which has {count}",
-                        index.trim_start_matches('[')
-                    ),
-                    format!("0 to {}", count.saturating_sub(1)),
-                )
-            })?;
-        }
-        if last {
-            *inner = value;
-            return Ok(());
+        let inner = match (step, here) {
+            (Step::Key(key), Place::Table(table)) => {
+                let name = Spanned::new(span.clone(), key.into());
+                if let Some(value) = last {
+                    let above = DeTable::from_iter([(name, value)]);
+                    drop_replaced(table, &above);
+                    for (name, value) in above {
+                        table.remove(key);
+                        table.insert(name, value);
+                    }
+                    return Ok(());
+                }
+                if matches!(steps.peek(), Some(Step::Index(_))) && !table.contains_key(key) {
+                    return Err((
+                        format!("an element of {key}, which is absent"),
+                        "an element of a list that the document has".to_owned(),
+                    ));
+                }
+                table
+                    .entry(name)
+                    .or_insert_with(|| Spanned::new(span.clone(), DeValue::Table(DeTable::new())))
+            }
+            (Step::Index(index), Place::List(list)) => {
+                let count = list.len();
+                let element = list.get_mut(index).ok_or_else(|| {
+                    let allowed = match count {
+                        0 => "a list with elements".to_owned(),
+                        _ => format!("0 to {}", count - 1),
+                    };
+                    (
+                        format!("element {index} of {before}, which has {count}"),
+                        allowed,
+                    )
+                })?;
+                if let Some(value) = last {
+                    *element = value;
+                    return Ok(());
+                }
+                element
+            }
+            (_, here) => {
+                let found = format!("{before}, which is {}", here.kind());
+                let expected = match step {
+                    Step::Key(_) => "the path of a field: only tables have fields",
+                    Step::Index(_) => "the path of a field: only lists have elements",
+                };
+                return Err((found, expected.to_owned()));
+            }
+        };
+        if let Step::Key(key) = step {
+            before = key;
         }
         here = match inner.get_mut() {
-            DeValue::Table(table) => table,
-            other => {
-                let found = format!("{step}, which is {} {}", article(other), other.type_str());
-                return Err((found, "the path of a field".to_owned()));
-            }
+            DeValue::Table(table) => Place::Table(table),
+            DeValue::Array(list) => Place::List(list),
+            other => Place::Value(format!("{} {}", article(other), type_name(other))),
         };
     }
     Ok(())
+}
+
+enum Place<'t, 'a> {
+    Table(&'t mut DeTable<'a>),
+    List(&'t mut DeArray<'a>),
+    /// The type of a value.
+    Value(String),
+}
+
+impl Place<'_, '_> {
+    fn kind(&self) -> &str {
+        match self {
+            Self::Table(_) => "a table",
+            Self::List(_) => "a list",
+            Self::Value(kind) => kind,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -420,7 +470,7 @@ bits = 8
             ),
             (
                 "camera.sensor.gain",
-                "--set camera.sensor.gain=-1: camera.sensor.gain",
+                "setting camera.sensor.gain=-1: camera.sensor.gain",
             ),
             ("list[2]", "built-in test base:2: list[2]"),
         ] {
@@ -443,14 +493,19 @@ bits = 8
         refused(
             base,
             "list[3]=1",
-            &["--set list[3]=1", "which has 3", "0 to 2"],
+            &["setting list[3]=1", "which has 3", "0 to 2"],
         );
         refused(
             base,
             "name.first=1",
-            &["name, which is a string", "the path of a field"],
+            &["name, which is a string", "only tables have fields"],
         );
-        refused(base, "camera[0]=1", &["camera, which is no list"]);
+        refused(
+            base,
+            "camera[0]=1",
+            &["camera, which is a table", "only lists have elements"],
+        );
+        refused(base, "moon[0]=1", &["an element of moon, which is absent"]);
         refused(
             "extends = 'bsae'",
             "name=1",
@@ -461,9 +516,60 @@ bits = 8
             "name=1",
             &["own.toml:2: extends", "an integer"],
         );
-        assert!("camera".parse::<Setting>().is_err());
-        let deep = format!("camera{}=1", ".a".repeat(60_000));
-        refused(base, &deep, &["a path of more than 64 steps"]);
+    }
+
+    #[test]
+    fn one_alternative_replaces_the_other() {
+        let base = "sequence = [{ name = 'a' }, { name = 'b' }]
+[calibration]
+sequence = 'b'
+board_scale = 2
+[response]
+gamma = 2.2
+[skin]
+fitzpatrick = 3
+";
+        let merged = |text: &str, settings: &[&str]| -> toml::Table {
+            let settings: Vec<Setting> = settings.iter().map(|s| s.parse().unwrap()).collect();
+            let text = format!("extends = 'base'\n{text}");
+            let source = TomlSource::new(&text, "own.toml");
+            let source = source.extended("".as_ref(), &[("base", base)], "test");
+            let text = source.unwrap().with(&settings).to_toml().unwrap();
+            text.parse().unwrap()
+        };
+        let table: toml::Table = merged(
+            "response.table = [0, 1]\nskin.absorption_per_mm = 0.1\nsequence = [{ name = 'c' }]\n",
+            &[],
+        );
+        assert_eq!(table["response"].as_table().unwrap().len(), 1);
+        assert_eq!(table["skin"].as_table().unwrap().len(), 1);
+        assert_eq!(table["calibration"].as_table().unwrap().len(), 1);
+        let table = merged("", &["response.table=[0, 1]", "skin.refractive_index=1.3"]);
+        assert_eq!(table["response"].as_table().unwrap().len(), 1);
+        assert_eq!(table["skin"].as_table().unwrap().len(), 2);
+        let table = merged("sequence = [{ name = 'b' }]\n", &[]);
+        assert_eq!(table["calibration"]["sequence"].as_str(), Some("b"));
+    }
+
+    #[test]
+    fn a_duplicate_key_is_named() {
+        for (text, message) in [
+            (
+                "a = 1\nb = 2\na = 3\n",
+                "m.toml:3: duplicate key `a`; expected each key once",
+            ),
+            (
+                "[a]\nb = 1\n[a]\nb = 2\n",
+                "m.toml:3: duplicate key `a`; expected each key once",
+            ),
+            (
+                "a = { b = 1, b = 2 }\n",
+                "m.toml:1: duplicate key `b`; expected each key once",
+            ),
+        ] {
+            let read = TomlSource::new(text, "m.toml").to_toml();
+            assert_eq!(read.unwrap_err().to_string(), message);
+        }
     }
 
     #[test]

@@ -76,6 +76,40 @@ pub fn exactly_if_any<'de, D: Deserializer<'de>, T: Fixed>(from: D) -> Result<Op
     Ok(Option::<Listed<T>>::deserialize(from)?.map(|listed| listed.0))
 }
 
+/// Deserialises a list of at most `MAX` elements, and stops at the first one beyond; for
+/// `deserialize_with`.
+///
+/// # Errors
+/// Returns an error if the value is not a list of such elements or has more of them.
+pub fn at_most<'de, D: Deserializer<'de>, T: Deserialize<'de>, const MAX: usize>(
+    from: D,
+) -> Result<Vec<T>, D::Error> {
+    from.deserialize_seq(AtMost::<T, MAX>(PhantomData))
+}
+
+struct AtMost<T, const MAX: usize>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>, const MAX: usize> Visitor<'de> for AtMost<T, MAX> {
+    type Value = Vec<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list: [[...]] for tables, [...] for values")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<T>, A::Error> {
+        let mut taken = Vec::new();
+        while let Some(entry) = list.next_element()? {
+            if taken.len() == MAX {
+                return Err(A::Error::custom(format!(
+                    "a list of more than {MAX}; expected at most {MAX}"
+                )));
+            }
+            taken.push(entry);
+        }
+        Ok(taken)
+    }
+}
+
 /// Wrapper that deserialises with [`exactly`].
 pub struct Listed<T>(T);
 
@@ -131,6 +165,8 @@ mod tests {
         three: Option<DVec3>,
         #[serde(default = "identity", deserialize_with = "exactly")]
         rows: DMat3,
+        #[serde(default, deserialize_with = "at_most::<_, _, 3>")]
+        few: Vec<f64>,
     }
 
     fn identity() -> DMat3 {
@@ -154,19 +190,25 @@ mod tests {
     #[test]
     fn refuses_lists_of_other_lengths_with_line_and_counts() {
         for (text, words) in [
-            ("\ntwo = [1]", "file.toml:2: a list of 1 number; expected 2"),
-            ("two = []", "file.toml:1: a list of 0 numbers; expected 2"),
+            (
+                "\ntwo = [1]",
+                "file.toml:2: two: a list of 1 number; expected 2",
+            ),
+            (
+                "two = []",
+                "file.toml:1: two: a list of 0 numbers; expected 2",
+            ),
             (
                 "two = [1, 2]\nthree = [\n1, 2, 3, 4]",
-                "file.toml:2: a list of 4 numbers; expected 3",
+                "file.toml:2: three: a list of 4 numbers; expected 3",
             ),
             (
                 "two = [1, 2]\nrows = [[1, 0, 0], [0, 1, 0]]",
-                "file.toml:2: a list of 2 rows; expected 3",
+                "file.toml:2: rows: a list of 2 rows; expected 3",
             ),
             (
                 "two = [1, 2]\nrows = [[1, 0, 0], [0, 1, 0, 0], [0, 0, 1]]",
-                "file.toml:2: a list of 4 numbers; expected 3",
+                "file.toml:2: rows[1]: a list of 4 numbers; expected 3",
             ),
         ] {
             assert_eq!(read(text).unwrap_err().to_string(), words, "{text}");
@@ -174,6 +216,12 @@ mod tests {
         let long = format!("two = [{}]", "0,".repeat(100_000));
         let words = read(&long).unwrap_err().to_string();
         assert!(words.contains("100000 numbers"), "{words}");
+        assert_eq!(read("two = [1, 2]\nfew = [1, 2, 3]").unwrap().few.len(), 3);
+        let words = read("two = [1, 2]\nfew = [1, 2, 3, 4]").unwrap_err();
+        assert_eq!(
+            words.to_string(),
+            "file.toml:2: few: a list of more than 3; expected at most 3"
+        );
         let words = read("two = 1").unwrap_err().to_string();
         assert!(words.contains("a list of 2 numbers"), "{words}");
     }

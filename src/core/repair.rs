@@ -1,129 +1,150 @@
 //! Finds all errors of a document. serde stops at the first, so each is mended in a copy of the
 //! document, by removing what is wrong or adding a placeholder for what is missing, until it reads.
 
+use crate::deserializer::{Fault, Value};
 use crate::layers::shifted;
+use crate::source::MAX_COUNTED;
 use serde::de::DeserializeOwned;
 use std::ops::Range;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue, Deserializer, Error};
+use toml::de::{DeTable, DeValue};
 
-/// Maximum number of errors that are listed.
-const MAX_ERRORS: usize = 20;
-/// Maximum number of times that a document is read.
+/// Limits of reading a document again: the number of times and the bytes in all.
 const MAX_READS: usize = 1000;
+const MAX_BYTES: usize = 1 << 26;
 /// Length in bytes above which only a document's first error is listed, because finding the others
 /// takes many reads.
 const MAX_LENGTH: usize = 1 << 18;
 /// Start of the positions of placeholders, beyond that of any document.
 const PLACEHOLDERS: usize = usize::MAX / 2;
-/// Values that are tried for a missing field: one for each type, and lists of the usual lengths.
-const VALUES: [&str; 8] = [
-    "'x'",
-    "8",
-    "true",
-    "[]",
-    "[8,8]",
-    "[8,8,8]",
-    "[8,8,8,8,8]",
-    "{}",
-];
+/// Values that are tried for a missing field after a text: one for each type, and lists of the usual
+/// lengths.
+const VALUES: [&str; 7] = ["8", "true", "[]", "[8,8]", "[8,8,8]", "[8,8,8,8,8]", "{}"];
 /// Length of the longest of [`VALUES`].
 const LONGEST: usize = 16;
+
+/// The errors of a document.
+pub(crate) struct Faults<T> {
+    /// Up to [`MAX_COUNTED`] errors.
+    pub list: Vec<Fault>,
+    /// Whether there are no others.
+    pub is_complete: bool,
+    /// The document with texts in place of missing texts, if it lacks nothing else and has no other error.
+    pub mended: Option<T>,
+}
 
 /// Deserialises a document of `length` bytes.
 ///
 /// # Errors
-/// Returns up to [`MAX_ERRORS`] errors in the order of their positions.
+/// Returns all errors, or the first ones if there are many.
 pub(crate) fn deserialize<T: DeserializeOwned>(
     table: Spanned<DeTable<'_>>,
     length: usize,
-) -> Result<T, Vec<Error>> {
-    let mut error = match read(&table) {
+) -> Result<T, Faults<T>> {
+    let mut fault = match read(&table) {
         Ok(value) => return Ok(value),
-        Err(error) => error,
+        Err(fault) => fault,
     };
-    let mut errors = Vec::new();
-    let mut document = Document { table, reads: 0 };
+    let mut faults = Faults {
+        list: Vec::new(),
+        is_complete: false,
+        mended: None,
+    };
+    let mut document = Document {
+        table,
+        reads: MAX_READS.min(MAX_BYTES / length.max(1)),
+        lacks_only_texts: true,
+    };
     // A field is missing once its value was removed, and a table of unknown kind lacks fields: neither is
     // a second error.
     let mut removed: Vec<(Range<usize>, String)> = Vec::new();
     loop {
-        let span = error.span().unwrap_or_default();
-        let missing = missing_field(&error);
+        let span = fault.span();
+        let missing = missing_field(&fault);
         let known = removed.iter().any(|(table, key)| {
             *table == span
                 && missing
                     .as_ref()
                     .is_some_and(|name| name == key || key == "kind")
         });
-        // An error in a list of enumerations has the position of the list, which no repair reaches.
-        let again = |earlier: &Error| {
-            earlier.span() == error.span() && earlier.message() == error.message()
-        };
-        if errors.iter().any(again) {
+        // An error that no repair reaches.
+        if faults.list.contains(&fault) {
             break;
         }
         if span.start < PLACEHOLDERS && !known {
-            errors.push(error);
+            faults.list.push(fault);
         }
         let is_placeholder = span.start >= PLACEHOLDERS && missing.is_none();
-        if length > MAX_LENGTH || errors.len() == MAX_ERRORS || is_placeholder {
+        if length > MAX_LENGTH || faults.list.len() == MAX_COUNTED || is_placeholder {
             break;
         }
         let next = match missing {
             Some(name) => document.add::<T>(&span, &name),
             None => document.remove(&span).and_then(|entry| {
                 removed.push(entry);
-                document.next_error::<T>()
+                document.read::<T>()
             }),
         };
         match next {
-            Some(next) => error = next,
+            Some(Err(next)) => fault = next,
+            Some(Ok(value)) => {
+                faults.is_complete = true;
+                faults.mended = document.lacks_only_texts.then_some(value);
+                break;
+            }
             None => break,
         }
     }
-    errors.sort_by_key(|error| error.span().map_or(0, |span| span.start));
-    Err(errors)
+    Err(faults)
 }
 
-fn read<T: DeserializeOwned>(table: &Spanned<DeTable<'_>>) -> Result<T, Error> {
-    T::deserialize(Deserializer::from(table.clone()))
+fn read<T: DeserializeOwned>(table: &Spanned<DeTable<'_>>) -> Result<T, Fault> {
+    let root = DeValue::Table(table.get_ref().clone());
+    T::deserialize(Value(Spanned::new(table.span(), root)))
 }
 
-fn missing_field(error: &Error) -> Option<String> {
-    let name = error.message().trim_end().strip_prefix("missing field `")?;
+fn missing_field(fault: &Fault) -> Option<String> {
+    let name = fault.message.trim_end().strip_prefix("missing field `")?;
     Some(name.strip_suffix('`')?.to_owned())
 }
 
 struct Document<'a> {
     table: Spanned<DeTable<'a>>,
+    /// Number of reads that are left.
     reads: usize,
+    lacks_only_texts: bool,
 }
 
 impl Document<'_> {
-    /// Returns the next error; `None` if there is none or it takes too long to find it.
-    fn next_error<T: DeserializeOwned>(&mut self) -> Option<Error> {
-        self.reads += 1;
-        if self.reads > MAX_READS {
-            return None;
-        }
-        read::<T>(&self.table).err()
+    /// Reads the document; `None` if it was read too often.
+    fn read<T: DeserializeOwned>(&mut self) -> Option<Result<T, Fault>> {
+        self.reads = self.reads.checked_sub(1)?;
+        Some(read(&self.table))
     }
 
     fn remove(&mut self, span: &Range<usize>) -> Option<(Range<usize>, String)> {
+        self.lacks_only_texts = false;
         let outer = self.table.span();
         remove(self.table.get_mut(), outer, span)
     }
 
-    /// Adds a placeholder for a missing field of the table at a position, and returns the next error.
-    fn add<T: DeserializeOwned>(&mut self, span: &Range<usize>, name: &str) -> Option<Error> {
+    /// Adds a placeholder for a missing field of the table at a position, and reads the document.
+    fn add<T: DeserializeOwned>(
+        &mut self,
+        span: &Range<usize>,
+        name: &str,
+    ) -> Option<Result<T, Fault>> {
         let mut values: Vec<DeValue<'static>> = Vec::new();
         for text in VALUES.iter().rev() {
             values.push(DeValue::parse(text).ok()?.into_inner());
         }
+        // Names have to be unique.
+        let text = format!("x{}", self.reads);
+        values.push(DeValue::String(text.clone().into()));
         loop {
             let value = values.pop()?;
             let is_table = matches!(value, DeValue::Table(_));
+            let is_text = value.as_str() == Some(&text);
             let start = PLACEHOLDERS + LONGEST * self.reads;
             let mark = start..start + LONGEST;
             let outer = self.table.span();
@@ -136,22 +157,28 @@ impl Document<'_> {
                     shifted(Spanned::new(0..0, value), start).into_inner(),
                 ),
             );
-            let error = self.next_error::<T>()?;
-            let is_missing = missing_field(&error).is_some();
-            let is_unknown = error.message().starts_with("unknown field");
-            let refused = match error.span() {
-                Some(at) if mark.contains(&at.start) => !(is_table && is_missing),
+            let read = self.read::<T>()?;
+            let Err(fault) = &read else {
+                self.lacks_only_texts &= is_text;
+                return Some(read);
+            };
+            let is_missing = missing_field(fault).is_some();
+            let is_unknown = fault.message.starts_with("unknown field");
+            let refused = match fault.span() {
+                at if mark.contains(&at.start) => !(is_table && is_missing),
                 // Inside an enumeration of tables an error has the position of the whole table. The
                 // other fields were read before this one was missed.
-                at => at.as_ref() == Some(span) && !is_missing && !is_unknown,
+                at => at == *span && !is_missing && !is_unknown,
             };
             if !refused {
-                return Some(error);
+                self.lacks_only_texts &= is_text;
+                return Some(read);
             }
             // An enumeration lists its names.
-            if let Some(names) = error
-                .message()
-                .strip_prefix("unknown variant `x`, expected ")
+            if let Some((_, names)) = fault
+                .message
+                .strip_prefix("unknown variant `x")
+                .and_then(|rest| rest.split_once("`, expected "))
             {
                 let name = names.split('`').nth(1)?.to_owned();
                 values.push(DeValue::String(name.into()));
@@ -326,6 +353,44 @@ pattern = { kind = \"stripes\" }
     }
 
     #[test]
+    fn errors_name_the_field() {
+        let found = errors(
+            "name = 'a'
+frame = [{ pattern = ['white'] }, { pattern = { kind = 'white', grey = 3 } }]
+[camera]
+width_px = 'wide'
+format = 'grey'
+range_us = [1]
+lamp = [1]
+[lamp]
+width_px = -1
+format = 'Y17'
+range_us = { from = 1, to = 2 }
+",
+        );
+        let expected = [
+            "m.toml:2: frame[0].pattern: invalid type: list; expected a table",
+            "m.toml:2: frame[1].pattern: unknown field `grey`; expected no fields",
+            "m.toml:4: camera.width_px: invalid type: string \"wide\"; expected a whole number from 0 to 4294967295",
+            "m.toml:5: camera.format: unknown variant `grey` (did you mean `GREY`?); expected `GREY` or `Y16`",
+            "m.toml:6: camera.range_us: a list of 1 number; expected 2",
+            "m.toml:7: camera: unknown field `lamp`; expected `width_px`, `format`, `range_us`",
+            "m.toml:9: lamp.width_px: invalid value: integer `-1`; expected a whole number from 0 to 4294967295",
+            "m.toml:10: lamp.format: unknown variant `Y17` (did you mean `Y16`?); expected `GREY` or `Y16`",
+            "m.toml:11: lamp.range_us: invalid type: table; expected a list of 2 numbers",
+        ];
+        assert_eq!(found, expected);
+        assert_eq!(
+            errors("name = 'a'\ncamera = ['a', 1]\n"),
+            ["m.toml:2: camera: invalid type: list; expected a table"]
+        );
+        assert_eq!(
+            errors("name = 'a'\n[[camera]]\nwidth_px = 8\n"),
+            ["m.toml:2: camera: invalid type: list; expected a table"]
+        );
+    }
+
+    #[test]
     fn a_missing_table_is_one_error() {
         let found = errors("");
         assert_eq!(found.len(), 2, "{found:#?}");
@@ -339,6 +404,10 @@ pattern = { kind = \"stripes\" }
     #[test]
     fn the_number_of_listed_errors_is_limited() {
         let text: String = (0..100).map(|i| format!("wrong{i} = {i}\n")).collect();
-        assert_eq!(errors(&text).len(), super::MAX_ERRORS);
+        let found = errors(&text);
+        assert_eq!(found.len(), 21);
+        assert_eq!(found[20], "and 82 further errors");
+        let text: String = (0..1000).map(|i| format!("wrong{i} = {i}\n")).collect();
+        assert_eq!(errors(&text)[20], "and at least 180 further errors");
     }
 }

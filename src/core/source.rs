@@ -1,18 +1,26 @@
 //! TOML text with its file name, so that every error carries file, line and field.
 
+use crate::deserializer::Fault;
 use crate::error::{Error, Result};
 use crate::file;
 use crate::layers::Layers;
-use crate::repair;
-use crate::wording::nearest;
+use crate::positions::{Part, Positions};
+use crate::repair::{self, Faults};
+pub use crate::setting::Setting;
+use crate::wording::{found_and_expected, nearest};
 use serde::de::DeserializeOwned;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
+use std::sync::OnceLock;
 
 /// Size limit, larger than any valid profile, scene or manifest; a larger file is rejected without
 /// being read.
 const MAX_BYTES: u64 = 8 << 20;
+
+/// Maximum number of errors that are listed.
+pub(crate) const MAX_LISTED: usize = 20;
+/// Number of errors after which the search for more ends.
+pub(crate) const MAX_COUNTED: usize = 200;
 
 /// Maximum number of documents that extend each other.
 const MAX_EXTENDED: usize = 16;
@@ -20,14 +28,21 @@ const MAX_EXTENDED: usize = 16;
 /// A TOML document and its file name, with the documents that it extends and settings on top of it.
 pub struct TomlSource {
     layers: Layers,
+    /// Positions of all values, found when the first is asked for; `None` if it is not valid TOML.
+    positions: OnceLock<Option<Positions>>,
+}
+
+impl From<Layers> for TomlSource {
+    fn from(layers: Layers) -> Self {
+        let positions = OnceLock::new();
+        Self { layers, positions }
+    }
 }
 
 impl TomlSource {
     /// Wraps text; `place` is used as the file name in messages.
     pub fn new(text: &str, place: &str) -> Self {
-        Self {
-            layers: Layers::of_document(text.to_owned(), place.to_owned()),
-        }
+        Layers::of_document(text.to_owned(), place.to_owned()).into()
     }
 
     /// Reads a UTF-8 file of at most 8 MiB.
@@ -39,9 +54,7 @@ impl TomlSource {
         let bytes = file::read(path, MAX_BYTES)?;
         let text = String::from_utf8(bytes)
             .map_err(|e| Error::input(&place, e, "a text file in UTF-8"))?;
-        Ok(Self {
-            layers: Layers::of_document(text, place),
-        })
+        Ok(Layers::of_document(text, place).into())
     }
 
     /// Puts below the document another that it names in `extends`, if it has that key: a built-in one,
@@ -78,6 +91,7 @@ impl TomlSource {
             }
             self.layers
                 .extend(base.layers, &seen_from.display().to_string());
+            self.positions.take();
         }
         Err(Error::input(
             self.place(),
@@ -92,9 +106,10 @@ impl TomlSource {
     /// Puts settings on top.
     pub fn with(mut self, settings: &[Setting]) -> Self {
         for setting in settings {
-            let place = format!("--set {setting}");
+            let place = setting.place();
             self.layers.set(&setting.path, &setting.value, place);
         }
+        self.positions.take();
         self
     }
 
@@ -103,23 +118,75 @@ impl TomlSource {
         self.layers.place()
     }
 
-    /// Returns whether the document has a top-level key of this name; false if it is not valid
-    /// TOML.
-    pub fn has(&self, key: &str) -> bool {
-        let merged = self.layers.merged();
-        merged.is_ok_and(|root| root.get_ref().contains_key(key))
+    /// Returns whether the document, its base or a setting gives the value at `path`; false if
+    /// the document is not valid TOML.
+    pub fn has(&self, path: &str) -> bool {
+        self.positions().is_some_and(|root| root.find(path).1)
     }
 
     /// Deserialises the document.
     ///
     /// # Errors
     /// Returns an error with the line for a syntax error. For a document up to 256 KiB, returns all
-    /// unknown fields, missing fields and wrong types together, 20 at most.
+    /// unknown fields, missing fields and wrong types together, the first 20 of them by line.
     pub fn deserialize<T: DeserializeOwned>(&self) -> Result<T> {
-        repair::deserialize(self.layers.merged()?, self.layers.length()).map_err(|errors| {
-            let errors = errors.iter().map(|error| self.layers.error(error, 0));
-            Error::several(errors.collect())
-        })
+        self.deserialized()?
+            .map_err(|faults| self.in_order(self.errors(&faults), !faults.is_complete))
+    }
+
+    pub(crate) fn deserialized<T: DeserializeOwned>(&self) -> Result<Result<T, Faults<T>>> {
+        Ok(repair::deserialize(
+            self.layers.merged()?,
+            self.layers.length(),
+        ))
+    }
+
+    pub(crate) fn errors<T>(&self, faults: &Faults<T>) -> Vec<Error> {
+        faults.list.iter().map(|fault| self.error(fault)).collect()
+    }
+
+    fn error(&self, fault: &Fault) -> Error {
+        let message = fault.message.trim_end();
+        let missing = message.strip_prefix("missing field ");
+        let otherwise = missing.map_or_else(
+            || "valid TOML".to_owned(),
+            |name| format!("the required field {name}"),
+        );
+        let part = match missing {
+            Some(_) => Part::Table,
+            None if message.starts_with("unknown field ") => Part::Key,
+            None if fault.is_of_list => Part::List,
+            None => Part::Value,
+        };
+        let span = fault.span();
+        let path = self.positions().map(|root| root.path_at(&span, part));
+        let place = self.layers.place_at(span.start);
+        let (found, expected) = found_and_expected(message, &otherwise);
+        match path.filter(|path| !path.is_empty()) {
+            Some(path) => Error::input(format!("{place}: {path}"), found, expected),
+            None => Error::input(place, found, expected),
+        }
+    }
+
+    /// Combines errors: the first ones by line, and the number of the others, of which there are more if
+    /// `is_cut`.
+    pub(crate) fn in_order(&self, mut errors: Vec<Error>, is_cut: bool) -> Error {
+        errors.sort_by_cached_key(|error| match error {
+            Error::Input { place, .. } => self.layers.rank(place),
+            _ => (usize::MAX, 0),
+        });
+        let count = errors.len().saturating_sub(MAX_LISTED);
+        if count > 0 {
+            errors.truncate(MAX_LISTED);
+            let is_least = is_cut || count + MAX_LISTED >= MAX_COUNTED;
+            errors.push(Error::Further { count, is_least });
+        }
+        Error::several(errors)
+    }
+
+    fn positions(&self) -> Option<&Positions> {
+        let find = || self.layers.merged().ok().map(|root| Positions::of(&root));
+        self.positions.get_or_init(find).as_ref()
     }
 
     /// Returns the document as written.
@@ -144,55 +211,8 @@ impl TomlSource {
 
     /// Returns the location of the value at `path` as `FILE:LINE: PATH`.
     pub fn place_of(&self, path: &str) -> String {
-        let position = self.layers.position_of(path).unwrap_or(0);
+        let position = self.positions().map_or(0, |root| root.find(path).0);
         format!("{}: {path}", self.layers.place_at(position))
-    }
-}
-
-/// A value for a field of a document, such as `camera.sensor.read_noise_e=5`: the path of the field and
-/// a TOML value; a text that is no TOML value counts as a string.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Setting {
-    path: String,
-    value: String,
-}
-
-impl Setting {
-    /// Creates a setting from a path such as `object[0].position_mm` and a TOML value.
-    pub fn new(path: impl Into<String>, value: impl Display) -> Self {
-        Self {
-            path: path.into(),
-            value: value.to_string(),
-        }
-    }
-
-    /// Returns the first key of the path.
-    pub fn section(&self) -> &str {
-        self.path.split(['.', '[']).next().unwrap_or_default()
-    }
-}
-
-impl FromStr for Setting {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let is_key = |c: char| c.is_ascii_alphanumeric() || "_-.[]".contains(c);
-        match text.split_once('=') {
-            Some((path, value)) if !path.trim().is_empty() && path.trim().chars().all(is_key) => {
-                Ok(Self::new(path.trim(), value.trim()))
-            }
-            _ => Err(Error::input(
-                "setting",
-                format!("{text:?}"),
-                "FIELD=VALUE, such as camera.sensor.read_noise_e=5",
-            )),
-        }
-    }
-}
-
-impl Display for Setting {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}={}", self.path, self.value)
     }
 }
 

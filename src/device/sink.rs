@@ -1,5 +1,6 @@
 //! Receivers of frames: the interface between the device and the links.
 
+use phasmid_core::error::Result;
 use phasmid_protocol::{Frame, PixelFormat};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -60,8 +61,8 @@ pub trait StreamSink {
     /// Prepares for a new format; frames in progress are lost.
     ///
     /// # Errors
-    /// Returns the reason if the link cannot change; the format is then unchanged.
-    fn announce(&mut self, stream: &Stream) -> Result<(), String>;
+    /// Returns an error with the reason if the link cannot change; the format is then unchanged.
+    fn announce(&mut self, stream: &Stream) -> Result<()>;
 }
 
 /// Keeps the frames in memory.

@@ -97,16 +97,22 @@ pub struct TrackOptions {
     pub tolerance_mm: f64,
     /// Number of scans, 1 or more; `None` to track until the caller ends it.
     pub scans: Option<u64>,
+    /// Time of the device's clock after which tracking ends, above zero: the last scan is the first
+    /// whose [`Tracked::time`] is at least this long after that of the first scan. Counted by the
+    /// host's clock if the links carry no times. `None` for no limit.
+    pub duration: Option<Duration>,
     /// When the beam is held, and when it comes on again.
     pub rules: HoldRules,
 }
 
 impl Default for TrackOptions {
-    /// Returns options for a tolerance of 5 mm, an unlimited number of scans and the default rules.
+    /// Returns options for a tolerance of 5 mm, an unlimited number of scans, no limit of time and the
+    /// default rules.
     fn default() -> Self {
         Self {
             tolerance_mm: 5.0,
             scans: None,
+            duration: None,
             rules: HoldRules::default(),
         }
     }
@@ -119,7 +125,7 @@ pub enum TrackProgress<'a> {
     /// A scan by all pods was evaluated.
     Scan(&'a Tracked),
     /// The next scan is overdue, or will not come because a pod has failed: the beam is held. Reported
-    /// once, at the deadline: three times the longest of the last five intervals between scans, and at
+    /// once for a scan, whatever the number of pods, at the deadline: three times the longest of the last five intervals between scans, and at
     /// least [`HoldRules::stale_ns`].
     Overdue {
         /// Number of the missing scan, from 0.
@@ -202,11 +208,14 @@ pub fn track<F: Flow>(
     options: &TrackOptions,
     mut progress: impl FnMut(TrackProgress<'_>) -> F,
 ) -> Result<()> {
-    let places = pods.iter().map(|pod| (pod.name.as_str(), pod.place));
-    let mut tracker = Tracker::new(planned, places, options)?;
     if options.scans == Some(0) {
         return Err(Error::input("scans", 0, "1 or more"));
     }
+    if options.duration == Some(Duration::ZERO) {
+        return Err(Error::input("duration", "0 s", "above 0 s"));
+    }
+    let places = pods.iter().map(|pod| (pod.name.as_str(), pod.place));
+    let mut tracker = Tracker::new(planned, places, options)?;
     // The channel holds one scan per pod, so the pods never scan further ahead than that.
     let (send, taken) = sync_channel(pods.len());
     let ended = AtomicBool::new(false);
@@ -217,7 +226,7 @@ pub fn track<F: Flow>(
             .spawn_scoped(threads, move || scan_in_turn(pods, wanted, ends, &send));
         let scanning = scanning.map_err(|e| Error::device(format!("cannot start thread: {e}")))?;
         let progress: &mut Watch<'_> = &mut |what: TrackProgress<'_>| progress(what).flow();
-        let followed = follow(&mut tracker, &taken, wanted, progress);
+        let followed = follow(&mut tracker, &taken, options, progress);
         // End the scan in progress, and the thread at its next send.
         ended.store(true, Ordering::Relaxed);
         drop(taken);
@@ -252,18 +261,22 @@ fn scan_in_turn(
     Ok(())
 }
 
-/// Evaluates and reports scan by scan, until the scans end or `progress` ends it.
+/// Evaluates and reports scan by scan, until the scans end, the time is over or `progress` ends it.
 fn follow(
     tracker: &mut Tracker<'_>,
     scans: &Receiver<Taken>,
-    wanted: Option<u64>,
+    options: &TrackOptions,
     progress: &mut Watch<'_>,
 ) -> Result<()> {
     let mut deadline = ScanDeadline::new(tracker.stale());
+    let begin = Instant::now();
+    // Time of the first scan.
+    let mut first = None;
     loop {
         let mut gathered = Gathered::default();
+        let mut due = deadline.due(Instant::now());
         for pod in 0..tracker.pods() {
-            let Some(taken) = next(tracker, scans, &deadline, wanted, progress) else {
+            let Some(taken) = next(tracker, scans, &mut due, options.scans, progress) else {
                 return Ok(());
             };
             let Taken {
@@ -286,26 +299,32 @@ fn follow(
         if progress(TrackProgress::Scan(&tracked)).is_break() {
             return Ok(());
         }
+        let time = match tracked.time {
+            Duration::ZERO => begin.elapsed(),
+            time => time,
+        };
+        let elapsed = time.saturating_sub(*first.get_or_insert(time));
+        if options.duration.is_some_and(|limit| elapsed >= limit) {
+            return Ok(());
+        }
     }
 }
 
-/// Waits for the next scan by a pod; `None` if tracking has ended.
+/// Waits for the next scan by a pod; `None` if tracking has ended. The beam is held at `due`, which is
+/// then postponed forever, because that is reported once for the scans by all pods.
 fn next(
     tracker: &mut Tracker<'_>,
     scans: &Receiver<Taken>,
-    deadline: &ScanDeadline,
+    due: &mut Instant,
     wanted: Option<u64>,
     progress: &mut Watch<'_>,
 ) -> Option<Taken> {
-    let begin = Instant::now();
-    let mut due = begin + deadline.left(begin);
     loop {
         let wait = due.saturating_duration_since(Instant::now()).min(SLICE);
         let flow = match scans.recv_timeout(wait) {
             Ok(taken) => return Some(taken),
-            Err(RecvTimeoutError::Timeout) if Instant::now() >= due => {
-                // Holds the beam before anything else is known, and reports that once.
-                due = Instant::now() + FOREVER;
+            Err(RecvTimeoutError::Timeout) if Instant::now() >= *due => {
+                *due = Instant::now() + FOREVER;
                 hold(tracker, progress)
             }
             Err(RecvTimeoutError::Timeout) => progress(TrackProgress::Waiting),
@@ -362,6 +381,91 @@ mod tests {
         let nobody = track(&mut [], &planned, &options, |_| ());
         let words = nobody.unwrap_err().to_string();
         assert_eq!(words, "pods: 0; expected 1 or more");
+        let options = TrackOptions {
+            duration: Some(Duration::ZERO),
+            ..options
+        };
+        let no_time = track(&mut [], &planned, &options, |_| ());
+        let words = no_time.unwrap_err().to_string();
+        assert_eq!(words, "duration: 0 s; expected above 0 s");
+    }
+
+    /// A scan of a plane far from the planned skin.
+    fn captured() -> Capture {
+        let device = Device::builder().profile("webcam-grey").scene("plane");
+        device.build().unwrap().scan("quick-4").unwrap()
+    }
+
+    #[test]
+    fn overdue_scan_is_reported_once_for_all_pods() {
+        let planned = planned();
+        let capture = captured();
+        let options = TrackOptions {
+            rules: HoldRules {
+                stale_ns: 1,
+                ..HoldRules::default()
+            },
+            ..TrackOptions::default()
+        };
+        let pods = ["left", "right"].map(|name| (name, RigPlace::default()));
+        let mut tracker = Tracker::new(&planned, pods, &options).unwrap();
+        let (send, scans) = sync_channel(2);
+        let scan = || {
+            let taken = Taken {
+                capture: capture.clone(),
+                identified: true,
+                arrived: Instant::now(),
+            };
+            assert!(send.send(taken).is_ok());
+        };
+        let mut overdue = Vec::new();
+        scan();
+        scan();
+        let followed = follow(&mut tracker, &scans, &options, &mut |progress| {
+            match progress {
+                TrackProgress::Scan(tracked) if tracked.scan == 0 => {
+                    scan();
+                    scan();
+                }
+                TrackProgress::Scan(tracked) if tracked.scan == 2 => {
+                    return ControlFlow::Break(());
+                }
+                // The first pod scans after the deadline, and the second one later.
+                TrackProgress::Overdue { scan: number, .. } => {
+                    overdue.push(number);
+                    if overdue.len() == 1 {
+                        scan();
+                    }
+                }
+                TrackProgress::Waiting if !overdue.is_empty() => scan(),
+                _ => {}
+            }
+            ControlFlow::Continue(())
+        });
+        followed.unwrap();
+        assert_eq!(overdue, [2]);
+    }
+
+    #[test]
+    fn capture_without_frame_information_is_not_identified() {
+        let planned = planned();
+        let mut capture = captured();
+        // Saturated frames are accepted only if they identify themselves.
+        for image in &mut capture.images {
+            for level in image.as_u8_mut().unwrap() {
+                *level = level.saturating_mul(20);
+            }
+        }
+        let rejected = |capture: &Capture| {
+            let pods = [("pod", RigPlace::default())];
+            let tracker = Tracker::new(&planned, pods, &TrackOptions::default());
+            let tracked = tracker.unwrap().scan(std::slice::from_ref(capture));
+            let warnings = tracked.unwrap().warnings;
+            warnings.iter().any(|warning| warning.contains("saturated"))
+        };
+        assert!(!rejected(&capture));
+        capture.frames.clear();
+        assert!(rejected(&capture));
     }
 
     #[test]
@@ -402,6 +506,20 @@ mod tests {
         assert!(matches!(scans[0].beam, Beam::Held(_)));
         let lost = |warning: &String| warning.starts_with("lost: ");
         assert!(scans[0].warnings.iter().any(lost), "{scans:?}");
+        // A scan takes longer than that.
+        let options = TrackOptions {
+            scans: None,
+            duration: Some(Duration::from_millis(1)),
+            ..options
+        };
+        let mut count = 0;
+        let ended = track(&mut pods, &planned, &options, |progress| {
+            if let TrackProgress::Scan(_) = progress {
+                count += 1;
+            }
+        });
+        ended.unwrap();
+        assert_eq!(count, 2);
         let [pod] = pods;
         pod.finish().unwrap();
         serving.stop().unwrap();

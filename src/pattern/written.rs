@@ -1,7 +1,10 @@
 //! Patterns as a manifest or a profile writes them: one by one, or in sets that stand for several.
 
+use super::manifest::MAX_FRAMES;
 use super::{Axis, ManifestFrame, Pattern};
+use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
+use std::fmt;
 use std::path::PathBuf;
 
 /// Maximum number of steps of a fringe set; published methods use up to 64.
@@ -113,10 +116,33 @@ struct EntryFrames(Vec<ManifestFrame>);
 /// Deserialises a list of frames; a set becomes a frame for each of its patterns.
 ///
 /// # Errors
-/// Returns an error for a value out of range, and for a set of several patterns with one file.
+/// Returns an error for a value out of range, for a set of several patterns with one file, and for more
+/// than [`MAX_FRAMES`] frames, which are not expanded.
 pub fn frames<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<ManifestFrame>, D::Error> {
-    let entries = Vec::<EntryFrames>::deserialize(from)?;
-    Ok(entries.into_iter().flat_map(|entry| entry.0).collect())
+    from.deserialize_seq(Frames)
+}
+
+struct Frames;
+
+impl<'de> Visitor<'de> for Frames {
+    type Value = Vec<ManifestFrame>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list: [[...]] for tables, [...] for values")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+        let mut frames = Vec::new();
+        while let Some(EntryFrames(entry)) = list.next_element()? {
+            if frames.len() + entry.len() > MAX_FRAMES {
+                return Err(A::Error::custom(format!(
+                    "more than {MAX_FRAMES} frames; expected 1 to {MAX_FRAMES} frames"
+                )));
+            }
+            frames.extend(entry);
+        }
+        Ok(frames)
+    }
 }
 
 impl TryFrom<Entry> for EntryFrames {
@@ -317,9 +343,9 @@ pattern = { kind = \"fringe-set\", axis = \"x\", period_px = nan, steps = 4 }
         );
         let message = wrong.unwrap_err();
         for part in [
-            "m.toml:2: steps = 4000000000; expected 3 to 128",
-            "m.toml:4: bits = 20; expected 1 to 19",
-            "m.toml:6: period_px = NaN; expected above 2",
+            "m.toml:2: frame[0].pattern: steps = 4000000000; expected 3 to 128",
+            "m.toml:4: frame[1].pattern: bits = 20; expected 1 to 19",
+            "m.toml:6: frame[2].pattern: period_px = NaN; expected above 2",
         ] {
             assert!(message.contains(part), "{part} not in: {message}");
         }
@@ -329,5 +355,17 @@ pattern = { kind = \"fringe-set\", axis = \"x\", period_px = nan, steps = 4 }
             message.contains("\"one.png\" for a set of 4 patterns"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn many_sets_are_refused_before_they_are_expanded() {
+        let set =
+            "{ pattern = { kind = \"fringe-set\", axis = \"x\", period_px = 16, steps = 128 } },";
+        let sets = |count: usize| manifest(&format!("frame = [{}]", set.repeat(count)));
+        assert_eq!(sets(32).unwrap().frame.len(), 4096);
+        let expected = "m.toml:1: frame: more than 4096 frames; expected 1 to 4096 frames";
+        for count in [33, 50_000] {
+            assert_eq!(sets(count).unwrap_err(), expected);
+        }
     }
 }

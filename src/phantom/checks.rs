@@ -16,7 +16,7 @@ const MOST_COUGHS: usize = 64;
 const SCAR_MM: f64 = 300.0;
 
 pub(super) fn check(p: &Patient, check: &Check<'_>) -> Result<()> {
-    name(&p.name, "name", check)?;
+    check.section(|check| name(&p.name, "name", check));
     check.within("age_years", p.age_years, 5..=100)?;
     check.within("stature_mm", p.stature_mm, 1000.0..=2100.0)?;
     check.within("mass_kg", p.mass_kg, 14.0..=200.0)?;

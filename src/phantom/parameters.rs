@@ -274,9 +274,9 @@ impl Patient {
     }
 
     fn from_source(source: &TomlSource) -> Result<Self> {
-        let patient: Self = source.deserialize()?;
-        Check::all(source, |all| checks::check(&patient, all))?;
-        Ok(patient)
+        Check::read(source, |patient: &mut Self, all| {
+            checks::check(patient, all)
+        })
     }
 
     /// Returns the body mass index in kg/m2.

@@ -3,6 +3,7 @@
 use super::Profile;
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
+use phasmid_core::wording::did_you_mean;
 use phasmid_pattern::Axis;
 use serde::{Deserialize, Serialize};
 
@@ -50,7 +51,10 @@ pub(super) fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
         check.that(
             found.is_some(),
             "calibration.sequence",
-            format!("{name:?}, not a sequence of this profile"),
+            format!(
+                "{name:?}, not a sequence of this profile{}",
+                did_you_mean(name, names.iter().copied())
+            ),
             names.join(", "),
         )?;
         check.that(
@@ -103,6 +107,10 @@ mod tests {
             (
                 "sequence = \"moon\"",
                 ["calibration.sequence", "quick-4, quick-4-xy"],
+            ),
+            (
+                "sequence = \"quikc-4-xy\"",
+                ["calibration.sequence", "(did you mean `quick-4-xy`?)"],
             ),
             ("sequence = \"quick-4\"", ["one axis at most", "along y"]),
             (

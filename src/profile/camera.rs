@@ -182,7 +182,13 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
     }
     check.within("camera.f_number", c.f_number, 0.5..=128.0)?;
     if let Some(focus) = c.focus_mm {
-        check.within("camera.focus_mm", focus, c.focal_length_mm..=1e9)?;
+        let focal_length = format!(" for camera.focal_length_mm = {}", c.focal_length_mm);
+        check.within_for(
+            "camera.focus_mm",
+            focus,
+            c.focal_length_mm..=1e9,
+            &focal_length,
+        )?;
     }
     if let Some(glare) = c.glare {
         super::glare::check(glare, check)?;
@@ -216,17 +222,28 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
         format!("[{shortest}, {longest}]"),
         "the shorter first",
     )?;
-    check.within("camera.exposure_us", c.exposure_us, shortest..=longest)?;
+    let exposures = format!("[{shortest}, {longest}]");
+    let exposures = check.given("camera.exposure_range_us", exposures);
+    check.within_for(
+        "camera.exposure_us",
+        c.exposure_us,
+        shortest..=longest,
+        &format!(" for camera.exposure_range_us = {exposures}"),
+    )?;
     check.that(
-        c.line_time_ns() == 0 || c.readout_us.is_none(),
+        c.line_time_ns() == 0 || c.readout_ns() == 0,
         "camera.readout_us",
         format!("a time together with line_time_us = {}", c.line_time_us),
-        "only one of them: a rolling shutter's rows are read line by line",
+        "0 for one of them: a rolling shutter's rows are read line by line",
     )?;
-    check.within(
+    check.within_for(
         "camera.frame_interval_us",
         c.frame_interval_us,
         c.shortest_period_us().max(100.0)..=60e6,
+        &format!(
+            ": no shorter than camera.exposure_us = {} and the readout",
+            c.exposure_us
+        ),
     )?;
     check.that(
         c.format != PixelFormat::Yuyv || c.width_px.is_multiple_of(2),

@@ -1,13 +1,18 @@
 //! Device profile: the complete description of a scanner model.
 
 use super::{Calibration, Camera, FactoryCalibration, Projector, Sequence, Settings, TomlSource};
-use super::{builtin, calibration, camera, control, factory_calibration, projector, sequence, usb};
+use super::{
+    builtin, calibration, camera, control, factory_calibration, projector, sensor, sequence, usb,
+};
 use phasmid_core::check::{Check, name};
 use phasmid_core::error::Result;
 use phasmid_geometry::Rig;
 use phasmid_pattern::{Manifest, ProjectorSize};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+
+/// Maximum number of sequences.
+const MAX_SEQUENCES: usize = 64;
 
 /// A scanner model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -41,7 +46,10 @@ pub struct Profile {
     /// The sequences in the device's memory; the first is selected at power-on. When absent, there are
     /// `4-step`, fringes of 16 px in 4 steps and a Gray code along x, white and black, and `4-step-xy`,
     /// the same along both axes; both show a pattern every `camera.frame_interval_us`.
-    #[serde(default)]
+    #[serde(
+        default,
+        deserialize_with = "phasmid_core::numbers::at_most::<_, _, MAX_SEQUENCES>"
+    )]
     pub sequence: Vec<Sequence>,
     /// Folder of the profile file, to which pattern image paths are relative.
     #[serde(skip)]
@@ -107,19 +115,21 @@ impl Profile {
     }
 
     pub(super) fn from_source(source: &TomlSource) -> Result<Self> {
-        let mut profile: Self = source.deserialize()?;
-        profile.settle();
-        profile.control.places = control::Places::of(source);
-        Check::all(source, |all| check(&profile, all))?;
-        Ok(profile)
+        Check::read(source, |profile: &mut Self, all| {
+            profile.settle(source);
+            profile.control.places = control::Places::of(source);
+            check(profile, all)
+        })
     }
 
     /// Sets what is absent and follows from other fields.
-    fn settle(&mut self) {
+    fn settle(&mut self, source: &TomlSource) {
         if self.identity.model.is_empty() {
             self.identity.model.clone_from(&self.name);
         }
-        self.camera.sensor.settle();
+        if !source.has(sensor::GAIN) {
+            self.camera.sensor.fill_range();
+        }
         if self.sequence.is_empty() {
             let frames_us = self.camera.frame_interval_us;
             self.sequence
@@ -166,14 +176,17 @@ pub(super) fn check_identity(text: &str, field: &str, check: &Check<'_>) -> Resu
 }
 
 fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
-    name(&p.name, "name", check)?;
+    check.section(|check| name(&p.name, "name", check));
     for (field, text) in [
         ("identity.manufacturer", &p.identity.manufacturer),
         ("identity.model", &p.identity.model),
         ("identity.serial", &p.identity.serial),
         ("identity.firmware", &p.identity.firmware),
     ] {
-        check.section(|check| check_identity(text, field, check));
+        // An absent model is the name.
+        if check.source.has(field) {
+            check.section(|check| check_identity(text, field, check));
+        }
     }
     let camera = check.section(|check| camera::check(&p.camera, check));
     let projector = check.section(|check| projector::check(&p.projector, check));
@@ -182,23 +195,23 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
     if !(camera && projector) {
         return Ok(());
     }
-    check.that(
-        !p.sequence.is_empty() && p.sequence.len() <= 64,
-        "sequence",
-        format!("{} sequences", p.sequence.len()),
-        "1 to 64 sequences",
-    )?;
     for (i, s) in p.sequence.iter().enumerate() {
-        check.section(|check| sequence::check(s, i, p, check));
+        let is_valid = check.section(|check| sequence::check(s, i, p, check));
+        // All default sequences have one period.
+        if !is_valid && !check.source.has(&format!("sequence[{i}]")) {
+            break;
+        }
         let first = p.sequence.iter().position(|other| other.name == s.name);
-        check.that(
-            first == Some(i),
-            &format!("sequence[{i}].name"),
-            format!("{:?}, which is already used", s.name),
-            "a unique name",
-        )?;
+        check.section(|check| {
+            check.that(
+                first == Some(i),
+                &format!("sequence[{i}].name"),
+                format!("{:?}, which is already used", s.name),
+                "a unique name",
+            )
+        });
     }
-    calibration::check(p, check)?;
+    check.section(|check| calibration::check(p, check));
     factory_calibration::check(p, check)
 }
 
@@ -279,7 +292,7 @@ position_mm = [150.0, 0.0, 0.0]
             .unwrap_err()
             .to_string();
         assert!(
-            message.starts_with("--set camera.sensor.read_noise_e=-5: "),
+            message.starts_with("setting camera.sensor.read_noise_e=-5: "),
             "{message}"
         );
         let misspelt = set("camera.sensor.raed_noise_e=5").unwrap();
@@ -292,6 +305,114 @@ position_mm = [150.0, 0.0, 0.0]
         );
         let message = set("camrea.width_px=5").unwrap_err().to_string();
         assert!(message.contains("did you mean camera?"), "{message}");
+    }
+
+    #[test]
+    fn an_extended_profile_may_replace_sequences_and_alternatives() {
+        let x_only = "extends = \"webcam-grey\"\nname = \"own\"
+[[sequence]]
+name = \"x\"
+period_us = 40000
+frame = [{ pattern = { kind = \"fringe-set\", axis = \"x\", period_px = 16, steps = 4 } }]
+";
+        let profile = Profile::parse(x_only, "own.toml").unwrap();
+        assert_eq!(profile.calibration.sequence, None);
+        let folder = tempfile::tempdir().unwrap();
+        let base = folder.path().join("base.toml");
+        std::fs::write(&base, format!("{LEAST}response = {{ gamma = 2.2 }}\n")).unwrap();
+        let text = format!(
+            "extends = {:?}\nname = \"own\"\n[projector.response]\ntable = [0, 0.4, 1]\n",
+            base.display().to_string()
+        );
+        let profile = Profile::parse(&text, "own.toml").unwrap();
+        let table = crate::Response::Table(vec![0.0, 0.4, 1.0]);
+        assert_eq!(profile.projector.response, Some(table));
+        for (response, found) in [
+            (
+                "{ gamma = 2, table = [0, 1] }",
+                "projector.response: `gamma` and `table`; expected exactly one of `gamma`, `table`",
+            ),
+            ("{}", "projector.response: an empty table; expected exactly"),
+            (
+                "2.2",
+                "projector.response: a number; expected exactly one of",
+            ),
+        ] {
+            let text = format!("{LEAST}response = {response}\n");
+            let message = Profile::parse(&text, "own.toml").unwrap_err().to_string();
+            assert!(message.contains(found), "{message}");
+        }
+    }
+
+    #[test]
+    fn errors_name_what_the_user_wrote() {
+        let errors = |text: &str| Profile::parse(text, "m.toml").unwrap_err().to_string();
+        // Neither the gain that follows from the well nor the model that follows from the name.
+        let text = format!("{LEAST}[camera.sensor]\nfull_well_e = 0\n").replace("least", "a,b");
+        let message = errors(&text);
+        assert_eq!(message.lines().count(), 2, "{message}");
+        assert!(message.starts_with("m.toml:1: name: \"a,b\";"), "{message}");
+        assert!(
+            message.contains("m.toml:13: camera.sensor.full_well_e: 0;"),
+            "{message}"
+        );
+        let message = errors(&format!("{LEAST}[camera.sensor]\ngain_dn_per_e = nan\n"));
+        assert!(
+            message.contains("camera.sensor.gain_dn_per_e: NaN;"),
+            "{message}"
+        );
+        let message = errors(&format!("{LEAST}[camera.sensor]\nbits = 12\n"));
+        let expected = "expected 8 for camera.format = GREY, the default";
+        assert!(message.contains(expected), "{message}");
+        let text = LEAST.replace("[projector]", "exposure_range_us = [20, 5000]\n[projector]");
+        assert_eq!(
+            errors(&text),
+            "m.toml:2: camera.exposure_us: 10000, the default; expected 20 to 5000 for \
+             camera.exposure_range_us = [20, 5000]"
+        );
+        // The default sequences have the period of free-running frames.
+        let timing =
+            "[projector.timing]\nmin_exposure_us = [7, 7, 7, 7, 7, 7, 7, 7]\nresolution_us = 7\n";
+        let message = errors(&format!("{LEAST}{timing}"));
+        assert!(
+            message
+                .contains("camera.frame_interval_us: 33333, the default; expected whole multiples"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn missing_names_hide_no_other_error() {
+        let text = LEAST
+            .replace("name = \"least\"\n", "")
+            .replace("throw_ratio = 1.4", "throw_ratio = -1");
+        let message = Profile::parse(&text, "m.toml").unwrap_err().to_string();
+        let expected = [
+            "m.toml:1: missing field `name`; expected the required field `name`",
+            "m.toml:9: projector.throw_ratio: -1; expected 0.05 to 100",
+        ];
+        assert_eq!(message.lines().collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn many_patterns_are_refused_before_they_are_expanded() {
+        let set =
+            "{ pattern = { kind = \"fringe-set\", axis = \"x\", period_px = 16, steps = 128 } },";
+        let text = format!(
+            "sequence = [{{ name = \"a\", period_us = 40000, frame = [{}] }}]\n{LEAST}",
+            set.repeat(50_000)
+        );
+        let message = Profile::parse(&text, "m.toml").unwrap_err().to_string();
+        let expected =
+            "m.toml:1: sequence[0].frame: more than 4096 frames; expected 1 to 4096 frames";
+        assert_eq!(message, expected);
+        let sequence = "[[sequence]]\nname = \"a\"\nperiod_us = 1\nframe = []\n";
+        let text = format!("{LEAST}{}", sequence.repeat(65));
+        let message = Profile::parse(&text, "m.toml").unwrap_err().to_string();
+        assert!(
+            message.contains("sequence: a list of more than 64; expected at most 64"),
+            "{message}"
+        );
     }
 
     #[test]

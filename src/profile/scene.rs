@@ -117,8 +117,7 @@ impl Scene {
     }
 
     fn from_source(source: &TomlSource, folder: PathBuf) -> Result<Self> {
-        let mut scene: Self = source.deserialize()?;
-        Check::all(source, |all| check(&scene, all))?;
+        let mut scene = Check::read(source, |scene: &mut Self, all| check(scene, all))?;
         scene.folder = folder;
         for (i, object) in scene.object.iter_mut().enumerate() {
             let place = || source.place_of(&format!("object[{i}].shape.patient"));
@@ -129,7 +128,7 @@ impl Scene {
 }
 
 fn check(s: &Scene, check: &Check<'_>) -> Result<()> {
-    name(&s.name, "name", check)?;
+    check.section(|check| name(&s.name, "name", check));
     check.all_within("rig.position_mm", &s.rig.position_mm, -1e9..=1e9)?;
     check.all_within("rig.rotation_deg", &s.rig.rotation_deg, -360.0..=360.0)?;
     check.section(|check| light::check(&s.ambient, &s.light, check));

@@ -67,6 +67,7 @@ impl Document {
             Self::Dialect => Dialect::schema(draft7()),
         };
         let mut schema = schema.to_value();
+        tidy(&mut schema);
         let extends = matches!(
             self,
             Self::Profile | Self::Scene | Self::Station | Self::Patient
@@ -106,6 +107,33 @@ fn extend(root: &mut Map<String, Value>, kind: &str) {
     });
     if let Some(Value::Object(properties)) = root.get_mut("properties") {
         properties.insert("extends".to_owned(), extends);
+    }
+}
+
+/// Fields whose default follows from other fields.
+const COMPUTED: [&str; 1] = ["gain_dn_per_e"];
+
+/// Removes defaults that follow from other fields or cannot be written in TOML.
+fn tidy(part: &mut Value) {
+    match part {
+        Value::Object(part) => {
+            match part.get_mut("default") {
+                Some(Value::Null) => drop(part.remove("default")),
+                Some(Value::Object(fields)) => fields
+                    .retain(|name, value| !value.is_null() && !COMPUTED.contains(&name.as_str())),
+                _ => {}
+            }
+            if let Some(Value::Object(fields)) = part.get_mut("properties") {
+                for name in COMPUTED {
+                    if let Some(Value::Object(field)) = fields.get_mut(name) {
+                        field.remove("default");
+                    }
+                }
+            }
+            part.values_mut().for_each(tidy);
+        }
+        Value::Array(parts) => parts.iter_mut().for_each(tidy),
+        _ => {}
     }
 }
 

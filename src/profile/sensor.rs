@@ -7,6 +7,9 @@ use phasmid_geometry::NoiseModel;
 use phasmid_protocol::PixelFormat;
 use serde::{Deserialize, Serialize};
 
+/// Path of the gain in a profile.
+pub(super) const GAIN: &str = "camera.sensor.gain_dn_per_e";
+
 /// An image sensor described by EMVA 1288 parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -55,7 +58,7 @@ impl Default for Sensor {
             quantum_efficiency: 0.5,
             full_well_e: 10_000.0,
             read_noise_e: 5.0,
-            gain_dn_per_e: f64::NAN,
+            gain_dn_per_e: filling_gain(8, 4.0, 10_000.0),
             black_level_dn: 4.0,
             bits: 8,
             dark_current_e_s: 0.0,
@@ -63,19 +66,21 @@ impl Default for Sensor {
             dsnu_e: 0.0,
             pattern_seed: 0,
             blooming_percent: 0.0,
-            response: CameraResponse::default(),
+            response: CameraResponse::Linear {},
             noiseless: false,
         }
     }
 }
 
+/// Returns the gain at which a full well has the largest digital number.
+fn filling_gain(bits: u32, black_level_dn: f64, full_well_e: f64) -> f64 {
+    (f64::from(bits).exp2() - 1.0 - black_level_dn) / full_well_e
+}
+
 impl Sensor {
-    /// Sets the gain if it is absent.
-    pub(super) fn settle(&mut self) {
-        if self.gain_dn_per_e.is_nan() {
-            let full_scale = f64::from(self.bits).exp2() - 1.0;
-            self.gain_dn_per_e = (full_scale - self.black_level_dn) / self.full_well_e;
-        }
+    /// Sets the gain at which a full well has the largest digital number.
+    pub(super) fn fill_range(&mut self) {
+        self.gain_dn_per_e = filling_gain(self.bits, self.black_level_dn, self.full_well_e);
     }
 
     /// Returns the native pixel format of the converter: GREY up to 8 bits, Y16 above.
@@ -169,15 +174,31 @@ pub(super) fn check(s: &Sensor, format: PixelFormat, check: &Check<'_>) -> Resul
         0.0..=100.0,
     )?;
     super::camera_response::check(s.response, check)?;
-    check.within("camera.sensor.gain_dn_per_e", s.gain_dn_per_e, 1e-6..=1e4)?;
+    // An absent gain follows from values that are checked themselves.
+    if check.source.has(GAIN) {
+        check.within(GAIN, s.gain_dn_per_e, 1e-6..=1e4)?;
+    }
     let bits = match format {
         PixelFormat::Grey | PixelFormat::Yuyv => 8..=8,
         PixelFormat::Y10 | PixelFormat::Y10P => 9..=10,
         PixelFormat::Y12 | PixelFormat::Y12P => 11..=12,
         PixelFormat::Y16 => 9..=16,
     };
-    check.within("camera.sensor.bits", s.bits, bits)?;
+    let format = check.given("camera.format", format.name());
+    check.within_for(
+        "camera.sensor.bits",
+        s.bits,
+        bits,
+        &format!(" for camera.format = {format}"),
+    )?;
     check.in_range()?;
-    let half = s.full_scale_dn() / 2.0;
-    check.within("camera.sensor.black_level_dn", s.black_level_dn, 0.0..=half)
+    check.within_for(
+        "camera.sensor.black_level_dn",
+        s.black_level_dn,
+        0.0..=s.full_scale_dn() / 2.0,
+        &format!(
+            " for camera.sensor.bits = {}",
+            check.given("camera.sensor.bits", s.bits)
+        ),
+    )
 }

@@ -60,13 +60,18 @@ impl Sequence {
 }
 
 pub(super) fn check(s: &Sequence, index: usize, p: &Profile, check: &Check<'_>) -> Result<()> {
-    let field = |name: &str| format!("sequence[{index}].{name}");
-    name(&s.name, &field("name"), check)?;
+    // The default sequences have the period of free-running frames.
+    let is_given = check.source.has(&format!("sequence[{index}]"));
+    let field = |name: &str| match is_given {
+        true => format!("sequence[{index}].{name}"),
+        false => "camera.frame_interval_us".to_owned(),
+    };
+    check.section(|check| name(&s.name, &field("name"), check));
     let shortest_us = p.camera.shortest_period_us();
     check.that(
         (shortest_us..=60e6).contains(&s.period_us),
         &field("period_us"),
-        s.period_us,
+        check.given(&field("period_us"), s.period_us),
         format!(
             "{shortest_us} to 60000000: no shorter than camera.exposure_us = {} and the readout",
             p.camera.exposure_us
@@ -101,9 +106,13 @@ fn shown_in_time(s: &Sequence, field: &str, p: &Profile, check: &Check<'_>) -> R
     if let Some((found, allowed)) = conflict {
         return Err(check.source.violation(field, found, allowed));
     }
+    let delay = match timing.camera_delay_us {
+        Some(_) => "projector.timing.camera_delay_us",
+        None => "projector.timing.dark_before_us",
+    };
     check.that(
         timing.camera_delay_ns() < period_ns,
-        "projector.timing.camera_delay_us",
+        delay,
         format!("{} us", timing.camera_delay_ns() as f64 / 1e3),
         format!("less than {field} = {}", s.period_us),
     )

@@ -45,7 +45,7 @@ impl Settings {
                 let hint =
                     similar.map_or_else(String::new, |name| format!(" (did you mean {name}?)"));
                 return Err(Error::input(
-                    format!("--set {setting}"),
+                    setting.place(),
                     format!("{section:?}{hint}"),
                     format!("a field of {}", known.join(", ")),
                 ));
@@ -72,7 +72,7 @@ impl Settings {
         match self.scene.first() {
             None => Ok(self),
             Some(setting) => Err(Error::input(
-                format!("--set {setting}"),
+                setting.place(),
                 "a field of a scene, which is not used here",
                 format!("a field of {}", PROFILE.join(", ")),
             )),

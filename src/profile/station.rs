@@ -156,12 +156,12 @@ impl Station {
     }
 
     fn from_source(source: &TomlSource) -> Result<Self> {
-        let mut station: Self = source.deserialize()?;
-        for (at, device) in station.device.iter_mut().enumerate() {
-            device.dialect_place = source.place_of(&format!("device[{at}].dialect"));
-        }
-        Check::all(source, |all| check(&station, all))?;
-        Ok(station)
+        Check::read(source, |station: &mut Self, all| {
+            for (at, device) in station.device.iter_mut().enumerate() {
+                device.dialect_place = source.place_of(&format!("device[{at}].dialect"));
+            }
+            check(station, all)
+        })
     }
 
     /// Returns the scene as [`Scene::load`](super::Scene::load) expects it.
@@ -203,46 +203,51 @@ impl StationDevice {
 }
 
 fn check(s: &Station, check: &Check<'_>) -> Result<()> {
-    name(&s.name, "name", check)?;
+    check.section(|check| name(&s.name, "name", check));
     check.that(
         (1..=MAX_DEVICES).contains(&s.device.len()),
         "device",
         format!("{} devices", s.device.len()),
         format!("1 to {MAX_DEVICES} devices"),
     )?;
-    for (i, device) in s.device.iter().enumerate() {
-        let field = |name: &str| format!("device[{i}].{name}");
-        if let Some(serial) = &device.serial {
-            check_identity(serial, &field("serial"), check)?;
-        }
-        name(&device.name, &field("name"), check)?;
-        // Device names are also directory names.
-        check.that(
-            !device.name.starts_with('.'),
-            &field("name"),
-            format!("{:?}", device.name),
-            "a name that does not begin with '.'",
-        )?;
-        let first = s.device.iter().position(|other| other.name == device.name);
-        check.that(
-            first == Some(i),
-            &field("name"),
-            format!("{:?}, which is already used", device.name),
-            "a unique name",
-        )?;
-        let (position, rotation) = (device.position_mm, device.rotation_deg);
-        check.all_within(
-            &field("position_mm"),
-            &position.unwrap_or_default(),
-            POSITION_MM,
-        )?;
-        check.all_within(
-            &field("rotation_deg"),
-            &rotation.unwrap_or_default(),
-            ROTATION_DEG,
-        )?;
+    for i in 0..s.device.len() {
+        check.section(|check| check_device(s, i, check));
     }
     Ok(())
+}
+
+fn check_device(s: &Station, i: usize, check: &Check<'_>) -> Result<()> {
+    let device = &s.device[i];
+    let field = |name: &str| format!("device[{i}].{name}");
+    if let Some(serial) = &device.serial {
+        check_identity(serial, &field("serial"), check)?;
+    }
+    name(&device.name, &field("name"), check)?;
+    // Device names are also directory names.
+    check.that(
+        !device.name.starts_with('.'),
+        &field("name"),
+        format!("{:?}", device.name),
+        "a name that does not begin with '.'",
+    )?;
+    let first = s.device.iter().position(|other| other.name == device.name);
+    check.that(
+        first == Some(i),
+        &field("name"),
+        format!("{:?}, which is already used", device.name),
+        "a unique name",
+    )?;
+    let (position, rotation) = (device.position_mm, device.rotation_deg);
+    check.all_within(
+        &field("position_mm"),
+        &position.unwrap_or_default(),
+        POSITION_MM,
+    )?;
+    check.all_within(
+        &field("rotation_deg"),
+        &rotation.unwrap_or_default(),
+        ROTATION_DEG,
+    )
 }
 
 #[cfg(test)]

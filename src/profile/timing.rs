@@ -251,7 +251,7 @@ pub(super) fn on_clock(t: &Timing, us: f64, field: &str, check: &Check<'_>) -> R
     check.that(
         t.is_step(us),
         field,
-        us,
+        check.given(field, us),
         format!("whole multiples of {} us, the resolution", t.resolution_us),
     )
 }

@@ -173,7 +173,8 @@ fn closed_terminal_leaves_nothing() {
         std::thread::sleep(std::time::Duration::from_millis(1));
     }
     let pid = rustix::process::Pid::from_child(&child);
-    rustix::process::kill_process(pid, rustix::process::Signal::HUP).unwrap();
+    let hang_up = crate::or_term(rustix::process::Signal::HUP);
+    rustix::process::kill_process(pid, hang_up).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(1));
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }

@@ -285,9 +285,9 @@ fn dialect_without_manifest_is_named_instead_of_an_option_of_scan() {
 #[test]
 fn signals_leave_no_folder_of_the_output_or_of_the_device() {
     for signals in [
-        &[Signal::HUP][..],
+        &[crate::or_term(Signal::HUP)][..],
         &[Signal::TERM],
-        &[Signal::INT, Signal::INT],
+        &[crate::interrupt(), crate::interrupt()],
     ] {
         let folder = tempdir().unwrap();
         let out = folder.path().join("new/out");

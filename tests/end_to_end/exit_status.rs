@@ -4,6 +4,7 @@
 use phasmid::protocol::Endpoints;
 use std::fs::OpenOptions;
 use std::net::TcpListener;
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -105,6 +106,124 @@ fn missing_files_are_named_with_their_option() {
             "{message}"
         );
     }
+}
+
+/// Runs a command in a folder that must be refused with status 2 and these words.
+fn refused(folder: &Path, line: &str, words: &[&str]) {
+    let args: Vec<&str> = line.split(' ').collect();
+    let output = phasmid(&args).current_dir(folder).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{line}: {message}");
+    for word in words {
+        assert!(message.contains(word), "{line}: {message}");
+    }
+}
+
+#[test]
+fn settings_that_nothing_uses_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let manifest = phasmid(&["sequence", "show", "webcam-grey", "--toml"]).output();
+    std::fs::write(folder.path().join("m.toml"), manifest.unwrap().stdout).unwrap();
+    let (profile, scene) = ("camera.f_number=4.0", "object[0].albedo=0.4");
+    for (command, setting, word) in [
+        ("station show two-pods", profile, "two-pods is a station"),
+        ("profile show webcam-grey", scene, "a field of a scene"),
+        ("profile check webcam-grey", scene, "a field of a scene"),
+        ("profile check scpi", profile, "scpi is a dialect"),
+        ("scene show plane", profile, "a field of a profile"),
+        ("scene check plane", profile, "a field of a profile"),
+        ("sequence show m.toml", profile, "m.toml is a manifest"),
+        ("sequence list webcam-grey", scene, "a field of a scene"),
+        (
+            "calibrate --captures . --out out",
+            profile,
+            "--captures uses no profile",
+        ),
+    ] {
+        let line = format!("{command} --set {setting}");
+        refused(folder.path(), &line, &[&format!("--set {setting}: "), word]);
+    }
+}
+
+#[test]
+fn track_refuses_seconds_out_of_range() {
+    for seconds in ["0", "-1", "nan", "1e7"] {
+        let line = format!("track --run-dir none --planning none --seconds={seconds}");
+        refused(Path::new("."), &line, &["--seconds: ", "0.001 to 1000000"]);
+    }
+}
+
+#[test]
+fn run_directory_that_is_a_file_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("mine"), "mine").unwrap();
+    refused(
+        folder.path(),
+        "serve --run-dir mine",
+        &["--run-dir mine: a file"],
+    );
+    refused(
+        folder.path(),
+        "serve --profile two-pods --run-dir mine/run",
+        &["--run-dir mine/run: mine, a file"],
+    );
+    refused(
+        folder.path(),
+        "replay none.rec --run-dir mine",
+        &["--run-dir mine: a file"],
+    );
+}
+
+#[test]
+fn manifest_without_frames_is_reported_as_a_manifest() {
+    let folder = tempfile::tempdir().unwrap();
+    let projector = "[projector]\nwidth_px = 64\nheight_px = 48\n";
+    std::fs::write(folder.path().join("m.toml"), projector).unwrap();
+    refused(
+        folder.path(),
+        "sequence show m.toml",
+        &["m.toml", "`frame`"],
+    );
+}
+
+#[test]
+fn scan_checks_its_inputs_before_the_capture() {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = "scan --camera socket:none --control none";
+    refused(
+        folder.path(),
+        &format!("{scan} --out out --method height --reference absent"),
+        &["--reference: absent/sequence.toml"],
+    );
+    // Inputs that the scan would overwrite.
+    let out = folder.path().join("out");
+    std::fs::create_dir(&out).unwrap();
+    for (option, name) in [
+        ("--manifest", "sequence.toml"),
+        ("--calibration", "calibration.toml"),
+    ] {
+        std::fs::write(out.join(name), "mine").unwrap();
+        refused(
+            folder.path(),
+            &format!("{scan} --force --out out {option} out/{name}"),
+            &["--out out: ", option],
+        );
+        assert_eq!(std::fs::read_to_string(out.join(name)).unwrap(), "mine");
+    }
+}
+
+#[test]
+fn profile_whose_fields_do_not_meet_is_checked_with_a_warning() {
+    let check = |rotation: &str| {
+        let setting = format!("projector.rotation_deg=[0.0, {rotation}, 0.0]");
+        let args = ["profile", "check", "webcam-grey", "--set", &setting];
+        let output = phasmid(&args).output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{message}");
+        message.contains("fields of view of camera and projector do not meet")
+    };
+    assert!(!check("0.0"));
+    assert!(check("180.0"));
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use super::Args;
 use super::scene::scene;
 use super::session::{Gathered, Session};
-use crate::cli::emulated::tell;
+use crate::cli::emulated::{printed, tell};
 use crate::cli::interrupt::{check, flow, interrupted, remove_run_dir_at_exit};
 use crate::cli::scan::blame_dialect;
 use crate::facade::connected;
@@ -188,7 +188,7 @@ impl Emulated {
         check()?;
         device.serve(&ServeOptions {
             clock: ClockPace::Fast,
-            notice: |text| eprintln!("phasmid: {text}"),
+            notice: printed(),
             ..ServeOptions::default()
         })
     }

@@ -146,6 +146,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 }
 
 fn run_captures(args: &Args, folder: &Path) -> Result<()> {
+    args.set.refuse("--captures uses no profile")?;
     let board = args.board.board(1.0)?;
     let poses = captures::poses(folder)?;
     watch_signals();

@@ -2,7 +2,7 @@
 //! truth.
 
 use super::backend::Choice;
-use super::emulated::tell;
+use super::emulated::{printed, tell};
 use super::interrupt::{
     Unfinished, check, remove_run_dir_at_exit, unless_interrupted, watch_signals,
 };
@@ -99,7 +99,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let _run_dir;
     let served = device.serve(&ServeOptions {
         clock: ClockPace::Fast,
-        notice: |text| eprintln!("phasmid: {text}"),
+        notice: printed(),
         ..ServeOptions::default()
     })?;
     let endpoints = served.endpoints();

@@ -18,7 +18,7 @@ mod unit;
 mod usb;
 mod video;
 
-pub(super) use run_dirs::{default_run_dir, run_parent};
+pub(super) use run_dirs::{check_run_dir, default_run_dir, run_parent};
 pub(super) use shutdown::Shutdown;
 pub(super) use unit::runtime;
 
@@ -168,6 +168,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         let _inside = runtime.enter();
         Shutdown::watch(args.while_stdin)?
     };
+    check_run_dir(args.run_dir.as_deref())?;
     let (mut devices, scenes) = asked::asked(args)?;
     for device in &mut devices {
         device.profile.camera.sensor.noiseless = args.no_noise;

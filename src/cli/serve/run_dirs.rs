@@ -22,6 +22,25 @@ pub(super) fn run_dirs(args: &Args, devices: &[Asked]) -> Result<Vec<PathBuf>> {
     }
 }
 
+/// Checks the path of `--run-dir`, before any work is done for it.
+///
+/// # Errors
+/// Returns an error if the path or one of its parents is not a directory.
+pub(in crate::cli) fn check_run_dir(path: Option<&Path>) -> Result<()> {
+    let existing = path.and_then(|path| path.ancestors().find(|p| p.symlink_metadata().is_ok()));
+    match (path, existing.filter(|existing| !existing.is_dir())) {
+        (Some(path), Some(file)) => Err(Error::input(
+            format!("--run-dir {}", path.display()),
+            match file == path {
+                true => "a file".to_owned(),
+                false => format!("{}, a file", file.display()),
+            },
+            "a new or empty directory that you own, or one that a device left behind",
+        )),
+        _ => Ok(()),
+    }
+}
+
 /// `$XDG_RUNTIME_DIR/phasmid-NAME`, or `/tmp/phasmid-UID-NAME`.
 pub(in crate::cli) fn default_run_dir(name: &str) -> PathBuf {
     match runtime_dir() {

@@ -1,16 +1,13 @@
 //! Reasons to end a device: a signal, or the end of the program that started it.
 
+use crate::cli::interrupt::Signals;
 use phasmid_core::error::{Error, Result};
 use std::time::Duration;
-use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 
 /// Watches for reasons to end, from its creation on.
 pub(in crate::cli) struct Shutdown {
-    interrupt: Signal,
-    terminate: Signal,
-    /// Sent when the terminal closes.
-    hang_up: Signal,
+    signals: Signals,
     parent: Option<oneshot::Receiver<()>>,
 }
 
@@ -20,11 +17,8 @@ impl Shutdown {
     /// # Errors
     /// Returns an error if a signal handler cannot be installed or a thread cannot be started.
     pub(in crate::cli) fn watch(while_stdin: bool) -> Result<Self> {
-        let signal = |kind| signal(kind).map_err(|e| Error::io("signals", e));
         Ok(Self {
-            interrupt: signal(SignalKind::interrupt())?,
-            terminate: signal(SignalKind::terminate())?,
-            hang_up: signal(SignalKind::hangup())?,
+            signals: Signals::install().map_err(|e| Error::io("signals", e))?,
             parent: while_stdin
                 .then(end_of_input)
                 .transpose()
@@ -42,9 +36,7 @@ impl Shutdown {
     /// Waits for the first reason to end.
     pub(in crate::cli) async fn wait(&mut self) {
         tokio::select! {
-            _ = self.interrupt.recv() => {}
-            _ = self.terminate.recv() => {}
-            _ = self.hang_up.recv() => {}
+            () = self.signals.next() => {}
             () = gone(self.parent.as_mut()) => {}
         }
     }

@@ -3,7 +3,7 @@
 use super::Args;
 use super::asked::Asked;
 use super::video::open_video;
-use crate::cli::emulated::tell;
+use crate::cli::emulated::{printed, tell};
 use crate::cli::record::unix_s;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::stream;
@@ -77,7 +77,7 @@ impl Unit {
             profile: asked.label.clone(),
             scene: label.clone(),
             tcp,
-            notice: |text| eprintln!("phasmid: {text}"),
+            notice: printed(),
             ..ServedDevice::new(device, seat, shared_scene)
         };
         Ok(Self {

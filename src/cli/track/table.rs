@@ -1,5 +1,6 @@
 //! Writes a line of CSV for each scan.
 
+use crate::cli::interrupt::uninterrupted;
 use crate::{Tracked, TumourPosition};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
@@ -175,7 +176,7 @@ fn verdict(beam: &Beam, warnings: &[String]) -> [String; 2] {
 
 fn opened(path: Option<&Path>, force: bool) -> Result<Box<dyn Write>> {
     Ok(match path {
-        Some(path) => Box::new(new_file::stream(path, force)?),
+        Some(path) => Box::new(uninterrupted(|| new_file::stream(path, force))?),
         None => Box::new(std::io::stdout()),
     })
 }

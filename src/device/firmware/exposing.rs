@@ -111,7 +111,7 @@ impl Firmware {
             && let Some(link) = &mut self.link
         {
             link.announce(&stream)
-                .map_err(|why| ErrorCode::SettingsConflict.with(why))?;
+                .map_err(|why| ErrorCode::SettingsConflict.with(why.to_string()))?;
         }
         self.settings = settings;
         Ok(())

@@ -207,7 +207,7 @@ impl Server {
                     },
                     () = reply.closed() => return timeline.give_up(number),
                 },
-                Err(why) => Reply::refusal(why),
+                Err(why) => Reply::refusal(why.to_string()),
             };
             // The client may have disconnected.
             let _ = reply.send((answer, Vec::new()));

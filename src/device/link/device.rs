@@ -2,6 +2,7 @@
 
 use super::frame_socket::{FrameSocket, Tcp};
 use super::history::History;
+use super::notice::Notice;
 use super::pace::Pace;
 use super::pty::Pty;
 use super::render_thread::RenderThread;
@@ -22,6 +23,7 @@ use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::service::ClockPace;
 use std::future::Future;
 use std::net::SocketAddr;
+use std::num::NonZeroUsize;
 use std::path::Path;
 use std::time::Duration;
 
@@ -57,8 +59,10 @@ pub struct ServedDevice {
     pub usb: Option<UsbLink>,
     /// Recording of the traffic between the device and its clients.
     pub recording: Option<Recording>,
-    /// Called with messages for the operator.
-    pub notice: fn(&str),
+    /// Receives messages for the operator.
+    pub notice: Notice,
+    /// Number of threads that render; `None` for rayon's global pool.
+    pub threads: Option<NonZeroUsize>,
 }
 
 impl ServedDevice {
@@ -85,7 +89,8 @@ impl ServedDevice {
             video: None,
             usb: None,
             recording: None,
-            notice: |_| {},
+            notice: Notice::default(),
+            threads: None,
             device,
         }
     }
@@ -158,8 +163,13 @@ pub async fn serve(
         usb: usb_address,
         service: service_path,
     };
-    let render_thread = RenderThread::start(renderer, wall.clone(), served.notice)
-        .map_err(|e| Error::io("optics", e))?;
+    let render_thread = RenderThread::start(
+        renderer,
+        served.threads,
+        wall.clone(),
+        served.notice.clone(),
+    )
+    .map_err(|e| Error::io("optics", e))?;
     if let Some(video) = &served.video {
         machine.firmware_mut().attach(Box::new(video.clone()));
     }
@@ -168,10 +178,10 @@ pub async fn serve(
         machine.firmware_mut().attach(Box::new(gate));
     }
     let now = served.seat.now_ns();
-    let tap = Tap::start(served.recording, &endpoints, now, served.notice)?;
+    let tap = Tap::start(served.recording, &endpoints, now, served.notice.clone())?;
     run_dir.publish(&endpoints)?;
     published(&endpoints);
-    let (notice, v4l2) = (served.notice, served.video.is_some());
+    let (notice, v4l2) = (served.notice.clone(), served.video.is_some());
     let server = Server {
         machine,
         seat: served.seat,
@@ -201,10 +211,10 @@ pub async fn serve(
     };
     let slow = |factor| {
         if endpoints.slowdown.replace(factor).is_none() {
-            notice(&too_slow(&served.label, factor, v4l2));
+            notice.tell(&too_slow(&served.label, factor, v4l2));
         }
         if let Err(why) = run_dir.publish(&endpoints) {
-            notice(&format!("{}: {why}", served.label));
+            notice.tell(&format!("{}: {why}", served.label));
         }
         published(&endpoints);
     };

@@ -8,6 +8,7 @@ mod device;
 mod frame_socket;
 mod history;
 mod lateness;
+mod notice;
 mod pace;
 mod pty;
 mod readiness;
@@ -30,6 +31,7 @@ mod video;
 
 pub use device::{ServedDevice, UsbLink, serve};
 pub use frame_socket::Tcp;
+pub use notice::Notice;
 pub use replay::{Outcome, Replay, replay};
 pub use run_dir::RunDir;
 pub use serving::{CameraNode, ServeOptions, Serving, UsbServing, monotonic};

@@ -1,6 +1,7 @@
 //! Renders on a separate thread: rendering uses all cores for milliseconds, and the ports must stay
 //! responsive. Jobs run in order.
 
+use super::notice::Notice;
 use crate::{Exposure, Renderer, Shot, Truth};
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
@@ -9,6 +10,7 @@ use phasmid_protocol::Frame;
 use phasmid_protocol::service::Placement;
 use phasmid_render::Pending;
 use std::collections::VecDeque;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc;
@@ -76,7 +78,7 @@ struct Work<W> {
 impl<W: Fn() -> Duration> Work<W> {
     /// Returns the next job. Finishes frames in progress while there is none, or if the renderer is
     /// at its limit of concurrent frames. Returns `None` when the handle has been dropped.
-    fn next(&mut self, queue: &mpsc::Receiver<Job>, notice: fn(&str)) -> Option<Job> {
+    fn next(&mut self, queue: &mpsc::Receiver<Job>, notice: &Notice) -> Option<Job> {
         loop {
             if self.under_way.is_empty() {
                 return queue.recv().ok();
@@ -164,11 +166,11 @@ impl<W: Fn() -> Duration> Work<W> {
 
     /// Reports the renderer's messages for the user. Returns `false` if the renderer has failed;
     /// all frames in progress are then sent before the error.
-    fn goes_on(&mut self, notice: fn(&str)) -> bool {
+    fn goes_on(&mut self, notice: &Notice) -> bool {
         match self.renderer.news() {
             Ok(news) => {
                 if let Some(news) = news {
-                    notice(&news);
+                    notice.tell(&news);
                 }
                 true
             }
@@ -182,12 +184,14 @@ impl<W: Fn() -> Duration> Work<W> {
 }
 
 impl RenderThread {
-    /// Starts the thread. `wall` returns how long the device has been on; `notice` receives
-    /// messages for the user.
+    /// Starts the thread, with `threads` for parallel work or, without it,
+    /// rayon's global pool. `wall` returns how long the device has been on; `notice` receives messages for the
+    /// user.
     pub(super) fn start(
         renderer: Renderer,
+        threads: Option<NonZeroUsize>,
         wall: impl Fn() -> Duration + Send + 'static,
-        notice: fn(&str),
+        notice: Notice,
     ) -> std::io::Result<Self> {
         let (jobs, queue) = mpsc::channel();
         let (done, frames) = results::channel(MAX_FRAMES);
@@ -202,19 +206,25 @@ impl RenderThread {
             done,
         };
         let work = move || {
-            while let Some(job) = work.next(&queue, notice) {
+            while let Some(job) = work.next(&queue, &notice) {
                 if stopped.is_asked() {
                     return;
                 }
                 work.run(job);
-                if !work.goes_on(notice) {
+                if !work.goes_on(&notice) {
                     return;
                 }
             }
         };
-        let thread = std::thread::Builder::new()
-            .name("optics".into())
-            .spawn(work)?;
+        let thread = std::thread::Builder::new().name("optics".into());
+        let thread = match threads {
+            None => thread.spawn(work)?,
+            Some(threads) => {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
+                let pool = pool.build().map_err(std::io::Error::other)?;
+                thread.spawn(move || pool.install(work))?
+            }
+        };
         Ok(Self {
             jobs: Some(jobs),
             frames,

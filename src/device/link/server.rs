@@ -4,6 +4,7 @@
 use super::device::point;
 use super::frame_socket::FrameSocket;
 use super::history::History;
+use super::notice::Notice;
 use super::pace::Pace;
 use super::pty::{Event, Pty};
 use super::render_thread::{RenderThread, Rendered};
@@ -67,7 +68,7 @@ pub(super) struct Server {
     /// do not affect the USB client.
     pub(super) reply_to_usb: bool,
     pub(super) pace: Pace,
-    pub(super) notice: fn(&str),
+    pub(super) notice: Notice,
     /// Number of frames that the V4L2 node did not accept.
     pub(super) lost: u64,
     /// A USB host has missed frames.
@@ -301,7 +302,7 @@ impl Server {
             usb.put(frame, wall);
             if usb.lost() > 0 && !self.usb_lost {
                 self.usb_lost = true;
-                (self.notice)(&format!(
+                self.notice.tell(&format!(
                     "the USB host reads too slowly: frame {} is lost; reported only once",
                     frame.id
                 ));
@@ -312,7 +313,7 @@ impl Server {
         {
             self.lost += 1;
             if self.lost == 1 {
-                (self.notice)(&format!(
+                self.notice.tell(&format!(
                     "{} did not accept frame {}; reported only once",
                     video.address(),
                     frame.id

@@ -3,6 +3,7 @@
 use super::UsbLink;
 use super::device::{ServedDevice, serve};
 use super::frame_socket::Tcp;
+use super::notice::Notice;
 use super::run_dir::RunDir;
 use super::shared_scene::SharedScene;
 use super::timeline::Timeline;
@@ -14,6 +15,7 @@ use phasmid_protocol::Endpoints;
 use phasmid_protocol::service::ClockPace;
 use std::hash::{BuildHasher, RandomState};
 use std::net::{Ipv4Addr, SocketAddr};
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
@@ -65,8 +67,11 @@ pub struct ServeOptions {
     pub camera: CameraNode,
     /// Also be a USB device with camera and serial port.
     pub usb: Option<UsbServing>,
-    /// Called with messages for the operator.
-    pub notice: fn(&str),
+    /// Receives messages for the operator.
+    pub notice: Notice,
+    /// Number of threads that render. `None` for rayon's global pool: the threads that serve a
+    /// device are its own, so a pool in which the caller is does not count.
+    pub threads: Option<NonZeroUsize>,
 }
 
 impl Default for ServeOptions {
@@ -78,7 +83,8 @@ impl Default for ServeOptions {
             tcp: None,
             camera: CameraNode::None,
             usb: None,
-            notice: |_| {},
+            notice: Notice::default(),
+            threads: None,
         }
     }
 }
@@ -114,7 +120,8 @@ impl Serving {
         let shared_scene = SharedScene::new(&device.scene);
         let mut served = ServedDevice::new(device, seat, shared_scene);
         served.tcp.clone_from(&options.tcp);
-        served.notice = options.notice;
+        served.notice = options.notice.clone();
+        served.threads = options.threads;
         let run_dir = match &options.run_dir {
             // Absolute, because device.json is read from other working directories.
             Some(dir) => RunDir::claim(&std::path::absolute(dir).map_err(|e| Error::io(dir, e))?)?,
@@ -128,7 +135,7 @@ impl Serving {
             CameraNode::At(path) => Some(VideoOutput::open(path, &stream, bits, power_on)?),
             CameraNode::Any => {
                 let opened = VideoOutput::open_any(&stream, bits, power_on);
-                Some(opened.map_err(Error::device)?)
+                Some(opened?)
             }
         };
         let mut usb = None;

@@ -1,5 +1,6 @@
 //! Records the traffic between a served device and its clients, if requested.
 
+use super::notice::Notice;
 use crate::faults::Faults;
 use phasmid_core::error::Result;
 use phasmid_protocol::record::{About, Channel, Event, Limits, Recorder, Side};
@@ -39,7 +40,7 @@ impl Tap {
         recording: Option<Recording>,
         endpoints: &Endpoints,
         now_ns: u64,
-        notice: fn(&str),
+        notice: Notice,
     ) -> Result<Self> {
         let Some(recording) = recording else {
             return Ok(Self::default());
@@ -58,7 +59,8 @@ impl Tap {
         };
         let place = recording.path.display().to_string();
         let limits = Limits::default();
-        let recorder = Recorder::start(recording.file, &place, about, now_ns, limits, notice)?;
+        let tell = move |text: &str| notice.tell(text);
+        let recorder = Recorder::start(recording.file, &place, about, now_ns, limits, tell)?;
         Ok(Self {
             recorder: Some(recorder),
             ..Self::default()

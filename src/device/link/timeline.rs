@@ -7,6 +7,7 @@
 //! advances to the earliest event; stepped time advances no further than requested.
 
 use super::lateness::Lateness;
+use phasmid_core::error::{Error, Result};
 use phasmid_protocol::service::{Clock, ClockPace, Late};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -136,7 +137,7 @@ impl Timeline {
     ///
     /// # Errors
     /// Returns an error if the clock cannot be stepped or the step exceeds one day.
-    pub fn step(&self, ns: u64) -> Result<UnderWay, String> {
+    pub fn step(&self, ns: u64) -> Result<UnderWay> {
         let mut state = self.stepped()?;
         let target_ns = state.target_ns.saturating_add(ns);
         self.go_to(&mut state, target_ns)
@@ -146,7 +147,7 @@ impl Timeline {
     ///
     /// # Errors
     /// Returns the errors of [`Self::step`], and an error if `ns` is in the past.
-    pub fn run_until(&self, ns: u64) -> Result<UnderWay, String> {
+    pub fn run_until(&self, ns: u64) -> Result<UnderWay> {
         let mut state = self.stepped()?;
         self.go_to(&mut state, ns)
     }
@@ -155,7 +156,7 @@ impl Timeline {
     ///
     /// # Errors
     /// Returns an error if the clock cannot be stepped.
-    pub fn stop(&self) -> Result<(), String> {
+    pub fn stop(&self) -> Result<()> {
         let mut state = self.stepped()?;
         state.target_ns = state.now_ns;
         let now_ns = state.now_ns;
@@ -178,26 +179,28 @@ impl Timeline {
         }
     }
 
-    fn stepped(&self) -> Result<MutexGuard<'_, State>, String> {
+    fn stepped(&self) -> Result<MutexGuard<'_, State>> {
         match self.shared.pace {
             ClockPace::Stepped => Ok(self.shared.state()),
-            pace => Err(format!(
-                "clock: {}; expected to step the clock of phasmid serve --clock stepped",
+            pace => Err(Error::input(
+                "clock",
                 match pace {
                     ClockPace::Real => "device time follows the wall clock",
                     _ => "device time advances by itself",
-                }
+                },
+                "to step the clock of phasmid serve --clock stepped",
             )),
         }
     }
 
-    fn go_to(&self, state: &mut State, target_ns: u64) -> Result<UnderWay, String> {
+    fn go_to(&self, state: &mut State, target_ns: u64) -> Result<UnderWay> {
         let from_ns = state.target_ns;
         let to_ns = from_ns.saturating_add(MAX_STEP_NS);
         if !(from_ns..=to_ns).contains(&target_ns) {
-            return Err(format!(
-                "clock: to {target_ns} ns; expected {from_ns} to {to_ns} ns, at most a day at a \
-                 time"
+            return Err(Error::input(
+                "clock",
+                format!("to {target_ns} ns"),
+                format!("{from_ns} to {to_ns} ns, at most a day at a time"),
             ));
         }
         let (done, ended) = oneshot::channel();

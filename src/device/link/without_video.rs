@@ -33,9 +33,10 @@ impl VideoOutput {
     /// Finds no node.
     ///
     /// # Errors
-    /// Returns why there is none.
-    pub fn open_any(_: &Stream, _: u32, _: Duration) -> Result<Self, String> {
-        Err("no V4L2 node: this program was built without the feature v4l2".to_owned())
+    /// Returns an error with the reason.
+    pub fn open_any(_: &Stream, _: u32, _: Duration) -> Result<Self> {
+        let why = "no V4L2 node: this program was built without the feature v4l2";
+        Err(Error::device(why))
     }
 
     /// Returns the address of the node.
@@ -54,7 +55,7 @@ impl VideoOutput {
 }
 
 impl StreamSink for VideoOutput {
-    fn announce(&mut self, _: &Stream) -> Result<(), String> {
+    fn announce(&mut self, _: &Stream) -> Result<()> {
         match *self {}
     }
 }

@@ -40,8 +40,13 @@ impl ScanDeadline {
         }
     }
 
+    /// Returns the deadline as a moment of the host's clock.
+    pub(super) fn due(&self, now: Instant) -> Instant {
+        now + self.left(now)
+    }
+
     /// Returns the time left until the deadline, or [`FOREVER`] before two scans have arrived.
-    pub(super) fn left(&self, now: Instant) -> Duration {
+    fn left(&self, now: Instant) -> Duration {
         match (self.last, self.usual.iter().max()) {
             (Some(last), Some(longest)) => (*longest * TIMES)
                 .max(self.least)

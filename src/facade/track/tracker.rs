@@ -184,7 +184,7 @@ pub(super) struct Gathered {
 impl<'a> Tracker<'a> {
     /// Creates a tracker of a planned patient. `pods` are the names, for messages, and the places of
     /// the pods, as for [`Pod::new`](crate::Pod::new). The beam is held until scans allow it.
-    /// [`TrackOptions::scans`] has no effect.
+    /// [`TrackOptions::scans`] and [`TrackOptions::duration`] have no effect.
     ///
     /// # Errors
     /// Returns an error if there are no pods, if an option is out of range, or if the planning data do
@@ -234,8 +234,9 @@ impl<'a> Tracker<'a> {
         let arrived = Instant::now();
         let mut gathered = Gathered::default();
         for (pod, capture) in captures.iter().enumerate() {
-            // Frames without an identity have no pattern index.
-            let identified = capture.frames.iter().all(|f| f.pattern_index.is_some());
+            // Frames without an identity have no pattern index, or are not listed at all.
+            let frames = &capture.frames;
+            let identified = !frames.is_empty() && frames.iter().all(|f| f.pattern_index.is_some());
             self.measure(pod, capture, identified, arrived, &mut gathered)?;
         }
         Ok(self.answer(gathered))

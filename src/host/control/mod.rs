@@ -14,6 +14,7 @@ mod tests;
 
 use super::{CommandPort, Instrument};
 use phasmid_core::error::{Error, Result};
+use phasmid_core::wording::did_you_mean;
 use phasmid_protocol::dialect::Dialect;
 use scpi::Scpi;
 use spoken::Spoken;
@@ -246,9 +247,10 @@ impl<P: CommandPort> Control<P> {
         if names.is_empty() || names.iter().any(|known| known == name) {
             return Err(refused);
         }
+        let hint = did_you_mean(name, names.iter().map(String::as_str));
         Err(Error::input(
             format!("--sequence {name}"),
-            "not a sequence of the device",
+            format!("not a sequence of the device{hint}"),
             names.join(", "),
         ))
     }

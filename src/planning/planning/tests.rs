@@ -103,7 +103,7 @@ fn refuses_invalid_planning_file_with_its_line() {
         (
             "[12, -140.0, -812.0]",
             "[12, -140.0]",
-            "3: a list of 2 numbers; expected 3",
+            "3: isocentre_mm: a list of 2 numbers; expected 3",
         ),
         (
             "[12, -140.0, -812.0]",
@@ -113,7 +113,7 @@ fn refuses_invalid_planning_file_with_its_line() {
         (
             "[4.0, 4, 5]",
             "[4.0, 4]",
-            "4: a list of 2 numbers; expected 3",
+            "4: spacing_mm: a list of 2 numbers; expected 3",
         ),
         (
             "[4.0, 4, 5]",

@@ -55,7 +55,10 @@ fn a_fault_for_a_device_that_is_not_there_is_refused_with_its_line() {
 #[test]
 fn invalid_schedule_is_refused_with_its_line() {
     for (fields, complaint) in [
-        ("what = \"torm\"", "bad-day.toml:3: unknown variant `torm`"),
+        (
+            "what = \"torm\"",
+            "bad-day.toml:3: fault[0].what: unknown variant `torm`",
+        ),
         (
             "what = \"dark\"\nby_ms = 3",
             "bad-day.toml:4: fault[0].by_ms: not a parameter of dark; expected none",

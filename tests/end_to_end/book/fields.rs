@@ -278,6 +278,8 @@ fn split(ty: &Type) -> (String, Vec<&Type>) {
 /// Maximum number of values of a text that are listed in its row. More values get a section with
 /// their documentation.
 const VALUES_IN_ROW: usize = 4;
+/// Default of a table whose fields have defaults.
+const FIELDS: &str = "defaults of its fields";
 
 /// Writes the sections of a document: one for each table that it may contain, and for each text with
 /// many values.
@@ -369,11 +371,17 @@ impl Document<'_> {
                 _ => panic!("a default that is neither number, text nor boolean"),
             },
             Expr::MethodCall(call) => self.written(&call.receiver),
-            // `String::new()`, `Type::default()`.
+            // `String::new()`, `Type::default()`, `function(...)`.
             Expr::Call(call) => match call.func.as_ref() {
                 Expr::Path(path) if path.path.segments[0].ident == "String" => "\"\"".into(),
-                _ => "its defaults".into(),
+                Expr::Path(path) if path.path.segments.len() == 1 => "computed".into(),
+                _ => FIELDS.into(),
             },
+            // A variant of an enumeration of tables.
+            Expr::Struct(variant) => {
+                let name = &variant.path.segments.last().unwrap().ident;
+                format!("{{ kind = \"{}\" }}", name.to_string().to_lowercase())
+            }
             Expr::Array(array) => {
                 let entries: Vec<_> = array
                     .elems
@@ -381,9 +389,6 @@ impl Document<'_> {
                     .map(|entry| self.written(entry))
                     .collect();
                 format!("[{}]", entries.join(", "))
-            }
-            Expr::Path(path) if path.path.segments.last().unwrap().ident == "NAN" => {
-                "computed".into()
             }
             Expr::Path(path) => {
                 let names: Vec<String> = path
@@ -418,7 +423,7 @@ impl Document<'_> {
         {
             let text = self.written(expr);
             return match text.as_str() {
-                "absent" | "computed" | "its defaults" => text,
+                "absent" | "computed" | FIELDS => text,
                 _ => format!("`{text}`"),
             };
         }
@@ -430,7 +435,8 @@ impl Document<'_> {
                 "Vec" => "empty".into(),
                 "bool" => "`false`".into(),
                 "f64" | "f32" | "u8" | "u16" | "u32" | "u64" => "`0`".into(),
-                _ => "its defaults".into(),
+                "String" => "`\"\"`".into(),
+                _ => FIELDS.into(),
             },
         };
         match serde(&field.attrs, "default") {

@@ -21,7 +21,8 @@ fn run(page: &str, more: &[&str]) -> (TempDir, String) {
         }
         let marks = &block.info[1.min(block.info.len())..];
         if block.language() == "sh" && marks.iter().all(|mark| more.contains(&mark.as_str())) {
-            script += &block.text;
+            // A whole breath takes two minutes.
+            script += &block.text.replace("--scans 43", "--scans 2");
         }
     }
     let program = Path::new(env!("CARGO_BIN_EXE_phasmid")).parent().unwrap();

@@ -1,8 +1,10 @@
 //! The run directory: one device at a time, and reuse of what a killed device leaves behind.
 
 use crate::served::{LONG, Served, serve, text};
+use crate::signals;
+use rustix::process::Signal;
 use std::io::Read;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 #[test]
@@ -53,12 +55,7 @@ fn signal_before_the_device_is_up_ends_it_with_success() {
         .unwrap();
     let pid = rustix::process::Pid::from_child(&child);
     // The program has installed a handler for TERM, signal 15.
-    let handles = || {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap();
-        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
-        let caught = u64::from_str_radix(caught.unwrap().trim(), 16).unwrap();
-        caught & (1 << 14) != 0
-    };
+    let handles = || signals(child.id(), "SigCgt:") & (1 << 14) != 0;
     let end = Instant::now() + LONG;
     while !handles() {
         assert!(Instant::now() < end, "no handler");
@@ -67,4 +64,16 @@ fn signal_before_the_device_is_up_ends_it_with_success() {
     rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0));
     assert_eq!(std::fs::read_dir(base.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn signal_that_is_ignored_at_the_start_stays_ignored() {
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]);
+    shell.arg(serve().get_program()).args(serve().get_args());
+    let served = Served::spawn(&mut shell);
+    // HUP is signal 1.
+    assert_eq!(signals(served.child.id(), "SigIgn:") & 1, 1);
+    assert_eq!(signals(served.child.id(), "SigCgt:") & 1, 0);
+    served.stop(Signal::TERM);
 }

@@ -75,9 +75,8 @@ fn station(name: &str) -> Station {
 /// Pose of each pod.
 fn places(station: &Station) -> Vec<Pose> {
     let rigs = station.device.iter().map(|device| device.rig().unwrap());
-    let place = |rig: phasmid::profile::RigPlace| {
-        Pose::from_xyz_deg(rig.position_mm.into(), rig.rotation_deg.into())
-    };
+    let place =
+        |rig: phasmid::profile::RigPlace| Pose::from_xyz_deg(rig.position_mm, rig.rotation_deg);
     rigs.map(place).collect()
 }
 
@@ -355,7 +354,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
         assert!(Instant::now() < end, "no lines after the silence");
         std::thread::sleep(Duration::from_millis(20));
     }
-    kill_process(Pid::from_child(&track), Signal::INT).unwrap();
+    kill_process(Pid::from_child(&track), crate::interrupt()).unwrap();
     assert!(track.wait().unwrap().success());
 
     let text = fs::read_to_string(&out).unwrap();

@@ -195,3 +195,27 @@ fn a_station_is_listed_and_checked() {
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output).contains("wall.toml"), "{}", text(&output));
 }
+
+#[test]
+fn tracking_ends_after_its_seconds_and_hints_once_if_no_skin_is_in_sight() {
+    let pair = Pair::start("fast");
+    let at = |name: &str| pair.base.path().join(name);
+    let planned = phasmid()
+        .args(["patient", "plan", "p02-man-mean", "--spacing-mm", "20"])
+        .arg("--out")
+        .arg(at("planning"))
+        .output()
+        .unwrap();
+    assert!(planned.status.success(), "{}", text(&planned));
+    let mut track = phasmid();
+    track.args(["track", "--timeout", "60", "--station"]);
+    track.arg(at("pair.toml")).arg("--run-dir").arg(at("run"));
+    track.arg("--planning").arg(at("planning"));
+    // A scan takes longer than that.
+    let tracked = track.args(["--seconds", "0.001"]).output().unwrap();
+    assert!(tracked.status.success(), "{}", text(&tracked));
+    let lines = tracked.stdout.split(|byte| *byte == b'\n');
+    // The names, two scans, and nothing after the last newline.
+    assert_eq!(lines.count(), 4, "{}", text(&tracked));
+    assert_eq!(text(&tracked).matches("no skin in sight").count(), 1);
+}

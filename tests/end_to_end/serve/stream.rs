@@ -59,7 +59,7 @@ fn frames_come_over_tcp_and_run_free() {
         let frame = camera.next_frame(LONG).unwrap().unwrap();
         assert_eq!(frame.pattern_index, Some(i));
     }
-    served.stop(rustix::process::Signal::INT);
+    served.stop(crate::interrupt());
 }
 
 #[test]

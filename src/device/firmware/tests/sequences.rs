@@ -108,7 +108,7 @@ fn a_bad_manifest_says_why() {
         "{text}"
     );
     assert!(
-        text.contains("own:2: invalid value: integer `-3`"),
+        text.contains("own:2: projector.width_px: invalid value: integer `-3`"),
         "{text}"
     );
 }

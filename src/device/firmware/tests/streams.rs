@@ -3,6 +3,7 @@
 
 use super::{MS, Port};
 use crate::{Stream, StreamSink};
+use phasmid_core::error::{Error, Result};
 use phasmid_profile::Profile;
 use phasmid_protocol::PixelFormat;
 use std::sync::{Arc, Mutex};
@@ -25,10 +26,10 @@ impl Node {
 }
 
 impl StreamSink for Node {
-    fn announce(&mut self, stream: &Stream) -> Result<(), String> {
+    fn announce(&mut self, stream: &Stream) -> Result<()> {
         let mut node = self.0.lock().unwrap();
         if node.1 {
-            return Err("the node is being read".to_owned());
+            return Err(Error::device("the node is being read"));
         }
         node.0.push(*stream);
         Ok(())

@@ -9,6 +9,7 @@ mod player;
 pub use player::Outcome;
 
 use super::frame_socket::Tcp;
+use super::notice::Notice;
 use super::pty::Event;
 use super::run_dir::RunDir;
 use ends::Ends;
@@ -41,8 +42,8 @@ pub struct Replay<R> {
     pub fast: bool,
     /// Also serve frames over TCP.
     pub tcp: Option<Tcp>,
-    /// Called with messages for the operator: where a client departs from the recording.
-    pub notice: fn(&str),
+    /// Receives messages for the operator: where a client departs from the recording.
+    pub notice: Notice,
 }
 
 /// Serves a recording from a run directory, in a tokio runtime, until `shutdown` completes. `wall`
@@ -103,7 +104,7 @@ pub async fn replay<R: Read>(
             held = ends.perform(output, replay.monotonic_ns, now_ns)?;
         }
         while let Some(news) = player.news() {
-            (replay.notice)(&news);
+            replay.notice.tell(&news);
         }
         let delay = match player.next_event_ns() {
             _ if held.is_some() => Some(RETRY),

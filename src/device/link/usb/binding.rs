@@ -3,7 +3,7 @@
 
 use super::{CameraState, Event, UsbDevice};
 use crate::{CameraControls, Firmware, State, Stream, StreamSink};
-use phasmid_core::error::Result;
+use phasmid_core::error::{Error, Result};
 use phasmid_profile::{DsrUse, Profile, RtsUse, Usb};
 use phasmid_protocol::usb::cdc::{DeviceLines, HostLines};
 use phasmid_protocol::usb::uvc;
@@ -180,21 +180,21 @@ pub(in crate::link) struct Gate {
 }
 
 impl StreamSink for Gate {
-    fn announce(&mut self, stream: &Stream) -> std::result::Result<(), String> {
+    fn announce(&mut self, stream: &Stream) -> Result<()> {
         if (stream.width, stream.height) != (self.stream.width, self.stream.height) {
-            return Err(format!(
+            return Err(Error::device(format!(
                 "the USB camera has frames of {} x {} pixels",
                 self.stream.width, self.stream.height
-            ));
+            )));
         }
         if !self.device.offers(stream.format) {
-            return Err(format!(
+            return Err(Error::device(format!(
                 "the USB camera does not offer {}; set it as `format` in the profile's [camera]",
                 stream.format.name()
-            ));
+            )));
         }
         if self.device.is_streaming() && stream.format != self.stream.format {
-            return Err("a host reads from the USB camera".to_owned());
+            return Err(Error::device("a host reads from the USB camera"));
         }
         self.stream = *stream;
         Ok(())

@@ -53,11 +53,11 @@ impl VideoOutput {
     /// Opens the first free node that is labelled for this program; see [`Self::open`].
     ///
     /// # Errors
-    /// Returns why there is none.
-    pub fn open_any(stream: &Stream, bits: u32, power_on: Duration) -> Result<Self, String> {
+    /// Returns an error with the reason if there is none.
+    pub fn open_any(stream: &Stream, bits: u32, power_on: Duration) -> Result<Self> {
         let nodes = nodes(Path::new("/dev"), Path::new("/sys/class/video4linux"));
         let open = |path: &Path| Self::open(path, stream, bits, power_on);
-        let (video, passed_over) = first_free(nodes, open)?;
+        let (video, passed_over) = first_free(nodes, open).map_err(Error::device)?;
         let mut choice = "the first free node labelled Phasmid".to_owned();
         if !passed_over.is_empty() {
             choice += &format!("; {passed_over}");
@@ -123,7 +123,7 @@ impl VideoOutput {
 impl StreamSink for VideoOutput {
     /// The node keeps its format until every program has closed it. It is closed and reopened at
     /// once, not with the next frame, so that the next reader finds the new format.
-    fn announce(&mut self, stream: &Stream) -> Result<(), String> {
+    fn announce(&mut self, stream: &Stream) -> Result<()> {
         let mut output = self.output();
         if stream.same_frames(&output.stream) {
             if let Ok(node) = &output.node {
@@ -142,7 +142,7 @@ impl StreamSink for VideoOutput {
             }
             Err(e) => {
                 output.node = Open::new(&path, &output.stream, bits, false);
-                Err(e.to_string())
+                Err(e)
             }
         }
     }
