@@ -354,6 +354,7 @@ mod tests {
     use super::*;
     use crate::{Device, ScanOptions, ServeOptions};
     use phasmid_phantom::{Patient, Phantom};
+    use phasmid_sgrt::{ScanWarning, SightWarning};
 
     fn planned() -> Planned {
         let scratch = tempfile::tempdir().unwrap();
@@ -461,7 +462,9 @@ mod tests {
             let tracker = Tracker::new(&planned, pods, &TrackOptions::default());
             let tracked = tracker.unwrap().scan(std::slice::from_ref(capture));
             let warnings = tracked.unwrap().warnings;
-            warnings.iter().any(|warning| warning.contains("saturated"))
+            warnings
+                .iter()
+                .any(|warning| matches!(warning, ScanWarning::Sight(SightWarning::Rejected { .. })))
         };
         assert!(!rejected(&capture));
         capture.frames.clear();
@@ -504,7 +507,7 @@ mod tests {
         // A plane far from the planned skin.
         assert_eq!((scans[0].scan, &scans[0].tumour), (0, &None));
         assert!(matches!(scans[0].beam, Beam::Held(_)));
-        let lost = |warning: &String| warning.starts_with("lost: ");
+        let lost = |warning: &ScanWarning| matches!(warning, ScanWarning::Lost(_));
         assert!(scans[0].warnings.iter().any(lost), "{scans:?}");
         // A scan takes longer than that.
         let options = TrackOptions {

@@ -52,4 +52,4 @@ pub use rigid::{Freedom, RigidFit, RigidOptions, Start, track_rigid};
 pub use sight::{Sight, SightWarning};
 pub use six::SixDof;
 pub use surface::{Foot, Reference, Region};
-pub use warning::{Lost, Warning};
+pub use warning::{Lost, ScanWarning, Warning};

@@ -1,5 +1,6 @@
 //! Warnings and errors of the trackers.
 
+use super::SightWarning;
 use super::rigid::{Freedom, shape};
 use std::fmt;
 
@@ -108,4 +109,25 @@ pub enum Lost {
     /// The points lie on a line or coincide.
     #[error("lost: the measured points over the region of interest lie on a line")]
     Line,
+}
+
+/// Reasons to doubt the results of a scan. It displays as a message for users.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScanWarning {
+    /// The frames of a pod are rejected or doubtful.
+    #[error(transparent)]
+    Sight(#[from] SightWarning),
+    /// The fit on which the beam depends is unreliable.
+    #[error("{0}")]
+    Fit(Warning),
+    /// The fit on which the beam depends has failed.
+    #[error(transparent)]
+    Lost(#[from] Lost),
+    /// The rigid pose is unreliable, where the beam depends on another fit.
+    #[error("rigid: {0}")]
+    Rigid(Warning),
+    /// The rigid fit has failed, where the beam depends on another fit.
+    #[error("rigid: {0}")]
+    RigidLost(Lost),
 }

@@ -119,11 +119,17 @@ impl Summary {
     /// Collects the key figures of a calibration.
     pub fn new(calibration: &Calibration, about: &About) -> Self {
         let solution = &calibration.solution;
-        let missed = calibration.missed.iter().map(|m| (&m.name, &m.why));
-        let unsolved = solution.left_out.iter().map(|l| (&l.name, &l.why));
+        let missed = calibration
+            .missed
+            .iter()
+            .map(|m| (&m.name, m.why.to_string()));
+        let unsolved = solution
+            .left_out
+            .iter()
+            .map(|l| (&l.name, l.why.to_string()));
         let left_out = missed.chain(unsolved).map(|(name, why)| LeftOutPose {
             name: name.clone(),
-            why: why.clone(),
+            why,
         });
         let points = solution.poses.iter().flat_map(|pose| &pose.points);
         let outliers = points

@@ -3,10 +3,10 @@
 
 use super::*;
 use crate::board::{Lit, Sighting};
-use crate::rig::Missed;
+use crate::rig::{Missed, Unusable};
 use crate::solve::{
     Errors, LeftOut, Parameter, PointResidual, PoseSightings, ProjectorResidual, Solution,
-    SolvedPose,
+    SolvedPose, Unfit,
 };
 use glam::{DMat2, DVec2, DVec3};
 use nalgebra::DMatrix;
@@ -155,7 +155,7 @@ fn made_up(names: &[&str]) -> Calibration {
         left_out: vec![LeftOut {
             name: "odd & out".to_owned(),
             given: 99,
-            why: "residuals 40 times the others'".to_owned(),
+            why: Unfit::MirroredProjector,
         }],
         camera_coefficients: [true, true, false, false, false],
         projector_coefficients: [false; 5],
@@ -176,7 +176,7 @@ fn made_up(names: &[&str]) -> Calibration {
         sightings,
         missed: vec![Missed {
             name: "empty".to_owned(),
-            why: "no board: 3 dots; expected 475".to_owned(),
+            why: Unusable::Invalid("no board: 3 dots; expected 475".to_owned()),
         }],
         rounds: 3,
         largest_bias_px: 0.02,

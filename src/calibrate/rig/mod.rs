@@ -23,12 +23,14 @@ mod place;
 mod poses;
 mod rounds;
 mod sight;
+mod unusable;
 
 pub use look::{Looked, look, look_with_stop};
 pub use place::place;
 pub use poses::{Gathering, Poses};
 pub use rounds::calibrate;
 pub use sight::{PoseData, sight};
+pub use unusable::Unusable;
 
 use super::solve::{Choice, PoseSightings, Solution};
 use phasmid_core::Stop;
@@ -55,12 +57,12 @@ pub struct Task<'a> {
 }
 
 /// A pose in which no usable board was found.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Missed {
     /// Name of the pose.
     pub name: String,
-    /// Reason: what was found instead of the board.
-    pub why: String,
+    /// Reason.
+    pub why: Unusable,
 }
 
 /// A calibrated rig and everything the report contains.

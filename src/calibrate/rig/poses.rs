@@ -1,6 +1,7 @@
 //! Collects the poses of one calibration.
 
 use super::look::Looked;
+use super::unusable::{Unusable, saturation};
 use super::{Calibration, Missed, PoseData, Task, calibrate};
 use crate::solve::{Choice, Unsolved};
 use phasmid_core::Stop;
@@ -9,11 +10,9 @@ use phasmid_geometry::{Board, NoiseModel, Rig};
 
 /// Minimum number of points with a projector coordinate that a pose needs to constrain the projector.
 const FEWEST_LIT: usize = 6;
-/// Minimum fraction of saturated pixels that is mentioned in messages.
-const SATURATED: f64 = 0.01;
 
 /// Width and height of the camera's and of the projector's images.
-type Sizes = [[u32; 2]; 2];
+pub(super) type Sizes = [[u32; 2]; 2];
 
 /// The poses received so far.
 #[derive(Debug)]
@@ -21,7 +20,7 @@ pub struct Gathering {
     names: Vec<String>,
     found: Vec<Found>,
     /// Index of each pose that cannot be used, and the reason.
-    missed: Vec<(usize, String)>,
+    missed: Vec<(usize, Unusable)>,
 }
 
 /// A pose in which the board was found.
@@ -70,14 +69,16 @@ impl Gathering {
         let looked = match looked {
             Ok(looked) => looked,
             Err(why) => {
-                self.missed.push((place, why.to_string()));
+                self.missed
+                    .push((place, Unusable::Invalid(why.to_string())));
                 return;
             }
         };
         match looked.found {
             Err(why) => {
-                let why = format!("{why}{}", saturation(looked.saturated));
-                self.missed.push((place, why));
+                let saturated = looked.saturated;
+                self.missed
+                    .push((place, Unusable::NoBoard { why, saturated }));
             }
             Ok(data) => self.found.push(Found {
                 place,
@@ -113,7 +114,8 @@ impl Gathering {
         };
         for pose in found {
             if pose.sizes != sizes {
-                missed.push((pose.place, other_size(pose.sizes, sizes)));
+                let (found, expected) = (pose.sizes, sizes);
+                missed.push((pose.place, Unusable::OtherSize { found, expected }));
                 continue;
             }
             poses.warnings.extend(unlit(&pose));
@@ -123,7 +125,7 @@ impl Gathering {
             poses.noise = poses.noise.or(pose.noise);
         }
         missed.sort_by_key(|(place, _)| *place);
-        let named = |(place, why): (usize, String)| Missed {
+        let named = |(place, why): (usize, Unusable)| Missed {
             name: names.get(place).cloned().unwrap_or_default(),
             why,
         };
@@ -175,29 +177,4 @@ fn unlit(pose: &Found) -> Option<String> {
     let (name, why) = (&pose.data.name, saturation(pose.saturated));
     (lit < FEWEST_LIT && !why.is_empty())
         .then(|| format!("{name}: {lit} of its {all} points have a projector coordinate{why}"))
-}
-
-/// Describes saturated pixels; empty if there are few.
-fn saturation(share: f64) -> String {
-    match share >= SATURATED {
-        true => format!(
-            "; {:.0} % of the pixels are saturated: shorten the exposure",
-            100.0 * share
-        ),
-        false => String::new(),
-    }
-}
-
-fn other_size(found: Sizes, wanted: Sizes) -> String {
-    let words = |[camera, projector]: Sizes| {
-        format!(
-            "camera {} x {}, projector {} x {} pixels",
-            camera[0], camera[1], projector[0], projector[1]
-        )
-    };
-    format!(
-        "images of another size: {}; expected {}, as most poses have",
-        words(found),
-        words(wanted)
-    )
 }

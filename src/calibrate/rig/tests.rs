@@ -79,7 +79,7 @@ fn corrects_bias_of_dots_and_recovers_rig() {
     };
     let missed = vec![Missed {
         name: "pose 11".to_owned(),
-        why: "no board".to_owned(),
+        why: Unusable::Invalid("no images".to_owned()),
     }];
     let task = Task {
         noise: Some(noise),

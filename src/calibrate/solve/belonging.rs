@@ -3,15 +3,15 @@
 use super::bundle::Bundle;
 use super::homography::median;
 use super::model::{State, residual};
-use super::{LeftOut, Unsolved, robust};
+use super::{LeftOut, Unfit, Unsolved, robust};
 
 /// Maximum robust scale of a pose relative to the median pose. At this scale half of the pose's
 /// points are beyond the outlier threshold.
-const OUTLYING_POSE: f64 = robust::OUTLYING / robust::MEDIAN;
+pub(super) const OUTLYING_POSE: f64 = robust::OUTLYING / robust::MEDIAN;
 
 impl Bundle {
     /// Moves a pose to the excluded ones.
-    pub fn leave_out(&mut self, at: usize, why: String) {
+    pub fn leave_out(&mut self, at: usize, why: Unfit) {
         let pose = self.poses.remove(at);
         self.left_out.push(LeftOut {
             name: pose.name,
@@ -44,9 +44,7 @@ impl Bundle {
         for at in (0..self.poses.len()).rev() {
             let points = &self.poses[at].points;
             if points.iter().any(|o| residual(o, state, at).is_none()) {
-                let why = "according to the other poses, it lies behind the camera or the \
-                           projector";
-                self.leave_out(at, why.to_owned());
+                self.leave_out(at, Unfit::Behind);
                 state.boards.remove(at);
             }
         }
@@ -77,12 +75,8 @@ impl Bundle {
         let Some((ratio, at, group)) = worst else {
             return false;
         };
-        let what = ["camera points", "projector coordinates"][group];
-        let why = format!(
-            "its {what} fit {ratio:.1} times worse than those of the median pose; expected \
-             {OUTLYING_POSE:.1} times or less"
-        );
-        self.leave_out(at, why);
+        let projector = group == 1;
+        self.leave_out(at, Unfit::Misfit { projector, ratio });
         state.boards.remove(at);
         true
     }

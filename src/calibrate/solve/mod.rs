@@ -44,6 +44,7 @@ mod start_projector;
 mod summary;
 #[cfg(test)]
 mod tests;
+mod unfit;
 mod unsolved;
 mod zhang;
 
@@ -53,6 +54,7 @@ pub use place::{Placed, place};
 pub use solution::{
     Errors, LeftOut, Parameter, PointResidual, ProjectorResidual, Solution, SolvedPose,
 };
+pub use unfit::Unfit;
 pub use unsolved::Unsolved;
 
 use super::board::Sighting;

@@ -1,5 +1,6 @@
 //! Result of the solver: the rig, the poses, and their uncertainty.
 
+use super::Unfit;
 use super::coefficients::free;
 use nalgebra::{DMatrix, DVector};
 use phasmid_geometry::rotation::difference;
@@ -77,14 +78,14 @@ pub struct SolvedPose {
 }
 
 /// A pose that was excluded.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {
     /// Its name.
     pub name: String,
     /// Index in the given list of poses.
     pub given: usize,
-    /// Reason, with numbers.
-    pub why: String,
+    /// Reason.
+    pub why: Unfit,
 }
 
 /// Residuals of a point.

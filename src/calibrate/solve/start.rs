@@ -8,7 +8,7 @@ use super::model::State;
 use super::refusal::Why;
 use super::robust::{self, Loss};
 use super::start_projector::projector;
-use super::{Choice, Unsolved, zhang};
+use super::{Choice, Unfit, Unsolved, zhang};
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_geometry::{Lens, Pose};
 
@@ -44,9 +44,9 @@ pub(super) fn maps(bundle: &mut Bundle, robust: bool) -> Result<Maps, Unsolved> 
                 maps.projector.push(projector);
                 at += 1;
             }
-            Err((kind, why)) => {
-                mirrored += usize::from(kind == Kind::MirroredCamera);
-                crossed += usize::from(kind == Kind::MirroredProjector);
+            Err(why) => {
+                mirrored += usize::from(why == Unfit::MirroredCamera);
+                crossed += usize::from(why == Unfit::MirroredProjector);
                 bundle.leave_out(at, why);
             }
         }
@@ -72,43 +72,27 @@ pub(super) fn maps(bundle: &mut Bundle, robust: bool) -> Result<Maps, Unsolved> 
     Ok(maps)
 }
 
-#[derive(PartialEq)]
-enum Kind {
-    TooFew,
-    MirroredCamera,
-    MirroredProjector,
-}
-
 type OfPose = (Homography, Option<(Homography, Vec<usize>)>);
 
-fn of_pose(bundle: &Bundle, at: usize, robust: bool) -> Result<OfPose, (Kind, String)> {
+fn of_pose(bundle: &Bundle, at: usize, robust: bool) -> Result<OfPose, Unfit> {
     let pose = &bundle.poses[at];
-    let improper = match pose.improper {
-        0 => String::new(),
-        n => format!(" ({n} more are off the board or have no valid covariance)"),
-    };
-    let few = |count: usize, what: &str| {
-        let why = format!(
-            "{count} points{improper}{what}; expected {FEWEST_POINTS} or more that are not on a line"
-        );
-        (Kind::TooFew, why)
+    let few = |points, on_a_line| Unfit::TooFewPoints {
+        points,
+        improper: pose.improper,
+        on_a_line,
     };
     if pose.points.len() < FEWEST_POINTS {
-        return Err(few(pose.points.len(), ""));
+        return Err(few(pose.points.len(), false));
     }
     let pairs: Vec<_> = pose.points.iter().map(|o| (o.board, o.camera)).collect();
-    let camera = Homography::fit(&pairs, robust).ok_or_else(|| few(pairs.len(), " on a line"))?;
+    let camera = Homography::fit(&pairs, robust).ok_or_else(|| few(pairs.len(), true))?;
     let agree = camera.fits.iter().filter(|f| **f).count();
     if agree < FEWEST_POINTS || 2 * agree < pairs.len() {
-        let why = format!(
-            "{agree} of {} points agree on the pose of the board; expected half of them or more",
-            pairs.len()
-        );
-        return Err((Kind::TooFew, why));
+        let points = pairs.len();
+        return Err(Unfit::Disagreeing { agree, points });
     }
     if !camera.keeps_sense() {
-        let why = "the image shows the board mirrored; expected its front, not flipped".to_owned();
-        return Err((Kind::MirroredCamera, why));
+        return Err(Unfit::MirroredCamera);
     }
     let lit: Vec<usize> = (0..pose.points.len())
         .filter(|i| pose.points[*i].lit.is_some())
@@ -127,8 +111,7 @@ fn of_pose(bundle: &Bundle, at: usize, robust: bool) -> Result<OfPose, (Kind, St
         return Ok((camera, None));
     };
     if !map.keeps_sense() {
-        let why = "the projector's coordinates lie mirrored on the board".to_owned();
-        return Err((Kind::MirroredProjector, why));
+        return Err(Unfit::MirroredProjector);
     }
     let lit = lit
         .into_iter()

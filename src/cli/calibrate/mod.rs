@@ -234,6 +234,7 @@ fn no_board(poses: &Poses, board: &Board) -> (String, String) {
 fn reasons(missed: &[Missed]) -> String {
     let mut together: Vec<(String, Vec<&str>)> = Vec::new();
     for Missed { name, why } in missed {
+        let why = why.to_string();
         let why = why.split_whitespace().collect::<Vec<_>>().join(" ");
         match together.iter_mut().find(|(known, _)| *known == why) {
             Some((_, names)) => names.push(name),

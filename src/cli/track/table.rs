@@ -4,7 +4,7 @@ use crate::cli::interrupt::uninterrupted;
 use crate::{Tracked, TumourPosition};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
-use phasmid_sgrt::{Beam, six};
+use phasmid_sgrt::{Beam, ScanWarning, six};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -161,12 +161,12 @@ fn ms(time: Duration) -> String {
 }
 
 /// Returns the fields `beam` and `why`: the state of the beam, and its reason with all warnings.
-fn verdict(beam: &Beam, warnings: &[String]) -> [String; 2] {
+fn verdict(beam: &Beam, warnings: &[ScanWarning]) -> [String; 2] {
     let (beam, why) = match beam {
         Beam::On => ("on", String::new()),
         Beam::Held(reason) => ("held", reason.to_string()),
     };
-    let mut words = warnings.to_vec();
+    let mut words: Vec<String> = warnings.iter().map(ToString::to_string).collect();
     if !why.is_empty() && !words.contains(&why) {
         words.insert(0, why);
     }

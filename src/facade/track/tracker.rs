@@ -9,7 +9,7 @@ use phasmid_geometry::Pose;
 use phasmid_profile::RigPlace;
 use phasmid_sgrt::{
     Answers, Beam, Follower, Hold, Measured, MotionFit, POINTS, Planned, Quantity, Reading,
-    RigidFit, Sight,
+    RigidFit, ScanWarning, Sight,
 };
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -37,9 +37,9 @@ pub struct Tracked {
     pub tumour: Option<TumourPosition>,
     /// Whether the beam may be on.
     pub beam: Beam,
-    /// Reasons to doubt the result, as text for users. All of them hold the beam, except for those
-    /// that begin with `rigid:`, which concern [`Self::skin`]: a breathing patient is not rigid.
-    pub warnings: Vec<String>,
+    /// Reasons to doubt the result. All of them hold the beam, except for [`ScanWarning::Rigid`] and
+    /// [`ScanWarning::RigidLost`], which concern [`Self::skin`]: a breathing patient is not rigid.
+    pub warnings: Vec<ScanWarning>,
     /// Host time to decode the captures.
     pub decoding: Duration,
     /// Host time from the arrival of the last frame to this result.
@@ -286,8 +286,10 @@ impl<'a> Tracker<'a> {
         let most = POINTS / self.pods.len();
         let sight = &mut self.pods[pod].1;
         let doubt = sight.measure(capture, identified, &mut gathered.measured, most)?;
-        let doubt = doubt.map(|doubt| doubt.to_string());
-        gathered.reading.warnings.extend(doubt);
+        gathered
+            .reading
+            .warnings
+            .extend(doubt.map(ScanWarning::from));
         gathered.decoding += begin.elapsed();
         gathered.span.take(&capture.frames);
         gathered.arrived = gathered.arrived.max(Some(arrived));
@@ -318,16 +320,21 @@ impl<'a> Tracker<'a> {
         }
         match &motion {
             Ok(fit) => {
-                let warnings = fit.warnings.iter().map(ToString::to_string);
-                reading.warnings.extend(warnings);
+                let warnings = fit.warnings.iter().cloned();
+                reading.warnings.extend(warnings.map(ScanWarning::Fit));
             }
-            Err(lost) => reading.warnings.push(lost.to_string()),
+            Err(lost) => reading.warnings.push(lost.clone().into()),
         }
         let latency = arrived.map_or(Duration::ZERO, |arrived| arrived.elapsed());
         let beam = self.hold.update(span.end_ns, &reading).clone();
-        let mut warnings: Vec<String> = match &rigid {
-            Ok(fit) => fit.warnings.iter().map(|w| format!("rigid: {w}")).collect(),
-            Err(lost) => vec![format!("rigid: {lost}")],
+        let mut warnings: Vec<_> = match &rigid {
+            Ok(fit) => fit
+                .warnings
+                .iter()
+                .cloned()
+                .map(ScanWarning::Rigid)
+                .collect(),
+            Err(lost) => vec![ScanWarning::RigidLost(lost.clone())],
         };
         warnings.append(&mut reading.warnings);
         let scan = self.scans;

@@ -113,8 +113,8 @@ impl Hold {
     /// Finds what is wrong with a reading, if quantities may use at most the fraction `limit` of
     /// their tolerances.
     fn complaint(&self, reading: &Reading, limit: f64) -> Option<Reason> {
-        if let Some(words) = reading.warnings.first() {
-            return Some(Reason::Warning(words.clone()));
+        if let Some(why) = reading.warnings.first() {
+            return Some(Reason::Warning(why.clone()));
         }
         let share = |q: &Quantity| {
             (q.value.abs() + self.rules.deviations * q.deviation) / q.tolerance.max(0.0)

@@ -1,5 +1,7 @@
 //! The reading that one scan provides for the beam hold.
 
+use crate::ScanWarning;
+
 /// A quantity that has to stay within a tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quantity {
@@ -18,6 +20,6 @@ pub struct Quantity {
 pub struct Reading {
     /// Quantities that have to stay within tolerance.
     pub quantities: Vec<Quantity>,
-    /// Reasons to doubt the reading, as text for users.
-    pub warnings: Vec<String>,
+    /// Reasons to doubt the reading.
+    pub warnings: Vec<ScanWarning>,
 }

@@ -1,5 +1,6 @@
 //! Reasons for holding the beam, and their messages.
 
+use crate::ScanWarning;
 use std::fmt;
 
 /// Why the beam is held.
@@ -21,7 +22,7 @@ pub enum Reason {
         share: f64,
     },
     /// The reading has a warning.
-    Warning(String),
+    Warning(ScanWarning),
     /// All quantities are inside the narrower band, but not for long enough yet.
     Settling,
 }
@@ -36,7 +37,7 @@ impl fmt::Display for Reason {
             Self::Outside { name, share } => {
                 write!(f, "{name} at {:.0} % of its tolerance", 100.0 * share)
             }
-            Self::Warning(words) => write!(f, "{words}"),
+            Self::Warning(why) => write!(f, "{why}"),
             Self::Settling => write!(f, "settling"),
         }
     }

@@ -1,6 +1,7 @@
 //! Tests the bands, gaps and clocks. Tests that the beam is on only after sufficient readings.
 
 use super::*;
+use crate::Lost;
 use proptest::prelude::*;
 
 const MS: u64 = 1_000_000;
@@ -53,12 +54,9 @@ fn beam_comes_on_after_settling_within_tolerance() {
 fn warnings_gaps_and_wrong_clocks_hold_the_beam() {
     let on = || on_after((0..=500).step_by(100));
     let mut warned = reading(0.0);
-    warned.warnings.push("not determined".to_owned());
+    warned.warnings.push(Lost::Line.into());
     let beam = on().update(600 * MS, &warned).clone();
-    assert_eq!(
-        beam,
-        Beam::Held(Reason::Warning("not determined".to_owned()))
-    );
+    assert_eq!(beam, Beam::Held(Reason::Warning(Lost::Line.into())));
     let mut hold = on();
     assert_eq!(hold.at(900 * MS), &Beam::On);
     assert_eq!(hold.at(901 * MS), &Beam::Held(Reason::Stale));
@@ -130,7 +128,7 @@ proptest! {
             time += wait * MS;
             let mut r = reading(value);
             if odd == 0 {
-                r.warnings.push("doubt".to_owned());
+                r.warnings.push(Lost::Line.into());
             }
             hold.update(time, &r);
             history.push((time, value, odd == 0));

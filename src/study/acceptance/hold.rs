@@ -8,7 +8,7 @@ use phasmid_core::error::Result;
 use phasmid_profile::{Keyframe, Motion, Shape};
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{
-    Beam, Hold, HoldRules, POINTS, Quantity, Reading, RigidOptions, Start, track_rigid,
+    Beam, Hold, HoldRules, POINTS, Quantity, Reading, RigidOptions, ScanWarning, Start, track_rigid,
 };
 
 /// The jump upwards and the tolerance, in millimetres.
@@ -83,9 +83,9 @@ fn jumped(context: &Context<'_>, share: f64, effort: Effort) -> Result<Vec<Row>>
                 });
                 reading
                     .warnings
-                    .extend(fit.warnings.iter().map(ToString::to_string));
+                    .extend(fit.warnings.iter().cloned().map(ScanWarning::Fit));
             }
-            Err(lost) => reading.warnings.push(lost.to_string()),
+            Err(lost) => reading.warnings.push(lost.clone().into()),
         }
         let end_ns = begin_ns + pods.duration_ns();
         match hold.update(end_ns, &reading) {

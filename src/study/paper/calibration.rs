@@ -7,7 +7,7 @@ use super::scan::Scan;
 use super::{of, three};
 use crate::boards::shown_to;
 use crate::calibration::Truth;
-use phasmid_calibrate::rig::{Calibration, Missed, Task, calibrate};
+use phasmid_calibrate::rig::{Calibration, Missed, Task, Unusable, calibrate};
 use phasmid_calibrate::solve::Choice;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Decoder, Options};
@@ -53,7 +53,10 @@ fn calibration(context: &Context<'_>) -> Result<Vec<Row>> {
             }
             Err(why) => missed.push(Missed {
                 name,
-                why: why.to_string(),
+                why: Unusable::NoBoard {
+                    why,
+                    saturated: 0.0,
+                },
             }),
         }
     }
