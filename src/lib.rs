@@ -100,6 +100,9 @@
 //! | `v4l2` | cameras of the kernel (Linux): reading `/dev/videoN`, and `CameraNode` other than `None` | libclang to build |
 //! | `schema` | JSON Schemas of profiles, scenes and other files | |
 //!
+//! USB devices and, on Unix, serial ports use no package that the rest does not use, so they have no
+//! features.
+//!
 //! # Conventions
 //!
 //! Internal units are millimetres, seconds and radians; in files, the field's name contains the
