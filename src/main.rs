@@ -3,8 +3,12 @@
 
 mod out_of_memory;
 
+use phasmid::cli::{self, Launcher};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    phasmid::cli::main()
+    let launcher = Launcher {
+        program: std::env::current_exe().ok(),
+    };
+    ExitCode::from(cli::main(std::env::args_os(), &launcher))
 }

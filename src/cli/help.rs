@@ -60,16 +60,11 @@ pub(super) struct ManArgs {
 pub(super) struct CommandLine(clap::Command);
 
 impl CommandLine {
-    /// Parses the arguments of the program.
+    /// Parses arguments, of which the first is the program's name.
     ///
     /// # Errors
     /// Returns a usage error, or the text of the help or version.
-    pub(super) fn try_get_matches(self) -> Result<ArgMatches, clap::Error> {
-        self.parse(std::env::args_os().collect())
-    }
-
-    /// Parses arguments, of which the first is the program's name.
-    fn parse(self, mut arguments: Vec<OsString>) -> Result<ArgMatches, clap::Error> {
+    pub(super) fn parse(self, mut arguments: Vec<OsString>) -> Result<ArgMatches, clap::Error> {
         // `clap` takes everything after the subcommand `help` for the name of a command.
         if let Some(help) = self.place_of_help(&arguments) {
             let mut place = 0..;

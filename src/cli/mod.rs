@@ -89,7 +89,9 @@ use {without_link as demo, without_link as doctor, without_link as replay, witho
 
 use clap::{FromArgMatches, Parser, Subcommand};
 use phasmid_core::error::{Error, Result};
-use std::process::ExitCode;
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::PathBuf;
 
 /// The `phasmid` program.
 #[derive(Debug, Parser)]
@@ -136,7 +138,7 @@ const STANDARD_OUTPUT: &str = "standard output";
 
 /// Ends the program because standard output cannot be written: with status 0 if the reader has
 /// closed the pipe, else with status 1.
-fn unheard(e: &std::io::Error) {
+fn unheard(e: &std::io::Error) -> ! {
     if e.kind() == std::io::ErrorKind::BrokenPipe {
         std::process::exit(0);
     }
@@ -171,14 +173,36 @@ fn step(what: &str) {
     }
 }
 
-/// Parses the arguments, runs the command, and prints an error on standard error.
+/// Facts that the command line cannot find out when it runs as a library.
+#[derive(Debug, Clone, Default)]
+pub struct Launcher {
+    /// File with this library's code: the program, or the module that another program has loaded. A
+    /// study records its checksum.
+    pub program: Option<PathBuf>,
+}
+
+/// Runs a command and returns the exit status: 0 for success, 1 for a failure of a device or the system,
+/// 2 for invalid input. The first argument is the name of the program. Results go to standard output,
+/// messages to standard error.
 ///
-/// Exit status: 0 for success, 1 for a failure of a device or the system, 2 for invalid input.
-pub fn main() -> ExitCode {
-    use std::io::{ErrorKind, Write};
-    let parsed = help::command().try_get_matches();
-    let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
-        Ok(cli) => cli,
+/// A process runs one command: a capture handles SIGINT, SIGTERM and SIGHUP from then on, and the process
+/// ends if standard output is closed or at a second signal.
+///
+/// ```
+/// use phasmid::cli::{self, Launcher};
+/// assert_eq!(cli::main(["phasmid", "profile", "show", "nobody"], &Launcher::default()), 2);
+/// ```
+pub fn main(arguments: impl IntoIterator<Item = impl Into<OsString>>, launcher: &Launcher) -> u8 {
+    let parsed = help::command().parse(arguments.into_iter().map(Into::into).collect());
+    let status = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
+        Ok(cli) => match dispatch(cli.command, launcher) {
+            Ok(()) => 0,
+            Err(Error::Io { place, source }) if place == STANDARD_OUTPUT => unheard(&source),
+            Err(error) => {
+                eprintln!("phasmid: {error}");
+                error.exit_code()
+            }
+        },
         // A usage error, or the text of --help or --version.
         Err(answer) => {
             if let Err(e) = answer.print()
@@ -186,27 +210,14 @@ pub fn main() -> ExitCode {
             {
                 unheard(&e);
             }
-            return ExitCode::from(u8::try_from(answer.exit_code()).unwrap_or(2));
+            u8::try_from(answer.exit_code()).unwrap_or(2)
         }
     };
-    let done = dispatch(cli.command).and_then(|()| {
-        // The rest of a last line without a newline.
-        let flushed = std::io::stdout().flush();
-        flushed.map_err(|e| Error::io(STANDARD_OUTPUT, e))
-    });
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        // The reader has closed the pipe.
-        Err(Error::Io { place, source })
-            if place == STANDARD_OUTPUT && source.kind() == ErrorKind::BrokenPipe =>
-        {
-            ExitCode::SUCCESS
-        }
-        Err(error) => {
-            eprintln!("phasmid: {error}");
-            ExitCode::from(error.exit_code())
-        }
+    // The rest of a last line without a newline. Nobody else does so at the end of a Python process.
+    if let Err(e) = std::io::stdout().flush() {
+        unheard(&e);
     }
+    status
 }
 
 /// Starts the threads of parallel work, which would panic later if the system refuses them.
@@ -223,7 +234,7 @@ fn start_threads() -> Result<()> {
     }
 }
 
-fn dispatch(command: Command) -> Result<()> {
+fn dispatch(command: Command, launcher: &Launcher) -> Result<()> {
     start_threads()?;
     match command {
         Command::Demo(args) => demo::run(&args),
@@ -247,7 +258,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Board(args) => board::run(&args),
         Command::Doctor(args) => doctor::run(&args),
         Command::Faults(args) => faults::run(&args),
-        Command::Study(args) => study::run(&args),
+        Command::Study(args) => study::run(&args, launcher),
         Command::Report(args) => report::run(&args),
         #[cfg(feature = "schema")]
         Command::Schema(args) => schema::run(&args),

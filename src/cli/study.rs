@@ -1,5 +1,6 @@
 //! `phasmid study`: runs a study, or lists the studies.
 
+use super::Launcher;
 use super::progress::ProgressLine;
 use phasmid_core::error::{Error, Result};
 use phasmid_report::lab::{Settings, Study, Surroundings, run as run_study};
@@ -33,7 +34,7 @@ pub struct Args {
     jobs: u16,
 }
 
-pub(super) fn run(args: &Args) -> Result<()> {
+pub(super) fn run(args: &Args, launcher: &Launcher) -> Result<()> {
     let (Some(name), Some(out)) = (&args.name, &args.out) else {
         for study in ALL {
             println!("{:<16}{}", study.name(), study.about());
@@ -47,7 +48,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         only: args.only.clone(),
     };
     let begin = Instant::now();
-    let revision = revision();
+    let revision = revision(launcher.program.as_deref());
     let around = Surroundings {
         clock: &|| begin.elapsed(),
         jobs: usize::from(args.jobs),
@@ -90,11 +91,10 @@ fn find(name: &str) -> Result<&'static dyn Study> {
 /// builds of one revision. The revision is the value of `PHASMID_REVISION` at build time, or else the
 /// commit that git's log says was checked out in the source folder when the program's file was written.
 /// It is omitted if neither is known, for example if the file was copied to another folder.
-fn revision() -> String {
-    let program = std::env::current_exe().ok();
-    let bytes = program.as_ref().and_then(|path| std::fs::read(path).ok());
+fn revision(program: Option<&Path>) -> String {
+    let bytes = program.and_then(|path| std::fs::read(path).ok());
     let built = option_env!("PHASMID_REVISION").map(str::to_owned);
-    let built = built.or_else(|| head_at(&program?));
+    let built = built.or_else(|| head_at(program?));
     let sum = bytes.map(|bytes| format!("program {:08x}", crc32fast::hash(&bytes)));
     let known: Vec<String> = built.into_iter().chain(sum).collect();
     match known.is_empty() {

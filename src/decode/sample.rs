@@ -1,19 +1,19 @@
 //! The sample types that the row kernels are compiled for.
 
-use phasmid_pattern::Image;
+use phasmid_pattern::{ImageView, SamplesView};
 
 /// A sample type that the row kernels are compiled for.
 pub(super) trait Sample: Copy + Send + Sync + 'static {
     /// The sample as a number.
     fn dn(self) -> f32;
     /// The image's samples if it holds this type.
-    fn slice(image: &Image) -> Option<&[Self]>;
+    fn slice(image: ImageView<'_>) -> Option<&[Self]>;
 }
 
 /// The samples of each image; none of an image that holds another type, such as a frame that was
 /// not loaded.
-pub(super) fn typed<T: Sample>(images: &[Image]) -> Vec<&[T]> {
-    let samples = images.iter().map(T::slice);
+pub(super) fn typed<'a, T: Sample>(images: &[ImageView<'a>]) -> Vec<&'a [T]> {
+    let samples = images.iter().map(|image| T::slice(*image));
     samples.map(Option::unwrap_or_default).collect()
 }
 
@@ -22,8 +22,11 @@ impl Sample for u8 {
     fn dn(self) -> f32 {
         f32::from(self)
     }
-    fn slice(image: &Image) -> Option<&[Self]> {
-        image.as_u8()
+    fn slice(image: ImageView<'_>) -> Option<&[Self]> {
+        match image.samples() {
+            SamplesView::U8(samples) => Some(samples),
+            SamplesView::U16(_) => None,
+        }
     }
 }
 
@@ -32,7 +35,10 @@ impl Sample for u16 {
     fn dn(self) -> f32 {
         f32::from(self)
     }
-    fn slice(image: &Image) -> Option<&[Self]> {
-        image.as_u16()
+    fn slice(image: ImageView<'_>) -> Option<&[Self]> {
+        match image.samples() {
+            SamplesView::U16(samples) => Some(samples),
+            SamplesView::U8(_) => None,
+        }
     }
 }

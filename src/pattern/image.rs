@@ -1,4 +1,5 @@
-//! The one type of grey image: what a decoder takes and a camera's frame becomes when it is received.
+//! The one type of grey image: what a decoder takes and a camera's frame becomes when it is received. A
+//! view borrows one, or samples that another program owns.
 
 use phasmid_core::error::{Error, Result};
 
@@ -66,13 +67,7 @@ impl Image {
     /// Returns an error if the number of samples is not `width * height`.
     pub fn new(width: usize, height: usize, samples: impl Into<Samples>) -> Result<Self> {
         let samples = samples.into();
-        if width.checked_mul(height) != Some(samples.len()) {
-            return Err(Error::input(
-                "image",
-                format!("{} samples", samples.len()),
-                format!("{width} x {height} samples"),
-            ));
-        }
+        check_size(width, height, samples.len())?;
         Ok(Self {
             width,
             height,
@@ -148,19 +143,13 @@ impl Image {
     /// Returns the number of bits per sample: 8 or 16.
     #[inline]
     pub fn bits(&self) -> u32 {
-        match self.samples {
-            Samples::U8(_) => 8,
-            Samples::U16(_) => 16,
-        }
+        self.view().bits()
     }
 
     /// Returns the largest value of the sample type: 255 or 65535.
     #[inline]
     pub fn full_scale(&self) -> u16 {
-        match self.samples {
-            Samples::U8(_) => u16::from(u8::MAX),
-            Samples::U16(_) => u16::MAX,
-        }
+        self.view().full_scale()
     }
 
     /// Returns a sample in DN; `index` counts row by row.
@@ -169,9 +158,19 @@ impl Image {
     /// Panics if the image has no such sample.
     #[inline]
     pub fn value(&self, index: usize) -> u16 {
-        match &self.samples {
-            Samples::U8(samples) => u16::from(samples[index]),
-            Samples::U16(samples) => samples[index],
+        self.view().value(index)
+    }
+
+    /// Borrows the image.
+    #[inline]
+    pub fn view(&self) -> ImageView<'_> {
+        ImageView {
+            width: self.width,
+            height: self.height,
+            samples: match &self.samples {
+                Samples::U8(samples) => SamplesView::U8(samples),
+                Samples::U16(samples) => SamplesView::U16(samples),
+            },
         }
     }
 
@@ -202,16 +201,132 @@ impl Image {
     /// # Errors
     /// Returns an error if no image has pixels, or if two differ in size or in bits per sample.
     pub fn common_size(images: &[Self]) -> Result<[usize; 2]> {
-        let mut loaded = images.iter().enumerate().filter(|(_, i)| !i.is_empty());
+        ImageView::common_size(images.iter().map(Self::view))
+    }
+}
+
+/// Borrowed samples of an image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SamplesView<'a> {
+    /// 8-bit samples.
+    U8(&'a [u8]),
+    /// 9- to 16-bit samples, in the low bits.
+    U16(&'a [u16]),
+}
+
+impl<'a> From<&'a [u8]> for SamplesView<'a> {
+    fn from(samples: &'a [u8]) -> Self {
+        Self::U8(samples)
+    }
+}
+
+impl<'a> From<&'a [u16]> for SamplesView<'a> {
+    fn from(samples: &'a [u16]) -> Self {
+        Self::U16(samples)
+    }
+}
+
+/// A borrowed [`Image`], or samples in memory that is not one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ImageView<'a> {
+    width: usize,
+    height: usize,
+    samples: SamplesView<'a>,
+}
+
+impl<'a> ImageView<'a> {
+    /// Creates a view of `width` columns and `height` rows from samples, row by row.
+    ///
+    /// # Errors
+    /// Returns an error if the number of samples is not `width * height`.
+    pub fn new(width: usize, height: usize, samples: impl Into<SamplesView<'a>>) -> Result<Self> {
+        let samples = samples.into();
+        let view = Self {
+            width,
+            height,
+            samples,
+        };
+        check_size(width, height, view.len())?;
+        Ok(view)
+    }
+
+    /// Returns the number of columns.
+    #[inline]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Returns the number of rows.
+    #[inline]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Returns the samples, row by row.
+    #[inline]
+    pub fn samples(&self) -> SamplesView<'a> {
+        self.samples
+    }
+
+    fn len(&self) -> usize {
+        match self.samples {
+            SamplesView::U8(samples) => samples.len(),
+            SamplesView::U16(samples) => samples.len(),
+        }
+    }
+
+    /// Returns whether the image has no pixels, as that of a frame that was not loaded.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Returns the number of bits per sample: 8 or 16.
+    #[inline]
+    pub fn bits(&self) -> u32 {
+        match self.samples {
+            SamplesView::U8(_) => 8,
+            SamplesView::U16(_) => 16,
+        }
+    }
+
+    /// Returns the largest value of the sample type: 255 or 65535.
+    #[inline]
+    pub fn full_scale(&self) -> u16 {
+        match self.samples {
+            SamplesView::U8(_) => u16::from(u8::MAX),
+            SamplesView::U16(_) => u16::MAX,
+        }
+    }
+
+    /// Returns a sample in DN; `index` counts row by row.
+    ///
+    /// # Panics
+    /// Panics if the image has no such sample.
+    #[inline]
+    pub fn value(&self, index: usize) -> u16 {
+        match self.samples {
+            SamplesView::U8(samples) => u16::from(samples[index]),
+            SamplesView::U16(samples) => samples[index],
+        }
+    }
+
+    /// Returns the columns and rows that all images have. Images without pixels are left out.
+    ///
+    /// # Errors
+    /// Returns an error if no image has pixels, or if two differ in size or in bits per sample.
+    pub fn common_size(images: impl IntoIterator<Item = Self>) -> Result<[usize; 2]> {
+        let images = images.into_iter().enumerate();
+        let mut loaded = images.filter(|(_, image)| !image.is_empty());
         let Some((_, first)) = loaded.next() else {
             return Err(Error::input("frames", "none", "at least one frame"));
         };
         for (i, image) in loaded {
-            let of = |image: &Self| {
+            let of = |image: Self| {
                 let bits = image.bits();
                 format!("{} x {} pixels of {bits} bits", image.width, image.height)
             };
-            let kind = |image: &Self| (image.width, image.height, image.bits());
+            let kind = |image: Self| (image.width, image.height, image.bits());
             if kind(image) != kind(first) {
                 let expected = format!("{}, like the frames before it", of(first));
                 return Err(Error::input(format!("frame {i}"), of(image), expected));
@@ -219,6 +334,18 @@ impl Image {
         }
         Ok([first.width, first.height])
     }
+}
+
+/// Checks the number of samples.
+fn check_size(width: usize, height: usize, samples: usize) -> Result<()> {
+    if width.checked_mul(height) != Some(samples) {
+        return Err(Error::input(
+            "image",
+            format!("{samples} samples"),
+            format!("{width} x {height} samples"),
+        ));
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -233,6 +360,11 @@ mod tests {
         let error = Image::new(3, 2, vec![0_u8; 5]).unwrap_err().to_string();
         assert_eq!(error, "image: 5 samples; expected 3 x 2 samples");
         assert!(Image::new(usize::MAX, 2, vec![0_u8; 5]).is_err());
+        assert_eq!(
+            ImageView::new(3, 2, image.as_u16().unwrap()).unwrap(),
+            image.view()
+        );
+        assert!(ImageView::new(3, 3, image.as_u16().unwrap()).is_err());
     }
 
     #[test]

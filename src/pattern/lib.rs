@@ -16,7 +16,7 @@ pub mod image;
 pub mod manifest;
 pub mod written;
 
-pub use image::{Image, Samples};
+pub use image::{Image, ImageView, Samples, SamplesView};
 pub use manifest::{MAX_SIDE_PX, Manifest, ManifestFrame, ProjectorSize};
 
 use serde::{Deserialize, Serialize};

@@ -110,8 +110,16 @@ impl Profile {
     /// Returns an error with its line on a syntax error, an unknown field, a wrong type or an
     /// invalid value.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
-        let source = TomlSource::new(text, place);
-        Self::from_source(&builtin::extended_profile(source, Path::new(""))?)
+        Self::parse_with(text, place, &Settings::default())
+    }
+
+    /// Parses a profile as [`Self::parse`] does, with settings on top.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::parse`] does, or if a setting names no field or an invalid value.
+    pub fn parse_with(text: &str, place: &str, settings: &Settings) -> Result<Self> {
+        let source = builtin::extended_profile(TomlSource::new(text, place), Path::new(""))?;
+        Self::from_source(&source.with(&settings.profile))
     }
 
     pub(super) fn from_source(source: &TomlSource) -> Result<Self> {

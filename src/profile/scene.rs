@@ -112,8 +112,16 @@ impl Scene {
     /// Returns an error with its line on a syntax error, an unknown field, a wrong type or an
     /// invalid value.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
+        Self::parse_with(text, place, &Settings::default())
+    }
+
+    /// Parses a scene as [`Self::parse`] does, with settings on top.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::parse`] does, or if a setting names no field or an invalid value.
+    pub fn parse_with(text: &str, place: &str, settings: &Settings) -> Result<Self> {
         let source = builtin::extended_scene(TomlSource::new(text, place), Path::new(""))?;
-        Self::from_source(&source, PathBuf::new())
+        Self::from_source(&source.with(&settings.scene), PathBuf::new())
     }
 
     fn from_source(source: &TomlSource, folder: PathBuf) -> Result<Self> {

@@ -136,7 +136,7 @@ impl Table {
         let path = self.path.as_deref();
         let failed = |e| match path {
             Some(path) => Error::io(path, e),
-            None => Error::io("standard output", e),
+            None => Error::io(super::super::STANDARD_OUTPUT, e),
         };
         let to = match &mut self.to {
             Some(to) => to,

@@ -8,14 +8,14 @@ use crate::rows::{AxisOut, Job, Scratch, decode_row};
 use crate::sample::{Sample, typed};
 use crate::unresolved::{UnresolvedBits, unresolved_bits};
 use phasmid_geometry::NoiseModel;
-use phasmid_pattern::Image;
+use phasmid_pattern::ImageView;
 use rayon::prelude::*;
 
 impl Decoder {
     /// Decodes all rows (pass 1).
     pub(super) fn rows<T: Sample>(
         &self,
-        images: &[Image],
+        images: &[ImageView<'_>],
         noise: &NoiseModel,
         [saturation, range]: [f32; 2],
         out: &mut Decoded,

@@ -21,7 +21,7 @@ use neighbours::Finest;
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{NoiseModel, Rig};
-use phasmid_pattern::{Axis, Image, Manifest};
+use phasmid_pattern::{Axis, Image, ImageView, Manifest};
 
 /// Rows per parallel task: few enough for load balance, enough to amortise the overhead.
 pub(super) const BAND: usize = 8;
@@ -199,6 +199,15 @@ impl Decoder {
     /// # Errors
     /// Returns the errors of [`Self::decode`].
     pub fn decode_into(&self, images: &[Image], out: &mut Decoded) -> Result<()> {
+        let views: Vec<_> = images.iter().map(Image::view).collect();
+        self.decode_views(&views, out)
+    }
+
+    /// Like [`Self::decode_into`], of images in memory that this program does not own.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Self::decode`].
+    pub fn decode_views(&self, images: &[ImageView<'_>], out: &mut Decoded) -> Result<()> {
         let deep = self.check(images)?;
         let full_scale: f32 = if deep { 65535.0 } else { 255.0 };
         self.shape(out);
@@ -256,7 +265,7 @@ impl Decoder {
     }
 
     /// Checks the images and returns whether they have 16 bits per sample.
-    fn check(&self, images: &[Image]) -> Result<bool> {
+    fn check(&self, images: &[ImageView<'_>]) -> Result<bool> {
         if images.len() != self.plan.frames {
             return Err(Error::input(
                 "frames",
@@ -267,7 +276,7 @@ impl Decoder {
                 ),
             ));
         }
-        let [width, height] = Image::common_size(images)?;
+        let [width, height] = ImageView::common_size(images.iter().copied())?;
         if (width, height) != (self.width, self.height) {
             return Err(Error::input(
                 "frames",

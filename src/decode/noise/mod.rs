@@ -13,7 +13,7 @@ use super::steps::FringeSet;
 use line::transfer_line;
 use nalgebra::{DMatrix, DVector};
 use phasmid_geometry::NoiseModel;
-use phasmid_pattern::{Image, Samples};
+use phasmid_pattern::{ImageView, SamplesView};
 
 /// Approximate number of pixels sampled.
 const PIXELS: usize = 60_000;
@@ -29,7 +29,7 @@ struct Estimate {
 }
 
 /// Estimates a noise model from the frames' redundancy; `None` if there is too little.
-pub fn estimate_noise(plan: &Plan, images: &[Image]) -> Option<NoiseModel> {
+pub fn estimate_noise(plan: &Plan, images: &[ImageView<'_>]) -> Option<NoiseModel> {
     let first = images.iter().find(|image| !image.is_empty())?;
     let pixels = first.width() * first.height();
     let stride = (pixels / PIXELS).max(1);
@@ -53,15 +53,15 @@ pub fn estimate_noise(plan: &Plan, images: &[Image]) -> Option<NoiseModel> {
 
 /// Quantisation step: the greatest common divisor of the samples' differences. Larger than 1 if
 /// samples of fewer bits were shifted or stretched.
-fn step(images: &[Image], stride: usize) -> f64 {
+fn step(images: &[ImageView<'_>], stride: usize) -> f64 {
     let mut there = vec![false; 1 << 16];
     for image in images {
         match image.samples() {
-            Samples::U8(s) => s
+            SamplesView::U8(s) => s
                 .iter()
                 .step_by(stride)
                 .for_each(|&v| there[usize::from(v)] = true),
-            Samples::U16(s) => s
+            SamplesView::U16(s) => s
                 .iter()
                 .step_by(stride)
                 .for_each(|&v| there[usize::from(v)] = true),
