@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+import phasmid
 import pytest
 
 #: For a hang, not for speed.
@@ -53,3 +54,13 @@ def started(*arguments: str, **options: object) -> Iterator[subprocess.Popen[str
 def command() -> str:
     """Return the path of the installed command."""
     return os.path.join(os.path.dirname(sys.executable), "phasmid")
+
+
+#: The whole camera.
+WEBCAM = phasmid.Profile("webcam-grey").to_dict()["camera"]
+
+
+def small() -> phasmid.Profile:
+    """Return a camera of 160 x 120 pixels: the middle of a webcam's image."""
+    camera = {"width_px": 160, "height_px": 120, "sensor_width_mm": WEBCAM["sensor_width_mm"] / 4}
+    return phasmid.Profile({"extends": "webcam-grey", "name": "small", "camera": camera})

@@ -1,0 +1,452 @@
+"""An emulated device, in memory and served."""
+
+from __future__ import annotations
+
+import json
+import os
+import weakref
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Literal
+
+from . import _phasmid
+from ._capture import Capture, Truth
+from ._documents import Profile, Rig, Scene, profile_of, scene_of, to_json
+from ._errors import InputError
+from ._progress import ProgressLike, reporter
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+    from ._documents import ProfileLike, SceneLike
+
+__all__ = ["Control", "Device", "Endpoints", "Serving", "Struck"]
+
+
+@dataclass(frozen=True)
+class Struck:
+    """A fault that has occurred.
+
+    Attributes
+    ----------
+    time_ns : int
+        Device time in nanoseconds.
+    fault : int
+        Number of the fault, from 1.
+    what : str
+        Kind of fault.
+    frame : int, optional
+        The frame that it struck.
+    command : str, optional
+        The command that it struck, or whose answer.
+    """
+
+    time_ns: int
+    fault: int
+    what: str
+    frame: int | None = None
+    command: str | None = None
+
+
+class Control:
+    """The control port of a device in memory, with the methods of a serial port."""
+
+    # Not the device, which has this object: a cycle would be freed late.
+    def __init__(self, inner: _phasmid.Device, name: str) -> None:
+        self._inner = inner
+        self._name = name
+        self._replies = b""
+
+    def write(self, data: bytes | str) -> int:
+        """Send bytes, and let device time pass until no operation is pending.
+
+        Parameters
+        ----------
+        data : bytes or str
+            A str is sent as UTF-8, with a newline at its end if it has none.
+        """
+        if isinstance(data, str):
+            data = (data if data.endswith("\n") else data + "\n").encode()
+        self._replies += self._inner.control(data)
+        return len(data)
+
+    def read(self, size: int = -1) -> bytes:
+        """Return the bytes that have come, at most ``size`` if that is 0 or more."""
+        end = len(self._replies) if size < 0 else size
+        data, self._replies = self._replies[:end], self._replies[end:]
+        return data
+
+    def readline(self) -> bytes:
+        """Return the next line with its newline, or what has come of it."""
+        return self.read(self._replies.find(b"\n") + 1 or len(self._replies))
+
+    def query(self, command: str) -> str:
+        """Send a command and return the first line of its answer, without the newline.
+
+        Examples
+        --------
+        >>> import phasmid
+        >>> phasmid.Device("webcam-grey", "plane").control.query("*IDN?")[:19]
+        'Phasmid,webcam-grey'
+        """
+        self.read()
+        self.write(command)
+        return self.readline().decode().rstrip("\r\n")
+
+    def __repr__(self) -> str:
+        return f"<phasmid.Control of {self._name!r}>"
+
+
+@dataclass(frozen=True)
+class Endpoints:
+    """Where a served device can be reached, as in its ``device.json``.
+
+    Attributes
+    ----------
+    name : str
+        The device's answer to ``*IDN?``.
+    control : str
+        Path of the control port, a pseudo-terminal.
+    camera : str
+        Address of the camera: ``/dev/videoN``, ``usb:HOST:PORT/BUSID`` or ``socket:PATH``.
+    camera_socket : str
+        Address of the frame socket, which exists besides any other camera.
+    run_dir : str
+        Directory with the endpoints.
+    camera_tcp, control_usb, usb, dialect, service : str, optional
+        Address of the frames over TCP; path of the control port over USB; address of the USB device; dialect of
+        the control port; socket of the service channel.
+    baud : int, optional
+        Bit rate of the control port; None if transmission takes no time.
+    """
+
+    name: str
+    control: str
+    camera: str
+    camera_socket: str
+    run_dir: str
+    camera_tcp: str | None = None
+    control_usb: str | None = None
+    usb: str | None = None
+    dialect: str | None = None
+    service: str | None = None
+    baud: int | None = None
+
+    @classmethod
+    def _of(cls, text: str) -> Endpoints:
+        fields = json.loads(text)
+        known = {name: fields[name] for name in cls.__dataclass_fields__ if name in fields}
+        return cls(run_dir=os.path.dirname(fields["control"]), **known)
+
+
+class Serving:
+    """A device that is being served, until `stop` or the end of the ``with`` block. In a forked child it does
+    nothing."""
+
+    def __init__(self, inner: _phasmid.Serving) -> None:
+        self.endpoints = Endpoints._of(inner.endpoints())
+        # Also at the end of the interpreter, while the device's threads can still be joined.
+        self._end = weakref.finalize(self, inner.stop)
+
+    def stop(self) -> None:
+        """End the device and wait until it has.
+
+        Raises
+        ------
+        DeviceError, OperatingSystemError
+            If the device had ended before, by this error.
+        """
+        self._end()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def __repr__(self) -> str:
+        state = "at" if self._end.alive else "ended, was at"
+        return f"<phasmid.Serving {state} {self.endpoints.control!r}>"
+
+
+class Device:
+    """An emulated scanner in memory, on a clock of its own that does not wait: no sockets, no processes.
+
+    Threads may share a device: one uses it while the others wait. A process that forks should make a new
+    one if another of its threads may be using it.
+
+    Parameters
+    ----------
+    profile : Profile, str, path or dict
+        The device: a built-in name, the path of a TOML file, or fields.
+    scene : Scene, str, path or dict
+        What is in front of it.
+    seed : int
+        Seed of the noise. Equal seeds give equal frames on every machine.
+    clock : {"real", "fast", "stepped"}
+        How time passes when the device is served.
+    backend : {"cpu", "gpu", "auto"}
+        Where frames are rendered.
+    samples : int
+        Rays per pixel: 1, 4, 16 or 64.
+    time_samples : int
+        Instants per exposure at which a moving scene is rendered, 1 to 256.
+    noise, exact_calibration : bool, optional
+        Whether the sensor has noise, and whether the device reports its exact rig; by default as the profile
+        says.
+    dialect : str or path, optional
+        Dialect of the control port instead of the profile's.
+    sequences : list of paths
+        Manifests of further sequences, with their images beside them.
+    faults : list of dicts, or dict
+        Faults as in a schedule, such as ``{"what": "dropped", "when": {"nth": 3}}``; or a schedule, which also
+        has the ``seed`` of their chances.
+
+    Raises
+    ------
+    InputError
+        If the profile, scene, a file or an option is not valid.
+    SeveralErrors
+        If several of them are not.
+
+    Examples
+    --------
+    >>> with Device("webcam-grey", "sphere", seed=1) as device:
+    ...     capture = device.scan("quick-4")
+    >>> capture.frames.shape, capture.frames.dtype
+    ((13, 480, 640), dtype('uint8'))
+    """
+
+    def __init__(
+        self,
+        profile: ProfileLike = "pmp-bench",
+        scene: SceneLike = "torso",
+        *,
+        seed: int = 0,
+        clock: Literal["real", "fast", "stepped"] = "real",
+        backend: Literal["cpu", "gpu", "auto"] = "cpu",
+        samples: int = 1,
+        time_samples: int = 4,
+        noise: bool | None = None,
+        exact_calibration: bool | None = None,
+        dialect: str | os.PathLike[str] | None = None,
+        sequences: Iterable[str | os.PathLike[str]] = (),
+        faults: Mapping[str, Any] | Iterable[Mapping[str, Any]] = (),
+    ) -> None:
+        if clock not in ("real", "fast", "stepped"):
+            raise InputError("clock", repr(clock), '"real", "fast" or "stepped"')
+        self.profile: Profile = profile_of(profile)
+        self.scene: Scene = scene_of(scene)
+        schedule = faults if isinstance(faults, Mapping) else {"fault": list(faults)}
+        self._clock = clock
+        self._inner = _phasmid.Device(
+            self.profile._inner,
+            self.scene._inner,
+            seed=seed,
+            backend=backend,
+            samples=samples,
+            time_samples=time_samples,
+            noise=noise,
+            exact_calibration=exact_calibration,
+            dialect=dialect,
+            sequences=list(sequences),
+            faults=to_json(schedule),
+        )
+        #: The control port.
+        self.control = Control(self._inner, self.profile.name)
+
+    def scan(self, sequence: str | None = None, *, progress: ProgressLike = None) -> Capture:
+        """Scan over port and camera, as a host does.
+
+        Parameters
+        ----------
+        sequence : str, optional
+            One of `sequences`; the first by default.
+        progress : callable or True, optional
+            Called with the number of frames done and of all; True shows a bar of ``tqdm``.
+
+        Returns
+        -------
+        Capture
+            Each frame is copied once, into one block.
+
+        Raises
+        ------
+        InputError
+            If the device has no such sequence.
+        DeviceError
+            If the scan fails, as with faults that a host cannot recover from.
+        """
+        with reporter(progress, "frames") as report:
+            return Capture._of(self._inner.scan(sequence, report))
+
+    @property
+    def sequences(self) -> list[str]:
+        """Names of the device's sequences."""
+        return self._inner.sequences()
+
+    def truth(self, *, frame: int | None = None, time_s: float | None = None) -> Truth:
+        """Return the truth of the last scan; its maps are not copied.
+
+        Parameters
+        ----------
+        frame : int, optional
+            The scene in the middle of the exposure of this frame, from 0.
+        time_s : float, optional
+            The scene at this device time in seconds. By default, in the middle of the scan.
+
+        Raises
+        ------
+        DeviceError
+            If there has been no scan.
+        InputError
+            If the sequence has no such frame.
+        """
+        if frame is not None:
+            return Truth(**self._inner.frame_truth(frame))
+        if time_s is not None:
+            return Truth(**self._inner.truth_at(time_s))
+        return Truth(**self._inner.truth())
+
+    @property
+    def factory_calibration(self) -> Rig:
+        """The calibration that the device reports: its factory's, with errors, unless made with
+        ``exact_calibration``."""
+        return Rig._of(self._inner.factory_calibration())
+
+    @property
+    def rig(self) -> Rig:
+        """The true rig, which no host knows."""
+        return Rig._of(self._inner.rig())
+
+    @property
+    def time_s(self) -> float:
+        """Device time since power-on, in seconds."""
+        return self._inner.time_s()
+
+    def wait(self, time_s: float) -> None:
+        """Let device time pass, in seconds; it takes only as long as the device has something to do."""
+        self._inner.wait(time_s)
+
+    def place(
+        self,
+        object: int,
+        position_mm: Iterable[float],
+        rotation_deg: Iterable[float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Move an object of the scene.
+
+        Parameters
+        ----------
+        object : int
+            Its number in the scene, from 0.
+        position_mm, rotation_deg : three floats
+            As in the scene's file.
+
+        Raises
+        ------
+        InputError
+            If there is no such object or a number is not finite; nothing has changed then.
+        """
+        self._inner.place(object, list(position_mm), list(rotation_deg))
+
+    def inject(self, fault: Mapping[str, Any] | str, **fields: Any) -> int:
+        """Inject a fault from now on, and return its number.
+
+        Parameters
+        ----------
+        fault : str or dict
+            The kind of fault, or the whole fault as in a schedule; ``phasmid faults list`` lists the kinds.
+        **fields
+            Further fields, such as ``times=1`` or ``when={"nth": 3}``.
+
+        Examples
+        --------
+        >>> import phasmid
+        >>> device = phasmid.Device("webcam-grey", "plane")
+        >>> device.inject("dropped", when={"nth": 3}, times=1)
+        1
+        >>> _ = device.scan("quick-4")  # The host repeats the run.
+        >>> [struck.what for struck in device.struck]
+        ['dropped']
+        """
+        given = {"what": fault} if isinstance(fault, str) else dict(fault)
+        return self._inner.inject(to_json({**given, **fields}))
+
+    def clear_faults(self) -> None:
+        """Remove all faults."""
+        self._inner.clear_faults()
+
+    @property
+    def struck(self) -> list[Struck]:
+        """The faults that have occurred, in order."""
+        return [Struck(**struck) for struck in json.loads(self._inner.struck())]
+
+    def serve(
+        self,
+        run_dir: str | os.PathLike[str] | None = None,
+        *,
+        tcp: int | None = None,
+        camera: str | os.PathLike[str] | None = None,
+        usb: bool = False,
+        notice: Callable[[str], object] | None = None,
+    ) -> Serving:
+        """Serve the device on threads of its own: a control port and a frame socket. The object in memory is
+        closed then.
+
+        Parameters
+        ----------
+        run_dir : str or path, optional
+            Directory for the endpoints; by default a private one in the temporary directory.
+        tcp : int, optional
+            Also serve frames on this TCP port of the loopback interface; 0 picks a free one.
+        camera : str or path, optional
+            Also deliver frames to this v4l2loopback node; "auto" picks a free one.
+        usb : bool
+            Also be a USB device with camera and serial port, exported over USB/IP.
+        notice : callable, optional
+            Receives messages for the operator.
+
+        Raises
+        ------
+        InputError, OperatingSystemError, DeviceError
+            If the directory cannot be used, or if the system refuses a port, a socket or a device.
+
+        Examples
+        --------
+        >>> import phasmid
+        >>> with phasmid.Device("webcam-grey", "plane", clock="fast").serve() as serving:
+        ...     at = serving.endpoints
+        ...     with phasmid.Scanner.connect(at.camera, at.control) as scanner:
+        ...         len(scanner.scan().frames)
+        13
+        """
+        return Serving(
+            self._inner.serve(
+                run_dir=run_dir, clock=self._clock, tcp=tcp, camera=camera, usb=usb, notice=notice
+            )
+        )
+
+    def close(self) -> None:
+        """Free the memory of the device; later calls raise an error."""
+        self._inner.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<phasmid.Device {self.profile.name!r} in front of {self.scene.name!r}>"

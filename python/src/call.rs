@@ -1,0 +1,262 @@
+//! Long calls: on a thread pool of ours, without the interpreter's lock, until they are done or Python
+//! raises an exception, as it does at Ctrl-C.
+
+use crate::errors::raised;
+use phasmid::{Error, Result, Stop};
+use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::mem;
+use std::ops::DerefMut;
+use std::process;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, PoisonError, TryLockError};
+use std::thread;
+use std::time::Duration;
+
+/// Time between two looks at Python's signals.
+const POLL: Duration = Duration::from_millis(20);
+/// Time between two attempts to use what another thread uses.
+const RETRY: Duration = Duration::from_millis(1);
+
+/// The pool, and the process whose threads it has: a forked child has none of them.
+///
+/// Locked only by a thread that holds the interpreter's lock. A thread that forks holds it too, so no child
+/// finds this locked.
+static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
+
+/// Returns this process's pool.
+pub fn pool(_: Python<'_>) -> PyResult<Arc<ThreadPool>> {
+    let mut held = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+    let process = process::id();
+    if let Some((owner, pool)) = &*held
+        && *owner == process
+    {
+        return Ok(Arc::clone(pool));
+    }
+    let named = ThreadPoolBuilder::new().thread_name(|i| format!("phasmid {i}"));
+    let pool = named.build().map_err(|why| {
+        raised(Error::device(format!(
+            "threads of parallel work: {why}; expected more memory, a higher limit, or fewer threads \
+             (RAYON_NUM_THREADS)"
+        )))
+    })?;
+    let pool = Arc::new(pool);
+    // The parent's pool would signal its threads, which do not exist here.
+    mem::forget(held.replace((process, Arc::clone(&pool))));
+    Ok(pool)
+}
+
+/// A look at Python's signals, which only the main thread handles. Other threads leave the interpreter
+/// alone while they wait: it may end before they do.
+#[derive(Default)]
+struct Signals {
+    is_main: Option<bool>,
+}
+
+impl Signals {
+    /// # Errors
+    /// Returns the exception of a signal.
+    fn check(&mut self) -> PyResult<()> {
+        if self.is_main == Some(false) {
+            return Ok(());
+        }
+        Python::attach(|py| {
+            if self.is_main.is_none() {
+                let threading = py.import("threading")?;
+                let this = threading.call_method0("current_thread")?;
+                self.is_main = Some(this.is(&threading.call_method0("main_thread")?));
+            }
+            py.check_signals()
+        })
+    }
+}
+
+/// Messages of a long call to the thread that waits for it.
+enum News<T, P> {
+    Progress(P),
+    Done(Result<T>),
+}
+
+/// Runs `work` on the pool and waits for it. The caller's thread passes the progress that `work` reports to
+/// `tell`. An exception of `tell` or of a signal asks `stop`, and is raised when the work has ended.
+///
+/// # Errors
+/// Returns the exception of `tell` or of a signal, or the error of the work.
+pub fn long<T: Send, P: Send>(
+    py: Python<'_>,
+    stop: &Stop,
+    mut tell: impl FnMut(Python<'_>, P) -> PyResult<()> + Send,
+    work: impl FnOnce(&dyn Fn(P)) -> Result<T> + Send,
+) -> PyResult<T> {
+    let pool = pool(py)?;
+    let (send, news) = mpsc::channel();
+    let outcome = py.detach(move || {
+        pool.in_place_scope(|scope| {
+            scope.spawn(move |_| do_work(work, &send));
+            let mut exception = None;
+            let mut signals = Signals::default();
+            loop {
+                let seen = match news.recv_timeout(POLL) {
+                    Ok(News::Done(result)) => return Some((result, exception)),
+                    // The work has panicked, which the scope passes on.
+                    Err(RecvTimeoutError::Disconnected) => return None,
+                    Ok(News::Progress(progress)) => Python::attach(|py| tell(py, progress)),
+                    Err(RecvTimeoutError::Timeout) => signals.check(),
+                };
+                if let Err(raised) = seen
+                    && exception.is_none()
+                {
+                    exception = Some(raised);
+                    stop.ask();
+                }
+            }
+        })
+    });
+    let (result, exception) = outcome.expect("the scope passes panics on");
+    if let Some(exception) = exception {
+        stop.reset();
+        return Err(exception);
+    }
+    result.map_err(raised)
+}
+
+fn do_work<T, P>(work: impl FnOnce(&dyn Fn(P)) -> Result<T>, news: &Sender<News<T, P>>) {
+    let result = work(&|progress| {
+        let _ = news.send(News::Progress(progress));
+    });
+    let _ = news.send(News::Done(result));
+}
+
+/// [`long`] of work that reports no progress.
+pub fn quiet<T: Send>(
+    py: Python<'_>,
+    stop: &Stop,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> PyResult<T> {
+    long(py, stop, |_, ()| Ok(()), |_| work())
+}
+
+/// Runs work that cannot be stopped, on a thread of its own. An exception of a signal leaves it to end by
+/// itself.
+///
+/// # Errors
+/// Returns the exception of a signal, or the error of the work.
+pub fn left<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce() -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let (send, result) = mpsc::channel();
+    let thread = thread::Builder::new().name("phasmid".to_owned());
+    let begun = thread.spawn(move || drop(send.send(work())));
+    begun.map_err(|e| raised(Error::io("a thread", e)))?;
+    py.detach(move || {
+        let mut signals = Signals::default();
+        loop {
+            match result.recv_timeout(POLL) {
+                Ok(result) => return result.map_err(raised),
+                Err(RecvTimeoutError::Timeout) => signals.check()?,
+                Err(RecvTimeoutError::Disconnected) => {
+                    return Err(raised(Error::device("the thread of a call panicked")));
+                }
+            }
+        }
+    })
+}
+
+/// Calls a Python function with the progress of a call: parts done, all parts.
+pub fn tell(
+    progress: Option<Py<PyAny>>,
+) -> impl FnMut(Python<'_>, (usize, usize)) -> PyResult<()> + Send {
+    move |py, parts| match &progress {
+        Some(progress) => progress.call1(py, parts).map(drop),
+        None => Ok(()),
+    }
+}
+
+/// A value that one thread uses at a time, until it is closed. Others wait, and can be interrupted while
+/// they do.
+pub struct Shared<T> {
+    value: Mutex<Option<T>>,
+    /// Process that has locked it last.
+    process: AtomicU32,
+    /// For messages.
+    name: &'static str,
+}
+
+impl<T: Send> Shared<T> {
+    pub fn new(name: &'static str, value: T) -> Self {
+        Self {
+            value: Mutex::new(Some(value)),
+            process: AtomicU32::new(process::id()),
+            name,
+        }
+    }
+
+    /// Locks the value, which is `None` when it is closed.
+    ///
+    /// # Errors
+    /// Returns an error if a signal raised an exception, or if another thread was using the value when this
+    /// process was forked: it then stays locked.
+    pub fn lock(&self, py: Python<'_>) -> PyResult<impl DerefMut<Target = Option<T>> + '_> {
+        loop {
+            match self.value.try_lock() {
+                Ok(value) => {
+                    self.process.store(process::id(), Ordering::Relaxed);
+                    return Ok(value);
+                }
+                // A call that panicked has not left it half changed.
+                Err(TryLockError::Poisoned(value)) => return Ok(value.into_inner()),
+                Err(TryLockError::WouldBlock) => {
+                    if self.process.load(Ordering::Relaxed) != process::id() {
+                        return Err(raised(Error::device(format!(
+                            "{}: another thread was using it when this process was forked; expected one \
+                             that was made in this process",
+                            self.name
+                        ))));
+                    }
+                    py.check_signals()?;
+                    py.detach(|| thread::sleep(RETRY));
+                }
+            }
+        }
+    }
+
+    /// Does something short with the value.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Self::lock`] and of `then`, and an error if the value is closed.
+    pub fn with<R>(&self, py: Python<'_>, then: impl FnOnce(&mut T) -> Result<R>) -> PyResult<R> {
+        let mut value = self.lock(py)?;
+        then(value.as_mut().ok_or_else(|| self.closed())?).map_err(raised)
+    }
+
+    /// Does something long with the value, as [`long`] does.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Self::lock`] and of [`long`], and an error if the value is closed.
+    pub fn long<R: Send, P: Send>(
+        &self,
+        py: Python<'_>,
+        stop: &Stop,
+        tell: impl FnMut(Python<'_>, P) -> PyResult<()> + Send,
+        work: impl FnOnce(&mut T, &dyn Fn(P)) -> Result<R> + Send,
+    ) -> PyResult<R> {
+        let mut value = self.lock(py)?;
+        let value = value.as_mut().ok_or_else(|| self.closed())?;
+        long(py, stop, tell, |report| work(value, report))
+    }
+
+    /// Takes the value and closes it; `None` if it was closed.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Self::lock`].
+    pub fn take(&self, py: Python<'_>) -> PyResult<Option<T>> {
+        Ok(self.lock(py)?.take())
+    }
+
+    /// The error for a value that is closed.
+    pub fn closed(&self) -> PyErr {
+        raised(Error::device(format!("{}: it is closed", self.name)))
+    }
+}

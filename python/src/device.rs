@@ -1,0 +1,346 @@
+//! An emulated device, in memory and served.
+
+use crate::call::{Shared, pool, quiet, tell};
+use crate::documents::{Profile, Rig, Scene, to_json};
+use crate::errors::raised;
+use crate::results::{Stacked, faults_of, truth};
+use phasmid::emulator::render::Backend;
+use phasmid::host::Progress;
+use phasmid::link::{CameraNode, Notice, ServeOptions, Serving as Served, Tcp, UsbServing};
+use phasmid::protocol::service::ClockPace;
+use phasmid::{DeviceBuilder, Error, Stop, Truth};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::mem;
+use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::process;
+use std::time::Duration;
+
+/// An emulated device in memory.
+#[pyclass(frozen, module = "phasmid._phasmid")]
+pub struct Device {
+    shared: Shared<phasmid::Device>,
+    stop: Stop,
+    /// Process whose GPU it uses.
+    gpu: Option<u32>,
+}
+
+fn backend_of(name: &str) -> PyResult<Backend> {
+    match name {
+        "cpu" => Ok(Backend::Cpu),
+        "gpu" => Ok(Backend::Gpu),
+        "auto" => Ok(Backend::Auto),
+        _ => Err(raised(Error::input(
+            "backend",
+            format!("{name:?}"),
+            "\"cpu\", \"gpu\" or \"auto\"",
+        ))),
+    }
+}
+
+fn clock_of(name: &str) -> PyResult<ClockPace> {
+    match name {
+        "real" => Ok(ClockPace::Real),
+        "fast" => Ok(ClockPace::Fast),
+        "stepped" => Ok(ClockPace::Stepped),
+        _ => Err(raised(Error::input(
+            "clock",
+            format!("{name:?}"),
+            "\"real\", \"fast\" or \"stepped\"",
+        ))),
+    }
+}
+
+fn seconds(field: &str, seconds: f64) -> PyResult<Duration> {
+    Duration::try_from_secs_f64(seconds)
+        .map_err(|_| raised(Error::input(field, seconds, "seconds, 0 or more")))
+}
+
+#[pymethods]
+impl Device {
+    #[new]
+    #[pyo3(signature = (
+        profile, scene, *, seed, backend, samples, time_samples, noise, exact_calibration, dialect, sequences,
+        faults
+    ))]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "the settings of a builder, named in Python"
+    )]
+    fn new(
+        py: Python<'_>,
+        profile: &Profile,
+        scene: &Scene,
+        seed: u64,
+        backend: &str,
+        samples: u32,
+        time_samples: u32,
+        noise: Option<bool>,
+        exact_calibration: Option<bool>,
+        dialect: Option<PathBuf>,
+        sequences: Vec<PathBuf>,
+        faults: Option<&str>,
+    ) -> PyResult<Self> {
+        let stop = Stop::default();
+        let backend = backend_of(backend)?;
+        let mut builder = DeviceBuilder::default()
+            .profile(profile.value.clone())
+            .scene(scene.value.clone())
+            .seed(seed)
+            .backend(backend)
+            .samples(samples)
+            .time_samples(time_samples)
+            .stop(stop.clone());
+        if let Some(noise) = noise {
+            builder = builder.noise(noise);
+        }
+        if let Some(exact) = exact_calibration {
+            builder = builder.exact_calibration(exact);
+        }
+        if let Some(dialect) = dialect {
+            builder = builder.dialect(dialect.to_string_lossy());
+        }
+        for sequence in sequences {
+            builder = builder.sequence(sequence);
+        }
+        if let Some(faults) = faults {
+            builder = builder.faults(faults_of(faults)?);
+        }
+        let device = quiet(py, &stop, || builder.build())?;
+        Ok(Self {
+            shared: Shared::new("device", device),
+            stop,
+            gpu: (backend != Backend::Cpu).then(process::id),
+        })
+    }
+
+    fn scan<'py>(
+        &self,
+        py: Python<'py>,
+        sequence: Option<String>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.check_gpu()?;
+        let stop = self.stop.clone();
+        let stacked = self
+            .shared
+            .long(py, &self.stop, tell(progress), |device, report| {
+                let sequence = sequence.or_else(|| device.sequences().into_iter().next());
+                let capture = device.scan_with(&sequence.unwrap_or_default(), |progress| {
+                    if let Progress::Frame { done, of } = progress {
+                        report((done, of));
+                    }
+                    match stop.is_asked() {
+                        true => ControlFlow::Break(()),
+                        false => ControlFlow::Continue(()),
+                    }
+                })?;
+                Stacked::new(capture)
+            })?;
+        stacked.into_arguments(py)
+    }
+
+    fn truth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.truth_of(py, phasmid::Device::truth)
+    }
+
+    fn truth_at<'py>(&self, py: Python<'py>, time_s: f64) -> PyResult<Bound<'py, PyDict>> {
+        let time = seconds("time_s", time_s)?;
+        self.truth_of(py, |device| device.truth_at(time))
+    }
+
+    fn frame_truth<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyDict>> {
+        self.truth_of(py, |device| device.frame_truth(index))
+    }
+
+    fn control(&self, py: Python<'_>, bytes: Vec<u8>) -> PyResult<Vec<u8>> {
+        self.check_gpu()?;
+        let none = |_: Python<'_>, ()| Ok(());
+        self.shared
+            .long(py, &self.stop, none, |device, _| Ok(device.control(&bytes)))
+    }
+
+    fn sequences(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.shared.with(py, |device| Ok(device.sequences()))
+    }
+
+    fn factory_calibration(&self, py: Python<'_>) -> PyResult<Rig> {
+        self.shared
+            .with(py, |device| device.factory_calibration().map(Rig))
+    }
+
+    fn rig(&self, py: Python<'_>) -> PyResult<Rig> {
+        self.shared.with(py, |device| Ok(Rig(device.rig())))
+    }
+
+    fn time_s(&self, py: Python<'_>) -> PyResult<f64> {
+        self.shared
+            .with(py, |device| Ok(device.time().as_secs_f64()))
+    }
+
+    fn wait(&self, py: Python<'_>, time_s: f64) -> PyResult<()> {
+        let time = seconds("time_s", time_s)?;
+        let none = |_: Python<'_>, ()| Ok(());
+        self.shared.long(py, &self.stop, none, |device, _| {
+            device.wait(time);
+            Ok(())
+        })
+    }
+
+    fn place(
+        &self,
+        py: Python<'_>,
+        object: usize,
+        position_mm: [f64; 3],
+        rotation_deg: [f64; 3],
+    ) -> PyResult<()> {
+        let none = |_: Python<'_>, ()| Ok(());
+        self.shared.long(py, &self.stop, none, |device, _| {
+            device.place(object, position_mm, rotation_deg)
+        })
+    }
+
+    fn inject(&self, py: Python<'_>, fault: &str) -> PyResult<u64> {
+        let fault = faults_of(fault)?;
+        self.shared.with(py, |device| device.inject(fault))
+    }
+
+    fn clear_faults(&self, py: Python<'_>) -> PyResult<()> {
+        self.shared.with(py, |device| {
+            device.clear_faults();
+            Ok(())
+        })
+    }
+
+    fn struck(&self, py: Python<'_>) -> PyResult<String> {
+        to_json(&self.shared.with(py, |device| Ok(device.struck()))?)
+    }
+
+    #[pyo3(signature = (*, run_dir, clock, tcp, camera, usb, notice))]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "the fields of ServeOptions, named in Python"
+    )]
+    fn serve(
+        &self,
+        py: Python<'_>,
+        run_dir: Option<PathBuf>,
+        clock: &str,
+        tcp: Option<u16>,
+        camera: Option<PathBuf>,
+        usb: bool,
+        notice: Option<Py<PyAny>>,
+    ) -> PyResult<Serving> {
+        self.check_gpu()?;
+        let options = ServeOptions {
+            run_dir,
+            clock: clock_of(clock)?,
+            tcp: tcp.map(|port| Tcp { port, token: None }),
+            camera: match camera {
+                None => CameraNode::None,
+                Some(path) if path.as_os_str() == "auto" => CameraNode::Any,
+                Some(path) => CameraNode::At(path),
+            },
+            usb: usb.then(UsbServing::default),
+            notice: notice.map_or_else(Notice::default, |notice| {
+                Notice::new(move |message| {
+                    Python::attach(|py| {
+                        if let Err(raised) = notice.call1(py, (message,)) {
+                            raised.write_unraisable(py, None);
+                        }
+                    });
+                })
+            }),
+            // The threads of the device are its own: rayon's global pool does not survive a fork.
+            threads: NonZeroUsize::new(pool(py)?.current_num_threads()),
+        };
+        let device = self.shared.take(py)?.ok_or_else(|| self.shared.closed())?;
+        let served = py.detach(|| device.serve(&options)).map_err(raised)?;
+        let endpoints = to_json(served.endpoints())?;
+        Ok(Serving {
+            served: Shared::new("served device", Guard(Some(served), process::id())),
+            endpoints,
+        })
+    }
+
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let device = self.shared.take(py)?;
+        py.detach(|| drop(device));
+        Ok(())
+    }
+}
+
+impl Device {
+    fn truth_of<'py>(
+        &self,
+        py: Python<'py>,
+        of: impl FnOnce(&mut phasmid::Device) -> phasmid::Result<Truth> + Send,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        self.check_gpu()?;
+        let none = |_: Python<'_>, ()| Ok(());
+        truth(
+            py,
+            self.shared
+                .long(py, &self.stop, none, |device, _| of(device))?,
+        )
+    }
+
+    /// Returns an error if the GPU's driver is that of a parent process.
+    fn check_gpu(&self) -> PyResult<()> {
+        match self.gpu {
+            Some(process) if process != process::id() => Err(raised(Error::device(
+                "device: the process was forked after its GPU was opened; expected one that was made in \
+                 this process",
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A served device and the process whose threads serve it.
+struct Guard(Option<Served>, u32);
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        let Some(served) = self.0.take() else {
+            return;
+        };
+        if process::id() != self.1 {
+            // A forked child has none of the threads, and the files are its parent's.
+            return mem::forget(served);
+        }
+        // Ending it waits for a thread that may be waiting for the interpreter to pass a notice on.
+        let mut served = Some(served);
+        let _ = Python::try_attach(|py| py.detach(|| drop(served.take())));
+    }
+}
+
+/// A device that is being served.
+#[pyclass(frozen, module = "phasmid._phasmid")]
+pub struct Serving {
+    served: Shared<Guard>,
+    endpoints: String,
+}
+
+#[pymethods]
+impl Serving {
+    fn endpoints(&self) -> &str {
+        &self.endpoints
+    }
+
+    /// Ends the device; later calls do nothing.
+    fn stop(&self, py: Python<'_>) -> PyResult<()> {
+        let Some(mut guard) = self.served.take(py)? else {
+            return Ok(());
+        };
+        if process::id() != guard.1 {
+            return Ok(());
+        }
+        match guard.0.take() {
+            Some(served) => py.detach(|| served.stop()).map_err(raised),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Tracking of a patient by the pods of a treatment room.
+
+use crate::call::{Shared, long, quiet};
+use crate::documents::to_json;
+use crate::errors::raised;
+use crate::scanner::Scanner;
+use phasmid::patient::phantom::{Patient, Phantom};
+use phasmid::profile::RigPlace;
+use phasmid::track::{Beam, HoldRules, Planned};
+use phasmid::{Error, Stop, TrackOptions, TrackProgress, Tracked};
+use pyo3::prelude::*;
+use serde_json::json;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// A patient as planned.
+#[pyclass(frozen, module = "phasmid._phasmid")]
+pub struct Planning(Planned);
+
+#[pymethods]
+impl Planning {
+    #[staticmethod]
+    fn load(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
+        quiet(py, &Stop::default(), || Planned::load(&folder)).map(Self)
+    }
+
+    #[getter]
+    fn tumour_mm(&self) -> [f64; 3] {
+        self.0.tumour_mm().into()
+    }
+}
+
+/// Writes the planning folder of a generated patient.
+#[pyfunction]
+pub fn export_planning(
+    py: Python<'_>,
+    patient: PathBuf,
+    folder: PathBuf,
+    spacing_mm: f64,
+    ct: bool,
+    force: bool,
+) -> PyResult<()> {
+    quiet(py, &Stop::default(), || {
+        let patient = Patient::load(&patient.to_string_lossy())?;
+        Phantom::new(&patient).export_planning(&folder, spacing_mm, ct, force)
+    })
+}
+
+/// A scanner at a known place in the treatment room.
+#[pyclass(frozen, module = "phasmid._phasmid")]
+pub struct Pod(Shared<phasmid::Pod>);
+
+#[pymethods]
+impl Pod {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        name: &str,
+        scanner: &Scanner,
+        position_mm: [f64; 3],
+        rotation_deg: [f64; 3],
+    ) -> PyResult<Self> {
+        let scanner = scanner
+            .shared
+            .take(py)?
+            .ok_or_else(|| scanner.shared.closed())?;
+        let place = RigPlace {
+            position_mm,
+            rotation_deg,
+        };
+        Ok(Self(Shared::new(
+            "pod",
+            phasmid::Pod::new(name, scanner, place),
+        )))
+    }
+
+    /// Closes the ports; later calls do nothing.
+    fn finish(&self, py: Python<'_>) -> PyResult<()> {
+        match self.0.take(py)? {
+            Some(pod) => quiet(py, &Stop::default(), || pod.finish()),
+            None => Ok(()),
+        }
+    }
+}
+
+fn scan_json(tracked: &Tracked) -> serde_json::Value {
+    let skin = tracked.skin.as_ref().map(|skin| {
+        json!({ "shift_mm": skin.shift_mm, "shift_sd_mm": skin.shift_sd_mm,
+            "rotation_deg": skin.rotation_deg, "rotation_sd_deg": skin.rotation_sd_deg })
+    });
+    let tumour = tracked.tumour.as_ref().map(|tumour| {
+        json!({ "position_mm": tumour.position_mm, "sd_mm": tumour.sd_mm, "off_mm": tumour.off_mm,
+            "off_sd_mm": tumour.off_sd_mm, "modes": tumour.modes, "modes_sd": tumour.modes_sd,
+            "rms_mm": tumour.rms_mm, "coverage": tumour.coverage })
+    });
+    json!({
+        "scan": tracked.scan,
+        "time_s": tracked.time.as_secs_f64(),
+        "middle_s": tracked.middle.map(|time| time.as_secs_f64()),
+        "points": tracked.points,
+        "skin": skin,
+        "tumour": tumour,
+        "held": held(&tracked.beam),
+        "warnings": tracked.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "decoding_s": tracked.decoding.as_secs_f64(),
+        "latency_s": tracked.latency.as_secs_f64(),
+    })
+}
+
+/// Returns why the beam is held; `None` if it is on.
+fn held(beam: &Beam) -> Option<String> {
+    match beam {
+        Beam::On => None,
+        Beam::Held(why) => Some(why.to_string()),
+    }
+}
+
+/// Tracks with pods, and passes each result to `tell` as JSON, until `tell` returns true.
+#[pyfunction]
+#[pyo3(signature = (
+    pods, planning, tell, *, tolerance_mm, scans, duration_s, deviations, enter, settle_s, stale_s
+))]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "the fields of TrackOptions, named in Python"
+)]
+pub fn track(
+    py: Python<'_>,
+    pods: Vec<Bound<'_, Pod>>,
+    planning: &Planning,
+    tell: Py<PyAny>,
+    tolerance_mm: f64,
+    scans: Option<u64>,
+    duration_s: Option<f64>,
+    deviations: f64,
+    enter: f64,
+    settle_s: f64,
+    stale_s: f64,
+) -> PyResult<()> {
+    let time = |field: &str, seconds: f64| {
+        Duration::try_from_secs_f64(seconds)
+            .map_err(|_| raised(Error::input(field, seconds, "seconds, 0 or more")))
+    };
+    let nanoseconds = |field: &str, seconds: f64| {
+        Ok::<_, PyErr>(u64::try_from(time(field, seconds)?.as_nanos()).unwrap_or(u64::MAX))
+    };
+    let options = TrackOptions {
+        tolerance_mm,
+        scans,
+        duration: duration_s.map(|s| time("duration_s", s)).transpose()?,
+        rules: HoldRules {
+            deviations,
+            enter,
+            settle_ns: nanoseconds("settle_s", settle_s)?,
+            stale_ns: nanoseconds("stale_s", stale_s)?,
+        },
+    };
+    let mut taken = Vec::new();
+    for pod in &pods {
+        match pod.get().0.take(py)? {
+            Some(pod) => taken.push(pod),
+            None => {
+                put_back(py, &pods, taken)?;
+                return Err(pod.get().0.closed());
+            }
+        }
+    }
+    let stop = Stop::default();
+    let told = |py: Python<'_>, json: serde_json::Value| {
+        if tell.call1(py, (to_json(&json)?,))?.is_truthy(py)? {
+            stop.ask();
+        }
+        Ok(())
+    };
+    let tracked = long(py, &stop, told, |report| {
+        phasmid::track(&mut taken, &planning.0, &options, |progress| {
+            match progress {
+                TrackProgress::Scan(tracked) => report(scan_json(tracked)),
+                TrackProgress::Overdue { scan, beam } => {
+                    report(json!({ "overdue": scan, "held": held(beam) }));
+                }
+                TrackProgress::Doubtful { pod, why } => {
+                    report(json!({ "pod": pod, "doubtful": why.to_string() }));
+                }
+                _ => {}
+            }
+            match stop.is_asked() {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        })
+    });
+    put_back(py, &pods, taken)?;
+    tracked
+}
+
+/// Puts the scanners of a call back into their pods, for the next call.
+fn put_back(py: Python<'_>, pods: &[Bound<'_, Pod>], taken: Vec<phasmid::Pod>) -> PyResult<()> {
+    for (pod, scanner) in pods.iter().zip(taken) {
+        *pod.get().0.lock(py)? = Some(scanner);
+    }
+    Ok(())
+}
