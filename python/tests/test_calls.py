@@ -175,6 +175,6 @@ def test_memory_does_not_grow() -> None:
 
     use(20, 10)
     before = rss()
-    # A tenth of the numbers that `python/bench` checks.
+    # A tenth of the numbers that `bench.py` checks.
     use(100, 10)
     assert rss() - before < 5e6

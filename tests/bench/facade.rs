@@ -1,0 +1,61 @@
+//! Minimum times of calls of the facade: of a scan in memory, of decoding it, and of decoding 64 x 64
+//! pixels by a kept decoder, by a manifest, and by a manifest's text.
+//!
+//! `python/tests/bench.py` runs it beside the same calls in Python.
+
+use phasmid::pattern::Manifest;
+use phasmid::profile::Profile;
+use phasmid::{Capture, DecodeOptions, Device, Result};
+use std::time::Instant;
+
+/// Scans of a run; the first ones fill caches.
+const SCANS: usize = 12;
+/// Calls on small images.
+const CALLS: usize = 3000;
+
+/// Returns the least time in milliseconds that something takes.
+fn minimum_ms(times: usize, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
+    let mut best = f64::INFINITY;
+    for _ in 0..times {
+        let begin = Instant::now();
+        work()?;
+        best = best.min(begin.elapsed().as_secs_f64() * 1e3);
+    }
+    Ok(best)
+}
+
+fn decode(capture: &Capture) -> Result<()> {
+    let rig = capture.calibration.as_ref();
+    let decoding = phasmid::decode(capture, rig, &DecodeOptions::default())?;
+    assert!(!decoding.maps.depth.is_empty());
+    Ok(())
+}
+
+fn main() -> Result<()> {
+    let mut device = Device::builder().build()?;
+    let sequence = device.sequences().remove(0);
+    let mut capture = device.scan(&sequence)?;
+    let scan = minimum_ms(SCANS, || {
+        capture = device.scan(&sequence)?;
+        Ok(())
+    })?;
+    let large = minimum_ms(SCANS, || decode(&capture))?;
+
+    let mut profile = Profile::load("webcam-grey")?;
+    (profile.camera.width_px, profile.camera.height_px) = (64, 64);
+    let mut device = Device::builder().profile(profile).scene("plane").build()?;
+    let mut capture = device.scan("quick-4")?;
+    let decoder = capture.decoder(DecodeOptions::default())?;
+    let kept = minimum_ms(CALLS, || decoder.decode(&capture.images).map(drop))?;
+    let manifest = minimum_ms(CALLS, || decode(&capture))?;
+    let toml = capture.manifest.to_toml();
+    let text = minimum_ms(CALLS, || {
+        capture.manifest = Manifest::parse(&toml, "manifest")?;
+        decode(&capture)
+    })?;
+    println!(
+        "scan {scan:.4} ms, decode {large:.4} ms; 64 x 64 px: kept decoder {kept:.4} ms, manifest \
+         {manifest:.4} ms, text {text:.4} ms"
+    );
+    Ok(())
+}
