@@ -177,7 +177,9 @@ pub use facade::{
 };
 pub use phasmid_decode::{Capture, Decoder, FrameInfo, Options as DecodeOptions};
 #[cfg(target_os = "linux")]
-pub use phasmid_device::link::{CameraNode, Notice, ServeOptions, Serving, UsbServing};
+pub use phasmid_device::link::{
+    CameraNode, Notice, RecordingFile, ServeOptions, Serving, UsbServing,
+};
 pub use phasmid_pattern::Image;
 pub use phasmid_render::truth::Truth;
 

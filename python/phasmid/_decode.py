@@ -157,9 +157,11 @@ class Cloud:
         import numpy as np
         import trimesh  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
+        make: Any = trimesh.PointCloud
+
         grey = (np.clip(self.intensity, 0, 1) * 255).astype(np.uint8)
         colors = np.stack([grey, grey, grey, np.full_like(grey, 255)], axis=1)
-        return trimesh.PointCloud(self.points, colors=colors)
+        return make(self.points, colors=colors)
 
 
 @dataclass(repr=False, eq=False)

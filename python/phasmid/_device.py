@@ -4,49 +4,27 @@ from __future__ import annotations
 
 import json
 import os
+import time
 import weakref
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from . import _phasmid
 from ._capture import Capture, Truth
 from ._documents import Profile, Rig, Scene, profile_of, scene_of, to_json
-from ._errors import InputError
+from ._errors import DeviceError, InputError
 from ._progress import ProgressLike, reporter
+from ._service import Service, Struck, fault_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
     from ._documents import ProfileLike, SceneLike
 
-__all__ = ["Control", "Device", "Endpoints", "Serving", "Struck"]
-
-
-@dataclass(frozen=True)
-class Struck:
-    """A fault that has occurred.
-
-    Attributes
-    ----------
-    time_ns : int
-        Device time in nanoseconds.
-    fault : int
-        Number of the fault, from 1.
-    what : str
-        Kind of fault.
-    frame : int, optional
-        The frame that it struck.
-    command : str, optional
-        The command that it struck, or whose answer.
-    """
-
-    time_ns: int
-    fault: int
-    what: str
-    frame: int | None = None
-    command: str | None = None
+__all__ = ["Control", "Device", "Endpoints", "Serving"]
 
 
 class Control:
@@ -57,6 +35,8 @@ class Control:
         self._inner = inner
         self._name = name
         self._replies = b""
+        #: What was sent and received last, in order.
+        self.log: deque[tuple[Literal["sent", "received"], bytes]] = deque(maxlen=1000)
 
     def write(self, data: bytes | str) -> int:
         """Send bytes, and let device time pass until no operation is pending.
@@ -68,7 +48,10 @@ class Control:
         """
         if isinstance(data, str):
             data = (data if data.endswith("\n") else data + "\n").encode()
-        self._replies += self._inner.control(data)
+        replies = self._inner.control(data)
+        self.log.append(("sent", data))
+        self.log.append(("received", replies))
+        self._replies += replies
         return len(data)
 
     def read(self, size: int = -1) -> bytes:
@@ -140,14 +123,40 @@ class Endpoints:
         return cls(run_dir=os.path.dirname(fields["control"]), **known)
 
 
-class Serving:
-    """A device that is being served, until `stop` or the end of the ``with`` block. In a forked child it does
-    nothing."""
+def schedule_of(faults: Mapping[str, Any] | Iterable[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Return a schedule of faults."""
+    if isinstance(faults, Mapping):
+        return cast("Mapping[str, Any]", faults)
+    return {"fault": list(faults)}
 
-    def __init__(self, inner: _phasmid.Serving) -> None:
-        self.endpoints = Endpoints._of(inner.endpoints())
+
+class Serving:
+    """A device that is being served, until `stop` or the end of the ``with`` block. `Device.serve` makes one. In a
+    forked child it does nothing.
+
+    Attributes
+    ----------
+    endpoints : Endpoints
+        Where it can be reached.
+    """
+
+    def __init__(self, endpoints: Endpoints, end: Callable[[], object]) -> None:
+        self.endpoints = endpoints
         # Also at the end of the interpreter, while the device's threads can still be joined.
-        self._end = weakref.finalize(self, inner.stop)
+        self._end = weakref.finalize(self, end)
+
+    @property
+    def service(self) -> Service:
+        """The service channel: faults, moves, time and truth.
+
+        Raises
+        ------
+        DeviceError
+            If the device has none.
+        """
+        if self.endpoints.service is None:
+            raise DeviceError(f"{self.endpoints.run_dir}: the device has no service channel")
+        return Service(self.endpoints.service)
 
     def stop(self) -> None:
         """End the device and wait until it has.
@@ -243,7 +252,6 @@ class Device:
             raise InputError("clock", repr(clock), '"real", "fast" or "stepped"')
         self.profile: Profile = profile_of(profile)
         self.scene: Scene = scene_of(scene)
-        schedule = faults if isinstance(faults, Mapping) else {"fault": list(faults)}
         self._clock = clock
         self._inner = _phasmid.Device(
             self.profile._inner,
@@ -256,8 +264,10 @@ class Device:
             exact_calibration=exact_calibration,
             dialect=dialect,
             sequences=list(sequences),
-            faults=to_json(schedule),
+            faults=to_json(schedule_of(faults)),
         )
+        # For the log of a failed test, as long as somebody keeps it.
+        self._last_capture: weakref.ref[Capture] | None = None
         #: The control port.
         self.control = Control(self._inner, self.profile.name)
 
@@ -284,7 +294,9 @@ class Device:
             If the scan fails, as with faults that a host cannot recover from.
         """
         with reporter(progress, "frames") as report:
-            return Capture._of(self._inner.scan(sequence, report))
+            capture = Capture._of(self._inner.scan(sequence, report))
+        self._last_capture = weakref.ref(capture)
+        return capture
 
     @property
     def sequences(self) -> list[str]:
@@ -376,8 +388,7 @@ class Device:
         >>> [struck.what for struck in device.struck]
         ['dropped']
         """
-        given = {"what": fault} if isinstance(fault, str) else dict(fault)
-        return self._inner.inject(to_json({**given, **fields}))
+        return self._inner.inject(to_json(fault_of(fault, fields)))
 
     def clear_faults(self) -> None:
         """Remove all faults."""
@@ -395,6 +406,7 @@ class Device:
         tcp: int | None = None,
         camera: str | os.PathLike[str] | None = None,
         usb: bool = False,
+        record: str | os.PathLike[str] | None = None,
         notice: Callable[[str], object] | None = None,
     ) -> Serving:
         """Serve the device on threads of its own: a control port and a frame socket. The object in memory is
@@ -410,6 +422,9 @@ class Device:
             Also deliver frames to this v4l2loopback node; "auto" picks a free one.
         usb : bool
             Also be a USB device with camera and serial port, exported over USB/IP.
+        record : str or path, optional
+            Also record every byte and frame with its time in this file, which must not exist, for
+            ``phasmid replay`` and ``phasmid record info``.
         notice : callable, optional
             Receives messages for the operator.
 
@@ -427,11 +442,16 @@ class Device:
         ...         len(scanner.scan().frames)
         13
         """
-        return Serving(
-            self._inner.serve(
-                run_dir=run_dir, clock=self._clock, tcp=tcp, camera=camera, usb=usb, notice=notice
-            )
+        inner = self._inner.serve(
+            run_dir=run_dir,
+            clock=self._clock,
+            tcp=tcp,
+            camera=camera,
+            usb=usb,
+            record=None if record is None else (record, int(time.time())),
+            notice=notice,
         )
+        return Serving(Endpoints._of(inner.endpoints()), inner.stop)
 
     def close(self) -> None:
         """Free the memory of the device; later calls raise an error."""

@@ -23,6 +23,7 @@ __all__ = [
     "Profile",
     "Rig",
     "Scene",
+    "toml",
     "compare",
     "Scanner",
     "Planning",
@@ -38,6 +39,7 @@ _Changes: TypeAlias = list[tuple[str, str]]
 VERSION: Final[str]
 
 def run(arguments: Sequence[str], program: _Path) -> int: ...
+def toml(json: str, place: str) -> str: ...
 def verdicts() -> list[str]: ...
 def write_png(frames: Any, paths: Sequence[_Path]) -> None: ...
 def board(json: str, scale: float) -> str: ...
@@ -157,6 +159,7 @@ class Device:
         tcp: int | None,
         camera: _Path | None,
         usb: bool,
+        record: tuple[_Path, int] | None,
         notice: Callable[[str], object] | None,
     ) -> Serving: ...
     def close(self) -> None: ...

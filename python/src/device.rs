@@ -6,7 +6,9 @@ use crate::errors::raised;
 use crate::results::{Stacked, faults_of, truth};
 use phasmid::emulator::render::Backend;
 use phasmid::host::Progress;
-use phasmid::link::{CameraNode, Notice, ServeOptions, Serving as Served, Tcp, UsbServing};
+use phasmid::link::{
+    CameraNode, Notice, RecordingFile, ServeOptions, Serving as Served, Tcp, UsbServing,
+};
 use phasmid::protocol::service::ClockPace;
 use phasmid::{DeviceBuilder, Error, Stop, Truth};
 use pyo3::prelude::*;
@@ -218,7 +220,7 @@ impl Device {
         to_json(&self.shared.with(py, |device| Ok(device.struck()))?)
     }
 
-    #[pyo3(signature = (*, run_dir, clock, tcp, camera, usb, notice))]
+    #[pyo3(signature = (*, run_dir, clock, tcp, camera, usb, record, notice))]
     #[allow(
         clippy::too_many_arguments,
         reason = "the fields of ServeOptions, named in Python"
@@ -231,6 +233,7 @@ impl Device {
         tcp: Option<u16>,
         camera: Option<PathBuf>,
         usb: bool,
+        record: Option<(PathBuf, u64)>,
         notice: Option<Py<PyAny>>,
     ) -> PyResult<Serving> {
         self.check_gpu()?;
@@ -244,6 +247,10 @@ impl Device {
                 Some(path) => CameraNode::At(path),
             },
             usb: usb.then(UsbServing::default),
+            record: record.map(|(path, started_unix_s)| RecordingFile {
+                path,
+                started_unix_s,
+            }),
             notice: notice.map_or_else(Notice::default, |notice| {
                 Notice::new(move |message| {
                     Python::attach(|py| {

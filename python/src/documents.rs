@@ -28,14 +28,20 @@ pub fn from_json<T: DeserializeOwned>(json: &str, place: &str, expected: &str) -
 /// Converts a document from JSON to TOML, in which it is checked; `place` names it in messages.
 fn toml_of(json: &str, place: &str) -> Result<String> {
     let expected = "a dict of numbers, texts, booleans, lists and dicts";
-    let value: toml::Value =
+    let value: ::toml::Value =
         serde_json::from_str(json).map_err(|e| Error::input(place, e, expected))?;
-    toml::to_string(&value).map_err(|e| Error::input(place, e, expected))
+    ::toml::to_string(&value).map_err(|e| Error::input(place, e, expected))
+}
+
+/// Converts a document from JSON to TOML; `place` names it in messages.
+#[pyfunction]
+pub fn toml(json: &str, place: &str) -> PyResult<String> {
+    toml_of(json, place).map_err(raised)
 }
 
 /// Converts a value of a field from JSON to TOML.
 fn field_of(json: &str, field: &str) -> Result<String> {
-    let value: toml::Value = serde_json::from_str(json)
+    let value: ::toml::Value = serde_json::from_str(json)
         .map_err(|e| Error::input(field, e, "a number, text, boolean, list or dict"))?;
     Ok(value.to_string())
 }

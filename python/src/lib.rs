@@ -45,7 +45,7 @@ mod _phasmid {
     #[pymodule_export]
     use super::device::{Device, Serving};
     #[pymodule_export]
-    use super::documents::{Manifest, Profile, Rig, Scene};
+    use super::documents::{Manifest, Profile, Rig, Scene, toml};
     #[pymodule_export]
     use super::results::compare;
     #[pymodule_export]

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import phasmid
 import pytest
+from phasmid import _phasmid
 from conftest import DEADLINE_S, command, started, wait_until
 
 
@@ -89,7 +90,7 @@ def test_study_ends_at_ctrl_c_and_records_the_extension(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=DEADLINE_S)
         assert process.returncode == -signal.SIGINT
-    extension = Path(phasmid._phasmid.__file__).read_bytes()
+    extension = Path(_phasmid.__file__).read_bytes()
     assert f"program {zlib.crc32(extension):08x}" in rows.read_text()
 
 

@@ -200,3 +200,12 @@ def test_repr_tells_what_it_is() -> None:
     assert repr(capture.manifest) == "<phasmid.Manifest of 13 patterns, 854 x 480 px>"
     assert repr(device.rig) == "<phasmid.Rig: camera 160 x 120 px, projector 854 x 480 px>"
     assert repr(device.control) == "<phasmid.Control of 'small'>"
+
+
+def test_every_name_is_there() -> None:
+    assert sorted(phasmid._HOMES) == phasmid.__all__
+    assert set(phasmid.__all__) <= set(dir(phasmid))
+    for name in phasmid.__all__:
+        assert getattr(phasmid, name).__doc__, name
+    with pytest.raises(AttributeError, match="has no attribute 'Devise'"):
+        phasmid.Devise

@@ -1,5 +1,5 @@
-//! Minimum times of calls of the facade: of a scan in memory, of decoding it, and of decoding 64 x 64
-//! pixels by a kept decoder, by a manifest, and by a manifest's text.
+//! Minimum times of calls of the facade: a scan in memory, its decoding, and decoding of 64 x 64 pixels
+//! by a kept decoder, by a manifest, and by a manifest's text.
 //!
 //! `python/tests/bench.py` runs it beside the same calls in Python.
 

@@ -34,7 +34,7 @@ pub use frame_socket::Tcp;
 pub use notice::Notice;
 pub use replay::{Outcome, Replay, replay};
 pub use run_dir::RunDir;
-pub use serving::{CameraNode, ServeOptions, Serving, UsbServing, monotonic};
+pub use serving::{CameraNode, RecordingFile, ServeOptions, Serving, UsbServing, monotonic};
 pub use shared_scene::SharedScene;
 pub use tap::Recording;
 pub use timeline::{Seat, Timeline};

@@ -6,11 +6,13 @@ use super::frame_socket::Tcp;
 use super::notice::Notice;
 use super::run_dir::RunDir;
 use super::shared_scene::SharedScene;
+use super::tap::Recording;
 use super::timeline::Timeline;
 use super::usb::{Binding, export};
 use super::video::VideoOutput;
 use crate::Device;
 use phasmid_core::error::{Error, Result};
+use phasmid_core::new_file;
 use phasmid_protocol::Endpoints;
 use phasmid_protocol::service::ClockPace;
 use std::hash::{BuildHasher, RandomState};
@@ -54,6 +56,16 @@ impl Default for UsbServing {
     }
 }
 
+/// A file that records every byte and frame of a served device with its time, for `phasmid replay` and
+/// `phasmid record info`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecordingFile {
+    /// Path of the file, which must not exist.
+    pub path: PathBuf,
+    /// The present time in seconds since 1970.
+    pub started_unix_s: u64,
+}
+
 /// How a device is served.
 #[derive(Debug, Clone)]
 pub struct ServeOptions {
@@ -67,6 +79,8 @@ pub struct ServeOptions {
     pub camera: CameraNode,
     /// Also be a USB device with camera and serial port.
     pub usb: Option<UsbServing>,
+    /// Also record the traffic.
+    pub record: Option<RecordingFile>,
     /// Receives messages for the operator.
     pub notice: Notice,
     /// Number of threads that render. `None` for rayon's global pool: the threads that serve a
@@ -83,6 +97,7 @@ impl Default for ServeOptions {
             tcp: None,
             camera: CameraNode::None,
             usb: None,
+            record: None,
             notice: Notice::default(),
             threads: None,
         }
@@ -144,6 +159,17 @@ impl Serving {
             let (link, worker) = serve_usb(binding, how, wall)?;
             served.usb = Some(link);
             usb = Some(worker);
+        }
+        if let Some(RecordingFile {
+            path,
+            started_unix_s,
+        }) = options.record.clone()
+        {
+            served.recording = Some(Recording {
+                file: new_file::stream(&path, false)?,
+                path,
+                started_unix_s,
+            });
         }
         let serving = Self::start(served, run_dir, wall, || ())?;
         Ok(Self { usb, ..serving })
