@@ -34,17 +34,57 @@ pub fn pool(_: Python<'_>) -> PyResult<Arc<ThreadPool>> {
     {
         return Ok(Arc::clone(pool));
     }
+    let pool = Arc::new(new_pool()?);
+    // The parent's pool would signal its threads, which do not exist here.
+    mem::forget(held.replace((process, Arc::clone(&pool))));
+    Ok(pool)
+}
+
+fn new_pool() -> PyResult<ThreadPool> {
     let named = ThreadPoolBuilder::new().thread_name(|i| format!("phasmid {i}"));
-    let pool = named.build().map_err(|why| {
+    named.build().map_err(|why| {
         raised(Error::device(format!(
             "threads of parallel work: {why}; expected more memory, a higher limit, or fewer threads \
              (RAYON_NUM_THREADS)"
         )))
-    })?;
-    let pool = Arc::new(pool);
-    // The parent's pool would signal its threads, which do not exist here.
-    mem::forget(held.replace((process, Arc::clone(&pool))));
-    Ok(pool)
+    })
+}
+
+/// A pool for work that waits for a device, which would keep other work off the threads of [`pool`]. It
+/// belongs to one process.
+pub struct OwnPool {
+    pool: Option<ThreadPool>,
+    process: u32,
+}
+
+impl OwnPool {
+    pub fn new() -> PyResult<Self> {
+        Ok(Self {
+            pool: Some(new_pool()?),
+            process: process::id(),
+        })
+    }
+
+    /// # Errors
+    /// Returns an error in a forked child; `name` is what has the pool.
+    pub fn get(&self, name: &str) -> PyResult<&ThreadPool> {
+        let pool = self.pool.as_ref();
+        let pool = pool.filter(|_| self.process == process::id());
+        pool.ok_or_else(|| {
+            raised(Error::device(format!(
+                "{name}: it belongs to the process that this one was forked from; expected one that was \
+                 made in this process"
+            )))
+        })
+    }
+}
+
+impl Drop for OwnPool {
+    fn drop(&mut self) {
+        if self.process != process::id() {
+            mem::forget(self.pool.take());
+        }
+    }
 }
 
 /// A look at Python's signals, which only the main thread handles. Other threads leave the interpreter
@@ -86,10 +126,23 @@ enum News<T, P> {
 pub fn long<T: Send, P: Send>(
     py: Python<'_>,
     stop: &Stop,
+    tell: impl FnMut(Python<'_>, P) -> PyResult<()> + Send,
+    work: impl FnOnce(&dyn Fn(P)) -> Result<T> + Send,
+) -> PyResult<T> {
+    long_on(&*pool(py)?, py, stop, tell, work)
+}
+
+/// [`long`] on the threads of another pool.
+///
+/// # Errors
+/// Returns the errors of [`long`].
+pub fn long_on<T: Send, P: Send>(
+    pool: &ThreadPool,
+    py: Python<'_>,
+    stop: &Stop,
     mut tell: impl FnMut(Python<'_>, P) -> PyResult<()> + Send,
     work: impl FnOnce(&dyn Fn(P)) -> Result<T> + Send,
 ) -> PyResult<T> {
-    let pool = pool(py)?;
     let (send, news) = mpsc::channel();
     let outcome = py.detach(move || {
         pool.in_place_scope(|scope| {
@@ -242,9 +295,24 @@ impl<T: Send> Shared<T> {
         tell: impl FnMut(Python<'_>, P) -> PyResult<()> + Send,
         work: impl FnOnce(&mut T, &dyn Fn(P)) -> Result<R> + Send,
     ) -> PyResult<R> {
+        self.long_on(&*pool(py)?, py, stop, tell, work)
+    }
+
+    /// [`Self::long`] on the threads of another pool.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Self::long`].
+    pub fn long_on<R: Send, P: Send>(
+        &self,
+        pool: &ThreadPool,
+        py: Python<'_>,
+        stop: &Stop,
+        tell: impl FnMut(Python<'_>, P) -> PyResult<()> + Send,
+        work: impl FnOnce(&mut T, &dyn Fn(P)) -> Result<R> + Send,
+    ) -> PyResult<R> {
         let mut value = self.lock(py)?;
         let value = value.as_mut().ok_or_else(|| self.closed())?;
-        long(py, stop, tell, |report| work(value, report))
+        long_on(pool, py, stop, tell, |report| work(value, report))
     }
 
     /// Takes the value and closes it; `None` if it was closed.

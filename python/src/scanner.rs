@@ -1,6 +1,6 @@
 //! A scanner at its addresses, emulated or physical.
 
-use crate::call::{Shared, left, pool, quiet, tell};
+use crate::call::{OwnPool, Shared, left, tell};
 use crate::documents::{Manifest, Rig};
 use crate::errors::raised;
 use crate::results::{Stacked, truth};
@@ -12,10 +12,14 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
+/// For messages.
+const NAME: &str = "scanner";
+
 /// A scanner with an open camera and control port.
 #[pyclass(frozen, module = "phasmid._phasmid")]
 pub struct Scanner {
     pub shared: Shared<phasmid::Scanner>,
+    pool: OwnPool,
 }
 
 #[pymethods]
@@ -53,11 +57,11 @@ impl Scanner {
             ..ScanOptions::default()
         };
         let camera = camera.to_string_lossy().into_owned();
-        let pool = pool(py)?;
         let connect = move || phasmid::Scanner::connect(&camera, &control, options);
-        let scanner = left(py, move || pool.install(connect))?;
+        let scanner = left(py, connect)?;
         Ok(Self {
-            shared: Shared::new("scanner", scanner),
+            shared: Shared::new(NAME, scanner),
+            pool: OwnPool::new()?,
         })
     }
 
@@ -67,9 +71,10 @@ impl Scanner {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let stop = Stop::default();
+        let pool = self.pool.get(NAME)?;
         let stacked = self
             .shared
-            .long(py, &stop, tell(progress), |scanner, report| {
+            .long_on(pool, py, &stop, tell(progress), |scanner, report| {
                 let capture = scanner.scan_with(|progress| {
                     if let Progress::Frame { done, of } = progress {
                         report((done, of));
@@ -95,7 +100,9 @@ impl Scanner {
         let none = |_: Python<'_>, ()| Ok(());
         let stop = Stop::default();
         self.shared
-            .long(py, &stop, none, |scanner, _| scanner.selected())
+            .long_on(self.pool.get(NAME)?, py, &stop, none, |scanner, _| {
+                scanner.selected()
+            })
     }
 
     fn truth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -104,14 +111,16 @@ impl Scanner {
         truth(
             py,
             self.shared
-                .long(py, &stop, none, |scanner, _| scanner.truth())?,
+                .long_on(self.pool.get(NAME)?, py, &stop, none, |scanner, _| {
+                    scanner.truth()
+                })?,
         )
     }
 
     /// Closes the ports; later calls do nothing.
     fn finish(&self, py: Python<'_>) -> PyResult<()> {
         match self.shared.take(py)? {
-            Some(scanner) => quiet(py, &Stop::default(), || scanner.finish()),
+            Some(scanner) => left(py, move || scanner.finish()),
             None => Ok(()),
         }
     }

@@ -1,6 +1,6 @@
 //! Tracking of a patient by the pods of a treatment room.
 
-use crate::call::{Shared, long, quiet};
+use crate::call::{OwnPool, Shared, left, long_on, quiet};
 use crate::documents::to_json;
 use crate::errors::raised;
 use crate::scanner::Scanner;
@@ -78,7 +78,7 @@ impl Pod {
     /// Closes the ports; later calls do nothing.
     fn finish(&self, py: Python<'_>) -> PyResult<()> {
         match self.0.take(py)? {
-            Some(pod) => quiet(py, &Stop::default(), || pod.finish()),
+            Some(pod) => left(py, move || pod.finish()),
             None => Ok(()),
         }
     }
@@ -173,7 +173,8 @@ pub fn track(
         }
         Ok(())
     };
-    let tracked = long(py, &stop, told, |report| {
+    let pool = OwnPool::new()?;
+    let tracked = long_on(pool.get("pods")?, py, &stop, told, |report| {
         phasmid::track(&mut taken, &planning.0, &options, |progress| {
             match progress {
                 TrackProgress::Scan(tracked) => report(scan_json(tracked)),
