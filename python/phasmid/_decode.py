@@ -72,7 +72,7 @@ class AxisMap:
     verdict : ndarray of uint8
         0 where valid, else the number of the reason in `VERDICTS`.
     sampling : ndarray of float32, optional
-        Standard uncertainty due to held projector pixels; None where it is negligible.
+        Standard uncertainty due to held projector pixels; None if it is negligible throughout or not asked for.
     wrapped_px : float, optional
         The period that coordinates are known modulo, if the fringe order is unresolved.
     """
@@ -239,7 +239,7 @@ class Decoding:
         Parameters
         ----------
         path : str or path
-            The arrays are ``x``, ``x_sigma``, ``x_verdict``, the same of ``y``, ``modulation``, ``intensity``,
+            Gets the ending ``.npz`` if it has none. The arrays are ``x``, ``x_sigma``, ``x_verdict``, the same of ``y``, ``modulation``, ``intensity``,
             ``depth`` and ``depth_sigma``, as far as they exist.
         """
         import numpy as np
@@ -354,7 +354,7 @@ def _array(frames: Capture | ArrayLike) -> Any:
     import numpy as np
 
     array = np.asarray(frames.frames if isinstance(frames, Capture) else frames)
-    return array if array.flags.c_contiguous else np.ascontiguousarray(array)
+    return np.require(array, requirements=["C", "A"])
 
 
 def decode(
@@ -488,7 +488,8 @@ def compare(decoding: Decoding, truth: Truth, rig: RigLike) -> Score:
     True
     """
     known = rig_of(rig)
-    assert known is not None
+    if known is None:
+        raise InputError("rig", "None", "the true rig")
     figures = json.loads(_phasmid.compare(decoding, truth, known._inner))
 
     def numbers(of: dict[str, Any]) -> dict[str, Any]:

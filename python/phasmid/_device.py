@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 from . import _phasmid
 from ._capture import Capture, Truth
 from ._documents import Profile, Rig, Scene, profile_of, scene_of, to_json
-from ._errors import DeviceError, InputError
+from ._errors import DeviceError, Error, InputError
 from ._progress import ProgressLike, reporter
 from ._service import Service, Struck, fault_of
 
@@ -177,7 +177,12 @@ class Serving:
         value: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.stop()
+        try:
+            self.stop()
+        except Error:
+            # The exception that ends the block counts.
+            if value is None:
+                raise
 
     def __repr__(self) -> str:
         state = "at" if self._end.alive else "ended, was at"
@@ -320,6 +325,8 @@ class Device:
         InputError
             If the sequence has no such frame.
         """
+        if frame is not None and time_s is not None:
+            raise InputError("truth", "a frame and a time", "one of them")
         if frame is not None:
             return Truth(**self._inner.frame_truth(frame))
         if time_s is not None:
@@ -431,7 +438,8 @@ class Device:
         Raises
         ------
         InputError, OperatingSystemError, DeviceError
-            If the directory cannot be used, or if the system refuses a port, a socket or a device.
+            If the directory cannot be used, or if the system refuses a port, a socket or a device. The object in
+            memory is closed then as well.
 
         Examples
         --------

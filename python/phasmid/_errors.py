@@ -83,6 +83,8 @@ class OperatingSystemError(Error, OSError):
         self.place = place
         self.message = message
         self.errno = number
+        self.strerror = message
+        self.filename = place
 
     def __str__(self) -> str:
         return f"{self.place}: {self.message}"

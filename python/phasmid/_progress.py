@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from typing import TypeAlias
 
     #: A function of the number of parts done and of all; or True for a bar of tqdm.
-    ProgressLike: TypeAlias = "Callable[[int, int], object] | Literal[True] | None"
+    ProgressLike: TypeAlias = "Callable[[int, int], object] | bool | None"
 else:
     ProgressLike = object
 
@@ -19,7 +19,7 @@ else:
 def reporter(progress: ProgressLike, unit: str) -> Generator[Callable[[int, int], object] | None]:
     """Yield the function that is called with the progress."""
     if progress is not True:
-        yield progress
+        yield progress or None
         return
     from tqdm.auto import tqdm  # type: ignore[import-untyped, unused-ignore]
 

@@ -11,6 +11,7 @@ from . import _phasmid
 from ._capture import Capture, Truth
 from ._device import Device
 from ._documents import profile_of
+from ._errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -63,6 +64,8 @@ def render(
     if patterns is None:
         with Device(profile, scene, **options) as device:
             return device.scan(sequence), device.truth()
+    if sequence is not None or "sequences" in options:
+        raise InputError("patterns", "patterns and a sequence", "one of them")
     import numpy as np
 
     loaded = profile_of(profile)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from . import _phasmid
 from ._capture import Capture, Truth
 from ._documents import manifest_of, rig_of
+from ._errors import Error
 from ._progress import ProgressLike, reporter
 
 if TYPE_CHECKING:
@@ -134,7 +135,12 @@ class Scanner:
         value: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.finish()
+        try:
+            self.finish()
+        except Error:
+            # The exception that ends the block counts.
+            if value is None:
+                raise
 
     def __repr__(self) -> str:
         return f"<phasmid.Scanner at {self._control!r}>"

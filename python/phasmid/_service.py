@@ -81,10 +81,13 @@ class Service:
                 with connection.makefile("rwb") as stream:
                     stream.write(to_json(request).encode() + b"\n")
                     stream.flush()
-                    answer = json.loads(stream.readline() or b"{}")
+                    line = stream.readline()
         except OSError as error:
             message = error.strerror or str(error)
             raise OperatingSystemError(self.path, message, error.errno) from error
+        if not line:
+            raise DeviceError(f"{self.path}: the device has closed the channel")
+        answer = json.loads(line)
         if "error" in answer:
             raise DeviceError(f"{self.path}: {answer['error']}")
         return cast("dict[str, Any]", answer)

@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from . import _phasmid
+from ._errors import Error
 from ._scanner import Scanner
 
 if TYPE_CHECKING:
@@ -116,7 +117,12 @@ class Pod:
         value: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.finish()
+        try:
+            self.finish()
+        except Error:
+            # The exception that ends the block counts.
+            if value is None:
+                raise
 
     def __repr__(self) -> str:
         return f"<phasmid.Pod {self.name!r}>"
@@ -258,7 +264,7 @@ def track(
     Returns
     -------
     list of Tracked
-        All results.
+        All results. If an exception ends the call, ``on_scan`` alone has received them.
 
     Raises
     ------
@@ -268,12 +274,18 @@ def track(
         If a pod fails.
     """
     results: list[Tracked] = []
+    ended = False
 
     def tell(text: str) -> bool:
+        nonlocal ended
         fields = json.loads(text)
+        # A further scan may have been evaluated before the pods end.
+        if ended:
+            return True
         if "scan" in fields:
             results.append(Tracked._of(fields))
-            return bool(on_scan(results[-1])) if on_scan is not None else False
+            ended = on_scan is not None and bool(on_scan(results[-1]))
+            return ended
         if on_message is not None:
             if "overdue" in fields:
                 on_message(f"scan {fields['overdue']} is overdue: the beam is held, {fields['held']}")

@@ -6,13 +6,13 @@ use phasmid::{Error, Result, Stop};
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::mem;
-use std::ops::DerefMut;
+use std::ops::{Deref, DerefMut};
 use std::process;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::sync::{Arc, Mutex, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Time between two looks at Python's signals.
 const POLL: Duration = Duration::from_millis(20);
@@ -149,13 +149,23 @@ pub fn long_on<T: Send, P: Send>(
             scope.spawn(move |_| do_work(work, &send));
             let mut exception = None;
             let mut signals = Signals::default();
+            let mut checked = Instant::now();
             loop {
                 let seen = match news.recv_timeout(POLL) {
                     Ok(News::Done(result)) => return Some((result, exception)),
                     // The work has panicked, which the scope passes on.
                     Err(RecvTimeoutError::Disconnected) => return None,
+                    // The caller has ended the call and wants no more news.
+                    Ok(News::Progress(_)) if exception.is_some() => Ok(()),
                     Ok(News::Progress(progress)) => Python::attach(|py| tell(py, progress)),
-                    Err(RecvTimeoutError::Timeout) => signals.check(),
+                    Err(RecvTimeoutError::Timeout) => Ok(()),
+                };
+                let seen = match checked.elapsed() < POLL {
+                    true => seen,
+                    false => {
+                        checked = Instant::now();
+                        seen.and_then(|()| signals.check())
+                    }
                 };
                 if let Err(raised) = seen
                     && exception.is_none()
@@ -227,12 +237,49 @@ pub fn tell(
     }
 }
 
+/// Number of the last thread that has one.
+static THREADS: AtomicU64 = AtomicU64::new(0);
+
+thread_local! {
+    /// Number of this thread.
+    static THREAD: u64 = THREADS.fetch_add(1, Ordering::Relaxed) + 1;
+}
+
+/// A locked value.
+pub struct Locked<'a, T> {
+    value: MutexGuard<'a, Option<T>>,
+    owner: &'a AtomicU64,
+}
+
+impl<T> Deref for Locked<'_, T> {
+    type Target = Option<T>;
+
+    fn deref(&self) -> &Option<T> {
+        &self.value
+    }
+}
+
+impl<T> DerefMut for Locked<'_, T> {
+    fn deref_mut(&mut self) -> &mut Option<T> {
+        &mut self.value
+    }
+}
+
+impl<T> Drop for Locked<'_, T> {
+    // Before the value is unlocked.
+    fn drop(&mut self) {
+        self.owner.store(0, Ordering::Relaxed);
+    }
+}
+
 /// A value that one thread uses at a time, until it is closed. Others wait, and can be interrupted while
 /// they do.
 pub struct Shared<T> {
     value: Mutex<Option<T>>,
     /// Process that has locked it last.
     process: AtomicU32,
+    /// Number of the thread that has locked it; 0 if none has.
+    owner: AtomicU64,
     /// For messages.
     name: &'static str,
 }
@@ -242,6 +289,7 @@ impl<T: Send> Shared<T> {
         Self {
             value: Mutex::new(Some(value)),
             process: AtomicU32::new(process::id()),
+            owner: AtomicU64::new(0),
             name,
         }
     }
@@ -249,18 +297,32 @@ impl<T: Send> Shared<T> {
     /// Locks the value, which is `None` when it is closed.
     ///
     /// # Errors
-    /// Returns an error if a signal raised an exception, or if another thread was using the value when this
-    /// process was forked: it then stays locked.
-    pub fn lock(&self, py: Python<'_>) -> PyResult<impl DerefMut<Target = Option<T>> + '_> {
+    /// Returns an error if a signal raised an exception, if this thread uses the value already, as a function
+    /// that receives its progress does, or if another thread was using the value when this process was forked:
+    /// it then stays locked.
+    pub fn lock(&self, py: Python<'_>) -> PyResult<Locked<'_, T>> {
+        let thread = THREAD.with(|thread| *thread);
         loop {
-            match self.value.try_lock() {
-                Ok(value) => {
-                    self.process.store(process::id(), Ordering::Relaxed);
-                    return Ok(value);
-                }
+            let locked = match self.value.try_lock() {
+                Ok(value) => Some(value),
                 // A call that panicked has not left it half changed.
-                Err(TryLockError::Poisoned(value)) => return Ok(value.into_inner()),
-                Err(TryLockError::WouldBlock) => {
+                Err(TryLockError::Poisoned(value)) => Some(value.into_inner()),
+                Err(TryLockError::WouldBlock) => None,
+            };
+            match locked {
+                Some(value) => {
+                    self.process.store(process::id(), Ordering::Relaxed);
+                    self.owner.store(thread, Ordering::Relaxed);
+                    let owner = &self.owner;
+                    return Ok(Locked { value, owner });
+                }
+                None if self.owner.load(Ordering::Relaxed) == thread => {
+                    return Err(raised(Error::device(format!(
+                        "{}: a call of this thread is using it; expected another one, or an end of that call",
+                        self.name
+                    ))));
+                }
+                None => {
                     if self.process.load(Ordering::Relaxed) != process::id() {
                         return Err(raised(Error::device(format!(
                             "{}: another thread was using it when this process was forked; expected one \
@@ -321,6 +383,15 @@ impl<T: Send> Shared<T> {
     /// Returns the errors of [`Self::lock`].
     pub fn take(&self, py: Python<'_>) -> PyResult<Option<T>> {
         Ok(self.lock(py)?.take())
+    }
+
+    /// Puts a value back that was taken.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Self::lock`].
+    pub fn put(&self, py: Python<'_>, value: T) -> PyResult<()> {
+        *self.lock(py)? = Some(value);
+        Ok(())
     }
 
     /// The error for a value that is closed.

@@ -91,9 +91,14 @@ impl Decoder {
         let frames = Frames::of(frames)?;
         let views = frames.views()?;
         let decoded = quiet(py, &self.stop, || {
+            let asked = self.stop.times();
             let mut decoded = Decoded::default();
             self.decoder.decode_views(&views, &mut decoded)?;
-            Ok(decoded)
+            // Taken back before the decoder looked: it may have left rows out.
+            match self.stop.times() == asked {
+                true => Ok(decoded),
+                false => Err(Error::Interrupted),
+            }
         })?;
         maps(py, decoded)
     }

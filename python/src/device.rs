@@ -169,8 +169,11 @@ impl Device {
     }
 
     fn factory_calibration(&self, py: Python<'_>) -> PyResult<Rig> {
-        self.shared
-            .with(py, |device| device.factory_calibration().map(Rig))
+        // Its covariance is computed in parallel.
+        let none = |_: Python<'_>, ()| Ok(());
+        self.shared.long(py, &self.stop, none, |device, _| {
+            device.factory_calibration().map(Rig)
+        })
     }
 
     fn rig(&self, py: Python<'_>) -> PyResult<Rig> {
@@ -183,6 +186,7 @@ impl Device {
     }
 
     fn wait(&self, py: Python<'_>, time_s: f64) -> PyResult<()> {
+        self.check_gpu()?;
         let time = seconds("time_s", time_s)?;
         let none = |_: Python<'_>, ()| Ok(());
         self.shared.long(py, &self.stop, none, |device, _| {
@@ -198,6 +202,7 @@ impl Device {
         position_mm: [f64; 3],
         rotation_deg: [f64; 3],
     ) -> PyResult<()> {
+        self.check_gpu()?;
         let none = |_: Python<'_>, ()| Ok(());
         self.shared.long(py, &self.stop, none, |device, _| {
             device.place(object, position_mm, rotation_deg)

@@ -58,10 +58,11 @@ impl Scanner {
         };
         let camera = camera.to_string_lossy().into_owned();
         let connect = move || phasmid::Scanner::connect(&camera, &control, options);
+        let pool = OwnPool::new()?;
         let scanner = left(py, connect)?;
         Ok(Self {
             shared: Shared::new(NAME, scanner),
-            pool: OwnPool::new()?,
+            pool,
         })
     }
 

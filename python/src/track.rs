@@ -156,13 +156,15 @@ pub fn track(
             stale_ns: nanoseconds("stale_s", stale_s)?,
         },
     };
+    let pool = OwnPool::new()?;
     let mut taken = Vec::new();
     for pod in &pods {
-        match pod.get().0.take(py)? {
-            Some(pod) => taken.push(pod),
-            None => {
+        let pod = &pod.get().0;
+        match pod.take(py) {
+            Ok(Some(pod)) => taken.push(pod),
+            missing => {
                 put_back(py, &pods, taken)?;
-                return Err(pod.get().0.closed());
+                return Err(missing.err().unwrap_or_else(|| pod.closed()));
             }
         }
     }
@@ -173,7 +175,6 @@ pub fn track(
         }
         Ok(())
     };
-    let pool = OwnPool::new()?;
     let tracked = long_on(pool.get("pods")?, py, &stop, told, |report| {
         phasmid::track(&mut taken, &planning.0, &options, |progress| {
             match progress {
@@ -192,14 +193,13 @@ pub fn track(
             }
         })
     });
-    put_back(py, &pods, taken)?;
-    tracked
+    tracked.and(put_back(py, &pods, taken))
 }
 
 /// Puts the scanners of a call back into their pods, for the next call.
 fn put_back(py: Python<'_>, pods: &[Bound<'_, Pod>], taken: Vec<phasmid::Pod>) -> PyResult<()> {
-    for (pod, scanner) in pods.iter().zip(taken) {
-        *pod.get().0.lock(py)? = Some(scanner);
-    }
-    Ok(())
+    let pairs = pods.iter().zip(taken);
+    let each = pairs.map(|(pod, scanner)| pod.get().0.put(py, scanner));
+    // All of them, whatever becomes of one.
+    each.fold(Ok(()), PyResult::and)
 }

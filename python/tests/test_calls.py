@@ -35,7 +35,7 @@ LONG = {
 @pytest.mark.parametrize("name", LONG)
 def test_ctrl_c_ends_a_long_call(name: str) -> None:
     before, call = LONG[name]
-    program = f"import phasmid\n{before}\nprint('begin', flush=True)\ntry:\n    {call}\n    print('ran to its end')\n"
+    program = f"import phasmid\n{before}\ntry:\n    print('begin', flush=True)\n    {call}\n    print('ran to its end')\n"
     program += "except KeyboardInterrupt:\n    print('interrupted', flush=True)\n"
     program += "capture = phasmid.Device('webcam-grey', 'plane').scan()\nprint(len(capture.frames))"
     with started(sys.executable, "-c", program) as process:
@@ -132,11 +132,11 @@ def test_fork_during_a_scan_of_another_thread_is_an_error_in_the_child() -> None
         "device = phasmid.Device('pmp-bench', 'torso', samples=16)\n"
         "begun = threading.Event()\n"
         "def scan():\n"
-        "    begun.set(); device.scan()\n"
-        "# Python's end does not wait for it.\n"
-        "threading.Thread(target=scan, daemon=True).start(); begun.wait(); time.sleep(0.05)\n"
+        "    while True: device.scan(progress=lambda done, of: begun.set())\n"
+        "threading.Thread(target=scan, daemon=True).start(); begun.wait()\n"
         "child = os.fork()\n"
-        "if child: sys.exit(os.waitpid(child, 0)[1])\n"
+        "# Without an end of the interpreter, which the other thread may not survive.\n"
+        "if child: os._exit(os.waitpid(child, 0)[1])\n"
         "try: device.scan()\n"
         "except phasmid.DeviceError as error: print(error)\n"
         "print(len(phasmid.Device(small, 'plane').scan().frames))\n"
@@ -218,3 +218,20 @@ def test_scanner_of_the_parent_is_an_error_in_a_forked_child(tmp_path: Path) -> 
     )
     assert "scanner: it belongs to the process that this one was forked from" in printed
     assert printed.splitlines()[-1] == "13"
+
+
+def test_progress_that_uses_its_device_is_an_error() -> None:
+    device = phasmid.Device(small(), "plane")
+    with pytest.raises(phasmid.DeviceError, match="device: a call of this thread is using it"):
+        device.scan(progress=lambda done, of: device.time_s)
+    assert device.time_s > 0 and len(device.scan(progress=False).frames) == 13
+
+
+def test_forked_child_reads_the_factory_calibration() -> None:
+    printed = in_fork(
+        "rig = phasmid.Device(small, 'plane').factory_calibration\n"
+        "child = os.fork()\n"
+        "if child: sys.exit(os.waitpid(child, 0)[1])\n"
+        "print(phasmid.Device(small, 'plane').factory_calibration == rig)\n"
+    )
+    assert printed == "True\n"

@@ -9,6 +9,7 @@ import numpy as np
 import phasmid
 import pytest
 from conftest import small
+from phasmid._decode import _array
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,9 @@ def test_every_form_of_frames_and_manifest_gives_the_same_maps(capture: phasmid.
         for sequence in (manifest, manifest.to_toml(), manifest.to_dict()):
             for calibration in (rig, rig.to_toml(), rig.to_dict()):
                 assert same(phasmid.decode(frames, sequence, calibration), decoding)
+    shifted = np.frombuffer(b"x" + capture.frames.astype(np.uint16).tobytes(), np.uint16, offset=1)
+    assert not shifted.flags.aligned
+    assert phasmid.decode(shifted.reshape(capture.frames.shape), manifest).x is not None
     decoder = phasmid.Decoder(manifest, 160, 120, rig)
     assert same(decoder.decode(capture), decoding)
     assert same(pickle.loads(pickle.dumps(decoder)).decode(capture.frames), decoding)
@@ -50,6 +54,7 @@ def test_every_form_of_frames_and_manifest_gives_the_same_maps(capture: phasmid.
 def test_contiguous_frames_are_read_where_they_are(capture: phasmid.Capture) -> None:
     frames = capture.frames.copy()
     frames.flags.writeable = False
+    assert _array(frames) is frames
     decoding = phasmid.decode(frames, capture.manifest)
     assert decoding.depth is None and decoding.depth_sigma is None
     for array in (decoding.intensity, decoding.modulation, decoding.verdict):
@@ -114,6 +119,8 @@ def test_archives_have_all_arrays(device: phasmid.Device, capture: phasmid.Captu
         (lambda c: phasmid.decode(c.frames[:3], c.manifest), "3 frames; expected 13 frames"),
         (lambda c: phasmid.decode(c.frames[:, :0], c.manifest), "frames: 160 x 0"),
         (lambda c: phasmid.decode(c.frames), "manifest: None"),
+        (lambda c: phasmid.decode(c.frames[:0], c.manifest), "frames"),
+        (lambda c: phasmid.decode(c.frames.astype(">u2"), c.manifest), "an array of >u2"),
         (lambda c: phasmid.decode(c, held="maybe"), 'held: "maybe"'),
         (lambda c: phasmid.decode(c, mixed=True), "option: mixed"),
         (lambda c: phasmid.Decoder(c.manifest, 80, 60).decode(c), "160 x 120; expected 80 x 60"),
