@@ -11,6 +11,7 @@ from . import _phasmid
 from ._capture import Capture
 from ._documents import Rig, rig_of, to_json
 from ._errors import InputError
+from ._numbers import whole
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -142,7 +143,12 @@ def board_poses(
     if known is None:
         raise InputError("rig", "None", "a calibration")
     found = _phasmid.board_poses(
-        to_json(kind), 1.0, known._inner, count=count, distance_mm=distance_mm, seed=seed
+        to_json(kind),
+        1.0,
+        known._inner,
+        count=whole("count", count),
+        distance_mm=distance_mm,
+        seed=whole("seed", seed, bits=64),
     )
     return [BoardPose(*pose) for pose in found]
 

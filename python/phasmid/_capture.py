@@ -68,7 +68,7 @@ class Capture:
         Parameters
         ----------
         path : str or path
-            The arrays are ``frames``, ``id``, ``pattern_index`` (-1 where unknown), ``exposure_start_ns`` and
+            ``.npz`` is added to a path without it. The arrays are ``frames``, ``id``, ``pattern_index`` (-1 where unknown), ``exposure_start_ns`` and
             ``exposure_end_ns``; ``manifest`` and ``calibration`` are TOML, ``idn`` is text.
         """
         import numpy as np
@@ -152,7 +152,8 @@ class Truth:
         return f"<phasmid.Truth of {width} x {height} px>"
 
     def to_npz(self, path: str | os.PathLike[str]) -> None:
-        """Write the maps as an archive of numpy, which is replaced if it exists."""
+        """Write the maps as an archive of numpy, which is replaced if it exists; ``.npz`` is added to a path
+        without it."""
         import numpy as np
 
         np.savez(os.fspath(path), **{f.name: getattr(self, f.name) for f in fields(self)})

@@ -203,7 +203,8 @@ class Decoding:
 
     @property
     def verdict(self) -> NDArray[np.uint8]:
-        """0 where every decoded axis is valid, else the number of a reason in `AxisMap.VERDICTS`."""
+        """0 where every decoded axis is valid, else the number of a reason in `AxisMap.VERDICTS`; a new array if
+        two axes are decoded."""
         import numpy as np
 
         maps = [axis.verdict for axis in (self.x, self.y) if axis is not None]

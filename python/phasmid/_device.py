@@ -9,19 +9,18 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 from . import _phasmid
 from ._capture import Capture, Truth
+from ._closing import Closing
 from ._documents import Profile, Rig, Scene, profile_of, scene_of, to_json
-from ._errors import DeviceError, Error, InputError
+from ._errors import DeviceError, InputError
+from ._numbers import three, whole
 from ._progress import ProgressLike, reporter
 from ._service import Service, Struck, fault_of
 
 if TYPE_CHECKING:
-    from typing_extensions import Self
-
     from ._documents import ProfileLike, SceneLike
 
 __all__ = ["Control", "Device", "Endpoints", "Serving"]
@@ -130,7 +129,7 @@ def schedule_of(faults: Mapping[str, Any] | Iterable[Mapping[str, Any]]) -> Mapp
     return {"fault": list(faults)}
 
 
-class Serving:
+class Serving(Closing):
     """A device that is being served, until `stop` or the end of the ``with`` block. `Device.serve` makes one. In a
     forked child it does nothing.
 
@@ -168,28 +167,15 @@ class Serving:
         """
         self._end()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        try:
-            self.stop()
-        except Error:
-            # The exception that ends the block counts.
-            if value is None:
-                raise
+    def _close(self) -> None:
+        self.stop()
 
     def __repr__(self) -> str:
         state = "at" if self._end.alive else "ended, was at"
         return f"<phasmid.Serving {state} {self.endpoints.control!r}>"
 
 
-class Device:
+class Device(Closing):
     """An emulated scanner in memory, on a clock of its own that does not wait: no sockets, no processes.
 
     Threads may share a device: one uses it while the others wait. A process that forks should make a new
@@ -261,10 +247,10 @@ class Device:
         self._inner = _phasmid.Device(
             self.profile._inner,
             self.scene._inner,
-            seed=seed,
+            seed=whole("seed", seed, bits=64),
             backend=backend,
-            samples=samples,
-            time_samples=time_samples,
+            samples=whole("samples", samples),
+            time_samples=whole("time_samples", time_samples),
             noise=noise,
             exact_calibration=exact_calibration,
             dialect=dialect,
@@ -328,7 +314,7 @@ class Device:
         if frame is not None and time_s is not None:
             raise InputError("truth", "a frame and a time", "one of them")
         if frame is not None:
-            return Truth(**self._inner.frame_truth(frame))
+            return Truth(**self._inner.frame_truth(whole("frame", frame)))
         if time_s is not None:
             return Truth(**self._inner.truth_at(time_s))
         return Truth(**self._inner.truth())
@@ -373,7 +359,9 @@ class Device:
         InputError
             If there is no such object or a number is not finite; nothing has changed then.
         """
-        self._inner.place(object, list(position_mm), list(rotation_deg))
+        self._inner.place(
+            whole("object", object), three("position_mm", position_mm), three("rotation_deg", rotation_deg)
+        )
 
     def inject(self, fault: Mapping[str, Any] | str, **fields: Any) -> int:
         """Inject a fault from now on, and return its number.
@@ -433,7 +421,7 @@ class Device:
             Also record every byte and frame with its time in this file, which must not exist, for
             ``phasmid replay`` and ``phasmid record info``.
         notice : callable, optional
-            Receives messages for the operator.
+            Receives messages for the operator, on a thread of the device.
 
         Raises
         ------
@@ -453,7 +441,7 @@ class Device:
         inner = self._inner.serve(
             run_dir=run_dir,
             clock=self._clock,
-            tcp=tcp,
+            tcp=None if tcp is None else whole("tcp", tcp, bits=16),
             camera=camera,
             usb=usb,
             record=None if record is None else (record, int(time.time())),
@@ -465,15 +453,7 @@ class Device:
         """Free the memory of the device; later calls raise an error."""
         self._inner.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def _close(self) -> None:
         self.close()
 
     def __repr__(self) -> str:

@@ -67,7 +67,8 @@ class _Document:
         return cast(str, self._inner.name)
 
     def with_(self, **changes: Any) -> Self:
-        """Return a copy with other values of some fields.
+        """Return a copy with other values of some fields. If the document is a file, the copy reads it again,
+        as unpickling does.
 
         Parameters
         ----------
@@ -152,7 +153,44 @@ class Scene(_Document):
     _class = _phasmid.Scene
 
 
-class Manifest:
+class _Toml:
+    """A document that is TOML: a sequence or a calibration."""
+
+    _class: Any
+    _inner: Any
+
+    def __init__(self, source: str | os.PathLike[str] | Mapping[str, Any]) -> None:
+        if isinstance(source, Mapping):
+            self._inner = self._class.parse_json(to_json(source))
+        elif isinstance(source, str):
+            self._inner = self._class.parse(source, type(self).__name__.lower())
+        else:
+            self._inner = self._class.read(source)
+
+    @classmethod
+    def _of(cls, inner: Any) -> Self:
+        made = cls.__new__(cls)
+        made._inner = inner
+        return made
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return cast("dict[str, Any]", json.loads(self._inner.json()))
+
+    def to_toml(self) -> str:
+        """Return the document as TOML."""
+        return cast(str, self._inner.toml())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, type(self)) and bool(self._inner == other._inner)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return type(self), (self.to_toml(),)
+
+
+class Manifest(_Toml):
     """A projected sequence: the patterns in their order, and the size of the projector.
 
     Parameters
@@ -175,20 +213,7 @@ class Manifest:
     (1, (912, 1140))
     """
 
-    def __init__(self, source: str | os.PathLike[str] | Mapping[str, Any]) -> None:
-        inner: Any = _phasmid.Manifest
-        if isinstance(source, Mapping):
-            self._inner: _phasmid.Manifest = inner.parse_json(to_json(source))
-        elif isinstance(source, str):
-            self._inner = inner.parse(source, "manifest")
-        else:
-            self._inner = inner.read(source)
-
-    @classmethod
-    def _of(cls, inner: _phasmid.Manifest) -> Self:
-        made = cls.__new__(cls)
-        made._inner = inner
-        return made
+    _class = _phasmid.Manifest
 
     @property
     def size(self) -> tuple[int, int]:
@@ -201,28 +226,12 @@ class Manifest:
         """The pattern of each frame."""
         return [frame["pattern"] for frame in self.to_dict()["frame"]]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields."""
-        return cast("dict[str, Any]", json.loads(self._inner.json()))
-
-    def to_toml(self) -> str:
-        """Return the manifest as TOML."""
-        return self._inner.toml()
-
     def __len__(self) -> int:
         return len(self._inner)
 
     def __repr__(self) -> str:
         width, height = self.size
         return f"<phasmid.Manifest of {len(self)} patterns, {width} x {height} px>"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Manifest) and self._inner == other._inner
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-        return Manifest, (self.to_toml(),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +293,7 @@ class NoiseModel(NamedTuple):
         return cast(_T, self.read_noise_dn**2 + 1 / 12 + self.gain_dn_per_e * light * (light > 0))
 
 
-class Rig:
+class Rig(_Toml):
     """A calibration: camera, projector, and the camera's noise. The rig's frame is the camera's: x right, y
     down, z forward, in millimetres.
 
@@ -301,20 +310,7 @@ class Rig:
         If the file cannot be read.
     """
 
-    def __init__(self, source: str | os.PathLike[str] | Mapping[str, Any]) -> None:
-        inner: Any = _phasmid.Rig
-        if isinstance(source, Mapping):
-            self._inner: _phasmid.Rig = inner.parse_json(to_json(source))
-        elif isinstance(source, str):
-            self._inner = inner.parse(source, "rig")
-        else:
-            self._inner = inner.read(source)
-
-    @classmethod
-    def _of(cls, inner: _phasmid.Rig) -> Self:
-        made = cls.__new__(cls)
-        made._inner = inner
-        return made
+    _class = _phasmid.Rig
 
     @property
     def camera(self) -> View:
@@ -332,28 +328,12 @@ class Rig:
         noise = self.to_dict().get("noise")
         return NoiseModel(**noise) if noise else None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields."""
-        return cast("dict[str, Any]", json.loads(self._inner.json()))
-
-    def to_toml(self) -> str:
-        """Return the calibration as TOML."""
-        return self._inner.toml()
-
     def __repr__(self) -> str:
         camera, projector = self.camera, self.projector
         return (
             f"<phasmid.Rig: camera {camera.width_px} x {camera.height_px} px, projector "
             f"{projector.width_px} x {projector.height_px} px>"
         )
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Rig) and self._inner == other._inner
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-        return Rig, (self.to_toml(),)
 
 
 def profile_of(source: ProfileLike) -> Profile:

@@ -46,12 +46,12 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", f"phasmid(profile, scene, seed, faults, link, station, ...): {what}")
 
 
-@pytest.hookimpl(wrapper=True)
+@pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
-) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+) -> Generator[None, Any, None]:
     """Add the logs to the report of a failed test, while its devices are there."""
-    report = yield
+    report = (yield).get_result()
     if report.failed and call.when == "call":
         for log in item.stash.get(_LOGS, []):
             try:
@@ -59,7 +59,6 @@ def pytest_runtest_makereport(
             except Exception as error:  # A report of a failed test must not fail.
                 text = f"no log: {error}"
             report.sections.append(("phasmid", text))
-    return report
 
 
 @pytest.fixture
@@ -142,7 +141,10 @@ def phasmid_station(
                 _log(request, partial(_served_log, one))
             yield served
         finally:
-            process.communicate(timeout=_PATIENCE_S)
+            try:
+                process.communicate(timeout=_PATIENCE_S)
+            finally:
+                process.kill()
 
 
 def _options(request: pytest.FixtureRequest) -> dict[str, Any]:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 from . import _phasmid
 from ._capture import Capture, Truth
+from ._closing import Closing
 from ._documents import manifest_of, rig_of
-from ._errors import Error
 from ._progress import ProgressLike, reporter
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Scanner"]
 
 
-class Scanner:
+class Scanner(Closing):
     """A scanner, emulated or physical, with an open camera and control port. `connect` makes one."""
 
     def __init__(self, inner: _phasmid.Scanner, control: str) -> None:
@@ -126,21 +125,8 @@ class Scanner:
         """Close the ports, and let a camera run again that was free-running before."""
         self._inner.finish()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        try:
-            self.finish()
-        except Error:
-            # The exception that ends the block counts.
-            if value is None:
-                raise
+    def _close(self) -> None:
+        self.finish()
 
     def __repr__(self) -> str:
         return f"<phasmid.Scanner at {self._control!r}>"

@@ -6,15 +6,12 @@ import json
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from . import _phasmid
-from ._errors import Error
+from ._closing import Closing
+from ._numbers import three, whole
 from ._scanner import Scanner
-
-if TYPE_CHECKING:
-    from typing_extensions import Self
 
 __all__ = ["Planning", "Pod", "SkinPose", "Tracked", "TumourPosition", "export_planning", "track"]
 
@@ -80,7 +77,7 @@ class Planning:
         return f"<phasmid.Planning in {self._folder!r}>"
 
 
-class Pod:
+class Pod(Closing):
     """A scanner at a known place in the treatment room. It takes the scanner over.
 
     Parameters
@@ -102,27 +99,16 @@ class Pod:
         rotation_deg: Iterable[float],
     ) -> None:
         self.name = name
-        self._inner = _phasmid.Pod(name, scanner._inner, list(position_mm), list(rotation_deg))
+        self._inner = _phasmid.Pod(
+            name, scanner._inner, three("position_mm", position_mm), three("rotation_deg", rotation_deg)
+        )
 
     def finish(self) -> None:
         """Close the ports, as `Scanner.finish` does."""
         self._inner.finish()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        try:
-            self.finish()
-        except Error:
-            # The exception that ends the block counts.
-            if value is None:
-                raise
+    def _close(self) -> None:
+        self.finish()
 
     def __repr__(self) -> str:
         return f"<phasmid.Pod {self.name!r}>"
@@ -298,7 +284,7 @@ def track(
         planning._inner,
         tell,
         tolerance_mm=tolerance_mm,
-        scans=scans,
+        scans=None if scans is None else whole("scans", scans, bits=64),
         duration_s=duration_s,
         deviations=deviations,
         enter=enter,

@@ -1,12 +1,13 @@
 //! Arrays of numpy from and to images and maps.
 
+use crate::call::quiet;
 use crate::errors::raised;
-use numpy::ndarray::{Array2, Array3};
+use numpy::ndarray::{Array2, Array3, ArrayView3};
 use numpy::{
     Element, IntoPyArray, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods,
 };
 use phasmid::pattern::{Image, ImageView, Samples};
-use phasmid::{Error, Result};
+use phasmid::{Error, Result, Stop};
 use pyo3::prelude::*;
 use std::any::Any;
 use std::path::PathBuf;
@@ -93,27 +94,22 @@ pub enum Frames<'py> {
 
 impl<'py> Frames<'py> {
     /// # Errors
-    /// Returns an error unless it is a contiguous array of 8- or 16-bit samples with three axes.
+    /// Returns an error unless it is an array of 8- or 16-bit samples with three axes.
     pub fn of(array: &Bound<'py, PyAny>) -> PyResult<Self> {
-        if let Ok(frames) = array.extract::<PyReadonlyArray3<'py, u8>>()
-            && frames.is_c_contiguous()
-        {
+        if let Ok(frames) = array.extract() {
             return Ok(Self::U8(frames));
         }
-        if let Ok(frames) = array.extract::<PyReadonlyArray3<'py, u16>>()
-            && frames.is_c_contiguous()
-        {
+        if let Ok(frames) = array.extract() {
             return Ok(Self::U16(frames));
         }
-        let expected =
-            "a contiguous array of uint8 or uint16 with the shape (frames, rows, columns)";
+        let expected = "an array of uint8 or uint16 with the shape (frames, rows, columns)";
         Err(raised(Error::input("frames", found(array), expected)))
     }
 
     /// Borrows each frame.
     ///
     /// # Errors
-    /// Returns an error if there are no frames.
+    /// Returns an error if there are no frames, or if the array is not contiguous.
     pub fn views(&self) -> PyResult<Vec<ImageView<'_>>> {
         let [_, height, width] = self.shape();
         let views: Result<Vec<_>> = match self {
@@ -130,8 +126,8 @@ impl<'py> Frames<'py> {
     pub fn images(&self) -> PyResult<Vec<Image>> {
         let [_, height, width] = self.shape();
         let images: Result<Vec<_>> = match self {
-            Self::U8(array) => images(array.as_slice()?, width, height),
-            Self::U16(array) => images(array.as_slice()?, width, height),
+            Self::U8(array) => images(array.as_array(), width, height),
+            Self::U16(array) => images(array.as_array(), width, height),
         };
         images.map_err(raised)
     }
@@ -156,13 +152,13 @@ where
         .collect()
 }
 
-fn images<T: Copy>(samples: &[T], width: usize, height: usize) -> Result<Vec<Image>>
+fn images<T: Copy>(frames: ArrayView3<'_, T>, width: usize, height: usize) -> Result<Vec<Image>>
 where
     Vec<T>: Into<Samples>,
 {
-    let frames = samples.chunks((width * height).max(1));
+    let frames = frames.outer_iter();
     frames
-        .map(|frame| Image::new(width, height, frame.to_vec()))
+        .map(|frame| Image::new(width, height, frame.iter().copied().collect::<Vec<_>>()))
         .collect()
 }
 
@@ -225,10 +221,10 @@ pub fn vector_map_of(
 
 /// Writes frames as PNG files, which are replaced if they exist.
 #[pyfunction]
-pub fn write_png(frames: &Bound<'_, PyAny>, paths: Vec<PathBuf>) -> PyResult<()> {
+pub fn write_png(py: Python<'_>, frames: &Bound<'_, PyAny>, paths: Vec<PathBuf>) -> PyResult<()> {
     let images = Frames::of(frames)?.images()?;
     let mut pairs = images.iter().zip(&paths);
-    pairs
-        .try_for_each(|(image, path)| phasmid::decode::write_png(image, path, true))
-        .map_err(raised)
+    quiet(py, &Stop::default(), || {
+        pairs.try_for_each(|(image, path)| phasmid::decode::write_png(image, path, true))
+    })
 }

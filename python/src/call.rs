@@ -2,14 +2,15 @@
 //! raises an exception, as it does at Ctrl-C.
 
 use crate::errors::raised;
+use phasmid::host::Progress;
 use phasmid::{Error, Result, Stop};
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::mem;
-use std::ops::{Deref, DerefMut};
+use std::ops::{ControlFlow, Deref, DerefMut};
 use std::process;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::mpsc::{self, RecvTimeoutError, SendError, Sender};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -40,7 +41,9 @@ pub fn pool(_: Python<'_>) -> PyResult<Arc<ThreadPool>> {
     Ok(pool)
 }
 
-fn new_pool() -> PyResult<ThreadPool> {
+/// Returns a pool of its own, for work that waits for a device: it would keep other work off the threads of
+/// [`pool`].
+pub fn new_pool() -> PyResult<ThreadPool> {
     let named = ThreadPoolBuilder::new().thread_name(|i| format!("phasmid {i}"));
     named.build().map_err(|why| {
         raised(Error::device(format!(
@@ -48,43 +51,6 @@ fn new_pool() -> PyResult<ThreadPool> {
              (RAYON_NUM_THREADS)"
         )))
     })
-}
-
-/// A pool for work that waits for a device, which would keep other work off the threads of [`pool`]. It
-/// belongs to one process.
-pub struct OwnPool {
-    pool: Option<ThreadPool>,
-    process: u32,
-}
-
-impl OwnPool {
-    pub fn new() -> PyResult<Self> {
-        Ok(Self {
-            pool: Some(new_pool()?),
-            process: process::id(),
-        })
-    }
-
-    /// # Errors
-    /// Returns an error in a forked child; `name` is what has the pool.
-    pub fn get(&self, name: &str) -> PyResult<&ThreadPool> {
-        let pool = self.pool.as_ref();
-        let pool = pool.filter(|_| self.process == process::id());
-        pool.ok_or_else(|| {
-            raised(Error::device(format!(
-                "{name}: it belongs to the process that this one was forked from; expected one that was \
-                 made in this process"
-            )))
-        })
-    }
-}
-
-impl Drop for OwnPool {
-    fn drop(&mut self) {
-        if self.process != process::id() {
-            mem::forget(self.pool.take());
-        }
-    }
 }
 
 /// A look at Python's signals, which only the main thread handles. Other threads leave the interpreter
@@ -201,17 +167,23 @@ pub fn quiet<T: Send>(
 }
 
 /// Runs work that cannot be stopped, on a thread of its own. An exception of a signal leaves it to end by
-/// itself.
+/// itself, and its result to `unwanted`.
 ///
 /// # Errors
 /// Returns the exception of a signal, or the error of the work.
 pub fn left<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T> + Send + 'static,
+    unwanted: impl FnOnce(T) + Send + 'static,
 ) -> PyResult<T> {
-    let (send, result) = mpsc::channel();
+    // Without a place for a result that nobody takes.
+    let (send, result) = mpsc::sync_channel(0);
     let thread = thread::Builder::new().name("phasmid".to_owned());
-    let begun = thread.spawn(move || drop(send.send(work())));
+    let begun = thread.spawn(move || {
+        if let Err(SendError(Ok(result))) = send.send(work()) {
+            unwanted(result);
+        }
+    });
     begun.map_err(|e| raised(Error::io("a thread", e)))?;
     py.detach(move || {
         let mut signals = Signals::default();
@@ -225,6 +197,33 @@ pub fn left<T: Send + 'static>(
             }
         }
     })
+}
+
+/// Reads a time in seconds.
+pub fn seconds(field: &str, seconds: f64) -> PyResult<Duration> {
+    Duration::try_from_secs_f64(seconds)
+        .map_err(|_| raised(Error::input(field, seconds, "seconds, 0 or more")))
+}
+
+/// Returns how a scan reports its frames and learns that `stop` is asked.
+pub fn watch<'a>(
+    stop: &'a Stop,
+    report: &'a dyn Fn((usize, usize)),
+) -> impl FnMut(Progress) -> ControlFlow<()> + 'a {
+    move |progress| {
+        if let Progress::Frame { done, of } = progress {
+            report((done, of));
+        }
+        flow(stop)
+    }
+}
+
+/// Returns whether to go on.
+pub fn flow(stop: &Stop) -> ControlFlow<()> {
+    match stop.is_asked() {
+        true => ControlFlow::Break(()),
+        false => ControlFlow::Continue(()),
+    }
 }
 
 /// Calls a Python function with the progress of a call: parts done, all parts.
@@ -282,25 +281,58 @@ pub struct Shared<T> {
     owner: AtomicU64,
     /// For messages.
     name: &'static str,
+    /// The process that alone may use it.
+    home: Option<u32>,
 }
 
-impl<T: Send> Shared<T> {
+impl<T> Shared<T> {
+    /// A value that a forked child has a copy of.
     pub fn new(name: &'static str, value: T) -> Self {
         Self {
             value: Mutex::new(Some(value)),
             process: AtomicU32::new(process::id()),
             owner: AtomicU64::new(0),
             name,
+            home: None,
         }
     }
 
+    /// A value with ports, threads or a driver, which stay with this process. In a forked child it is closed,
+    /// and its end reaches none of them.
+    pub fn at_home(name: &'static str, value: T) -> Self {
+        let mut shared = Self::new(name, value);
+        shared.home = Some(process::id());
+        shared
+    }
+
+    fn is_abroad(&self) -> bool {
+        self.home.is_some_and(|home| home != process::id())
+    }
+
+    /// The error for a value that is closed.
+    pub fn closed(&self) -> PyErr {
+        raised(Error::device(match self.is_abroad() {
+            true => format!(
+                "{}: it belongs to the process that this one was forked from; expected one that was made \
+                 in this process",
+                self.name
+            ),
+            false => format!("{}: it is closed", self.name),
+        }))
+    }
+}
+
+impl<T: Send> Shared<T> {
     /// Locks the value, which is `None` when it is closed.
     ///
     /// # Errors
     /// Returns an error if a signal raised an exception, if this thread uses the value already, as a function
-    /// that receives its progress does, or if another thread was using the value when this process was forked:
-    /// it then stays locked.
+    /// that receives its progress does, if the value belongs to another process, or if another thread was using
+    /// it when this process was forked: it then stays locked.
     pub fn lock(&self, py: Python<'_>) -> PyResult<Locked<'_, T>> {
+        if self.is_abroad() {
+            return Err(self.closed());
+        }
         let thread = THREAD.with(|thread| *thread);
         loop {
             let locked = match self.value.try_lock() {
@@ -357,32 +389,33 @@ impl<T: Send> Shared<T> {
         tell: impl FnMut(Python<'_>, P) -> PyResult<()> + Send,
         work: impl FnOnce(&mut T, &dyn Fn(P)) -> Result<R> + Send,
     ) -> PyResult<R> {
-        self.long_on(&*pool(py)?, py, stop, tell, work)
+        let mut value = self.lock(py)?;
+        let value = value.as_mut().ok_or_else(|| self.closed())?;
+        long(py, stop, tell, |report| work(value, report))
     }
 
-    /// [`Self::long`] on the threads of another pool.
+    /// [`Self::long`] of work that reports no progress.
     ///
     /// # Errors
     /// Returns the errors of [`Self::long`].
-    pub fn long_on<R: Send, P: Send>(
+    pub fn quiet<R: Send>(
         &self,
-        pool: &ThreadPool,
         py: Python<'_>,
         stop: &Stop,
-        tell: impl FnMut(Python<'_>, P) -> PyResult<()> + Send,
-        work: impl FnOnce(&mut T, &dyn Fn(P)) -> Result<R> + Send,
+        work: impl FnOnce(&mut T) -> Result<R> + Send,
     ) -> PyResult<R> {
-        let mut value = self.lock(py)?;
-        let value = value.as_mut().ok_or_else(|| self.closed())?;
-        long_on(pool, py, stop, tell, |report| work(value, report))
+        self.long(py, stop, |_, ()| Ok(()), |value, _| work(value))
     }
 
-    /// Takes the value and closes it; `None` if it was closed.
+    /// Takes the value and closes it; `None` if it was closed or belongs to another process.
     ///
     /// # Errors
     /// Returns the errors of [`Self::lock`].
     pub fn take(&self, py: Python<'_>) -> PyResult<Option<T>> {
-        Ok(self.lock(py)?.take())
+        match self.is_abroad() {
+            true => Ok(None),
+            false => Ok(self.lock(py)?.take()),
+        }
     }
 
     /// Puts a value back that was taken.
@@ -393,9 +426,13 @@ impl<T: Send> Shared<T> {
         *self.lock(py)? = Some(value);
         Ok(())
     }
+}
 
-    /// The error for a value that is closed.
-    pub fn closed(&self) -> PyErr {
-        raised(Error::device(format!("{}: it is closed", self.name)))
+impl<T> Drop for Shared<T> {
+    fn drop(&mut self) {
+        if self.is_abroad() {
+            let value = self.value.get_mut().unwrap_or_else(PoisonError::into_inner);
+            mem::forget(value.take());
+        }
     }
 }

@@ -1,11 +1,10 @@
 //! An emulated device, in memory and served.
 
-use crate::call::{Shared, pool, quiet, tell};
+use crate::call::{Shared, left, pool, quiet, seconds, tell, watch};
 use crate::documents::{Profile, Rig, Scene, to_json};
 use crate::errors::raised;
 use crate::results::{Stacked, faults_of, truth};
 use phasmid::emulator::render::Backend;
-use phasmid::host::Progress;
 use phasmid::link::{
     CameraNode, Notice, RecordingFile, ServeOptions, Serving as Served, Tcp, UsbServing,
 };
@@ -13,20 +12,14 @@ use phasmid::protocol::service::ClockPace;
 use phasmid::{DeviceBuilder, Error, Stop, Truth};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::mem;
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::process;
-use std::time::Duration;
 
 /// An emulated device in memory.
 #[pyclass(frozen, module = "phasmid._phasmid")]
 pub struct Device {
     shared: Shared<phasmid::Device>,
     stop: Stop,
-    /// Process whose GPU it uses.
-    gpu: Option<u32>,
 }
 
 fn backend_of(name: &str) -> PyResult<Backend> {
@@ -53,11 +46,6 @@ fn clock_of(name: &str) -> PyResult<ClockPace> {
             "\"real\", \"fast\" or \"stepped\"",
         ))),
     }
-}
-
-fn seconds(field: &str, seconds: f64) -> PyResult<Duration> {
-    Duration::try_from_secs_f64(seconds)
-        .map_err(|_| raised(Error::input(field, seconds, "seconds, 0 or more")))
 }
 
 #[pymethods]
@@ -111,11 +99,12 @@ impl Device {
             builder = builder.faults(faults_of(faults)?);
         }
         let device = quiet(py, &stop, || builder.build())?;
-        Ok(Self {
-            shared: Shared::new("device", device),
-            stop,
-            gpu: (backend != Backend::Cpu).then(process::id),
-        })
+        let shared = match backend {
+            Backend::Cpu => Shared::new("device", device),
+            // The driver of a GPU does not survive a fork.
+            _ => Shared::at_home("device", device),
+        };
+        Ok(Self { shared, stop })
     }
 
     fn scan<'py>(
@@ -124,22 +113,13 @@ impl Device {
         sequence: Option<String>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.check_gpu()?;
         let stop = self.stop.clone();
         let stacked = self
             .shared
             .long(py, &self.stop, tell(progress), |device, report| {
                 let sequence = sequence.or_else(|| device.sequences().into_iter().next());
-                let capture = device.scan_with(&sequence.unwrap_or_default(), |progress| {
-                    if let Progress::Frame { done, of } = progress {
-                        report((done, of));
-                    }
-                    match stop.is_asked() {
-                        true => ControlFlow::Break(()),
-                        false => ControlFlow::Continue(()),
-                    }
-                })?;
-                Stacked::new(capture)
+                let sequence = sequence.unwrap_or_default();
+                Stacked::new(device.scan_with(&sequence, watch(&stop, report))?)
             })?;
         stacked.into_arguments(py)
     }
@@ -158,10 +138,8 @@ impl Device {
     }
 
     fn control(&self, py: Python<'_>, bytes: Vec<u8>) -> PyResult<Vec<u8>> {
-        self.check_gpu()?;
-        let none = |_: Python<'_>, ()| Ok(());
         self.shared
-            .long(py, &self.stop, none, |device, _| Ok(device.control(&bytes)))
+            .quiet(py, &self.stop, |device| Ok(device.control(&bytes)))
     }
 
     fn sequences(&self, py: Python<'_>) -> PyResult<Vec<String>> {
@@ -170,8 +148,7 @@ impl Device {
 
     fn factory_calibration(&self, py: Python<'_>) -> PyResult<Rig> {
         // Its covariance is computed in parallel.
-        let none = |_: Python<'_>, ()| Ok(());
-        self.shared.long(py, &self.stop, none, |device, _| {
+        self.shared.quiet(py, &self.stop, |device| {
             device.factory_calibration().map(Rig)
         })
     }
@@ -186,10 +163,8 @@ impl Device {
     }
 
     fn wait(&self, py: Python<'_>, time_s: f64) -> PyResult<()> {
-        self.check_gpu()?;
         let time = seconds("time_s", time_s)?;
-        let none = |_: Python<'_>, ()| Ok(());
-        self.shared.long(py, &self.stop, none, |device, _| {
+        self.shared.quiet(py, &self.stop, |device| {
             device.wait(time);
             Ok(())
         })
@@ -202,9 +177,7 @@ impl Device {
         position_mm: [f64; 3],
         rotation_deg: [f64; 3],
     ) -> PyResult<()> {
-        self.check_gpu()?;
-        let none = |_: Python<'_>, ()| Ok(());
-        self.shared.long(py, &self.stop, none, |device, _| {
+        self.shared.quiet(py, &self.stop, |device| {
             device.place(object, position_mm, rotation_deg)
         })
     }
@@ -241,7 +214,6 @@ impl Device {
         record: Option<(PathBuf, u64)>,
         notice: Option<Py<PyAny>>,
     ) -> PyResult<Serving> {
-        self.check_gpu()?;
         let options = ServeOptions {
             run_dir,
             clock: clock_of(clock)?,
@@ -269,10 +241,10 @@ impl Device {
             threads: NonZeroUsize::new(pool(py)?.current_num_threads()),
         };
         let device = self.shared.take(py)?.ok_or_else(|| self.shared.closed())?;
-        let served = py.detach(|| device.serve(&options)).map_err(raised)?;
+        let served = left(py, move || device.serve(&options), drop)?;
         let endpoints = to_json(served.endpoints())?;
         Ok(Serving {
-            served: Shared::new("served device", Guard(Some(served), process::id())),
+            served: Shared::at_home("served device", Guard(Some(served))),
             endpoints,
         })
     }
@@ -290,42 +262,20 @@ impl Device {
         py: Python<'py>,
         of: impl FnOnce(&mut phasmid::Device) -> phasmid::Result<Truth> + Send,
     ) -> PyResult<Bound<'py, PyDict>> {
-        self.check_gpu()?;
-        let none = |_: Python<'_>, ()| Ok(());
-        truth(
-            py,
-            self.shared
-                .long(py, &self.stop, none, |device, _| of(device))?,
-        )
-    }
-
-    /// Returns an error if the GPU's driver is that of a parent process.
-    fn check_gpu(&self) -> PyResult<()> {
-        match self.gpu {
-            Some(process) if process != process::id() => Err(raised(Error::device(
-                "device: the process was forked after its GPU was opened; expected one that was made in \
-                 this process",
-            ))),
-            _ => Ok(()),
-        }
+        truth(py, self.shared.quiet(py, &self.stop, of)?)
     }
 }
 
-/// A served device and the process whose threads serve it.
-struct Guard(Option<Served>, u32);
+/// A served device, which is dropped without the interpreter's lock.
+struct Guard(Option<Served>);
 
 impl Drop for Guard {
     fn drop(&mut self) {
-        let Some(served) = self.0.take() else {
-            return;
-        };
-        if process::id() != self.1 {
-            // A forked child has none of the threads, and the files are its parent's.
-            return mem::forget(served);
-        }
         // Ending it waits for a thread that may be waiting for the interpreter to pass a notice on.
-        let mut served = Some(served);
-        let _ = Python::try_attach(|py| py.detach(|| drop(served.take())));
+        if let Some(served) = self.0.take() {
+            let mut served = Some(served);
+            let _ = Python::try_attach(|py| py.detach(|| drop(served.take())));
+        }
     }
 }
 
@@ -344,14 +294,8 @@ impl Serving {
 
     /// Ends the device; later calls do nothing.
     fn stop(&self, py: Python<'_>) -> PyResult<()> {
-        let Some(mut guard) = self.served.take(py)? else {
-            return Ok(());
-        };
-        if process::id() != guard.1 {
-            return Ok(());
-        }
-        match guard.0.take() {
-            Some(served) => py.detach(|| served.stop()).map_err(raised),
+        match self.served.take(py)?.and_then(|mut guard| guard.0.take()) {
+            Some(served) => left(py, move || served.stop(), drop),
             None => Ok(()),
         }
     }

@@ -1,25 +1,22 @@
 //! A scanner at its addresses, emulated or physical.
 
-use crate::call::{OwnPool, Shared, left, tell};
+use crate::call::{Shared, left, long_on, new_pool, seconds, tell, watch};
 use crate::documents::{Manifest, Rig};
-use crate::errors::raised;
 use crate::results::{Stacked, truth};
-use phasmid::host::Progress;
-use phasmid::{Error, ScanOptions, Stop};
+use phasmid::{Result, ScanOptions, Stop};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::ops::ControlFlow;
+use rayon::ThreadPool;
 use std::path::PathBuf;
-use std::time::Duration;
-
-/// For messages.
-const NAME: &str = "scanner";
 
 /// A scanner with an open camera and control port.
 #[pyclass(frozen, module = "phasmid._phasmid")]
-pub struct Scanner {
-    pub shared: Shared<phasmid::Scanner>,
-    pool: OwnPool,
+pub struct Scanner(pub Shared<Connected>);
+
+/// A scanner and the threads that wait for it.
+pub struct Connected {
+    pub scanner: phasmid::Scanner,
+    pool: ThreadPool,
 }
 
 #[pymethods]
@@ -43,27 +40,24 @@ impl Scanner {
         reply_timeout_s: f64,
         frame_timeout_s: f64,
     ) -> PyResult<Self> {
-        let timeout = |field: &str, seconds: f64| {
-            Duration::try_from_secs_f64(seconds)
-                .map_err(|_| raised(Error::input(field, seconds, "seconds, 0 or more")))
-        };
         let options = ScanOptions {
             sequence,
             manifest: manifest.map(|manifest| manifest.0.clone()),
             dialect: dialect.map(|dialect| dialect.to_string_lossy().into_owned()),
             calibration: calibration.map(|rig| rig.0),
-            reply_timeout: timeout("reply_timeout_s", reply_timeout_s)?,
-            frame_timeout: timeout("frame_timeout_s", frame_timeout_s)?,
+            reply_timeout: seconds("reply_timeout_s", reply_timeout_s)?,
+            frame_timeout: seconds("frame_timeout_s", frame_timeout_s)?,
             ..ScanOptions::default()
         };
         let camera = camera.to_string_lossy().into_owned();
         let connect = move || phasmid::Scanner::connect(&camera, &control, options);
-        let pool = OwnPool::new()?;
-        let scanner = left(py, connect)?;
-        Ok(Self {
-            shared: Shared::new(NAME, scanner),
-            pool,
-        })
+        let pool = new_pool()?;
+        // A camera that was running before is to run again.
+        let scanner = left(py, connect, |scanner| drop(scanner.finish()))?;
+        Ok(Self(Shared::at_home(
+            "scanner",
+            Connected { scanner, pool },
+        )))
     }
 
     fn scan<'py>(
@@ -72,57 +66,55 @@ impl Scanner {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let stop = Stop::default();
-        let pool = self.pool.get(NAME)?;
-        let stacked = self
-            .shared
-            .long_on(pool, py, &stop, tell(progress), |scanner, report| {
-                let capture = scanner.scan_with(|progress| {
-                    if let Progress::Frame { done, of } = progress {
-                        report((done, of));
-                    }
-                    match stop.is_asked() {
-                        true => ControlFlow::Break(()),
-                        false => ControlFlow::Continue(()),
-                    }
-                })?;
-                Stacked::new(capture)
-            })?;
+        let stacked = self.long(py, &stop, tell(progress), |scanner, report| {
+            Stacked::new(scanner.scan_with(watch(&stop, report))?)
+        })?;
         stacked.into_arguments(py)
     }
 
     fn select(&self, py: Python<'_>, sequence: String) -> PyResult<()> {
-        self.shared.with(py, |scanner| {
-            scanner.select(sequence);
+        self.0.with(py, |connected| {
+            connected.scanner.select(sequence);
             Ok(())
         })
     }
 
     fn selected(&self, py: Python<'_>) -> PyResult<Option<String>> {
-        let none = |_: Python<'_>, ()| Ok(());
-        let stop = Stop::default();
-        self.shared
-            .long_on(self.pool.get(NAME)?, py, &stop, none, |scanner, _| {
-                scanner.selected()
-            })
+        self.quiet(py, phasmid::Scanner::selected)
     }
 
     fn truth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let none = |_: Python<'_>, ()| Ok(());
-        let stop = Stop::default();
-        truth(
-            py,
-            self.shared
-                .long_on(self.pool.get(NAME)?, py, &stop, none, |scanner, _| {
-                    scanner.truth()
-                })?,
-        )
+        truth(py, self.quiet(py, phasmid::Scanner::truth)?)
     }
 
     /// Closes the ports; later calls do nothing.
     fn finish(&self, py: Python<'_>) -> PyResult<()> {
-        match self.shared.take(py)? {
-            Some(scanner) => left(py, move || scanner.finish()),
+        match self.0.take(py)? {
+            Some(connected) => left(py, move || connected.scanner.finish(), drop),
             None => Ok(()),
         }
+    }
+}
+
+impl Scanner {
+    fn long<T: Send, P: Send>(
+        &self,
+        py: Python<'_>,
+        stop: &Stop,
+        tell: impl FnMut(Python<'_>, P) -> PyResult<()> + Send,
+        work: impl FnOnce(&mut phasmid::Scanner, &dyn Fn(P)) -> Result<T> + Send,
+    ) -> PyResult<T> {
+        let mut locked = self.0.lock(py)?;
+        let Connected { scanner, pool } = locked.as_mut().ok_or_else(|| self.0.closed())?;
+        long_on(pool, py, stop, tell, |report| work(scanner, report))
+    }
+
+    fn quiet<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut phasmid::Scanner) -> Result<T> + Send,
+    ) -> PyResult<T> {
+        let none = |_: Python<'_>, ()| Ok(());
+        self.long(py, &Stop::default(), none, |scanner, _| work(scanner))
     }
 }

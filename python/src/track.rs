@@ -1,18 +1,15 @@
 //! Tracking of a patient by the pods of a treatment room.
 
-use crate::call::{OwnPool, Shared, left, long_on, quiet};
+use crate::call::{Shared, flow, left, long_on, new_pool, quiet, seconds};
 use crate::documents::to_json;
-use crate::errors::raised;
 use crate::scanner::Scanner;
 use phasmid::patient::phantom::{Patient, Phantom};
 use phasmid::profile::RigPlace;
 use phasmid::track::{Beam, HoldRules, Planned};
-use phasmid::{Error, Stop, TrackOptions, TrackProgress, Tracked};
+use phasmid::{Stop, TrackOptions, TrackProgress, Tracked};
 use pyo3::prelude::*;
 use serde_json::json;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::time::Duration;
 
 /// A patient as planned.
 #[pyclass(frozen, module = "phasmid._phasmid")]
@@ -61,24 +58,19 @@ impl Pod {
         position_mm: [f64; 3],
         rotation_deg: [f64; 3],
     ) -> PyResult<Self> {
-        let scanner = scanner
-            .shared
-            .take(py)?
-            .ok_or_else(|| scanner.shared.closed())?;
+        let taken = scanner.0.take(py)?.ok_or_else(|| scanner.0.closed())?;
         let place = RigPlace {
             position_mm,
             rotation_deg,
         };
-        Ok(Self(Shared::new(
-            "pod",
-            phasmid::Pod::new(name, scanner, place),
-        )))
+        let pod = phasmid::Pod::new(name, taken.scanner, place);
+        Ok(Self(Shared::at_home("pod", pod)))
     }
 
     /// Closes the ports; later calls do nothing.
     fn finish(&self, py: Python<'_>) -> PyResult<()> {
         match self.0.take(py)? {
-            Some(pod) => left(py, move || pod.finish()),
+            Some(pod) => left(py, move || pod.finish(), drop),
             None => Ok(()),
         }
     }
@@ -138,17 +130,13 @@ pub fn track(
     settle_s: f64,
     stale_s: f64,
 ) -> PyResult<()> {
-    let time = |field: &str, seconds: f64| {
-        Duration::try_from_secs_f64(seconds)
-            .map_err(|_| raised(Error::input(field, seconds, "seconds, 0 or more")))
-    };
-    let nanoseconds = |field: &str, seconds: f64| {
-        Ok::<_, PyErr>(u64::try_from(time(field, seconds)?.as_nanos()).unwrap_or(u64::MAX))
+    let nanoseconds = |field: &str, time_s: f64| {
+        Ok::<_, PyErr>(u64::try_from(seconds(field, time_s)?.as_nanos()).unwrap_or(u64::MAX))
     };
     let options = TrackOptions {
         tolerance_mm,
         scans,
-        duration: duration_s.map(|s| time("duration_s", s)).transpose()?,
+        duration: duration_s.map(|s| seconds("duration_s", s)).transpose()?,
         rules: HoldRules {
             deviations,
             enter,
@@ -156,7 +144,7 @@ pub fn track(
             stale_ns: nanoseconds("stale_s", stale_s)?,
         },
     };
-    let pool = OwnPool::new()?;
+    let pool = new_pool()?;
     let mut taken = Vec::new();
     for pod in &pods {
         let pod = &pod.get().0;
@@ -175,7 +163,7 @@ pub fn track(
         }
         Ok(())
     };
-    let tracked = long_on(pool.get("pods")?, py, &stop, told, |report| {
+    let tracked = long_on(&pool, py, &stop, told, |report| {
         phasmid::track(&mut taken, &planning.0, &options, |progress| {
             match progress {
                 TrackProgress::Scan(tracked) => report(scan_json(tracked)),
@@ -187,10 +175,7 @@ pub fn track(
                 }
                 _ => {}
             }
-            match stop.is_asked() {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
-            }
+            flow(&stop)
         })
     });
     tracked.and(put_back(py, &pods, taken))

@@ -20,6 +20,8 @@ def test_calibration_is_off_the_truth_by_what_it_states() -> None:
         device.place(0, *pose)
         captures.append(device.scan("pmp-12-xy"))
     dark = phasmid.Capture(np.zeros_like(captures[0].frames), captures[0].manifest)
+    # Frames need not be contiguous.
+    captures[0].frames = np.asfortranarray(captures[0].frames)
     calibration = phasmid.calibrate([*captures, dark], board)
     assert list(calibration.poses) == [0, 1, 2, 3, 4, 5] and list(calibration.left_out) == [6]
     assert calibration.camera_errors.rms_px < 0.1

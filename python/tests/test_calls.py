@@ -5,11 +5,13 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any, cast
 
 import phasmid
 import pytest
@@ -212,12 +214,63 @@ def test_scanner_of_the_parent_is_an_error_in_a_forked_child(tmp_path: Path) -> 
         "scanner = phasmid.Scanner.connect(at.camera, at.control)\n"
         "child = os.fork()\n"
         "if child: status = os.waitpid(child, 0)[1]; print(len(scanner.scan().frames)); sys.exit(status)\n"
-        "try: scanner.scan()\n"
-        "except phasmid.DeviceError as error: print(error, flush=True)\n"
+        "for call in (scanner.scan, scanner.truth, lambda: scanner.select('quick-4')):\n"
+        "    try: call()\n"
+        "    except phasmid.DeviceError as error: print(error, flush=True)\n"
+        "scanner.finish(); del scanner\n"
         "os._exit(0)\n"
     )
-    assert "scanner: it belongs to the process that this one was forked from" in printed
+    assert printed.count("scanner: it belongs to the process that this one was forked from") == 3
     assert printed.splitlines()[-1] == "13"
+
+
+def test_forked_child_forgets_the_pods_of_its_parent(tmp_path: Path) -> None:
+    printed = in_fork(
+        f"serving = phasmid.Device(small, 'plane', clock='fast').serve({str(tmp_path)!r}); at = serving.endpoints\n"
+        "pod = phasmid.Pod('p', phasmid.Scanner.connect(at.camera, at.control), (0, 0, 0), (0, 0, 0))\n"
+        "child = os.fork()\n"
+        "if child: status = os.waitpid(child, 0)[1]; pod.finish(); sys.exit(status)\n"
+        "pod.finish(); del pod\n"
+        "print('done', flush=True)\n"
+        "os._exit(0)\n"
+    )
+    assert printed == "done\n"
+
+
+def test_connection_that_nobody_waits_for_lets_the_camera_run_again(tmp_path: Path) -> None:
+    program = (
+        "import sys, phasmid\n"
+        "try: print('begin', flush=True); phasmid.Scanner.connect(*sys.argv[1:], reply_timeout_s=200)\n"
+        "except KeyboardInterrupt: print('interrupted', flush=True)\n"
+        "sys.stdin.read()\n"
+    )
+    # Bytes take device time, which passes in steps.
+    slow = small().with_(**{"control.baud": 9600})
+    with phasmid.Device(slow, "plane", clock="stepped").serve(tmp_path / "run") as serving:
+        at = serving.endpoints
+
+        def device() -> dict[str, Any]:
+            return cast("dict[str, Any]", serving.service.ask({"get": "device"})["device"])
+
+        def passes_to(state: str) -> bool:
+            serving.service.step(0.01)
+            return bool(device()["state"] == state)
+
+        # With a reader, the camera runs free from power-on.
+        with socket.socket(socket.AF_UNIX) as reader:
+            reader.connect(at.camera_socket.removeprefix("socket:"))
+            wait_until("the camera runs", lambda: passes_to("free"))
+            options = {"stdin": subprocess.PIPE}
+            with started(sys.executable, "-c", program, at.camera, at.control, **options) as process:
+                assert process.stdout is not None
+                assert process.stdout.readline() == "begin\n"
+                wait_until("the host asks", lambda: device()["bytes_in"] > 0)
+                process.send_signal(signal.SIGINT)
+                assert process.stdout.readline() == "interrupted\n"
+                wait_until("the camera stops", lambda: passes_to("idle"))
+                wait_until("the camera runs again", lambda: passes_to("free"))
+                _, err = process.communicate(timeout=DEADLINE_S)
+                assert process.returncode == 0, err
 
 
 def test_progress_that_uses_its_device_is_an_error() -> None:

@@ -79,6 +79,10 @@ def test_faults_strike_and_are_listed() -> None:
     device.clear_faults()
     device.scan()
     assert device.struck == struck
+    with pytest.raises(phasmid.InputError, match="position_mm: .1, 2.; expected three numbers"):
+        device.place(0, [1, 2])
+    with pytest.raises(phasmid.InputError, match="object: -1; expected a whole number from 0"):
+        device.place(-1, [1, 2, 3])
     with pytest.raises(phasmid.InputError, match="unknown variant `dropt`"):
         device.inject("dropt")
     with pytest.raises(phasmid.InputError, match="unknown field `nht`"):
@@ -116,6 +120,8 @@ def test_documents_are_names_paths_dicts_and_objects(tmp_path: Path) -> None:
     [
         (lambda: phasmid.Device("pmp-bensh"), 'profile "pmp-bensh": neither a built-in name'),
         (lambda: phasmid.Device("pmp-bench", samples=3), "samples: 3"),
+        (lambda: phasmid.Device("pmp-bench", seed=-1), "seed: -1; expected a whole number from 0 to 1844"),
+        (lambda: phasmid.Device(small(), "plane").serve(tcp=70000), "tcp: 70000; expected a whole number"),
         (lambda: phasmid.Device("pmp-bench", backend="cuda"), 'backend: "cuda"; expected "cpu"'),
         (lambda: phasmid.Device("pmp-bench", clock="slow"), "clock: 'slow'"),
         (lambda: phasmid.Device("pmp-bench").scan("x"), 'sequence: "x"; expected pmp-12'),
