@@ -70,6 +70,7 @@
 //! | shared | `pattern` | [`pattern`] | projected patterns; the sequence manifest |
 //! | shared | `protocol` | [`protocol`] | SCPI, dialects, header of the frame socket, data line, USB and USB/IP, recordings, service channel, `device.json`, fault schedules |
 //! | shared | `planning` | [`patient`] | volumes, MetaImage, DICOM CT series, the skin as an iso-surface, the planning folder and import of clinical data into one |
+//! | shared | `console` | [`console`] | the page in the browser that shows a scanner working: its server, access and assets (feature `console`) |
 //! | shared | `v4l2` | `v4l2` | device nodes and buffer queues of the kernel's camera interface (Linux only, feature `v4l2`) |
 //! | device | `phantom` | [`patient::phantom`] | generated patients: a breathing thorax with a tumour |
 //! | device | `profile` | [`profile`] | devices, scenes and stations as typed, checked structs, and the built-in ones |
@@ -96,6 +97,7 @@
 //!
 //! | feature | gives | needs |
 //! | --- | --- | --- |
+//! | `console` | a page in the browser that shows a scanner working: [`Console`], `serve --console` | |
 //! | `gpu` | rendering on a GPU; without it, [`emulator::render::Backend::Gpu`] fails and `Auto` renders on the CPU | a Vulkan driver at run time |
 //! | `v4l2` | cameras of the kernel (Linux): reading `/dev/videoN`, and `CameraNode` other than `None` | libclang to build |
 //! | `schema` | JSON Schemas of profiles, scenes and other files | |
@@ -116,7 +118,7 @@
 //! re-exports.
 //!
 //! Only [`cli`] reads the wall clock or the environment. The links and the host side use the
-//! monotonic clock, for pacing and timeouts. No crate uses a global random generator.
+//! monotonic clock, for pacing and timeouts. No crate uses a global random generator; the console's tokens come from the system.
 //!
 //! # Design decisions
 //!
@@ -175,6 +177,8 @@ pub use facade::{
     SkinPose, TrackOptions, TrackProgress, Tracked, Tracker, TumourPosition, calibrate,
     calibrate_with_stop, compare, decode, track,
 };
+#[cfg(feature = "console")]
+pub use phasmid_console::{Console, ConsoleOptions};
 pub use phasmid_decode::{Capture, Decoder, FrameInfo, Options as DecodeOptions};
 #[cfg(target_os = "linux")]
 pub use phasmid_device::link::{
@@ -185,6 +189,27 @@ pub use phasmid_render::truth::Truth;
 
 pub use phasmid_calibrate as calibrate;
 pub mod cli;
+/// A page in the browser that shows a scanner working.
+///
+/// ```
+/// # #[cfg(target_os = "linux")] {
+/// use phasmid::{Console, ConsoleOptions, Device, ServeOptions};
+///
+/// let console = Console::start(&ConsoleOptions::default())?;
+/// let options = ServeOptions {
+///     observer: Some(console.observer("bench")),
+///     ..ServeOptions::default()
+/// };
+/// let device = Device::builder().profile("webcam-grey").scene("sphere").build()?;
+/// let serving = device.serve(&options)?;
+/// println!("open {} while a program scans with {}", console.url(), serving.endpoints().name);
+/// # }
+/// # Ok::<(), phasmid::Error>(())
+/// ```
+#[cfg(feature = "console")]
+pub mod console {
+    pub use phasmid_console::*;
+}
 pub use phasmid_decode as decode;
 #[cfg(target_os = "linux")]
 pub mod doctor;

@@ -65,7 +65,11 @@ impl Token {
         })
     }
 
-    fn parse(bytes: &[u8]) -> Result<Self, String> {
+    /// Reads a token from a line. White space around it is ignored.
+    ///
+    /// # Errors
+    /// Returns what was found instead.
+    pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         let text = std::str::from_utf8(bytes).map_err(|_| "no UTF-8 text".to_owned())?;
         let token = text.trim();
         let chars = token.chars().count();

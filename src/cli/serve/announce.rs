@@ -46,9 +46,10 @@ pub(super) fn announce(endpoints: &Endpoints, about: &str) {
     say(&text);
 }
 
-/// Prints how to stop, after the last device has been announced.
-pub(super) fn announce_end() {
-    say("Ctrl-C ends it.\n");
+/// Prints the addresses of the console, if there is one, and how to stop, after the last device has
+/// been announced.
+pub(super) fn announce_end(console: &str) {
+    say(&format!("{console}Ctrl-C ends it.\n"));
 }
 
 /// Prints how late events were handled, after a run in real time.

@@ -7,11 +7,17 @@
 //! | `video` | the V4L2 node of `--camera` |
 //! | `usb` | the USB devices of `--usb` and their server |
 //! | `run_dirs` | the directories with the devices' endpoints |
+//! | `console` | the page of `--console`; `without_console` if it is compiled without |
 //! | `announce` | messages on standard output |
 //! | `shutdown` | signals and `--while-stdin` |
 
 mod announce;
 mod asked;
+#[cfg(feature = "console")]
+mod console;
+#[cfg(not(feature = "console"))]
+#[path = "without_console.rs"]
+mod console;
 mod run_dirs;
 mod shutdown;
 mod unit;
@@ -25,6 +31,7 @@ pub(super) use unit::runtime;
 use super::backend::Choice;
 use super::set::SetArgs;
 use asked::Asked;
+use console::Page;
 use phasmid_core::error::{Error, Result};
 use phasmid_device::link::{RunDir, Serving, SharedScene, Tcp, Timeline, monotonic};
 use phasmid_protocol::admission::Token;
@@ -116,6 +123,10 @@ pub(super) struct Args {
     /// several devices, by its name in the station or its profile's.
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
+    /// Also serve a page for the browser that shows the devices working, on this port of the loopback
+    /// interface; without a port, on a free one. Prints one address to control and one to view.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
+    console: Option<u16>,
     /// Exit when standard input closes, for programs that start a device and may be killed.
     #[arg(long)]
     while_stdin: bool,
@@ -188,6 +199,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
         None => Schedule::default(),
     };
+    let page = Page::start(args)?;
     let power = Power::default();
     let on = power.clone();
     let timeline = Timeline::new(args.clock.into(), move || on.elapsed());
@@ -205,10 +217,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 &scenes[device.scene],
                 (timeline.seat(), shared_scene),
                 &schedule,
+                page.observer(&device.name),
             )
         })
         .collect::<Result<_>>()?;
-    let served = runtime.block_on(serve(args, &devices, units, power, shutdown));
+    let served = runtime.block_on(serve(args, &devices, units, power, &page, shutdown));
     announce::announce_lateness(timeline.about().late);
     served
 }
@@ -233,6 +246,7 @@ async fn serve(
     devices: &[Asked],
     mut units: Vec<Unit>,
     power: Power,
+    page: &Page,
     mut shutdown: Shutdown,
 ) -> Result<()> {
     if shutdown.has_come().await {
@@ -281,7 +295,7 @@ async fn serve(
         }
     }
     let units = units.into_iter().zip(dirs).collect();
-    supervise(units, clock, shutdown).await
+    supervise(units, clock, page, shutdown).await
 }
 
 /// Returns the folder of a file, with links resolved.
@@ -311,6 +325,7 @@ fn recording_path(path: &Path, dir: &Path, alone: bool) -> PathBuf {
 async fn supervise(
     units: Vec<(Unit, RunDir)>,
     clock: impl Fn() -> Duration + Clone + Send + 'static,
+    page: &Page,
     mut shutdown: Shutdown,
 ) -> Result<()> {
     let (tell, mut ended) = mpsc::unbounded_channel();
@@ -323,7 +338,7 @@ async fn supervise(
         announce::announce(serving.endpoints(), &about);
         devices.push(serving);
     }
-    announce::announce_end();
+    announce::announce_end(&page.about());
     tokio::select! {
         () = shutdown.wait() => {}
         _ = ended.recv() => {}

@@ -11,6 +11,7 @@ use phasmid_device::link::{Recording, RunDir, Seat, ServedDevice, Serving, Share
 use phasmid_device::{Device, Firmware, UserSequence};
 use phasmid_profile::{Profile, Scene};
 use phasmid_protocol::faults::Schedule;
+use phasmid_protocol::record::Observer;
 use phasmid_render::Options;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -42,13 +43,14 @@ impl Drop for Made {
 
 impl Unit {
     /// Prepares a requested device with its scene, its access to the shared timeline and scene, and
-    /// the faults that apply to it.
+    /// the faults that apply to it. `observer` sees its traffic.
     pub(super) fn new(
         args: &Args,
         asked: &Asked,
         (label, scene): &(String, Scene),
         (seat, shared_scene): (Seat, SharedScene),
         schedule: &Schedule,
+        observer: Option<Observer>,
     ) -> Result<Self> {
         let profile = &asked.profile;
         let tcp = super::tcp(args.tcp, args.tcp_token.as_deref())?;
@@ -77,6 +79,7 @@ impl Unit {
             profile: asked.label.clone(),
             scene: label.clone(),
             tcp,
+            observer,
             notice: printed(),
             ..ServedDevice::new(device, seat, shared_scene)
         };

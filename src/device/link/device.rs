@@ -20,6 +20,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_profile::RigPlace;
 use phasmid_protocol::Endpoints;
 use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::record::Observer;
 use phasmid_protocol::service::ClockPace;
 use std::future::Future;
 use std::net::SocketAddr;
@@ -59,6 +60,8 @@ pub struct ServedDevice {
     pub usb: Option<UsbLink>,
     /// Recording of the traffic between the device and its clients.
     pub recording: Option<Recording>,
+    /// Sees the traffic as it happens.
+    pub observer: Option<Observer>,
     /// Receives messages for the operator.
     pub notice: Notice,
     /// Number of threads that render; `None` for rayon's global pool.
@@ -89,6 +92,7 @@ impl ServedDevice {
             video: None,
             usb: None,
             recording: None,
+            observer: None,
             notice: Notice::default(),
             threads: None,
             device,
@@ -178,7 +182,13 @@ pub async fn serve(
         machine.firmware_mut().attach(Box::new(gate));
     }
     let now = served.seat.now_ns();
-    let tap = Tap::start(served.recording, &endpoints, now, served.notice.clone())?;
+    let tap = Tap::start(
+        served.recording,
+        served.observer,
+        &endpoints,
+        now,
+        served.notice.clone(),
+    )?;
     run_dir.publish(&endpoints)?;
     published(&endpoints);
     let (notice, v4l2) = (served.notice.clone(), served.video.is_some());

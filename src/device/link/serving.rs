@@ -14,6 +14,7 @@ use crate::Device;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
 use phasmid_protocol::Endpoints;
+use phasmid_protocol::record::Observer;
 use phasmid_protocol::service::ClockPace;
 use std::hash::{BuildHasher, RandomState};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -81,6 +82,8 @@ pub struct ServeOptions {
     pub usb: Option<UsbServing>,
     /// Also record the traffic.
     pub record: Option<RecordingFile>,
+    /// Sees the traffic as it happens: what a recording would have.
+    pub observer: Option<Observer>,
     /// Receives messages for the operator.
     pub notice: Notice,
     /// Number of threads that render. `None` for rayon's global pool: the threads that serve a
@@ -98,6 +101,7 @@ impl Default for ServeOptions {
             camera: CameraNode::None,
             usb: None,
             record: None,
+            observer: None,
             notice: Notice::default(),
             threads: None,
         }
@@ -135,6 +139,7 @@ impl Serving {
         let shared_scene = SharedScene::new(&device.scene);
         let mut served = ServedDevice::new(device, seat, shared_scene);
         served.tcp.clone_from(&options.tcp);
+        served.observer.clone_from(&options.observer);
         served.notice = options.notice.clone();
         served.threads = options.threads;
         let run_dir = match &options.run_dir {

@@ -1,9 +1,9 @@
-//! Records the traffic between a served device and its clients, if requested.
+//! Records the traffic between a served device and its clients, and shows it to an observer, if requested.
 
 use super::notice::Notice;
 use crate::faults::Faults;
 use phasmid_core::error::Result;
-use phasmid_protocol::record::{About, Channel, Event, Limits, Recorder, Side};
+use phasmid_protocol::record::{About, Channel, Event, Limits, Observer, Recorder, Side};
 use phasmid_protocol::{Endpoints, Frame};
 use std::fs::File;
 use std::path::PathBuf;
@@ -23,6 +23,7 @@ pub struct Recording {
 #[derive(Default)]
 pub(super) struct Tap {
     recorder: Option<Recorder>,
+    observer: Option<Observer>,
     /// Channels of port and USB on which a client has sent something and not disconnected.
     speaking: Vec<Channel>,
     /// Number of camera clients that have connected and disconnected.
@@ -32,18 +33,22 @@ pub(super) struct Tap {
 }
 
 impl Tap {
-    /// Starts the recording.
+    /// Starts the recording, if there is to be one.
     ///
     /// # Errors
     /// Returns an error if the file cannot be written.
     pub(super) fn start(
         recording: Option<Recording>,
+        observer: Option<Observer>,
         endpoints: &Endpoints,
         now_ns: u64,
         notice: Notice,
     ) -> Result<Self> {
         let Some(recording) = recording else {
-            return Ok(Self::default());
+            return Ok(Self {
+                observer,
+                ..Self::default()
+            });
         };
         let about = About {
             side: Side::Device,
@@ -63,47 +68,62 @@ impl Tap {
         let recorder = Recorder::start(recording.file, &place, about, now_ns, limits, tell)?;
         Ok(Self {
             recorder: Some(recorder),
+            observer,
             ..Self::default()
         })
     }
 
+    /// Returns whether somebody wants events.
+    fn is_on(&self) -> bool {
+        self.recorder.is_some() || self.observer.is_some()
+    }
+
+    fn put(&self, time_ns: u64, channel: Channel, event: Event) {
+        if let Some(observer) = &self.observer {
+            observer.see(time_ns, channel, &event);
+        }
+        if let Some(recorder) = &self.recorder {
+            recorder.put(time_ns, channel, event);
+        }
+    }
+
     /// Records bytes sent by a client.
     pub(super) fn sent(&mut self, channel: Channel, bytes: &[u8], now_ns: u64) {
-        if let Some(recorder) = &self.recorder {
+        if self.is_on() {
             if !self.speaking.contains(&channel) {
                 self.speaking.push(channel);
-                recorder.put(now_ns, channel, Event::Opened);
+                self.put(now_ns, channel, Event::Opened);
             }
-            recorder.put(now_ns, channel, Event::Sent(bytes.to_vec()));
+            self.put(now_ns, channel, Event::Sent(bytes.to_vec()));
         }
     }
 
     /// Records bytes sent by the device.
     pub(super) fn received(&self, channel: Channel, bytes: &[u8], now_ns: u64) {
-        if let Some(recorder) = &self.recorder {
-            recorder.put(now_ns, channel, Event::Received(bytes.to_vec()));
+        if self.is_on() {
+            self.put(now_ns, channel, Event::Received(bytes.to_vec()));
         }
     }
 
     /// Records that the last client of a channel has disconnected; a client that sent nothing does
     /// not count.
     pub(super) fn left(&mut self, channel: Channel, now_ns: u64) {
-        if let Some(recorder) = &self.recorder
+        if self.is_on()
             && let Some(at) = self.speaking.iter().position(|&open| open == channel)
         {
             self.speaking.remove(at);
-            recorder.put(now_ns, channel, Event::Left);
+            self.put(now_ns, channel, Event::Left);
         }
     }
 
     /// Records that the port was disconnected or is back.
     pub(super) fn plugged(&mut self, plugged: bool, now_ns: u64) {
-        if let Some(recorder) = &self.recorder {
+        if self.is_on() {
             let event = match plugged {
                 true => Event::Plugged,
                 false => Event::Unplugged,
             };
-            recorder.put(now_ns, Channel::Control, event);
+            self.put(now_ns, Channel::Control, event);
         }
         // Disconnection of the port implies that of its clients.
         self.speaking.retain(|&open| open != Channel::Control);
@@ -113,14 +133,12 @@ impl Tap {
     pub(super) fn faults(&mut self, faults: &Faults) {
         let total = faults.struck_in_all();
         let new = total - std::mem::replace(&mut self.struck, total);
-        if let Some(recorder) = &self.recorder
-            && new > 0
-        {
+        if self.is_on() && new > 0 {
             let count = usize::try_from(new).unwrap_or(usize::MAX);
             let latest: Vec<_> = faults.struck().rev().take(count).collect();
             for struck in latest.into_iter().rev() {
                 let note = serde_json::to_string(struck).expect("numbers and strings");
-                recorder.put(struck.time_ns, Channel::Recording, Event::Note(note));
+                self.put(struck.time_ns, Channel::Recording, Event::Note(note));
             }
         }
     }
@@ -128,21 +146,21 @@ impl Tap {
     /// Records changes of the number of camera clients.
     pub(super) fn cameras(&mut self, counts: (u64, u64), now_ns: u64) {
         let before = std::mem::replace(&mut self.cameras, counts);
-        if let Some(recorder) = &self.recorder {
+        if self.is_on() {
             let news = [
                 (before.0..counts.0, Event::Opened),
                 (before.1..counts.1, Event::Left),
             ];
             for (count, event) in news {
-                count.for_each(|_| recorder.put(now_ns, Channel::Camera, event.clone()));
+                count.for_each(|_| self.put(now_ns, Channel::Camera, event.clone()));
             }
         }
     }
 
     /// Records a frame that left the device.
     pub(super) fn frame(&self, frame: &Arc<Frame>, now_ns: u64) {
-        if let Some(recorder) = &self.recorder {
-            recorder.put(now_ns, Channel::Camera, Event::Frame(frame.clone()));
+        if self.is_on() {
+            self.put(now_ns, Channel::Camera, Event::Frame(frame.clone()));
         }
     }
 }

@@ -51,6 +51,7 @@
 //! ```
 
 mod encode;
+mod observer;
 mod reader;
 mod recorder;
 mod store;
@@ -59,6 +60,7 @@ mod summary;
 mod tests;
 
 pub use encode::{encode_head, encode_record};
+pub use observer::Observer;
 pub use reader::{Damage, Reader};
 pub use recorder::{Limits, Recorder};
 pub use store::Store;

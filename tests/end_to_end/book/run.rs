@@ -68,6 +68,7 @@ pages_run! {
     usb: "docs/src/guides/usb.md", ["usb-scan/cloud.ply"];
     dialects: "docs/src/guides/dialects.md", ["own.toml"];
     faults: "docs/src/guides/faults.md", [];
+    console: "docs/src/guides/console.md", ["serve.log"];
     recordings: "docs/src/guides/recordings.md", ["rec-scan/cloud.ply", "replay-scan/cloud.ply"];
     own_scanner: "docs/src/guides/own-scanner.md", [];
     own_scene: "docs/src/guides/own-scene.md", [];

@@ -1,0 +1,31 @@
+//! `--console` in a build without the feature `console`.
+
+use super::Args;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::record::Observer;
+
+/// No page.
+pub(super) struct Page;
+
+impl Page {
+    /// # Errors
+    /// Returns an error if a page was asked for.
+    pub(super) fn start(args: &Args) -> Result<Self> {
+        match args.console {
+            None => Ok(Self),
+            Some(_) => Err(Error::input(
+                "--console",
+                "a build without the feature `console`",
+                "a build with it",
+            )),
+        }
+    }
+
+    pub(super) fn observer(&self, _device: &str) -> Option<Observer> {
+        None
+    }
+
+    pub(super) fn about(&self) -> String {
+        String::new()
+    }
+}

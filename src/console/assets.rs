@@ -1,0 +1,53 @@
+//! The files of the page, embedded.
+
+/// A file of the page.
+pub(crate) struct Asset {
+    /// Path in the address, after the `/`.
+    pub(crate) name: &'static str,
+    /// MIME type.
+    pub(crate) kind: &'static str,
+    /// Content.
+    pub(crate) bytes: &'static [u8],
+}
+
+macro_rules! assets {
+    ($($name:literal: $kind:literal),* $(,)?) => {
+        &[$(Asset {
+            name: $name,
+            kind: $kind,
+            bytes: include_bytes!(concat!("assets/", $name)),
+        }),*]
+    };
+}
+
+/// All of them; the first is the page itself.
+pub(crate) const ASSETS: &[Asset] = assets! {
+    "index.html": "text/html; charset=utf-8",
+    "style.css": "text/css; charset=utf-8",
+    "icon.svg": "image/svg+xml",
+    "main.js": "text/javascript; charset=utf-8",
+    "connection.js": "text/javascript; charset=utf-8",
+    "camera.js": "text/javascript; charset=utf-8",
+    "histogram.js": "text/javascript; charset=utf-8",
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn page_weighs_little_and_names_only_its_own_files() {
+        let weight: usize = ASSETS.iter().map(|asset| asset.bytes.len()).sum();
+        assert!(weight < 3 << 20, "{weight} bytes");
+        for asset in ASSETS {
+            let text = String::from_utf8_lossy(asset.bytes);
+            // The name of SVG's language is not an address that is opened.
+            let text = text.replace("http://www.w3.org/2000/svg", "");
+            assert!(
+                !text.contains("http://") && !text.contains("https://"),
+                "{}",
+                asset.name
+            );
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! The latest frame of each source, and the viewers. Nothing queues here: a viewer that is slow misses frames.
+
+use phasmid_protocol::Frame;
+use phasmid_protocol::record::{Channel, Event};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+use tokio::sync::watch;
+
+/// Maximum number of viewers at a time.
+const MAX_VIEWERS: usize = 16;
+
+/// A frame that a source has shown.
+#[derive(Clone)]
+pub(crate) struct Shown {
+    /// Number among the frames of its source, from 1.
+    pub(crate) number: u64,
+    pub(crate) frame: Arc<Frame>,
+    /// When it arrived here.
+    pub(crate) arrived: Instant,
+}
+
+/// A scanner.
+#[derive(Default)]
+struct Source {
+    name: String,
+    latest: Option<Shown>,
+    /// Number of frames so far.
+    frames: u64,
+    /// Number of clients that read the camera.
+    readers: u64,
+    /// Whether the control port is unplugged.
+    unplugged: bool,
+}
+
+/// A source without its frames.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub(crate) struct Standing {
+    pub(crate) name: String,
+    pub(crate) readers: u64,
+    pub(crate) unplugged: bool,
+}
+
+#[derive(Default)]
+struct State {
+    sources: Vec<Source>,
+    /// Number of viewers so far.
+    numbered: u64,
+    /// Those that are there, by number.
+    viewers: Vec<u64>,
+    controller: Option<u64>,
+}
+
+/// The sources and the viewers.
+pub(crate) struct Hub {
+    state: Mutex<State>,
+    /// Counts changes.
+    news: watch::Sender<u64>,
+}
+
+impl Default for Hub {
+    fn default() -> Self {
+        Self {
+            state: Mutex::default(),
+            news: watch::Sender::new(0),
+        }
+    }
+}
+
+impl Hub {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn tell(&self) {
+        self.news.send_modify(|count| *count += 1);
+    }
+
+    /// Adds a source and returns its index.
+    pub(crate) fn add(&self, name: String) -> usize {
+        let mut state = self.state();
+        state.sources.push(Source {
+            name,
+            ..Source::default()
+        });
+        let index = state.sources.len() - 1;
+        drop(state);
+        self.tell();
+        index
+    }
+
+    /// Takes an event of a source's links. Never blocks for long: viewers copy what they send
+    /// themselves.
+    pub(crate) fn see(&self, source: usize, _time_ns: u64, channel: Channel, event: &Event) {
+        let mut state = self.state();
+        let source = &mut state.sources[source];
+        match event {
+            Event::Frame(frame) => {
+                source.frames += 1;
+                source.latest = Some(Shown {
+                    number: source.frames,
+                    frame: frame.clone(),
+                    arrived: Instant::now(),
+                });
+            }
+            Event::Opened if channel == Channel::Camera => source.readers += 1,
+            Event::Left if channel == Channel::Camera => {
+                source.readers = source.readers.saturating_sub(1);
+            }
+            Event::Unplugged => source.unplugged = true,
+            Event::Plugged => source.unplugged = false,
+            _ => return,
+        }
+        drop(state);
+        self.tell();
+    }
+
+    /// Admits a viewer, with control if that is allowed and nobody has it; `None` if there are too many.
+    pub(crate) fn enter(self: &Arc<Self>, may_control: bool) -> Option<Seat> {
+        let mut state = self.state();
+        if state.viewers.len() >= MAX_VIEWERS {
+            return None;
+        }
+        state.numbered += 1;
+        let number = state.numbered;
+        state.viewers.push(number);
+        if may_control && state.controller.is_none() {
+            state.controller = Some(number);
+        }
+        drop(state);
+        self.tell();
+        Some(Seat {
+            hub: self.clone(),
+            number,
+            may_control,
+            news: self.news.subscribe(),
+        })
+    }
+}
+
+/// The place of a viewer at the hub, until it is dropped.
+pub(crate) struct Seat {
+    hub: Arc<Hub>,
+    number: u64,
+    may_control: bool,
+    news: watch::Receiver<u64>,
+}
+
+/// The hub as a viewer sees it.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub(crate) struct View {
+    pub(crate) sources: Vec<Standing>,
+    pub(crate) viewers: usize,
+    /// Whether this viewer may take control.
+    pub(crate) may_control: bool,
+    /// Whether this viewer has control.
+    pub(crate) controls: bool,
+    /// Whether another viewer has control.
+    pub(crate) other_controls: bool,
+}
+
+impl Seat {
+    /// Waits until something has changed since the last call.
+    pub(crate) async fn changed(&mut self) {
+        // The sender lives as long as `hub`.
+        let _ = self.news.changed().await;
+    }
+
+    /// Returns the sources and who has control.
+    pub(crate) fn view(&self) -> View {
+        let state = self.hub.state();
+        let sources = state.sources.iter().map(|source| Standing {
+            name: source.name.clone(),
+            readers: source.readers,
+            unplugged: source.unplugged,
+        });
+        View {
+            sources: sources.collect(),
+            viewers: state.viewers.len(),
+            may_control: self.may_control,
+            controls: state.controller == Some(self.number),
+            other_controls: state.controller.is_some_and(|viewer| viewer != self.number),
+        }
+    }
+
+    /// Returns the latest frame of a source if it is newer than the frame with this number.
+    pub(crate) fn newer(&self, source: usize, number: u64) -> Option<Shown> {
+        let state = self.hub.state();
+        let latest = state.sources.get(source)?.latest.as_ref()?;
+        (latest.number > number).then(|| latest.clone())
+    }
+
+    /// Takes control from whoever has it, if this viewer may, or gives it back.
+    pub(crate) fn control(&self, take: bool) {
+        let mut state = self.hub.state();
+        if take && self.may_control {
+            state.controller = Some(self.number);
+        } else if !take && state.controller == Some(self.number) {
+            state.controller = None;
+        }
+        drop(state);
+        self.hub.tell();
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        let mut state = self.hub.state();
+        state.viewers.retain(|viewer| *viewer != self.number);
+        if state.controller == Some(self.number) {
+            state.controller = None;
+        }
+        drop(state);
+        self.hub.tell();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_viewer_controls_at_a_time() {
+        let hub = Arc::new(Hub::default());
+        let watcher = hub.enter(false).unwrap();
+        let first = hub.enter(true).unwrap();
+        let second = hub.enter(true).unwrap();
+        let controls = || [&watcher, &first, &second].map(|seat| seat.view().controls);
+        assert_eq!(controls(), [false, true, false]);
+        watcher.control(true);
+        assert_eq!(controls(), [false, true, false]);
+        second.control(true);
+        assert_eq!(controls(), [false, false, true]);
+        assert!(first.view().other_controls && watcher.view().other_controls);
+        first.control(false);
+        assert_eq!(controls(), [false, false, true]);
+        second.control(false);
+        assert_eq!(controls(), [false; 3]);
+        first.control(true);
+        drop(first);
+        assert!(!watcher.view().other_controls);
+        assert_eq!(watcher.view().viewers, 2);
+    }
+
+    #[test]
+    fn viewers_are_limited_and_make_room() {
+        let hub = Arc::new(Hub::default());
+        let mut seats: Vec<_> = (0..MAX_VIEWERS)
+            .map(|_| hub.enter(false).unwrap())
+            .collect();
+        assert!(hub.enter(true).is_none());
+        seats.pop();
+        assert!(hub.enter(true).is_some());
+    }
+}

@@ -1,0 +1,122 @@
+//! The console: a page in the browser that shows a scanner working. A web server on the loopback
+//! interface serves the page, which is embedded, and one WebSocket to each viewer.
+//!
+//! The console opens no camera and no port. It sees what an [`Observer`] sees, so the same page works
+//! for an emulated device that is being served and for a scanner that a host drives.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `access` | tokens, cookies, and the checks of `Host` and `Origin` |
+//! | `assets` | the files of the page |
+//! | `hub` | the latest frame of each source, the viewers, and who has control |
+//! | `server` | routes and headers |
+//! | `viewer` | one WebSocket |
+//! | `wire` | its messages |
+
+mod access;
+mod assets;
+mod hub;
+mod server;
+mod viewer;
+mod wire;
+
+use access::Access;
+use hub::Hub;
+use phasmid_core::error::{Error, Result};
+use phasmid_protocol::record::Observer;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use tokio::net::TcpListener;
+use tokio::sync::oneshot;
+
+/// How a console is served.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ConsoleOptions {
+    /// Port of the loopback interface; 0 picks a free one.
+    pub port: u16,
+}
+
+/// A console, until this value is dropped.
+///
+/// Whoever opens [`Self::url`] may control the scanner, whoever opens [`Self::view_url`] may only
+/// watch. Each address has a random token, which the page turns into a cookie.
+#[must_use = "the console is served only as long as this value exists"]
+pub struct Console {
+    access: Arc<Access>,
+    hub: Arc<Hub>,
+    stop: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Console {
+    /// Starts to serve the page.
+    ///
+    /// # Errors
+    /// Returns an error if the port is taken, or if the system has no random numbers or refuses a
+    /// thread.
+    pub fn start(options: &ConsoleOptions) -> Result<Self> {
+        let place = format!("console, port {}", options.port);
+        let io = |e| Error::io(&place, e);
+        let address = SocketAddr::from((Ipv4Addr::LOCALHOST, options.port));
+        let listener = std::net::TcpListener::bind(address).map_err(io)?;
+        listener.set_nonblocking(true).map_err(io)?;
+        let access = Arc::new(Access::new(listener.local_addr().map_err(io)?.port())?);
+        let hub = Arc::new(Hub::default());
+        let runtime = tokio::runtime::Builder::new_current_thread();
+        let runtime = { runtime }.enable_all().build().map_err(io)?;
+        let listener = {
+            let _inside = runtime.enter();
+            TcpListener::from_std(listener).map_err(io)?
+        };
+        let pages = server::routes(access.clone(), hub.clone());
+        let (stop, stopped) = oneshot::channel();
+        let thread = std::thread::Builder::new().name("console".into());
+        let serve = move || {
+            runtime.block_on(async {
+                tokio::select! {
+                    // It never ends by itself.
+                    _ = axum::serve(listener, pages) => {}
+                    _ = stopped => {}
+                }
+            });
+        };
+        Ok(Self {
+            access,
+            hub,
+            stop: Some(stop),
+            thread: Some(thread.spawn(serve).map_err(io)?),
+        })
+    }
+
+    /// Returns the address of the page for those who may control the scanner.
+    pub fn url(&self) -> String {
+        self.access.url(access::Role::Control)
+    }
+
+    /// Returns the address of the page for those who may only watch.
+    pub fn view_url(&self) -> String {
+        self.access.url(access::Role::View)
+    }
+
+    /// Adds a scanner, and returns what its links have to tell.
+    pub fn observer(&self, name: impl Into<String>) -> Observer {
+        let (hub, source) = (self.hub.clone(), self.hub.add(name.into()));
+        Observer::new(move |time_ns, channel, event| hub.see(source, time_ns, channel, event))
+    }
+}
+
+impl std::fmt::Debug for Console {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Console")
+    }
+}
+
+impl Drop for Console {
+    fn drop(&mut self) {
+        drop(self.stop.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! One WebSocket. A frame is sent when the page has drawn an earlier one, so that a page that is slow or
+//! paused receives fewer frames, always the latest, and nothing queues.
+
+use crate::hub::Seat;
+use crate::wire::{Asked, Told, frame_message, message};
+use axum::extract::ws::{Message, WebSocket};
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+/// Maximum number of frames that are sent and not drawn yet.
+const MAX_AHEAD: usize = 2;
+/// Number of frames over which the delay is a median.
+const DELAYS: usize = 60;
+/// Time in which the browser must accept a message.
+const STALL: Duration = Duration::from_secs(30);
+
+/// The state of a viewer.
+struct Viewer {
+    socket: WebSocket,
+    seat: Seat,
+    /// The source whose frames are shown.
+    source: usize,
+    /// Number of the last frame that was sent.
+    sent: u64,
+    /// Frames that have been sent and not drawn: their numbers and arrival.
+    ahead: VecDeque<(u64, Instant)>,
+    /// Times from the arrival of recent frames to when they were drawn, in milliseconds.
+    delays: VecDeque<f64>,
+}
+
+/// Serves a viewer until it leaves.
+pub(crate) async fn serve(socket: WebSocket, seat: Seat) {
+    let viewer = Viewer {
+        socket,
+        seat,
+        source: 0,
+        sent: 0,
+        ahead: VecDeque::new(),
+        delays: VecDeque::new(),
+    };
+    viewer.run().await;
+}
+
+impl Viewer {
+    /// Returns when the viewer has left or does not accept what it is sent.
+    async fn run(mut self) -> Option<()> {
+        let mut view = None;
+        loop {
+            let now = self.seat.view();
+            if view.as_ref() != Some(&now) {
+                self.send(message(&Told::State(&now), &[])).await?;
+                view = Some(now);
+            }
+            if self.ahead.len() < MAX_AHEAD
+                && let Some(shown) = self.seat.newer(self.source, self.sent)
+            {
+                self.sent = shown.number;
+                self.ahead.push_back((shown.number, shown.arrived));
+                let bytes = frame_message(self.source, &shown, self.delay_ms());
+                self.send(bytes).await?;
+            }
+            tokio::select! {
+                asked = self.socket.recv() => match asked?.ok()? {
+                    // A message that is not ours ends the connection.
+                    Message::Text(text) => self.answer(serde_json::from_str(&text).ok()?),
+                    Message::Close(_) => return None,
+                    _ => {}
+                },
+                () = self.seat.changed() => {}
+            }
+        }
+    }
+
+    fn answer(&mut self, asked: Asked) {
+        match asked {
+            Asked::Drawn { source, number } if source == self.source => {
+                // A page that draws a later frame has skipped the earlier ones.
+                while let Some((sent, arrived)) = self.ahead.front().copied()
+                    && sent <= number
+                {
+                    self.ahead.pop_front();
+                    if sent == number {
+                        self.delays.push_back(arrived.elapsed().as_secs_f64() * 1e3);
+                    }
+                }
+                while self.delays.len() > DELAYS {
+                    self.delays.pop_front();
+                }
+            }
+            Asked::Watch { source } if source != self.source => {
+                self.source = source;
+                self.sent = 0;
+                self.ahead.clear();
+            }
+            Asked::Drawn { .. } | Asked::Watch { .. } => {}
+            Asked::Control { take } => self.seat.control(take),
+        }
+    }
+
+    fn delay_ms(&self) -> Option<f64> {
+        let mut sorted: Vec<_> = self.delays.iter().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() / 2).copied()
+    }
+
+    async fn send(&mut self, bytes: Vec<u8>) -> Option<()> {
+        let sent = self.socket.send(Message::Binary(bytes.into()));
+        tokio::time::timeout(STALL, sent).await.ok()?.ok()
+    }
+}

@@ -1,0 +1,164 @@
+//! Messages between the page and the console.
+//!
+//! Messages to the page are binary: the length of a JSON object in 32 bits, little-endian; the object,
+//! padded with spaces to a multiple of four bytes; then a payload. Messages from the page are JSON objects
+//! as text.
+
+use crate::hub::{Shown, View};
+use phasmid_protocol::PixelFormat;
+use serde::{Deserialize, Serialize};
+
+/// Header of a message to the page.
+#[derive(Debug, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub(crate) enum Told<'a> {
+    /// The sources and who has control.
+    State(&'a View),
+    /// A frame; the payload has its pixels row by row, in 8 or 16 bits, little-endian.
+    Frame {
+        source: usize,
+        /// Number among the source's frames, which [`Asked::Drawn`] returns.
+        number: u64,
+        id: u64,
+        pattern: Option<u32>,
+        width: u32,
+        height: u32,
+        format: &'static str,
+        /// Bits of a pixel in the payload.
+        bits: u32,
+        /// Largest value that the format can have.
+        white: u16,
+        exposure_ms: f64,
+        /// Device time at the start of the exposure.
+        time_s: f64,
+        /// Median time from the arrival of recent frames to when they were drawn.
+        delay_ms: Option<f64>,
+    },
+    /// A frame that cannot be shown.
+    Damaged {
+        source: usize,
+        number: u64,
+        id: u64,
+        why: String,
+    },
+}
+
+/// A message from the page.
+#[derive(Debug, PartialEq, Eq, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub(crate) enum Asked {
+    /// The frame with this number has been drawn, or reported as damaged.
+    Drawn { source: usize, number: u64 },
+    /// Show this source from now on.
+    Watch { source: usize },
+    /// Take control, or give it back.
+    Control { take: bool },
+}
+
+/// Returns the bytes of a message.
+pub(crate) fn message(told: &Told<'_>, payload: &[u8]) -> Vec<u8> {
+    let mut json = serde_json::to_vec(told).expect("numbers and strings");
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut bytes = Vec::with_capacity(4 + json.len() + payload.len());
+    bytes.extend_from_slice(&(json.len() as u32).to_le_bytes());
+    bytes.extend_from_slice(&json);
+    bytes.extend_from_slice(payload);
+    bytes
+}
+
+/// Returns the message of a frame.
+pub(crate) fn frame_message(source: usize, shown: &Shown, delay_ms: Option<f64>) -> Vec<u8> {
+    let frame = &*shown.frame;
+    let (found, expected) = (
+        frame.data.len(),
+        frame.format.frame_bytes(frame.width, frame.height),
+    );
+    if found != expected {
+        let why = format!("{found} bytes, expected {expected}");
+        let damaged = Told::Damaged {
+            source,
+            number: shown.number,
+            id: frame.id,
+            why,
+        };
+        return message(&damaged, &[]);
+    }
+    let luma = match frame.format {
+        PixelFormat::Grey | PixelFormat::Y16 => None,
+        _ => Some(frame.clone().into_luma()),
+    };
+    let luma = luma.as_ref().unwrap_or(frame);
+    let length_ns = frame
+        .exposure_end_ns
+        .saturating_sub(frame.exposure_start_ns);
+    let told = Told::Frame {
+        source,
+        number: shown.number,
+        id: frame.id,
+        pattern: frame.pattern_index,
+        width: frame.width,
+        height: frame.height,
+        format: frame.format.name(),
+        bits: luma.format.bits_per_pixel() as u32,
+        white: frame.format.max_value(),
+        exposure_ms: length_ns as f64 * 1e-6,
+        time_s: frame.exposure_start_ns as f64 * 1e-9,
+        delay_ms,
+    };
+    message(&told, &luma.data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasmid_protocol::Frame;
+    use serde_json::{Value, json};
+    use std::sync::Arc;
+    use std::time::Instant;
+
+    fn parts(format: PixelFormat, data: Vec<u8>) -> (Value, Vec<u8>) {
+        let frame = Frame {
+            id: 7,
+            pattern_index: Some(3),
+            width: 4,
+            height: 1,
+            format,
+            exposure_start_ns: 1_500_000_000,
+            exposure_end_ns: 1_502_000_000,
+            data,
+        };
+        let shown = Shown {
+            number: 5,
+            frame: Arc::new(frame),
+            arrived: Instant::now(),
+        };
+        let bytes = frame_message(1, &shown, Some(2.5));
+        let (len, rest) = bytes.split_first_chunk().unwrap();
+        let (json, payload) = rest.split_at(u32::from_le_bytes(*len) as usize);
+        assert_eq!(json.len() % 4, 0);
+        (serde_json::from_slice(json).unwrap(), payload.to_vec())
+    }
+
+    #[test]
+    fn frame_of_each_layout_comes_as_8_or_16_bits() {
+        let (json, payload) = parts(PixelFormat::Grey, vec![1, 2, 3, 255]);
+        let want = json!({ "kind": "frame", "source": 1, "number": 5, "id": 7, "pattern": 3, "width": 4,
+            "height": 1, "format": "GREY", "bits": 8, "white": 255, "exposure_ms": 2.0, "time_s": 1.5,
+            "delay_ms": 2.5 });
+        assert_eq!((json, payload), (want, vec![1, 2, 3, 255]));
+        let (json, payload) = parts(PixelFormat::Yuyv, vec![1, 128, 2, 128, 3, 128, 4, 128]);
+        assert_eq!((&json["bits"], payload), (&json!(8), vec![1, 2, 3, 4]));
+        let mut packed = Vec::new();
+        PixelFormat::Y10P.pack_row(&[1, 2, 3, 1023], &mut packed);
+        let (json, payload) = parts(PixelFormat::Y10P, packed);
+        assert_eq!((&json["bits"], &json["white"]), (&json!(16), &json!(1023)));
+        assert_eq!(payload, [1, 0, 2, 0, 3, 0, 255, 3]);
+    }
+
+    #[test]
+    fn damaged_frame_is_named() {
+        let (json, payload) = parts(PixelFormat::Grey, vec![1, 2, 3]);
+        let want = json!({ "kind": "damaged", "source": 1, "number": 5, "id": 7, "why": "3 bytes, expected 4" });
+        assert_eq!((json, payload), (want, Vec::new()));
+    }
+}

@@ -1,0 +1,44 @@
+// Prints how fast the console is and how much it weighs. Run by tests/console/run, with this file's name.
+
+import { test } from "node:test";
+import { Client, launch, open, serve, text } from "./helpers.mjs";
+
+const MEASURED_MS = 10_000;
+
+/** Returns the frames per second that a client receives. */
+async function rate(client) {
+  const before = client.frames;
+  const begin = performance.now();
+  await new Promise((done) => setTimeout(done, MEASURED_MS));
+  return (1000 * (client.frames - before)) / (performance.now() - begin);
+}
+
+test("figures", async () => {
+  const browser = await launch();
+  const device = await serve(["--profile", "webcam-grey", "--scene", "sphere"]);
+  const client = new Client(device.runDir);
+  await client.frame();
+  const alone = await rate(client);
+  const page = await open(browser, device.control);
+  await text(page, "#frame", /Delay\d/);
+  const watched = await rate(client);
+  const [, shown] = await text(page, "#frame", /Shown([\d.]+)/);
+  const [, delay] = await text(page, "#frame", /Delay(\d+)/);
+  await page.context().close();
+  const again = await rate(client);
+  const weight = await Promise.all(page.requests.filter((url) => url.startsWith("http")).map(async (url) => {
+    const response = await fetch(url, { headers: { cookie: await cookie(device.control) } });
+    return (await response.arrayBuffer()).byteLength;
+  }));
+  const bytes = weight.reduce((a, b) => a + b, 0);
+  console.log(`client: ${alone.toFixed(2)} frames/s alone, ${watched.toFixed(2)} beside a page, ${again.toFixed(2)} alone`);
+  console.log(`page: ${shown} frames/s shown, ${delay} ms from arrival to drawing (median)`);
+  console.log(`page: ${bytes} bytes, ${page.errors.length} errors`);
+  client.end();
+  await browser.close();
+  await device.kill();
+});
+
+async function cookie(url) {
+  return (await fetch(url)).headers.get("set-cookie").split(";")[0];
+}

@@ -1,0 +1,176 @@
+// A served device with a console, a client that drains its camera, and a browser.
+
+import { spawn } from "node:child_process";
+import { once } from "node:events";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { createRequire } from "node:module";
+import net from "node:net";
+import { tmpdir } from "node:os";
+import path from "node:path";
+
+const require = createRequire(path.join(process.env.PHASMID_NODE_MODULES, "here.js"));
+const { chromium } = require("playwright-core");
+
+/** Longest time that anything here may take on a busy machine. */
+export const DEADLINE_MS = 120_000;
+/** Where screenshots go. */
+export const SCREENSHOTS = "target/console";
+
+/** Starts a device with a console, and waits until it has printed its addresses. */
+export async function serve(options = [], { port = 0 } = {}) {
+  const folder = mkdtempSync(path.join(tmpdir(), "console-"));
+  const runDir = path.join(folder, "run");
+  const child = spawn("target/release/phasmid", [
+    "serve", "--camera", "socket", "--while-stdin", "--run-dir", runDir, `--console=${port}`, ...options,
+  ]);
+  let out = "";
+  let err = "";
+  child.stdout.on("data", (data) => { out += data; });
+  child.stderr.on("data", (data) => { err += data; });
+  await until(() => {
+    if (child.exitCode !== null) {
+      throw new Error(`phasmid serve has ended: ${err}`);
+    }
+    return out.includes("Ctrl-C ends it.");
+  });
+  const [control, view] = [...out.matchAll(/http:\S+/g)].map(([url]) => url);
+  return {
+    control,
+    view,
+    port: Number(new URL(control).port),
+    out,
+    runDir,
+    /** Ends it as a crash would. */
+    async kill() {
+      child.kill("SIGKILL");
+      if (child.exitCode === null && child.signalCode === null) {
+        await once(child, "exit");
+      }
+      rmSync(folder, { recursive: true, force: true });
+    },
+  };
+}
+
+/** Reads a device's camera without delay, as a fast client does. */
+export class Client {
+  constructor(runDir) {
+    const device = JSON.parse(readFileSync(path.join(runDir, "device.json")));
+    this.socket = net.connect(device.camera_socket.replace(/^socket:/, ""));
+    this.frames = 0;
+    this.latest = null;
+    this.arrivals = [];
+    let buffered = Buffer.alloc(0);
+    this.socket.on("data", (data) => {
+      buffered = Buffer.concat([buffered, data]);
+      while (buffered.length >= 72) {
+        const size = 72 + Number(buffered.readBigUInt64LE(48));
+        if (buffered.length < size) {
+          break;
+        }
+        this.frames++;
+        this.arrivals.push(performance.now());
+        this.latest = {
+          id: Number(buffered.readBigUInt64LE(8)),
+          width: buffered.readUInt32LE(20),
+          height: buffered.readUInt32LE(24),
+          data: Buffer.from(buffered.subarray(72, size)),
+        };
+        buffered = buffered.subarray(size);
+      }
+    });
+  }
+
+  async frame() {
+    await until(() => this.latest);
+    return this.latest;
+  }
+
+  end() {
+    this.socket.destroy();
+  }
+}
+
+/** Waits until a function returns a true value, and returns that. */
+export async function until(done) {
+  const end = Date.now() + DEADLINE_MS;
+  for (;;) {
+    const value = await done();
+    if (value) {
+      return value;
+    }
+    if (Date.now() > end) {
+      throw new Error(`waited ${DEADLINE_MS} ms for: ${done}`);
+    }
+    await new Promise((next) => setTimeout(next, 20));
+  }
+}
+
+export function launch() {
+  return chromium.launch({
+    executablePath: "/usr/bin/chromium",
+    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+  });
+}
+
+/** Opens an address in a browser of its own, and collects what goes wrong in it. */
+export async function open(browser, url, options = {}) {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options });
+  const page = await context.newPage();
+  page.setDefaultTimeout(DEADLINE_MS);
+  page.errors = [];
+  page.requests = [];
+  page.on("console", (message) => {
+    if (message.type() === "error" || message.type() === "warning") {
+      page.errors.push(message.text());
+    }
+  });
+  page.on("pageerror", (error) => page.errors.push(String(error)));
+  page.on("request", (request) => page.requests.push(request.url()));
+  page.on("websocket", (socket) => page.requests.push(socket.url()));
+  await page.goto(url);
+  return page;
+}
+
+/** Waits until an element's text matches, and returns the match. */
+export async function text(page, selector, pattern) {
+  let found;
+  try {
+    return await until(async () => {
+      found = await page.textContent(selector);
+      return pattern.exec(found);
+    });
+  } catch (error) {
+    throw new Error(`${selector} says "${found}", expected ${pattern}`, { cause: error });
+  }
+}
+
+/** Returns the samples of a canvas as RGBA, with its size. */
+export async function pixels(page, selector) {
+  return decoded(await page.evaluate(SAMPLES, { selector }));
+}
+
+/** Returns what is seen of an element on the screen, as RGBA, with its size. */
+export async function seen(page, selector) {
+  const png = await page.locator(selector).screenshot();
+  return decoded(await page.evaluate(SAMPLES, { png: png.toString("base64") }));
+}
+
+function decoded(drawn) {
+  return { ...drawn, data: Buffer.from(drawn.data, "base64") };
+}
+
+/** Runs in the page: reads a canvas or decodes a picture. */
+async function SAMPLES({ selector, png }) {
+  const source = selector
+    ? document.querySelector(selector)
+    : await createImageBitmap(new Blob([Uint8Array.from(atob(png), (char) => char.charCodeAt(0))]));
+  const { width, height } = source;
+  const context = new OffscreenCanvas(width, height).getContext("2d");
+  context.drawImage(source, 0, 0);
+  const { data } = context.getImageData(0, 0, width, height);
+  let bytes = "";
+  for (let i = 0; i < data.length; i += 8192) {
+    bytes += String.fromCharCode(...data.subarray(i, i + 8192));
+  }
+  return { width, height, data: btoa(bytes) };
+}
