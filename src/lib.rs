@@ -49,6 +49,7 @@
 //! | [`compare`] | a surface against the truth |
 //! | [`fn@calibrate`] | captures of a board to a calibration |
 //! | [`fn@track`] | scanners at known places in a treatment room to the position of a patient and a tumour, scan by scan |
+//! | [`Console`], [`watch_camera`] | a page in the browser that shows served devices, or a camera, at work |
 //!
 //! The rest of this page is an overview of the crates.
 //!
@@ -175,7 +176,7 @@ mod facade;
 pub use facade::{
     Decoding, Device, DeviceBuilder, Pod, ProfileSource, ScanOptions, Scanner, SceneSource,
     SkinPose, TrackOptions, TrackProgress, Tracked, Tracker, TumourPosition, calibrate,
-    calibrate_with_stop, compare, decode, track,
+    calibrate_with_stop, compare, decode, track, watch_camera,
 };
 #[cfg(feature = "console")]
 pub use phasmid_console::{Console, ConsoleOptions};

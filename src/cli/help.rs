@@ -19,7 +19,15 @@ const GROUPS: [(&str, &[&str]); 8] = [
             "serve", "profile", "sequence", "scene", "dialect", "faults", "plan", "bench",
         ],
     ),
-    ("Host", &["scan", "camera"]),
+    (
+        "Host",
+        &[
+            "scan",
+            "camera",
+            #[cfg(feature = "console")]
+            "console",
+        ],
+    ),
     ("Calibration", &["calibrate", "board"]),
     ("Radiotherapy", &["patient", "locate", "track"]),
     ("Data", &["decode", "compare", "record", "replay"]),

@@ -49,6 +49,8 @@ mod board_args;
 mod calibrate;
 mod camera;
 mod compare;
+#[cfg(feature = "console")]
+mod console;
 mod decode;
 #[cfg(target_os = "linux")]
 mod demo;
@@ -127,6 +129,8 @@ enum Command {
     Faults(faults::Args),
     Study(study::Args),
     Report(report::Args),
+    #[cfg(feature = "console")]
+    Console(console::Args),
     #[cfg(feature = "schema")]
     Schema(schema::Args),
     Completions(help::CompletionsArgs),
@@ -260,6 +264,8 @@ fn dispatch(command: Command, launcher: &Launcher) -> Result<()> {
         Command::Faults(args) => faults::run(&args),
         Command::Study(args) => study::run(&args, launcher),
         Command::Report(args) => report::run(&args),
+        #[cfg(feature = "console")]
+        Command::Console(args) => console::run(&args),
         #[cfg(feature = "schema")]
         Command::Schema(args) => schema::run(&args),
         Command::Completions(args) => help::completions(&args),

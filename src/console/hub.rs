@@ -28,8 +28,15 @@ struct Source {
     frames: u64,
     /// Number of clients that read the camera.
     readers: u64,
-    /// Whether the control port is unplugged.
-    unplugged: bool,
+    /// Whether the camera or the control port is unplugged.
+    unplugged: Unplugged,
+}
+
+/// The links of a source that are unplugged.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub(crate) struct Unplugged {
+    pub(crate) camera: bool,
+    pub(crate) control: bool,
 }
 
 /// A source without its frames.
@@ -37,7 +44,7 @@ struct Source {
 pub(crate) struct Standing {
     pub(crate) name: String,
     pub(crate) readers: u64,
-    pub(crate) unplugged: bool,
+    pub(crate) unplugged: Unplugged,
 }
 
 #[derive(Default)]
@@ -106,8 +113,13 @@ impl Hub {
             Event::Left if channel == Channel::Camera => {
                 source.readers = source.readers.saturating_sub(1);
             }
-            Event::Unplugged => source.unplugged = true,
-            Event::Plugged => source.unplugged = false,
+            Event::Unplugged | Event::Plugged => {
+                let unplugged = *event == Event::Unplugged;
+                match channel.is_port() {
+                    true => source.unplugged.control = unplugged,
+                    false => source.unplugged.camera = unplugged,
+                }
+            }
             _ => return,
         }
         drop(state);

@@ -8,6 +8,7 @@
 //! | `decode` | captures to surfaces, and surfaces compared with the truth |
 //! | `device` | an emulated device in memory |
 //! | `scanner` | a scanner at its addresses |
+//! | `watch` | a camera that is only looked at |
 //! | `track` | a patient and a tumour, tracked by the pods of a room |
 
 mod builder;
@@ -16,6 +17,7 @@ mod decode;
 mod device;
 mod scanner;
 mod track;
+mod watch;
 
 pub use builder::{DeviceBuilder, ProfileSource, SceneSource};
 pub use calibrate::{calibrate, calibrate_with_stop};
@@ -41,3 +43,4 @@ const _: fn() = || {
     #[cfg(target_os = "linux")]
     is_send::<crate::Serving>();
 };
+pub use watch::watch_camera;

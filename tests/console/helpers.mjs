@@ -17,19 +17,32 @@ export const DEADLINE_MS = 120_000;
 export const SCREENSHOTS = "target/console";
 
 /** Starts a device with a console, and waits until it has printed its addresses. */
-export async function serve(options = [], { port = 0 } = {}) {
+export async function serve(options = [], { port = 0, runDir } = {}) {
   const folder = mkdtempSync(path.join(tmpdir(), "console-"));
-  const runDir = path.join(folder, "run");
-  const child = spawn("target/release/phasmid", [
-    "serve", "--camera", "socket", "--while-stdin", "--run-dir", runDir, `--console=${port}`, ...options,
-  ]);
+  const run = runDir ?? path.join(folder, "run");
+  const started = await start(["serve", "--camera", "socket", "--run-dir", run, `--console=${port}`, "--while-stdin", ...options]);
+  const kill = async () => {
+    await started.kill();
+    rmSync(folder, { recursive: true, force: true });
+  };
+  return { ...started, runDir: run, kill };
+}
+
+/** Starts a console that reads a camera. */
+export function watch(options) {
+  return start(["console", ...options]);
+}
+
+/** Starts the command, and waits until it has printed the addresses of its console. */
+async function start(command) {
+  const child = spawn("target/release/phasmid", command);
   let out = "";
   let err = "";
   child.stdout.on("data", (data) => { out += data; });
   child.stderr.on("data", (data) => { err += data; });
   await until(() => {
     if (child.exitCode !== null) {
-      throw new Error(`phasmid serve has ended: ${err}`);
+      throw new Error(`phasmid ${command[0]} has ended: ${err}`);
     }
     return out.includes("Ctrl-C ends it.");
   });
@@ -38,15 +51,12 @@ export async function serve(options = [], { port = 0 } = {}) {
     control,
     view,
     port: Number(new URL(control).port),
-    out,
-    runDir,
     /** Ends it as a crash would. */
     async kill() {
       child.kill("SIGKILL");
       if (child.exitCode === null && child.signalCode === null) {
         await once(child, "exit");
       }
-      rmSync(folder, { recursive: true, force: true });
     },
   };
 }

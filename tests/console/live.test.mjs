@@ -1,8 +1,11 @@
 // The live camera.
 
 import assert from "node:assert/strict";
+import { mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import path from "node:path";
 import { after, before, test } from "node:test";
-import { Client, SCREENSHOTS, launch, open, pixels, seen, serve, text, until } from "./helpers.mjs";
+import { Client, SCREENSHOTS, launch, open, pixels, seen, serve, text, until, watch } from "./helpers.mjs";
 
 let browser;
 let device;
@@ -16,7 +19,7 @@ before(async () => {
 
 after(async () => {
   await browser.close();
-  client.end();
+  client?.end();
   await device.kill();
 });
 
@@ -194,5 +197,26 @@ test("saturated pixels are counted and marked", async () => {
   await page.screenshot({ path: `${SCREENSHOTS}/saturated.png` });
   reader.end();
   await bright.kill();
+  await page.context().close();
+});
+
+test("a console that reads a camera itself shows its frames, its loss and its return", async () => {
+  const options = ["--profile", "webcam-grey", "--scene", "plane"];
+  const runDir = mkdtempSync(path.join(tmpdir(), "console-"));
+  const first = await serve(options, { runDir });
+  const reader = await watch(["--run-dir", runDir]);
+  const page = await open(browser, reader.control);
+  await text(page, "#frame", /Number\d+/);
+  const { data } = await pixels(page, "#picture");
+  assert.ok(new Set(data).size > 20, "the picture is not uniform");
+  await first.kill();
+  await text(page, "#device", /camera is gone, waiting for it/);
+  const second = await serve(options, { runDir });
+  await text(page, "#device", /^1 program reads the camera$/);
+  const last = Number((await text(page, "#frame", /Number(\d+)/))[1]);
+  await until(async () => Number((await text(page, "#frame", /Number(\d+)/))[1]) !== last);
+  await reader.kill();
+  await second.kill();
+  rmSync(runDir, { recursive: true, force: true });
   await page.context().close();
 });

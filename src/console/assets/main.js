@@ -68,8 +68,11 @@ function showState(now) {
   state = now;
   const here = now.sources[source];
   const parts = [];
-  if (here?.unplugged) {
+  if (here?.unplugged.control) {
     parts.push("control port unplugged");
+  }
+  if (here?.unplugged.camera) {
+    parts.push("camera is gone, waiting for it");
   }
   parts.push(`${here?.readers ?? 0} ${here?.readers === 1 ? "program reads" : "programs read"} the camera`);
   $("device").textContent = parts.join(", ");
