@@ -150,7 +150,7 @@ test("the page says when the console is lost and when it is another one", async 
   await text(page, "#connection", /^connected$/);
   await lost.kill();
   await text(page, "#connection", /^connection lost, trying again$/);
-  const again = await until(() => serve(["--profile", "webcam-grey", "--scene", "plane"], lost).catch(() => null));
+  const again = await until(() => serve(["--profile", "webcam-grey", "--scene", "plane"], { port: lost.port }).catch(() => null));
   await text(page, "#connection", /^console ended$/);
   await text(page, "#notice", /Open the address that it prints/);
   await page.goto(again.control);

@@ -8,6 +8,8 @@ import * as histogram from "./histogram.js";
 const HISTOGRAM_MS = 100;
 /** Part of saturated pixels from which there is a warning. */
 const MANY = 0.001;
+/** Name under which a tab keeps that it is in control, for a connection that is opened again. */
+const CONTROL = "control";
 /** Time over which shown frames are counted. */
 const COUNTED_MS = 2000;
 
@@ -37,6 +39,8 @@ function connected(how) {
   if (how === "open") {
     next = null;
     connection.ask({ kind: "watch", source });
+  } else if (how === "lost") {
+    state.controls = false;
   } else if (how === "refused") {
     notice("The console has been started again, or has ended.\nOpen the address that it prints.");
   }
@@ -64,6 +68,16 @@ function showState(now) {
   if (String(names) !== String(state.sources.map((one) => one.name))) {
     $("source").replaceChildren(...names.map((name, index) => new Option(name, index)));
     $("source").value = source;
+  }
+  if (now.controls) {
+    sessionStorage.setItem(CONTROL, "");
+  } else if (now.other_controls) {
+    // Another viewer has taken it over, unless it is this tab's earlier connection that has not ended yet.
+    if (state.controls) {
+      sessionStorage.removeItem(CONTROL);
+    }
+  } else if (sessionStorage.getItem(CONTROL) !== null) {
+    connection.ask({ kind: "control", take: true });
   }
   state = now;
   const here = now.sources[source];
@@ -155,7 +169,10 @@ $("source").addEventListener("change", () => {
   connection.ask({ kind: "watch", source });
   showState(state);
 });
-$("control").addEventListener("click", () => connection.ask({ kind: "control", take: !state.controls }));
+$("control").addEventListener("click", () => {
+  sessionStorage.removeItem(CONTROL);
+  connection.ask({ kind: "control", take: !state.controls });
+});
 $("in").addEventListener("click", () => picture.enlarge(Math.SQRT2));
 $("out").addEventListener("click", () => picture.enlarge(Math.SQRT1_2));
 $("fit").addEventListener("click", () => picture.fit());
