@@ -1,10 +1,12 @@
-//! Who may see the page and who may control the scanner.
+//! Access to the page and to control of the scanner.
 //!
 //! The page is served on the loopback interface, which other users of the machine and pages of other
-//! sites can reach as well. Two random tokens keep them out: one to view, one to control. A token is
-//! given once, in the address, and comes back as a cookie that only this page's own requests carry
-//! (`SameSite=Strict`). A name of another site that resolves to this machine (DNS rebinding) fails at
-//! the check of `Host`, a WebSocket opened by a page of another site at the check of `Origin`.
+//! sites can reach as well. Three random secrets keep them out. The address has a token, one to view and
+//! another to control; the page keeps it for its tab and presents it when it opens the WebSocket. With
+//! the first request the browser gets a cookie (`SameSite=Strict`), without which nothing is served. It
+//! gives access to the page's files only, because browsers send cookies to other ports of this machine
+//! too. A name of another site that resolves to this machine (DNS rebinding) fails at the check of
+//! `Host`, a WebSocket opened by a page of another site at the check of `Origin`.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::admission::Token;
@@ -21,6 +23,7 @@ pub(crate) struct Access {
     port: u16,
     view: Token,
     control: Token,
+    cookie: Token,
 }
 
 impl Access {
@@ -39,6 +42,7 @@ impl Access {
             port,
             view: draw()?,
             control: draw()?,
+            cookie: draw()?,
         })
     }
 
@@ -61,14 +65,12 @@ impl Access {
         { roles }.find(|role| self.token(*role).matches(token.as_bytes()))
     }
 
-    /// Returns the role that the cookies of a request give.
-    pub(crate) fn role_of_cookies(&self, cookies: &str) -> Option<Role> {
+    /// Returns whether a request has our cookie.
+    pub(crate) fn is_our_cookie(&self, cookies: &str) -> bool {
         let name = self.cookie_name();
-        let pairs = cookies
-            .split(';')
-            .filter_map(|pair| pair.trim().split_once('='));
-        let ours = pairs.filter(|(key, _)| *key == name);
-        ours.filter_map(|(_, token)| self.role_of(token)).max()
+        let pairs = cookies.split(';');
+        let mut pairs = pairs.filter_map(|pair| pair.trim().split_once('='));
+        pairs.any(|(key, value)| key == name && self.cookie.matches(value.as_bytes()))
     }
 
     /// Cookies do not distinguish ports, so the name does.
@@ -76,20 +78,21 @@ impl Access {
         format!("phasmid-{}", self.port)
     }
 
-    /// Returns the cookie that keeps a role.
-    pub(crate) fn cookie(&self, role: Role) -> String {
-        let token = self.token(role).to_line();
+    /// Returns the cookie, as a browser is asked to keep it.
+    pub(crate) fn cookie(&self) -> String {
+        let (name, value) = (self.cookie_name(), self.cookie.to_line());
         format!(
-            "{}={}; Path=/; HttpOnly; SameSite=Strict",
-            self.cookie_name(),
-            token.trim_end()
+            "{name}={}; Path=/; HttpOnly; SameSite=Strict",
+            value.trim_end()
         )
     }
 
     /// Returns whether a request names this machine's loopback interface, and no other site, as its
     /// host.
     pub(crate) fn is_our_host(&self, host: &str) -> bool {
+        // Browsers leave the default port out.
         let name = host.strip_suffix(&format!(":{}", self.port));
+        let name = name.or_else(|| (self.port == 80).then_some(host));
         name.is_some_and(|name| matches!(name, "127.0.0.1" | "localhost"))
     }
 
@@ -104,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tokens_and_cookies_give_their_role_and_no_other() {
+    fn tokens_give_their_role_and_the_cookie_none() {
         let access = Access::new(8080).unwrap();
         let other = Access::new(8080).unwrap();
         for role in [Role::View, Role::Control] {
@@ -114,18 +117,15 @@ mod tests {
             assert_eq!(access.role_of(token), Some(role));
             assert_eq!(access.role_of(&token[1..]), None);
             assert_eq!(other.role_of(token), None);
-            let cookie = access.cookie(role);
-            let pair = cookie.split(';').next().unwrap();
-            assert_eq!(access.role_of_cookies(pair), Some(role));
-            assert_eq!(
-                access.role_of_cookies(&format!("a=b; {pair}; c")),
-                Some(role)
-            );
-            assert_eq!(access.role_of_cookies(&format!("x{pair}")), None);
-            assert_eq!(other.role_of_cookies(pair), None);
+            assert!(!access.is_our_cookie(&format!("phasmid-8080={token}")));
         }
+        let cookie = access.cookie();
+        let pair = cookie.split(';').next().unwrap();
+        assert!(access.is_our_cookie(pair) && access.is_our_cookie(&format!("a=b; {pair}; c")));
+        assert!(!access.is_our_cookie(&format!("x{pair}")) && !other.is_our_cookie(pair));
+        assert_eq!(access.role_of(pair.split_once('=').unwrap().1), None);
         assert_eq!(access.role_of(""), None);
-        assert_eq!(access.role_of_cookies(""), None);
+        assert!(!access.is_our_cookie(""));
     }
 
     #[test]
@@ -155,5 +155,8 @@ mod tests {
         ] {
             assert!(!access.is_our_origin(origin, "127.0.0.1:8080"), "{origin}");
         }
+        let default = Access::new(80).unwrap();
+        assert!(default.is_our_host("localhost") && default.is_our_host("127.0.0.1:80"));
+        assert!(!default.is_our_host("evil.example"));
     }
 }

@@ -41,7 +41,7 @@ mod tests {
         assert!(weight < 3 << 20, "{weight} bytes");
         for asset in ASSETS {
             let text = String::from_utf8_lossy(asset.bytes);
-            // The name of SVG's language is not an address that is opened.
+            // The SVG namespace is not fetched.
             let text = text.replace("http://www.w3.org/2000/svg", "");
             assert!(
                 !text.contains("http://") && !text.contains("https://"),

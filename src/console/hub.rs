@@ -15,6 +15,8 @@ pub(crate) struct Shown {
     /// Number among the frames of its source, from 1.
     pub(crate) number: u64,
     pub(crate) frame: Arc<Frame>,
+    /// Whether id, pattern and times come from the device; else the id only counts.
+    pub(crate) identified: bool,
     /// When it arrived here.
     pub(crate) arrived: Instant,
 }
@@ -26,8 +28,10 @@ struct Source {
     latest: Option<Shown>,
     /// Number of frames so far.
     frames: u64,
-    /// Number of clients that read the camera.
+    /// Number of programs that are known to read the camera.
     readers: u64,
+    /// Why the last frame was damaged, or why the camera is gone.
+    why: Option<String>,
     /// Whether the camera or the control port is unplugged.
     unplugged: Unplugged,
 }
@@ -44,6 +48,7 @@ pub(crate) struct Unplugged {
 pub(crate) struct Standing {
     pub(crate) name: String,
     pub(crate) readers: u64,
+    pub(crate) why: Option<String>,
     pub(crate) unplugged: Unplugged,
 }
 
@@ -52,9 +57,14 @@ struct State {
     sources: Vec<Source>,
     /// Number of viewers so far.
     numbered: u64,
-    /// Those that are there, by number.
+    /// Numbers of the connected viewers.
     viewers: Vec<u64>,
     controller: Option<u64>,
+}
+
+/// Returns whether a channel is a camera's.
+fn is_camera(channel: Channel) -> bool {
+    matches!(channel, Channel::Camera | Channel::Counted)
 }
 
 /// The sources and the viewers.
@@ -106,18 +116,25 @@ impl Hub {
                 source.latest = Some(Shown {
                     number: source.frames,
                     frame: frame.clone(),
+                    identified: channel == Channel::Camera,
                     arrived: Instant::now(),
                 });
             }
-            Event::Opened if channel == Channel::Camera => source.readers += 1,
-            Event::Left if channel == Channel::Camera => {
+            Event::Opened if is_camera(channel) => source.readers += 1,
+            Event::Left if is_camera(channel) => {
                 source.readers = source.readers.saturating_sub(1);
+            }
+            Event::Note(why) if is_camera(channel) => {
+                source.why = Some(why.clone());
             }
             Event::Unplugged | Event::Plugged => {
                 let unplugged = *event == Event::Unplugged;
                 match channel.is_port() {
                     true => source.unplugged.control = unplugged,
-                    false => source.unplugged.camera = unplugged,
+                    false => {
+                        source.unplugged.camera = unplugged;
+                        source.why = source.why.take().filter(|_| unplugged);
+                    }
                 }
             }
             _ => return,
@@ -126,10 +143,15 @@ impl Hub {
         self.tell();
     }
 
+    /// Returns whether no further viewer is admitted. The last place is for those who may control.
+    pub(crate) fn is_full(&self, may_control: bool) -> bool {
+        self.state().viewers.len() >= MAX_VIEWERS - usize::from(!may_control)
+    }
+
     /// Admits a viewer, with control if that is allowed and nobody has it; `None` if there are too many.
     pub(crate) fn enter(self: &Arc<Self>, may_control: bool) -> Option<Seat> {
         let mut state = self.state();
-        if state.viewers.len() >= MAX_VIEWERS {
+        if state.viewers.len() >= MAX_VIEWERS - usize::from(!may_control) {
             return None;
         }
         state.numbered += 1;
@@ -183,6 +205,7 @@ impl Seat {
         let sources = state.sources.iter().map(|source| Standing {
             name: source.name.clone(),
             readers: source.readers,
+            why: source.why.clone(),
             unplugged: source.unplugged,
         });
         View {
@@ -201,10 +224,11 @@ impl Seat {
         (latest.number > number).then(|| latest.clone())
     }
 
-    /// Takes control from whoever has it, if this viewer may, or gives it back.
-    pub(crate) fn control(&self, take: bool) {
+    /// Takes control, if this viewer may, or gives it back. Takes it from another viewer unless
+    /// `if_free`.
+    pub(crate) fn control(&self, take: bool, if_free: bool) {
         let mut state = self.hub.state();
-        if take && self.may_control {
+        if take && self.may_control && !(if_free && state.controller.is_some()) {
             state.controller = Some(self.number);
         } else if !take && state.controller == Some(self.number) {
             state.controller = None;
@@ -238,16 +262,18 @@ mod tests {
         let second = hub.enter(true).unwrap();
         let controls = || [&watcher, &first, &second].map(|seat| seat.view().controls);
         assert_eq!(controls(), [false, true, false]);
-        watcher.control(true);
+        watcher.control(true, false);
         assert_eq!(controls(), [false, true, false]);
-        second.control(true);
+        second.control(true, true);
+        assert_eq!(controls(), [false, true, false]);
+        second.control(true, false);
         assert_eq!(controls(), [false, false, true]);
         assert!(first.view().other_controls && watcher.view().other_controls);
-        first.control(false);
+        first.control(false, false);
         assert_eq!(controls(), [false, false, true]);
-        second.control(false);
+        second.control(false, false);
         assert_eq!(controls(), [false; 3]);
-        first.control(true);
+        first.control(true, true);
         drop(first);
         assert!(!watcher.view().other_controls);
         assert_eq!(watcher.view().viewers, 2);
@@ -256,11 +282,13 @@ mod tests {
     #[test]
     fn viewers_are_limited_and_make_room() {
         let hub = Arc::new(Hub::default());
-        let mut seats: Vec<_> = (0..MAX_VIEWERS)
+        let seats: Vec<_> = (1..MAX_VIEWERS)
             .map(|_| hub.enter(false).unwrap())
             .collect();
-        assert!(hub.enter(true).is_none());
-        seats.pop();
-        assert!(hub.enter(true).is_some());
+        assert!(hub.enter(false).is_none() && hub.is_full(false) && !hub.is_full(true));
+        let last = hub.enter(true).unwrap();
+        assert!(hub.enter(true).is_none() && hub.is_full(true));
+        drop((seats, last));
+        assert!(hub.enter(false).is_some());
     }
 }

@@ -8,6 +8,7 @@
 //! | --- | --- |
 //! | `access` | tokens, cookies, and the checks of `Host` and `Origin` |
 //! | `assets` | the files of the page |
+//! | `connections` | the listener, which limits connections |
 //! | `hub` | the latest frame of each source, the viewers, and who has control |
 //! | `server` | routes and headers |
 //! | `viewer` | one WebSocket |
@@ -15,12 +16,14 @@
 
 mod access;
 mod assets;
+mod connections;
 mod hub;
 mod server;
 mod viewer;
 mod wire;
 
 use access::Access;
+use connections::Connections;
 use hub::Hub;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::record::Observer;
@@ -40,7 +43,7 @@ pub struct ConsoleOptions {
 /// A console, until this value is dropped.
 ///
 /// Whoever opens [`Self::url`] may control the scanner, whoever opens [`Self::view_url`] may only
-/// watch. Each address has a random token, which the page turns into a cookie.
+/// watch. Each address has a random token.
 #[must_use = "the console is served only as long as this value exists"]
 pub struct Console {
     access: Arc<Access>,
@@ -76,7 +79,7 @@ impl Console {
             runtime.block_on(async {
                 tokio::select! {
                     // It never ends by itself.
-                    _ = axum::serve(listener, pages) => {}
+                    _ = axum::serve(Connections::new(listener), pages) => {}
                     _ = stopped => {}
                 }
             });
@@ -99,7 +102,7 @@ impl Console {
         self.access.url(access::Role::View)
     }
 
-    /// Adds a scanner, and returns what its links have to tell.
+    /// Adds a scanner and returns the observer for its events.
     pub fn observer(&self, name: impl Into<String>) -> Observer {
         let (hub, source) = (self.hub.clone(), self.hub.add(name.into()));
         Observer::new(move |time_ns, channel, event| hub.see(source, time_ns, channel, event))

@@ -6,8 +6,9 @@ use crate::hub::Hub;
 use crate::viewer;
 use axum::Router;
 use axum::body::Body;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::{Path, Query, Request, State, WebSocketUpgrade};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
@@ -53,43 +54,34 @@ fn text(headers: &HeaderMap, name: HeaderName) -> &str {
     value.unwrap_or_default()
 }
 
-/// Refuses requests that name another host or have no token of ours.
-async fn guard(State(shared): State<Shared>, mut request: Request, next: Next) -> Response {
+/// Returns the role of the token in the address of a request.
+fn role(access: &Access, uri: &Uri) -> Option<Role> {
+    let Query(pairs) = Query::<Vec<(String, String)>>::try_from_uri(uri).ok()?;
+    let token = pairs.iter().find(|(key, _)| key == "token")?;
+    access.role_of(&token.1)
+}
+
+/// Refuses requests that name another host, or that have neither our cookie nor, for the page, a token.
+async fn guard(State(shared): State<Shared>, request: Request, next: Next) -> Response {
+    let access = &shared.access;
     let headers = request.headers();
-    let host = text(headers, header::HOST);
-    let mut response = if !shared.access.is_our_host(host) {
+    let cookies = headers.get_all(header::COOKIE).iter();
+    let known =
+        { cookies }.any(|value| value.to_str().is_ok_and(|text| access.is_our_cookie(text)));
+    let admitted = request.uri().path() == "/" && role(access, request.uri()).is_some();
+    let mut response = if !access.is_our_host(text(headers, header::HOST)) {
         let why = "This console is reached as 127.0.0.1 or localhost, with its port.\n";
         (StatusCode::MISDIRECTED_REQUEST, why).into_response()
+    } else if known || admitted {
+        next.run(request).await
     } else {
-        let cookies = headers.get_all(header::COOKIE).iter();
-        let roles = cookies.filter_map(|value| shared.access.role_of_cookies(value.to_str().ok()?));
-        let kept = roles.max();
-        let query = Query::<Vec<(String, String)>>::try_from_uri(request.uri());
-        let pairs = query.map(|Query(pairs)| pairs).unwrap_or_default();
-        let mut tokens = pairs.iter().filter(|(key, _)| key == "token");
-        let given = match tokens.next() {
-            Some((_, token)) if request.uri().path() == "/" => shared.access.role_of(token),
-            _ => None,
-        };
-        // The address to view does not take control from a browser that has it.
-        match kept.max(given) {
-            Some(role) => {
-                request.extensions_mut().insert(role);
-                let mut response = next.run(request).await;
-                if given.is_some()
-                    && let Ok(cookie) = HeaderValue::from_str(&shared.access.cookie(role))
-                {
-                    response.headers_mut().insert(header::SET_COOKIE, cookie);
-                }
-                response
-            }
-            None => {
-                let why = "Open the address that the console has printed, with its token. It is new \
-                           each time the console starts.\n";
-                (StatusCode::FORBIDDEN, why).into_response()
-            }
-        }
+        let why = "Open the address that the console has printed, with its token. It is new \
+                   each time the console starts.\n";
+        (StatusCode::FORBIDDEN, why).into_response()
     };
+    if admitted && let Ok(cookie) = HeaderValue::from_str(&access.cookie()) {
+        response.headers_mut().insert(header::SET_COOKIE, cookie);
+    }
     for (name, value) in HEADERS {
         let headers = response.headers_mut();
         headers.insert(name, HeaderValue::from_static(value));
@@ -116,13 +108,26 @@ async fn asset(Path(name): Path<String>) -> Response {
     }
 }
 
-/// Opens the WebSocket of a viewer.
+/// Opens the WebSocket of a viewer. A plain request learns whether that would be refused.
 async fn socket(
     State(shared): State<Shared>,
     headers: HeaderMap,
-    axum::Extension(role): axum::Extension<Role>,
-    upgrade: WebSocketUpgrade,
+    uri: Uri,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
+    let Some(role) = role(&shared.access, &uri) else {
+        return (StatusCode::FORBIDDEN, "This needs a token.\n").into_response();
+    };
+    let may_control = role == Role::Control;
+    let full = (
+        StatusCode::SERVICE_UNAVAILABLE,
+        "There are too many viewers.\n",
+    );
+    let upgrade = match upgrade {
+        Ok(upgrade) => upgrade,
+        Err(_) if shared.hub.is_full(may_control) => return full.into_response(),
+        Err(plain) => return plain.into_response(),
+    };
     let host = text(&headers, header::HOST);
     if !shared
         .access
@@ -131,10 +136,11 @@ async fn socket(
         let why = "Only the console's own page may open this.\n";
         return (StatusCode::FORBIDDEN, why).into_response();
     }
-    let Some(seat) = shared.hub.enter(role == Role::Control) else {
-        let why = "There are too many viewers.\n";
-        return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
+    let Some(seat) = shared.hub.enter(may_control) else {
+        return full.into_response();
     };
-    let upgrade = upgrade.max_message_size(MAX_MESSAGE);
+    let upgrade = upgrade
+        .max_message_size(MAX_MESSAGE)
+        .max_frame_size(MAX_MESSAGE);
     upgrade.on_upgrade(|socket| viewer::serve(socket, seat))
 }

@@ -13,6 +13,10 @@ const MAX_AHEAD: usize = 2;
 const DELAYS: usize = 60;
 /// Time in which the browser must accept a message.
 const STALL: Duration = Duration::from_secs(30);
+/// Time between two pings, which browsers answer by themselves.
+const PING: Duration = Duration::from_secs(20);
+/// Time without an answer after which a viewer is gone.
+const SILENCE: Duration = Duration::from_secs(70);
 
 /// The state of a viewer.
 struct Viewer {
@@ -45,10 +49,13 @@ impl Viewer {
     /// Returns when the viewer has left or does not accept what it is sent.
     async fn run(mut self) -> Option<()> {
         let mut view = None;
+        let mut heard = Instant::now();
+        let mut ping = tokio::time::interval(PING);
         loop {
             let now = self.seat.view();
             if view.as_ref() != Some(&now) {
-                self.send(message(&Told::State(&now), &[])).await?;
+                self.send(Message::Binary(message(&Told::State(&now), &[]).into()))
+                    .await?;
                 view = Some(now);
             }
             if self.ahead.len() < MAX_AHEAD
@@ -57,15 +64,24 @@ impl Viewer {
                 self.sent = shown.number;
                 self.ahead.push_back((shown.number, shown.arrived));
                 let bytes = frame_message(self.source, &shown, self.delay_ms());
-                self.send(bytes).await?;
+                self.send(Message::Binary(bytes.into())).await?;
             }
             tokio::select! {
-                asked = self.socket.recv() => match asked?.ok()? {
-                    // A message that is not ours ends the connection.
-                    Message::Text(text) => self.answer(serde_json::from_str(&text).ok()?),
-                    Message::Close(_) => return None,
-                    _ => {}
-                },
+                asked = self.socket.recv() => {
+                    heard = Instant::now();
+                    match asked?.ok()? {
+                        // A message that is not ours ends the connection.
+                        Message::Text(text) => self.answer(serde_json::from_str(&text).ok()?),
+                        Message::Close(_) => return None,
+                        _ => {}
+                    }
+                }
+                _ = ping.tick() => {
+                    if heard.elapsed() > SILENCE {
+                        return None;
+                    }
+                    self.send(Message::Ping(Vec::new().into())).await?;
+                }
                 () = self.seat.changed() => {}
             }
         }
@@ -93,7 +109,7 @@ impl Viewer {
                 self.ahead.clear();
             }
             Asked::Drawn { .. } | Asked::Watch { .. } => {}
-            Asked::Control { take } => self.seat.control(take),
+            Asked::Control { take, if_free } => self.seat.control(take, if_free),
         }
     }
 
@@ -103,8 +119,8 @@ impl Viewer {
         sorted.get(sorted.len() / 2).copied()
     }
 
-    async fn send(&mut self, bytes: Vec<u8>) -> Option<()> {
-        let sent = self.socket.send(Message::Binary(bytes.into()));
+    async fn send(&mut self, message: Message) -> Option<()> {
+        let sent = self.socket.send(message);
         tokio::time::timeout(STALL, sent).await.ok()?.ok()
     }
 }

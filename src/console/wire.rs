@@ -21,6 +21,8 @@ pub(crate) enum Told<'a> {
         number: u64,
         id: u64,
         pattern: Option<u32>,
+        /// Whether id, pattern and times come from the device.
+        identified: bool,
         width: u32,
         height: u32,
         format: &'static str,
@@ -28,9 +30,9 @@ pub(crate) enum Told<'a> {
         bits: u32,
         /// Largest value that the format can have.
         white: u16,
-        exposure_ms: f64,
+        exposure_ms: Option<f64>,
         /// Device time at the start of the exposure.
-        time_s: f64,
+        time_s: Option<f64>,
         /// Median time from the arrival of recent frames to when they were drawn.
         delay_ms: Option<f64>,
     },
@@ -51,8 +53,8 @@ pub(crate) enum Asked {
     Drawn { source: usize, number: u64 },
     /// Show this source from now on.
     Watch { source: usize },
-    /// Take control, or give it back.
-    Control { take: bool },
+    /// Take control, only if nobody has it if `if_free`; or give it back.
+    Control { take: bool, if_free: bool },
 }
 
 /// Returns the bytes of a message.
@@ -96,13 +98,14 @@ pub(crate) fn frame_message(source: usize, shown: &Shown, delay_ms: Option<f64>)
         number: shown.number,
         id: frame.id,
         pattern: frame.pattern_index,
+        identified: shown.identified,
         width: frame.width,
         height: frame.height,
         format: frame.format.name(),
         bits: luma.format.bits_per_pixel() as u32,
         white: frame.format.max_value(),
-        exposure_ms: length_ns as f64 * 1e-6,
-        time_s: frame.exposure_start_ns as f64 * 1e-9,
+        exposure_ms: { shown.identified }.then_some(length_ns as f64 * 1e-6),
+        time_s: { shown.identified }.then_some(frame.exposure_start_ns as f64 * 1e-9),
         delay_ms,
     };
     message(&told, &luma.data)
@@ -130,6 +133,7 @@ mod tests {
         let shown = Shown {
             number: 5,
             frame: Arc::new(frame),
+            identified: true,
             arrived: Instant::now(),
         };
         let bytes = frame_message(1, &shown, Some(2.5));
@@ -142,8 +146,8 @@ mod tests {
     #[test]
     fn frame_of_each_layout_comes_as_8_or_16_bits() {
         let (json, payload) = parts(PixelFormat::Grey, vec![1, 2, 3, 255]);
-        let want = json!({ "kind": "frame", "source": 1, "number": 5, "id": 7, "pattern": 3, "width": 4,
-            "height": 1, "format": "GREY", "bits": 8, "white": 255, "exposure_ms": 2.0, "time_s": 1.5,
+        let want = json!({ "kind": "frame", "source": 1, "number": 5, "id": 7, "pattern": 3, "identified": true,
+            "width": 4, "height": 1, "format": "GREY", "bits": 8, "white": 255, "exposure_ms": 2.0, "time_s": 1.5,
             "delay_ms": 2.5 });
         assert_eq!((json, payload), (want, vec![1, 2, 3, 255]));
         let (json, payload) = parts(PixelFormat::Yuyv, vec![1, 128, 2, 128, 3, 128, 4, 128]);

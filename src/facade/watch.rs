@@ -1,4 +1,4 @@
-//! A camera that is only looked at.
+//! Shows the frames of a camera to an observer.
 
 use phasmid_core::error::Result;
 use phasmid_host::{Camera, CameraDriver, monotonic_ns, open_camera};
@@ -40,30 +40,46 @@ pub fn watch_camera(
     mut flow: impl FnMut() -> ControlFlow<()>,
 ) -> Result<()> {
     let mut camera = open_camera(address, driver, OPENING)?;
-    let see = |event| observer.see(monotonic_ns(), Channel::Camera, &event);
-    see(Event::Opened);
+    let see = |camera: &dyn Camera, event| {
+        let channel = match camera.identifies() {
+            true => Channel::Camera,
+            false => Channel::Counted,
+        };
+        observer.see(monotonic_ns(), channel, &event);
+    };
+    see(&camera, Event::Opened);
     while flow().is_continue() {
         match camera.next_frame(STEP) {
-            Ok(Some(frame)) => see(Event::Frame(Arc::new(frame))),
+            Ok(Some(frame)) => see(&camera, Event::Frame(Arc::new(frame))),
             Ok(None) => {}
-            Err(damaged) if camera.has_skipped() => see(Event::Note(damaged.to_string())),
-            Err(_) => {
-                see(Event::Unplugged);
-                // Closed first: some drivers open a device only once.
-                drop(camera);
+            Err(damaged) if camera.has_skipped() => {
+                see(&camera, Event::Note(damaged.to_string()));
+            }
+            Err(why) => {
+                see(&camera, Event::Note(why.to_string()));
+                see(&camera, Event::Unplugged);
+                // A node may come back under another number. Other cameras are closed first: some can be
+                // opened only once.
+                let mut gone = camera.has_gone().then_some(camera);
                 camera = loop {
+                    thread::sleep(RETRY);
                     if flow().is_break() {
                         return Ok(());
                     }
-                    match open_camera(address, driver, OPENING) {
-                        Ok(again) => break again,
-                        Err(_) => thread::sleep(RETRY),
+                    if let Some(waiting) = &mut gone {
+                        if waiting.reopen(OPENING).is_ok()
+                            && let Some(back) = gone.take()
+                        {
+                            break back;
+                        }
+                    } else if let Ok(again) = open_camera(address, driver, OPENING) {
+                        break again;
                     }
                 };
-                see(Event::Plugged);
+                see(&camera, Event::Plugged);
             }
         }
     }
-    see(Event::Left);
+    see(&camera, Event::Left);
     Ok(())
 }

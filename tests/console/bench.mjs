@@ -34,9 +34,7 @@ test("figures", async () => {
   console.log(`client: ${alone.toFixed(2)} frames/s alone, ${watched.toFixed(2)} beside a page, ${again.toFixed(2)} alone`);
   console.log(`page: ${shown} frames/s shown, ${delay} ms from arrival to drawing (median)`);
   console.log(`page: ${bytes} bytes, ${page.errors.length} errors`);
-  client.end();
   await browser.close();
-  await device.kill();
 });
 
 async function cookie(url) {

@@ -5,11 +5,20 @@ import { once } from "node:events";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
 import net from "node:net";
+import { after } from "node:test";
 import { tmpdir } from "node:os";
 import path from "node:path";
 
 const require = createRequire(path.join(process.env.PHASMID_NODE_MODULES, "here.js"));
 const { chromium } = require("playwright-core");
+
+const closers = [];
+// Also after a failure, or the process would wait for them.
+after(async () => {
+  for (const close of closers) {
+    await close();
+  }
+});
 
 /** Longest time that anything here may take on a busy machine. */
 export const DEADLINE_MS = 120_000;
@@ -36,6 +45,13 @@ export function watch(options) {
 /** Starts the command, and waits until it has printed the addresses of its console. */
 async function start(command) {
   const child = spawn("target/release/phasmid", command);
+  const kill = async () => {
+    child.kill("SIGKILL");
+    if (child.exitCode === null && child.signalCode === null) {
+      await once(child, "exit");
+    }
+  };
+  closers.push(kill);
   let out = "";
   let err = "";
   child.stdout.on("data", (data) => { out += data; });
@@ -52,12 +68,7 @@ async function start(command) {
     view,
     port: Number(new URL(control).port),
     /** Ends it as a crash would. */
-    async kill() {
-      child.kill("SIGKILL");
-      if (child.exitCode === null && child.signalCode === null) {
-        await once(child, "exit");
-      }
-    },
+    kill,
   };
 }
 
@@ -66,6 +77,7 @@ export class Client {
   constructor(runDir) {
     const device = JSON.parse(readFileSync(path.join(runDir, "device.json")));
     this.socket = net.connect(device.camera_socket.replace(/^socket:/, ""));
+    closers.push(() => this.end());
     this.frames = 0;
     this.latest = null;
     this.arrivals = [];

@@ -21,7 +21,7 @@ impl Page {
         console.transpose().map(Self)
     }
 
-    /// Adds a device, and returns whom to show what it does.
+    /// Adds a device and returns its observer.
     pub(super) fn observer(&self, device: &str) -> Option<Observer> {
         self.0.as_ref().map(|console| console.observer(device))
     }

@@ -8,13 +8,13 @@ const MAX_ZOOM = 64;
 /** Colour of saturated pixels: red, green, blue. */
 const SATURATED = [255, 158, 51];
 
-/** Returns the colour of each level as a sample of an image. */
-function colours(white) {
+/** Returns the colour of each level as a sample of an image. Levels from `white` on are marked if `marks`. */
+function colours(white, marks) {
   const levels = Math.min(white, 0xffff);
   const bytes = new Uint8ClampedArray(4 * (levels + 1));
   for (let level = 0; level <= levels; level++) {
     const grey = (255 * level) / white;
-    bytes.set(level < white ? [grey, grey, grey, 255] : [...SATURATED, 255], 4 * level);
+    bytes.set(level < white || !marks ? [grey, grey, grey, 255] : [...SATURATED, 255], 4 * level);
   }
   return new Uint32Array(bytes.buffer);
 }
@@ -51,7 +51,7 @@ export class Picture {
 
   /** Shows a frame. */
   show(frame, levels) {
-    const { width, height, shownWhite } = frame;
+    const { width, height, shownWhite, guessed } = frame;
     const resized = !this.image || this.image.width !== width || this.image.height !== height;
     [this.frame, this.levels] = [frame, levels];
     if (resized) {
@@ -62,7 +62,7 @@ export class Picture {
     }
     if (this.white !== shownWhite) {
       this.white = shownWhite;
-      this.colours = colours(shownWhite);
+      this.colours = colours(shownWhite, !guessed);
     }
     const { samples, colours: table } = this;
     const last = table.length - 1;
@@ -75,6 +75,14 @@ export class Picture {
       this.place();
     }
     this.point(this.last);
+  }
+
+  /** Shows nothing. */
+  clear() {
+    [this.frame, this.levels, this.image, this.white, this.zoom] = [null, null, null, null, null];
+    this.canvas.width = 0;
+    this.point(null);
+    this.moved();
   }
 
   /** Screen pixels per pixel at which the picture fits. */

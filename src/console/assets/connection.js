@@ -2,18 +2,31 @@
 
 const FIRST_RETRY_MS = 300;
 const LAST_RETRY_MS = 5000;
+/** Name under which the tab keeps its token: unlike a cookie, other ports of this machine do not get it. */
+const TOKEN = "token";
+
+/** Moves the token of the address to the tab's own storage. */
+function takeToken() {
+  const token = new URLSearchParams(location.search).get(TOKEN);
+  if (token !== null) {
+    sessionStorage.setItem(TOKEN, token);
+    history.replaceState(null, "", location.pathname + location.hash);
+  }
+  return `/ws?token=${sessionStorage.getItem(TOKEN) ?? ""}`;
+}
 
 export class Connection {
-  /** `told` gets each message and its payload, `changed` gets "open", "lost" or "refused". */
+  /** `told` gets each message and its payload, `changed` gets "open", "lost", "full" or "refused". */
   constructor(told, changed) {
     this.told = told;
     this.changed = changed;
     this.retryMs = FIRST_RETRY_MS;
+    this.path = takeToken();
     this.open();
   }
 
   open() {
-    const socket = new WebSocket(`ws://${location.host}/ws`);
+    const socket = new WebSocket(`ws://${location.host}${this.path}`);
     this.socket = socket;
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
@@ -29,20 +42,15 @@ export class Connection {
   }
 
   async retry() {
-    this.changed("lost");
-    await new Promise((done) => setTimeout(done, this.retryMs));
-    this.retryMs = Math.min(2 * this.retryMs, LAST_RETRY_MS);
-    // A WebSocket does not tell why it was refused.
-    try {
-      const page = await fetch("/icon.svg", { cache: "no-store" });
-      if (page.status === 403) {
-        this.changed("refused");
-        return;
-      }
-    } catch {
-      this.retry();
+    // A WebSocket does not tell why it was refused; a plain request does.
+    const status = await fetch(this.path, { cache: "no-store" }).then((answer) => answer.status, () => null);
+    if (status === 403) {
+      this.changed("refused");
       return;
     }
+    this.changed(status === 503 ? "full" : "lost");
+    await new Promise((done) => setTimeout(done, this.retryMs));
+    this.retryMs = Math.min(2 * this.retryMs, LAST_RETRY_MS);
     this.open();
   }
 

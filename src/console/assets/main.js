@@ -1,4 +1,4 @@
-// The page: what the console tells, on the screen; what the viewer does, to the console.
+// Shows the console's messages and sends the viewer's actions.
 
 import { Connection } from "./connection.js";
 import { Picture } from "./camera.js";
@@ -6,43 +6,55 @@ import * as histogram from "./histogram.js";
 
 /** Time between two histograms. */
 const HISTOGRAM_MS = 100;
-/** Part of saturated pixels from which there is a warning. */
+/** Minimum saturated fraction for a warning. */
 const MANY = 0.001;
-/** Name under which a tab keeps that it is in control, for a connection that is opened again. */
-const CONTROL = "control";
 /** Time over which shown frames are counted. */
 const COUNTED_MS = 2000;
+/** Names under which the tab keeps which scanner it shows, and when it lost a connection that had control. */
+const [SOURCE, LOST_CONTROL] = ["source", "lost-control"];
+/** Time in which a connection that is opened again takes its control back. */
+const REGAINED_MS = 10_000;
 
 const $ = (id) => document.getElementById(id);
 
 let state = { sources: [] };
-let source = 0;
+let source = Number(sessionStorage.getItem(SOURCE) ?? 0);
 /** The latest frame that is not drawn yet. */
 let next = null;
 let shownAt = [];
 let histogramAt = -Infinity;
-/** White of frames whose format does not tell the sensor's bits: the lowest possible one so far. */
-let lowestWhite = 255;
+/** White of frames whose format does not tell the sensor's bits: that of the least bits that have sufficed. */
+let guessedWhite = 255;
 
 const picture = new Picture($("view"), $("picture"), showZoom, showPixel);
 const connection = new Connection(told, connected);
 
-// The token is in the cookie now, and need not be seen.
-if (location.search) {
-  history.replaceState(null, "", location.pathname + location.hash);
-}
-
 function connected(how) {
-  const texts = { open: "connected", lost: "connection lost, trying again", refused: "console ended" };
+  const texts = {
+    open: "connected",
+    lost: "connection lost, trying again",
+    full: "too many viewers, trying again",
+    refused: "console ended",
+  };
   $("connection").textContent = texts[how];
   $("connection").className = how;
   if (how === "open") {
     next = null;
     connection.ask({ kind: "watch", source });
-  } else if (how === "lost") {
-    state.controls = false;
-  } else if (how === "refused") {
+    return;
+  }
+  keepControl();
+  state.controls = false;
+  $("role").textContent = "";
+  $("control").hidden = true;
+  if (how === "refused") {
     notice("The console has been started again, or has ended.\nOpen the address that it prints.");
+  }
+}
+
+function keepControl() {
+  if (state.controls) {
+    sessionStorage.setItem(LOST_CONTROL, Date.now());
   }
 }
 
@@ -67,36 +79,44 @@ function showState(now) {
   const names = now.sources.map((one) => one.name);
   if (String(names) !== String(state.sources.map((one) => one.name))) {
     $("source").replaceChildren(...names.map((name, index) => new Option(name, index)));
-    $("source").value = source;
   }
-  if (now.controls) {
-    sessionStorage.setItem(CONTROL, "");
-  } else if (now.other_controls) {
-    // Another viewer has taken it over, unless it is this tab's earlier connection that has not ended yet.
-    if (state.controls) {
-      sessionStorage.removeItem(CONTROL);
-    }
-  } else if (sessionStorage.getItem(CONTROL) !== null) {
-    connection.ask({ kind: "control", take: true });
+  if (source >= names.length) {
+    select(0);
+  }
+  $("source").value = source;
+  const lostAt = sessionStorage.getItem(LOST_CONTROL);
+  if (now.controls || Date.now() - lostAt > REGAINED_MS) {
+    sessionStorage.removeItem(LOST_CONTROL);
+  } else if (!now.other_controls && now.may_control) {
+    connection.ask({ kind: "control", take: true, if_free: true });
   }
   state = now;
-  const here = now.sources[source];
-  const parts = [];
-  if (here?.unplugged.control) {
-    parts.push("control port unplugged");
-  }
-  if (here?.unplugged.camera) {
-    parts.push("camera is gone, waiting for it");
-  }
-  parts.push(`${here?.readers ?? 0} ${here?.readers === 1 ? "program reads" : "programs read"} the camera`);
-  $("device").textContent = parts.join(", ");
   $("role").textContent = now.controls ? "in control" : now.other_controls ? "watching, another viewer is in control" : "watching";
   $("control").hidden = !now.may_control;
   $("control").textContent = now.controls ? "Give up control" : "Take control";
-  if (!shownAt.length) {
-    notice(here?.readers
-      ? "The camera has not sent a frame yet."
-      : "No program reads the camera yet.\nIts frames appear here as soon as one does.");
+  showDevice();
+}
+
+function showDevice() {
+  const here = state.sources[source];
+  if (!here) {
+    return;
+  }
+  const parts = [];
+  if (here.unplugged.control) {
+    parts.push("control port unplugged");
+  }
+  if (here.unplugged.camera) {
+    parts.push(`camera is gone, waiting for it: ${here.why ?? ""}`);
+  } else if (here.why) {
+    parts.push(`damaged frame: ${here.why}`);
+  }
+  if (here.readers) {
+    parts.push(here.readers === 1 ? "1 program reads frames" : `${here.readers} programs read frames`);
+  }
+  $("device").textContent = parts.join("; ");
+  if (!picture.frame) {
+    notice("No frames yet.\nThey appear here as soon as a program reads them.");
   }
 }
 
@@ -104,52 +124,85 @@ function notice(text) {
   $("notice").textContent = text;
 }
 
+/** Returns the white of the least bits that suffice for all levels. */
+function whiteOf(levels) {
+  let highest = 0;
+  for (let i = 0; i < levels.length; i++) {
+    highest = levels[i] > highest ? levels[i] : highest;
+  }
+  return 2 ** Math.ceil(Math.log2(highest + 1)) - 1;
+}
+
 function showFrame() {
+  if (next === null) {
+    return;
+  }
   const { message, payload } = next;
   next = null;
-  const levels = message.bits === 8 ? new Uint8Array(payload) : new Uint16Array(payload);
-  message.shownWhite = message.format === "Y16" ? lowestWhite : message.white;
-  notice("");
-  picture.show(message, levels);
-  connection.ask({ kind: "drawn", source, number: message.number });
-  const now = performance.now();
-  shownAt.push(now);
-  shownAt = shownAt.filter((at) => now - at <= COUNTED_MS);
-  if (now - histogramAt >= HISTOGRAM_MS) {
-    histogramAt = now;
-    showFigures(message, levels);
+  try {
+    const levels = message.bits === 8 ? new Uint8Array(payload) : new Uint16Array(payload);
+    message.guessed = message.format === "Y16";
+    if (message.guessed) {
+      guessedWhite = Math.max(guessedWhite, whiteOf(levels));
+    }
+    message.shownWhite = message.guessed ? guessedWhite : message.white;
+    notice("");
+    picture.show(message, levels);
+    const now = performance.now();
+    shownAt.push(now);
+    shownAt = shownAt.filter((at) => now - at <= COUNTED_MS);
+    if (now - histogramAt >= HISTOGRAM_MS) {
+      histogramAt = now;
+      showFigures(message, levels);
+    }
+  } catch (error) {
+    notice(`Frame ${message.id} cannot be shown: ${error.message}`);
+  } finally {
+    connection.ask({ kind: "drawn", source, number: message.number });
   }
 }
 
 function showFigures(frame, levels) {
-  const counted = histogram.count(levels, frame.shownWhite);
-  if (counted.highest > lowestWhite) {
-    lowestWhite = 2 ** Math.ceil(Math.log2(counted.highest + 1)) - 1;
-  }
-  histogram.draw($("histogram"), counted);
+  const { bins, saturated } = histogram.count(levels, frame.shownWhite);
+  histogram.draw($("histogram"), bins);
   $("white").textContent = frame.shownWhite;
-  const part = counted.saturated / levels.length;
-  $("saturation").textContent = counted.saturated
-    ? `${counted.saturated} px saturated (${(100 * part).toFixed(2)} %)`
-    : "no pixel saturated";
+  const part = frame.guessed ? 0 : saturated / levels.length;
+  $("saturation").textContent = frame.guessed
+    ? "bits of the sensor unknown"
+    : saturated
+      ? `${saturated} px saturated (${(100 * part).toFixed(2)} %)`
+      : "no pixel saturated";
   $("saturation").className = part >= MANY ? "bad" : "";
-  const rate = shownAt.length > 1 ? (1000 * (shownAt.length - 1)) / (shownAt.at(-1) - shownAt[0]) : 0;
+  const number = (value, digits, unit) => (value === null ? "unknown" : `${value.toFixed(digits)} ${unit}`);
   const rows = {
     Number: frame.id,
-    Pattern: frame.pattern ?? "none, free-running",
+    Pattern: frame.pattern ?? (frame.identified ? "none, free-running" : "unknown"),
     Size: `${frame.width} × ${frame.height} px`,
-    Format: `${frame.format}, up to ${frame.white} DN`,
-    Exposure: `${frame.exposure_ms.toFixed(3)} ms`,
-    "Device time": `${frame.time_s.toFixed(3)} s`,
-    Shown: `${rate.toFixed(1)} frames/s`,
-    Delay: frame.delay_ms === null ? "" : `${frame.delay_ms.toFixed(0)} ms`,
+    Format: frame.guessed ? frame.format : `${frame.format}, up to ${frame.white} DN`,
+    Exposure: number(frame.exposure_ms, 3, "ms"),
+    "Device time": number(frame.time_s, 3, "s"),
+    Shown: "",
+    Delay: number(frame.delay_ms, 0, "ms"),
   };
   $("frame").replaceChildren(...Object.entries(rows).flatMap(([name, value]) => {
     const [dt, dd] = [document.createElement("dt"), document.createElement("dd")];
     dt.textContent = name;
     dd.textContent = value;
+    dd.id = `frame-${name.toLowerCase().replace(" ", "-")}`;
     return [dt, dd];
   }));
+  showRate();
+}
+
+/** Shows the frames per second; 0 if none has come for a while. */
+function showRate() {
+  const now = performance.now();
+  shownAt = shownAt.filter((at) => now - at <= COUNTED_MS);
+  const rate = shownAt.length > 1 ? (1000 * (shownAt.length - 1)) / (shownAt.at(-1) - shownAt[0]) : 0;
+  const row = $("frame-shown");
+  if (row) {
+    row.textContent = `${rate.toFixed(1)} frames/s`;
+  }
 }
 
 function showZoom() {
@@ -160,19 +213,32 @@ function showPixel(pixel) {
   $("pixel").textContent = pixel ? `x ${pixel.x} px, y ${pixel.y} px: ${pixel.level} DN` : "\u00a0";
 }
 
-$("source").addEventListener("change", () => {
-  source = Number($("source").value);
+/** Shows another scanner. */
+function select(index) {
+  source = index;
+  sessionStorage.setItem(SOURCE, source);
   next = null;
   shownAt = [];
-  lowestWhite = 255;
-  picture.fit();
+  histogramAt = -Infinity;
+  guessedWhite = 255;
+  picture.clear();
+  histogram.draw($("histogram"), new Uint32Array(1));
+  for (const id of ["white", "saturation", "frame"]) {
+    $(id).replaceChildren();
+  }
   connection.ask({ kind: "watch", source });
-  showState(state);
+}
+
+$("source").addEventListener("change", () => {
+  select(Number($("source").value));
+  showDevice();
 });
 $("control").addEventListener("click", () => {
-  sessionStorage.removeItem(CONTROL);
-  connection.ask({ kind: "control", take: !state.controls });
+  sessionStorage.removeItem(LOST_CONTROL);
+  connection.ask({ kind: "control", take: !state.controls, if_free: false });
 });
 $("in").addEventListener("click", () => picture.enlarge(Math.SQRT2));
 $("out").addEventListener("click", () => picture.enlarge(Math.SQRT1_2));
 $("fit").addEventListener("click", () => picture.fit());
+addEventListener("pagehide", keepControl);
+setInterval(showRate, 1000);

@@ -1,4 +1,4 @@
-//! Whoever wants to see the events of links as they happen.
+//! Observer of link events.
 
 use super::{Channel, Event};
 use std::fmt;
