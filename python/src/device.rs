@@ -237,6 +237,7 @@ impl Device {
                     });
                 })
             }),
+            observer: None,
             // The threads of the device are its own: rayon's global pool does not survive a fork.
             threads: NonZeroUsize::new(pool(py)?.current_num_threads()),
         };
