@@ -5,14 +5,15 @@
 //! ```
 
 use phasmid::{
-    Console, ConsoleOptions, Device, Error, ScanOptions, Scanner, ServeOptions, Serving,
+    Console, ConsoleOptions, Device, Error, Follower, ScanOptions, Scanner, ServeOptions, Serving,
 };
 
 fn main() -> Result<(), Error> {
     let console = Console::start(&ConsoleOptions::default())?;
     println!("to control, open {}", console.url());
     println!("to watch, open {}", console.view_url());
-    let serving = serve(&console)?;
+    let follower = Follower::start(console.source("webcam"))?;
+    let serving = serve(&follower)?;
     let at = serving.endpoints();
     let mut scanner = Scanner::connect(&at.camera, &at.control, ScanOptions::default())?;
     for scan in 1..=3 {
@@ -22,12 +23,14 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-/// Serves a device whose frames the console shows.
-fn serve(console: &Console) -> Result<Serving, Error> {
+/// Serves a device whose frames and scans the console shows.
+fn serve(follower: &Follower) -> Result<Serving, Error> {
     let options = ServeOptions {
-        observer: Some(console.observer("webcam")),
+        observer: Some(follower.observer()),
         ..ServeOptions::default()
     };
     let device = Device::builder().profile("webcam-grey").scene("sphere");
-    device.build()?.serve(&options)
+    let serving = device.build()?.serve(&options)?;
+    follower.ask_at(&serving.endpoints().service);
+    Ok(serving)
 }

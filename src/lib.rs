@@ -179,6 +179,8 @@ pub use facade::{
     calibrate_with_stop, compare, decode, track, watch_camera,
 };
 #[cfg(feature = "console")]
+pub use facade::{Follower, ScanViews};
+#[cfg(feature = "console")]
 pub use phasmid_console::{Console, ConsoleOptions};
 pub use phasmid_decode::{Capture, Decoder, FrameInfo, Options as DecodeOptions};
 #[cfg(target_os = "linux")]
@@ -194,15 +196,17 @@ pub mod cli;
 ///
 /// ```
 /// # #[cfg(target_os = "linux")] {
-/// use phasmid::{Console, ConsoleOptions, Device, ServeOptions};
+/// use phasmid::{Console, ConsoleOptions, Device, Follower, ServeOptions};
 ///
 /// let console = Console::start(&ConsoleOptions::default())?;
+/// let follower = Follower::start(console.source("bench"))?;
 /// let options = ServeOptions {
-///     observer: Some(console.observer("bench")),
+///     observer: Some(follower.observer()),
 ///     ..ServeOptions::default()
 /// };
 /// let device = Device::builder().profile("webcam-grey").scene("sphere").build()?;
 /// let serving = device.serve(&options)?;
+/// follower.ask_at(&serving.endpoints().service);
 /// println!("open {} while a program scans with {}", console.url(), serving.endpoints().name);
 /// # }
 /// # Ok::<(), phasmid::Error>(())

@@ -42,7 +42,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let options = ConsoleOptions { port: args.port };
     let console = Console::start(&options).map_err(|e| e.at("--port"))?;
-    let observer = console.observer(&camera);
+    let observer = console.source(&camera).observer();
     let mut announced = false;
     watch_camera(&camera, CameraDriver::Auto, &observer, || {
         // Once the camera has been opened.

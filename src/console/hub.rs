@@ -1,5 +1,8 @@
-//! The latest frame of each source, and the viewers. Nothing queues here: a viewer that is slow misses frames.
+//! The latest frame and scan of each source, and the viewers. Nothing queues here: a viewer that is slow
+//! misses frames.
 
+use crate::measurement::Measurement;
+use phasmid_pattern::Manifest;
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::{Channel, Event};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -21,11 +24,33 @@ pub(crate) struct Shown {
     pub(crate) arrived: Instant,
 }
 
+/// A value that a source has shown, with its number among them, from 1.
+#[derive(Clone)]
+pub(crate) struct Numbered<T> {
+    pub(crate) number: u64,
+    pub(crate) value: T,
+}
+
+/// Replaces the latest one.
+fn renew<T>(latest: &mut Option<Numbered<T>>, value: T) {
+    let number = latest.as_ref().map_or(0, |before| before.number) + 1;
+    *latest = Some(Numbered { number, value });
+}
+
+/// Returns the latest one if it is newer than the one with this number.
+fn newer<T: Clone>(latest: &Option<Numbered<T>>, number: u64) -> Option<Numbered<T>> {
+    { latest.as_ref() }
+        .filter(|latest| latest.number > number)
+        .cloned()
+}
+
 /// A scanner.
 #[derive(Default)]
 struct Source {
     name: String,
     latest: Option<Shown>,
+    sequence: Option<Numbered<Arc<Manifest>>>,
+    measurement: Option<Numbered<Arc<dyn Measurement>>>,
     /// Number of frames so far.
     frames: u64,
     /// Number of programs that are known to read the camera.
@@ -143,6 +168,18 @@ impl Hub {
         self.tell();
     }
 
+    /// Shows the patterns of a sequence from now on.
+    pub(crate) fn show_sequence(&self, source: usize, sequence: Arc<Manifest>) {
+        renew(&mut self.state().sources[source].sequence, sequence);
+        self.tell();
+    }
+
+    /// Shows a measurement.
+    pub(crate) fn show(&self, source: usize, measurement: Arc<dyn Measurement>) {
+        renew(&mut self.state().sources[source].measurement, measurement);
+        self.tell();
+    }
+
     /// Returns whether no further viewer is admitted. The last place is for those who may control.
     pub(crate) fn is_full(&self, may_control: bool) -> bool {
         self.state().viewers.len() >= MAX_VIEWERS - usize::from(!may_control)
@@ -222,6 +259,24 @@ impl Seat {
         let state = self.hub.state();
         let latest = state.sources.get(source)?.latest.as_ref()?;
         (latest.number > number).then(|| latest.clone())
+    }
+
+    /// Returns the sequence of a source if it is newer than the one with this number.
+    pub(crate) fn newer_sequence(
+        &self,
+        source: usize,
+        number: u64,
+    ) -> Option<Numbered<Arc<Manifest>>> {
+        newer(&self.hub.state().sources.get(source)?.sequence, number)
+    }
+
+    /// Returns the measurement of a source if it is newer than the one with this number.
+    pub(crate) fn newer_measurement(
+        &self,
+        source: usize,
+        number: u64,
+    ) -> Option<Numbered<Arc<dyn Measurement>>> {
+        newer(&self.hub.state().sources.get(source)?.measurement, number)
     }
 
     /// Takes control, if this viewer may, or gives it back. Takes it from another viewer unless

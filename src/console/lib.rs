@@ -1,31 +1,38 @@
 //! The console: a page in the browser that shows a scanner working. A web server on the loopback
 //! interface serves the page, which is embedded, and one WebSocket to each viewer.
 //!
-//! The console opens no camera and no port. It sees what an [`Observer`] sees, so the same page works
-//! for an emulated device that is being served and for a scanner that a host drives.
+//! The console opens no camera and no port, and decodes nothing. It sees what an [`Observer`] sees and
+//! shows each [`Measurement`] that it is given, so the same page works for an emulated device that is
+//! being served and for a scanner that a host drives.
 //!
 //! | module | contents |
 //! | --- | --- |
 //! | `access` | tokens, cookies, and the checks of `Host` and `Origin` |
 //! | `assets` | the files of the page |
 //! | `connections` | the listener, which limits connections |
-//! | `hub` | the latest frame of each source, the viewers, and who has control |
+//! | `hub` | the latest frame and scan of each source, the viewers, and who has control |
+//! | `measurement` | the views of a scan |
 //! | `server` | routes and headers |
 //! | `viewer` | one WebSocket |
-//! | `wire` | its messages |
+//! | `views` | the messages that show a measurement |
+//! | `wire` | the messages of a WebSocket |
 
 mod access;
 mod assets;
 mod connections;
 mod hub;
+mod measurement;
 mod server;
 mod viewer;
+mod views;
 mod wire;
 
 use access::Access;
 use connections::Connections;
 use hub::Hub;
+pub use measurement::{About, Field, Layer, Measurement, Points, Scale};
 use phasmid_core::error::{Error, Result};
+use phasmid_pattern::Manifest;
 use phasmid_protocol::record::Observer;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -102,10 +109,43 @@ impl Console {
         self.access.url(access::Role::View)
     }
 
-    /// Adds a scanner and returns the observer for its events.
-    pub fn observer(&self, name: impl Into<String>) -> Observer {
-        let (hub, source) = (self.hub.clone(), self.hub.add(name.into()));
+    /// Adds a scanner.
+    pub fn source(&self, name: impl Into<String>) -> Source {
+        Source {
+            hub: self.hub.clone(),
+            index: self.hub.add(name.into()),
+        }
+    }
+}
+
+/// A scanner that a console shows.
+#[derive(Clone)]
+pub struct Source {
+    hub: Arc<Hub>,
+    index: usize,
+}
+
+impl Source {
+    /// Returns the observer whose events are shown.
+    pub fn observer(&self) -> Observer {
+        let (hub, source) = (self.hub.clone(), self.index);
         Observer::new(move |time_ns, channel, event| hub.see(source, time_ns, channel, event))
+    }
+
+    /// Shows the patterns of this sequence as frames report them, from now on.
+    pub fn show_sequence(&self, sequence: Arc<Manifest>) {
+        self.hub.show_sequence(self.index, sequence);
+    }
+
+    /// Shows a measurement instead of the last one.
+    pub fn show(&self, measurement: Arc<dyn Measurement>) {
+        self.hub.show(self.index, measurement);
+    }
+}
+
+impl std::fmt::Debug for Source {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Source")
     }
 }
 

@@ -44,7 +44,7 @@ pub(crate) fn routes(access: Arc<Access>, hub: Arc<Hub>) -> Router {
     Router::new()
         .route("/", get(page))
         .route("/ws", get(socket))
-        .route("/{name}", get(asset))
+        .route("/{*name}", get(asset))
         .layer(from_fn_with_state(shared.clone(), guard))
         .with_state(shared)
 }

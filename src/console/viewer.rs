@@ -2,10 +2,12 @@
 //! paused receives fewer frames, always the latest, and nothing queues.
 
 use crate::hub::Seat;
-use crate::wire::{Asked, Told, frame_message, message};
+use crate::views::{Wanted, messages};
+use crate::wire::{Asked, Told, frame_message, message, sequence_message};
 use axum::extract::ws::{Message, WebSocket};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
+use tokio::task::JoinHandle;
 
 /// Maximum number of frames that are sent and not drawn yet.
 const MAX_AHEAD: usize = 2;
@@ -28,8 +30,35 @@ struct Viewer {
     sent: u64,
     /// Frames that have been sent and not drawn: their numbers and arrival.
     ahead: VecDeque<(u64, Instant)>,
+    /// Number of the last sequence that was sent.
+    sequence: u64,
+    /// Wanted views of measurements.
+    wanted: Wanted,
+    /// Number of the last measurement of which that was sent or is being computed.
+    measured: u64,
+    /// Messages of a measurement that are being computed.
+    work: Option<Work>,
+    /// Number of a measurement that has been sent and not drawn.
+    unseen: Option<u64>,
     /// Times from the arrival of recent frames to when they were drawn, in milliseconds.
     delays: VecDeque<f64>,
+}
+
+/// Messages of a measurement that are being computed.
+struct Work {
+    number: u64,
+    /// Whether it is what the viewer still wants.
+    wanted: bool,
+    messages: JoinHandle<Vec<Vec<u8>>>,
+}
+
+/// Waits for messages; forever if there are none to come.
+async fn done(work: &mut Option<Work>) -> Vec<Vec<u8>> {
+    match work {
+        // A panic while computing shows nothing.
+        Some(work) => (&mut work.messages).await.unwrap_or_default(),
+        None => std::future::pending().await,
+    }
 }
 
 /// Serves a viewer until it leaves.
@@ -40,6 +69,11 @@ pub(crate) async fn serve(socket: WebSocket, seat: Seat) {
         source: 0,
         sent: 0,
         ahead: VecDeque::new(),
+        sequence: 0,
+        wanted: Wanted::default(),
+        measured: 0,
+        work: None,
+        unseen: None,
         delays: VecDeque::new(),
     };
     viewer.run().await;
@@ -66,7 +100,14 @@ impl Viewer {
                 let bytes = frame_message(self.source, &shown, self.delay_ms());
                 self.send(Message::Binary(bytes.into())).await?;
             }
+            if let Some(sequence) = self.seat.newer_sequence(self.source, self.sequence) {
+                self.sequence = sequence.number;
+                let bytes = sequence_message(self.source, &sequence.value);
+                self.send(Message::Binary(bytes.into())).await?;
+            }
+            self.measure();
             tokio::select! {
+                messages = done(&mut self.work) => self.show(messages).await?,
                 asked = self.socket.recv() => {
                     heard = Instant::now();
                     match asked?.ok()? {
@@ -84,6 +125,44 @@ impl Viewer {
                 }
                 () = self.seat.changed() => {}
             }
+        }
+    }
+
+    /// Starts to compute what is wanted of the latest measurement, unless the page has not drawn the one
+    /// before.
+    fn measure(&mut self) {
+        if self.work.is_some() || self.unseen.is_some() || self.wanted.is_nothing() {
+            return;
+        }
+        if let Some(latest) = self.seat.newer_measurement(self.source, self.measured) {
+            let (source, wanted) = (self.source, self.wanted.clone());
+            let number = latest.number;
+            self.measured = number;
+            self.work = Some(Work {
+                number,
+                wanted: true,
+                messages: tokio::task::spawn_blocking(move || messages(source, &latest, &wanted)),
+            });
+        }
+    }
+
+    /// Sends the messages of a measurement, unless something else is wanted by now.
+    async fn show(&mut self, messages: Vec<Vec<u8>>) -> Option<()> {
+        let work = self.work.take()?;
+        if work.wanted && !messages.is_empty() {
+            self.unseen = Some(work.number);
+            for message in messages {
+                self.send(Message::Binary(message.into())).await?;
+            }
+        }
+        Some(())
+    }
+
+    /// Shows the latest measurement again.
+    fn measure_again(&mut self) {
+        self.measured = 0;
+        if let Some(work) = &mut self.work {
+            work.wanted = false;
         }
     }
 
@@ -107,8 +186,21 @@ impl Viewer {
                 self.source = source;
                 self.sent = 0;
                 self.ahead.clear();
+                self.sequence = 0;
+                self.unseen = None;
+                self.measure_again();
             }
-            Asked::Drawn { .. } | Asked::Watch { .. } => {}
+            Asked::Show { layers, cloud } => {
+                let wanted = Wanted { layers, cloud };
+                if wanted != self.wanted {
+                    self.wanted = wanted;
+                    self.measure_again();
+                }
+            }
+            Asked::Seen { source, number } if source == self.source => {
+                self.unseen = self.unseen.filter(|unseen| *unseen != number);
+            }
+            Asked::Drawn { .. } | Asked::Watch { .. } | Asked::Seen { .. } => {}
             Asked::Control { take, if_free } => self.seat.control(take, if_free),
         }
     }

@@ -5,6 +5,8 @@
 //! as text.
 
 use crate::hub::{Shown, View};
+use crate::measurement::About;
+use phasmid_pattern::{Axis, Manifest, Pattern};
 use phasmid_protocol::PixelFormat;
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +45,54 @@ pub(crate) enum Told<'a> {
         id: u64,
         why: String,
     },
+    /// The patterns that are projected. The payload has for each pattern with an axis its levels along
+    /// it, in 8 bits: as many as the projector has pixels there.
+    Sequence {
+        source: usize,
+        width: u32,
+        height: u32,
+        patterns: Vec<PatternAbout>,
+    },
+    /// A scan. The layers that the viewer has asked for follow, and its cloud.
+    Measurement {
+        source: usize,
+        number: u64,
+        #[serde(flatten)]
+        about: About,
+    },
+    /// A scan without a result, or without a view that was asked for.
+    Unmeasured {
+        source: usize,
+        number: u64,
+        why: String,
+    },
+    /// A layer of the last measurement; the payload has a 32-bit float for each pixel.
+    Layer {
+        source: usize,
+        number: u64,
+        name: &'a str,
+    },
+    /// The points of the last measurement; the payload has four 32-bit floats for each: its position in
+    /// the rig's frame in millimetres, and its value of this layer.
+    Cloud {
+        source: usize,
+        number: u64,
+        name: &'a str,
+        every: usize,
+    },
+    /// The measurement with this number is complete, which [`Asked::Seen`] returns.
+    Complete { source: usize, number: u64 },
+}
+
+/// A projected pattern.
+#[derive(Debug, Serialize)]
+pub(crate) struct PatternAbout {
+    /// In words.
+    name: String,
+    /// Axis along which its levels vary; none if they do not, or are unknown.
+    axis: Option<Axis>,
+    /// Its level if it is uniform.
+    level: Option<u8>,
 }
 
 /// A message from the page.
@@ -53,6 +103,13 @@ pub(crate) enum Asked {
     Drawn { source: usize, number: u64 },
     /// Show this source from now on.
     Watch { source: usize },
+    /// Show these layers of each measurement from now on, and its cloud with the values of a layer.
+    Show {
+        layers: Vec<String>,
+        cloud: Option<String>,
+    },
+    /// The measurement with this number has been drawn.
+    Seen { source: usize, number: u64 },
     /// Take control, only if nobody has it if `if_free`; or give it back.
     Control { take: bool, if_free: bool },
 }
@@ -109,6 +166,63 @@ pub(crate) fn frame_message(source: usize, shown: &Shown, delay_ms: Option<f64>)
         delay_ms,
     };
     message(&told, &luma.data)
+}
+
+/// Returns the message of a sequence.
+pub(crate) fn sequence_message(source: usize, sequence: &Manifest) -> Vec<u8> {
+    let size = &sequence.projector;
+    let mut payload = Vec::new();
+    let patterns = sequence.frame.iter().map(|frame| {
+        let pattern = &frame.pattern;
+        let axis = pattern.axis();
+        if let Some(axis) = axis {
+            let len = match axis {
+                Axis::X => size.width_px,
+                Axis::Y => size.height_px,
+            };
+            let levels = pattern.quantised_row(len, 8).unwrap_or_default();
+            payload.extend(levels.into_iter().map(|level| level as u8));
+        }
+        let level = pattern.level(0).filter(|_| axis.is_none());
+        PatternAbout {
+            name: in_words(pattern),
+            axis,
+            level: level.map(|level| (255.0 * level) as u8),
+        }
+    });
+    let told = Told::Sequence {
+        source,
+        width: size.width_px,
+        height: size.height_px,
+        patterns: patterns.collect(),
+    };
+    message(&told, &payload)
+}
+
+fn in_words(pattern: &Pattern) -> String {
+    match pattern {
+        Pattern::Fringe {
+            axis,
+            period_px,
+            phase_rad,
+        } => format!(
+            "fringes along {axis}, period {period_px:.4} px, phase {:.1} degrees",
+            phase_rad.to_degrees()
+        ),
+        Pattern::Gray {
+            axis,
+            cell_px,
+            bit,
+            inverted,
+            ..
+        } => format!(
+            "Gray code along {axis}, bit {bit} of cells of {cell_px} px{}",
+            if *inverted { ", inverted" } else { "" }
+        ),
+        Pattern::White {} => "white".into(),
+        Pattern::Black {} => "black".into(),
+        Pattern::Image { file } => format!("image {}", file.display()),
+    }
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! | --- | --- |
 //! | `builder` | what a device is built from |
 //! | `calibrate` | captures of a board to a calibration |
+//! | `console` | scans as a console shows them |
 //! | `decode` | captures to surfaces, and surfaces compared with the truth |
 //! | `device` | an emulated device in memory |
 //! | `scanner` | a scanner at its addresses |
@@ -13,6 +14,8 @@
 
 mod builder;
 mod calibrate;
+#[cfg(feature = "console")]
+mod console;
 mod decode;
 mod device;
 mod scanner;
@@ -21,8 +24,12 @@ mod watch;
 
 pub use builder::{DeviceBuilder, ProfileSource, SceneSource};
 pub use calibrate::{calibrate, calibrate_with_stop};
+#[cfg(feature = "console")]
+pub use console::{Follower, ScanViews};
 pub use decode::{Decoding, compare, decode};
 pub use device::Device;
+#[cfg(feature = "console")]
+pub(crate) use scanner::ask_service;
 #[cfg(target_os = "linux")]
 pub(crate) use scanner::connected;
 pub use scanner::{ScanOptions, Scanner};

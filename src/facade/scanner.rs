@@ -10,9 +10,9 @@ use phasmid_host::{
 };
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
-use phasmid_protocol::service::{ClockPace, Maps};
 #[cfg(unix)]
-use phasmid_protocol::service::{Item, Request, ask};
+use phasmid_protocol::service::call;
+use phasmid_protocol::service::{ClockPace, Item, Maps, Reply, Request};
 use phasmid_protocol::{Endpoints, endpoints};
 use phasmid_render::truth::Truth;
 use std::fmt;
@@ -331,13 +331,21 @@ pub(crate) fn service_of(control: &Path) -> Result<PathBuf> {
 ///
 /// # Errors
 /// Returns an error if the service channel cannot be opened or the device refuses.
-#[cfg(unix)]
 pub(crate) fn truth_maps(service: &Path) -> Result<Maps> {
-    ask(&mut connected(service)?, Request::Get(Item::Truth))
+    Ok(ask_service(service, &Request::Get(Item::Truth))?.1)
+}
+
+/// Asks a device on its service channel.
+///
+/// # Errors
+/// Returns an error if the service channel cannot be opened or the device refuses.
+#[cfg(unix)]
+pub(crate) fn ask_service(service: &Path, request: &Request) -> Result<(Reply, Maps)> {
+    call(&mut connected(service)?, request)
 }
 
 #[cfg(not(unix))]
-pub(crate) fn truth_maps(service: &Path) -> Result<Maps> {
+pub(crate) fn ask_service(service: &Path, _: &Request) -> Result<(Reply, Maps)> {
     Err(Error::device(format!(
         "{}: this system has no Unix sockets",
         service.display()

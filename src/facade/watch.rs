@@ -29,7 +29,7 @@ const RETRY: Duration = Duration::from_millis(500);
 ///
 /// let console = Console::start(&ConsoleOptions::default())?;
 /// println!("open {}", console.url());
-/// let observer = console.observer("my camera");
+/// let observer = console.source("my camera").observer();
 /// phasmid::watch_camera("/dev/video0", CameraDriver::Auto, &observer, || ControlFlow::Continue(()))?;
 /// # Ok::<(), phasmid::Error>(())
 /// ```

@@ -72,6 +72,38 @@ async function start(command) {
   };
 }
 
+/** Runs the command, and returns what it prints. */
+export async function command(parts) {
+  const child = spawn("target/release/phasmid", parts, { stdio: ["ignore", "pipe", "pipe"] });
+  let [out, err] = ["", ""];
+  child.stdout.on("data", (data) => { out += data; });
+  child.stderr.on("data", (data) => { err += data; });
+  const [status] = await once(child, "close");
+  if (status !== 0) {
+    throw new Error(`phasmid ${parts.join(" ")}: ${err}`);
+  }
+  return out;
+}
+
+/** Sends a request to a device's service channel, and returns its answer, a line. */
+export async function ask(device, request) {
+  const { service } = JSON.parse(readFileSync(path.join(device.runDir, "device.json")));
+  const socket = net.connect(service);
+  socket.write(`${JSON.stringify(request)}\n`);
+  let line = "";
+  for await (const data of socket) {
+    line += data;
+    if (line.includes("\n")) {
+      break;
+    }
+  }
+  const answer = JSON.parse(line);
+  if (answer.error) {
+    throw new Error(answer.error);
+  }
+  return answer;
+}
+
 /** Reads a device's camera without delay, as a fast client does. */
 export class Client {
   constructor(runDir) {

@@ -1,34 +1,54 @@
 //! The page of `--console`.
 
 use super::Args;
+use crate::facade::Follower;
 use phasmid_console::{Console, ConsoleOptions};
 use phasmid_core::error::Result;
+use phasmid_protocol::Endpoints;
 use phasmid_protocol::record::Observer;
 
 /// The page, if it was asked for.
-pub(super) struct Page(Option<Console>);
+pub(super) struct Page {
+    console: Option<Console>,
+    /// One for each device, in order.
+    followers: Vec<Follower>,
+}
 
 impl Page {
-    /// Starts to serve it.
+    /// Starts to serve it, with a place for each device.
     ///
     /// # Errors
-    /// Returns an error if the port is taken.
-    pub(super) fn start(args: &Args) -> Result<Self> {
+    /// Returns an error if the port is taken, or if the system refuses a thread.
+    pub(super) fn start<'a>(args: &Args, devices: impl Iterator<Item = &'a str>) -> Result<Self> {
         let console = args.console.map(|port| {
             let console = Console::start(&ConsoleOptions { port });
             console.map_err(|e| e.at("--console"))
         });
-        console.transpose().map(Self)
+        let console = console.transpose()?;
+        let followers = match &console {
+            Some(console) => devices
+                .map(|name| Follower::start(console.source(name)))
+                .collect::<Result<_>>()?,
+            None => Vec::new(),
+        };
+        Ok(Self { console, followers })
     }
 
-    /// Adds a device and returns its observer.
-    pub(super) fn observer(&self, device: &str) -> Option<Observer> {
-        self.0.as_ref().map(|console| console.observer(device))
+    /// Returns the observer of a device.
+    pub(super) fn observer(&self, device: usize) -> Option<Observer> {
+        self.followers.get(device).map(Follower::observer)
+    }
+
+    /// Tells where a device can be asked what its frames mean.
+    pub(super) fn served(&self, device: usize, endpoints: &Endpoints) {
+        if let Some(follower) = self.followers.get(device) {
+            follower.ask_at(&endpoints.service);
+        }
     }
 
     /// Returns the addresses, for the operator.
     pub(super) fn about(&self) -> String {
-        self.0.as_ref().map_or_else(String::new, |console| {
+        self.console.as_ref().map_or_else(String::new, |console| {
             let (control, view) = (console.url(), console.view_url());
             format!("Console\n  control  {control}\n  view     {view}\n")
         })

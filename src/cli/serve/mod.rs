@@ -199,7 +199,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
         None => Schedule::default(),
     };
-    let page = Page::start(args)?;
+    let names = devices.iter().map(|device| device.name.as_str());
+    let page = Page::start(args, names)?;
     let power = Power::default();
     let on = power.clone();
     let timeline = Timeline::new(args.clock.into(), move || on.elapsed());
@@ -209,7 +210,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .collect();
     let units: Vec<_> = devices
         .iter()
-        .map(|device| {
+        .enumerate()
+        .map(|(index, device)| {
             let shared_scene = shared_scenes[device.scene].clone();
             Unit::new(
                 args,
@@ -217,7 +219,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 &scenes[device.scene],
                 (timeline.seat(), shared_scene),
                 &schedule,
-                page.observer(&device.name),
+                page.observer(index),
             )
         })
         .collect::<Result<_>>()?;
@@ -336,6 +338,7 @@ async fn supervise(
             let _ = tell.send(());
         })?;
         announce::announce(serving.endpoints(), &about);
+        page.served(devices.len(), serving.endpoints());
         devices.push(serving);
     }
     announce::announce_end(&page.about());

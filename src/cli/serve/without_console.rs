@@ -2,6 +2,7 @@
 
 use super::Args;
 use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Endpoints;
 use phasmid_protocol::record::Observer;
 
 /// No page.
@@ -10,7 +11,7 @@ pub(super) struct Page;
 impl Page {
     /// # Errors
     /// Returns an error if a page was asked for.
-    pub(super) fn start(args: &Args) -> Result<Self> {
+    pub(super) fn start<'a>(args: &Args, _: impl Iterator<Item = &'a str>) -> Result<Self> {
         match args.console {
             None => Ok(Self),
             Some(_) => Err(Error::input(
@@ -21,9 +22,11 @@ impl Page {
         }
     }
 
-    pub(super) fn observer(&self, _device: &str) -> Option<Observer> {
+    pub(super) fn observer(&self, _device: usize) -> Option<Observer> {
         None
     }
+
+    pub(super) fn served(&self, _device: usize, _endpoints: &Endpoints) {}
 
     pub(super) fn about(&self) -> String {
         String::new()

@@ -1,8 +1,10 @@
 // Shows the console's messages and sends the viewer's actions.
 
 import { Connection } from "./connection.js";
-import { Picture } from "./camera.js";
+import { greys } from "./colours.js";
 import * as histogram from "./histogram.js";
+import { Picture } from "./picture.js";
+import { Result } from "./result.js";
 
 /** Time between two histograms. */
 const HISTOGRAM_MS = 100;
@@ -26,8 +28,18 @@ let histogramAt = -Infinity;
 /** White of frames whose format does not tell the sensor's bits: that of the least bits that have sufficed. */
 let guessedWhite = 255;
 
+/** White and colours of the frame that is shown, and its grey levels. */
+let [white, colours, shownLevels] = [null, null, null];
+
 const picture = new Picture($("view"), $("picture"), showZoom, showPixel);
-const connection = new Connection(told, connected);
+let connection = null;
+const result = new Result(want, (number) => connection.ask({ kind: "seen", source, number }));
+connection = new Connection(told, connected);
+
+/** Asks the console to show these layers of each measurement, and its cloud with the values of a layer. */
+function want(layers, cloud) {
+  connection?.ask({ kind: "show", layers, cloud });
+}
 
 function connected(how) {
   const texts = {
@@ -41,6 +53,7 @@ function connected(how) {
   if (how === "open") {
     next = null;
     connection.ask({ kind: "watch", source });
+    result.ask();
     return;
   }
   keepControl();
@@ -72,6 +85,8 @@ function told(message, payload) {
   } else if (message.kind === "damaged") {
     notice(`Frame ${message.id} is damaged: ${message.why}.`);
     connection.ask({ kind: "drawn", source, number: message.number });
+  } else {
+    result.told(message, payload);
   }
 }
 
@@ -115,7 +130,7 @@ function showDevice() {
     parts.push(here.readers === 1 ? "1 program reads frames" : `${here.readers} programs read frames`);
   }
   $("device").textContent = parts.join("; ");
-  if (!picture.frame) {
+  if (!picture.image) {
     notice("No frames yet.\nThey appear here as soon as a program reads them.");
   }
 }
@@ -147,7 +162,13 @@ function showFrame() {
     }
     message.shownWhite = message.guessed ? guessedWhite : message.white;
     notice("");
-    picture.show(message, levels);
+    if (white !== message.shownWhite) {
+      white = message.shownWhite;
+      colours = greys(white, !message.guessed);
+    }
+    shownLevels = levels;
+    picture.show(message.width, message.height, levels, colours);
+    result.showPattern(message.pattern);
     const now = performance.now();
     shownAt.push(now);
     shownAt = shownAt.filter((at) => now - at <= COUNTED_MS);
@@ -206,11 +227,11 @@ function showRate() {
 }
 
 function showZoom() {
-  $("zoom").textContent = picture.frame ? `${(picture.scale() * 100).toFixed(0)} %` : "";
+  $("zoom").textContent = picture.image ? `${(picture.scale() * 100).toFixed(0)} %` : "";
 }
 
 function showPixel(pixel) {
-  $("pixel").textContent = pixel ? `x ${pixel.x} px, y ${pixel.y} px: ${pixel.level} DN` : "\u00a0";
+  $("pixel").textContent = pixel ? `x ${pixel.x} px, y ${pixel.y} px: ${shownLevels[pixel.index]} DN` : "\u00a0";
 }
 
 /** Shows another scanner. */
@@ -221,7 +242,9 @@ function select(index) {
   shownAt = [];
   histogramAt = -Infinity;
   guessedWhite = 255;
+  white = null;
   picture.clear();
+  result.clear();
   histogram.draw($("histogram"), new Uint32Array(1));
   for (const id of ["white", "saturation", "frame"]) {
     $(id).replaceChildren();

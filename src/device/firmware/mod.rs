@@ -35,6 +35,7 @@ use memory::{Memory, Stored};
 use messages::{Current, Waiting};
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Rig;
+use phasmid_pattern::Manifest;
 use phasmid_profile::Profile;
 use phasmid_protocol::dialect::Event;
 use phasmid_protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Unit};
@@ -222,6 +223,24 @@ impl Firmware {
     pub fn factory_calibration(&self) -> Result<&Rig, &Error> {
         let compute = || self.profile.factory_rig();
         self.calibration.get_or_init(compute).as_ref()
+    }
+
+    /// Returns the calibration that the device reports, for the region of interest and with the noise
+    /// of the present settings.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Self::factory_calibration`].
+    pub fn reported_calibration(&self) -> Result<Rig, &Error> {
+        let mut rig = self.settings.roi.rig(*self.factory_calibration()?);
+        let sensor = &self.profile.camera.sensor;
+        let exposure_s = self.settings.exposure_ns as f64 * 1e-9;
+        rig.noise = Some(sensor.noise_model(self.settings.gain_db, exposure_s));
+        Ok(rig)
+    }
+
+    /// Returns the selected sequence and its name.
+    pub fn selected(&self) -> (&str, &Manifest) {
+        (&self.selected.name, &self.selected.manifest)
     }
 
     /// Sets the serial line coding that `SYSTem:COMMunicate:SERial` reports.

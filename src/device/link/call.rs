@@ -8,7 +8,7 @@ use crate::{State, Truth};
 use phasmid_core::error::Result;
 use phasmid_protocol::service::{
     Action, DeviceAbout, Every, FaultsAbout, Item, MAX_STRUCK, Placement, Reply, Request,
-    StandingFault, Step, Which,
+    SequenceAbout, StandingFault, Step, Which,
 };
 use std::time::Duration;
 use tokio::sync::oneshot;
@@ -71,6 +71,26 @@ impl Server {
                 device: Some(self.about()),
                 ..Reply::default()
             },
+            Request::Get(Item::Sequence) => {
+                let (name, manifest) = self.machine.firmware().selected();
+                let sequence = SequenceAbout {
+                    name: name.to_owned(),
+                    manifest: manifest.to_toml(),
+                };
+                Reply {
+                    sequence: Some(sequence),
+                    ..Reply::default()
+                }
+            }
+            Request::Get(Item::Calibration) => {
+                match self.machine.firmware().reported_calibration() {
+                    Ok(rig) => Reply {
+                        calibration: Some(rig.to_toml()),
+                        ..Reply::default()
+                    },
+                    Err(why) => Reply::refusal(why),
+                }
+            }
         };
         // The client may have disconnected.
         let _ = reply.send((answer, Vec::new()));

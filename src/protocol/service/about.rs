@@ -166,6 +166,15 @@ pub struct DeviceAbout {
     pub history: u64,
 }
 
+/// A sequence in the device's memory.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SequenceAbout {
+    /// Name of the sequence.
+    pub name: String,
+    /// Its manifest, in TOML.
+    pub manifest: String,
+}
+
 /// Faults of a device.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FaultsAbout {

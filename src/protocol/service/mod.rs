@@ -8,7 +8,7 @@ mod request;
 
 pub use about::{
     Clock, ClockPace, DeviceAbout, FaultsAbout, FrameAbout, Late, MAX_STRUCK, ObjectAbout, Objects,
-    PatientAbout, PlaceAbout, Shown, StandingFault,
+    PatientAbout, PlaceAbout, SequenceAbout, Shown, StandingFault,
 };
 pub use maps::{Maps, ask, call};
 pub use reply::Reply;

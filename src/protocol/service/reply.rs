@@ -1,6 +1,6 @@
 //! The header line of a reply.
 
-use super::about::{Clock, DeviceAbout, FaultsAbout, FrameAbout, Objects};
+use super::about::{Clock, DeviceAbout, FaultsAbout, FrameAbout, Objects, SequenceAbout};
 use super::{MAX_MAPS, MAX_PAYLOAD};
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::manifest::MAX_SIDE_PX;
@@ -48,6 +48,12 @@ pub struct Reply {
     /// Fault state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub faults: Option<FaultsAbout>,
+    /// The selected sequence.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sequence: Option<SequenceAbout>,
+    /// The calibration that the device reports, in TOML.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<String>,
 }
 
 fn is_zero(number: &u32) -> bool {

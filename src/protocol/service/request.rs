@@ -55,16 +55,22 @@ pub enum Item {
     Device,
     /// Active faults and past fault occurrences.
     Faults,
+    /// The selected sequence.
+    Sequence,
+    /// The calibration that the device reports.
+    Calibration,
 }
 
 impl Item {
     /// All items with their names.
-    pub(super) const ALL: [(&str, Self); 5] = [
+    pub(super) const ALL: [(&str, Self); 7] = [
         ("truth", Self::Truth),
         ("clock", Self::Clock),
         ("objects", Self::Objects),
         ("device", Self::Device),
         ("faults", Self::Faults),
+        ("sequence", Self::Sequence),
+        ("calibration", Self::Calibration),
     ];
 }
 
@@ -142,6 +148,8 @@ mod tests {
             (Request::Get(Item::Objects), r#"{"get":"objects"}"#),
             (Request::Get(Item::Device), r#"{"get":"device"}"#),
             (Request::Get(Item::Faults), r#"{"get":"faults"}"#),
+            (Request::Get(Item::Sequence), r#"{"get":"sequence"}"#),
+            (Request::Get(Item::Calibration), r#"{"get":"calibration"}"#),
             (
                 Request::Fault(Box::new(Fault {
                     times: Some(2),

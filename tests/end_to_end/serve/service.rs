@@ -53,6 +53,8 @@ fn every_documented_request_is_answered() {
             reply.device.is_some(),
             reply.fault.is_some(),
             reply.faults.is_some(),
+            reply.sequence.is_some(),
+            reply.calibration.is_some(),
         ];
         let (what, maps) = match request {
             Request::Get(Item::Truth) | Request::TruthAt(_) => (None, true),
@@ -62,6 +64,8 @@ fn every_documented_request_is_answered() {
             Request::Get(Item::Device) => (Some(3), false),
             Request::Fault(_) => (Some(4), false),
             Request::Get(Item::Faults) => (Some(5), false),
+            Request::Get(Item::Sequence) => (Some(6), false),
+            Request::Get(Item::Calibration) => (Some(7), false),
             Request::Do(_) | Request::Place(_) | Request::ClearFaults(_) => (None, false),
         };
         assert_eq!(told.iter().position(|&told| told), what, "{line}");

@@ -70,12 +70,8 @@ impl Firmware {
             Command::Parity => return say(parity(self.line)),
             Command::StopBits => return say(stop_bits(self.line)),
             Command::Calibration => {
-                let factory = self.factory_calibration();
-                let factory = factory.map_err(|why| ErrorCode::CalibrationFailed.with(why))?;
-                let mut rig = self.settings.roi.rig(*factory);
-                let sensor = &self.profile.camera.sensor;
-                let exposure_s = self.settings.exposure_ns as f64 * 1e-9;
-                rig.noise = Some(sensor.noise_model(self.settings.gain_db, exposure_s));
+                let rig = self.reported_calibration();
+                let rig = rig.map_err(|why| ErrorCode::CalibrationFailed.with(why))?;
                 return Ok(Some(encode_block(rig.to_toml().as_bytes())));
             }
             _ => return say(self.next_id),

@@ -1,0 +1,98 @@
+//! The messages that show a measurement.
+
+use crate::hub::Numbered;
+use crate::measurement::Measurement;
+use crate::wire::{Told, message};
+use phasmid_core::error::Result;
+use std::sync::Arc;
+
+/// Maximum number of layers that a viewer can ask for at a time.
+const MAX_LAYERS: usize = 8;
+/// Maximum number of points that are shown. More are thinned out.
+const MAX_POINTS: usize = 300_000;
+
+/// Views that a viewer wants of each measurement.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct Wanted {
+    pub(crate) layers: Vec<String>,
+    /// Layer whose values the points have, if the cloud is wanted.
+    pub(crate) cloud: Option<String>,
+}
+
+impl Wanted {
+    pub(crate) fn is_nothing(&self) -> bool {
+        self.layers.is_empty() && self.cloud.is_none()
+    }
+}
+
+/// Computes the messages that show a measurement. What cannot be computed is named instead.
+pub(crate) fn messages(
+    source: usize,
+    measurement: &Numbered<Arc<dyn Measurement>>,
+    wanted: &Wanted,
+) -> Vec<Vec<u8>> {
+    let Numbered { number, value } = measurement;
+    let number = *number;
+    let mut all = Vec::new();
+    let why = show(source, number, &**value, wanted, &mut all).err();
+    if let Some(why) = why {
+        let why = why.to_string();
+        let told = Told::Unmeasured {
+            source,
+            number,
+            why,
+        };
+        all.push(message(&told, &[]));
+    }
+    all.push(message(&Told::Complete { source, number }, &[]));
+    all
+}
+
+fn show(
+    source: usize,
+    number: u64,
+    measurement: &dyn Measurement,
+    wanted: &Wanted,
+    all: &mut Vec<Vec<u8>>,
+) -> Result<()> {
+    let about = measurement.about()?;
+    let known = |name: &str| about.layers.iter().any(|layer| layer.name == name);
+    let names: Vec<_> = { wanted.layers.iter() }
+        .filter(|name| known(name))
+        .take(MAX_LAYERS)
+        .collect();
+    let cloud = { wanted.cloud.as_ref() }.filter(|name| about.cloud && known(name));
+    let told = Told::Measurement {
+        source,
+        number,
+        about: about.clone(),
+    };
+    all.push(message(&told, &[]));
+    for name in names {
+        let values = measurement.layer(name)?;
+        let told = Told::Layer {
+            source,
+            number,
+            name,
+        };
+        all.push(message(&told, &floats(&values)));
+    }
+    if let Some(name) = cloud {
+        let points = measurement.cloud(name, MAX_POINTS)?;
+        let told = Told::Cloud {
+            source,
+            number,
+            name,
+            every: points.every,
+        };
+        all.push(message(&told, &floats(points.points.as_flattened())));
+    }
+    Ok(())
+}
+
+fn floats(values: &[f32]) -> Vec<u8> {
+    values
+        .iter()
+        .flat_map(|value| value.to_le_bytes())
+        .collect()
+}
