@@ -1,57 +1,92 @@
-//! `phasmid console`: a page in the browser that shows what a camera sees.
+//! `phasmid console`: a page in the browser that shows a scanner and operates it.
 
 use super::interrupt;
-use crate::facade::{endpoints_in, watch_camera};
+use crate::facade::{ScanOptions, endpoints_in, operate, watch_camera};
+use phasmid_calibrate::files::read_rig;
 use phasmid_console::{Console, ConsoleOptions};
 use phasmid_core::error::Result;
 use phasmid_host::CameraDriver;
+use phasmid_pattern::Manifest;
+use phasmid_protocol::dialect::Dialect;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Show a camera in the browser, until Ctrl-C
+/// Show a scanner in the browser and operate it, until Ctrl-C
 ///
-/// Opens the camera, emulated or physical, and prints the address of a page that shows its frames. Its
-/// control port is left alone. To see a device beside another program, use `phasmid serve --console`.
+/// Opens the camera, emulated or physical, and prints the address of a page that shows its frames. With a
+/// control port, the page also scans and has a terminal; the port is opened only then. To see a device
+/// beside another program, use `phasmid serve --console`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example:\n  phasmid console --run-dir run\n  phasmid console --camera /dev/video0"
+    after_help = "Example:\n  phasmid console --run-dir run\n  phasmid console --camera /dev/video0 --control /dev/ttyUSB0"
 )]
 pub(super) struct Args {
     /// Camera: /dev/videoN, socket:PATH or tcp:HOST:PORT.
     #[arg(long, value_name = "ADDR", required_unless_present = "run_dir")]
     camera: Option<String>,
-    /// Run directory of an emulated device, whose camera is shown.
+    /// Control port of the same scanner. Without one the page only shows the camera.
+    #[arg(long, value_name = "PATH", requires = "camera")]
+    control: Option<PathBuf>,
+    /// Run directory of an emulated device.
     #[arg(long, value_name = "DIR", conflicts_with = "camera")]
     run_dir: Option<PathBuf>,
+    /// Sequence of scans for which the page names none [default: as selected in the device]
+    #[arg(long, value_name = "NAME")]
+    sequence: Option<String>,
+    /// Manifest of the sequence, for a device that does not report it.
+    #[arg(long, value_name = "FILE")]
+    manifest: Option<PathBuf>,
+    /// Calibration file to use instead of the device's own.
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    /// Dialect of the control port: a built-in name or a TOML file [default: as device.json beside the
+    /// port says, else SCPI]
+    #[arg(long, value_name = "NAME|FILE")]
+    dialect: Option<String>,
     /// Port of the page on the loopback interface; 0 picks a free one.
     #[arg(long, default_value_t = 0)]
     port: u16,
 }
 
 /// # Errors
-/// Returns an error if the camera cannot be opened, or if the port is taken.
+/// Returns an error if a file is invalid, the camera cannot be opened, or the port is taken.
 pub(super) fn run(args: &Args) -> Result<()> {
     interrupt::watch_signals();
-    let camera = match (&args.run_dir, &args.camera) {
+    let (camera, control) = match (&args.run_dir, &args.camera) {
         (Some(dir), _) => {
-            endpoints_in(dir)
-                .map_err(|e| e.at("--run-dir"))?
-                .camera_socket
+            let at = endpoints_in(dir).map_err(|e| e.at("--run-dir"))?;
+            (at.camera_socket, Some(at.control))
         }
-        (None, camera) => camera.clone().unwrap_or_default(),
+        (None, camera) => (camera.clone().unwrap_or_default(), args.control.clone()),
     };
-    let options = ConsoleOptions { port: args.port };
-    let console = Console::start(&options).map_err(|e| e.at("--port"))?;
-    let observer = console.source(&camera).observer();
+    if let Some(dialect) = &args.dialect {
+        Dialect::load(dialect).map_err(|e| e.at("--dialect"))?;
+    }
+    let manifest = args.manifest.as_deref().map(Manifest::read).transpose();
+    let calibration = args.calibration.as_deref().map(read_rig).transpose();
+    let options = ScanOptions {
+        sequence: args.sequence.clone(),
+        manifest: manifest.map_err(|e| e.at("--manifest"))?,
+        calibration: calibration.map_err(|e| e.at("--calibration"))?,
+        dialect: args.dialect.clone(),
+        ..ScanOptions::default()
+    };
+    let console = ConsoleOptions { port: args.port };
+    let console = Console::start(&console).map_err(|e| e.at("--port"))?;
+    let source = console.source(&camera);
     let mut announced = false;
-    watch_camera(&camera, CameraDriver::Auto, &observer, || {
+    let flow = || {
         // Once the camera has been opened.
         if !announced {
             announced = true;
             announce(&console);
         }
         interrupt::flow()
-    })
+    };
+    match control {
+        Some(control) => operate(&source, &camera, &control, &options, flow),
+        None => watch_camera(&camera, CameraDriver::Auto, &source.observer(), flow),
+    }
 }
 
 /// Prints the addresses of the page. The console also goes on if standard output is closed.

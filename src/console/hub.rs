@@ -2,6 +2,8 @@
 //! misses frames.
 
 use crate::measurement::Measurement;
+use crate::operator::{Operator, Request};
+use crate::traffic::{Entry, Traffic};
 use phasmid_pattern::Manifest;
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::{Channel, Event};
@@ -51,6 +53,10 @@ struct Source {
     latest: Option<Shown>,
     sequence: Option<Numbered<Arc<Manifest>>>,
     measurement: Option<Numbered<Arc<dyn Measurement>>>,
+    operator: Option<Arc<dyn Operator>>,
+    /// Words for the operator: what is being done, or why it failed.
+    status: Option<String>,
+    traffic: Traffic,
     /// Number of frames so far.
     frames: u64,
     /// Number of programs that are known to read the camera.
@@ -75,6 +81,9 @@ pub(crate) struct Standing {
     pub(crate) readers: u64,
     pub(crate) why: Option<String>,
     pub(crate) unplugged: Unplugged,
+    /// Kinds of requests that are answered.
+    pub(crate) answers: &'static [&'static str],
+    pub(crate) status: Option<String>,
 }
 
 #[derive(Default)]
@@ -132,9 +141,10 @@ impl Hub {
 
     /// Takes an event of a source's links. Never blocks for long: viewers copy what they send
     /// themselves.
-    pub(crate) fn see(&self, source: usize, _time_ns: u64, channel: Channel, event: &Event) {
+    pub(crate) fn see(&self, source: usize, time_ns: u64, channel: Channel, event: &Event) {
         let mut state = self.state();
         let source = &mut state.sources[source];
+        source.traffic.push(time_ns, channel, event);
         match event {
             Event::Frame(frame) => {
                 source.frames += 1;
@@ -145,7 +155,11 @@ impl Hub {
                     arrived: Instant::now(),
                 });
             }
-            Event::Opened if is_camera(channel) => source.readers += 1,
+            Event::Opened if is_camera(channel) => {
+                source.readers += 1;
+                source.unplugged.camera = false;
+            }
+            Event::Opened if channel.is_port() => source.unplugged.control = false,
             Event::Left if is_camera(channel) => {
                 source.readers = source.readers.saturating_sub(1);
             }
@@ -158,11 +172,14 @@ impl Hub {
                     true => source.unplugged.control = unplugged,
                     false => {
                         source.unplugged.camera = unplugged;
+                        if unplugged {
+                            source.readers = 0;
+                        }
                         source.why = source.why.take().filter(|_| unplugged);
                     }
                 }
             }
-            _ => return,
+            _ => {}
         }
         drop(state);
         self.tell();
@@ -170,13 +187,35 @@ impl Hub {
 
     /// Shows the patterns of a sequence from now on.
     pub(crate) fn show_sequence(&self, source: usize, sequence: Arc<Manifest>) {
-        renew(&mut self.state().sources[source].sequence, sequence);
-        self.tell();
+        let mut state = self.state();
+        let latest = &mut state.sources[source].sequence;
+        if latest.as_ref().is_none_or(|shown| shown.value != sequence) {
+            renew(latest, sequence);
+            drop(state);
+            self.tell();
+        }
+    }
+
+    /// Notes that a source's events have times of the device's clock.
+    pub(crate) fn set_device_times(&self, source: usize) {
+        self.state().sources[source].traffic.set_device_times();
     }
 
     /// Shows a measurement.
     pub(crate) fn show(&self, source: usize, measurement: Arc<dyn Measurement>) {
         renew(&mut self.state().sources[source].measurement, measurement);
+        self.tell();
+    }
+
+    /// Lets viewers operate a source.
+    pub(crate) fn operate(&self, source: usize, operator: Arc<dyn Operator>) {
+        self.state().sources[source].operator = Some(operator);
+        self.tell();
+    }
+
+    /// Shows words for the operator.
+    pub(crate) fn say(&self, source: usize, status: Option<String>) {
+        self.state().sources[source].status = status;
         self.tell();
     }
 
@@ -244,6 +283,8 @@ impl Seat {
             readers: source.readers,
             why: source.why.clone(),
             unplugged: source.unplugged,
+            answers: { source.operator.as_ref() }.map_or(&[], |operator| operator.answers()),
+            status: source.status.clone(),
         });
         View {
             sources: sources.collect(),
@@ -277,6 +318,36 @@ impl Seat {
         number: u64,
     ) -> Option<Numbered<Arc<dyn Measurement>>> {
         newer(&self.hub.state().sources.get(source)?.measurement, number)
+    }
+
+    /// Returns the events of a source after the one with this number.
+    pub(crate) fn traffic(&self, source: usize, number: u64) -> Vec<Entry> {
+        let state = self.hub.state();
+        let source = state.sources.get(source);
+        source.map_or_else(Vec::new, |source| source.traffic.after(number))
+    }
+
+    /// Returns whoever answers a request of this viewer.
+    ///
+    /// # Errors
+    /// Returns why it is not answered.
+    pub(crate) fn operator(
+        &self,
+        source: usize,
+        request: &Request,
+    ) -> Result<Arc<dyn Operator>, &'static str> {
+        let state = self.hub.state();
+        if state.controller != Some(self.number) && !request.only_asks() {
+            return Err("take control first");
+        }
+        let operator = state
+            .sources
+            .get(source)
+            .and_then(|source| source.operator.as_ref());
+        { operator }
+            .filter(|operator| operator.answers().contains(&request.kind()))
+            .cloned()
+            .ok_or("this scanner does not take such requests")
     }
 
     /// Takes control, if this viewer may, or gives it back. Takes it from another viewer unless

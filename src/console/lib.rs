@@ -12,7 +12,9 @@
 //! | `connections` | the listener, which limits connections |
 //! | `hub` | the latest frame and scan of each source, the viewers, and who has control |
 //! | `measurement` | the views of a scan |
+//! | `operator` | requests of viewers that a scanner answers |
 //! | `server` | routes and headers |
+//! | `traffic` | the recent traffic |
 //! | `viewer` | one WebSocket |
 //! | `views` | the messages that show a measurement |
 //! | `wire` | the messages of a WebSocket |
@@ -22,7 +24,9 @@ mod assets;
 mod connections;
 mod hub;
 mod measurement;
+mod operator;
 mod server;
+mod traffic;
 mod viewer;
 mod views;
 mod wire;
@@ -31,6 +35,7 @@ use access::Access;
 use connections::Connections;
 use hub::Hub;
 pub use measurement::{About, Field, Layer, Measurement, Points, Scale};
+pub use operator::{Operator, Request, Run};
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::Manifest;
 use phasmid_protocol::record::Observer;
@@ -90,6 +95,8 @@ impl Console {
                     _ = stopped => {}
                 }
             });
+            // Views that are being computed are not waited for.
+            runtime.shutdown_background();
         };
         Ok(Self {
             access,
@@ -132,9 +139,25 @@ impl Source {
         Observer::new(move |time_ns, channel, event| hub.see(source, time_ns, channel, event))
     }
 
+    /// Says that the observer's times are on the device's clock, as the exposures are. Latencies are
+    /// shown only then.
+    pub fn set_device_times(&self) {
+        self.hub.set_device_times(self.index);
+    }
+
     /// Shows the patterns of this sequence as frames report them, from now on.
     pub fn show_sequence(&self, sequence: Arc<Manifest>) {
         self.hub.show_sequence(self.index, sequence);
+    }
+
+    /// Lets viewers operate the scanner.
+    pub fn operate(&self, operator: Arc<dyn Operator>) {
+        self.hub.operate(self.index, operator);
+    }
+
+    /// Shows words about what is being done, or why it failed; `None` removes them.
+    pub fn say(&self, status: Option<String>) {
+        self.hub.say(self.index, status);
     }
 
     /// Shows a measurement instead of the last one.

@@ -2,12 +2,14 @@
 //! paused receives fewer frames, always the latest, and nothing queues.
 
 use crate::hub::Seat;
-use crate::views::{Wanted, messages};
+use crate::operator::Request;
+use crate::views::{Wanted, failed, messages};
 use crate::wire::{Asked, Told, frame_message, message, sequence_message};
 use axum::extract::ws::{Message, WebSocket};
+use serde_json::Value;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
-use tokio::task::JoinHandle;
+use tokio::task::{JoinHandle, JoinSet};
 
 /// Maximum number of frames that are sent and not drawn yet.
 const MAX_AHEAD: usize = 2;
@@ -19,6 +21,14 @@ const STALL: Duration = Duration::from_secs(30);
 const PING: Duration = Duration::from_secs(20);
 /// Time without an answer after which a viewer is gone.
 const SILENCE: Duration = Duration::from_secs(70);
+
+/// Maximum number of requests of a viewer that are being answered.
+const MAX_ASKED: usize = 8;
+/// Time between two messages of traffic.
+const TRAFFIC: Duration = Duration::from_millis(100);
+
+/// A request's number, and its answer or why there is none.
+type Answer = (u64, Result<Value, String>);
 
 /// The state of a viewer.
 struct Viewer {
@@ -40,6 +50,10 @@ struct Viewer {
     work: Option<Work>,
     /// Number of a measurement that has been sent and not drawn.
     unseen: Option<u64>,
+    /// Number of the last event that was sent; `None` if none are wanted.
+    traffic: Option<u64>,
+    /// Requests that are being answered.
+    asked: JoinSet<Answer>,
     /// Times from the arrival of recent frames to when they were drawn, in milliseconds.
     delays: VecDeque<f64>,
 }
@@ -53,12 +67,12 @@ struct Work {
 }
 
 /// Waits for messages; forever if there are none to come.
-async fn done(work: &mut Option<Work>) -> Vec<Vec<u8>> {
-    match work {
-        // A panic while computing shows nothing.
-        Some(work) => (&mut work.messages).await.unwrap_or_default(),
-        None => std::future::pending().await,
-    }
+async fn done(work: &mut Option<Work>, source: usize) -> Vec<Vec<u8>> {
+    let Some(work) = work else {
+        return std::future::pending().await;
+    };
+    let messages = (&mut work.messages).await;
+    messages.unwrap_or_else(|_| failed(source, work.number, "the scan could not be shown".into()))
 }
 
 /// Serves a viewer until it leaves.
@@ -74,6 +88,8 @@ pub(crate) async fn serve(socket: WebSocket, seat: Seat) {
         measured: 0,
         work: None,
         unseen: None,
+        traffic: None,
+        asked: JoinSet::new(),
         delays: VecDeque::new(),
     };
     viewer.run().await;
@@ -85,6 +101,8 @@ impl Viewer {
         let mut view = None;
         let mut heard = Instant::now();
         let mut ping = tokio::time::interval(PING);
+        let mut traffic = tokio::time::interval(TRAFFIC);
+        traffic.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
         loop {
             let now = self.seat.view();
             if view.as_ref() != Some(&now) {
@@ -107,12 +125,12 @@ impl Viewer {
             }
             self.measure();
             tokio::select! {
-                messages = done(&mut self.work) => self.show(messages).await?,
+                messages = done(&mut self.work, self.source) => self.show(messages).await?,
                 asked = self.socket.recv() => {
                     heard = Instant::now();
                     match asked?.ok()? {
                         // A message that is not ours ends the connection.
-                        Message::Text(text) => self.answer(serde_json::from_str(&text).ok()?),
+                        Message::Text(text) => self.answer(serde_json::from_str(&text).ok()?).await?,
                         Message::Close(_) => return None,
                         _ => {}
                     }
@@ -122,6 +140,13 @@ impl Viewer {
                         return None;
                     }
                     self.send(Message::Ping(Vec::new().into())).await?;
+                }
+                _ = traffic.tick(), if self.traffic.is_some() => self.send_traffic().await?,
+                Some(answered) = self.asked.join_next() => {
+                    // A panic while answering is the operator's; it has been reported there.
+                    if let Ok((number, answer)) = answered {
+                        self.send_answer(number, answer).await?;
+                    }
                 }
                 () = self.seat.changed() => {}
             }
@@ -149,7 +174,7 @@ impl Viewer {
     /// Sends the messages of a measurement, unless something else is wanted by now.
     async fn show(&mut self, messages: Vec<Vec<u8>>) -> Option<()> {
         let work = self.work.take()?;
-        if work.wanted && !messages.is_empty() {
+        if work.wanted {
             self.unseen = Some(work.number);
             for message in messages {
                 self.send(Message::Binary(message.into())).await?;
@@ -166,7 +191,50 @@ impl Viewer {
         }
     }
 
-    fn answer(&mut self, asked: Asked) {
+    async fn send_traffic(&mut self) -> Option<()> {
+        let sent = self.traffic?;
+        let events = self.seat.traffic(self.source, sent);
+        let Some(last) = events.last() else {
+            return Some(());
+        };
+        self.traffic = Some(last.number);
+        let source = self.source;
+        let told = message(&Told::Traffic { source, events }, &[]);
+        self.send(Message::Binary(told.into())).await
+    }
+
+    /// Passes a request on, or refuses it.
+    async fn ask(&mut self, number: u64, request: Request) -> Option<()> {
+        let operator = match self.seat.operator(self.source, &request) {
+            Ok(_) if self.asked.len() == MAX_ASKED => Err("too many requests at a time"),
+            operator => operator,
+        };
+        match operator {
+            Ok(operator) => {
+                self.asked.spawn_blocking(move || {
+                    let answer = operator.answer(&request);
+                    (number, answer.map_err(|e| e.to_string()))
+                });
+                Some(())
+            }
+            Err(why) => self.send_answer(number, Err(why.into())).await,
+        }
+    }
+
+    async fn send_answer(&mut self, number: u64, answer: Result<Value, String>) -> Option<()> {
+        let (answer, error) = match answer {
+            Ok(answer) => (Some(answer), None),
+            Err(why) => (None, Some(why)),
+        };
+        let told = Told::Answer {
+            number,
+            answer,
+            error,
+        };
+        self.send(Message::Binary(message(&told, &[]).into())).await
+    }
+
+    async fn answer(&mut self, asked: Asked) -> Option<()> {
         match asked {
             Asked::Drawn { source, number } if source == self.source => {
                 // A page that draws a later frame has skipped the earlier ones.
@@ -188,8 +256,11 @@ impl Viewer {
                 self.ahead.clear();
                 self.sequence = 0;
                 self.unseen = None;
+                self.traffic = self.traffic.map(|_| 0);
                 self.measure_again();
             }
+            Asked::Traffic { show } => self.traffic = show.then_some(0),
+            Asked::Ask { number, request } => self.ask(number, request).await?,
             Asked::Show { layers, cloud } => {
                 let wanted = Wanted { layers, cloud };
                 if wanted != self.wanted {
@@ -203,6 +274,7 @@ impl Viewer {
             Asked::Drawn { .. } | Asked::Watch { .. } | Asked::Seen { .. } => {}
             Asked::Control { take, if_free } => self.seat.control(take, if_free),
         }
+        Some(())
     }
 
     fn delay_ms(&self) -> Option<f64> {

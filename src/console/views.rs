@@ -34,18 +34,22 @@ pub(crate) fn messages(
     let Numbered { number, value } = measurement;
     let number = *number;
     let mut all = Vec::new();
-    let why = show(source, number, &**value, wanted, &mut all).err();
-    if let Some(why) = why {
-        let why = why.to_string();
-        let told = Told::Unmeasured {
-            source,
-            number,
-            why,
-        };
-        all.push(message(&told, &[]));
+    match show(source, number, &**value, wanted, &mut all) {
+        Ok(()) => all.push(message(&Told::Complete { source, number }, &[])),
+        Err(why) => all.extend(failed(source, number, why.to_string())),
     }
-    all.push(message(&Told::Complete { source, number }, &[]));
     all
+}
+
+/// Returns the messages that end a measurement that cannot be shown completely.
+pub(crate) fn failed(source: usize, number: u64, why: String) -> Vec<Vec<u8>> {
+    let told = Told::Unmeasured {
+        source,
+        number,
+        why,
+    };
+    let ends = [told, Told::Complete { source, number }];
+    ends.iter().map(|told| message(told, &[])).collect()
 }
 
 fn show(
@@ -61,7 +65,9 @@ fn show(
         .filter(|name| known(name))
         .take(MAX_LAYERS)
         .collect();
-    let cloud = { wanted.cloud.as_ref() }.filter(|name| about.cloud && known(name));
+    // Another scanner may lack the layer that was chosen for the last one.
+    let cloud = { wanted.cloud.as_ref() }.filter(|_| about.cloud);
+    let cloud = cloud.map(|name| if known(name) { name } else { "depth" });
     let told = Told::Measurement {
         source,
         number,

@@ -6,9 +6,12 @@
 
 use crate::hub::{Shown, View};
 use crate::measurement::About;
+use crate::operator::Request;
+use crate::traffic::Entry;
 use phasmid_pattern::{Axis, Manifest, Pattern};
 use phasmid_protocol::PixelFormat;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// Header of a message to the page.
 #[derive(Debug, Serialize)]
@@ -80,6 +83,14 @@ pub(crate) enum Told<'a> {
         name: &'a str,
         every: usize,
     },
+    /// Events of the source since the last such message.
+    Traffic { source: usize, events: Vec<Entry> },
+    /// The answer to [`Asked::Ask`] with this number, or why there is none.
+    Answer {
+        number: u64,
+        answer: Option<Value>,
+        error: Option<String>,
+    },
     /// The measurement with this number is complete, which [`Asked::Seen`] returns.
     Complete { source: usize, number: u64 },
 }
@@ -108,6 +119,10 @@ pub(crate) enum Asked {
         layers: Vec<String>,
         cloud: Option<String>,
     },
+    /// Show the source's traffic, or no more.
+    Traffic { show: bool },
+    /// A request for the source's operator; the answer has the same number.
+    Ask { number: u64, request: Request },
     /// The measurement with this number has been drawn.
     Seen { source: usize, number: u64 },
     /// Take control, only if nobody has it if `if_free`; or give it back.

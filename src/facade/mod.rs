@@ -25,14 +25,14 @@ mod watch;
 pub use builder::{DeviceBuilder, ProfileSource, SceneSource};
 pub use calibrate::{calibrate, calibrate_with_stop};
 #[cfg(feature = "console")]
-pub use console::{Follower, ScanViews};
+pub use console::{Follower, ScanViews, operate};
 pub use decode::{Decoding, compare, decode};
 pub use device::Device;
-#[cfg(feature = "console")]
-pub(crate) use scanner::ask_service;
 #[cfg(target_os = "linux")]
 pub(crate) use scanner::connected;
 pub use scanner::{ScanOptions, Scanner};
+#[cfg(feature = "console")]
+pub(crate) use scanner::{ask_service, dialect_of};
 pub(crate) use scanner::{endpoints_in, service_of, truth_maps};
 pub(crate) use track::TOLERANCE_MM;
 pub use track::{

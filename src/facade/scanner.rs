@@ -367,7 +367,7 @@ pub(crate) fn connected(service: &Path) -> Result<std::os::unix::net::UnixStream
 
 /// Returns the dialect of a control port: as requested, else as the `device.json` beside the port says;
 /// `None` if neither exists.
-fn dialect_of(asked: Option<&str>, control: &Path) -> Result<Option<Dialect>> {
+pub(crate) fn dialect_of(asked: Option<&str>, control: &Path) -> Result<Option<Dialect>> {
     if let Some(asked) = asked {
         return Dialect::load(asked).map(Some);
     }

@@ -77,6 +77,7 @@ pub fn watch_camera(
                     }
                 };
                 see(&camera, Event::Plugged);
+                see(&camera, Event::Opened);
             }
         }
     }

@@ -1,31 +1,51 @@
 //! Recording, on the host's side, of the traffic between host and device. The wrappers around a
 //! camera and a port do not change their behaviour.
 
-use super::{Camera, CommandPort};
+use super::{Camera, CommandPort, monotonic_ns};
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
-use phasmid_protocol::record::{Channel, Event, Recorder};
+use phasmid_protocol::record::{Channel, Event, Observer, Recorder};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A recording shared by a camera and a port; it ends when both are dropped.
+/// A recording shared by a camera and a port, which ends when both are dropped; or an observer of their
+/// traffic.
 #[derive(Clone)]
 pub struct Tape {
-    recorder: Arc<Recorder>,
+    kept: Kept,
     now_ns: Arc<dyn Fn() -> u64 + Send + Sync>,
+}
+
+/// Where the traffic goes.
+#[derive(Clone)]
+enum Kept {
+    Recorded(Arc<Recorder>),
+    Shown(Observer),
 }
 
 impl Tape {
     /// Creates a tape; `now_ns` returns the nanoseconds since the start of the recording.
     pub fn new(recorder: Recorder, now_ns: impl Fn() -> u64 + Send + Sync + 'static) -> Self {
         Self {
-            recorder: Arc::new(recorder),
+            kept: Kept::Recorded(Arc::new(recorder)),
             now_ns: Arc::new(now_ns),
         }
     }
 
+    /// Shows the traffic to an observer, at times on the system's monotonic clock.
+    pub fn shown(observer: Observer) -> Self {
+        Self {
+            kept: Kept::Shown(observer),
+            now_ns: Arc::new(monotonic_ns),
+        }
+    }
+
     fn put(&self, channel: Channel, event: Event) {
-        self.recorder.put((self.now_ns)(), channel, event);
+        let now_ns = (self.now_ns)();
+        match &self.kept {
+            Kept::Recorded(recorder) => recorder.put(now_ns, channel, event),
+            Kept::Shown(observer) => observer.see(now_ns, channel, &event),
+        }
     }
 }
 

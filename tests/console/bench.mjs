@@ -1,7 +1,10 @@
 // Prints how fast the console is and how much it weighs. Run by tests/console/run, with this file's name.
 
 import { test } from "node:test";
-import { Client, launch, open, serve, text } from "./helpers.mjs";
+import { Client, command, launch, open, serve, text, watch } from "./helpers.mjs";
+import { mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import path from "node:path";
 
 const MEASURED_MS = 10_000;
 
@@ -34,8 +37,36 @@ test("figures", async () => {
   console.log(`client: ${alone.toFixed(2)} frames/s alone, ${watched.toFixed(2)} beside a page, ${again.toFixed(2)} alone`);
   console.log(`page: ${shown} frames/s shown, ${delay} ms from arrival to drawing (median)`);
   console.log(`page: ${bytes} bytes, ${page.errors.length} errors`);
+  await scans(browser);
   await browser.close();
 });
+
+/** Prints how fast scans are shown, of a client that scans without a pause. */
+async function scans(browser) {
+  const device = await serve(["--profile", "webcam-grey", "--scene", "sphere"]);
+  const folder = mkdtempSync(path.join(tmpdir(), "bench-"));
+  await command(["scan", "--run-dir", device.runDir, "--no-decode", "--out", path.join(folder, "scan")]);
+  rmSync(folder, { recursive: true });
+  for (const time of ["first", "second"]) {
+    const begin = performance.now();
+    const page = await open(browser, device.control);
+    const [, points] = await text(page, "#result-pixel", /^(\d+) points$/);
+    console.log(`page: ${points} points ${((performance.now() - begin) / 1000).toFixed(2)} s after navigation, the ${time} time`);
+    await page.context().close();
+  }
+  const client = await watch(["--run-dir", device.runDir]);
+  const page = await open(browser, client.control);
+  await page.click('#tabs button[value="scan"]');
+  await page.click("#scan-repeat");
+  await text(page, "#figures", /Shown[\d.]+ scans/);
+  await new Promise((done) => setTimeout(done, MEASURED_MS));
+  const [, clouds] = await text(page, "#figures", /Shown([\d.]+) scans/);
+  const [, points] = await text(page, "#result-pixel", /^(\d+) points$/);
+  const [, shown] = await text(page, "#frame", /Shown([\d.]+)/);
+  const [, delay] = await text(page, "#frame", /Delay(\d+)/);
+  console.log(`page: ${clouds} clouds/s of ${points} points and ${shown} frames/s, ${delay} ms from arrival to drawing (median)`);
+  await page.context().close();
+}
 
 async function cookie(url) {
   return (await fetch(url)).headers.get("set-cookie").split(";")[0];

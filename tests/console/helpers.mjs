@@ -194,7 +194,7 @@ export async function text(page, selector, pattern) {
       return pattern.exec(found);
     });
   } catch (error) {
-    throw new Error(`${selector} says "${found}", expected ${pattern}`, { cause: error });
+    throw new Error(`${selector} says "${found?.slice(0, 500)}", expected ${pattern}`, { cause: error });
   }
 }
 

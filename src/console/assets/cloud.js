@@ -12,27 +12,27 @@ const STRIDE = 4;
 const FIELD_COLOURS = { camera: 0x3f9ad0, projector: 0xe69f00 };
 /** Maximum number of points that the extent is found by. */
 const SAMPLES = 20_000;
+// The colour is found once for each point, not for each of its pixels: without a GPU that halves the time.
 const VERTEX = `
 in float value;
 uniform float low, high, spread, pixels;
-out float part;
-flat out int missing;
+uniform sampler2D colours;
+flat out vec3 colour;
 void main() {
   vec4 seen = modelViewMatrix * vec4(position, 1.0);
   gl_Position = projectionMatrix * seen;
   // Somewhat larger than the pixel of the camera that saw the point, so that surfaces are closed.
   gl_PointSize = clamp(1.3 * pixels * spread * position.z / max(-seen.z, 1e-6), 1.0, 12.0);
-  part = (value - low) / (high - low);
-  missing = isnan(value) ? 1 : 0;
+  int last = textureSize(colours, 0).x - 1;
+  int step = int(clamp((value - low) / (high - low), 0.0, 1.0) * float(last) + 0.5);
+  colour = isnan(value) ? vec3(0.45) : texelFetch(colours, ivec2(step, 0), 0).rgb;
 }`;
 const FRAGMENT = `
 precision mediump float;
-in float part;
-flat in int missing;
-uniform sampler2D colours;
-out vec4 colour;
+flat in vec3 colour;
+out vec4 drawn;
 void main() {
-  colour = missing == 1 ? vec4(0.45, 0.45, 0.45, 1.0) : texture(colours, vec2(clamp(part, 0.001, 0.999), 0.5));
+  drawn = vec4(colour, 1.0);
 }`;
 
 export class Cloud {

@@ -75,9 +75,11 @@ export function range({ scale, names }, values, stride = 1, offset = 0) {
     return [0, names.length - 1];
   }
   const count = Math.floor(values.length / stride);
-  const step = stride * Math.max(1, Math.floor(count / SAMPLES));
+  const taken = Math.min(count, SAMPLES);
   const some = [];
-  for (let i = offset; i < values.length; i += step) {
+  for (let k = 0; k < taken; k++) {
+    // Spread over rows and columns alike by the golden ratio, whatever the width.
+    const i = offset + stride * (taken === count ? k : Math.floor(((k * 0.6180339887498949) % 1) * count));
     if (Number.isFinite(values[i])) {
       some.push(scale === "signed" ? Math.abs(values[i]) : values[i]);
     }

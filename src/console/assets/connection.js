@@ -54,9 +54,12 @@ export class Connection {
     this.open();
   }
 
+  /** Sends a message; returns whether there is a connection. */
   ask(message) {
-    if (this.socket.readyState === WebSocket.OPEN) {
+    const open = this.socket?.readyState === WebSocket.OPEN;
+    if (open) {
       this.socket.send(JSON.stringify(message));
     }
+    return open;
   }
 }

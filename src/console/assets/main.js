@@ -3,7 +3,9 @@
 import { Connection } from "./connection.js";
 import { greys } from "./colours.js";
 import * as histogram from "./histogram.js";
+import { Panels } from "./panels.js";
 import { Picture } from "./picture.js";
+import { Requests } from "./requests.js";
 import { Result } from "./result.js";
 
 /** Time between two histograms. */
@@ -34,6 +36,10 @@ let [white, colours, shownLevels] = [null, null, null];
 const picture = new Picture($("view"), $("picture"), showZoom, showPixel);
 let connection = null;
 const result = new Result(want, (number) => connection.ask({ kind: "seen", source, number }));
+const requests = new Requests((message) => connection.ask(message));
+const panels = new Panels(requests, (show) => {
+  connection?.ask({ kind: "traffic", show });
+});
 connection = new Connection(told, connected);
 
 /** Asks the console to show these layers of each measurement, and its cloud with the values of a layer. */
@@ -54,8 +60,10 @@ function connected(how) {
     next = null;
     connection.ask({ kind: "watch", source });
     result.ask();
+    panels.renew();
     return;
   }
+  requests.lost();
   keepControl();
   state.controls = false;
   $("role").textContent = "";
@@ -74,6 +82,8 @@ function keepControl() {
 function told(message, payload) {
   if (message.kind === "state") {
     showState(message);
+  } else if (message.kind === "answer") {
+    requests.told(message);
   } else if (message.source !== source) {
     return;
   } else if (message.kind === "frame") {
@@ -85,6 +95,8 @@ function told(message, payload) {
   } else if (message.kind === "damaged") {
     notice(`Frame ${message.id} is damaged: ${message.why}.`);
     connection.ask({ kind: "drawn", source, number: message.number });
+  } else if (message.kind === "traffic") {
+    panels.traffic.add(message.events);
   } else {
     result.told(message, payload);
   }
@@ -117,6 +129,7 @@ function showDevice() {
   if (!here) {
     return;
   }
+  panels.update(here, Boolean(state.controls));
   const parts = [];
   if (here.unplugged.control) {
     parts.push("control port unplugged");
@@ -237,6 +250,7 @@ function showPixel(pixel) {
 /** Shows another scanner. */
 function select(index) {
   source = index;
+  connection.ask({ kind: "watch", source });
   sessionStorage.setItem(SOURCE, source);
   next = null;
   shownAt = [];
@@ -245,11 +259,11 @@ function select(index) {
   white = null;
   picture.clear();
   result.clear();
+  panels.renew();
   histogram.draw($("histogram"), new Uint32Array(1));
   for (const id of ["white", "saturation", "frame"]) {
     $(id).replaceChildren();
   }
-  connection.ask({ kind: "watch", source });
 }
 
 $("source").addEventListener("change", () => {

@@ -10,6 +10,9 @@ const [CLOUD, PATTERN] = ["cloud", "pattern"];
 /** What the colours of the cloud may show. */
 const POINT_LAYERS = ["depth", "depth_sigma", "error", "intensity", "modulation"];
 
+/** Time over which scans are counted. */
+const COUNTED_MS = 5000;
+
 const $ = (id) => document.getElementById(id);
 
 /** Returns the parts of the address after the #, where a link keeps what is shown. */
@@ -45,9 +48,10 @@ export class Result {
     this.measurement = null;
     this.layers = new Map();
     this.points = null;
+    [this.shownAt, this.counted] = [[], null];
     this.incoming = null;
     this.sequence = null;
-    this.pattern = undefined;
+    [this.why, this.projected, this.pattern] = [null, undefined, undefined];
     this.cloud?.reset();
     this.setLine(null);
     $("figures").replaceChildren();
@@ -126,13 +130,27 @@ export class Result {
       if (incoming) {
         const { measurement, layers, points, why } = incoming;
         [this.measurement, this.layers, this.points, this.why] = [measurement, layers, points, why];
+        this.count();
         this.showFigures();
+        // Another scanner may lack the layer.
+        this.colour = points?.name ?? this.colour;
         this.lists(measurement?.layers ?? FIRST);
+        this.line = this.line && measurement && this.line.map((end) => this.inside(end));
         await this.show();
       }
     } finally {
       this.seen(number);
     }
+  }
+
+  /** Notes that a scan is shown, unless it is the same one in another view. */
+  count() {
+    const now = performance.now();
+    if (this.measurement && this.measurement.number !== this.counted) {
+      this.counted = this.measurement.number;
+      this.shownAt.push(now);
+    }
+    this.shownAt = this.shownAt.filter((at) => now - at <= COUNTED_MS);
   }
 
   layer(name) {
@@ -151,6 +169,7 @@ export class Result {
     $("cloud-choices").hidden = !cloud;
     $("legend").hidden = pattern;
     $("profile").hidden = cloud || pattern;
+    this.draggable();
     if (this.cloud) {
       this.cloud.controls.enabled = cloud;
     }
@@ -171,10 +190,13 @@ export class Result {
 
   /** Says why there is nothing to show, or what is wrong with it. */
   explain(shown) {
-    const lacking = this.measurement
+    const { measurement } = this;
+    const pending = measurement && (this.view === CLOUD ? measurement.cloud : this.layer(this.view));
+    const lacking = pending ? "Computing." : measurement
       ? `This scan has no ${this.view === CLOUD ? "points: they need a calibration" : this.view}.`
       : "No scan yet.\nIt appears here when a program has run a sequence.";
     this.notice(this.why ?? (shown ? "" : lacking));
+    $("legend").hidden = !shown;
   }
 
   showMap() {
@@ -198,6 +220,7 @@ export class Result {
       return;
     }
     this.explain(layer && points);
+    $("cloud").hidden = !layer || !points;
     if (!layer || !points) {
       return;
     }
@@ -209,6 +232,12 @@ export class Result {
       this.notice(`The cloud cannot be drawn: ${error.message}`);
       return;
     }
+    // Another view or scanner may have been chosen meanwhile.
+    if (this.view !== CLOUD || this.points !== points) {
+      this.cloud.controls.enabled = this.view === CLOUD;
+      return;
+    }
+    this.cloud.controls.enabled = true;
     const range = colours.range(layer, points.values, 4, 3);
     const fields = $("fields").checked;
     this.cloud.show({ about: this.measurement, values: points.values, every: points.every, layer, range, fields });
@@ -255,6 +284,10 @@ export class Result {
   showFigures() {
     const { measurement } = this;
     const rows = measurement ? [["Sequence", measurement.sequence ?? "unknown"], ...measurement.figures] : [];
+    const at = this.shownAt;
+    if (at.length > 1) {
+      rows.push(["Shown", `${((1000 * (at.length - 1)) / (at.at(-1) - at[0])).toFixed(1)} scans/s`]);
+    }
     $("figures").replaceChildren(...rows.flatMap(([name, value]) => {
       const [dt, dd] = [document.createElement("dt"), document.createElement("dd")];
       [dt.textContent, dd.textContent] = [name, value];
@@ -324,16 +357,24 @@ export class Result {
     return [[0, y], [width - 1, y]];
   }
 
+  /** Lets the pointer and the arrow keys move the line, where there is one. */
+  draggable() {
+    const moves = this.line && this.view !== PATTERN && this.view !== CLOUD;
+    this.picture.drawn = moves ? (from, to) => this.setLine([from, to]) : null;
+    this.picture.nudged = moves ? (x, y) => this.setLine(this.line.map(([px, py]) => [px + x, py + y])) : null;
+  }
+
+  /** Returns the pixel at a position, or the nearest one. */
+  inside([x, y]) {
+    const { width, height } = this.measurement;
+    return [Math.floor(Math.min(Math.max(x, 0), width - 1)), Math.floor(Math.min(Math.max(y, 0), height - 1))];
+  }
+
   /** Draws a profile along a line between two pixels, or none. */
   setLine(line) {
     const wasOff = this.line === null || this.line === undefined;
-    const inside = ([x, y]) => {
-      const { width, height } = this.measurement;
-      return [Math.floor(Math.min(Math.max(x, 0), width - 1)), Math.floor(Math.min(Math.max(y, 0), height - 1))];
-    };
-    this.line = line && this.measurement ? line.map(inside) : null;
-    this.picture.drawn = this.line && ((from, to) => this.setLine([from, to]));
-    this.picture.nudged = this.line && ((x, y) => this.setLine(this.line.map(([px, py]) => [px + x, py + y])));
+    this.line = line && this.measurement ? line.map((end) => this.inside(end)) : null;
+    this.draggable();
     $("profile").setAttribute("aria-pressed", this.line !== null);
     $("profile-chart").hidden = this.line === null;
     if (wasOff !== (this.line === null)) {

@@ -210,6 +210,11 @@ impl Firmware {
         self.link = Some(link);
     }
 
+    /// Returns the headers of the commands in their long form; small letters may be left out.
+    pub fn headers() -> impl Iterator<Item = &'static str> {
+        table::TABLE.iter().map(|(pattern, _)| *pattern)
+    }
+
     /// Returns the names of the sequences in the memory.
     pub fn sequence_names(&self) -> impl Iterator<Item = &str> {
         self.memory.names()

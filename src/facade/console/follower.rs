@@ -1,6 +1,7 @@
 //! Finds the scans among the frames of a served device, and shows them.
 
 use super::ScanViews;
+use super::service::ServiceOperator;
 use crate::facade::ask_service;
 use phasmid_console::Source;
 use phasmid_core::error::{Error, Result};
@@ -11,9 +12,8 @@ use phasmid_protocol::record::{Event, Observer};
 use phasmid_protocol::service::{Item, Request};
 use std::fmt;
 use std::mem::take;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 
 /// Shows the scans of a device that is being served, whichever program makes them.
 ///
@@ -41,7 +41,6 @@ use std::thread::JoinHandle;
 pub struct Follower {
     source: Source,
     inbox: Arc<Inbox>,
-    thread: Option<JoinHandle<()>>,
 }
 
 /// State of the device as seen so far.
@@ -50,11 +49,23 @@ struct Seen {
     /// Path of the device's service channel, once it is known.
     service: Option<PathBuf>,
     /// Frames of the present run of a sequence, from its first.
-    run: Vec<Arc<Frame>>,
+    run: Run,
+    /// The run before, which may have been complete.
+    before: Run,
+    /// Number of runs so far.
+    runs: u64,
     /// Whether it has changed since it was last looked at.
     news: bool,
     /// Whether the follower is to end.
     ended: bool,
+}
+
+/// Frames that follow each other, from the first of a sequence.
+#[derive(Clone, Default)]
+struct Run {
+    /// Number among the runs, from 1.
+    number: u64,
+    frames: Vec<Arc<Frame>>,
 }
 
 #[derive(Default)]
@@ -79,7 +90,7 @@ impl Inbox {
     /// Adds a frame to the run that it continues, or begins another run.
     fn take(&self, frame: &Arc<Frame>) {
         self.change(|seen| {
-            let run = &mut seen.run;
+            let run = &mut seen.run.frames;
             let due = run.len() as u64;
             let continues = run.first().is_some_and(|first| {
                 frame.pattern_index.map(u64::from) == Some(due)
@@ -87,11 +98,19 @@ impl Inbox {
                     && (first.width, first.height) == (frame.width, frame.height)
                     && first.format == frame.format
             });
-            if !continues {
-                run.clear();
-            }
-            if continues || frame.pattern_index == Some(0) {
+            if continues {
                 run.push(frame.clone());
+                return;
+            }
+            if !run.is_empty() {
+                seen.before = std::mem::take(&mut seen.run);
+            }
+            if frame.pattern_index == Some(0) {
+                seen.runs += 1;
+                seen.run = Run {
+                    number: seen.runs,
+                    frames: vec![frame.clone()],
+                };
             }
         });
     }
@@ -103,15 +122,18 @@ impl Follower {
     /// # Errors
     /// Returns an error if the system refuses a thread.
     pub fn start(source: Source) -> Result<Self> {
+        source.set_device_times();
+        Self::of_host(source)
+    }
+
+    /// [`Self::start`] for frames that a host has received, at times of its own clock.
+    pub(super) fn of_host(source: Source) -> Result<Self> {
         let inbox = Arc::new(Inbox::default());
         let (theirs, shown) = (inbox.clone(), source.clone());
         let thread = std::thread::Builder::new().name("follower".into());
         let thread = thread.spawn(move || follow(&theirs, &shown));
-        Ok(Self {
-            source,
-            inbox,
-            thread: Some(thread.map_err(|e| Error::io("follower", e))?),
-        })
+        thread.map_err(|e| Error::io("follower", e))?;
+        Ok(Self { source, inbox })
     }
 
     /// Returns the observer for the device's events.
@@ -125,10 +147,14 @@ impl Follower {
         })
     }
 
-    /// Tells where the device's service channel is. Until then no scan is shown.
+    /// Tells where the device's service channel is. Until then no scan is shown. Viewers can use the
+    /// channel as well.
     pub fn ask_at(&self, service: impl Into<PathBuf>) {
-        self.inbox
-            .change(|seen| seen.service = Some(service.into()));
+        let service = service.into();
+        self.source.operate(Arc::new(ServiceOperator {
+            service: service.clone(),
+        }));
+        self.inbox.change(|seen| seen.service = Some(service));
     }
 }
 
@@ -140,83 +166,79 @@ impl fmt::Debug for Follower {
 
 impl Drop for Follower {
     fn drop(&mut self) {
+        // The thread may be waiting for the device, so it is not waited for.
         self.inbox.change(|seen| seen.ended = true);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
     }
 }
 
-/// The sequence of a run.
+/// The sequence that a device had selected in a run.
 struct Sequence {
-    /// Id of the first frame of the run.
+    /// Number of the run.
     run: u64,
     name: String,
     /// The manifest as the device has written it, to recognise it again.
     text: String,
     manifest: Arc<Manifest>,
-    shown: bool,
 }
 
 /// Shows each complete run, until the follower ends.
 fn follow(inbox: &Inbox, source: &Source) {
     let mut sequence: Option<Sequence> = None;
+    // Number of the last run that was shown.
+    let mut shown = 0;
     loop {
         let mut seen = inbox.seen();
         while !take(&mut seen.news) && !seen.ended {
-            seen = inbox
-                .news
-                .wait(seen)
-                .unwrap_or_else(PoisonError::into_inner);
+            seen = { inbox.news.wait(seen) }.unwrap_or_else(PoisonError::into_inner);
         }
         if seen.ended {
             return;
         }
-        let (Some(service), run) = (seen.service.clone(), seen.run.clone()) else {
+        let Some(service) = seen.service.clone() else {
             continue;
         };
+        let runs = [seen.before.clone(), seen.run.clone()];
         drop(seen);
-        let Some(first) = run.first() else { continue };
-        if sequence.as_ref().is_none_or(|known| known.run != first.id) {
+        for run in runs {
+            if run.number <= shown || run.frames.is_empty() {
+                continue;
+            }
+            if sequence
+                .as_ref()
+                .is_none_or(|known| known.run != run.number)
+            {
+                sequence = ask(&service, sequence, run.number);
+            }
             // A device that does not answer has ended.
-            let Ok((reply, _)) = ask_service(&service, &Request::Get(Item::Sequence)) else {
-                continue;
-            };
-            let Some(about) = reply.sequence else {
-                continue;
-            };
-            let known = sequence.take().filter(|known| known.text == about.manifest);
-            let manifest = match known {
-                Some(known) => known.manifest,
-                None => match Manifest::parse(&about.manifest, &about.name) {
-                    Ok(manifest) => {
-                        let manifest = Arc::new(manifest);
-                        source.show_sequence(manifest.clone());
-                        manifest
-                    }
-                    Err(_) => continue,
-                },
-            };
-            sequence = Some(Sequence {
-                run: first.id,
-                name: about.name,
-                text: about.manifest,
-                manifest,
-                shown: false,
-            });
-        }
-        if let Some(known) = &mut sequence
-            && !known.shown
-            && run.len() == known.manifest.frame.len()
-        {
-            known.shown = true;
-            // A frame that cannot be unpacked is reported where frames are shown.
-            if let Ok(capture) = capture(&run, &known.manifest) {
-                let views = ScanViews::new(capture).named(&known.name);
-                source.show(Arc::new(views.with_service(service)));
+            let Some(known) = &sequence else { continue };
+            source.show_sequence(known.manifest.clone());
+            if run.frames.len() == known.manifest.frame.len() {
+                shown = run.number;
+                // A frame that cannot be unpacked is reported where frames are shown.
+                if let Ok(capture) = capture(&run.frames, &known.manifest) {
+                    let views = ScanViews::new(capture).named(&known.name);
+                    source.show(Arc::new(views.with_service(&service)));
+                }
             }
         }
     }
+}
+
+/// Asks which sequence is selected in a run. The manifest of the run before is kept if it is the same.
+fn ask(service: &Path, before: Option<Sequence>, run: u64) -> Option<Sequence> {
+    let (reply, _) = ask_service(service, &Request::Get(Item::Sequence)).ok()?;
+    let about = reply.sequence?;
+    let known = before.filter(|known| known.text == about.manifest);
+    let manifest = match known {
+        Some(known) => known.manifest,
+        None => Arc::new(Manifest::parse(&about.manifest, &about.name).ok()?),
+    };
+    Some(Sequence {
+        run,
+        name: about.name,
+        text: about.manifest,
+        manifest,
+    })
 }
 
 fn capture(run: &[Arc<Frame>], manifest: &Manifest) -> Result<Capture> {
@@ -260,6 +282,7 @@ mod tests {
             inbox
                 .seen()
                 .run
+                .frames
                 .iter()
                 .map(|frame| frame.id)
                 .collect::<Vec<_>>()
@@ -273,6 +296,13 @@ mod tests {
             ids(&[(10, Some(0)), (11, Some(0)), (12, Some(1))]),
             [11, 12]
         );
-        assert_eq!(ids(&[(13, None)]), [0u64; 0]);
+        // A complete run is kept until the next one has ended.
+        assert_eq!(ids(&[(13, None), (14, None)]), [0u64; 0]);
+        assert_eq!(inbox.seen().before.frames.len(), 2);
+        assert_eq!(ids(&[(15, Some(0))]), [15]);
+        assert_eq!(
+            (inbox.seen().before.number, inbox.seen().run.number),
+            (4, 5)
+        );
     }
 }

@@ -3,10 +3,15 @@
 //! | file | contents |
 //! | --- | --- |
 //! | `scan_views` | the views of a scan: maps, points and fields of view |
+//! | `operate` | a scanner that scans and talks as viewers ask |
+//! | `service` | passes requests to a service channel |
 //! | `follower` | finds and decodes the scans of a served device, whoever makes them |
 
 mod follower;
+mod operate;
 mod scan_views;
+mod service;
 
 pub use follower::Follower;
+pub use operate::operate;
 pub use scan_views::ScanViews;

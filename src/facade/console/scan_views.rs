@@ -11,7 +11,7 @@ use phasmid_protocol::service::{Item, Request};
 use std::f32::consts::TAU;
 use std::fmt;
 use std::path::PathBuf;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// A scan that a console shows. It is decoded when a viewer first asks for it.
 ///
@@ -33,9 +33,10 @@ pub struct ScanViews {
     capture: Capture,
     name: Option<String>,
     service: Option<PathBuf>,
-    // An error is kept in words, for every viewer.
-    decoding: OnceLock<Result<Decoding, String>>,
-    true_depth: OnceLock<Result<Vec<f32>, String>>,
+    decoding: OnceLock<Decoding>,
+    true_depth: OnceLock<Vec<f32>>,
+    /// Held by whoever computes one of them.
+    computing: Mutex<()>,
 }
 
 impl ScanViews {
@@ -47,6 +48,7 @@ impl ScanViews {
             service: None,
             decoding: OnceLock::new(),
             true_depth: OnceLock::new(),
+            computing: Mutex::default(),
         }
     }
 
@@ -66,8 +68,28 @@ impl ScanViews {
     }
 
     fn decoding(&self) -> Result<&Decoding> {
-        let decoded = { &self.decoding }.get_or_init(|| self.decode().map_err(|e| e.to_string()));
-        decoded.as_ref().map_err(Error::device)
+        self.once(&self.decoding, || self.decode())
+    }
+
+    /// Computes a value once; after an error it is computed again.
+    fn once<'a, T>(
+        &'a self,
+        known: &'a OnceLock<T>,
+        compute: impl FnOnce() -> Result<T>,
+    ) -> Result<&'a T> {
+        let computing = self
+            .computing
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        let value = match known.get() {
+            Some(value) => value,
+            None => {
+                let value = compute()?;
+                known.get_or_init(|| value)
+            }
+        };
+        drop(computing);
+        Ok(value)
     }
 
     fn decode(&self) -> Result<Decoding> {
@@ -88,12 +110,12 @@ impl ScanViews {
 
     /// Returns the true depth at the middle of the scan.
     fn true_depth(&self) -> Result<&[f32]> {
-        let known =
-            { &self.true_depth }.get_or_init(|| self.ask_depth().map_err(|e| e.to_string()));
-        known.as_deref().map_err(Error::device)
+        let wanted = self.decoding()?.maps.depth.len();
+        self.once(&self.true_depth, || self.ask_depth(wanted))
+            .map(Vec::as_slice)
     }
 
-    fn ask_depth(&self) -> Result<Vec<f32>> {
+    fn ask_depth(&self, wanted: usize) -> Result<Vec<f32>> {
         let middle = self.capture.frames.get(self.capture.frames.len() / 2);
         let (Some(service), Some(middle)) = (&self.service, middle) else {
             return Err(Error::device("the truth of a physical device is unknown"));
@@ -101,7 +123,6 @@ impl ScanViews {
         let (_, maps) = ask_service(service, &Request::TruthOfFrame(middle.id))?;
         let depth = { maps.maps.into_iter() }.find(|(name, _)| name == "depth_mm");
         let depth = depth.map(|(_, depth)| depth).unwrap_or_default();
-        let wanted = self.decoding()?.maps.depth.len();
         if depth.len() != wanted {
             let why = "the truth is known for the whole sensor only, not for a region of interest";
             return Err(Error::device(why));
@@ -347,22 +368,23 @@ impl Measurement for ScanViews {
         let Some(triangulator) = decoding.decoder.triangulator() else {
             return Err(Error::device("there are no points without a calibration"));
         };
-        let valid = maps.depth.iter().filter(|depth| !depth.is_nan()).count();
+        let grid = |every| {
+            let rows = (0..maps.height).step_by(every);
+            let pixels =
+                rows.flat_map(move |v| (0..maps.width).step_by(every).map(move |u| (u, v)));
+            pixels.filter(|(u, v)| !maps.depth[v * maps.width + u].is_nan())
+        };
         let mut every = 1;
-        while valid / (every * every) > most {
+        while grid(every).count() > most.max(1) {
             every += 1;
         }
-        let pixels = (0..maps.height).step_by(every);
-        let pixels = pixels.flat_map(|v| (0..maps.width).step_by(every).map(move |u| (u, v)));
-        let points = pixels.filter_map(|(u, v)| {
+        let points = grid(every).map(|(u, v)| {
             let i = v * maps.width + u;
-            let depth = maps.depth[i];
-            let [x, y, z] = { !depth.is_nan() }.then(|| triangulator.point(u, v, depth))?;
-            Some([x, y, z, values[i]])
+            let [x, y, z] = triangulator.point(u, v, maps.depth[i]);
+            [x, y, z, values[i]]
         });
         Ok(Points {
-            // A pixel in `every` squared has a point, on average.
-            points: points.take(most).collect(),
+            points: points.collect(),
             every,
         })
     }

@@ -1,0 +1,92 @@
+// Panels below the pictures: scanning, a terminal, the emulated world, and the traffic.
+
+import { attempt } from "./requests.js";
+import { Terminal } from "./terminal.js";
+import { Traffic } from "./traffic.js";
+import { World } from "./world.js";
+
+const $ = (id) => document.getElementById(id);
+/** Name under which the tab keeps which panel is open. */
+const OPEN = "panel";
+/** Panels, and the kind of requests that each needs. */
+const NEEDS = { scan: "scan", terminal: "line", scene: "service", faults: "service", clock: "service", traffic: null };
+
+export class Panels {
+  /** `requests` asks the scanner, `watch` says whether its traffic is wanted. */
+  constructor(requests, watch) {
+    this.requests = requests;
+    this.watch = watch;
+    this.answers = [];
+    this.terminal = new Terminal(requests);
+    this.traffic = new Traffic();
+    this.world = new World(requests);
+    this.open = sessionStorage.getItem(OPEN);
+    for (const button of document.querySelectorAll("#tabs button")) {
+      button.addEventListener("click", () => this.select(button.value === this.open ? null : button.value));
+    }
+    const sequence = () => $("sequence").value.trim() || null;
+    for (const run of ["once", "repeat", "stop"]) {
+      $(`scan-${run}`).addEventListener("click", () => attempt(() => requests.ask({ scan: { run, sequence: sequence() } })));
+    }
+  }
+
+  /** Opens a panel, or none. */
+  select(name) {
+    this.open = name;
+    sessionStorage.setItem(OPEN, name ?? "");
+    this.show();
+  }
+
+  /** Shows the panels that the scanner has. */
+  update({ answers, status }, controls) {
+    const news = this.answers.join() !== answers.join();
+    [this.answers, this.controls] = [answers, controls];
+    $("scan-status").textContent = status ?? "";
+    for (const field of document.querySelectorAll("#panel fieldset")) {
+      field.disabled = !controls;
+      field.title = controls ? "" : "Take control first.";
+    }
+    if (news) {
+      this.show();
+    }
+  }
+
+  /** The scanner is another one, or the connection is new. */
+  renew() {
+    this.requests.lost();
+    this.terminal.clear();
+    this.world.show(null);
+    this.watched = null;
+    this.show();
+  }
+
+  watchTraffic(show) {
+    if (this.watched !== show) {
+      this.watched = show;
+      this.traffic.clear();
+      this.watch(show);
+    }
+  }
+
+  show() {
+    for (const button of document.querySelectorAll("#tabs button")) {
+      const need = NEEDS[button.value];
+      button.hidden = need !== null && !this.answers.includes(need);
+      if (button.hidden && button.value === this.open) {
+        continue;
+      }
+      const open = button.value === this.open;
+      button.setAttribute("aria-expanded", open);
+      $(`panel-${button.value}`).hidden = !open;
+    }
+    const need = NEEDS[this.open];
+    const shown = this.open && (need === null || this.answers.includes(need)) ? this.open : null;
+    $("panel").hidden = shown === null;
+    $("panel-error").textContent = "";
+    this.watchTraffic(shown === "traffic");
+    this.world.show(shown);
+    if (shown === "terminal") {
+      this.terminal.show();
+    }
+  }
+}

@@ -1,0 +1,107 @@
+//! Requests of viewers that a scanner answers.
+
+use phasmid_core::error::Result;
+use serde::Deserialize;
+use serde_json::Value;
+
+/// State that every viewer may ask for. The truth is not part of it: computing it takes time from the
+/// device's frames.
+const STATE: [&str; 6] = [
+    "calibration",
+    "clock",
+    "device",
+    "faults",
+    "objects",
+    "sequence",
+];
+
+/// A request of a viewer.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Request {
+    /// A request for the service channel of an emulated device ([`phasmid_protocol::service`]).
+    Service(Value),
+    /// A line for the control port.
+    Line(String),
+    /// Beginnings of lines that the device may know, for completion.
+    Lines {},
+    /// Scan once, again and again, or no more.
+    Scan {
+        /// How often.
+        run: Run,
+        /// Sequence to select; the selected one if there is none.
+        sequence: Option<String>,
+    },
+}
+
+/// How often to scan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Run {
+    /// Once.
+    Once,
+    /// Until another request.
+    Repeat,
+    /// No more.
+    Stop,
+}
+
+impl Request {
+    /// Returns whether the request only asks for the device's state.
+    pub(crate) fn only_asks(&self) -> bool {
+        match self {
+            Self::Service(Value::Object(fields)) => {
+                let item = fields.get("get").and_then(Value::as_str);
+                fields.len() == 1 && item.is_some_and(|item| STATE.contains(&item))
+            }
+            Self::Lines {} => true,
+            _ => false,
+        }
+    }
+
+    /// Returns its kind, as in [`Operator::answers`].
+    pub(crate) fn kind(&self) -> &'static str {
+        match self {
+            Self::Service(_) => "service",
+            Self::Line(_) | Self::Lines {} => "line",
+            Self::Scan { .. } => "scan",
+        }
+    }
+}
+
+/// Answers the requests of viewers. Those that change something come only from the viewer that is in
+/// control.
+pub trait Operator: Send + Sync {
+    /// Returns the kinds of requests that are answered: `service`, `line`, `scan`.
+    fn answers(&self) -> &'static [&'static str];
+
+    /// Answers a request. It may take its time; other requests may come meanwhile.
+    ///
+    /// # Errors
+    /// Returns an error for the viewer.
+    fn answer(&self, request: &Request) -> Result<Value>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn requests_that_only_ask_are_known() {
+        let of = |value| serde_json::from_value::<Request>(value).unwrap();
+        assert!(of(json!({ "service": { "get": "objects" } })).only_asks());
+        for value in [
+            json!({ "service": { "do": "trigger" } }),
+            json!({ "service": { "get": "clock", "do": "trigger" } }),
+            json!({ "service": {} }),
+            json!({ "service": { "get": "truth" } }),
+            json!({ "service": { "get": ["clock"] } }),
+            json!({ "service": ["get"] }),
+            json!({ "line": "get" }),
+            json!({ "scan": { "run": "stop", "sequence": null } }),
+        ] {
+            assert!(!of(value.clone()).only_asks(), "{value}");
+        }
+    }
+}
