@@ -1,15 +1,19 @@
 //! `phasmid console`: a page in the browser that shows a scanner and operates it.
 
 use super::interrupt;
-use crate::facade::{ScanOptions, endpoints_in, operate, watch_camera};
+use crate::facade::{Playback, ScanOptions, endpoints_in, operate, watch_camera};
 use phasmid_calibrate::files::read_rig;
-use phasmid_console::{Console, ConsoleOptions};
+use phasmid_console::{Console, ConsoleOptions, Sequence};
 use phasmid_core::error::Result;
 use phasmid_host::CameraDriver;
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
 use std::io::Write;
 use std::path::PathBuf;
+use std::time::Duration;
+
+/// Time between two looks for an interrupt.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// Show a scanner in the browser and operate it, until Ctrl-C
 ///
@@ -22,7 +26,7 @@ use std::path::PathBuf;
 )]
 pub(super) struct Args {
     /// Camera: /dev/videoN, socket:PATH or tcp:HOST:PORT.
-    #[arg(long, value_name = "ADDR", required_unless_present = "run_dir")]
+    #[arg(long, value_name = "ADDR", required_unless_present_any = ["run_dir", "recordings"])]
     camera: Option<String>,
     /// Control port of the same scanner. Without one the page only shows the camera.
     #[arg(long, value_name = "PATH", requires = "camera")]
@@ -43,6 +47,10 @@ pub(super) struct Args {
     /// port says, else SCPI]
     #[arg(long, value_name = "NAME|FILE")]
     dialect: Option<String>,
+    /// Folder of recordings, which the page can play, and into which it records and uploads. Needs no
+    /// scanner.
+    #[arg(long, value_name = "DIR")]
+    recordings: Option<PathBuf>,
     /// Port of the page on the loopback interface; 0 picks a free one.
     #[arg(long, default_value_t = 0)]
     port: u16,
@@ -71,11 +79,26 @@ pub(super) fn run(args: &Args) -> Result<()> {
         dialect: args.dialect.clone(),
         ..ScanOptions::default()
     };
-    let console = ConsoleOptions { port: args.port };
-    let console = Console::start(&console).map_err(|e| e.at("--port"))?;
-    let source = console.source(&camera);
+    let console = Console::start(&ConsoleOptions {
+        port: args.port,
+        recordings: args.recordings.clone(),
+    });
+    let console = console.map_err(|e| e.at("--port"))?;
+    let source = { !camera.is_empty() }.then(|| console.source(&camera));
+    let _playback = match &args.recordings {
+        Some(folder) => {
+            let known = options.manifest.clone().map(|manifest| Sequence {
+                name: options.sequence.clone(),
+                manifest,
+                calibration: options.calibration,
+            });
+            let playback = Playback::start(console.playback("recordings"), folder, known);
+            Some(playback.map_err(|e| e.at("--recordings"))?)
+        }
+        None => None,
+    };
     let mut announced = false;
-    let flow = || {
+    let mut flow = || {
         // Once the camera has been opened.
         if !announced {
             announced = true;
@@ -83,9 +106,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
         interrupt::flow()
     };
-    match control {
-        Some(control) => operate(&source, &camera, &control, &options, flow),
-        None => watch_camera(&camera, CameraDriver::Auto, &source.observer(), flow),
+    match (source, control) {
+        (Some(source), Some(control)) => operate(&source, &camera, &control, &options, flow),
+        (Some(source), None) => watch_camera(&camera, CameraDriver::Auto, &source.observer(), flow),
+        (None, _) => {
+            while flow().is_continue() {
+                std::thread::sleep(LOOK);
+            }
+            Ok(())
+        }
     }
 }
 

@@ -22,6 +22,7 @@ use phasmid_host::{
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::endpoints;
+use phasmid_protocol::service::SequenceAbout;
 use std::ops::ControlFlow;
 use std::path::{Component, Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -200,6 +201,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
         None => (None, None),
     };
+    let noted = tape.clone();
     let on_frame = || {
         if let Some(recording) = &mut recording {
             recording.keep();
@@ -226,6 +228,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
             captured.map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))
         }
     };
+    if let (Some(tape), Ok(captured)) = (noted, &captured) {
+        tape.note(note(captured, args.sequence.as_deref()));
+    }
     let recorded = recording.map(|recording| recording.end(captured.as_ref().err()));
     let captured = captured?;
     let capture_s = start.elapsed().as_secs_f64();
@@ -472,6 +477,15 @@ fn show(
         Progress::Waiting => {}
     }
     flow()
+}
+
+/// Returns the note of a recording about the sequence of a capture.
+fn note(captured: &Capture, sequence: Option<&str>) -> String {
+    let about = SequenceAbout {
+        name: sequence.unwrap_or_default().to_owned(),
+        manifest: captured.manifest.to_toml(),
+    };
+    about.to_note(captured.calibration.map(|rig| rig.to_toml()))
 }
 
 /// Result of decoding a capture.

@@ -3,11 +3,15 @@
 
 use crate::measurement::Measurement;
 use crate::operator::{Operator, Request};
+use crate::recording::Recording;
+use crate::sequence::Sequence;
 use crate::traffic::{Entry, Traffic};
-use phasmid_pattern::Manifest;
+use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
-use phasmid_protocol::record::{Channel, Event};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use phasmid_protocol::record::{Channel, Event, Side};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 use tokio::sync::watch;
 
@@ -33,12 +37,6 @@ pub(crate) struct Numbered<T> {
     pub(crate) value: T,
 }
 
-/// Replaces the latest one.
-fn renew<T>(latest: &mut Option<Numbered<T>>, value: T) {
-    let number = latest.as_ref().map_or(0, |before| before.number) + 1;
-    *latest = Some(Numbered { number, value });
-}
-
 /// Returns the latest one if it is newer than the one with this number.
 fn newer<T: Clone>(latest: &Option<Numbered<T>>, number: u64) -> Option<Numbered<T>> {
     { latest.as_ref() }
@@ -51,20 +49,36 @@ fn newer<T: Clone>(latest: &Option<Numbered<T>>, number: u64) -> Option<Numbered
 struct Source {
     name: String,
     latest: Option<Shown>,
-    sequence: Option<Numbered<Arc<Manifest>>>,
+    sequence: Option<Numbered<Arc<Sequence>>>,
     measurement: Option<Numbered<Arc<dyn Measurement>>>,
     operator: Option<Arc<dyn Operator>>,
     /// Words for the operator: what is being done, or why it failed.
     status: Option<String>,
     traffic: Traffic,
-    /// Number of frames so far.
-    frames: u64,
+    /// Number of frames, sequences and measurements so far.
+    shown: u64,
+    /// Whether it shows recordings.
+    plays: bool,
+    /// Number of restarts.
+    era: u64,
+    recording: Option<Recording>,
     /// Number of programs that are known to read the camera.
     readers: u64,
     /// Why the last frame was damaged, or why the camera is gone.
     why: Option<String>,
     /// Whether the camera or the control port is unplugged.
     unplugged: Unplugged,
+}
+
+impl Source {
+    /// Numbers what is shown next.
+    fn number<T>(&mut self, value: T) -> Numbered<T> {
+        self.shown += 1;
+        Numbered {
+            number: self.shown,
+            value,
+        }
+    }
 }
 
 /// The links of a source that are unplugged.
@@ -82,8 +96,12 @@ pub(crate) struct Standing {
     pub(crate) why: Option<String>,
     pub(crate) unplugged: Unplugged,
     /// Kinds of requests that are answered.
-    pub(crate) answers: &'static [&'static str],
+    pub(crate) answers: Vec<&'static str>,
     pub(crate) status: Option<String>,
+    /// Number of restarts: what was shown before is to be forgotten.
+    pub(crate) era: u64,
+    /// Name of the recording that is being made.
+    pub(crate) recording: Option<String>,
 }
 
 #[derive(Default)]
@@ -106,18 +124,25 @@ pub(crate) struct Hub {
     state: Mutex<State>,
     /// Counts changes.
     news: watch::Sender<u64>,
-}
-
-impl Default for Hub {
-    fn default() -> Self {
-        Self {
-            state: Mutex::default(),
-            news: watch::Sender::new(0),
-        }
-    }
+    /// Folder of recordings.
+    recordings: Option<PathBuf>,
 }
 
 impl Hub {
+    /// Creates a hub without sources; viewers record and upload into a folder, if there is one.
+    pub(crate) fn new(recordings: Option<PathBuf>) -> Self {
+        Self {
+            state: Mutex::default(),
+            news: watch::Sender::new(0),
+            recordings,
+        }
+    }
+
+    /// Returns the folder of recordings.
+    pub(crate) fn recordings(&self) -> Option<&Path> {
+        self.recordings.as_deref()
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -126,11 +151,12 @@ impl Hub {
         self.news.send_modify(|count| *count += 1);
     }
 
-    /// Adds a source and returns its index.
-    pub(crate) fn add(&self, name: String) -> usize {
+    /// Adds a source, which may show recordings, and returns its index.
+    pub(crate) fn add(&self, name: String, plays: bool) -> usize {
         let mut state = self.state();
         state.sources.push(Source {
             name,
+            plays,
             ..Source::default()
         });
         let index = state.sources.len() - 1;
@@ -145,11 +171,14 @@ impl Hub {
         let mut state = self.state();
         let source = &mut state.sources[source];
         source.traffic.push(time_ns, channel, event);
+        if let Some(recording) = &source.recording {
+            recording.put(time_ns, channel, event);
+        }
         match event {
             Event::Frame(frame) => {
-                source.frames += 1;
+                source.shown += 1;
                 source.latest = Some(Shown {
-                    number: source.frames,
+                    number: source.shown,
                     frame: frame.clone(),
                     identified: channel == Channel::Camera,
                     arrived: Instant::now(),
@@ -186,24 +215,84 @@ impl Hub {
     }
 
     /// Shows the patterns of a sequence from now on.
-    pub(crate) fn show_sequence(&self, source: usize, sequence: Arc<Manifest>) {
+    pub(crate) fn show_sequence(&self, source: usize, sequence: Arc<Sequence>) {
         let mut state = self.state();
-        let latest = &mut state.sources[source].sequence;
-        if latest.as_ref().is_none_or(|shown| shown.value != sequence) {
-            renew(latest, sequence);
+        let source = &mut state.sources[source];
+        let shown = source.sequence.as_ref();
+        if shown.is_none_or(|shown| shown.value != sequence) {
+            if let Some(recording) = &source.recording {
+                let now_ns = source.traffic.last_ns().unwrap_or(0);
+                recording.note(now_ns, &sequence);
+            }
+            source.sequence = Some(source.number(sequence));
             drop(state);
             self.tell();
         }
     }
 
-    /// Notes that a source's events have times of the device's clock.
-    pub(crate) fn set_device_times(&self, source: usize) {
-        self.state().sources[source].traffic.set_device_times();
+    /// Forgets what a source has shown. `device_times` says whether its events will have times of the
+    /// device's clock.
+    pub(crate) fn restart(&self, source: usize, device_times: bool) {
+        let mut state = self.state();
+        let source = &mut state.sources[source];
+        (source.latest, source.sequence, source.measurement) = (None, None, None);
+        (source.why, source.unplugged) = (None, Unplugged::default());
+        source.traffic.restart(device_times);
+        source.readers = 0;
+        source.era += 1;
+        drop(state);
+        self.tell();
+    }
+
+    /// Starts or ends a recording of a source, and returns its name.
+    fn record(self: &Arc<Self>, source: usize, on: bool) -> Result<Value> {
+        let mut state = self.state();
+        let scanner = &mut state.sources[source];
+        let name = match (on, scanner.recording.take(), self.recordings()) {
+            (true, Some(running), _) => {
+                let why = format!("{} is being recorded already", running.name());
+                scanner.recording = Some(running);
+                return Err(Error::device(why));
+            }
+            (true, None, Some(folder)) => {
+                let side = match scanner.traffic.has_device_times() {
+                    true => Side::Device,
+                    false => Side::Host,
+                };
+                let now_ns = scanner.traffic.last_ns().unwrap_or(0);
+                let hub: Weak<Self> = Arc::downgrade(self);
+                let notice = move |why: &str| {
+                    if let Some(hub) = hub.upgrade() {
+                        hub.say(source, Some(why.to_owned()));
+                    }
+                };
+                let started = Recording::start(folder, &scanner.name, side, now_ns, notice)?;
+                if let Some(sequence) = &scanner.sequence {
+                    started.note(now_ns, &sequence.value);
+                }
+                let name = started.name().to_owned();
+                scanner.recording = Some(started);
+                name
+            }
+            (false, Some(running), _) => {
+                drop(state);
+                // Its end is written to the disk.
+                running.name().to_owned()
+            }
+            (true, None, None) | (false, None, _) => {
+                return Err(Error::device("there is no recording to end"));
+            }
+        };
+        self.tell();
+        Ok(json!({ "name": name }))
     }
 
     /// Shows a measurement.
     pub(crate) fn show(&self, source: usize, measurement: Arc<dyn Measurement>) {
-        renew(&mut self.state().sources[source].measurement, measurement);
+        let mut state = self.state();
+        let source = &mut state.sources[source];
+        source.measurement = Some(source.number(measurement));
+        drop(state);
         self.tell();
     }
 
@@ -283,8 +372,10 @@ impl Seat {
             readers: source.readers,
             why: source.why.clone(),
             unplugged: source.unplugged,
-            answers: { source.operator.as_ref() }.map_or(&[], |operator| operator.answers()),
+            answers: self.answers(source),
             status: source.status.clone(),
+            era: source.era,
+            recording: { source.recording.as_ref() }.map(|recording| recording.name().to_owned()),
         });
         View {
             sources: sources.collect(),
@@ -293,6 +384,14 @@ impl Seat {
             controls: state.controller == Some(self.number),
             other_controls: state.controller.is_some_and(|viewer| viewer != self.number),
         }
+    }
+
+    /// Returns the kinds of requests that a source answers.
+    fn answers(&self, source: &Source) -> Vec<&'static str> {
+        let operator = { source.operator.as_ref() }.map_or(&[][..], |operator| operator.answers());
+        let records = self.hub.recordings.is_some() && !source.plays;
+        let record = records.then_some("record");
+        operator.iter().copied().chain(record).collect()
     }
 
     /// Returns the latest frame of a source if it is newer than the frame with this number.
@@ -307,7 +406,7 @@ impl Seat {
         &self,
         source: usize,
         number: u64,
-    ) -> Option<Numbered<Arc<Manifest>>> {
+    ) -> Option<Numbered<Arc<Sequence>>> {
         newer(&self.hub.state().sources.get(source)?.sequence, number)
     }
 
@@ -335,19 +434,24 @@ impl Seat {
         &self,
         source: usize,
         request: &Request,
-    ) -> Result<Arc<dyn Operator>, &'static str> {
+    ) -> std::result::Result<Arc<dyn Operator>, &'static str> {
         let state = self.hub.state();
         if state.controller != Some(self.number) && !request.only_asks() {
             return Err("take control first");
         }
-        let operator = state
-            .sources
-            .get(source)
-            .and_then(|source| source.operator.as_ref());
-        { operator }
-            .filter(|operator| operator.answers().contains(&request.kind()))
-            .cloned()
-            .ok_or("this scanner does not take such requests")
+        let kind = request.kind();
+        let scanner = state.sources.get(source);
+        let Some(scanner) = scanner.filter(|scanner| self.answers(scanner).contains(&kind)) else {
+            return Err("this scanner does not take such requests");
+        };
+        let record = || -> Arc<dyn Operator> {
+            let hub = self.hub.clone();
+            Arc::new(Records { hub, source })
+        };
+        Ok(match &scanner.operator {
+            Some(operator) if kind != "record" => operator.clone(),
+            _ => record(),
+        })
     }
 
     /// Takes control, if this viewer may, or gives it back. Takes it from another viewer unless
@@ -361,6 +465,25 @@ impl Seat {
         }
         drop(state);
         self.hub.tell();
+    }
+}
+
+/// Starts and ends recordings of a source.
+struct Records {
+    hub: Arc<Hub>,
+    source: usize,
+}
+
+impl Operator for Records {
+    fn answers(&self) -> &'static [&'static str] {
+        &["record"]
+    }
+
+    fn answer(&self, request: &Request) -> Result<Value> {
+        match request {
+            Request::Record(on) => self.hub.record(self.source, *on),
+            _ => Err(Error::device("a recording is started or ended here")),
+        }
     }
 }
 
@@ -382,7 +505,7 @@ mod tests {
 
     #[test]
     fn one_viewer_controls_at_a_time() {
-        let hub = Arc::new(Hub::default());
+        let hub = Arc::new(Hub::new(None));
         let watcher = hub.enter(false).unwrap();
         let first = hub.enter(true).unwrap();
         let second = hub.enter(true).unwrap();
@@ -407,7 +530,7 @@ mod tests {
 
     #[test]
     fn viewers_are_limited_and_make_room() {
-        let hub = Arc::new(Hub::default());
+        let hub = Arc::new(Hub::new(None));
         let seats: Vec<_> = (1..MAX_VIEWERS)
             .map(|_| hub.enter(false).unwrap())
             .collect();

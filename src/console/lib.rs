@@ -13,8 +13,11 @@
 //! | `hub` | the latest frame and scan of each source, the viewers, and who has control |
 //! | `measurement` | the views of a scan |
 //! | `operator` | requests of viewers that a scanner answers |
+//! | `recording` | a recording that a viewer has started |
+//! | `sequence` | a sequence as a scanner runs it, and as recordings note it |
 //! | `server` | routes and headers |
 //! | `traffic` | the recent traffic |
+//! | `upload` | recordings that viewers send |
 //! | `viewer` | one WebSocket |
 //! | `views` | the messages that show a measurement |
 //! | `wire` | the messages of a WebSocket |
@@ -25,8 +28,11 @@ mod connections;
 mod hub;
 mod measurement;
 mod operator;
+mod recording;
+mod sequence;
 mod server;
 mod traffic;
+mod upload;
 mod viewer;
 mod views;
 mod wire;
@@ -37,19 +43,22 @@ use hub::Hub;
 pub use measurement::{About, Field, Layer, Measurement, Points, Scale};
 pub use operator::{Operator, Request, Run};
 use phasmid_core::error::{Error, Result};
-use phasmid_pattern::Manifest;
 use phasmid_protocol::record::Observer;
+pub use sequence::Sequence;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 
 /// How a console is served.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ConsoleOptions {
     /// Port of the loopback interface; 0 picks a free one.
     pub port: u16,
+    /// Folder into which viewers record and upload. Without one they cannot.
+    pub recordings: Option<PathBuf>,
 }
 
 /// A console, until this value is dropped.
@@ -77,7 +86,7 @@ impl Console {
         let listener = std::net::TcpListener::bind(address).map_err(io)?;
         listener.set_nonblocking(true).map_err(io)?;
         let access = Arc::new(Access::new(listener.local_addr().map_err(io)?.port())?);
-        let hub = Arc::new(Hub::default());
+        let hub = Arc::new(Hub::new(options.recordings.clone()));
         let runtime = tokio::runtime::Builder::new_current_thread();
         let runtime = { runtime }.enable_all().build().map_err(io)?;
         let listener = {
@@ -120,7 +129,15 @@ impl Console {
     pub fn source(&self, name: impl Into<String>) -> Source {
         Source {
             hub: self.hub.clone(),
-            index: self.hub.add(name.into()),
+            index: self.hub.add(name.into(), false),
+        }
+    }
+
+    /// Adds a place for recordings that are played.
+    pub fn playback(&self, name: impl Into<String>) -> Source {
+        Source {
+            hub: self.hub.clone(),
+            index: self.hub.add(name.into(), true),
         }
     }
 }
@@ -139,14 +156,15 @@ impl Source {
         Observer::new(move |time_ns, channel, event| hub.see(source, time_ns, channel, event))
     }
 
-    /// Says that the observer's times are on the device's clock, as the exposures are. Latencies are
-    /// shown only then.
-    pub fn set_device_times(&self) {
-        self.hub.set_device_times(self.index);
+    /// Forgets all that has been shown, as at the start of another recording. `device_times` says whether the
+    /// times of the events to come are on the device's clock, as the exposures are; latencies are shown only
+    /// then.
+    pub fn restart(&self, device_times: bool) {
+        self.hub.restart(self.index, device_times);
     }
 
     /// Shows the patterns of this sequence as frames report them, from now on.
-    pub fn show_sequence(&self, sequence: Arc<Manifest>) {
+    pub fn show_sequence(&self, sequence: Arc<Sequence>) {
         self.hub.show_sequence(self.index, sequence);
     }
 

@@ -6,17 +6,19 @@ use serde_json::Value;
 
 /// State that every viewer may ask for. The truth is not part of it: computing it takes time from the
 /// device's frames.
-const STATE: [&str; 6] = [
+const STATE: [&str; 8] = [
     "calibration",
     "clock",
     "device",
     "faults",
+    "fields",
     "objects",
+    "plan",
     "sequence",
 ];
 
 /// A request of a viewer.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Request {
     /// A request for the service channel of an emulated device ([`phasmid_protocol::service`]).
@@ -31,6 +33,26 @@ pub enum Request {
         run: Run,
         /// Sequence to select; the selected one if there is none.
         sequence: Option<String>,
+    },
+    /// Start or end a recording of the scanner.
+    Record(bool),
+    /// The recordings that can be opened.
+    Recordings {},
+    /// The recording that is open, and its position.
+    Playback {},
+    /// Open a recording.
+    Open {
+        /// Its name.
+        name: String,
+    },
+    /// Play the open recording, or pause it.
+    Play {
+        /// Whether it goes on.
+        playing: Option<bool>,
+        /// Time to go to, in seconds of the recording.
+        at_s: Option<f64>,
+        /// Seconds of the recording that pass in a second.
+        speed: Option<f64>,
     },
 }
 
@@ -54,7 +76,7 @@ impl Request {
                 let item = fields.get("get").and_then(Value::as_str);
                 fields.len() == 1 && item.is_some_and(|item| STATE.contains(&item))
             }
-            Self::Lines {} => true,
+            Self::Lines {} | Self::Recordings {} | Self::Playback {} => true,
             _ => false,
         }
     }
@@ -65,6 +87,10 @@ impl Request {
             Self::Service(_) => "service",
             Self::Line(_) | Self::Lines {} => "line",
             Self::Scan { .. } => "scan",
+            Self::Record(_) => "record",
+            Self::Recordings {} | Self::Playback {} | Self::Open { .. } | Self::Play { .. } => {
+                "playback"
+            }
         }
     }
 }
@@ -72,7 +98,7 @@ impl Request {
 /// Answers the requests of viewers. Those that change something come only from the viewer that is in
 /// control.
 pub trait Operator: Send + Sync {
-    /// Returns the kinds of requests that are answered: `service`, `line`, `scan`.
+    /// Returns the kinds of requests that are answered: `service`, `line`, `scan`, `playback`.
     fn answers(&self) -> &'static [&'static str];
 
     /// Answers a request. It may take its time; other requests may come meanwhile.

@@ -3,7 +3,7 @@
 use crate::access::{Access, Role};
 use crate::assets::{ASSETS, Asset};
 use crate::hub::Hub;
-use crate::viewer;
+use crate::{upload, viewer};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -11,7 +11,7 @@ use axum::extract::{Path, Query, Request, State, WebSocketUpgrade};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 use std::sync::Arc;
 
 /// Maximum size of a message from a viewer in bytes.
@@ -32,6 +32,9 @@ const HEADERS: [(HeaderName, &str); 5] = [
     ),
 ];
 
+/// Refusal of a page of another site.
+const NOT_OURS: &str = "Only the console's own page may open this.\n";
+
 #[derive(Clone)]
 struct Shared {
     access: Arc<Access>,
@@ -44,6 +47,7 @@ pub(crate) fn routes(access: Arc<Access>, hub: Arc<Hub>) -> Router {
     Router::new()
         .route("/", get(page))
         .route("/ws", get(socket))
+        .route("/recordings/{name}", post(receive))
         .route("/{*name}", get(asset))
         .layer(from_fn_with_state(shared.clone(), guard))
         .with_state(shared)
@@ -108,6 +112,33 @@ async fn asset(Path(name): Path<String>) -> Response {
     }
 }
 
+/// Keeps a recording that a viewer sends.
+async fn receive(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+    headers: HeaderMap,
+    uri: Uri,
+    body: Body,
+) -> Response {
+    let access = &shared.access;
+    let host = text(&headers, header::HOST);
+    if role(access, &uri) != Some(Role::Control) {
+        let why = "Only those who may control the scanner may send recordings.\n";
+        return (StatusCode::FORBIDDEN, why).into_response();
+    }
+    if !access.is_our_origin(text(&headers, header::ORIGIN), host) {
+        return (StatusCode::FORBIDDEN, NOT_OURS).into_response();
+    }
+    let Some(folder) = shared.hub.recordings() else {
+        let why = "This console has no folder for recordings.\n";
+        return (StatusCode::NOT_FOUND, why).into_response();
+    };
+    match upload::store(folder, &name, body).await {
+        Ok(()) => StatusCode::NO_CONTENT.into_response(),
+        Err(refusal) => refusal.into_response(),
+    }
+}
+
 /// Opens the WebSocket of a viewer. A plain request learns whether that would be refused.
 async fn socket(
     State(shared): State<Shared>,
@@ -133,8 +164,7 @@ async fn socket(
         .access
         .is_our_origin(text(&headers, header::ORIGIN), host)
     {
-        let why = "Only the console's own page may open this.\n";
-        return (StatusCode::FORBIDDEN, why).into_response();
+        return (StatusCode::FORBIDDEN, NOT_OURS).into_response();
     }
     let Some(seat) = shared.hub.enter(may_control) else {
         return full.into_response();

@@ -46,11 +46,25 @@ pub(crate) struct Traffic {
     count: u64,
     /// Whether the device's clock gives the times.
     device_times: bool,
+    last_ns: Option<u64>,
 }
 
 impl Traffic {
-    pub(crate) fn set_device_times(&mut self) {
-        self.device_times = true;
+    /// Forgets all events.
+    pub(crate) fn restart(&mut self, device_times: bool) {
+        self.events.clear();
+        self.free.clear();
+        (self.device_times, self.last_ns) = (device_times, None);
+    }
+
+    /// Returns whether the device's clock gives the times.
+    pub(crate) fn has_device_times(&self) -> bool {
+        self.device_times
+    }
+
+    /// Returns the time of the last event.
+    pub(crate) fn last_ns(&self) -> Option<u64> {
+        self.last_ns
     }
 
     /// Adds an event.
@@ -76,6 +90,7 @@ impl Traffic {
             Event::About(_) | Event::Cut(_) | Event::End => return,
         };
         self.count += 1;
+        self.last_ns = Some(time_ns);
         let is_free = frame.as_ref().is_some_and(|frame| frame.pattern.is_none());
         let (kept, most) = match is_free {
             true => (&mut self.free, MAX_FREE),

@@ -1,7 +1,7 @@
 //! One WebSocket. A frame is sent when the page has drawn an earlier one, so that a page that is slow or
 //! paused receives fewer frames, always the latest, and nothing queues.
 
-use crate::hub::Seat;
+use crate::hub::{Seat, View};
 use crate::operator::Request;
 use crate::views::{Wanted, failed, messages};
 use crate::wire::{Asked, Told, frame_message, message, sequence_message};
@@ -106,6 +106,10 @@ impl Viewer {
         loop {
             let now = self.seat.view();
             if view.as_ref() != Some(&now) {
+                let era = |view: &View| view.sources.get(self.source).map(|source| source.era);
+                if view.as_ref().is_some_and(|view| era(view) != era(&now)) {
+                    self.measure_again();
+                }
                 self.send(Message::Binary(message(&Told::State(&now), &[]).into()))
                     .await?;
                 view = Some(now);
@@ -120,7 +124,7 @@ impl Viewer {
             }
             if let Some(sequence) = self.seat.newer_sequence(self.source, self.sequence) {
                 self.sequence = sequence.number;
-                let bytes = sequence_message(self.source, &sequence.value);
+                let bytes = sequence_message(self.source, &sequence.value.manifest);
                 self.send(Message::Binary(bytes.into())).await?;
             }
             self.measure();

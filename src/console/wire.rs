@@ -107,7 +107,7 @@ pub(crate) struct PatternAbout {
 }
 
 /// A message from the page.
-#[derive(Debug, PartialEq, Eq, Deserialize)]
+#[derive(Debug, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum Asked {
     /// The frame with this number has been drawn, or reported as damaged.

@@ -40,6 +40,11 @@ impl Tape {
         }
     }
 
+    /// Adds a note.
+    pub fn note(&self, text: String) {
+        self.put(Channel::Recording, Event::Note(text));
+    }
+
     fn put(&self, channel: Channel, event: Event) {
         let now_ns = (self.now_ns)();
         match &self.kept {

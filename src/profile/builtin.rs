@@ -23,7 +23,7 @@ const STATIONS: [(&str, &str); 2] = [
 ];
 
 /// Name and text of each scene.
-const SCENES: [(&str, &str); 9] = [
+pub(super) const SCENES: [(&str, &str); 9] = [
     ("trapezoid", phasmid_device_profiles::SCENES_TRAPEZOID),
     ("couch", phasmid_device_profiles::SCENES_COUCH),
     ("torso", phasmid_device_profiles::SCENES_TORSO),

@@ -1,7 +1,8 @@
-//! Changing an object's pose at run time.
+//! Changing a scene at run time.
 
-use super::{Motion, Scene};
+use super::{Motion, Scene, Settings, TomlSource};
 use phasmid_core::error::{Error, Result};
+use phasmid_core::source::Setting;
 use std::ops::RangeInclusive;
 
 /// Allowed coordinates of an object's origin in millimetres.
@@ -58,6 +59,28 @@ impl Scene {
         placed.rotation_deg = rotation_deg;
         Ok(())
     }
+
+    /// Sets a field, as `--set` does. Only the pose of the rig cannot be set.
+    ///
+    /// # Errors
+    /// Returns an error if the field does not exist or the value is invalid. The scene is then unchanged.
+    pub fn set(&mut self, setting: Setting) -> Result<()> {
+        let settings = Settings::new([setting])?;
+        let refused = |setting: &Setting, found: &str| {
+            Err(Error::input(setting.place(), found, "a field of the scene"))
+        };
+        match (settings.profile().first(), settings.scene().first()) {
+            (Some(setting), _) => return refused(setting, "a field of the profile"),
+            (_, Some(setting)) if setting.section() == "rig" => {
+                return refused(setting, "the pose of the rig, which is the device's own");
+            }
+            _ => {}
+        }
+        let text = toml::to_string(self).map_err(Error::device)?;
+        let source = TomlSource::new(&text, "scene").with(settings.scene());
+        *self = Self::from_source(&source, self.folder.clone())?;
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -96,5 +119,39 @@ mod tests {
         let mut empty = Scene::parse("name = \"s\"\ndescription = \"\"\n", "test").unwrap();
         let words = empty.place(0, [0.0; 3], [0.0; 3]).unwrap_err().to_string();
         assert!(words.contains("the scene is empty"), "{words}");
+    }
+
+    #[test]
+    fn every_built_in_scene_can_be_set_and_keeps_the_rest() {
+        for (name, _) in crate::builtin::SCENES {
+            let before = Scene::load(name).unwrap();
+            let mut scene = before.clone();
+            scene
+                .set("ambient.irradiance_w_m2=0.125".parse().unwrap())
+                .unwrap();
+            assert_eq!(scene.ambient.irradiance_w_m2, 0.125, "{name}");
+            scene.ambient = before.ambient;
+            assert_eq!(scene, before, "{name}");
+        }
+    }
+
+    #[test]
+    fn refused_setting_names_the_field_and_changes_nothing() {
+        let mut scene = Scene::parse(TEXT, "test").unwrap();
+        let before = scene.clone();
+        for (text, needle) in [
+            ("camera.width_px=9", "a field of the profile"),
+            ("rig.position_mm=[0,0,1]", "the device's own"),
+            ("object[0].albedo=7", "albedo"),
+            ("object[0].colour=7", "colour"),
+            ("object[9].albedo=0.5", "object"),
+            ("moon=1", "moon"),
+        ] {
+            let words = scene.set(text.parse().unwrap()).unwrap_err().to_string();
+            assert!(words.contains(needle), "{text}: {words}");
+        }
+        assert_eq!(scene, before);
+        scene.set("object[0].albedo=0.25".parse().unwrap()).unwrap();
+        assert_eq!(scene.object[0].albedo, 0.25);
     }
 }

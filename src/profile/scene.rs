@@ -124,7 +124,7 @@ impl Scene {
         Self::from_source(&source.with(&settings.scene), PathBuf::new())
     }
 
-    fn from_source(source: &TomlSource, folder: PathBuf) -> Result<Self> {
+    pub(super) fn from_source(source: &TomlSource, folder: PathBuf) -> Result<Self> {
         let mut scene = Check::read(source, |scene: &mut Self, all| check(scene, all))?;
         scene.folder = folder;
         for (i, object) in scene.object.iter_mut().enumerate() {

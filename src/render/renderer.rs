@@ -4,9 +4,9 @@
 //! `time` divides an exposure of a moving scene into instants, `place` moves objects at run time, and
 //! `truth` computes ground truth.
 
+mod change;
 mod indirect;
 mod pending;
-mod place;
 mod time;
 mod truth;
 
@@ -52,6 +52,8 @@ pub struct Renderer {
     /// Moment of the worlds; `None` at power-on.
     moment: Option<Moment>,
     plan: Plan,
+    /// Terms that are included or excluded regardless of what the scene needs.
+    forced: Vec<(Term, bool)>,
     options: Options,
     seed: u64,
     /// Ideal image points of the pixels, if the lens has distortion.
@@ -137,6 +139,7 @@ impl Renderer {
             optics,
             moment: None,
             plan,
+            forced: Vec::new(),
             options,
             seed,
             rays,
@@ -170,9 +173,11 @@ impl Renderer {
         })
     }
 
-    /// Includes or excludes a term regardless of what the scene needs, for tests and cost
-    /// measurements. A term that is not needed changes no byte.
+    /// Includes or excludes a term regardless of what the scene needs, from now on. A term that is not
+    /// needed changes no byte.
     pub fn force(&mut self, term: Term, included: bool) {
+        self.forced.retain(|(forced, _)| *forced != term);
+        self.forced.push((term, included));
         let mut plan = self.plan;
         plan.set(term, included);
         self.go_by(plan);

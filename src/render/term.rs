@@ -79,6 +79,13 @@ pub enum Term {
     CameraResponse,
 }
 
+impl fmt::Display for Pass {
+    /// Formats the name used in files and tables.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
 impl fmt::Display for Term {
     /// Formats the name used in files and tables.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -123,6 +130,11 @@ impl Term {
         Self::Noise,
         Self::CameraResponse,
     ];
+
+    /// Returns the term of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|term| term.to_string() == name)
+    }
 
     /// Returns the pass that computes the term.
     pub const fn pass(self) -> Pass {

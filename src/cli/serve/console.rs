@@ -1,7 +1,7 @@
 //! The page of `--console`.
 
 use super::Args;
-use crate::facade::Follower;
+use crate::facade::{Follower, Playback};
 use phasmid_console::{Console, ConsoleOptions};
 use phasmid_core::error::Result;
 use phasmid_protocol::Endpoints;
@@ -12,6 +12,8 @@ pub(super) struct Page {
     console: Option<Console>,
     /// One for each device, in order.
     followers: Vec<Follower>,
+    /// Plays recordings, if there is a folder for them.
+    _playback: Option<Playback>,
 }
 
 impl Page {
@@ -21,7 +23,8 @@ impl Page {
     /// Returns an error if the port is taken, or if the system refuses a thread.
     pub(super) fn start<'a>(args: &Args, devices: impl Iterator<Item = &'a str>) -> Result<Self> {
         let console = args.console.map(|port| {
-            let console = Console::start(&ConsoleOptions { port });
+            let recordings = args.recordings.clone();
+            let console = Console::start(&ConsoleOptions { port, recordings });
             console.map_err(|e| e.at("--console"))
         });
         let console = console.transpose()?;
@@ -31,7 +34,19 @@ impl Page {
                 .collect::<Result<_>>()?,
             None => Vec::new(),
         };
-        Ok(Self { console, followers })
+        let playback = match (&console, &args.recordings) {
+            (Some(console), Some(folder)) => {
+                let source = console.playback("recordings");
+                let playback = Playback::start(source, folder, None);
+                Some(playback.map_err(|e| e.at("--recordings"))?)
+            }
+            _ => None,
+        };
+        Ok(Self {
+            console,
+            followers,
+            _playback: playback,
+        })
     }
 
     /// Returns the observer of a device.

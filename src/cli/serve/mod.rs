@@ -127,6 +127,9 @@ pub(super) struct Args {
     /// interface; without a port, on a free one. Prints one address to control and one to view.
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
     console: Option<u16>,
+    /// Folder of recordings, which the page can play, and into which it records and uploads.
+    #[arg(long, value_name = "DIR", requires = "console")]
+    recordings: Option<PathBuf>,
     /// Exit when standard input closes, for programs that start a device and may be killed.
     #[arg(long)]
     while_stdin: bool,

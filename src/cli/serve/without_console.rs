@@ -12,14 +12,14 @@ impl Page {
     /// # Errors
     /// Returns an error if a page was asked for.
     pub(super) fn start<'a>(args: &Args, _: impl Iterator<Item = &'a str>) -> Result<Self> {
-        match args.console {
-            None => Ok(Self),
-            Some(_) => Err(Error::input(
-                "--console",
-                "a build without the feature `console`",
-                "a build with it",
-            )),
+        if args.console.is_none() && args.recordings.is_none() {
+            return Ok(Self);
         }
+        Err(Error::input(
+            "--console",
+            "a build without the feature `console`",
+            "a build with it",
+        ))
     }
 
     pub(super) fn observer(&self, _device: usize) -> Option<Observer> {

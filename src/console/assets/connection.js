@@ -12,7 +12,7 @@ function takeToken() {
     sessionStorage.setItem(TOKEN, token);
     history.replaceState(null, "", location.pathname + location.hash);
   }
-  return `/ws?token=${sessionStorage.getItem(TOKEN) ?? ""}`;
+  return sessionStorage.getItem(TOKEN) ?? "";
 }
 
 export class Connection {
@@ -21,7 +21,8 @@ export class Connection {
     this.told = told;
     this.changed = changed;
     this.retryMs = FIRST_RETRY_MS;
-    this.path = takeToken();
+    this.token = takeToken();
+    this.path = `/ws?token=${this.token}`;
     this.open();
   }
 
@@ -52,6 +53,15 @@ export class Connection {
     await new Promise((done) => setTimeout(done, this.retryMs));
     this.retryMs = Math.min(2 * this.retryMs, LAST_RETRY_MS);
     this.open();
+  }
+
+  /** Sends a recording. */
+  async upload(file) {
+    const path = `/recordings/${encodeURIComponent(file.name)}?token=${this.token}`;
+    const answer = await fetch(path, { method: "POST", body: file });
+    if (!answer.ok) {
+      throw new Error((await answer.text()).trim());
+    }
   }
 
   /** Sends a message; returns whether there is a connection. */

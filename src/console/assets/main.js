@@ -37,8 +37,10 @@ const picture = new Picture($("view"), $("picture"), showZoom, showPixel);
 let connection = null;
 const result = new Result(want, (number) => connection.ask({ kind: "seen", source, number }));
 const requests = new Requests((message) => connection.ask(message));
-const panels = new Panels(requests, (show) => {
-  connection?.ask({ kind: "traffic", show });
+const panels = new Panels(requests, {
+  watch: (show) => connection?.ask({ kind: "traffic", show }),
+  upload: (file) => connection.upload(file),
+  draw: (scene) => result.showScene(scene, (place) => panels.world.moved(place)),
 });
 connection = new Connection(told, connected);
 
@@ -117,7 +119,11 @@ function showState(now) {
   } else if (!now.other_controls && now.may_control) {
     connection.ask({ kind: "control", take: true, if_free: true });
   }
+  const again = now.sources[source]?.era !== state.sources[source]?.era;
   state = now;
+  if (again) {
+    forget();
+  }
   $("role").textContent = now.controls ? "in control" : now.other_controls ? "watching, another viewer is in control" : "watching";
   $("control").hidden = !now.may_control;
   $("control").textContent = now.controls ? "Give up control" : "Take control";
@@ -252,6 +258,12 @@ function select(index) {
   source = index;
   connection.ask({ kind: "watch", source });
   sessionStorage.setItem(SOURCE, source);
+  forget();
+  panels.renew();
+}
+
+/** Forgets what has been shown. */
+function forget() {
   next = null;
   shownAt = [];
   histogramAt = -Infinity;
@@ -259,7 +271,7 @@ function select(index) {
   white = null;
   picture.clear();
   result.clear();
-  panels.renew();
+  panels.traffic.clear();
   histogram.draw($("histogram"), new Uint32Array(1));
   for (const id of ["white", "saturation", "frame"]) {
     $(id).replaceChildren();

@@ -1,6 +1,8 @@
 // Panels below the pictures: scanning, a terminal, the emulated world, and the traffic.
 
+import { Playback } from "./playback.js";
 import { attempt } from "./requests.js";
+import { Settings } from "./settings.js";
 import { Terminal } from "./terminal.js";
 import { Traffic } from "./traffic.js";
 import { World } from "./world.js";
@@ -9,21 +11,25 @@ const $ = (id) => document.getElementById(id);
 /** Name under which the tab keeps which panel is open. */
 const OPEN = "panel";
 /** Panels, and the kind of requests that each needs. */
-const NEEDS = { scan: "scan", terminal: "line", scene: "service", faults: "service", clock: "service", traffic: null };
+const NEEDS = { scan: "scan", terminal: "line", scene: "service", terms: "service", faults: "service", clock: "service", traffic: null, playback: "playback" };
 
 export class Panels {
-  /** `requests` asks the scanner, `watch` says whether its traffic is wanted. */
-  constructor(requests, watch) {
+  /** `requests` asks the scanner, `watch` says whether its traffic is wanted, `upload` sends a recording, `draw`
+   * draws a scene in 3D. */
+  constructor(requests, { watch, upload, draw }) {
     this.requests = requests;
     this.watch = watch;
     this.answers = [];
     this.terminal = new Terminal(requests);
+    this.settings = new Settings(requests);
     this.traffic = new Traffic();
-    this.world = new World(requests);
+    this.world = new World(requests, draw);
+    this.playback = new Playback(requests, upload);
     this.open = sessionStorage.getItem(OPEN);
     for (const button of document.querySelectorAll("#tabs button")) {
       button.addEventListener("click", () => this.select(button.value === this.open ? null : button.value));
     }
+    $("record").addEventListener("click", () => attempt(() => requests.ask({ record: !this.recording })));
     const sequence = () => $("sequence").value.trim() || null;
     for (const run of ["once", "repeat", "stop"]) {
       $(`scan-${run}`).addEventListener("click", () => attempt(() => requests.ask({ scan: { run, sequence: sequence() } })));
@@ -38,14 +44,21 @@ export class Panels {
   }
 
   /** Shows the panels that the scanner has. */
-  update({ answers, status }, controls) {
+  update({ answers, status, recording }, controls) {
     const news = this.answers.join() !== answers.join();
     [this.answers, this.controls] = [answers, controls];
     $("scan-status").textContent = status ?? "";
+    this.recording = recording !== null;
+    $("record").hidden = !answers.includes("record");
+    $("record").disabled = !controls;
+    $("record").textContent = this.recording ? "End the recording" : "Record";
+    $("record").setAttribute("aria-pressed", this.recording);
+    $("record-name").textContent = recording ? `into ${recording}` : "";
     for (const field of document.querySelectorAll("#panel fieldset")) {
       field.disabled = !controls;
       field.title = controls ? "" : "Take control first.";
     }
+    this.world.update(answers.includes("service"), controls);
     if (news) {
       this.show();
     }
@@ -56,6 +69,7 @@ export class Panels {
     this.requests.lost();
     this.terminal.clear();
     this.world.show(null);
+    this.playback.show(false);
     this.watched = null;
     this.show();
   }
@@ -85,8 +99,12 @@ export class Panels {
     $("panel-error").textContent = "";
     this.watchTraffic(shown === "traffic");
     this.world.show(shown);
+    this.playback.show(shown === "playback");
     if (shown === "terminal") {
       this.terminal.show();
+    }
+    if (shown === "scan") {
+      attempt(() => this.settings.look());
     }
   }
 }

@@ -173,6 +173,9 @@ export class Result {
     if (this.cloud) {
       this.cloud.controls.enabled = cloud;
     }
+    if (this.model) {
+      this.model.handles.enabled = cloud;
+    }
     $("result-view").setAttribute("aria-label", cloud
       ? "Point cloud. Drag to turn, the wheel zooms, arrows move."
       : "Map. Plus and minus zoom, arrows move, 0 fits.");
@@ -246,6 +249,23 @@ export class Result {
       ? `${count} points, of every ${points.every} rows and columns`
       : `${count} points`;
     this.showLegend(layer, points.values, range, 4, 3);
+    if (this.scene) {
+      await this.drawScene();
+    }
+  }
+
+  /** Draws an emulated scene in the cloud's view from now on; `moved` is called when an object was moved there. */
+  showScene(scene, moved) {
+    [this.scene, this.moveObject] = [scene, moved];
+    if (this.cloud && this.view === CLOUD && (scene.scene || this.model)) {
+      this.drawScene();
+    }
+  }
+
+  async drawScene() {
+    const { SceneModel } = await import("./scene.js");
+    this.model ??= new SceneModel(this.cloud, (place) => this.moveObject(place));
+    this.model.show(this.scene);
   }
 
   /** Shows a pattern of the sequence, by its number; null if none is projected. */

@@ -4,6 +4,8 @@
 const [MAX_EVENTS, MAX_FREE] = [2000, 600];
 /** Maximum number of events in the list. */
 const MAX_ROWS = 300;
+/** Time by which events may be out of order. */
+const BACK_S = 1;
 const LANES = ["commands", "replies", "exposures", "frames", "events"];
 
 const $ = (id) => document.getElementById(id);
@@ -37,7 +39,10 @@ export class Traffic {
   }
 
   add(events) {
-    const all = [...this.events, ...events];
+    const known = [...this.events, ...events];
+    // A recording that goes back, or a device that was started again: what came before is of another time.
+    const back = known.findLastIndex(({ time_s: time }, i) => i > 0 && time < known[i - 1].time_s - BACK_S);
+    const all = known.slice(Math.max(back, 0));
     const [free, others] = [all.filter(isFree).slice(-MAX_FREE), all.filter((event) => !isFree(event)).slice(-MAX_EVENTS)];
     this.events = [...free, ...others].sort((a, b) => a.number - b.number);
     this.update();

@@ -1,6 +1,7 @@
-// The world of an emulated device: objects, faults and the clock, on its service channel.
+// The world of an emulated device: its scene, image formation, faults and clock, on its service channel.
 
 import { attempt } from "./requests.js";
+import { Terms } from "./terms.js";
 
 /** Time between two looks at the device while a panel is open. */
 const LOOK_MS = 1000;
@@ -17,10 +18,37 @@ function rows(pairs) {
   });
 }
 
+/** Returns the fields of a scene with their values in TOML, as `--set` takes them. */
+function flat(value, path) {
+  const isList = Array.isArray(value);
+  if (value === null) {
+    return [];
+  }
+  if (typeof value !== "object" || (isList && value.every((part) => typeof part !== "object"))) {
+    return [[path, JSON.stringify(value)]];
+  }
+  const name = (key) => (isList ? `${path}[${key}]` : path ? `${path}.${key}` : key);
+  return Object.entries(value).flatMap(([key, part]) => flat(part, name(key)));
+}
+
 export class World {
-  constructor(requests) {
+  /** `draw` is called with the scene to draw in 3D. */
+  constructor(requests, draw) {
     this.service = (service) => requests.ask({ service });
+    this.terms = new Terms(this.service);
+    this.draw = draw;
     this.panel = null;
+    this.lamps = new Map();
+    for (const id of ["object", "handles", "scene-shown"]) {
+      $(id).addEventListener("change", () => attempt(() => this.lookAtScene()));
+    }
+    $("field").addEventListener("input", () => {
+      $("field-value").value = this.known?.get($("field").value) ?? "";
+    });
+    $("field-form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      attempt(() => this.set($("field").value.trim(), $("field-value").value));
+    });
     $("object").addEventListener("change", () => this.fill());
     $("place-form").addEventListener("submit", (event) => {
       event.preventDefault();
@@ -45,7 +73,8 @@ export class World {
     const news = panel !== this.panel;
     this.panel = panel;
     if (news) {
-      this.objects = null;
+      [this.objects, this.fields] = [null, null];
+      this.terms.clear();
       $("object").replaceChildren();
       this.fill();
       this.look();
@@ -58,8 +87,8 @@ export class World {
   }
 
   async look() {
-    const looks = { scene: () => this.lookAtScene(), faults: () => this.lookAtFaults(), clock: () => this.lookAtClock() };
-    const look = looks[this.panel];
+    const looks = { scene: () => this.lookAtScene(), terms: () => this.terms.look(), faults: () => this.lookAtFaults(), clock: () => this.lookAtClock() };
+    const look = looks[this.panel] ?? (this.isDrawn() && looks.scene);
     if (look && !this.looking && !document.hidden) {
       this.looking = true;
       // A device that has ended says so elsewhere.
@@ -68,8 +97,68 @@ export class World {
     }
   }
 
+  /** Whether the scene is drawn in 3D. */
+  isDrawn() {
+    return this.answers && $("scene-shown").checked;
+  }
+
+  /** Says whether the scanner has a service channel, and whether this viewer is in control. */
+  update(answers, controls) {
+    $("scene-choice").hidden = !answers;
+    const news = this.answers !== answers || this.controls !== controls;
+    [this.answers, this.controls] = [answers, controls];
+    if (news) {
+      this.drawScene();
+    }
+  }
+
+  drawScene() {
+    const chosen = this.panel === "scene" && this.controls && this.objects ? Number($("object").value) : null;
+    const scene = this.isDrawn() && this.seen ? this.seen : null;
+    // A path cannot be moved.
+    const moves = scene && chosen !== null && scene.objects[chosen]?.moves;
+    this.draw({ scene, fields: this.fields, chosen: moves ? null : chosen, mode: $("handles").value });
+  }
+
+  /** Sets a field of the scene. */
+  async set(field, value) {
+    await this.service({ set: `${field}=${value}` });
+    await this.lookAtFields();
+    await this.look();
+  }
+
+  async lookAtFields() {
+    this.fields = (await this.service({ get: "fields" })).fields;
+    const all = flat(this.fields, "").filter(([path]) => path.includes(".") && !path.startsWith("rig"));
+    this.known = new Map(all);
+    $("fields-known").replaceChildren(...all.map(([path, value]) => new Option(value, path)));
+    const lights = this.fields.light.map((light, i) => [`light[${i}]`, `lamp ${i}, ${light.kind}`, light.kind === "point" ? "intensity_w_sr" : "irradiance_w_m2", light]);
+    const ambient = ["ambient", "ambient light", "irradiance_w_m2", this.fields.ambient];
+    $("lamps").replaceChildren(...[ambient, ...lights].map(([path, name, key, light]) => {
+      const [label, box] = [document.createElement("label"), document.createElement("input")];
+      if (light[key] > 0) {
+        this.lamps.set(path, light[key]);
+      }
+      [box.type, box.checked] = ["checkbox", light[key] > 0];
+      // One that was off from the start has no power to return to.
+      box.disabled = !this.lamps.has(path);
+      box.addEventListener("change", () => attempt(() => this.set(`${path}.${key}`, box.checked ? this.lamps.get(path) : 0)));
+      label.append(box, ` ${name} `);
+      return label;
+    }));
+  }
+
   async lookAtScene() {
+    if (this.panel !== "scene" && !this.isDrawn()) {
+      this.drawScene();
+      return;
+    }
     const { scene } = await this.service({ get: "objects" });
+    this.seen = scene;
+    if (!this.fields) {
+      await this.lookAtFields();
+    }
+    this.drawScene();
     if (this.panel !== "scene") {
       return;
     }
@@ -79,6 +168,7 @@ export class World {
     if (fresh) {
       $("object").replaceChildren(...names.map((name, i) => new Option(name, i)));
       this.fill();
+      this.drawScene();
     }
     const number = (values) => values.map((value) => value.toFixed(1)).join(", ");
     $("objects").replaceChildren(...rows(this.objects.map(({ name, position_mm: p, rotation_deg: r, patient }) => [
@@ -94,6 +184,12 @@ export class World {
       $(`position-${axis}`).value = object ? object.position_mm[i].toFixed(3) : "";
       $(`rotation-${axis}`).value = object ? object.rotation_deg[i].toFixed(3) : "";
     });
+  }
+
+  /** Moves an object, as its handles were. */
+  async moved(place) {
+    await attempt(() => this.change({ place }));
+    this.fill();
   }
 
   place() {

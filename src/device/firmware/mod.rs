@@ -35,10 +35,10 @@ use memory::{Memory, Stored};
 use messages::{Current, Waiting};
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Rig;
-use phasmid_pattern::Manifest;
 use phasmid_profile::Profile;
 use phasmid_protocol::dialect::Event;
 use phasmid_protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Unit};
+use phasmid_protocol::service::SequenceAbout;
 use phasmid_protocol::usb::cdc::LineCoding;
 use settings::{Settings, Source};
 use shining::Shining;
@@ -244,8 +244,17 @@ impl Firmware {
     }
 
     /// Returns the selected sequence and its name.
-    pub fn selected(&self) -> (&str, &Manifest) {
-        (&self.selected.name, &self.selected.manifest)
+    pub fn selected(&self) -> SequenceAbout {
+        SequenceAbout {
+            name: self.selected.name.clone(),
+            manifest: self.selected.manifest.to_toml(),
+        }
+    }
+
+    /// Returns the note of a recording about the selected sequence and the calibration.
+    pub fn note(&self) -> String {
+        let rig = self.reported_calibration().ok();
+        self.selected().to_note(rig.map(|rig| rig.to_toml()))
     }
 
     /// Sets the serial line coding that `SYSTem:COMMunicate:SERial` reports.

@@ -3,13 +3,17 @@
 use super::render_thread::TruthJob;
 use super::server::Server;
 use super::service::{Answer, Call};
+use super::shared_scene::SharedScene;
 use super::timeline::{Stepped, UnderWay};
 use crate::{State, Truth};
 use phasmid_core::error::Result;
+use phasmid_core::source::Setting;
+use phasmid_profile::Scene;
 use phasmid_protocol::service::{
-    Action, DeviceAbout, Every, FaultsAbout, Item, MAX_STRUCK, Placement, Reply, Request,
-    SequenceAbout, StandingFault, Step, Which,
+    Action, DeviceAbout, Every, FaultsAbout, Item, MAX_STRUCK, Reply, Request, StandingFault, Step,
+    TermAbout, Which,
 };
+use phasmid_render::{Decision, Term};
 use std::time::Duration;
 use tokio::sync::oneshot;
 
@@ -35,8 +39,31 @@ impl Server {
                 Err(why) => Reply::refusal(why),
             },
             Request::Place(placement) => match self.shared_scene.place(placement) {
-                Ok(before) => return self.answer_place(before, reply),
+                Ok(before) => {
+                    let undo = move |scene: &SharedScene| drop(scene.place(before));
+                    return self.answer_change(undo, reply);
+                }
                 Err(why) => Reply::refusal(why),
+            },
+            Request::Set(field) => match self.set(&field) {
+                Ok(before) => {
+                    let undo = move |scene: &SharedScene| scene.put_back(before);
+                    return self.answer_change(undo, reply);
+                }
+                Err(why) => Reply::refusal(why),
+            },
+            Request::Get(Item::Plan) => return self.plan(None, reply),
+            Request::Term(choice) => match Term::named(&choice.term) {
+                Some(term) => return self.plan(Some((term, choice.included)), reply),
+                None => {
+                    let names: Vec<_> = Term::ALL.iter().map(Term::to_string).collect();
+                    let (found, known) = (&choice.term, names.join(", "));
+                    Reply::refusal(format!("term.term: {found:?}; expected one of {known}"))
+                }
+            },
+            Request::Get(Item::Fields) => Reply {
+                fields: serde_json::to_value(self.shared_scene.scene()).ok(),
+                ..Reply::default()
             },
             Request::Clock(step) => return self.step(step, reply),
             Request::Do(Action::Trigger) => {
@@ -72,13 +99,9 @@ impl Server {
                 ..Reply::default()
             },
             Request::Get(Item::Sequence) => {
-                let (name, manifest) = self.machine.firmware().selected();
-                let sequence = SequenceAbout {
-                    name: name.to_owned(),
-                    manifest: manifest.to_toml(),
-                };
+                let firmware = self.machine.firmware();
                 Reply {
-                    sequence: Some(sequence),
+                    sequence: Some(firmware.selected()),
                     ..Reply::default()
                 }
             }
@@ -168,8 +191,33 @@ impl Server {
         });
     }
 
-    /// Replies once the optics have moved the object; an object that they reject is put back.
-    fn answer_place(&mut self, before: Placement, reply: Sender) {
+    /// Sets a field of the scene, and returns the scene before.
+    fn set(&self, field: &str) -> Result<Scene> {
+        let setting: Setting = field.parse()?;
+        self.shared_scene.set(setting.given_by("set"))
+    }
+
+    /// Replies with the plan, after a term has been included or excluded if one is named.
+    fn plan(&self, forced: Option<(Term, bool)>, reply: Sender) {
+        let (sender, decided) = oneshot::channel();
+        self.render_thread.plan(forced, sender);
+        let render_us = self.render_thread.render_us();
+        tokio::spawn(async move {
+            let answer = match decided.await {
+                Ok(decisions) => Reply {
+                    render_us,
+                    plan: decisions.into_iter().map(term_about).collect(),
+                    ..Reply::default()
+                },
+                Err(_) => Reply::refusal("the device is shutting down"),
+            };
+            // The client may have disconnected.
+            let _ = reply.send((answer, Vec::new()));
+        });
+    }
+
+    /// Replies once the optics have followed a change of the scene; one that they reject is undone.
+    fn answer_change(&mut self, undo: impl FnOnce(&SharedScene) + Send + 'static, reply: Sender) {
         let placed = self.follow();
         let render_us = self.render_thread.render_us();
         let shared_scene = self.shared_scene.clone();
@@ -184,8 +232,8 @@ impl Server {
                     ..Reply::default()
                 },
                 Ok(Err(why)) => {
-                    // This placement was valid before.
-                    let _ = shared_scene.place(before);
+                    // The scene was valid before.
+                    undo(&shared_scene);
                     Reply::refusal(why)
                 }
                 Err(_) => Reply::refusal("the device is shutting down"),
@@ -293,5 +341,14 @@ impl Server {
             bytes_out: self.bytes.1,
             history: self.history.len() as u64,
         }
+    }
+}
+
+fn term_about(decision: Decision) -> TermAbout {
+    TermAbout {
+        pass: decision.pass.to_string(),
+        term: decision.term.to_string(),
+        included: decision.included,
+        why: decision.why.to_owned(),
     }
 }

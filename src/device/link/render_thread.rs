@@ -2,13 +2,14 @@
 //! responsive. Jobs run in order.
 
 use super::notice::Notice;
+use super::shared_scene::Change;
 use crate::{Exposure, Renderer, Shot, Truth};
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::Pattern;
 use phasmid_protocol::Frame;
 use phasmid_protocol::service::Placement;
-use phasmid_render::Pending;
+use phasmid_render::{Decision, Pending, Term};
 use std::collections::VecDeque;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
@@ -22,8 +23,10 @@ use tokio::sync::oneshot;
 enum Job {
     Expose(Box<Exposure>),
     Truth(Box<TruthJob>),
-    /// Moves an object.
-    Place(Placement, oneshot::Sender<Result<()>>),
+    /// Changes the scene.
+    Change(Change, oneshot::Sender<Result<()>>),
+    /// Includes or excludes a term, if one is named; replies with the plan.
+    Plan(Option<(Term, bool)>, oneshot::Sender<Vec<Decision>>),
 }
 
 /// A request for ground truth.
@@ -116,12 +119,23 @@ impl<W: Fn() -> Duration> Work<W> {
                 // The client may have disconnected.
                 let _ = job.reply.send(truth.and_then(|truth| back.map(|()| truth)));
             }
-            Job::Place(placement, reply) => {
-                // Frames in progress show the scene before the move.
+            Job::Change(change, reply) => {
+                // Frames in progress show the scene before.
                 self.finish_all();
-                let placed = self.place_all(&[placement]);
+                let changed = match change {
+                    Change::Moves(moves) => self.place_all(&moves),
+                    Change::Scene(scene) => self.renderer.change(*scene),
+                };
                 // The client may have disconnected.
-                let _ = reply.send(placed);
+                let _ = reply.send(changed);
+            }
+            Job::Plan(forced, reply) => {
+                if let Some((term, included)) = forced {
+                    self.finish_all();
+                    self.renderer.force(term, included);
+                }
+                // The client may have disconnected.
+                let _ = reply.send(self.renderer.decisions());
             }
         }
     }
@@ -251,9 +265,14 @@ impl RenderThread {
         self.submit(Job::Truth(Box::new(job)));
     }
 
-    /// Moves an object, after the exposures submitted earlier.
-    pub(super) fn place(&self, placement: Placement, reply: oneshot::Sender<Result<()>>) {
-        self.submit(Job::Place(placement, reply));
+    /// Changes the scene, after the exposures submitted earlier.
+    pub(super) fn change(&self, change: Change, reply: oneshot::Sender<Result<()>>) {
+        self.submit(Job::Change(change, reply));
+    }
+
+    /// Requests the plan, after a term has been included or excluded if one is named.
+    pub(super) fn plan(&self, forced: Option<(Term, bool)>, reply: oneshot::Sender<Vec<Decision>>) {
+        self.submit(Job::Plan(forced, reply));
     }
 
     /// Returns the time spent on frames since power-on, in microseconds.

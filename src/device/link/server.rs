@@ -10,7 +10,7 @@ use super::pty::{Event, Pty};
 use super::render_thread::{RenderThread, Rendered};
 use super::run_dir::CAMERA;
 use super::service::ServiceSocket;
-use super::shared_scene::SharedScene;
+use super::shared_scene::{Change, SharedScene};
 use super::slowdown::Slowdown;
 use super::tap::Tap;
 use super::timeline::{Seat, Wait};
@@ -194,18 +194,19 @@ impl Server {
         now_ns
     }
 
-    /// Passes new placements to the optics. The result resolves when the optics have applied or
+    /// Passes changes of the scene to the optics. The result resolves when the optics have applied or
     /// rejected them.
     pub(super) fn follow(&mut self) -> Option<oneshot::Receiver<Result<()>>> {
-        let (placements, version) = self.shared_scene.since(self.version);
+        let (mut change, version) = self.shared_scene.since(self.version);
         self.version = version;
-        let mut last = None;
-        for placement in placements {
-            let (sender, placed) = oneshot::channel();
-            self.render_thread.place(placement, sender);
-            last = Some(placed);
+        match &mut change {
+            Change::Moves(moves) if moves.is_empty() => return None,
+            Change::Moves(_) => {}
+            Change::Scene(scene) => scene.rig = self.rig,
         }
-        last
+        let (sender, changed) = oneshot::channel();
+        self.render_thread.change(change, sender);
+        Some(changed)
     }
 
     /// Disconnects or reconnects the port as the device's faults require: a client sees that the
@@ -297,7 +298,8 @@ impl Server {
 
     /// Delivers a frame to all readers.
     fn deliver(&mut self, frame: &Arc<Frame>, wall: Duration) -> Result<()> {
-        self.tap.frame(frame, self.seat.now_ns());
+        let firmware = self.machine.firmware();
+        self.tap.frame(frame, firmware, self.seat.now_ns());
         if let Some(usb) = &self.usb {
             usb.put(frame, wall);
             if usb.lost() > 0 && !self.usb_lost {

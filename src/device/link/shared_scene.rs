@@ -5,6 +5,7 @@
 
 use glam::DVec3;
 use phasmid_core::error::Result;
+use phasmid_core::source::Setting;
 use phasmid_geometry::Pose;
 use phasmid_phantom::{Day, Phantom};
 use phasmid_profile::{Object, RigPlace, Scene, Shape};
@@ -23,8 +24,10 @@ pub struct SharedScene {
 
 struct Shared {
     scene: Scene,
-    /// Number of moves so far.
+    /// Number of moves and other changes so far.
     version: u64,
+    /// The version after the last change that was no move.
+    changed: u64,
     /// For each object, the version of its last move.
     placed: Vec<u64>,
     /// Earlier places of objects, for the latest moves.
@@ -73,6 +76,15 @@ impl Patient {
     }
 }
 
+/// A change of a scene.
+#[derive(Debug, PartialEq)]
+pub(super) enum Change {
+    /// The present places of the objects that were moved.
+    Moves(Vec<Placement>),
+    /// Anything.
+    Scene(Box<Scene>),
+}
+
 /// A move of an object.
 struct Move {
     /// The version after the move.
@@ -89,6 +101,7 @@ impl SharedScene {
                 patients: scene.object.iter().map(|o| Patient::of(scene, o)).collect(),
                 scene: scene.clone(),
                 version: 0,
+                changed: 0,
                 moves: VecDeque::new(),
             })),
         }
@@ -119,17 +132,41 @@ impl SharedScene {
         Ok(before)
     }
 
-    /// Returns the objects moved since a version with their present places, and the present
-    /// version.
-    pub(super) fn since(&self, version: u64) -> (Vec<Placement>, u64) {
+    /// Sets a field of the scene for all devices, and returns the scene before. Earlier places of objects
+    /// are forgotten, because the scene in which they stood is.
+    ///
+    /// # Errors
+    /// Returns the error of [`Scene::set`]; nothing has changed then.
+    pub(super) fn set(&self, setting: Setting) -> Result<Scene> {
+        let mut shared = self.shared();
+        let mut scene = shared.scene.clone();
+        scene.set(setting)?;
+        Ok(shared.change(scene))
+    }
+
+    /// Puts a scene back that was there before a change.
+    pub(super) fn put_back(&self, scene: Scene) {
+        self.shared().change(scene);
+    }
+
+    /// Returns the present scene.
+    pub(super) fn scene(&self) -> Scene {
+        self.shared().scene.clone()
+    }
+
+    /// Returns what has changed since a version, and the present version.
+    pub(super) fn since(&self, version: u64) -> (Change, u64) {
         let shared = self.shared();
-        if shared.version == version {
-            return (Vec::new(), version);
-        }
-        let objects = shared.placed.iter().enumerate();
-        let newer = objects.filter(|(_, placed)| **placed > version);
-        let placements = newer.map(|(at, _)| shared.placement(at)).collect();
-        (placements, shared.version)
+        let change = if shared.changed > version {
+            Change::Scene(Box::new(shared.scene.clone()))
+        } else if shared.version == version {
+            Change::Moves(Vec::new())
+        } else {
+            let objects = shared.placed.iter().enumerate();
+            let newer = objects.filter(|(_, placed)| **placed > version);
+            Change::Moves(newer.map(|(at, _)| shared.placement(at)).collect())
+        };
+        (change, shared.version)
     }
 
     /// Returns the places, at a version, of the objects moved since then; `None` if they are no
@@ -188,6 +225,20 @@ impl SharedScene {
 }
 
 impl Shared {
+    /// Replaces the scene, and returns the one before.
+    fn change(&mut self, scene: Scene) -> Scene {
+        self.version += 1;
+        self.changed = self.version;
+        self.moves.clear();
+        self.placed = vec![self.version; scene.object.len()];
+        self.patients = scene
+            .object
+            .iter()
+            .map(|o| Patient::of(&scene, o))
+            .collect();
+        std::mem::replace(&mut self.scene, scene)
+    }
+
     fn placement(&self, at: usize) -> Placement {
         let object = &self.scene.object[at];
         Placement {
@@ -275,7 +326,8 @@ mod tests {
     fn placements_are_reported_once_and_can_be_undone() {
         let shared_scene = SharedScene::new(&Scene::parse(TEXT, "test").unwrap());
         let other = shared_scene.clone();
-        assert_eq!(other.since(0), (vec![], 0));
+        let moves = |moves, version| (Change::Moves(moves), version);
+        assert_eq!(other.since(0), moves(vec![], 0));
         assert_eq!(shared_scene.place(placement(1.0)).unwrap(), placement(0.0));
         assert_eq!(shared_scene.place(placement(2.0)).unwrap(), placement(1.0));
         assert!(
@@ -294,8 +346,8 @@ mod tests {
                 })
                 .is_err()
         );
-        assert_eq!(other.since(0), (vec![placement(2.0)], 2));
-        assert_eq!(other.since(2), (vec![], 2));
+        assert_eq!(other.since(0), moves(vec![placement(2.0)], 2));
+        assert_eq!(other.since(2), moves(vec![], 2));
         for (version, was) in [
             (0, vec![placement(0.0)]),
             (1, vec![placement(1.0)]),
@@ -310,6 +362,29 @@ mod tests {
         assert_eq!(shared_scene.back_to(900), None, "it is bounded");
         assert_eq!(shared_scene.back_to(1000), Some(vec![placement(997.0)]));
         assert_eq!(shared_scene.shared().moves.len(), MAX_MOVES);
+    }
+
+    #[test]
+    fn change_of_the_scene_is_reported_whole_and_can_be_put_back() {
+        let shared_scene = SharedScene::new(&Scene::parse(TEXT, "test").unwrap());
+        shared_scene.place(placement(1.0)).unwrap();
+        let before = shared_scene.set("object[0].albedo=0.25".parse().unwrap());
+        let before = before.unwrap();
+        let Change::Scene(now) = shared_scene.since(1).0 else {
+            panic!("the scene has changed");
+        };
+        assert_eq!((before.object[0].albedo, now.object[0].albedo), (0.5, 0.25));
+        assert_eq!(now.object[0].position_mm, [1.0, 0.0, 0.0]);
+        assert_eq!(shared_scene.since(2), (Change::Moves(vec![]), 2));
+        assert_eq!(shared_scene.back_to(1), None, "the scene was another one");
+        assert_eq!(shared_scene.back_to(2), Some(vec![]));
+        assert!(
+            shared_scene
+                .set("object[0].albedo=9".parse().unwrap())
+                .is_err()
+        );
+        shared_scene.put_back(before.clone());
+        assert_eq!(shared_scene.scene(), before);
     }
 
     #[test]

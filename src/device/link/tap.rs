@@ -1,6 +1,7 @@
 //! Records the traffic between a served device and its clients, and shows it to an observer, if requested.
 
 use super::notice::Notice;
+use crate::Firmware;
 use crate::faults::Faults;
 use phasmid_core::error::Result;
 use phasmid_protocol::record::{About, Channel, Event, Limits, Observer, Recorder, Side};
@@ -30,6 +31,8 @@ pub(super) struct Tap {
     cameras: (u64, u64),
     /// Number of faults that have struck.
     struck: u64,
+    /// The last note of a sequence.
+    noted: String,
 }
 
 impl Tap {
@@ -157,8 +160,19 @@ impl Tap {
         }
     }
 
-    /// Records a frame that left the device.
-    pub(super) fn frame(&self, frame: &Arc<Frame>, now_ns: u64) {
+    /// Records a frame that left the device; before the first frame of a sequence, the sequence as well.
+    pub(super) fn frame(&mut self, frame: &Arc<Frame>, firmware: &Firmware, now_ns: u64) {
+        if let Some(recorder) = self
+            .recorder
+            .as_ref()
+            .filter(|_| frame.pattern_index == Some(0))
+        {
+            let note = firmware.note();
+            if note != self.noted {
+                recorder.put(now_ns, Channel::Recording, Event::Note(note.clone()));
+                self.noted = note;
+            }
+        }
         if self.is_on() {
             self.put(now_ns, Channel::Camera, Event::Frame(frame.clone()));
         }

@@ -3,9 +3,10 @@
 use super::ScanViews;
 use super::service::ServiceOperator;
 use crate::facade::ask_service;
-use phasmid_console::Source;
+use phasmid_console::{Sequence, Source};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Capture, FrameInfo};
+use phasmid_geometry::Rig;
 use phasmid_pattern::Manifest;
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::{Event, Observer};
@@ -91,14 +92,8 @@ impl Inbox {
     fn take(&self, frame: &Arc<Frame>) {
         self.change(|seen| {
             let run = &mut seen.run.frames;
-            let due = run.len() as u64;
-            let continues = run.first().is_some_and(|first| {
-                frame.pattern_index.map(u64::from) == Some(due)
-                    && first.id.checked_add(due) == Some(frame.id)
-                    && (first.width, first.height) == (frame.width, frame.height)
-                    && first.format == frame.format
-            });
-            if continues {
+            let first = run.first();
+            if first.is_some_and(|first| continues(first, run.len(), frame)) {
                 run.push(frame.clone());
                 return;
             }
@@ -122,7 +117,7 @@ impl Follower {
     /// # Errors
     /// Returns an error if the system refuses a thread.
     pub fn start(source: Source) -> Result<Self> {
-        source.set_device_times();
+        source.restart(true);
         Self::of_host(source)
     }
 
@@ -171,19 +166,25 @@ impl Drop for Follower {
     }
 }
 
+/// Returns whether a frame continues a run of `len` frames that begins with `first`.
+pub(super) fn continues(first: &Frame, len: usize, frame: &Frame) -> bool {
+    let len = len as u64;
+    frame.pattern_index.map(u64::from) == Some(len)
+        && first.id.checked_add(len) == Some(frame.id)
+        && (first.width, first.height) == (frame.width, frame.height)
+        && first.format == frame.format
+}
+
 /// The sequence that a device had selected in a run.
-struct Sequence {
+struct Selected {
     /// Number of the run.
     run: u64,
-    name: String,
-    /// The manifest as the device has written it, to recognise it again.
-    text: String,
-    manifest: Arc<Manifest>,
+    sequence: Arc<Sequence>,
 }
 
 /// Shows each complete run, until the follower ends.
 fn follow(inbox: &Inbox, source: &Source) {
-    let mut sequence: Option<Sequence> = None;
+    let mut selected: Option<Selected> = None;
     // Number of the last run that was shown.
     let mut shown = 0;
     loop {
@@ -203,20 +204,21 @@ fn follow(inbox: &Inbox, source: &Source) {
             if run.number <= shown || run.frames.is_empty() {
                 continue;
             }
-            if sequence
+            if selected
                 .as_ref()
                 .is_none_or(|known| known.run != run.number)
             {
-                sequence = ask(&service, sequence, run.number);
+                selected = ask(&service, run.number);
             }
             // A device that does not answer has ended.
-            let Some(known) = &sequence else { continue };
-            source.show_sequence(known.manifest.clone());
-            if run.frames.len() == known.manifest.frame.len() {
+            let Some(Selected { sequence, .. }) = &selected else {
+                continue;
+            };
+            source.show_sequence(sequence.clone());
+            if run.frames.len() == sequence.manifest.frame.len() {
                 shown = run.number;
                 // A frame that cannot be unpacked is reported where frames are shown.
-                if let Ok(capture) = capture(&run.frames, &known.manifest) {
-                    let views = ScanViews::new(capture).named(&known.name);
+                if let Ok(views) = views(&run.frames, sequence) {
                     source.show(Arc::new(views.with_service(&service)));
                 }
             }
@@ -224,24 +226,28 @@ fn follow(inbox: &Inbox, source: &Source) {
     }
 }
 
-/// Asks which sequence is selected in a run. The manifest of the run before is kept if it is the same.
-fn ask(service: &Path, before: Option<Sequence>, run: u64) -> Option<Sequence> {
+/// Asks which sequence is selected in a run.
+fn ask(service: &Path, run: u64) -> Option<Selected> {
     let (reply, _) = ask_service(service, &Request::Get(Item::Sequence)).ok()?;
     let about = reply.sequence?;
-    let known = before.filter(|known| known.text == about.manifest);
-    let manifest = match known {
-        Some(known) => known.manifest,
-        None => Arc::new(Manifest::parse(&about.manifest, &about.name).ok()?),
+    let (reply, _) = ask_service(service, &Request::Get(Item::Calibration)).ok()?;
+    let rig = Rig::from_toml(&reply.calibration?, "calibration").ok()?;
+    let sequence = Sequence {
+        manifest: Manifest::parse(&about.manifest, &about.name).ok()?,
+        name: Some(about.name),
+        calibration: Some(rig),
     };
-    Some(Sequence {
+    Some(Selected {
         run,
-        name: about.name,
-        text: about.manifest,
-        manifest,
+        sequence: Arc::new(sequence),
     })
 }
 
-fn capture(run: &[Arc<Frame>], manifest: &Manifest) -> Result<Capture> {
+/// Returns the views of a complete run of a sequence.
+///
+/// # Errors
+/// Returns an error if a frame cannot be unpacked.
+pub(super) fn views(run: &[Arc<Frame>], sequence: &Sequence) -> Result<ScanViews> {
     let images = run.iter().map(|frame| Frame::clone(frame).into_image());
     let frames = run.iter().map(|frame| FrameInfo {
         id: frame.id,
@@ -249,12 +255,16 @@ fn capture(run: &[Arc<Frame>], manifest: &Manifest) -> Result<Capture> {
         exposure_start_ns: frame.exposure_start_ns,
         exposure_end_ns: frame.exposure_end_ns,
     });
-    Ok(Capture {
+    let views = ScanViews::new(Capture {
         idn: String::new(),
-        manifest: manifest.clone(),
-        calibration: None,
+        manifest: sequence.manifest.clone(),
+        calibration: sequence.calibration,
         images: images.collect::<Result<_>>()?,
         frames: frames.collect(),
+    });
+    Ok(match &sequence.name {
+        Some(name) => views.named(name),
+        None => views,
     })
 }
 
@@ -300,9 +310,7 @@ mod tests {
         assert_eq!(ids(&[(13, None), (14, None)]), [0u64; 0]);
         assert_eq!(inbox.seen().before.frames.len(), 2);
         assert_eq!(ids(&[(15, Some(0))]), [15]);
-        assert_eq!(
-            (inbox.seen().before.number, inbox.seen().run.number),
-            (4, 5)
-        );
+        let seen = inbox.seen();
+        assert_eq!((seen.before.number, seen.run.number), (4, 5));
     }
 }

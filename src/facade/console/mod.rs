@@ -6,12 +6,17 @@
 //! | `operate` | a scanner that scans and talks as viewers ask |
 //! | `service` | passes requests to a service channel |
 //! | `follower` | finds and decodes the scans of a served device, whoever makes them |
+//! | `playback` | plays the recordings of a folder |
+//! | `recording` | an open recording with random access |
 
 mod follower;
 mod operate;
+mod playback;
+mod recording;
 mod scan_views;
 mod service;
 
 pub use follower::Follower;
 pub use operate::operate;
+pub use playback::Playback;
 pub use scan_views::ScanViews;

@@ -3,7 +3,7 @@
 use super::service::answer;
 use super::{Follower, ScanViews};
 use crate::facade::{ScanOptions, Scanner, dialect_of, service_of, watch_camera};
-use phasmid_console::{Operator, Request, Run, Source};
+use phasmid_console::{Operator, Request, Run, Sequence, Source};
 use phasmid_core::error::{Error, Result};
 use phasmid_device::Firmware;
 use phasmid_host::{CommandPort, Progress, RecordedPort, SerialPort, Tape};
@@ -152,11 +152,16 @@ fn scan(
                 }
                 flow()
             })?;
-            source.show_sequence(Arc::new(capture.manifest.clone()));
+            let sequence = Sequence {
+                name: scanner.selected()?,
+                manifest: capture.manifest.clone(),
+                calibration: capture.calibration,
+            };
             let mut views = ScanViews::new(capture);
-            if let Some(name) = scanner.selected()? {
+            if let Some(name) = &sequence.name {
                 views = views.named(name);
             }
+            source.show_sequence(Arc::new(sequence));
             if let Some(service) = service {
                 views = views.with_service(service);
             }
@@ -264,6 +269,7 @@ impl Operator for Asked {
             (Request::Service(_), None) => Err(Error::device(
                 "this device has no service channel, as no physical one has",
             )),
+            _ => Err(Error::device("this scanner does not take such requests")),
         }
     }
 }

@@ -4,10 +4,10 @@ use crate::facade::{Decoding, ask_service, decode};
 use phasmid_console::{About, Field, Layer, Measurement, Points, Scale};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{AxisMap, Capture, Decoded, Options, Order, Verdict};
-use phasmid_geometry::{Rig, View};
+use phasmid_geometry::View;
 use phasmid_host::check_identified_sequence;
 use phasmid_pattern::Axis;
-use phasmid_protocol::service::{Item, Request};
+use phasmid_protocol::service::Request;
 use std::f32::consts::TAU;
 use std::fmt;
 use std::path::PathBuf;
@@ -59,8 +59,7 @@ impl ScanViews {
         Self { name, ..self }
     }
 
-    /// Asks an emulated device's service channel for the truth, and for the calibration if the capture has
-    /// none.
+    /// Asks an emulated device's service channel for the truth.
     #[must_use]
     pub fn with_service(self, service: impl Into<PathBuf>) -> Self {
         let service = Some(service.into());
@@ -96,16 +95,7 @@ impl ScanViews {
         let capture = &self.capture;
         check_identified_sequence(&capture.manifest, &capture.images)
             .map_err(|doubt| Error::device(doubt.to_string()))?;
-        let rig = match (&capture.calibration, &self.service) {
-            (Some(rig), _) => Some(*rig),
-            (None, Some(service)) => {
-                let (reply, _) = ask_service(service, &Request::Get(Item::Calibration))?;
-                let toml = reply.calibration.unwrap_or_default();
-                Some(Rig::from_toml(&toml, "calibration").map_err(Error::device)?)
-            }
-            (None, None) => None,
-        };
-        decode(capture, &rig, &Options::default())
+        decode(capture, &capture.calibration, &Options::default())
     }
 
     /// Returns the true depth at the middle of the scan.

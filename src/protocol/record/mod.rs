@@ -31,7 +31,7 @@
 //! | 4 opened | none: a client has opened the channel |
 //! | 5 left | none: the channel's last client has left |
 //! | 6 frame | a frame as on the frame socket, [`crate::wire`]: 72 bytes and the pixels |
-//! | 7 note | text: something that happened, a damaged frame or a fault that struck |
+//! | 7 note | text: something that happened, a damaged frame or a fault that struck; or the sequence of the frames around it, [`SequenceAbout::to_note`](crate::service::SequenceAbout::to_note) |
 //! | 8 cut | text: why the recording ends here while the device went on |
 //! | 9 end | none: the recording ended normally; the last record |
 //! | 10 unplugged | none: the device's end of the channel disappeared, as when a cable is pulled |

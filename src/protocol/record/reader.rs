@@ -7,7 +7,7 @@ use super::{
 use crate::wire::{self, FrameHeader};
 use phasmid_core::error::{Error, Result};
 use std::fmt;
-use std::io::{ErrorKind, Read};
+use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
 /// Where and why a recording becomes unreadable; all earlier records are intact.
@@ -184,6 +184,22 @@ impl<R: Read> Reader<R> {
             len,
             crc: u32_at(bytes, 28),
         })
+    }
+}
+
+impl<R: Read + Seek> Reader<R> {
+    /// Goes to a record that has been read before, by its [`Record::number`] and [`Record::offset`]: the next
+    /// call of [`Self::read`] returns it.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be read.
+    pub fn go_to(&mut self, number: u64, offset: u64) -> std::io::Result<()> {
+        // Data that has been read ahead is kept if the next record is asked for.
+        if self.ended || self.offset != offset {
+            self.source.seek(SeekFrom::Start(offset))?;
+        }
+        (self.number, self.offset, self.ended) = (number, offset, false);
+        Ok(())
     }
 }
 

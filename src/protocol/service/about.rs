@@ -1,5 +1,6 @@
 //! Internal state of a device as reported over the service channel.
 
+use super::Reply;
 use crate::faults::{Fault, Struck};
 use phasmid_pattern::Pattern;
 use serde::{Deserialize, Serialize};
@@ -173,6 +174,32 @@ pub struct SequenceAbout {
     pub name: String,
     /// Its manifest, in TOML.
     pub manifest: String,
+}
+
+impl SequenceAbout {
+    /// Returns the note that a recording keeps of a sequence and of the calibration, in TOML: what the service
+    /// channel answers about both, in one line.
+    pub fn to_note(&self, calibration: Option<String>) -> String {
+        let reply = Reply {
+            sequence: Some(self.clone()),
+            calibration,
+            ..Reply::default()
+        };
+        reply.to_line().trim_end().to_owned()
+    }
+}
+
+/// A term of image formation.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TermAbout {
+    /// Pass that it belongs to: geometry, exposure or sensor.
+    pub pass: String,
+    /// Name.
+    pub term: String,
+    /// Whether it is computed.
+    pub included: bool,
+    /// Reason.
+    pub why: String,
 }
 
 /// Faults of a device.

@@ -8,11 +8,13 @@ mod request;
 
 pub use about::{
     Clock, ClockPace, DeviceAbout, FaultsAbout, FrameAbout, Late, MAX_STRUCK, ObjectAbout, Objects,
-    PatientAbout, PlaceAbout, SequenceAbout, Shown, StandingFault,
+    PatientAbout, PlaceAbout, SequenceAbout, Shown, StandingFault, TermAbout,
 };
 pub use maps::{Maps, ask, call};
 pub use reply::Reply;
-pub use request::{Action, Every, InvalidRequest, Item, Placement, Request, Step, Which};
+pub use request::{
+    Action, Every, InvalidRequest, Item, Placement, Request, Step, TermChoice, Which,
+};
 
 /// Maximum request line length in bytes.
 pub const MAX_LINE: usize = 4096;

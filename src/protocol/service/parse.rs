@@ -4,14 +4,15 @@
 mod fields;
 mod once;
 
-use super::request::{Action, Every, Item, Placement, Request, Step, Which};
+use super::request::{Action, Every, Item, Placement, Request, Step, TermChoice, Which};
 use crate::faults::{Fault, When};
 use fields::fields;
 use once::Once;
 use serde_json::{Value, json};
 
 /// Names of requests.
-const REQUESTS: &str = "get, truth_at_ns, truth_of_frame, do, place, clock, fault, clear_faults";
+const REQUESTS: &str =
+    "get, truth_at_ns, truth_of_frame, do, place, set, term, clock, fault, clear_faults";
 /// Maximum number of characters of the input that an error shows.
 const SHOWN: usize = 60;
 
@@ -48,6 +49,8 @@ pub(super) fn request(line: &[u8]) -> Result<Request, String> {
         "truth_of_frame" => Request::TruthOfFrame(whole(&name, &value)?),
         "do" => Request::Do(one_of(&name, &value, &[("trigger", Action::Trigger)])?),
         "place" => Request::Place(placement(&name, value)?),
+        "set" => Request::Set(text(&name, &value)?),
+        "term" => Request::Term(term(&name, value)?),
         "clock" => Request::Clock(step(&name, &value)?),
         "fault" => Request::Fault(Box::new(fault(&name, value)?)),
         "clear_faults" => Request::ClearFaults(which(&name, &value)?),
@@ -78,6 +81,22 @@ fn whole(place: &str, value: &Value) -> Result<u64, String> {
         Some(number) => Ok(number),
         None => refusal(place, value, &format!("a whole number, 0 to {}", u64::MAX)),
     }
+}
+
+fn text(place: &str, value: &Value) -> Result<String, String> {
+    match value.as_str() {
+        Some(text) => Ok(text.to_owned()),
+        None => refusal(
+            place,
+            value,
+            "FIELD=VALUE, such as \"object[0].albedo=0.4\"",
+        ),
+    }
+}
+
+fn term(place: &str, value: Value) -> Result<TermChoice, String> {
+    let whole = json!({ "term": "", "included": true });
+    fields(place, value, &whole, "term and included")
 }
 
 fn step(place: &str, value: &Value) -> Result<Step, String> {

@@ -1,10 +1,13 @@
 //! The header line of a reply.
 
-use super::about::{Clock, DeviceAbout, FaultsAbout, FrameAbout, Objects, SequenceAbout};
+use super::about::{
+    Clock, DeviceAbout, FaultsAbout, FrameAbout, Objects, SequenceAbout, TermAbout,
+};
 use super::{MAX_MAPS, MAX_PAYLOAD};
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::manifest::MAX_SIDE_PX;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// The line that answers a request.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -54,6 +57,12 @@ pub struct Reply {
     /// The calibration that the device reports, in TOML.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<String>,
+    /// The fields of the scene, as in a scene file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fields: Option<Value>,
+    /// The terms of image formation, in the order of the passes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub plan: Vec<TermAbout>,
 }
 
 fn is_zero(number: &u32) -> bool {

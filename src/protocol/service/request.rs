@@ -19,6 +19,10 @@ pub enum Request {
     Do(Action),
     /// Moves an object to another pose in the scene.
     Place(Placement),
+    /// Sets a field of the scene, as `--set` does: `object[0].albedo=0.4`.
+    Set(String),
+    /// Includes or excludes a term of image formation.
+    Term(TermChoice),
     /// Advances stepped time.
     Clock(Step),
     /// Adds a fault.
@@ -41,6 +45,16 @@ pub struct Placement {
     pub rotation_deg: [f64; 3],
 }
 
+/// Whether a term of image formation is computed.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TermChoice {
+    /// Name of the term, as in the plan.
+    pub term: String,
+    /// Whether it is computed.
+    pub included: bool,
+}
+
 /// Kinds of state that a client can request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -59,11 +73,15 @@ pub enum Item {
     Sequence,
     /// The calibration that the device reports.
     Calibration,
+    /// The fields of the scene.
+    Fields,
+    /// The terms of image formation that are computed.
+    Plan,
 }
 
 impl Item {
     /// All items with their names.
-    pub(super) const ALL: [(&str, Self); 7] = [
+    pub(super) const ALL: [(&str, Self); 9] = [
         ("truth", Self::Truth),
         ("clock", Self::Clock),
         ("objects", Self::Objects),
@@ -71,6 +89,8 @@ impl Item {
         ("faults", Self::Faults),
         ("sequence", Self::Sequence),
         ("calibration", Self::Calibration),
+        ("fields", Self::Fields),
+        ("plan", Self::Plan),
     ];
 }
 
@@ -150,6 +170,19 @@ mod tests {
             (Request::Get(Item::Faults), r#"{"get":"faults"}"#),
             (Request::Get(Item::Sequence), r#"{"get":"sequence"}"#),
             (Request::Get(Item::Calibration), r#"{"get":"calibration"}"#),
+            (Request::Get(Item::Fields), r#"{"get":"fields"}"#),
+            (Request::Get(Item::Plan), r#"{"get":"plan"}"#),
+            (
+                Request::Set("object[0].albedo=0.4".into()),
+                r#"{"set":"object[0].albedo=0.4"}"#,
+            ),
+            (
+                Request::Term(TermChoice {
+                    term: "noise".into(),
+                    included: false,
+                }),
+                r#"{"term":{"term":"noise","included":false}}"#,
+            ),
             (
                 Request::Fault(Box::new(Fault {
                     times: Some(2),
@@ -198,6 +231,9 @@ mod tests {
             "{\"get\":\"truth\",\"x\":1}",
             "{\"clock\":{\"step_ns\":1,\"run_until_ns\":2}}",
             "{\"clock\":{\"step_ns\":-1}}",
+            "{\"set\":1}",
+            "{\"term\":\"noise\"}",
+            "{\"term\":{\"term\":\"noise\"}}",
             "{\"fault\":{\"what\":\"rain\"}}",
             "{\"clear_faults\":\"some\"}",
             "{\"clear_faults\":-1}",

@@ -55,6 +55,8 @@ fn every_documented_request_is_answered() {
             reply.faults.is_some(),
             reply.sequence.is_some(),
             reply.calibration.is_some(),
+            reply.fields.is_some(),
+            !reply.plan.is_empty(),
         ];
         let (what, maps) = match request {
             Request::Get(Item::Truth) | Request::TruthAt(_) => (None, true),
@@ -66,7 +68,11 @@ fn every_documented_request_is_answered() {
             Request::Get(Item::Faults) => (Some(5), false),
             Request::Get(Item::Sequence) => (Some(6), false),
             Request::Get(Item::Calibration) => (Some(7), false),
-            Request::Do(_) | Request::Place(_) | Request::ClearFaults(_) => (None, false),
+            Request::Get(Item::Fields) => (Some(8), false),
+            Request::Get(Item::Plan) | Request::Term(_) => (Some(9), false),
+            Request::Do(_) | Request::Place(_) | Request::Set(_) | Request::ClearFaults(_) => {
+                (None, false)
+            }
         };
         assert_eq!(told.iter().position(|&told| told), what, "{line}");
         assert_eq!(reply.bytes > 0, maps, "{line}");

@@ -1,21 +1,20 @@
-//! Moving an object at run time.
+//! Changing the scene at run time.
 
 use super::Renderer;
+use crate::shade::Optics;
 use crate::term::Needs;
 use crate::world::World;
 use crate::worlds::Worlds;
 use crate::{Backend, Plan, Term, gpu};
 use phasmid_core::error::{Error, Result};
+use phasmid_profile::Scene;
 
 impl Renderer {
     /// Moves an object to another pose, as if set in the scene file: position in millimetres,
-    /// rotation in degrees; `object` counts from 0 in scene order. The plan is rebuilt, forced
-    /// terms are reset, and pending frames must be finished first. A working GPU stays open.
+    /// rotation in degrees; `object` counts from 0 in scene order. Pending frames must be finished first.
     ///
     /// # Errors
-    /// Returns an error if [`phasmid_profile::Scene::place`] fails, if a mesh or texture file has
-    /// disappeared, or if an explicitly requested GPU cannot hold the scene. Nothing is changed
-    /// then.
+    /// Returns an error if [`phasmid_profile::Scene::place`] fails, or an error of [`Self::change`].
     pub fn place(
         &mut self,
         object: usize,
@@ -24,45 +23,74 @@ impl Renderer {
     ) -> Result<()> {
         let mut scene = self.scene.clone();
         scene.place(object, position_mm, rotation_deg)?;
-        let world = World::new(&scene, &self.optics.skins)?;
+        self.change(scene)
+    }
+
+    /// Renders another scene from now on. The plan is rebuilt; forced terms stay forced. Pending frames
+    /// must be finished first. A working GPU stays open.
+    ///
+    /// # Errors
+    /// Returns an error if a mesh or texture file cannot be read, or if an explicitly requested GPU
+    /// cannot hold the scene. Nothing is changed then.
+    pub fn change(&mut self, scene: Scene) -> Result<()> {
+        let moved_only = without_poses(&scene) == without_poses(&self.scene);
+        let optics = (!moved_only).then(|| Optics::new(&self.profile, &scene));
+        let new = optics.as_ref().unwrap_or(&self.optics);
+        let world = World::new(&scene, &new.skins)?;
         let fits = match &self.gpu {
-            Some(_) => gpu::fits(&world, &self.optics),
+            Some(_) => gpu::fits(&world, new),
             None => Ok(()),
         };
-        match fits {
-            Err(why) if self.options.backend == Backend::Gpu => {
-                return Err(Error::input(
-                    "place",
-                    why,
-                    "a position that the GPU can render",
-                ));
-            }
-            Err(why) => self.give_up(&Error::device(why)),
-            Ok(()) => {}
+        if let (Err(why), Backend::Gpu) = (&fits, self.options.backend) {
+            return Err(Error::input(
+                "scene",
+                why,
+                "a scene that the GPU can render",
+            ));
         }
         let mut plan = Plan::new(&Needs {
             profile: &self.profile,
-            optics: &self.optics,
+            optics: new,
             world: &world,
         });
         // Keep the terms required by patterns.
         for term in [Term::FootprintX, Term::FootprintY] {
             plan.set(term, plan.has(term) || self.plan.has(term));
         }
+        for (term, included) in &self.forced {
+            plan.set(*term, *included);
+        }
+        if let Err(why) = fits {
+            self.give_up(&Error::device(why));
+        }
         self.scene = scene;
         let stop = self.worlds.stop.clone();
         self.worlds = Worlds::new(world);
         self.worlds.stop = stop;
         self.moment = None;
-        match plan == self.plan {
-            true => self.outdate(),
-            false => self.go_by(plan),
+        if let Some(optics) = optics {
+            self.optics = optics;
+            self.go_by(plan);
+            self.choose_gathering();
+        } else if plan == self.plan {
+            self.outdate();
+        } else {
+            self.go_by(plan);
         }
         if let Some(gpu) = &mut self.gpu {
             gpu.forget();
         }
         Ok(())
     }
+}
+
+/// Returns a scene whose objects are all at its origin.
+fn without_poses(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    for object in &mut scene.object {
+        (object.position_mm, object.rotation_deg) = ([0.0; 3], [0.0; 3]);
+    }
+    scene
 }
 
 #[cfg(test)]
@@ -163,8 +191,45 @@ mod tests {
         );
         let mut renderer = renderer(&Scene::parse(&text, "test").unwrap(), Backend::Cpu);
         renderer.expose(&shot(0));
-        renderer.force(Term::Shadows, false);
+        renderer.force(Term::Noise, false);
         renderer.place(1, [0.0, 0.0, 0.0], [0.0; 3]).unwrap();
         assert!(renderer.plan().has(Term::Shadows) && renderer.plan().has(Term::FootprintX));
+        assert!(
+            !renderer.plan().has(Term::Noise),
+            "forced terms stay forced"
+        );
+    }
+
+    /// After any change, frames equal the frames of a device started with the changed scene.
+    fn changed_frames_equal(backend: Backend) {
+        let lamp = "[[light]]\nkind = \"point\"\nposition_mm = [300.0, 0.0, 0.0]\n\
+            intensity_w_sr = 0.02\n";
+        let scenes = [
+            format!("{SCENE}{SPHERE}"),
+            format!("{SCENE}{SPHERE}").replace("albedo = 0.8", "albedo = 0.3"),
+            format!("{SCENE}{SPHERE}").replace("0.02", "0.05"),
+            format!("{SCENE}{TORSO}{lamp}"),
+            SCENE.to_owned(),
+        ];
+        let scenes = scenes.map(|text| Scene::parse(&text, "test").unwrap());
+        let mut changed = renderer(&scenes[0], backend);
+        for scene in &scenes {
+            changed.change(scene.clone()).unwrap();
+            let mut started = renderer(scene, backend);
+            for id in [0, 3] {
+                assert_eq!(changed.expose(&shot(id)), started.expose(&shot(id)));
+            }
+        }
+    }
+
+    #[test]
+    fn changed_scene_renders_like_a_new_one() {
+        changed_frames_equal(Backend::Cpu);
+    }
+
+    #[test]
+    #[ignore = "needs a Vulkan adapter"]
+    fn changed_scene_renders_alike_on_the_gpu() {
+        changed_frames_equal(Backend::Gpu);
     }
 }
