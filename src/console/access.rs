@@ -52,6 +52,11 @@ impl Access {
         format!("http://127.0.0.1:{}/?token={}", self.port, token.trim_end())
     }
 
+    /// Returns the token that lets others watch.
+    pub(crate) fn view_token(&self) -> String {
+        self.view.to_line().trim_end().to_owned()
+    }
+
     fn token(&self, role: Role) -> &Token {
         match role {
             Role::View => &self.view,

@@ -31,6 +31,7 @@ pub(crate) const ASSETS: &[Asset] = assets! {
     "colours.js": "text/javascript; charset=utf-8",
     "result.js": "text/javascript; charset=utf-8",
     "profile.js": "text/javascript; charset=utf-8",
+    "save.js": "text/javascript; charset=utf-8",
     "requests.js": "text/javascript; charset=utf-8",
     "panels.js": "text/javascript; charset=utf-8",
     "playback.js": "text/javascript; charset=utf-8",

@@ -62,6 +62,8 @@ struct Source {
     /// Number of restarts.
     era: u64,
     recording: Option<Recording>,
+    /// Why the recording has ended although nobody ended it.
+    cut: Option<String>,
     /// Number of programs that are known to read the camera.
     readers: u64,
     /// Why the last frame was damaged, or why the camera is gone.
@@ -102,6 +104,8 @@ pub(crate) struct Standing {
     pub(crate) era: u64,
     /// Name of the recording that is being made.
     pub(crate) recording: Option<String>,
+    /// Why it has ended although nobody ended it.
+    pub(crate) cut: Option<String>,
 }
 
 #[derive(Default)]
@@ -126,15 +130,18 @@ pub(crate) struct Hub {
     news: watch::Sender<u64>,
     /// Folder of recordings.
     recordings: Option<PathBuf>,
+    /// Token for a link to give to others.
+    view_token: String,
 }
 
 impl Hub {
     /// Creates a hub without sources; viewers record and upload into a folder, if there is one.
-    pub(crate) fn new(recordings: Option<PathBuf>) -> Self {
+    pub(crate) fn new(recordings: Option<PathBuf>, view_token: String) -> Self {
         Self {
             state: Mutex::default(),
             news: watch::Sender::new(0),
             recordings,
+            view_token,
         }
     }
 
@@ -244,14 +251,26 @@ impl Hub {
         self.tell();
     }
 
+    /// Forgets the frame and the links of a source, and its measurement if `measurement` says so.
+    pub(crate) fn rewind(&self, source: usize, measurement: bool) {
+        let mut state = self.state();
+        let source = &mut state.sources[source];
+        source.latest = None;
+        (source.readers, source.why, source.unplugged) = (0, None, Unplugged::default());
+        if measurement && source.measurement.take().is_some() {
+            source.era += 1;
+        }
+        drop(state);
+        self.tell();
+    }
+
     /// Starts or ends a recording of a source, and returns its name.
     fn record(self: &Arc<Self>, source: usize, on: bool) -> Result<Value> {
         let mut state = self.state();
         let scanner = &mut state.sources[source];
-        let name = match (on, scanner.recording.take(), self.recordings()) {
+        let name = match (on, &scanner.recording, self.recordings()) {
             (true, Some(running), _) => {
                 let why = format!("{} is being recorded already", running.name());
-                scanner.recording = Some(running);
                 return Err(Error::device(why));
             }
             (true, None, Some(folder)) => {
@@ -260,24 +279,34 @@ impl Hub {
                     false => Side::Host,
                 };
                 let now_ns = scanner.traffic.last_ns().unwrap_or(0);
+                let name = scanner.name.clone();
+                // A slow disk keeps nobody waiting.
+                drop(state);
                 let hub: Weak<Self> = Arc::downgrade(self);
                 let notice = move |why: &str| {
                     if let Some(hub) = hub.upgrade() {
-                        hub.say(source, Some(why.to_owned()));
+                        hub.cut(source, why);
                     }
                 };
-                let started = Recording::start(folder, &scanner.name, side, now_ns, notice)?;
+                let started = Recording::start(folder, &name, side, now_ns, notice)?;
+                let mut state = self.state();
+                let scanner = &mut state.sources[source];
                 if let Some(sequence) = &scanner.sequence {
                     started.note(now_ns, &sequence.value);
                 }
                 let name = started.name().to_owned();
-                scanner.recording = Some(started);
+                scanner.cut = None;
+                let other = scanner.recording.replace(started);
+                drop(state);
+                drop(other);
                 name
             }
-            (false, Some(running), _) => {
+            (false, Some(_), _) => {
+                let ended = scanner.recording.take();
+                scanner.cut = None;
                 drop(state);
                 // Its end is written to the disk.
-                running.name().to_owned()
+                ended.map_or_else(String::new, |ended| ended.name().to_owned())
             }
             (true, None, None) | (false, None, _) => {
                 return Err(Error::device("there is no recording to end"));
@@ -285,6 +314,24 @@ impl Hub {
         };
         self.tell();
         Ok(json!({ "name": name }))
+    }
+
+    /// Notes why a recording of a source has ended while the scanner goes on.
+    fn cut(&self, source: usize, why: &str) {
+        self.state().sources[source].cut = Some(why.to_owned());
+        self.tell();
+    }
+
+    /// Ends all recordings, and lets go of the operators, which may hold this hub.
+    pub(crate) fn close(&self) {
+        let mut state = self.state();
+        let sources = state.sources.iter_mut();
+        let ended: Vec<_> = sources
+            .map(|source| (source.recording.take(), source.operator.take()))
+            .collect();
+        drop(state);
+        // Their ends are written to the disk.
+        drop(ended);
     }
 
     /// Shows a measurement.
@@ -306,6 +353,13 @@ impl Hub {
     pub(crate) fn say(&self, source: usize, status: Option<String>) {
         self.state().sources[source].status = status;
         self.tell();
+    }
+
+    /// Returns the last measurement of a source.
+    pub(crate) fn measurement(&self, source: usize) -> Option<Arc<dyn Measurement>> {
+        let state = self.state();
+        let measurement = state.sources.get(source)?.measurement.as_ref();
+        measurement.map(|shown| shown.value.clone())
     }
 
     /// Returns whether no further viewer is admitted. The last place is for those who may control.
@@ -355,6 +409,8 @@ pub(crate) struct View {
     pub(crate) controls: bool,
     /// Whether another viewer has control.
     pub(crate) other_controls: bool,
+    /// Token with which others may watch.
+    pub(crate) view_token: String,
 }
 
 impl Seat {
@@ -376,6 +432,7 @@ impl Seat {
             status: source.status.clone(),
             era: source.era,
             recording: { source.recording.as_ref() }.map(|recording| recording.name().to_owned()),
+            cut: source.cut.clone(),
         });
         View {
             sources: sources.collect(),
@@ -383,6 +440,7 @@ impl Seat {
             may_control: self.may_control,
             controls: state.controller == Some(self.number),
             other_controls: state.controller.is_some_and(|viewer| viewer != self.number),
+            view_token: self.hub.view_token.clone(),
         }
     }
 
@@ -505,7 +563,7 @@ mod tests {
 
     #[test]
     fn one_viewer_controls_at_a_time() {
-        let hub = Arc::new(Hub::new(None));
+        let hub = Arc::new(Hub::new(None, String::new()));
         let watcher = hub.enter(false).unwrap();
         let first = hub.enter(true).unwrap();
         let second = hub.enter(true).unwrap();
@@ -530,7 +588,7 @@ mod tests {
 
     #[test]
     fn viewers_are_limited_and_make_room() {
-        let hub = Arc::new(Hub::new(None));
+        let hub = Arc::new(Hub::new(None, String::new()));
         let seats: Vec<_> = (1..MAX_VIEWERS)
             .map(|_| hub.enter(false).unwrap())
             .collect();

@@ -40,7 +40,7 @@ mod wire;
 use access::Access;
 use connections::Connections;
 use hub::Hub;
-pub use measurement::{About, Field, Layer, Measurement, Points, Scale};
+pub use measurement::{About, Field, FileKind, Layer, Measurement, Points, Scale};
 pub use operator::{Operator, Request, Run};
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::record::Observer;
@@ -86,7 +86,7 @@ impl Console {
         let listener = std::net::TcpListener::bind(address).map_err(io)?;
         listener.set_nonblocking(true).map_err(io)?;
         let access = Arc::new(Access::new(listener.local_addr().map_err(io)?.port())?);
-        let hub = Arc::new(Hub::new(options.recordings.clone()));
+        let hub = Arc::new(Hub::new(options.recordings.clone(), access.view_token()));
         let runtime = tokio::runtime::Builder::new_current_thread();
         let runtime = { runtime }.enable_all().build().map_err(io)?;
         let listener = {
@@ -163,6 +163,12 @@ impl Source {
         self.hub.restart(self.index, device_times);
     }
 
+    /// Forgets the frame and the links that were shown, and the measurement if `measurement` says so, as a
+    /// recording goes to another moment.
+    pub fn rewind(&self, measurement: bool) {
+        self.hub.rewind(self.index, measurement);
+    }
+
     /// Shows the patterns of this sequence as frames report them, from now on.
     pub fn show_sequence(&self, sequence: Arc<Sequence>) {
         self.hub.show_sequence(self.index, sequence);
@@ -202,5 +208,7 @@ impl Drop for Console {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
+        // Whoever still shows something keeps the hub, but recordings end with the console.
+        self.hub.close();
     }
 }

@@ -22,6 +22,32 @@ pub trait Measurement: Send + Sync {
     /// # Errors
     /// Returns an error if there are no points, and the errors of [`Self::layer`].
     fn cloud(&self, layer: &str, most: usize) -> Result<Points>;
+
+    /// Returns a file with the measurement.
+    ///
+    /// # Errors
+    /// Returns an error if there is nothing to write.
+    fn file(&self, kind: FileKind) -> Result<Vec<u8>>;
+}
+
+/// A file that a viewer can save.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileKind {
+    /// The points with normals, intensities and standard deviations, in PLY.
+    Cloud,
+    /// All layers, as an archive of NumPy arrays.
+    Arrays,
+}
+
+impl FileKind {
+    /// Returns the kind of a file of this name.
+    pub(crate) fn of_name(name: &str) -> Option<Self> {
+        match name {
+            "cloud.ply" => Some(Self::Cloud),
+            "scan.npz" => Some(Self::Arrays),
+            _ => None,
+        }
+    }
 }
 
 /// Description of a measurement and of its views.

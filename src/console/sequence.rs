@@ -45,7 +45,7 @@ mod tests {
     #[test]
     fn sequence_survives_its_note() {
         let text = "[projector]\nwidth_px = 8\nheight_px = 4\n\
-            [[frame]]\nkind = \"white\"\n[[frame]]\nkind = \"black\"\n";
+            [[frame]]\npattern = { kind = \"white\" }\n[[frame]]\npattern = { kind = \"black\" }\n";
         let sequence = Sequence {
             name: Some("two".into()),
             manifest: Manifest::parse(text, "test").unwrap(),

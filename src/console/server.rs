@@ -3,6 +3,7 @@
 use crate::access::{Access, Role};
 use crate::assets::{ASSETS, Asset};
 use crate::hub::Hub;
+use crate::measurement::FileKind;
 use crate::{upload, viewer};
 use axum::Router;
 use axum::body::Body;
@@ -48,6 +49,7 @@ pub(crate) fn routes(access: Arc<Access>, hub: Arc<Hub>) -> Router {
         .route("/", get(page))
         .route("/ws", get(socket))
         .route("/recordings/{name}", post(receive))
+        .route("/scans/{source}/{name}", get(scan))
         .route("/{*name}", get(asset))
         .layer(from_fn_with_state(shared.clone(), guard))
         .with_state(shared)
@@ -109,6 +111,36 @@ async fn asset(Path(name): Path<String>) -> Response {
     match ASSETS.iter().find(|asset| asset.name == name) {
         Some(asset) => file(asset),
         None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+/// Sends the last measurement of a source as a file.
+async fn scan(
+    State(shared): State<Shared>,
+    Path((source, name)): Path<(usize, String)>,
+    uri: Uri,
+) -> Response {
+    if role(&shared.access, &uri).is_none() {
+        return (StatusCode::FORBIDDEN, "This needs a token.\n").into_response();
+    }
+    let Some(kind) = FileKind::of_name(&name) else {
+        return StatusCode::NOT_FOUND.into_response();
+    };
+    let Some(measurement) = shared.hub.measurement(source) else {
+        return (StatusCode::NOT_FOUND, "There is no scan yet.\n").into_response();
+    };
+    let file = tokio::task::spawn_blocking(move || measurement.file(kind));
+    match file.await {
+        Ok(Ok(bytes)) => {
+            let attached = format!("attachment; filename=\"{name}\"");
+            let headers = [
+                (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
+                (header::CONTENT_DISPOSITION, attached),
+            ];
+            (headers, bytes).into_response()
+        }
+        Ok(Err(why)) => (StatusCode::CONFLICT, format!("{why}\n")).into_response(),
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
     }
 }
 

@@ -109,6 +109,8 @@ impl Viewer {
                 let era = |view: &View| view.sources.get(self.source).map(|source| source.era);
                 if view.as_ref().is_some_and(|view| era(view) != era(&now)) {
                     self.measure_again();
+                    // The page has forgotten the frames that it has not drawn.
+                    self.ahead.clear();
                 }
                 self.send(Message::Binary(message(&Told::State(&now), &[]).into()))
                     .await?;

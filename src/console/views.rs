@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// Maximum number of layers that a viewer can ask for at a time.
 const MAX_LAYERS: usize = 8;
 /// Maximum number of points that are shown. More are thinned out.
-const MAX_POINTS: usize = 300_000;
+const MAX_POINTS: usize = 640 * 480;
 
 /// Views that a viewer wants of each measurement.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -77,6 +77,7 @@ mod lamps;
 pub mod led;
 mod material;
 mod mixed;
+pub mod npz;
 mod options;
 pub mod pattern_image;
 mod plan;

@@ -1,14 +1,11 @@
 //! Ground truth as files: an archive of NumPy arrays, and the depth as an image.
 
+use crate::npz::{self, Array};
 use crate::truth::Truth;
 use image::{ImageBuffer, ImageFormat, Luma};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{replace, replace_image};
-use phasmid_core::npy;
-use std::io::Write;
 use std::path::Path;
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipWriter};
 
 /// Unit of the depth image in millimetres.
 const UNIT_MM: f32 = 0.1;
@@ -21,42 +18,33 @@ impl Truth {
     /// # Errors
     /// Returns the system's error.
     pub fn write_npz(&self, path: &Path) -> Result<()> {
-        let floats =
-            |map: &[f32]| -> Vec<u8> { map.iter().flat_map(|v| v.to_le_bytes()).collect() };
-        let vectors = |map: &[[f32; 3]]| floats(map.as_flattened());
-        let one: &[usize] = &[];
-        let arrays: [(&str, &str, &[usize], Vec<u8>); 12] = [
-            ("depth_mm", "<f4", one, floats(&self.depth_mm)),
-            ("projector_x", "<f4", one, floats(&self.projector_x)),
-            ("projector_y", "<f4", one, floats(&self.projector_y)),
-            ("point_mm", "<f4", &[3], vectors(&self.point_mm)),
-            ("normal", "<f4", &[3], vectors(&self.normal)),
-            (
-                "object",
-                "<u2",
-                one,
-                self.object.iter().flat_map(|n| n.to_le_bytes()).collect(),
-            ),
-            ("albedo", "<f4", one, floats(&self.albedo)),
-            ("irradiance_w_m2", "<f4", one, floats(&self.irradiance_w_m2)),
-            ("mean_dn", "<f4", one, floats(&self.mean_dn)),
-            ("modulation_dn", "<f4", one, floats(&self.modulation_dn)),
-            ("noise_dn", "<f4", one, floats(&self.noise_dn)),
-            ("flags", "|u1", one, self.flags.clone()),
+        let map = [self.height as usize, self.width as usize];
+        let vectors = [map[0], map[1], 3];
+        let one = |name, values: &[f32]| Array::floats(name, &map, values);
+        let three =
+            |name, values: &[[f32; 3]]| Array::floats(name, &vectors, values.as_flattened());
+        let whole = |name, kind, bytes| Array {
+            name,
+            kind,
+            shape: map.to_vec(),
+            bytes,
+        };
+        let objects = self.object.iter().flat_map(|n| n.to_le_bytes()).collect();
+        let arrays = [
+            one("depth_mm", &self.depth_mm),
+            one("projector_x", &self.projector_x),
+            one("projector_y", &self.projector_y),
+            three("point_mm", &self.point_mm),
+            three("normal", &self.normal),
+            whole("object", "<u2", objects),
+            one("albedo", &self.albedo),
+            one("irradiance_w_m2", &self.irradiance_w_m2),
+            one("mean_dn", &self.mean_dn),
+            one("modulation_dn", &self.modulation_dn),
+            one("noise_dn", &self.noise_dn),
+            whole("flags", "|u1", self.flags.clone()),
         ];
-        replace(path, |out| {
-            let mut archive = ZipWriter::new_stream(out);
-            let options =
-                SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
-            for (name, kind, inner, bytes) in &arrays {
-                let shape = [&[self.height as usize, self.width as usize], *inner].concat();
-                archive.start_file(format!("{name}.npy"), options)?;
-                archive.write_all(&npy::header(kind, &shape))?;
-                archive.write_all(bytes)?;
-            }
-            archive.finish()?;
-            Ok(())
-        })
+        replace(path, |out| npz::write(out, arrays))
     }
 
     /// Writes the depth as a greyscale PNG of 16 bits in units of 0.1 mm; 0 where there is none or it

@@ -38,6 +38,7 @@ test("figures", async () => {
   console.log(`page: ${shown} frames/s shown, ${delay} ms from arrival to drawing (median)`);
   console.log(`page: ${bytes} bytes, ${page.errors.length} errors`);
   await scans(browser);
+  await recorded(browser);
   await browser.close();
 });
 
@@ -66,6 +67,39 @@ async function scans(browser) {
   const [, delay] = await text(page, "#frame", /Delay(\d+)/);
   console.log(`page: ${clouds} clouds/s of ${points} points and ${shown} frames/s, ${delay} ms from arrival to drawing (median)`);
   await page.context().close();
+}
+
+/** Prints how fast the clouds of a recording are shown, one after the other. */
+async function recorded(browser) {
+  const folder = mkdtempSync(path.join(tmpdir(), "bench-"));
+  const recording = path.join(folder, "many.rec");
+  // The projector lights all that the camera sees.
+  const lit = ["--set", "projector.throw_ratio=0.8"];
+  const device = await serve(["--profile", "webcam-grey", "--scene", "plane", "--clock", "fast", "--record", recording, ...lit]);
+  for (let i = 0; i < 4; i++) {
+    await command(["scan", "--run-dir", device.runDir, "--no-decode", "--force", "--out", path.join(folder, "scan")]);
+  }
+  await device.kill();
+  const player = await watch(["--recordings", folder]);
+  const page = await open(browser, player.control);
+  await page.click('#tabs button[value="playback"]');
+  await text(page, "#recording", /many/);
+  await page.selectOption("#play-speed", "0.5");
+  await page.click("#recording-open");
+  await text(page, "#figures", /Shown[\d.]+ scans/);
+  for (let i = 0; i < 20; i++) {
+    await page.locator("#play-at").evaluate((slider, part) => {
+      slider.value = Number(slider.min) + part * (slider.max - slider.min);
+      slider.dispatchEvent(new Event("input"));
+    }, 0.4 + 0.6 * (i % 2));
+    await new Promise((done) => setTimeout(done, 200));
+  }
+  const [, clouds] = await text(page, "#figures", /Shown([\d.]+) scans/);
+  const [, points] = await text(page, "#result-pixel", /^(\d+) points/);
+  console.log(`recording: ${clouds} clouds/s of ${points} points, 16 bytes a point`);
+  await page.context().close();
+  await player.kill();
+  rmSync(folder, { recursive: true });
 }
 
 async function cookie(url) {

@@ -15,7 +15,7 @@ before(async () => {
   browser = await launch();
   folder = path.join(mkdtempSync(path.join(tmpdir(), "recordings-")), "all");
   mkdirSync(folder);
-  device = await serve(["--profile", "webcam-grey", "--scene", "sphere", "--recordings", folder]);
+  device = await serve(["--profile", "webcam-grey", "--scene", "torso", "--recordings", folder]);
 });
 
 after(async () => {
@@ -75,6 +75,8 @@ test("a recording is opened, played, paused and scrubbed", async () => {
   await text(page, "#figures", /Sequencequick-4-xyFrames23/);
   await text(page, "#result-pixel", /^\d+ points/);
   await text(page, "#play", /^Play$/);
+  const [, at, end] = await text(page, "#play-time", /^([\d.]+) of ([\d.]+) s$/);
+  assert.equal(at, end);
   const last = await pixels(page, "#picture");
   await page.screenshot({ path: `${SCREENSHOTS}/playback.png` });
   // Back to where the first scan was complete.
@@ -83,11 +85,16 @@ test("a recording is opened, played, paused and scrubbed", async () => {
     slider.dispatchEvent(new Event("input"));
   }, part);
   await slide(0.2);
-  await until(async () => Buffer.compare(last.data, (await pixels(page, "#picture")).data) !== 0);
+  await until(async () => {
+    const now = await pixels(page, "#picture").catch(() => null);
+    return now && Buffer.compare(last.data, now.data) !== 0;
+  });
   await slide(0.6);
   await text(page, "#figures", /Sequencequick-4Frames13/);
   await panel(page, "traffic");
   await text(page, "#traffic-rows", /frame \d+, pattern/);
+  await page.selectOption("#traffic-seconds", "0.5");
+  await page.screenshot({ path: `${SCREENSHOTS}/console.png` });
   await panel(page, "playback");
   await page.selectOption("#play-speed", "10");
   await page.click("#play");

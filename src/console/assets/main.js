@@ -7,6 +7,7 @@ import { Panels } from "./panels.js";
 import { Picture } from "./picture.js";
 import { Requests } from "./requests.js";
 import { Result } from "./result.js";
+import { copyLink, offerFiles } from "./save.js";
 
 /** Time between two histograms. */
 const HISTOGRAM_MS = 100;
@@ -22,7 +23,9 @@ const REGAINED_MS = 10_000;
 const $ = (id) => document.getElementById(id);
 
 let state = { sources: [] };
-let source = Number(sessionStorage.getItem(SOURCE) ?? 0);
+// A link names the scanner, unless this tab has shown one already.
+const linked = new URLSearchParams(location.hash.slice(1)).get("scanner");
+let source = Number(sessionStorage.getItem(SOURCE) ?? linked ?? 0) || 0;
 /** The latest frame that is not drawn yet. */
 let next = null;
 let shownAt = [];
@@ -35,7 +38,10 @@ let [white, colours, shownLevels] = [null, null, null];
 
 const picture = new Picture($("view"), $("picture"), showZoom, showPixel);
 let connection = null;
-const result = new Result(want, (number) => connection.ask({ kind: "seen", source, number }));
+const result = new Result(want, (number) => {
+  connection.ask({ kind: "seen", source, number });
+  offerFiles(source, state.view_token, result.measurement);
+});
 const requests = new Requests((message) => connection.ask(message));
 const panels = new Panels(requests, {
   watch: (show) => connection?.ask({ kind: "traffic", show }),
@@ -271,6 +277,7 @@ function forget() {
   white = null;
   picture.clear();
   result.clear();
+  offerFiles(source, "", null);
   panels.traffic.clear();
   histogram.draw($("histogram"), new Uint32Array(1));
   for (const id of ["white", "saturation", "frame"]) {
@@ -286,6 +293,7 @@ $("control").addEventListener("click", () => {
   sessionStorage.removeItem(LOST_CONTROL);
   connection.ask({ kind: "control", take: !state.controls, if_free: false });
 });
+$("link").addEventListener("click", () => copyLink(source, state.view_token));
 $("in").addEventListener("click", () => picture.enlarge(Math.SQRT2));
 $("out").addEventListener("click", () => picture.enlarge(Math.SQRT1_2));
 $("fit").addEventListener("click", () => picture.fit());

@@ -44,8 +44,8 @@ export class Panels {
   }
 
   /** Shows the panels that the scanner has. */
-  update({ answers, status, recording }, controls) {
-    const news = this.answers.join() !== answers.join();
+  update({ answers, status, recording, cut }, controls) {
+    const news = this.answers.join() !== answers.join() || (controls && !this.controls);
     [this.answers, this.controls] = [answers, controls];
     $("scan-status").textContent = status ?? "";
     this.recording = recording !== null;
@@ -53,7 +53,8 @@ export class Panels {
     $("record").disabled = !controls;
     $("record").textContent = this.recording ? "End the recording" : "Record";
     $("record").setAttribute("aria-pressed", this.recording);
-    $("record-name").textContent = recording ? `into ${recording}` : "";
+    $("record-name").textContent = cut ?? (recording ? `into ${recording}` : "");
+    $("record-name").className = cut ? "bad" : "";
     for (const field of document.querySelectorAll("#panel fieldset")) {
       field.disabled = !controls;
       field.title = controls ? "" : "Take control first.";
@@ -68,7 +69,7 @@ export class Panels {
   renew() {
     this.requests.lost();
     this.terminal.clear();
-    this.world.show(null);
+    this.world.forget();
     this.playback.show(false);
     this.watched = null;
     this.show();
@@ -103,8 +104,8 @@ export class Panels {
     if (shown === "terminal") {
       this.terminal.show();
     }
-    if (shown === "scan") {
-      attempt(() => this.settings.look());
+    if (shown === "scan" && this.controls) {
+      this.settings.look();
     }
   }
 }

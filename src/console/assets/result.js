@@ -3,6 +3,7 @@
 import { Picture } from "./picture.js";
 import * as colours from "./colours.js";
 import * as profile from "./profile.js";
+import { savePicture } from "./save.js";
 
 /** Layers in the list until the first measurement says what there is. */
 const FIRST = [{ name: "depth", title: "Depth", unit: "mm", scale: "linear" }];
@@ -38,6 +39,7 @@ export class Result {
     $("view-select").addEventListener("change", () => this.select($("view-select").value, this.colour));
     $("colour-select").addEventListener("change", () => this.select(this.view, $("colour-select").value));
     $("fields").addEventListener("change", () => this.showCloud());
+    $("save-picture").addEventListener("click", () => this.save());
     $("result-fit").addEventListener("click", () => this.fit());
     $("profile").addEventListener("click", () => this.setLine(this.line ? null : this.middleLine()));
     new ResizeObserver(() => this.showProfile()).observe($("profile-chart"));
@@ -171,7 +173,7 @@ export class Result {
     $("profile").hidden = cloud || pattern;
     this.draggable();
     if (this.cloud) {
-      this.cloud.controls.enabled = cloud;
+      this.cloud.controls.enabled = cloud && !this.isMoving();
     }
     if (this.model) {
       this.model.handles.enabled = cloud;
@@ -237,10 +239,10 @@ export class Result {
     }
     // Another view or scanner may have been chosen meanwhile.
     if (this.view !== CLOUD || this.points !== points) {
-      this.cloud.controls.enabled = this.view === CLOUD;
+      this.cloud.controls.enabled = this.view === CLOUD && !this.isMoving();
       return;
     }
-    this.cloud.controls.enabled = true;
+    this.cloud.controls.enabled = !this.isMoving();
     const range = colours.range(layer, points.values, 4, 3);
     const fields = $("fields").checked;
     this.cloud.show({ about: this.measurement, values: points.values, every: points.every, layer, range, fields });
@@ -260,6 +262,11 @@ export class Result {
     if (this.cloud && this.view === CLOUD && (scene.scene || this.model)) {
       this.drawScene();
     }
+  }
+
+  /** Returns whether an object is being moved by its handle. */
+  isMoving() {
+    return Boolean(this.model?.handles.dragging);
   }
 
   async drawScene() {
@@ -365,6 +372,15 @@ export class Result {
     } else {
       this.picture.fit();
     }
+  }
+
+  /** Saves what is drawn as a picture. */
+  save() {
+    if (this.view === CLOUD) {
+      // What was drawn last is gone by now.
+      this.cloud?.draw();
+    }
+    savePicture($(this.view === CLOUD ? "cloud" : "result-picture"), this.view);
   }
 
   moved() {

@@ -53,7 +53,12 @@ export class SceneModel {
   show({ scene, fields, chosen, mode }) {
     const { root, handles } = this;
     root.visible = scene !== null;
-    handles.enabled = root.visible && chosen !== null;
+    const enabled = root.visible && chosen !== null;
+    if (!enabled && handles.dragging) {
+      // Control was lost meanwhile.
+      handles.dragging = false;
+    }
+    handles.enabled = enabled;
     if (!root.visible) {
       handles.detach();
       this.cloud.draw();

@@ -13,8 +13,12 @@ export class Settings {
     });
   }
 
-  /** Fills the fields. */
-  async look() {
+  /** Fills the fields, unless a scan is using the port. */
+  look() {
+    return this.fill().catch(() => {});
+  }
+
+  async fill() {
     const known = await this.requests.ask({ lines: {} });
     $("camera-form").hidden = known.length === 0;
     if (known.length) {

@@ -18,7 +18,7 @@ export class Terms {
 
   async look() {
     const { device } = await this.service({ get: "device" });
-    this.show(await this.service({ get: "plan" }), device.frames);
+    this.show(await this.service({ get: "plan" }), device.rendered);
   }
 
   show({ plan, render_us: spent }, frames) {

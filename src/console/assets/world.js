@@ -68,7 +68,14 @@ export class World {
     setInterval(() => this.look(), LOOK_MS);
   }
 
-  /** The panel that is open, or nothing to forget a scanner. */
+  /** Forgets the scanner that was shown. */
+  forget() {
+    this.seen = null;
+    this.lamps.clear();
+    this.show(null);
+  }
+
+  /** The panel that is open, if any. */
   show(panel) {
     const news = panel !== this.panel;
     this.panel = panel;

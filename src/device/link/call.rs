@@ -8,7 +8,6 @@ use super::timeline::{Stepped, UnderWay};
 use crate::{State, Truth};
 use phasmid_core::error::Result;
 use phasmid_core::source::Setting;
-use phasmid_profile::Scene;
 use phasmid_protocol::service::{
     Action, DeviceAbout, Every, FaultsAbout, Item, MAX_STRUCK, Reply, Request, StandingFault, Step,
     TermAbout, Which,
@@ -40,16 +39,17 @@ impl Server {
             },
             Request::Place(placement) => match self.shared_scene.place(placement) {
                 Ok(before) => {
-                    let undo = move |scene: &SharedScene| drop(scene.place(before));
-                    return self.answer_change(undo, reply);
+                    let ended = move |scene: &SharedScene, followed: bool| {
+                        if !followed {
+                            let _ = scene.place(before);
+                        }
+                    };
+                    return self.answer_change(ended, reply);
                 }
                 Err(why) => Reply::refusal(why),
             },
             Request::Set(field) => match self.set(&field) {
-                Ok(before) => {
-                    let undo = move |scene: &SharedScene| scene.put_back(before);
-                    return self.answer_change(undo, reply);
-                }
+                Ok(()) => return self.answer_change(SharedScene::settle, reply),
                 Err(why) => Reply::refusal(why),
             },
             Request::Get(Item::Plan) => return self.plan(None, reply),
@@ -76,7 +76,7 @@ impl Server {
                 ..Reply::default()
             },
             Request::Get(Item::Objects) => {
-                let _ = self.follow();
+                self.follow_others();
                 Reply {
                     scene: self.shared_scene.objects(now_ns, self.version, self.rig),
                     ..Reply::default()
@@ -120,7 +120,7 @@ impl Server {
     }
 
     fn truth(&mut self, time_ns: Option<u64>, reply: Sender) {
-        let _ = self.follow();
+        self.follow_others();
         let (sender, truth) = oneshot::channel();
         self.render_thread.truth(TruthJob {
             sequence: self.machine.firmware().selected_sequence(),
@@ -134,7 +134,7 @@ impl Server {
     /// Returns the render job for the truth of a frame, and the part of the reply that needs no
     /// rendering.
     fn truth_of_frame(&mut self, id: u64) -> Result<(TruthJob, Reply, Truthful), String> {
-        let _ = self.follow();
+        self.follow_others();
         let taken = self.history.find(id)?;
         let time_ns = taken.middle_ns();
         let scene = self.shared_scene.objects(time_ns, taken.version, self.rig);
@@ -191,8 +191,8 @@ impl Server {
         });
     }
 
-    /// Sets a field of the scene, and returns the scene before.
-    fn set(&self, field: &str) -> Result<Scene> {
+    /// Sets a field of the scene.
+    fn set(&self, field: &str) -> Result<()> {
         let setting: Setting = field.parse()?;
         self.shared_scene.set(setting.given_by("set"))
     }
@@ -216,8 +216,13 @@ impl Server {
         });
     }
 
-    /// Replies once the optics have followed a change of the scene; one that they reject is undone.
-    fn answer_change(&mut self, undo: impl FnOnce(&SharedScene) + Send + 'static, reply: Sender) {
+    /// Replies once the optics have followed a change of the scene, after `ended` has been told whether
+    /// they have: one that they reject is undone.
+    fn answer_change(
+        &mut self,
+        ended: impl FnOnce(&SharedScene, bool) + Send + 'static,
+        reply: Sender,
+    ) {
         let placed = self.follow();
         let render_us = self.render_thread.render_us();
         let shared_scene = self.shared_scene.clone();
@@ -226,16 +231,13 @@ impl Server {
                 Some(placed) => placed.await,
                 None => Ok(Ok(())),
             };
+            ended(&shared_scene, !matches!(outcome, Ok(Err(_))));
             let answer = match outcome {
                 Ok(Ok(())) => Reply {
                     render_us,
                     ..Reply::default()
                 },
-                Ok(Err(why)) => {
-                    // The scene was valid before.
-                    undo(&shared_scene);
-                    Reply::refusal(why)
-                }
+                Ok(Err(why)) => Reply::refusal(why),
                 Err(_) => Reply::refusal("the device is shutting down"),
             };
             // The client may have disconnected.
@@ -330,6 +332,7 @@ impl Server {
             name: self.name.clone(),
             state: state.to_owned(),
             frames: firmware.next_id(),
+            rendered: self.render_thread.rendered(),
             missed_triggers: firmware.missed_triggers(),
             faults_struck: self.machine.faults().struck_in_all(),
             in_flight: firmware.in_flight(),

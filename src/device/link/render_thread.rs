@@ -65,6 +65,8 @@ pub(super) struct RenderThread {
     stop: Stop,
     /// Time spent on frames since power-on, in microseconds.
     render_us: Arc<AtomicU64>,
+    /// Number of frames rendered since power-on.
+    rendered: Arc<AtomicU64>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -75,6 +77,7 @@ struct Work<W> {
     under_way: VecDeque<(Box<Exposure>, Pending, Duration)>,
     wall: W,
     spent: Arc<AtomicU64>,
+    rendered: Arc<AtomicU64>,
     done: results::Sender<Result<(Arc<Frame>, Duration)>>,
 }
 
@@ -164,6 +167,7 @@ impl<W: Fn() -> Duration> Work<W> {
             let start = (self.wall)();
             let frame = self.renderer.finish(pending);
             let took = took + self.account(start);
+            self.rendered.fetch_add(1, Ordering::Relaxed);
             let frame = Arc::new(exposure.readout.read(frame));
             // The receiver is gone when the device is switched off.
             let _ = self.done.blocking_send(Ok((frame, took)));
@@ -212,11 +216,13 @@ impl RenderThread {
         let stop = renderer.stop();
         let stopped = stop.clone();
         let render_us = Arc::new(AtomicU64::new(0));
+        let rendered = Arc::new(AtomicU64::new(0));
         let mut work = Work {
             renderer,
             under_way: VecDeque::new(),
             wall,
             spent: render_us.clone(),
+            rendered: rendered.clone(),
             done,
         };
         let work = move || {
@@ -245,6 +251,7 @@ impl RenderThread {
             backlog: VecDeque::new(),
             stop,
             render_us,
+            rendered,
             thread: Some(thread),
         })
     }
@@ -273,6 +280,11 @@ impl RenderThread {
     /// Requests the plan, after a term has been included or excluded if one is named.
     pub(super) fn plan(&self, forced: Option<(Term, bool)>, reply: oneshot::Sender<Vec<Decision>>) {
         self.submit(Job::Plan(forced, reply));
+    }
+
+    /// Returns the number of frames rendered since power-on.
+    pub(super) fn rendered(&self) -> u64 {
+        self.rendered.load(Ordering::Relaxed)
     }
 
     /// Returns the time spent on frames since power-on, in microseconds.

@@ -209,6 +209,21 @@ impl Server {
         Some(changed)
     }
 
+    /// Passes changes that other devices have made to the optics. Whoever made them does not learn if these
+    /// optics reject them, so the operator does.
+    pub(super) fn follow_others(&mut self) {
+        if let Some(changed) = self.follow() {
+            let (notice, name) = (self.notice.clone(), self.name.clone());
+            tokio::spawn(async move {
+                if let Ok(Err(why)) = changed.await {
+                    notice.tell(&format!(
+                        "{name}: a change of the scene is not shown: {why}"
+                    ));
+                }
+            });
+        }
+    }
+
     /// Disconnects or reconnects the port as the device's faults require: a client sees that the
     /// other end is gone, and later finds a new port under the old name.
     fn plug(&mut self, now_ns: u64) -> Result<()> {
@@ -329,7 +344,7 @@ impl Server {
     /// Passes exposures to the optics and replies to the port.
     fn dispatch(&mut self, now_ns: u64, wall: Duration) {
         // The result is not needed: `answer_place` reports to the client that requested the move.
-        let _ = self.follow();
+        self.follow_others();
         for exposure in self.machine.take_exposures(now_ns) {
             let (firmware, version) = (self.machine.firmware(), self.version);
             self.history.push(&exposure.shot, firmware, version);

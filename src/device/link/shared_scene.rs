@@ -4,7 +4,7 @@
 //! here, and every device updates its copy before its next exposure.
 
 use glam::DVec3;
-use phasmid_core::error::Result;
+use phasmid_core::error::{Error, Result};
 use phasmid_core::source::Setting;
 use phasmid_geometry::Pose;
 use phasmid_phantom::{Day, Phantom};
@@ -32,6 +32,8 @@ struct Shared {
     placed: Vec<u64>,
     /// Earlier places of objects, for the latest moves.
     moves: VecDeque<Move>,
+    /// The scene before a change that the optics have not followed yet.
+    pending: Option<Scene>,
     /// For each object, the patient if it is one.
     patients: Vec<Option<Patient>>,
 }
@@ -102,6 +104,7 @@ impl SharedScene {
                 scene: scene.clone(),
                 version: 0,
                 changed: 0,
+                pending: None,
                 moves: VecDeque::new(),
             })),
         }
@@ -110,9 +113,11 @@ impl SharedScene {
     /// Moves an object for all devices and returns its previous place.
     ///
     /// # Errors
-    /// Returns the error of [`Scene::place`]; nothing has changed then.
+    /// Returns the error of [`Scene::place`], or an error if another change waits to be settled; nothing has
+    /// changed then.
     pub(super) fn place(&self, placement: Placement) -> Result<Placement> {
         let mut shared = self.shared();
+        shared.check()?;
         let at = placement.object as usize;
         let before = shared.scene.object.get(at).map(|object| Placement {
             object: placement.object,
@@ -132,21 +137,30 @@ impl SharedScene {
         Ok(before)
     }
 
-    /// Sets a field of the scene for all devices, and returns the scene before. Earlier places of objects
-    /// are forgotten, because the scene in which they stood is.
+    /// Sets a field of the scene for all devices, which [`Self::settle`] must follow. Earlier places of
+    /// objects are forgotten, because the scene in which they stood is.
     ///
     /// # Errors
-    /// Returns the error of [`Scene::set`]; nothing has changed then.
-    pub(super) fn set(&self, setting: Setting) -> Result<Scene> {
+    /// Returns the error of [`Scene::set`], or an error if another change waits to be settled; nothing has
+    /// changed then.
+    pub(super) fn set(&self, setting: Setting) -> Result<()> {
         let mut shared = self.shared();
+        shared.check()?;
         let mut scene = shared.scene.clone();
         scene.set(setting)?;
-        Ok(shared.change(scene))
+        let before = shared.change(scene);
+        shared.pending = Some(before);
+        Ok(())
     }
 
-    /// Puts a scene back that was there before a change.
-    pub(super) fn put_back(&self, scene: Scene) {
-        self.shared().change(scene);
+    /// Says whether the optics have followed the last [`Self::set`]; if not, it is undone.
+    pub(super) fn settle(&self, followed: bool) {
+        let mut shared = self.shared();
+        if let Some(before) = shared.pending.take()
+            && !followed
+        {
+            shared.change(before);
+        }
     }
 
     /// Returns the present scene.
@@ -178,8 +192,11 @@ impl SharedScene {
     /// Returns the present places of the objects in `of`.
     pub(super) fn now(&self, of: &[Placement]) -> Vec<Placement> {
         let shared = self.shared();
+        // A change may have taken objects away.
         of.iter()
-            .map(|placement| shared.placement(placement.object as usize))
+            .map(|placement| placement.object as usize)
+            .filter(|at| *at < shared.scene.object.len())
+            .map(|at| shared.placement(at))
             .collect()
     }
 
@@ -225,6 +242,15 @@ impl SharedScene {
 }
 
 impl Shared {
+    fn check(&self) -> Result<()> {
+        match self.pending {
+            None => Ok(()),
+            Some(_) => Err(Error::device(
+                "scene: another change is being made; try again",
+            )),
+        }
+    }
+
     /// Replaces the scene, and returns the one before.
     fn change(&mut self, scene: Scene) -> Scene {
         self.version += 1;
@@ -368,8 +394,11 @@ mod tests {
     fn change_of_the_scene_is_reported_whole_and_can_be_put_back() {
         let shared_scene = SharedScene::new(&Scene::parse(TEXT, "test").unwrap());
         shared_scene.place(placement(1.0)).unwrap();
-        let before = shared_scene.set("object[0].albedo=0.25".parse().unwrap());
-        let before = before.unwrap();
+        let before = shared_scene.scene();
+        let set = |text: &str| shared_scene.set(text.parse().unwrap());
+        set("object[0].albedo=0.25").unwrap();
+        assert!(set("object[0].albedo=0.3").is_err(), "one at a time");
+        assert!(shared_scene.place(placement(3.0)).is_err());
         let Change::Scene(now) = shared_scene.since(1).0 else {
             panic!("the scene has changed");
         };
@@ -378,12 +407,13 @@ mod tests {
         assert_eq!(shared_scene.since(2), (Change::Moves(vec![]), 2));
         assert_eq!(shared_scene.back_to(1), None, "the scene was another one");
         assert_eq!(shared_scene.back_to(2), Some(vec![]));
-        assert!(
-            shared_scene
-                .set("object[0].albedo=9".parse().unwrap())
-                .is_err()
-        );
-        shared_scene.put_back(before.clone());
+        shared_scene.settle(true);
+        assert!(set("object[0].albedo=9").is_err());
+        set("object[0].albedo=0.3").unwrap();
+        shared_scene.settle(false);
+        assert_eq!(shared_scene.scene(), *now);
+        set("object[0].albedo=0.5").unwrap();
+        shared_scene.settle(true);
         assert_eq!(shared_scene.scene(), before);
     }
 

@@ -300,7 +300,11 @@ impl Player {
                 return Step::GoTo(time_ns);
             }
             let next = { self.opened.as_ref() }.and_then(Opened::next_ns);
-            state.playing &= next.is_some();
+            if state.playing && next.is_none() {
+                let now_ns = state.now_ns();
+                state.playing = false;
+                state.go_on(now_ns);
+            }
             match next.and_then(|next| state.until(next)) {
                 Some(Duration::ZERO) => return Step::Show,
                 Some(left) => {
@@ -318,8 +322,9 @@ impl Player {
     /// Opens a recording and plays it from its start.
     fn open(&mut self, name: &str) {
         self.opened = None;
-        self.inbox
-            .change(|state| (state.about, state.playing) = (None, false));
+        self.inbox.change(|state| {
+            (state.about, state.playing, state.go_to_ns) = (None, false, None);
+        });
         let reading = |part: f64| {
             self.source
                 .say(Some(format!("reading {name}: {:.0} %", 100.0 * part)));
@@ -352,7 +357,21 @@ impl Player {
         };
         let end = opened.recording.after(time_ns);
         let run = opened.recording.run_before(end);
-        opened.next = end.saturating_sub(CONTEXT);
+        self.source.rewind(run.is_none());
+        let before = end.saturating_sub(CONTEXT);
+        // The last frame may be older.
+        let frame = opened
+            .recording
+            .frame_before(end)
+            .filter(|frame| *frame < before);
+        if let Some(frame) = frame {
+            opened.next = frame;
+            self.show_record();
+        }
+        let Some(opened) = &mut self.opened else {
+            return;
+        };
+        opened.next = before;
         while self.opened.as_ref().is_some_and(|opened| opened.next < end) && !self.inbox.is_over()
         {
             self.show_record();

@@ -4,7 +4,7 @@ use super::follower::continues;
 use phasmid_console::Sequence;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
-use phasmid_protocol::record::{Damage, Event, Reader, Record, Side};
+use phasmid_protocol::record::{Channel, Damage, Event, Reader, Record, Side};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -20,6 +20,7 @@ struct Entry {
     number: u64,
     offset: u64,
     time_ns: u64,
+    is_frame: bool,
 }
 
 /// A recording whose records and runs of frames have been found.
@@ -27,6 +28,8 @@ pub(super) struct Recording {
     place: String,
     reader: Reader<BufReader<File>>,
     entries: Vec<Entry>,
+    /// Index of the first record of a link.
+    first: Option<usize>,
     /// Frames that follow each other from the first of a sequence: the indices of their records.
     runs: Vec<Vec<usize>>,
     /// Sequences, and the indices of the records that note them.
@@ -52,6 +55,7 @@ impl Recording {
             reader: Reader::new(BufReader::new(file), &place)?,
             place,
             entries: Vec::new(),
+            first: None,
             runs: Vec::new(),
             sequences: Vec::new(),
             device_times: false,
@@ -87,9 +91,13 @@ impl Recording {
 
     fn add(&mut self, record: &Record, first: &mut Option<Frame>) {
         let index = self.entries.len();
+        if record.channel != Channel::Recording && self.first.is_none() {
+            self.first = Some(index);
+        }
         self.entries.push(Entry {
             number: record.number,
             offset: record.offset,
+            is_frame: matches!(record.event, Event::Frame(_)),
             // Times of another channel may be slightly earlier.
             time_ns: { self.entries.last() }
                 .map_or(record.time_ns, |last| last.time_ns.max(record.time_ns)),
@@ -128,9 +136,9 @@ impl Recording {
     /// Returns the times of the first event and the last one.
     pub(super) fn times_ns(&self) -> [u64; 2] {
         let time = |entry: Option<&Entry>| entry.map_or(0, |entry| entry.time_ns);
-        // The first record describes the recording.
-        let first = self.entries.get(1).or(self.entries.first());
-        [time(first), time(self.entries.last())]
+        // The records before are about the recording itself.
+        let first = self.first.unwrap_or_default();
+        [time(self.entries.get(first)), time(self.entries.last())]
     }
 
     /// Returns the time of a record.
@@ -154,6 +162,13 @@ impl Recording {
             .partition_point(|entry| entry.time_ns <= time_ns)
     }
 
+    /// Returns the last frame before a record.
+    pub(super) fn frame_before(&self, index: usize) -> Option<usize> {
+        self.entries[..index]
+            .iter()
+            .rposition(|entry| entry.is_frame)
+    }
+
     /// Returns the last run that has ended before a record.
     pub(super) fn run_before(&self, index: usize) -> Option<usize> {
         self.runs
@@ -173,13 +188,20 @@ impl Recording {
         self.runs[run].len()
     }
 
-    /// Returns the sequence of a run, if it is noted: the last one that is noted before the next run, or the
-    /// first one.
+    /// Returns the sequence of a run, if it is noted. A device notes it before the first frame, a host after
+    /// the last one; where both are noted, the number of frames decides.
     pub(super) fn sequence_of(&self, run: usize) -> Option<Arc<Sequence>> {
+        let frames = &self.runs[run];
+        let last = frames.last().copied().unwrap_or_default();
         let next = self.runs.get(run + 1).map_or(self.len(), |next| next[0]);
-        let count = self.sequences.partition_point(|(index, _)| *index < next);
-        let found = self.sequences.get(count.saturating_sub(1));
-        found.map(|(_, sequence)| sequence.clone())
+        let count = self.sequences.partition_point(|(index, _)| *index < last);
+        let before = count.checked_sub(1).map(|at| &self.sequences[at].1);
+        let after = self.sequences.get(count);
+        let after = after.filter(|(index, _)| *index < next || before.is_none());
+        let after = after.map(|(_, sequence)| sequence);
+        let fits = |sequence: &&Arc<Sequence>| sequence.manifest.frame.len() == frames.len();
+        let found = before.filter(fits).or(after.filter(fits));
+        found.or(before).or(after).cloned()
     }
 
     /// Returns the frames of a run.

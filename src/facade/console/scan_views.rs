@@ -1,13 +1,15 @@
 //! The views of a scan.
 
 use crate::facade::{Decoding, ask_service, decode};
-use phasmid_console::{About, Field, Layer, Measurement, Points, Scale};
+use phasmid_console::{About, Field, FileKind, Layer, Measurement, Points, Scale};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{AxisMap, Capture, Decoded, Options, Order, Verdict};
 use phasmid_geometry::View;
+use phasmid_geometry::ply::encode_cloud;
 use phasmid_host::check_identified_sequence;
 use phasmid_pattern::Axis;
 use phasmid_protocol::service::Request;
+use phasmid_render::npz::{self, Array};
 use std::f32::consts::TAU;
 use std::fmt;
 use std::path::PathBuf;
@@ -378,6 +380,28 @@ impl Measurement for ScanViews {
             every,
         })
     }
+
+    fn file(&self, kind: FileKind) -> Result<Vec<u8>> {
+        let decoding = self.decoding()?;
+        match kind {
+            FileKind::Cloud if decoding.decoder.triangulator().is_none() => {
+                Err(Error::device("there are no points without a calibration"))
+            }
+            FileKind::Cloud => encode_cloud(&decoding.cloud()),
+            FileKind::Arrays => {
+                let about = self.about()?;
+                let shape = [about.height, about.width];
+                // The truth may be out of reach by now.
+                let arrays = about.layers.iter().filter_map(|layer| {
+                    let values = self.layer(layer.name).ok()?;
+                    Some(Array::floats(layer.name, &shape, &values))
+                });
+                let mut file = Vec::new();
+                npz::write(&mut file, arrays).map_err(|e| Error::io("scan.npz", e))?;
+                Ok(file)
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -443,6 +467,31 @@ mod tests {
                 .iter()
                 .all(|point| point[3] > 0.0 && point[3] < 10.0)
         );
+    }
+
+    #[test]
+    fn files_have_what_is_shown() {
+        let folder = tempfile::tempdir().unwrap();
+        let views = ScanViews::new(scanned("quick-4", true));
+        let path = folder.path().join("cloud.ply");
+        std::fs::write(&path, views.file(FileKind::Cloud).unwrap()).unwrap();
+        let cloud = phasmid_geometry::ply::read_cloud(&path).unwrap();
+        let shown = views.cloud("depth", usize::MAX).unwrap().points;
+        assert!(cloud.normals.is_some() && cloud.points.len() == shown.len());
+        assert!(
+            shown
+                .iter()
+                .zip(&cloud.points)
+                .all(|(a, b)| a[..3] == b[..])
+        );
+        let arrays = views.file(FileKind::Arrays).unwrap();
+        let text = String::from_utf8_lossy(&arrays);
+        for name in names(&views) {
+            assert!(text.contains(&format!("{name}.npy")), "{name}");
+        }
+        assert!(arrays.len() > 4 * 640 * 480 * names(&views).len());
+        let bare = ScanViews::new(scanned("quick-4", false));
+        assert!(bare.file(FileKind::Cloud).is_err() && bare.file(FileKind::Arrays).is_ok());
     }
 
     #[test]

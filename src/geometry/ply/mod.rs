@@ -47,6 +47,16 @@ pub fn read_cloud(path: &Path) -> Result<Cloud> {
 /// Returns an error if the file cannot be written, or if the number of normals, intensities or
 /// standard deviations differs from that of the points.
 pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
+    let encoded = encode_cloud(cloud).map_err(|e| e.at(path.display()))?;
+    new_file::replace(path, |out| out.write_all(&encoded))
+}
+
+/// Returns the PLY file of a cloud, as [`write_cloud`] writes it.
+///
+/// # Errors
+/// Returns an error if the number of normals, intensities or standard deviations differs from that of the
+/// points.
+pub fn encode_cloud(cloud: &Cloud) -> Result<Vec<u8>> {
     let count = cloud.points.len();
     let normals = cloud.normals.as_ref();
     let scalars = [("intensity", &cloud.intensity), ("sigma", &cloud.sigma_mm)];
@@ -54,13 +64,13 @@ pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
     let given = scalars.map(|(_, values)| values.map(Vec::len));
     let counts = [normals.map(Vec::len), given[0], given[1]];
     if counts.into_iter().flatten().any(|n| n != count) {
-        return Err(Error::device(format!(
-            "{}: the number of normals, intensities or standard deviations differs from that of the \
-             points",
-            path.display()
-        )));
+        return Err(Error::device(
+            "the number of normals, intensities or standard deviations differs from that of the points",
+        ));
     }
-    new_file::replace(path, |out| {
+    let mut encoded = Vec::new();
+    let out = &mut encoded;
+    let written = (|| -> std::io::Result<()> {
         preamble(out, count)?;
         for name in ["x", "y", "z"] {
             writeln!(out, "property float {name}")?;
@@ -84,7 +94,10 @@ pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
             }
         }
         Ok(())
-    })
+    })();
+    // Memory takes all that is written.
+    written.map_err(|e| Error::io("cloud", e))?;
+    Ok(encoded)
 }
 
 /// Writes a mesh: `x y z` as double, so that it reads back bit for bit, and its triangles.

@@ -145,6 +145,9 @@ pub struct DeviceAbout {
     pub state: String,
     /// Number of exposures, including free-running ones; equals the next frame's id.
     pub frames: u64,
+    /// Number of frames that were rendered; exposures that nobody would see are not.
+    #[serde(default)]
+    pub rendered: u64,
     /// Triggers that arrived too early, since power-on or `*RST`.
     pub missed_triggers: u64,
     /// Number of fault occurrences.
