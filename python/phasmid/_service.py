@@ -115,6 +115,23 @@ class Service:
         position, rotation = list(position_mm), list(rotation_deg)
         self.ask({"place": {"object": object, "position_mm": position, "rotation_deg": rotation}})
 
+    def set(self, field: str, value: float | str | list[float]) -> None:
+        """Set a field of the scene from the next exposure on, as the option ``--set`` does.
+
+        Examples
+        --------
+        >>> import phasmid
+        >>> with phasmid.Device("webcam-grey", "sphere").serve() as serving:
+        ...     serving.service.set("object[1].albedo", 0.3)
+        ...     serving.service.ask({"get": "fields"})["fields"]["object"][1]["albedo"]
+        0.3
+        """
+        self.ask({"set": f"{field}={json.dumps(value)}"})
+
+    def include(self, term: str, included: bool) -> None:
+        """Include or exclude a term of image formation, such as ``"noise"``, whatever the scene needs."""
+        self.ask({"term": {"term": term, "included": included}})
+
     def trigger(self) -> None:
         """Give a pulse to the external trigger input."""
         self.ask({"do": "trigger"})
