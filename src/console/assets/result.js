@@ -233,6 +233,7 @@ export class Result {
       // Only a viewer of the cloud needs to load what draws it.
       const { Cloud } = await import("./cloud.js");
       this.cloud ??= new Cloud($("result-view"), $("cloud"));
+      await this.placeScene();
     } catch (error) {
       this.notice(`The cloud cannot be drawn: ${error.message}`);
       return;
@@ -251,16 +252,13 @@ export class Result {
       ? `${count} points, of every ${points.every} rows and columns`
       : `${count} points`;
     this.showLegend(layer, points.values, range, 4, 3);
-    if (this.scene) {
-      await this.drawScene();
-    }
   }
 
   /** Draws an emulated scene in the cloud's view from now on; `moved` is called when an object was moved there. */
   showScene(scene, moved) {
     [this.scene, this.moveObject] = [scene, moved];
-    if (this.cloud && this.view === CLOUD && (scene.scene || this.model)) {
-      this.drawScene();
+    if (this.cloud && this.view === CLOUD) {
+      this.placeScene().then((news) => news && this.cloud.draw());
     }
   }
 
@@ -269,10 +267,14 @@ export class Result {
     return Boolean(this.model?.handles.dragging);
   }
 
-  async drawScene() {
+  /** Returns whether there is something to draw of a scene. */
+  async placeScene() {
+    if (!this.scene?.scene && !this.model) {
+      return false;
+    }
     const { SceneModel } = await import("./scene.js");
     this.model ??= new SceneModel(this.cloud, (place) => this.moveObject(place));
-    this.model.show(this.scene);
+    return this.model.show(this.scene);
   }
 
   /** Shows a pattern of the sequence, by its number; null if none is projected. */

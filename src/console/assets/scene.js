@@ -37,8 +37,9 @@ export class SceneModel {
     this.moved = moved;
     this.root = new Group();
     this.root.matrixAutoUpdate = false;
+    this.root.visible = false;
     this.handles = new TransformControls(cloud.camera, cloud.view);
-    this.handles.addEventListener("change", () => cloud.draw());
+    this.handles.addEventListener("change", () => this.quiet || cloud.draw());
     this.handles.addEventListener("dragging-changed", ({ value: dragging }) => {
       cloud.controls.enabled = !dragging;
       if (!dragging) {
@@ -49,8 +50,18 @@ export class SceneModel {
     this.nodes = [];
   }
 
-  /** Shows objects as the device tells them, and a handle at the chosen one; nothing without objects. */
-  show({ scene, fields, chosen, mode }) {
+  /** Shows objects as the device tells them, and a handle at the chosen one; nothing without objects. Returns
+   * whether that has to be drawn. */
+  show(shown) {
+    const wasVisible = this.root.visible;
+    // A change of the handles is drawn with the rest.
+    this.quiet = true;
+    this.place(shown);
+    this.quiet = false;
+    return wasVisible || this.root.visible;
+  }
+
+  place({ scene, fields, chosen, mode }) {
     const { root, handles } = this;
     root.visible = scene !== null;
     const enabled = root.visible && chosen !== null;
@@ -61,7 +72,6 @@ export class SceneModel {
     handles.enabled = enabled;
     if (!root.visible) {
       handles.detach();
-      this.cloud.draw();
       return;
     }
     const rig = new Group();
@@ -86,7 +96,6 @@ export class SceneModel {
       handles.attach(node);
     }
     handles.setMode(mode);
-    this.cloud.draw();
   }
 
   build(objects) {
