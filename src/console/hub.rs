@@ -73,6 +73,12 @@ struct Source {
 }
 
 impl Source {
+    /// Forgets the frame and the state of the links.
+    fn rewind(&mut self) {
+        self.latest = None;
+        (self.readers, self.why, self.unplugged) = (0, None, Unplugged::default());
+    }
+
     /// Numbers what is shown next.
     fn number<T>(&mut self, value: T) -> Numbered<T> {
         self.shown += 1;
@@ -242,10 +248,9 @@ impl Hub {
     pub(crate) fn restart(&self, source: usize, device_times: bool) {
         let mut state = self.state();
         let source = &mut state.sources[source];
-        (source.latest, source.sequence, source.measurement) = (None, None, None);
-        (source.why, source.unplugged) = (None, Unplugged::default());
+        source.rewind();
+        (source.sequence, source.measurement) = (None, None);
         source.traffic.restart(device_times);
-        source.readers = 0;
         source.era += 1;
         drop(state);
         self.tell();
@@ -255,8 +260,7 @@ impl Hub {
     pub(crate) fn rewind(&self, source: usize, measurement: bool) {
         let mut state = self.state();
         let source = &mut state.sources[source];
-        source.latest = None;
-        (source.readers, source.why, source.unplugged) = (0, None, Unplugged::default());
+        source.rewind();
         if measurement && source.measurement.take().is_some() {
             source.era += 1;
         }

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { SCREENSHOTS, ask, launch, open, pixels, seen, serve, text, until, watch } from "./helpers.mjs";
+import { SCREENSHOTS, ask, launch, open, panel, pixels, seen, serve, text, until, watch } from "./helpers.mjs";
 
 let browser;
 let device;
@@ -18,11 +18,6 @@ before(async () => {
 after(async () => {
   await browser?.close();
 });
-
-async function panel(page, name) {
-  await page.click(`#tabs button[value="${name}"]`);
-  await page.waitForSelector(`#panel-${name}`);
-}
 
 /** Returns the id of the frame that is shown. */
 async function frame(page) {

@@ -185,6 +185,12 @@ export async function open(browser, url, options = {}) {
   return page;
 }
 
+/** Opens a panel. */
+export async function panel(page, name) {
+  await page.click(`#tabs button[value="${name}"]`);
+  await page.waitForSelector(`#panel-${name}`);
+}
+
 /** Waits until an element's text matches, and returns the match. */
 export async function text(page, selector, pattern) {
   let found;

@@ -5,7 +5,7 @@ import { copyFileSync, mkdirSync, mkdtempSync, readdirSync, symlinkSync, writeFi
 import { tmpdir } from "node:os";
 import path from "node:path";
 import { after, before, test } from "node:test";
-import { SCREENSHOTS, command, launch, open, pixels, serve, text, until, watch } from "./helpers.mjs";
+import { SCREENSHOTS, command, launch, open, panel, pixels, serve, text, until, watch } from "./helpers.mjs";
 
 let browser;
 let device;
@@ -21,11 +21,6 @@ before(async () => {
 after(async () => {
   await browser?.close();
 });
-
-async function panel(page, name) {
-  await page.click(`#tabs button[value="${name}"]`);
-  await page.waitForSelector(`#panel-${name}`);
-}
 
 async function scan(sequence) {
   const out = path.join(mkdtempSync(path.join(tmpdir(), "scan-")), "out");

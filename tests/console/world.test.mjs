@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { Client, SCREENSHOTS, ask, command, launch, open, seen, serve, text, until, watch } from "./helpers.mjs";
+import { SCREENSHOTS, Client, ask, command, launch, open, panel, seen, serve, text, until, watch } from "./helpers.mjs";
 
 let browser;
 let device;
@@ -15,11 +15,6 @@ before(async () => {
 after(async () => {
   await browser?.close();
 });
-
-async function panel(page, name) {
-  await page.click(`#tabs button[value="${name}"]`);
-  await page.waitForSelector(`#panel-${name}`);
-}
 
 /** Returns the mean grey level of a device's frame that was exposed after now. */
 async function level(client) {

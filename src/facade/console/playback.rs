@@ -299,7 +299,8 @@ impl Player {
                 state.go_on(time_ns);
                 return Step::GoTo(time_ns);
             }
-            let next = { self.opened.as_ref() }.and_then(Opened::next_ns);
+            let opened = self.opened.as_ref();
+            let next = opened.and_then(|opened| opened.recording.time_ns(opened.next));
             if state.playing && next.is_none() {
                 let now_ns = state.now_ns();
                 state.playing = false;
@@ -352,29 +353,19 @@ impl Player {
     }
 
     fn go_to(&mut self, time_ns: u64) {
-        let Some(opened) = &mut self.opened else {
+        let Some(Opened { recording, .. }) = &self.opened else {
             return;
         };
-        let end = opened.recording.after(time_ns);
-        let run = opened.recording.run_before(end);
+        let end = recording.after(time_ns);
+        let begin = end.saturating_sub(CONTEXT);
+        let run = recording.run_before(end);
+        // The last frame may be older than the records that are shown.
+        let frame = recording.frame_before(end).filter(|frame| *frame < begin);
         self.source.rewind(run.is_none());
-        let before = end.saturating_sub(CONTEXT);
-        // The last frame may be older.
-        let frame = opened
-            .recording
-            .frame_before(end)
-            .filter(|frame| *frame < before);
-        if let Some(frame) = frame {
-            opened.next = frame;
-            self.show_record();
-        }
-        let Some(opened) = &mut self.opened else {
-            return;
-        };
-        opened.next = before;
-        while self.opened.as_ref().is_some_and(|opened| opened.next < end) && !self.inbox.is_over()
-        {
-            self.show_record();
+        for at in frame.into_iter().chain(begin..end) {
+            if self.inbox.is_over() || !self.show_record(at) {
+                return;
+            }
         }
         if let Some(run) = run {
             self.show_run(run);
@@ -382,31 +373,35 @@ impl Player {
     }
 
     fn show_next(&mut self) {
-        let at = self.show_record();
-        let run = at.and_then(|at| self.opened.as_ref()?.recording.run_of_last(at));
-        if let Some(run) = run {
+        let Some(at) = self.opened.as_ref().map(|opened| opened.next) else {
+            return;
+        };
+        if self.show_record(at)
+            && let Some(opened) = &self.opened
+            && let Some(run) = opened.recording.run_of_last(at)
+        {
             self.show_run(run);
         }
     }
 
-    /// Shows the next record and returns its index.
-    fn show_record(&mut self) -> Option<usize> {
-        let opened = self.opened.as_mut()?;
-        let at = opened.next;
-        opened.next += 1;
-        match opened.recording.read(at) {
+    /// Shows a record, and returns whether it could be read.
+    fn show_record(&mut self, at: usize) -> bool {
+        let Some(Opened { recording, next }) = &mut self.opened else {
+            return false;
+        };
+        match recording.read(at) {
             Ok(record) => {
-                let shown = !matches!(record.event, Event::About(_));
-                if shown {
+                *next = at + 1;
+                if !matches!(record.event, Event::About(_)) {
                     let observer = self.source.observer();
                     observer.see(record.time_ns, record.channel, &record.event);
                 }
-                Some(at)
+                true
             }
             Err(why) => {
+                *next = recording.len();
                 self.source.say(Some(why.to_string()));
-                opened.next = opened.recording.len();
-                None
+                false
             }
         }
     }
@@ -435,12 +430,5 @@ impl Player {
             Ok(views) => self.source.show(Arc::new(views)),
             Err(why) => self.source.say(Some(why.to_string())),
         }
-    }
-}
-
-impl Opened {
-    /// Returns the time of the next record.
-    fn next_ns(&self) -> Option<u64> {
-        self.recording.time_ns(self.next)
     }
 }
