@@ -10,6 +10,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::{Channel, Event, Side};
 use serde_json::{Value, json};
+use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
@@ -51,7 +52,7 @@ struct Source {
     latest: Option<Shown>,
     sequence: Option<Numbered<Arc<Sequence>>>,
     measurement: Option<Numbered<Arc<dyn Measurement>>>,
-    operator: Option<Arc<dyn Operator>>,
+    operators: Vec<Arc<dyn Operator>>,
     /// Words for the operator: what is being done, or why it failed.
     status: Option<String>,
     traffic: Traffic,
@@ -331,7 +332,7 @@ impl Hub {
         let mut state = self.state();
         let sources = state.sources.iter_mut();
         let ended: Vec<_> = sources
-            .map(|source| (source.recording.take(), source.operator.take()))
+            .map(|source| (source.recording.take(), take(&mut source.operators)))
             .collect();
         drop(state);
         // Their ends are written to the disk.
@@ -349,7 +350,18 @@ impl Hub {
 
     /// Lets viewers operate a source.
     pub(crate) fn operate(&self, source: usize, operator: Arc<dyn Operator>) {
-        self.state().sources[source].operator = Some(operator);
+        let mut state = self.state();
+        let operators = &mut state.sources[source].operators;
+        let is_replaced = |known: &Arc<dyn Operator>| {
+            { known.answers().iter() }.any(|kind| operator.answers().contains(kind))
+        };
+        let replaced: Vec<_> = operators
+            .extract_if(.., |known| is_replaced(known))
+            .collect();
+        operators.push(operator);
+        drop(state);
+        // They may hold this hub.
+        drop(replaced);
         self.tell();
     }
 
@@ -357,6 +369,13 @@ impl Hub {
     pub(crate) fn say(&self, source: usize, status: Option<String>) {
         self.state().sources[source].status = status;
         self.tell();
+    }
+
+    /// Returns the latest frame of a source.
+    pub(crate) fn frame(&self, source: usize) -> Option<Arc<Frame>> {
+        let state = self.state();
+        let latest = state.sources.get(source)?.latest.as_ref();
+        latest.map(|shown| shown.frame.clone())
     }
 
     /// Returns the last measurement of a source.
@@ -450,10 +469,10 @@ impl Seat {
 
     /// Returns the kinds of requests that a source answers.
     fn answers(&self, source: &Source) -> Vec<&'static str> {
-        let operator = { source.operator.as_ref() }.map_or(&[][..], |operator| operator.answers());
+        let answers = { source.operators.iter() }.flat_map(|operator| operator.answers());
         let records = self.hub.recordings.is_some() && !source.plays;
         let record = records.then_some("record");
-        operator.iter().copied().chain(record).collect()
+        answers.copied().chain(record).collect()
     }
 
     /// Returns the latest frame of a source if it is newer than the frame with this number.
@@ -510,10 +529,9 @@ impl Seat {
             let hub = self.hub.clone();
             Arc::new(Records { hub, source })
         };
-        Ok(match &scanner.operator {
-            Some(operator) if kind != "record" => operator.clone(),
-            _ => record(),
-        })
+        let mut operators = scanner.operators.iter();
+        let operator = operators.find(|operator| operator.answers().contains(&kind));
+        Ok(operator.map_or_else(record, Arc::clone))
     }
 
     /// Takes control, if this viewer may, or gives it back. Takes it from another viewer unless

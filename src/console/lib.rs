@@ -41,8 +41,9 @@ use access::Access;
 use connections::Connections;
 use hub::Hub;
 pub use measurement::{About, Field, FileKind, Layer, Measurement, Points, Scale};
-pub use operator::{Operator, Request, Run};
+pub use operator::{Calibration, Operator, Request, Run};
 use phasmid_core::error::{Error, Result};
+use phasmid_protocol::Frame;
 use phasmid_protocol::record::Observer;
 pub use sequence::Sequence;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -174,7 +175,18 @@ impl Source {
         self.hub.show_sequence(self.index, sequence);
     }
 
-    /// Lets viewers operate the scanner.
+    /// Returns the latest frame.
+    pub fn frame(&self) -> Option<Arc<Frame>> {
+        self.hub.frame(self.index)
+    }
+
+    /// Returns the measurement that is shown.
+    pub fn measurement(&self) -> Option<Arc<dyn Measurement>> {
+        self.hub.measurement(self.index)
+    }
+
+    /// Lets viewers operate the scanner. This operator replaces those before it that answer a kind of
+    /// requests which it answers too.
     pub fn operate(&self, operator: Arc<dyn Operator>) {
         self.hub.operate(self.index, operator);
     }

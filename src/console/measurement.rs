@@ -2,9 +2,10 @@
 
 use phasmid_core::error::Result;
 use serde::Serialize;
+use std::any::Any;
 
 /// A scan whose views are computed on request.
-pub trait Measurement: Send + Sync {
+pub trait Measurement: Any + Send + Sync {
     /// Returns the views that there are.
     ///
     /// # Errors

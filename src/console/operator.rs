@@ -1,6 +1,7 @@
 //! Requests of viewers that a scanner answers.
 
 use phasmid_core::error::Result;
+use phasmid_geometry::Board;
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -34,6 +35,8 @@ pub enum Request {
         /// Sequence to select; the selected one if there is none.
         sequence: Option<String>,
     },
+    /// A step of a calibration.
+    Calibration(Calibration),
     /// Start or end a recording of the scanner.
     Record(bool),
     /// The recordings that can be opened.
@@ -68,6 +71,27 @@ pub enum Run {
     Stop,
 }
 
+/// A step of a calibration.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Calibration {
+    /// Look for the board in the latest image.
+    Look {},
+    /// The board, the poses so far and the solution.
+    State {},
+    /// Use another board, and forget the poses.
+    Board(Board),
+    /// Take the last scan as a pose.
+    Take {},
+    /// Forget a pose.
+    Forget {
+        /// Its number; all poses if there is none.
+        pose: Option<u64>,
+    },
+    /// Solve for the rig.
+    Solve {},
+}
+
 impl Request {
     /// Returns whether the request only asks for the device's state.
     pub(crate) fn only_asks(&self) -> bool {
@@ -75,6 +99,9 @@ impl Request {
             Self::Service(Value::Object(fields)) => {
                 let item = fields.get("get").and_then(Value::as_str);
                 fields.len() == 1 && item.is_some_and(|item| STATE.contains(&item))
+            }
+            Self::Calibration(step) => {
+                matches!(step, Calibration::Look {} | Calibration::State {})
             }
             Self::Lines {} | Self::Recordings {} | Self::Playback {} => true,
             _ => false,
@@ -87,6 +114,7 @@ impl Request {
             Self::Service(_) => "service",
             Self::Line(_) | Self::Lines {} => "line",
             Self::Scan { .. } => "scan",
+            Self::Calibration(_) => "calibration",
             Self::Record(_) => "record",
             Self::Recordings {} | Self::Playback {} | Self::Open { .. } | Self::Play { .. } => {
                 "playback"
@@ -98,7 +126,8 @@ impl Request {
 /// Answers the requests of viewers. Those that change something come only from the viewer that is in
 /// control.
 pub trait Operator: Send + Sync {
-    /// Returns the kinds of requests that are answered: `service`, `line`, `scan`, `playback`.
+    /// Returns the kinds of requests that are answered: `calibration`, `line`, `playback`,
+    /// `scan`, `service`.
     fn answers(&self) -> &'static [&'static str];
 
     /// Answers a request. It may take its time; other requests may come meanwhile.
@@ -117,6 +146,7 @@ mod tests {
     fn requests_that_only_ask_are_known() {
         let of = |value| serde_json::from_value::<Request>(value).unwrap();
         assert!(of(json!({ "service": { "get": "objects" } })).only_asks());
+        assert!(of(json!({ "calibration": { "look": {} } })).only_asks());
         for value in [
             json!({ "service": { "do": "trigger" } }),
             json!({ "service": { "get": "clock", "do": "trigger" } }),
@@ -126,6 +156,7 @@ mod tests {
             json!({ "service": ["get"] }),
             json!({ "line": "get" }),
             json!({ "scan": { "run": "stop", "sequence": null } }),
+            json!({ "calibration": { "solve": {} } }),
         ] {
             assert!(!of(value.clone()).only_asks(), "{value}");
         }

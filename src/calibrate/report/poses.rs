@@ -22,7 +22,7 @@ pub(super) fn write(calibration: &Calibration, about: &About, out: &mut impl Wri
         let mut fields = vec![field(&pose.name).into_owned()];
         fields.extend(board.translation_mm.to_array().map(exact));
         fields.extend(turn.to_array().map(exact));
-        fields.push(exact(tilt_deg(board)));
+        fields.push(exact(pose.tilt_deg()));
         fields.extend(errors(&pose.camera_errors));
         fields.extend(errors(&pose.projector_errors));
         let image = about.image(&pose.name).unwrap_or("");
@@ -45,13 +45,4 @@ fn errors(e: &Errors) -> [String; 5] {
 /// Rotation vector of a pose, in radians.
 fn turn(pose: &Pose) -> DVec3 {
     DQuat::from_mat3(&pose.rotation).to_scaled_axis()
-}
-
-/// Angle between a board's normal and the line of sight to its origin (its middle), in degrees.
-pub(super) fn tilt_deg(pose: &Pose) -> f64 {
-    let cosine = pose
-        .rotation
-        .z_axis
-        .dot(pose.translation_mm.normalize_or_zero());
-    cosine.clamp(-1.0, 1.0).acos().to_degrees()
 }

@@ -2,7 +2,7 @@
 
 use super::PoseData;
 use super::sight::sight_with_stop;
-use crate::board::{BoardImage, NotFound, draw};
+use crate::board::{BoardImage, NotFound, Seen, draw, find};
 use image::RgbImage;
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
@@ -11,7 +11,7 @@ use phasmid_geometry::{Board, NoiseModel, Rig};
 use phasmid_pattern::{Axis, Image, Manifest};
 
 /// What the images of one pose show.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Looked {
     /// The points of the board, or why the board was not found.
     pub found: Result<PoseData, NotFound>,
@@ -91,6 +91,16 @@ pub fn look_with_stop(
         nominal,
         noise: decoded.noise,
     })
+}
+
+/// Detects the board in one image, such as a frame of a camera that runs free. The result has no projector
+/// coordinates.
+///
+/// # Errors
+/// Returns an error if the image has no pixels; the inner one says why no board was found.
+pub fn look_at_photograph(board: &Board, image: &Image) -> Result<Result<Vec<Seen>, NotFound>> {
+    let noise = guess(std::slice::from_ref(image));
+    Ok(find(board, &BoardImage::from_photograph(image, &noise)?))
 }
 
 /// Returns a default noise model if neither a calibration nor the frames provide one: only read noise,

@@ -25,7 +25,7 @@ mod rounds;
 mod sight;
 mod unusable;
 
-pub use look::{Looked, look, look_with_stop};
+pub use look::{Looked, look, look_at_photograph, look_with_stop};
 pub use place::place;
 pub use poses::{Gathering, Poses};
 pub use rounds::calibrate;

@@ -77,6 +77,17 @@ pub struct SolvedPose {
     pub points: Vec<PointResidual>,
 }
 
+impl SolvedPose {
+    /// Returns the angle between the board's normal and the line of sight to its origin (its middle), in
+    /// degrees.
+    pub fn tilt_deg(&self) -> f64 {
+        let pose = &self.camera_from_board;
+        let sight = pose.translation_mm.normalize_or_zero();
+        let cosine = pose.rotation.z_axis.dot(sight);
+        cosine.clamp(-1.0, 1.0).acos().to_degrees()
+    }
+}
+
 /// A pose that was excluded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {

@@ -3,6 +3,7 @@
 import { Connection } from "./connection.js";
 import { greys } from "./colours.js";
 import * as histogram from "./histogram.js";
+import { Marks } from "./marks.js";
 import { Panels } from "./panels.js";
 import { Picture } from "./picture.js";
 import { Requests } from "./requests.js";
@@ -36,7 +37,8 @@ let guessedWhite = 255;
 /** White and colours of the frame that is shown, and its grey levels. */
 let [white, colours, shownLevels] = [null, null, null];
 
-const picture = new Picture($("view"), $("picture"), showZoom, showPixel);
+const picture = new Picture($("view"), $("picture"), placed, showPixel);
+const marks = new Marks($("marks"), picture);
 let connection = null;
 const result = new Result(want, (number) => {
   connection.ask({ kind: "seen", source, number });
@@ -46,6 +48,7 @@ const requests = new Requests((message) => connection.ask(message));
 const panels = new Panels(requests, {
   watch: (show) => connection?.ask({ kind: "traffic", show }),
   upload: (file) => connection.upload(file),
+  mark: (...shown) => marks.show(...shown),
   draw: (scene) => result.showScene(scene, (place) => panels.world.moved(place)),
 });
 connection = new Connection(told, connected);
@@ -251,7 +254,9 @@ function showRate() {
   }
 }
 
-function showZoom() {
+/** The picture is somewhere else in its view. */
+function placed() {
+  marks?.draw();
   $("zoom").textContent = picture.image ? `${(picture.scale() * 100).toFixed(0)} %` : "";
 }
 

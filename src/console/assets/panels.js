@@ -1,5 +1,6 @@
 // Panels below the pictures: scanning, a terminal, the emulated world, and the traffic.
 
+import { Calibration } from "./calibration.js";
 import { Playback } from "./playback.js";
 import { attempt } from "./requests.js";
 import { Settings } from "./settings.js";
@@ -11,12 +12,12 @@ const $ = (id) => document.getElementById(id);
 /** Name under which the tab keeps which panel is open. */
 const OPEN = "panel";
 /** Panels, and the kind of requests that each needs. */
-const NEEDS = { scan: "scan", terminal: "line", scene: "service", terms: "service", faults: "service", clock: "service", traffic: null, playback: "playback" };
+const NEEDS = { scan: "scan", terminal: "line", scene: "service", terms: "service", faults: "service", clock: "service", calibration: "calibration", traffic: null, playback: "playback" };
 
 export class Panels {
   /** `requests` asks the scanner, `watch` says whether its traffic is wanted, `upload` sends a recording, `draw`
-   * draws a scene in 3D. */
-  constructor(requests, { watch, upload, draw }) {
+   * draws a scene in 3D, `mark` draws points over the camera's picture. */
+  constructor(requests, { watch, upload, draw, mark }) {
     this.requests = requests;
     this.watch = watch;
     this.answers = [];
@@ -25,6 +26,7 @@ export class Panels {
     this.traffic = new Traffic();
     this.world = new World(requests, draw);
     this.playback = new Playback(requests, upload);
+    this.calibration = new Calibration(requests, mark);
     this.open = sessionStorage.getItem(OPEN);
     for (const button of document.querySelectorAll("#tabs button")) {
       button.addEventListener("click", () => this.select(button.value === this.open ? null : button.value));
@@ -59,6 +61,7 @@ export class Panels {
       field.disabled = !controls;
       field.title = controls ? "" : "Take control first.";
     }
+    $("pose-scan").hidden = !answers.includes("scan");
     this.world.update(answers.includes("service"), controls);
     if (news) {
       this.show();
@@ -71,6 +74,7 @@ export class Panels {
     this.terminal.clear();
     this.world.forget();
     this.playback.show(false);
+    this.calibration.show(false);
     this.watched = null;
     this.show();
   }
@@ -101,6 +105,7 @@ export class Panels {
     this.watchTraffic(shown === "traffic");
     this.world.show(shown);
     this.playback.show(shown === "playback");
+    this.calibration.show(shown === "calibration");
     if (shown === "terminal") {
       this.terminal.show();
     }

@@ -1,19 +1,26 @@
 // Saves what is shown: pictures, clouds, arrays, and a link to the same view.
 
-/** Time that a browser has to save a picture. */
+/** Time that a browser has to save a file. */
 const KEPT_MS = 60_000;
 
 const $ = (id) => document.getElementById(id);
 
 /** Downloads a canvas as PNG. */
 export function savePicture(canvas, name) {
-  canvas.toBlob((blob) => {
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(blob);
-    link.download = `${name}.png`;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), KEPT_MS);
-  });
+  canvas.toBlob((blob) => save(blob, `${name}.png`));
+}
+
+/** Downloads a text. */
+export function saveText(text, name) {
+  save(new Blob([text], { type: "text/plain" }), name);
+}
+
+function save(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), KEPT_MS);
 }
 
 /** Lets the links save the last scan of a scanner. */

@@ -1,6 +1,7 @@
 //! Finds the scans among the frames of a served device, and shows them.
 
 use super::ScanViews;
+use super::calibrator::let_calibrate;
 use super::service::ServiceOperator;
 use crate::facade::ask_service;
 use phasmid_console::{Sequence, Source};
@@ -124,6 +125,7 @@ impl Follower {
     /// [`Self::start`] for frames that a host has received, at times of its own clock.
     pub(super) fn of_host(source: Source) -> Result<Self> {
         let inbox = Arc::new(Inbox::default());
+        let_calibrate(&source);
         let (theirs, shown) = (inbox.clone(), source.clone());
         let thread = std::thread::Builder::new().name("follower".into());
         let thread = thread.spawn(move || follow(&theirs, &shown));

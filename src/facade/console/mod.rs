@@ -3,12 +3,14 @@
 //! | file | contents |
 //! | --- | --- |
 //! | `scan_views` | the views of a scan: maps, points and fields of view |
+//! | `calibrator` | calibrates a scanner from the scans that are shown |
 //! | `operate` | a scanner that scans and talks as viewers ask |
 //! | `service` | passes requests to a service channel |
 //! | `follower` | finds and decodes the scans of a served device, whoever makes them |
 //! | `playback` | plays the recordings of a folder |
 //! | `recording` | an open recording with random access |
 
+mod calibrator;
 mod follower;
 mod operate;
 mod playback;

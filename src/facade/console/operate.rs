@@ -1,5 +1,6 @@
 //! A scanner that is operated from a console.
 
+use super::calibrator::let_calibrate;
 use super::service::answer;
 use super::{Follower, ScanViews};
 use crate::facade::{ScanOptions, Scanner, dialect_of, service_of, watch_camera};
@@ -71,6 +72,7 @@ pub fn operate(
         next: Mutex::default(),
     });
     source.operate(asked.clone());
+    let_calibrate(source);
     // Scans of other programs are shown as well, if the device tells what they are.
     let live = { follower.as_ref() }.map_or_else(|| source.observer(), Follower::observer);
     let (mut seen, mut failed) = (false, false);

@@ -1,5 +1,6 @@
 //! Plays the recordings of a folder.
 
+use super::calibrator::let_calibrate;
 use super::follower::views;
 use super::recording::Recording;
 use phasmid_console::{Operator, Request, Sequence, Source};
@@ -50,6 +51,7 @@ impl Playback {
             news: Condvar::new(),
         });
         source.operate(inbox.clone());
+        let_calibrate(&source);
         let player = Player {
             inbox: inbox.clone(),
             source,

@@ -68,6 +68,11 @@ impl ScanViews {
         Self { service, ..self }
     }
 
+    /// Returns the frames.
+    pub(super) fn capture(&self) -> &Capture {
+        &self.capture
+    }
+
     fn decoding(&self) -> Result<&Decoding> {
         self.once(&self.decoding, || self.decode())
     }

@@ -70,6 +70,21 @@ impl BoardImage {
     }
 }
 
+impl BoardImage {
+    /// Takes one image, as of any camera.
+    ///
+    /// # Errors
+    /// Returns an error if the image has no pixels.
+    pub fn from_photograph(image: &Image, noise: &NoiseModel) -> Result<Self> {
+        let images = std::slice::from_ref(image);
+        let size = Image::common_size(images)?;
+        let group = Group {
+            frames: vec![(0, 1.0)],
+        };
+        Ok(combine(&[group], &[1.0], size, images, noise))
+    }
+}
+
 /// Groups the frames of a sequence.
 fn groups(manifest: &Manifest, images: &[Image]) -> Vec<Group> {
     let mut groups = Vec::new();

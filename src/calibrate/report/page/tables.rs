@@ -4,7 +4,6 @@ use super::html::{address, cell, note, table};
 use crate::report::about::About;
 use crate::report::covariance::{correlated, of_rig};
 use crate::report::number::to_sigma;
-use crate::report::poses::tilt_deg;
 use crate::solve::{Parameter, Solution};
 use phasmid_report::plot::{escaped, figures};
 
@@ -64,7 +63,7 @@ pub(super) fn poses(solution: &Solution, about: &About) -> String {
             figures(p.rms_px, 3),
             figures(p.whitened_rms, 3),
             figures(distance, 4),
-            figures(tilt_deg(&pose.camera_from_board), 3),
+            figures(pose.tilt_deg(), 3),
         ];
         let mut row = vec![cell(&(i + 1).to_string()), format!("<td>{name}</td>")];
         row.extend(numbers.iter().map(|n| cell(n)));
