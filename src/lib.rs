@@ -179,7 +179,7 @@ pub use facade::{
     calibrate_with_stop, compare, decode, track, watch_camera,
 };
 #[cfg(feature = "console")]
-pub use facade::{Follower, Playback, ScanViews, operate};
+pub use facade::{Follower, Playback, RoomViews, ScanViews, operate};
 #[cfg(feature = "console")]
 pub use phasmid_console::{Console, ConsoleOptions};
 pub use phasmid_decode::{Capture, Decoder, FrameInfo, Options as DecodeOptions};

@@ -1,5 +1,10 @@
 //! `phasmid track`: follows a patient and the tumour live, through the ports of the pods.
 
+#[cfg(feature = "console")]
+mod console;
+#[cfg(not(feature = "console"))]
+#[path = "track/without_console.rs"]
+mod console;
 mod table;
 
 use super::interrupt::check;
@@ -7,6 +12,7 @@ use super::pods::PodArgs;
 use super::progress::ProgressLine;
 use crate::facade::TOLERANCE_MM;
 use crate::{Pod, TrackOptions, TrackProgress, Tracked};
+use console::Page;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
 use phasmid_planning::planning::Planning;
@@ -48,6 +54,10 @@ pub(super) struct Args {
     /// Maximum distance of the tumour from its planned position in millimetres, 0.001 to 1000.
     #[arg(long, value_name = "MM", default_value_t = 5.0)]
     tolerance_mm: f64,
+    /// Also serve a page for the browser that shows the room, the patient and the pods, on this port of the
+    /// loopback interface; without a port, on a free one. Prints its addresses on standard error.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
+    console: Option<u16>,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -75,20 +85,22 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let pods = args.pods.addresses(&station)?;
     let modes = planned.model.components();
     let mut table = Table::new(args.out.as_deref(), args.force, Instant::now(), modes);
-    let pods = pods.iter().map(|pod| pod.pod(timeout));
-    let mut pods = pods.collect::<Result<Vec<_>>>()?;
     let options = TrackOptions {
         tolerance_mm: args.tolerance_mm,
         scans: args.scans,
         duration: args.seconds.map(Duration::from_secs_f64),
         ..TrackOptions::default()
     };
+    let mut page = Page::start(args.console, &planned, &pods, &options)?;
+    let pods = { pods.iter().enumerate() }.map(|(i, pod)| pod.pod(timeout, page.observer(i)));
+    let mut pods = pods.collect::<Result<Vec<_>>>()?;
     // Lines on standard output show the progress themselves.
     let line = args.out.as_ref().map(|_| ProgressLine::new("tracking"));
     // Number of the next scan, while the beam is on.
     let mut on = None;
     let mut reported = Ok(());
     let tracked = crate::track(&mut pods, &planned, &options, |progress| {
+        page.show(&progress);
         if let Some(line) = &line {
             show(line, progress, args.scans);
         }
@@ -166,6 +178,8 @@ fn report(progress: TrackProgress<'_>, table: &mut Table, on: &mut Option<u64>) 
             eprintln!("phasmid: {pod}: {why}");
             Ok(())
         }
-        TrackProgress::Waiting => Ok(()),
+        TrackProgress::Captured { .. } | TrackProgress::Surface { .. } | TrackProgress::Waiting => {
+            Ok(())
+        }
     }
 }

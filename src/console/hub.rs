@@ -4,12 +4,14 @@
 use crate::measurement::Measurement;
 use crate::operator::{Operator, Request};
 use crate::recording::Recording;
+use crate::room::{Room, RoomRow, RoomScan};
 use crate::sequence::Sequence;
 use crate::traffic::{Entry, Traffic};
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::{Channel, Event, Side};
 use serde_json::{Value, json};
+use std::collections::VecDeque;
 use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -18,6 +20,8 @@ use tokio::sync::watch;
 
 /// Maximum number of viewers at a time.
 const MAX_VIEWERS: usize = 16;
+/// Number of results in a room that are kept.
+const MAX_ROWS: usize = 3000;
 
 /// A frame that a source has shown.
 #[derive(Clone)]
@@ -52,6 +56,11 @@ struct Source {
     latest: Option<Shown>,
     sequence: Option<Numbered<Arc<Sequence>>>,
     measurement: Option<Numbered<Arc<dyn Measurement>>>,
+    room: Option<Numbered<Arc<Room>>>,
+    /// Results in the room.
+    rows: VecDeque<Numbered<Arc<RoomRow>>>,
+    /// The patient in the last scan.
+    scan: Arc<RoomScan>,
     operators: Vec<Arc<dyn Operator>>,
     /// Words for the operator: what is being done, or why it failed.
     status: Option<String>,
@@ -104,6 +113,8 @@ pub(crate) struct Standing {
     pub(crate) readers: u64,
     pub(crate) why: Option<String>,
     pub(crate) unplugged: Unplugged,
+    /// Whether it is a treatment room.
+    pub(crate) room: bool,
     /// Kinds of requests that are answered.
     pub(crate) answers: Vec<&'static str>,
     pub(crate) status: Option<String>,
@@ -348,6 +359,29 @@ impl Hub {
         self.tell();
     }
 
+    /// Shows a treatment room.
+    pub(crate) fn show_room(&self, source: usize, room: Arc<Room>) {
+        let mut state = self.state();
+        let source = &mut state.sources[source];
+        source.room = Some(source.number(room));
+        drop(state);
+        self.tell();
+    }
+
+    /// Shows the result of a scan in a room, and the patient in it.
+    pub(crate) fn show_tracked(&self, source: usize, row: RoomRow, scan: Arc<RoomScan>) {
+        let mut state = self.state();
+        let source = &mut state.sources[source];
+        if source.rows.len() == MAX_ROWS {
+            source.rows.pop_front();
+        }
+        let row = source.number(Arc::new(row));
+        source.rows.push_back(row);
+        source.scan = scan;
+        drop(state);
+        self.tell();
+    }
+
     /// Lets viewers operate a source.
     pub(crate) fn operate(&self, source: usize, operator: Arc<dyn Operator>) {
         let mut state = self.state();
@@ -413,6 +447,15 @@ impl Hub {
     }
 }
 
+/// Results that a viewer has not seen.
+pub(crate) struct NewRows {
+    pub(crate) rows: Vec<Arc<RoomRow>>,
+    /// Number of the last one.
+    pub(crate) last: u64,
+    /// The patient in the last one.
+    pub(crate) scan: Arc<RoomScan>,
+}
+
 /// The place of a viewer at the hub, until it is dropped.
 pub(crate) struct Seat {
     hub: Arc<Hub>,
@@ -451,6 +494,7 @@ impl Seat {
             readers: source.readers,
             why: source.why.clone(),
             unplugged: source.unplugged,
+            room: source.room.is_some(),
             answers: self.answers(source),
             status: source.status.clone(),
             era: source.era,
@@ -473,6 +517,24 @@ impl Seat {
         let records = self.hub.recordings.is_some() && !source.plays;
         let record = records.then_some("record");
         answers.copied().chain(record).collect()
+    }
+
+    /// Returns the room of a source if it is newer than the one with this number.
+    pub(crate) fn newer_room(&self, source: usize, number: u64) -> Option<Numbered<Arc<Room>>> {
+        newer(&self.hub.state().sources.get(source)?.room, number)
+    }
+
+    /// Returns the results after the one with this number, the number of the last, and the patient in it.
+    pub(crate) fn newer_rows(&self, source: usize, number: u64) -> Option<NewRows> {
+        let state = self.hub.state();
+        let source = state.sources.get(source)?;
+        let last = source.rows.back()?.number;
+        let new = source.rows.iter().filter(|row| row.number > number);
+        (last > number).then(|| NewRows {
+            rows: new.map(|row| row.value.clone()).collect(),
+            last,
+            scan: source.scan.clone(),
+        })
     }
 
     /// Returns the latest frame of a source if it is newer than the frame with this number.

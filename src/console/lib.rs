@@ -14,6 +14,7 @@
 //! | `measurement` | the views of a scan |
 //! | `operator` | requests of viewers that a scanner answers |
 //! | `recording` | a recording that a viewer has started |
+//! | `room` | a patient in a treatment room, and where the patient is from scan to scan |
 //! | `sequence` | a sequence as a scanner runs it, and as recordings note it |
 //! | `server` | routes and headers |
 //! | `traffic` | the recent traffic |
@@ -29,6 +30,7 @@ mod hub;
 mod measurement;
 mod operator;
 mod recording;
+mod room;
 mod sequence;
 mod server;
 mod traffic;
@@ -45,6 +47,7 @@ pub use operator::{Calibration, Operator, Request, Run};
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::Observer;
+pub use room::{Room, RoomRow, RoomScan, Stated, Surface};
 pub use sequence::Sequence;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -194,6 +197,17 @@ impl Source {
     /// Shows words about what is being done, or why it failed; `None` removes them.
     pub fn say(&self, status: Option<String>) {
         self.hub.say(self.index, status);
+    }
+
+    /// Shows a treatment room instead of a scanner.
+    pub fn show_room(&self, room: Arc<Room>) {
+        self.hub.show_room(self.index, room);
+    }
+
+    /// Shows the result of a scan in the room, and the patient in it. The latest thousands of results are
+    /// kept.
+    pub fn show_tracked(&self, row: RoomRow, scan: Arc<RoomScan>) {
+        self.hub.show_tracked(self.index, row, scan);
     }
 
     /// Shows a measurement instead of the last one.

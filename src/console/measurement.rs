@@ -3,6 +3,7 @@
 use phasmid_core::error::Result;
 use serde::Serialize;
 use std::any::Any;
+use std::borrow::Cow;
 
 /// A scan whose views are computed on request.
 pub trait Measurement: Any + Send + Sync {
@@ -107,7 +108,7 @@ pub enum Scale {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Field {
     /// Name of the device.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Projection centre.
     pub apex: [f64; 3],
     /// Directions through the corners of the image: upper left, upper right, lower right, lower left.

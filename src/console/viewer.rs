@@ -3,6 +3,7 @@
 
 use crate::hub::{Seat, View};
 use crate::operator::Request;
+use crate::room::{room_message, tracked_message};
 use crate::views::{Wanted, failed, messages};
 use crate::wire::{Asked, Told, frame_message, message, sequence_message};
 use axum::extract::ws::{Message, WebSocket};
@@ -42,6 +43,10 @@ struct Viewer {
     ahead: VecDeque<(u64, Instant)>,
     /// Number of the last sequence that was sent.
     sequence: u64,
+    /// Number of the last room that was sent.
+    room: u64,
+    /// Number of the last result in it that was sent.
+    row: u64,
     /// Wanted views of measurements.
     wanted: Wanted,
     /// Number of the last measurement of which that was sent or is being computed.
@@ -84,6 +89,8 @@ pub(crate) async fn serve(socket: WebSocket, seat: Seat) {
         sent: 0,
         ahead: VecDeque::new(),
         sequence: 0,
+        room: 0,
+        row: 0,
         wanted: Wanted::default(),
         measured: 0,
         work: None,
@@ -129,6 +136,7 @@ impl Viewer {
                 let bytes = sequence_message(self.source, &sequence.value.manifest);
                 self.send(Message::Binary(bytes.into())).await?;
             }
+            self.send_room().await?;
             self.measure();
             tokio::select! {
                 messages = done(&mut self.work, self.source) => self.show(messages).await?,
@@ -157,6 +165,23 @@ impl Viewer {
                 () = self.seat.changed() => {}
             }
         }
+    }
+
+    /// Sends a treatment room and the results in it, unless the page has not drawn the ones before.
+    async fn send_room(&mut self) -> Option<()> {
+        if let Some(room) = self.seat.newer_room(self.source, self.room) {
+            self.room = room.number;
+            let bytes = room_message(self.source, &room.value);
+            self.send(Message::Binary(bytes.into())).await?;
+        }
+        if self.unseen.is_none()
+            && let Some(new) = self.seat.newer_rows(self.source, self.row)
+        {
+            (self.row, self.unseen) = (new.last, Some(new.last));
+            let bytes = tracked_message(self.source, new.last, &new.rows, &new.scan);
+            self.send(Message::Binary(bytes.into())).await?;
+        }
+        Some(())
     }
 
     /// Starts to compute what is wanted of the latest measurement, unless the page has not drawn the one
@@ -260,7 +285,7 @@ impl Viewer {
                 self.source = source;
                 self.sent = 0;
                 self.ahead.clear();
-                self.sequence = 0;
+                (self.sequence, self.room, self.row) = (0, 0, 0);
                 self.unseen = None;
                 self.traffic = self.traffic.map(|_| 0);
                 self.measure_again();

@@ -2,7 +2,7 @@
 
 use crate::hub::Numbered;
 use crate::measurement::Measurement;
-use crate::wire::{Told, message};
+use crate::wire::{Told, floats, message};
 use phasmid_core::error::Result;
 use std::sync::Arc;
 
@@ -94,11 +94,4 @@ fn show(
         all.push(message(&told, &floats(points.points.as_flattened())));
     }
     Ok(())
-}
-
-fn floats(values: &[f32]) -> Vec<u8> {
-    values
-        .iter()
-        .flat_map(|value| value.to_le_bytes())
-        .collect()
 }

@@ -7,6 +7,7 @@
 use crate::hub::{Shown, View};
 use crate::measurement::About;
 use crate::operator::Request;
+use crate::room::{Room, RoomRow};
 use crate::traffic::Entry;
 use phasmid_pattern::{Axis, Manifest, Pattern};
 use phasmid_protocol::PixelFormat;
@@ -83,6 +84,25 @@ pub(crate) enum Told<'a> {
         name: &'a str,
         every: usize,
     },
+    /// A treatment room. The payload has the planned skin, then the tumour's contour: the positions of the
+    /// vertices in 32-bit floats, then the indices of the triangles' corners in 32 bits.
+    Room {
+        source: usize,
+        #[serde(flatten)]
+        room: &'a Room,
+        /// Numbers of vertices and of triangles of each.
+        sizes: [[usize; 2]; 2],
+    },
+    /// Results since the last such message. The payload has 32-bit floats of the last one: four for each
+    /// point, then the vertices of the tracked skin and tumour.
+    Tracked {
+        source: usize,
+        /// Which [`Asked::Seen`] returns.
+        number: u64,
+        rows: Vec<&'a RoomRow>,
+        /// Numbers of points and of vertices.
+        sizes: [usize; 3],
+    },
     /// Events of the source since the last such message.
     Traffic { source: usize, events: Vec<Entry> },
     /// The answer to [`Asked::Ask`] with this number, or why there is none.
@@ -123,10 +143,18 @@ pub(crate) enum Asked {
     Traffic { show: bool },
     /// A request for the source's operator; the answer has the same number.
     Ask { number: u64, request: Request },
-    /// The measurement with this number has been drawn.
+    /// The measurement with this number has been drawn, or the results with it.
     Seen { source: usize, number: u64 },
     /// Take control, only if nobody has it if `if_free`; or give it back.
     Control { take: bool, if_free: bool },
+}
+
+/// Returns the bytes of numbers.
+pub(crate) fn floats(values: &[f32]) -> Vec<u8> {
+    values
+        .iter()
+        .flat_map(|value| value.to_le_bytes())
+        .collect()
 }
 
 /// Returns the bytes of a message.

@@ -25,7 +25,7 @@ mod watch;
 pub use builder::{DeviceBuilder, ProfileSource, SceneSource};
 pub use calibrate::{calibrate, calibrate_with_stop};
 #[cfg(feature = "console")]
-pub use console::{Follower, Playback, ScanViews, operate};
+pub use console::{Follower, Playback, RoomViews, ScanViews, operate};
 pub use decode::{Decoding, compare, decode};
 pub use device::Device;
 #[cfg(target_os = "linux")]

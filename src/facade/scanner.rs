@@ -10,6 +10,7 @@ use phasmid_host::{
 };
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::record::Observer;
 #[cfg(unix)]
 use phasmid_protocol::service::call;
 use phasmid_protocol::service::{ClockPace, Item, Maps, Reply, Request};
@@ -110,6 +111,19 @@ impl Scanner {
     pub fn of_run_dir(run_dir: impl AsRef<Path>, options: ScanOptions) -> Result<Self> {
         let at = endpoints_in(run_dir.as_ref())?;
         Self::connect(&at.camera, &at.control, options)
+    }
+
+    /// [`Self::connect`], and shows the traffic to an observer.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::connect`] does.
+    pub fn observed(
+        camera: &str,
+        control: impl AsRef<Path>,
+        options: ScanOptions,
+        observer: Observer,
+    ) -> Result<Self> {
+        Self::recorded(camera, control, options, Some(Tape::shown(observer)))
     }
 
     /// [`Self::connect`], and records the traffic on a tape if there is one.

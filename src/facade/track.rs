@@ -17,7 +17,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_decode::Capture;
 use phasmid_host::{Flow, FrameDoubt, Progress, doubt};
 use phasmid_profile::RigPlace;
-use phasmid_sgrt::{Beam, HoldRules, Planned};
+use phasmid_sgrt::{Beam, HoldRules, Measured, MotionState, Planned};
 use scan_deadline::{FOREVER, ScanDeadline};
 use std::ops::{ControlFlow, RangeInclusive};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -50,6 +50,16 @@ impl Pod {
             scanner: scanner.without_checks(),
             place,
         }
+    }
+
+    /// Returns its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Returns its place in the room.
+    pub fn place(&self) -> RigPlace {
+        self.place
     }
 
     /// Closes the ports as [`Scanner::finish`] does.
@@ -122,6 +132,20 @@ impl Default for TrackOptions {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum TrackProgress<'a> {
+    /// A pod has scanned.
+    Captured {
+        /// Index of the pod.
+        pod: usize,
+        /// The scan.
+        capture: &'a Capture,
+    },
+    /// The surface of the scan that is reported next.
+    Surface {
+        /// The points that were fitted, of all pods, in the room frame.
+        measured: &'a Measured,
+        /// Pose and breathing of the patient, for [`Planned::model`]; `None` if the skin is lost.
+        state: Option<&'a MotionState>,
+    },
     /// A scan by all pods was evaluated.
     Scan(&'a Tracked),
     /// The next scan is overdue, or will not come because a pod has failed: the beam is held. Reported
@@ -293,9 +317,17 @@ fn follow(
                 }
             }
             tracker.measure(pod, &capture, identified, arrived, &mut gathered)?;
+            let capture = &capture;
+            if progress(TrackProgress::Captured { pod, capture }).is_break() {
+                return Ok(());
+            }
         }
         deadline.heard(Instant::now());
         let tracked = tracker.answer(gathered);
+        let (measured, state) = (tracker.measured(), tracker.state());
+        if progress(TrackProgress::Surface { measured, state }).is_break() {
+            return Ok(());
+        }
         if progress(TrackProgress::Scan(&tracked)).is_break() {
             return Ok(());
         }

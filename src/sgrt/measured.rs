@@ -78,6 +78,16 @@ impl Measured {
         }
     }
 
+    /// Returns the positions in millimetres.
+    pub fn points(&self) -> &[DVec3] {
+        &self.points
+    }
+
+    /// Returns the index of the pod of each point, in the order of the calls of [`Self::push_pod`].
+    pub fn pods(&self) -> &[u8] {
+        &self.pod
+    }
+
     /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.points.len()

@@ -87,6 +87,8 @@ impl Sight {
         depths?;
         if let Err(why) = checked {
             let pod = self.name.clone();
+            // The pods after this one keep their indices.
+            measured.push_pod(&[], &[], &self.room_from_rig, most);
             return Ok(Some(SightWarning::Rejected { pod, why }));
         }
         if let Some(decoder) = &self.decoder {

@@ -42,6 +42,11 @@ export function watch(options) {
   return start(["console", ...options]);
 }
 
+/** Starts to track a patient, with a console. */
+export function track(options) {
+  return start(["track", "--console", ...options]);
+}
+
 /** Starts the command, and waits until it has printed the addresses of its console. */
 async function start(command) {
   const child = spawn("target/release/phasmid", command);
@@ -60,15 +65,17 @@ async function start(command) {
     if (child.exitCode !== null) {
       throw new Error(`phasmid ${command[0]} has ended: ${err}`);
     }
-    return out.includes("Ctrl-C ends it.");
+    return (out + err).includes("Ctrl-C ends it.");
   });
-  const [control, view] = [...out.matchAll(/http:\S+/g)].map(([url]) => url);
+  const [control, view] = [...(out + err).matchAll(/http:\S+/g)].map(([url]) => url);
   return {
     control,
     view,
     port: Number(new URL(control).port),
     /** Ends it as a crash would. */
     kill,
+    /** Halts it, as a computer that hangs does. */
+    halt: () => child.kill("SIGSTOP"),
   };
 }
 

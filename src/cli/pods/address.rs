@@ -7,6 +7,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Pose, Rig};
 use phasmid_profile::{RigPlace, Station, StationDevice};
 use phasmid_protocol::Endpoints;
+use phasmid_protocol::record::Observer;
 use std::path::Path;
 use std::time::Duration;
 
@@ -15,11 +16,11 @@ pub(in crate::cli) struct Address {
     /// Its name in the station.
     pub(in crate::cli) name: String,
     pub(super) camera: String,
-    pub(super) control: String,
+    pub(in crate::cli) control: String,
     /// Calibration that replaces the device's own, and the option that gave it.
     pub(super) calibration: Option<(String, Rig)>,
     /// Pose of its rig in the room, according to the station file.
-    place: RigPlace,
+    pub(in crate::cli) place: RigPlace,
 }
 
 impl Address {
@@ -62,18 +63,22 @@ impl Address {
         self.camera == other.camera || self.control == other.control
     }
 
-    /// Opens the ports. From now on, the signals end captures instead of the program.
+    /// Opens the ports, and shows their traffic to an observer if there is one. From now on, the signals end captures instead of the program.
     ///
     /// # Errors
     /// Returns an error if the device cannot be reached.
-    pub(super) fn connect(&self, timeout: Duration) -> Result<Scanner> {
+    pub(super) fn connect(&self, timeout: Duration, observer: Option<Observer>) -> Result<Scanner> {
         let options = ScanOptions {
             reply_timeout: timeout,
             frame_timeout: timeout,
             ..ScanOptions::default()
         };
         watch_signals();
-        let scanner = Scanner::connect(&self.camera, &self.control, options);
+        let (camera, control) = (&self.camera, &self.control);
+        let scanner = match observer {
+            Some(observer) => Scanner::observed(camera, control, options, observer),
+            None => Scanner::connect(camera, control, options),
+        };
         let scanner = scanner.map_err(|e| e.at(&self.name))?;
         Ok(match &self.calibration {
             Some((place, rig)) => scanner.with_calibration(place, *rig),
@@ -85,8 +90,12 @@ impl Address {
     ///
     /// # Errors
     /// Returns an error if the device cannot be reached.
-    pub(in crate::cli) fn pod(&self, timeout: Duration) -> Result<Pod> {
-        Ok(Pod::new(&self.name, self.connect(timeout)?, self.place))
+    pub(in crate::cli) fn pod(&self, timeout: Duration, observer: Option<Observer>) -> Result<Pod> {
+        Ok(Pod::new(
+            &self.name,
+            self.connect(timeout, observer)?,
+            self.place,
+        ))
     }
 
     /// Returns the pose that maps coordinates in its rig's frame to the room's, in millimetres,

@@ -22,7 +22,7 @@ impl Source {
     /// Returns an error if the device cannot be reached.
     pub(in crate::cli) fn open(address: &Address, timeout: Duration) -> Result<Self> {
         Ok(Self {
-            scanner: address.connect(timeout)?,
+            scanner: address.connect(timeout, None)?,
             name: address.name.clone(),
             before: None,
         })

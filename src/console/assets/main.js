@@ -8,6 +8,7 @@ import { Panels } from "./panels.js";
 import { Picture } from "./picture.js";
 import { Requests } from "./requests.js";
 import { Result } from "./result.js";
+import { Room } from "./room.js";
 import { copyLink, offerFiles } from "./save.js";
 
 /** Time between two histograms. */
@@ -44,6 +45,7 @@ const result = new Result(want, (number) => {
   connection.ask({ kind: "seen", source, number });
   offerFiles(source, state.view_token, result.measurement);
 });
+const room = new Room((number) => connection.ask({ kind: "seen", source, number }));
 const requests = new Requests((message) => connection.ask(message));
 const panels = new Panels(requests, {
   watch: (show) => connection?.ask({ kind: "traffic", show }),
@@ -106,6 +108,8 @@ function told(message, payload) {
   } else if (message.kind === "damaged") {
     notice(`Frame ${message.id} is damaged: ${message.why}.`);
     connection.ask({ kind: "drawn", source, number: message.number });
+  } else if (message.kind === "room" || message.kind === "tracked") {
+    room.told(message, payload);
   } else if (message.kind === "traffic") {
     panels.traffic.add(message.events);
   } else {
@@ -144,6 +148,7 @@ function showDevice() {
   if (!here) {
     return;
   }
+  [$("scanner").hidden, $("room").hidden] = [here.room, !here.room];
   panels.update(here, Boolean(state.controls));
   const parts = [];
   if (here.unplugged.control) {
@@ -282,6 +287,7 @@ function forget() {
   white = null;
   picture.clear();
   result.clear();
+  room.clear();
   offerFiles(source, "", null);
   panels.traffic.clear();
   histogram.draw($("histogram"), new Uint32Array(1));

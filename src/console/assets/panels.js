@@ -46,9 +46,9 @@ export class Panels {
   }
 
   /** Shows the panels that the scanner has. */
-  update({ answers, status, recording, cut }, controls) {
-    const news = this.answers.join() !== answers.join() || (controls && !this.controls);
-    [this.answers, this.controls] = [answers, controls];
+  update({ answers, status, recording, cut, room }, controls) {
+    const news = this.answers.join() !== answers.join() || (controls && !this.controls) || this.room !== room;
+    [this.answers, this.controls, this.room] = [answers, controls, room];
     $("scan-status").textContent = status ?? "";
     this.recording = recording !== null;
     $("record").hidden = !answers.includes("record");
@@ -90,7 +90,7 @@ export class Panels {
   show() {
     for (const button of document.querySelectorAll("#tabs button")) {
       const need = NEEDS[button.value];
-      button.hidden = need !== null && !this.answers.includes(need);
+      button.hidden = this.room || (need !== null && !this.answers.includes(need));
       if (button.hidden && button.value === this.open) {
         continue;
       }
@@ -99,7 +99,7 @@ export class Panels {
       $(`panel-${button.value}`).hidden = !open;
     }
     const need = NEEDS[this.open];
-    const shown = this.open && (need === null || this.answers.includes(need)) ? this.open : null;
+    const shown = this.open && !this.room && (need === null || this.answers.includes(need)) ? this.open : null;
     $("panel").hidden = shown === null;
     $("panel-error").textContent = "";
     this.watchTraffic(shown === "traffic");

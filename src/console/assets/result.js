@@ -2,7 +2,7 @@
 
 import { Picture } from "./picture.js";
 import * as colours from "./colours.js";
-import * as profile from "./profile.js";
+import * as chart from "./chart.js";
 import { savePicture } from "./save.js";
 
 /** Layers in the list until the first measurement says what there is. */
@@ -440,7 +440,7 @@ export class Result {
     if (!this.line || !layer || !values) {
       return;
     }
-    const pixels = profile.along(...this.line, this.measurement.width);
+    const pixels = chart.along(...this.line, this.measurement.width);
     const pick = (name) => (this.layers.has(name) ? pixels.map((i) => this.layers.get(name)[i]) : null);
     const isDepth = this.view === "depth";
     const parts = {
@@ -449,6 +449,7 @@ export class Result {
       truth: isDepth ? pick("true_depth") : null,
     };
     this.profiled = parts;
-    profile.draw($("profile-chart"), { ...layer, ...parts });
+    const at = [...pixels.keys()];
+    chart.draw($("profile-chart"), { ...layer, ...parts, at, ends: ["0", `${pixels.length - 1} px`] });
   }
 }

@@ -75,13 +75,8 @@ impl Server {
                 clock: Some(self.seat.timeline().about()),
                 ..Reply::default()
             },
-            Request::Get(Item::Objects) => {
-                self.follow_others();
-                Reply {
-                    scene: self.shared_scene.objects(now_ns, self.version, self.rig),
-                    ..Reply::default()
-                }
-            }
+            Request::Get(Item::Objects) => self.objects(now_ns),
+            Request::ObjectsAt(time_ns) => self.objects(time_ns),
             Request::Get(Item::Faults) => Reply {
                 faults: Some(self.faults()),
                 ..Reply::default()
@@ -117,6 +112,14 @@ impl Server {
         };
         // The client may have disconnected.
         let _ = reply.send((answer, Vec::new()));
+    }
+
+    fn objects(&mut self, time_ns: u64) -> Reply {
+        self.follow_others();
+        Reply {
+            scene: self.shared_scene.objects(time_ns, self.version, self.rig),
+            ..Reply::default()
+        }
     }
 
     fn truth(&mut self, time_ns: Option<u64>, reply: Sender) {

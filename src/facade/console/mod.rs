@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `scan_views` | the views of a scan: maps, points and fields of view |
 //! | `calibrator` | calibrates a scanner from the scans that are shown |
+//! | `room_views` | the views of a patient who is tracked |
 //! | `operate` | a scanner that scans and talks as viewers ask |
 //! | `service` | passes requests to a service channel |
 //! | `follower` | finds and decodes the scans of a served device, whoever makes them |
@@ -15,10 +16,12 @@ mod follower;
 mod operate;
 mod playback;
 mod recording;
+mod room_views;
 mod scan_views;
 mod service;
 
 pub use follower::Follower;
 pub use operate::operate;
 pub use playback::Playback;
+pub use room_views::RoomViews;
 pub use scan_views::ScanViews;

@@ -113,17 +113,17 @@ pub fn operate(
         };
         asked.scanning.store(true, Ordering::Relaxed);
         let port = asked.port();
-        let tape = Tape::shown(source.observer());
         source.say(Some("connecting".into()));
-        let scanned = Scanner::recorded(camera, control, options, Some(tape)).and_then(|scanner| {
-            let again = || run == Run::Repeat && !asked.is_asked();
-            scan(source, scanner, service.as_deref(), again, || {
-                match asked.is_stopped() {
-                    true => ControlFlow::Break(()),
-                    false => flow(),
-                }
-            })
-        });
+        let scanned =
+            Scanner::observed(camera, control, options, source.observer()).and_then(|scanner| {
+                let again = || run == Run::Repeat && !asked.is_asked();
+                scan(source, scanner, service.as_deref(), again, || {
+                    match asked.is_stopped() {
+                        true => ControlFlow::Break(()),
+                        false => flow(),
+                    }
+                })
+            });
         drop(port);
         asked.scanning.store(false, Ordering::Relaxed);
         source.say(match scanned {

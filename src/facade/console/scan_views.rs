@@ -10,6 +10,7 @@ use phasmid_host::check_identified_sequence;
 use phasmid_pattern::Axis;
 use phasmid_protocol::service::Request;
 use phasmid_render::npz::{self, Array};
+use std::borrow::Cow;
 use std::f32::consts::TAU;
 use std::fmt;
 use std::path::PathBuf;
@@ -240,14 +241,14 @@ fn verdicts(maps: &Decoded) -> Vec<f32> {
     pixels.map(|i| f32::from(of(i) as u8)).collect()
 }
 
-fn field(name: &'static str, view: &View) -> Field {
+pub(super) fn field(name: impl Into<Cow<'static, str>>, view: &View) -> Field {
     let (right, below) = (
         f64::from(view.lens.width_px) - 0.5,
         f64::from(view.lens.height_px) - 0.5,
     );
     let corners = [[-0.5, -0.5], [right, -0.5], [right, below], [-0.5, below]];
     Field {
-        name,
+        name: name.into(),
         apex: view.center_mm(),
         corners: corners.map(|corner| view.ray(corner)),
     }

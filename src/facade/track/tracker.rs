@@ -8,8 +8,8 @@ use phasmid_decode::Capture;
 use phasmid_geometry::Pose;
 use phasmid_profile::RigPlace;
 use phasmid_sgrt::{
-    Answers, Beam, Follower, Hold, Measured, MotionFit, POINTS, Planned, Quantity, Reading,
-    RigidFit, ScanWarning, Sight,
+    Answers, Beam, Follower, Hold, Measured, MotionFit, MotionState, POINTS, Planned, Quantity,
+    Reading, RigidFit, ScanWarning, Sight,
 };
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -159,6 +159,10 @@ pub struct Tracker<'a> {
     tolerance_mm: f64,
     /// Number of scans so far.
     scans: u64,
+    /// The points of the last scan.
+    measured: Measured,
+    /// The patient according to them, unless it is lost.
+    state: Option<MotionState>,
 }
 
 impl fmt::Debug for Tracker<'_> {
@@ -217,6 +221,8 @@ impl<'a> Tracker<'a> {
             target: planned.tumour_mm(),
             tolerance_mm: options.tolerance_mm,
             scans: 0,
+            measured: Measured::default(),
+            state: None,
         })
     }
 
@@ -240,6 +246,17 @@ impl<'a> Tracker<'a> {
             self.measure(pod, capture, identified, arrived, &mut gathered)?;
         }
         Ok(self.answer(gathered))
+    }
+
+    /// Returns the points of the last scan, in the room frame.
+    pub fn measured(&self) -> &Measured {
+        &self.measured
+    }
+
+    /// Returns pose and breathing of the patient in the last scan, for [`Planned::model`]; `None` if the skin
+    /// is lost.
+    pub fn state(&self) -> Option<&MotionState> {
+        self.state.as_ref()
     }
 
     /// Returns the state of the beam.
@@ -339,12 +356,15 @@ impl<'a> Tracker<'a> {
         warnings.append(&mut reading.warnings);
         let scan = self.scans;
         self.scans += 1;
+        let points = measured.len();
+        self.measured = measured;
+        self.state = motion.as_ref().ok().map(|fit| fit.state.clone());
         let to_end = span.middle_to_end();
         Tracked {
             scan,
             time: span.end(),
             middle: to_end.map(|to_end| span.end() - to_end),
-            points: measured.len(),
+            points,
             skin: rigid.as_ref().ok().map(SkinPose::of),
             tumour,
             beam,

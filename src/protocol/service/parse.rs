@@ -11,8 +11,7 @@ use once::Once;
 use serde_json::{Value, json};
 
 /// Names of requests.
-const REQUESTS: &str =
-    "get, truth_at_ns, truth_of_frame, do, place, set, term, clock, fault, clear_faults";
+const REQUESTS: &str = "get, objects_at_ns, truth_at_ns, truth_of_frame, do, place, set, term, clock, fault, clear_faults";
 /// Maximum number of characters of the input that an error shows.
 const SHOWN: usize = 60;
 
@@ -45,6 +44,7 @@ pub(super) fn request(line: &[u8]) -> Result<Request, String> {
     };
     Ok(match name.as_str() {
         "get" => Request::Get(one_of(&name, &value, &Item::ALL)?),
+        "objects_at_ns" => Request::ObjectsAt(whole(&name, &value)?),
         "truth_at_ns" => Request::TruthAt(whole(&name, &value)?),
         "truth_of_frame" => Request::TruthOfFrame(whole(&name, &value)?),
         "do" => Request::Do(one_of(&name, &value, &[("trigger", Action::Trigger)])?),

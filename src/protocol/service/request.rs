@@ -9,6 +9,10 @@ use serde::{Deserialize, Serialize};
 pub enum Request {
     /// Internal state of the emulator.
     Get(Item),
+    /// Objects of the scene at a device time in nanoseconds. Animated and breathing objects are where they were
+    /// or will be then, others where they have been placed.
+    #[serde(rename = "objects_at_ns")]
+    ObjectsAt(u64),
     /// Ground truth of a moving scene at a device time in nanoseconds. [`Item::Truth`] is the
     /// ground truth at the middle of the last sequence.
     #[serde(rename = "truth_at_ns")]
@@ -196,6 +200,7 @@ mod tests {
                 r#"{"clear_faults":"all"}"#,
             ),
             (Request::Do(Action::Trigger), r#"{"do":"trigger"}"#),
+            (Request::ObjectsAt(7), r#"{"objects_at_ns":7}"#),
             (
                 Request::TruthAt(1_500_000_000),
                 r#"{"truth_at_ns":1500000000}"#,

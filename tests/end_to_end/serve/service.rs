@@ -62,7 +62,7 @@ fn every_documented_request_is_answered() {
             Request::Get(Item::Truth) | Request::TruthAt(_) => (None, true),
             Request::TruthOfFrame(_) => (Some(1), true),
             Request::Get(Item::Clock) | Request::Clock(_) => (Some(0), false),
-            Request::Get(Item::Objects) => (Some(2), false),
+            Request::Get(Item::Objects) | Request::ObjectsAt(_) => (Some(2), false),
             Request::Get(Item::Device) => (Some(3), false),
             Request::Fault(_) => (Some(4), false),
             Request::Get(Item::Faults) => (Some(5), false),

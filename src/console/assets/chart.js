@@ -1,4 +1,4 @@
-// The values along a line, with their standard deviation and the truth.
+// A chart of values with their standard deviation and the truth.
 
 import { digits } from "./colours.js";
 
@@ -14,8 +14,10 @@ export function along([x0, y0], [x1, y1], width) {
   });
 }
 
-/** Draws the profile: `values` with a band of two `sigma`, and `truth`, which may each be missing. */
-export function draw(canvas, { values, sigma, truth, title, unit }) {
+/** Draws `values` with a band of two `sigma`, and `truth`, which may each be missing. `at` says where on the axis
+ * each value is, in order; `ends` labels both ends of it. `limit` is a line, and values where `bad` is set are on a
+ * shaded ground. The title explains the lines unless it is to be `brief`. */
+export function draw(canvas, { at, ends, values, sigma, truth, limit, bad, title, unit, brief }) {
   const ratio = devicePixelRatio || 1;
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
   canvas.width = width * ratio;
@@ -29,25 +31,33 @@ export function draw(canvas, { values, sigma, truth, title, unit }) {
   };
   const [left, top, right, bottom] = MARGIN;
   const band = values.flatMap((value, i) => (sigma ? [value - 2 * sigma[i], value + 2 * sigma[i]] : [value]));
-  const all = [...band, ...(truth ?? [])].filter(Number.isFinite);
+  const all = [...band, ...(truth ?? []), limit].filter(Number.isFinite);
   context.font = "12px system-ui, sans-serif";
   context.fillStyle = colour("--faint");
   if (all.length === 0) {
-    context.fillText("no values on this line", left, height / 2);
+    context.fillText("no values", left, height / 2);
     return;
   }
   let [low, high] = [Math.min(...all), Math.max(...all)];
   if (low === high) {
     [low, high] = [low - 0.5, high + 0.5];
   }
-  const x = (i) => left + ((width - left - right) * i) / Math.max(1, values.length - 1);
+  const [first, last] = [at[0], at.at(-1)];
+  const x = (i) => left + (last > first ? ((width - left - right) * (at[i] - first)) / (last - first) : 0);
   const y = (value) => top + ((height - top - bottom) * (high - value)) / (high - low);
   context.textAlign = "right";
   context.fillText(digits(high, [low, high]), left - 6, top + 8);
   context.fillText(digits(low, [low, high]), left - 6, height - bottom);
-  context.fillText(`${values.length - 1} px`, width - right, height - 6);
+  context.fillText(ends[1], width - right, height - 6);
   context.textAlign = "left";
-  context.fillText("0", left, height - 6);
+  context.fillText(ends[0], left, height - 6);
+  context.fillStyle = colour("--shade");
+  bad?.forEach((is, i) => {
+    if (is) {
+      const [from, to] = [x(Math.max(i - 1, 0)), x(i)];
+      context.fillRect(from, top, Math.max(1, to - from), height - top - bottom);
+    }
+  });
   context.strokeStyle = colour("--line");
   context.strokeRect(left, top, width - left - right, height - top - bottom);
   // A missing value ends a piece of a line.
@@ -84,11 +94,14 @@ export function draw(canvas, { values, sigma, truth, title, unit }) {
     }
     context.setLineDash([]);
   };
+  if (limit !== undefined) {
+    line(values.map(() => limit), colour("--bad"), [2, 3]);
+  }
   if (truth) {
     line(truth, colour("--truth"), [6, 3]);
   }
   line(values, colour("--mark"), []);
   context.fillStyle = colour("--text");
-  const parts = [`${title}${unit && ` (${unit})`}`, sigma && "band: ± 2 standard deviations", truth && "dashed: truth"];
+  const parts = [`${title}${unit && ` (${unit})`}`, !brief && sigma && "band: ± 2 standard deviations", !brief && truth && "dashed: truth"];
   context.fillText(parts.filter(Boolean).join(", "), left, top - 7);
 }

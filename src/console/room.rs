@@ -1,0 +1,132 @@
+//! A patient in a treatment room, and where the patient is from scan to scan.
+//!
+//! Positions are millimetres in the room frame: the fixed frame of IEC 61217 with its origin at the
+//! isocentre, x to the right as seen from the foot end, y to the gantry, z up.
+
+use crate::measurement::Field;
+use crate::wire::{Told, floats, message};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// Triangles between points.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Surface {
+    /// Positions in millimetres.
+    pub vertices: Vec<[f32; 3]>,
+    /// Indices of each triangle's corners.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A treatment room with the plan of a patient.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Room {
+    /// Names of the pods.
+    pub pods: Vec<String>,
+    /// Fields of view of their cameras; a pod's is known after its first scan.
+    pub fields: Vec<Field>,
+    /// Planned position of the tumour.
+    pub target_mm: [f64; 3],
+    /// Maximum distance of the tumour from there with the beam on.
+    pub tolerance_mm: f64,
+    /// The planned skin.
+    #[serde(skip)]
+    pub skin: Surface,
+    /// The planned contour of the tumour.
+    #[serde(skip)]
+    pub tumour: Surface,
+}
+
+/// A value and its standard deviation.
+pub type Stated = [f64; 2];
+
+/// The result of a scan by all pods.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct RoomRow {
+    /// Number of the scan, from 0.
+    pub scan: u64,
+    /// Device time in seconds; host time if the device tells none.
+    pub time_s: f64,
+    /// The skin as a rigid body: shift along x, y and z in millimetres, then pitch, roll and yaw in degrees.
+    pub skin: Option<[Stated; 6]>,
+    /// Shift of the tumour from its planned position along x, y and z, and its distance from there, in
+    /// millimetres.
+    pub tumour: Option<[Stated; 4]>,
+    /// The true values of `tumour`, of an emulated patient.
+    pub truth: Option<[f64; 4]>,
+    /// Why the beam is held; `None` if it is on.
+    pub held: Option<String>,
+    /// Reasons to doubt the result.
+    pub warnings: Vec<String>,
+    /// Number of points of each pod.
+    pub points: Vec<usize>,
+    /// Part of the tracked skin that each pod sees.
+    pub coverage: Vec<f64>,
+    /// Part that all see together, as the motion model counts it.
+    pub covered: Option<f64>,
+    /// Time from the last frame to the result in milliseconds.
+    pub latency_ms: Option<f64>,
+}
+
+/// The patient in a scan.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RoomScan {
+    /// Positions of the measured points in millimetres, and how far each is from the planned skin, positive
+    /// outside; NaN if it is beside the tracked part of the skin.
+    pub points: Vec<[f32; 4]>,
+    /// Vertices of the skin where it is tracked; empty if it is lost.
+    pub skin: Vec<[f32; 3]>,
+    /// Vertices of the tumour there.
+    pub tumour: Vec<[f32; 3]>,
+}
+
+/// Returns the message of a room.
+pub(crate) fn room_message(source: usize, room: &Room) -> Vec<u8> {
+    let surfaces = [&room.skin, &room.tumour];
+    let sizes = surfaces.map(|surface| [surface.vertices.len(), surface.triangles.len()]);
+    let mut payload = Vec::new();
+    for Surface {
+        vertices,
+        triangles,
+    } in surfaces
+    {
+        payload.extend(floats(vertices.as_flattened()));
+        payload.extend(
+            triangles
+                .as_flattened()
+                .iter()
+                .flat_map(|index| index.to_le_bytes()),
+        );
+    }
+    message(
+        &Told::Room {
+            source,
+            room,
+            sizes,
+        },
+        &payload,
+    )
+}
+
+/// Returns the message of results, with the patient in the last scan.
+pub(crate) fn tracked_message(
+    source: usize,
+    number: u64,
+    rows: &[Arc<RoomRow>],
+    scan: &RoomScan,
+) -> Vec<u8> {
+    let RoomScan {
+        points,
+        skin,
+        tumour,
+    } = scan;
+    let mut payload = floats(points.as_flattened());
+    payload.extend(floats(skin.as_flattened()));
+    payload.extend(floats(tumour.as_flattened()));
+    let told = Told::Tracked {
+        source,
+        number,
+        rows: rows.iter().map(|row| &**row).collect(),
+        sizes: [points.len(), skin.len(), tumour.len()],
+    };
+    message(&told, &payload)
+}
