@@ -6,7 +6,7 @@ import json
 import socket
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 from ._documents import to_json
 from ._errors import DeviceError, OperatingSystemError
@@ -139,6 +139,17 @@ class Service:
     def step(self, time_s: float) -> None:
         """Advance the time of a device with the clock "stepped", in seconds."""
         self.ask({"clock": {"step_ns": round(time_s * 1e9)}})
+
+    def pace(self, clock: Literal["real", "fast", "stepped"]) -> None:
+        """Let the time of the device, and of all that share its clock, pass in another way from now on.
+
+        >>> import phasmid
+        >>> with phasmid.Device("webcam-grey", "plane").serve() as serving:
+        ...     serving.service.pace("stepped")
+        ...     serving.service.ask({"get": "clock"})["clock"]["pace"]
+        'stepped'
+        """
+        self.ask({"clock": {"pace": clock}})
 
     def __repr__(self) -> str:
         return f"<phasmid.Service at {self.path!r}>"

@@ -19,7 +19,8 @@ pub trait Measurement: Any + Send + Sync {
     /// Returns an error if the layer is unknown or cannot be computed.
     fn layer(&self, name: &str) -> Result<Vec<f32>>;
 
-    /// Returns at most `most` points in the rig's frame in millimetres, each with its value of a layer.
+    /// Returns at most `most` points in the rig's frame in millimetres, each with its value of a layer. The layer
+    /// `true_depth` has the points of the true surface.
     ///
     /// # Errors
     /// Returns an error if there are no points, and the errors of [`Self::layer`].

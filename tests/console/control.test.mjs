@@ -168,6 +168,19 @@ test("stepped time advances by what the page says", async () => {
   await page.fill("#step-ms", "1e12");
   await page.click("#clock-step");
   await text(page, "#panel-error", /clock/);
+  // It goes on in real time, and pauses again.
+  await page.click('#clock-pace button[value="real"]');
+  await text(page, "#clock-rows", /Clockreal/);
+  const began = (await ask(stepped, { get: "clock" })).clock.now_ns;
+  await until(async () => (await ask(stepped, { get: "clock" })).clock.now_ns > began + 100_000_000);
+  assert.ok(await page.isDisabled("#clock-step"));
+  await page.click('#clock-pace button[value="stepped"]');
+  await text(page, "#clock-rows", /Clockstepped/);
+  const paused = (await ask(stepped, { get: "clock" })).clock.now_ns;
+  await page.fill("#step-ms", "2");
+  await page.click("#clock-step");
+  await until(async () => (await ask(stepped, { get: "clock" })).clock.now_ns === paused + 2_000_000);
+  assert.deepEqual(page.errors, []);
   await page.context().close();
 });
 

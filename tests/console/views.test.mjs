@@ -7,7 +7,7 @@ import { tmpdir } from "node:os";
 import path from "node:path";
 import { after, before, test } from "node:test";
 import * as colours from "../../src/console/assets/colours.js";
-import { along } from "../../src/console/assets/profile.js";
+import { along } from "../../src/console/assets/chart.js";
 import { SCREENSHOTS, ask, command, launch, open, pixels, seen, serve, text, until } from "./helpers.mjs";
 
 const [WIDTH, HEIGHT] = [640, 480];
@@ -99,6 +99,13 @@ test("the cloud of a scan appears, in colours, and can be turned", async () => {
   await text(page, "#legend-title", /^Error of depth \(mm\)$/);
   const [, low] = await text(page, "#legend-low", /^(-[\d.]+)$/);
   assert.ok(Number(low) < 0 && Number(low) > -50, low);
+  // The true surface has points where the scan has none.
+  await page.selectOption("#colour-select", { label: "True surface" });
+  await text(page, "#legend-title", /^True depth \(mm\)$/);
+  const [, surface] = await text(page, "#result-pixel", /^(\d+) points/);
+  assert.ok(Number(surface) > Number(points), `${surface} points, ${points} measured`);
+  await page.selectOption("#colour-select", "error");
+  await text(page, "#legend-title", /^Error of depth \(mm\)$/);
   await page.uncheck("#fields");
   const bare = await seen(page, "#cloud");
   assert.ok(Buffer.compare(turned.data, bare.data) !== 0, "the colours have changed");

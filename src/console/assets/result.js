@@ -9,7 +9,9 @@ import { savePicture } from "./save.js";
 const FIRST = [{ name: "depth", title: "Depth", unit: "mm", scale: "linear" }];
 const [CLOUD, PATTERN] = ["cloud", "pattern"];
 /** What the colours of the cloud may show. */
-const POINT_LAYERS = ["depth", "depth_sigma", "error", "intensity", "modulation"];
+const POINT_LAYERS = ["depth", "depth_sigma", "error", "true_depth", "intensity", "modulation"];
+/** Titles of colours of points that say more than those of the layers. */
+const POINT_TITLES = { true_depth: "True surface" };
 
 /** Time over which scans are counted. */
 const COUNTED_MS = 5000;
@@ -72,7 +74,7 @@ export class Result {
       this.listed = key;
       $("view-select").replaceChildren(new Option("Cloud", CLOUD), ...options, ...chosen, new Option("Projected pattern", PATTERN));
       const points = layers.filter(({ name }) => POINT_LAYERS.includes(name));
-      $("colour-select").replaceChildren(...points.map(({ name, title }) => new Option(title, name)));
+      $("colour-select").replaceChildren(...points.map(({ name, title }) => new Option(POINT_TITLES[name] ?? title, name)));
     }
     $("view-select").value = this.view;
     $("colour-select").value = this.colour;

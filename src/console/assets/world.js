@@ -64,6 +64,9 @@ export class World {
       const step = Math.round(1e6 * Number($("step-ms").value));
       attempt(() => this.change({ clock: { step_ns: step } }));
     });
+    for (const button of document.querySelectorAll("#clock-pace button")) {
+      button.addEventListener("click", () => attempt(() => this.change({ clock: { pace: button.value } })));
+    }
     $("clock-stop").addEventListener("click", () => attempt(() => this.change({ clock: "stop" })));
     setInterval(() => this.look(), LOOK_MS);
   }
@@ -234,7 +237,10 @@ export class World {
     const stepped = clock.pace === "stepped";
     for (const id of ["clock-step", "clock-stop", "step-ms"]) {
       $(id).disabled = !stepped;
-      $(id).title = stepped ? "" : "Only a device served with --clock stepped can be stepped.";
+      $(id).title = stepped ? "" : "Pause time to step it.";
+    }
+    for (const button of document.querySelectorAll("#clock-pace button")) {
+      button.setAttribute("aria-pressed", button.value === clock.pace);
     }
     $("clock-rows").replaceChildren(...rows([
       ["Clock", clock.pace],

@@ -255,6 +255,7 @@ impl Server {
         tokio::spawn(async move {
             let stepped = match step {
                 Step::Stop => timeline.stop().map(|()| None),
+                Step::Pace(pace) => timeline.set_pace(pace).map(|()| None),
                 Step::StepNs(ns) => {
                     tokio::time::sleep(IN_TRANSIT).await;
                     timeline.step(ns).map(Some)

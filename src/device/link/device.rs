@@ -21,7 +21,6 @@ use phasmid_profile::RigPlace;
 use phasmid_protocol::Endpoints;
 use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::record::Observer;
-use phasmid_protocol::service::ClockPace;
 use std::future::Future;
 use std::net::SocketAddr;
 use std::num::NonZeroUsize;
@@ -143,7 +142,10 @@ pub async fn serve(
         None => (None, Nodes::default()),
     };
     let node = nodes.camera.map(|path| path.display().to_string());
-    let pace = served.seat.timeline().about().pace;
+    let pace = served.seat.timeline().pace();
+    if served.video.is_some() {
+        served.seat.timeline().keep_real();
+    }
     let mut endpoints = Endpoints {
         name: served.name,
         pid: std::process::id(),
@@ -203,7 +205,7 @@ pub async fn serve(
         name: endpoints.name.clone(),
         bytes: (0, 0),
         render_thread,
-        slowdown: (pace == ClockPace::Real).then(Slowdown::default),
+        slowdown: Slowdown::default(),
         pty: Some(pty),
         control,
         camera,

@@ -21,6 +21,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_profile::RigPlace;
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::Channel;
+use phasmid_protocol::service::ClockPace;
 use std::future::Future;
 use std::path::PathBuf;
 use std::pin::pin;
@@ -56,7 +57,7 @@ pub(super) struct Server {
     pub(super) bytes: (u64, u64),
     pub(super) render_thread: RenderThread,
     /// `None` unless device time is real time.
-    pub(super) slowdown: Option<Slowdown>,
+    pub(super) slowdown: Slowdown,
     /// `None` while the port is disconnected.
     pub(super) pty: Option<Pty>,
     /// Link to the pty.
@@ -122,9 +123,8 @@ impl Server {
                     let Rendered { frame, took, interval } = frame?;
                     let now = self.now();
                     self.machine.rendered(Some(frame), now);
-                    if let Some(slowdown) = &mut self.slowdown
-                        && let Some(interval) = interval
-                        && let Some(factor) = slowdown.rendered(took, interval)
+                    if let Some(interval) = interval
+                        && let Some(factor) = self.slowdown.rendered(took, interval)
                     {
                         slow(factor);
                     }
@@ -349,10 +349,15 @@ impl Server {
             let (firmware, version) = (self.machine.firmware(), self.version);
             self.history.push(&exposure.shot, firmware, version);
             let pattern_index = exposure.shot.pattern_index;
-            let interval = self.slowdown.as_mut().and_then(|slowdown| {
-                let free_ns = firmware.stream().interval_ns;
-                slowdown.interval(pattern_index, exposure.shot.start_ns, free_ns)
-            });
+            let free_ns = firmware.stream().interval_ns;
+            let interval = match self.seat.timeline().pace() {
+                ClockPace::Real => {
+                    let start_ns = exposure.shot.start_ns;
+                    self.slowdown.interval(pattern_index, start_ns, free_ns)
+                }
+                // Time waits for the rendering.
+                ClockPace::Fast | ClockPace::Stepped => None,
+            };
             let free = pattern_index.is_none();
             let wanted = if free {
                 self.keeps_up() && self.render_thread.backlog() < MAX_FREE_BACKLOG

@@ -24,14 +24,17 @@ pub struct Timeline {
 }
 
 struct Shared {
-    pace: ClockPace,
     /// Returns how long the devices have been on.
     wall: Box<dyn Fn() -> Duration + Send + Sync>,
     state: Mutex<State>,
 }
 
-#[derive(Default)]
 struct State {
+    pace: ClockPace,
+    /// Whether it has to remain real time.
+    always_real: bool,
+    /// In real time: a device time, and how long the devices had been on then.
+    since: (u64, Duration),
     now_ns: u64,
     /// Stepped time advances up to here.
     target_ns: u64,
@@ -90,9 +93,19 @@ impl Timeline {
     pub fn new(pace: ClockPace, wall: impl Fn() -> Duration + Send + Sync + 'static) -> Self {
         Self {
             shared: Arc::new(Shared {
-                pace,
                 wall: Box::new(wall),
-                state: Mutex::default(),
+                state: Mutex::new(State {
+                    pace,
+                    always_real: false,
+                    since: (0, Duration::ZERO),
+                    now_ns: 0,
+                    target_ns: 0,
+                    seats: BTreeMap::new(),
+                    next_seat: 0,
+                    steps: Vec::new(),
+                    next_step: 0,
+                    lateness: Lateness::default(),
+                }),
             }),
         }
     }
@@ -127,10 +140,43 @@ impl Timeline {
 
     /// Returns the device time in nanoseconds; it never decreases.
     pub fn now_ns(&self) -> u64 {
-        match self.shared.pace {
-            ClockPace::Real => nanoseconds((self.shared.wall)()),
-            ClockPace::Fast | ClockPace::Stepped => self.shared.state().now_ns,
+        self.shared.now_ns(&self.shared.state())
+    }
+
+    /// Returns how time passes.
+    pub fn pace(&self) -> ClockPace {
+        self.shared.state().pace
+    }
+
+    /// Refuses any pace but real time from now on, for a device whose readers cannot pause it.
+    pub fn keep_real(&self) {
+        self.shared.state().always_real = true;
+    }
+
+    /// Lets time pass in another way from now on, and cancels all steps in progress.
+    ///
+    /// # Errors
+    /// Returns an error if a device needs real time.
+    pub fn set_pace(&self, pace: ClockPace) -> Result<()> {
+        let mut state = self.shared.state();
+        if state.always_real && pace != ClockPace::Real {
+            return Err(Error::input(
+                "clock.pace",
+                format!("{pace:?}").to_lowercase(),
+                "real: a device has a V4L2 node, whose reader cannot pause it",
+            ));
         }
+        let now_ns = self.shared.now_ns(&state);
+        state.call_off(now_ns);
+        (state.now_ns, state.target_ns) = (now_ns, now_ns);
+        state.since = (now_ns, (self.shared.wall)());
+        state.pace = pace;
+        // All wait again, in the new way.
+        for place in state.seats.values_mut() {
+            place.waits = None;
+            place.wake.notify_one();
+        }
+        Ok(())
     }
 
     /// Advances time by `ns`. The result resolves when everything due by then has been handled.
@@ -158,12 +204,9 @@ impl Timeline {
     /// Returns an error if the clock cannot be stepped.
     pub fn stop(&self) -> Result<()> {
         let mut state = self.stepped()?;
-        state.target_ns = state.now_ns;
         let now_ns = state.now_ns;
-        for step in state.steps.drain(..) {
-            // The client may have disconnected.
-            let _ = step.done.send(Stepped::CalledOff(now_ns));
-        }
+        state.target_ns = now_ns;
+        state.call_off(now_ns);
         Ok(())
     }
 
@@ -180,15 +223,16 @@ impl Timeline {
     }
 
     fn stepped(&self) -> Result<MutexGuard<'_, State>> {
-        match self.shared.pace {
-            ClockPace::Stepped => Ok(self.shared.state()),
+        let state = self.shared.state();
+        match state.pace {
+            ClockPace::Stepped => Ok(state),
             pace => Err(Error::input(
                 "clock",
                 match pace {
                     ClockPace::Real => "device time follows the wall clock",
                     _ => "device time advances by itself",
                 },
-                "to step the clock of phasmid serve --clock stepped",
+                "a stepped clock, as of phasmid serve --clock stepped or after the request {\"clock\":{\"pace\":\"stepped\"}}",
             )),
         }
     }
@@ -212,19 +256,18 @@ impl Timeline {
             target_ns,
             done,
         });
-        state.go_on(self.shared.pace);
+        state.go_on();
         Ok(UnderWay { number, ended })
     }
 
     /// Returns the time, its pace, and in real time how late events were handled.
     pub fn about(&self) -> Clock {
-        let now_ns = self.now_ns();
         let state = self.shared.state();
         let lateness = &state.lateness;
         Clock {
-            pace: self.shared.pace,
-            now_ns,
-            late: (self.shared.pace == ClockPace::Real).then(|| Late {
+            pace: state.pace,
+            now_ns: self.shared.now_ns(&state),
+            late: (state.pace == ClockPace::Real).then(|| Late {
                 events: lateness.events(),
                 mean_ns: lateness.mean_ns(),
                 percentile_99_ns: lateness.percentile_ns(99),
@@ -239,12 +282,30 @@ impl Shared {
         // A device that panicked leaves no partial change here.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    fn now_ns(&self, state: &State) -> u64 {
+        match state.pace {
+            ClockPace::Real => {
+                let (from_ns, since) = state.since;
+                from_ns.saturating_add(nanoseconds((self.wall)().saturating_sub(since)))
+            }
+            ClockPace::Fast | ClockPace::Stepped => state.now_ns,
+        }
+    }
 }
 
 impl State {
+    /// Cancels all steps in progress.
+    fn call_off(&mut self, now_ns: u64) {
+        for step in self.steps.drain(..) {
+            // The client may have disconnected.
+            let _ = step.done.send(Stepped::CalledOff(now_ns));
+        }
+    }
+
     /// Advances time as far as possible once all devices wait.
-    fn go_on(&mut self, pace: ClockPace) {
-        let stepped = match pace {
+    fn go_on(&mut self) {
+        let stepped = match self.pace {
             // Real time does not depend on the devices.
             ClockPace::Real => return,
             ClockPace::Fast => false,
@@ -302,23 +363,28 @@ impl Seat {
 
     /// Reports that an event due at `due_ns` is being handled now.
     pub fn handled(&self, due_ns: u64) {
-        if self.timeline.shared.pace == ClockPace::Real {
+        if self.timeline.pace() == ClockPace::Real {
             let late_ns = self.now_ns().saturating_sub(due_ns);
             self.timeline.shared.state().lateness.count(late_ns);
         }
     }
 
-    /// Waits, in a tokio runtime, until the device's next event is due. If dropped earlier, the
-    /// device counts as busy again.
+    /// Waits, in a tokio runtime, until the device's next event is due or the pace changes. If dropped
+    /// earlier, the device counts as busy again.
     pub async fn wait(&mut self, wait: Wait) {
-        if self.timeline.shared.pace == ClockPace::Real {
-            return match wait.next_ns {
-                Some(next) => {
-                    let ns = next.saturating_sub(self.now_ns());
-                    tokio::time::sleep(Duration::from_nanos(ns)).await;
+        if self.timeline.pace() == ClockPace::Real {
+            let left = wait.next_ns.map(|next| next.saturating_sub(self.now_ns()));
+            let due = async {
+                match left {
+                    Some(ns) => tokio::time::sleep(Duration::from_nanos(ns)).await,
+                    None => std::future::pending().await,
                 }
-                None => std::future::pending().await,
             };
+            tokio::select! {
+                () = due => {}
+                () = self.wake.notified() => {}
+            }
+            return;
         }
         // Inputs that have arrived meanwhile come first: yielding lets the event loop poll its
         // sources.
@@ -335,7 +401,7 @@ impl Seat {
         if let Some(place) = state.seats.get_mut(&self.number) {
             place.waits = waits;
         }
-        state.go_on(shared.pace);
+        state.go_on();
     }
 }
 
@@ -344,7 +410,7 @@ impl Drop for Seat {
         let shared = &self.timeline.shared;
         let mut state = shared.state();
         state.seats.remove(&self.number);
-        state.go_on(shared.pace);
+        state.go_on();
     }
 }
 

@@ -195,3 +195,50 @@ fn only_stepped_time_is_stepped_and_only_real_time_is_late() {
     );
     assert_eq!(fast.about().late, None);
 }
+
+#[test]
+fn time_goes_on_when_its_pace_changes() {
+    let wall = Arc::new(Mutex::new(Duration::from_millis(5)));
+    let timeline = {
+        let wall = wall.clone();
+        Timeline::new(ClockPace::Real, move || *wall.lock().unwrap())
+    };
+    let pass = |ms| *wall.lock().unwrap() += Duration::from_millis(ms);
+    assert_eq!(timeline.now_ns(), 5_000_000);
+    timeline.set_pace(ClockPace::Stepped).unwrap();
+    pass(100);
+    assert_eq!(timeline.now_ns(), 5_000_000, "time stands still");
+    assert_eq!(timeline.about().late, None);
+    let mut seat = timeline.seat();
+    run(async {
+        let step = timeline.step(7_000_000).unwrap();
+        let device = async {
+            seat.wait(until(6_000_000)).await;
+            assert_eq!(seat.now_ns(), 6_000_000);
+            seat.wait(NOTHING).await;
+        };
+        let other = async {
+            assert_eq!(step.ended.await.unwrap(), Stepped::Done(12_000_000));
+            let _busy = timeline.seat();
+            let next = timeline.step(1_000_000_000).unwrap();
+            // A device that waits does so in the new way, and the step is cancelled.
+            timeline.set_pace(ClockPace::Real).unwrap();
+            assert_eq!(next.ended.await.unwrap(), Stepped::CalledOff(12_000_000));
+        };
+        tokio::join!(device, other);
+    });
+    pass(3);
+    assert_eq!(timeline.now_ns(), 15_000_000);
+    assert!(timeline.step(1).is_err());
+    timeline.set_pace(ClockPace::Fast).unwrap();
+    run(seat.wait(until(20_000_000)));
+    assert_eq!(timeline.now_ns(), 20_000_000);
+    timeline.keep_real();
+    let refused = timeline.set_pace(ClockPace::Stepped).unwrap_err();
+    let words = refused.to_string();
+    assert!(
+        words.starts_with("clock.pace: stepped; expected real"),
+        "{words}"
+    );
+    timeline.set_pace(ClockPace::Real).unwrap();
+}

@@ -157,11 +157,14 @@ enum Shows {
 /// Name, title and unit of a layer, and what it shows.
 type Row = (&'static str, &'static str, &'static str, Shows);
 
+/// Name of the layer with the true depth.
+const TRUE_DEPTH: &str = "true_depth";
+
 const LAYERS: [Row; 15] = [
     ("depth", "Depth", "mm", Shows::Depth),
     ("depth_sigma", "Deviation of depth", "mm", Shows::DepthSigma),
     ("error", "Error of depth", "mm", Shows::Error),
-    ("true_depth", "True depth", "mm", Shows::TrueDepth),
+    (TRUE_DEPTH, "True depth", "mm", Shows::TrueDepth),
     ("phase_x", "Phase, x", "rad", Shows::Phase(Axis::X)),
     ("order_x", "Fringe order, x", "", Shows::Order(Axis::X)),
     (
@@ -363,6 +366,11 @@ impl Measurement for ScanViews {
         let values = self.layer(layer)?;
         let decoding = self.decoding()?;
         let maps = &decoding.maps;
+        // The true surface is where it is, not where it was measured.
+        let depth = match layer {
+            TRUE_DEPTH => &values,
+            _ => &maps.depth,
+        };
         let Some(triangulator) = decoding.decoder.triangulator() else {
             return Err(Error::device("there are no points without a calibration"));
         };
@@ -370,7 +378,7 @@ impl Measurement for ScanViews {
             let rows = (0..maps.height).step_by(every);
             let pixels =
                 rows.flat_map(move |v| (0..maps.width).step_by(every).map(move |u| (u, v)));
-            pixels.filter(|(u, v)| !maps.depth[v * maps.width + u].is_nan())
+            pixels.filter(|(u, v)| !depth[v * maps.width + u].is_nan())
         };
         let mut every = 1;
         while grid(every).count() > most.max(1) {
@@ -378,7 +386,7 @@ impl Measurement for ScanViews {
         }
         let points = grid(every).map(|(u, v)| {
             let i = v * maps.width + u;
-            let [x, y, z] = triangulator.point(u, v, maps.depth[i]);
+            let [x, y, z] = triangulator.point(u, v, depth[i]);
             [x, y, z, values[i]]
         });
         Ok(Points {

@@ -17,6 +17,15 @@ pub enum ClockPace {
     Stepped,
 }
 
+impl ClockPace {
+    /// All of them with their names.
+    pub(super) const ALL: [(&str, Self); 3] = [
+        ("real", Self::Real),
+        ("fast", Self::Fast),
+        ("stepped", Self::Stepped),
+    ];
+}
+
 /// Device time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Clock {

@@ -4,6 +4,7 @@
 mod fields;
 mod once;
 
+use super::about::ClockPace;
 use super::request::{Action, Every, Item, Placement, Request, Step, TermChoice, Which};
 use crate::faults::{Fault, When};
 use fields::fields;
@@ -107,9 +108,10 @@ fn step(place: &str, value: &Value) -> Result<Step, String> {
         Some(("run_until_ns", number)) => {
             Ok(Step::RunUntilNs(whole("clock.run_until_ns", number)?))
         }
+        Some(("pace", pace)) => Ok(Step::Pace(one_of("clock.pace", pace, &ClockPace::ALL)?)),
         _ if value.as_str() == Some("stop") => Ok(Step::Stop),
         _ => {
-            let allowed = "{\"step_ns\":N}, {\"run_until_ns\":N} or \"stop\"";
+            let allowed = "{\"step_ns\":N}, {\"run_until_ns\":N}, {\"pace\":NAME} or \"stop\"";
             refusal(place, value, allowed)
         }
     }
@@ -184,7 +186,9 @@ mod tests {
             ("{\"do\":{}}", vec!["do: {}; expected \"trigger\""]),
             (
                 "{\"clock\":{}}",
-                vec!["clock: {}; expected {\"step_ns\":N}, {\"run_until_ns\":N} or \"stop\""],
+                vec![
+                    "clock: {}; expected {\"step_ns\":N}, {\"run_until_ns\":N}, {\"pace\":NAME} or \"stop\"",
+                ],
             ),
             (
                 "{\"clock\":{\"step_ns\":1.5}}",

@@ -1,5 +1,6 @@
 //! Requests that a client may send.
 
+use super::about::ClockPace;
 use crate::faults::Fault;
 use serde::{Deserialize, Serialize};
 
@@ -116,6 +117,8 @@ pub enum Step {
     RunUntilNs(u64),
     /// Cancels all pending steps.
     Stop,
+    /// Lets time pass in another way.
+    Pace(ClockPace),
 }
 
 /// Faults to remove.
@@ -215,6 +218,10 @@ mod tests {
                 r#"{"clock":{"run_until_ns":7}}"#,
             ),
             (Request::Clock(Step::Stop), r#"{"clock":"stop"}"#),
+            (
+                Request::Clock(Step::Pace(ClockPace::Fast)),
+                r#"{"clock":{"pace":"fast"}}"#,
+            ),
             (
                 Request::Place(Placement {
                     object: 1,
