@@ -32,7 +32,7 @@ function rows(pairs) {
   });
 }
 
-const stated = (value, digitsShown, unit) => (value ? `${value[0].toFixed(digitsShown)} ± ${value[1].toFixed(digitsShown)} ${unit}` : "lost");
+const stated = (value, digitsShown, unit) => (value?.every(Number.isFinite) ? `${value[0].toFixed(digitsShown)} ± ${value[1].toFixed(digitsShown)} ${unit}` : "lost");
 
 export class Room {
   /** `seen` is called with the number of results that have been drawn. */
