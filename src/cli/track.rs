@@ -100,7 +100,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut on = None;
     let mut reported = Ok(());
     let tracked = crate::track(&mut pods, &planned, &options, |progress| {
-        page.show(&progress);
         if let Some(line) = &line {
             show(line, progress, args.scans);
         }
@@ -108,6 +107,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             hint(tracked);
         }
         reported = report(progress, &mut table, &mut on).and_then(|()| check());
+        page.show(&progress);
         match reported {
             Ok(()) => ControlFlow::Continue(()),
             Err(_) => ControlFlow::Break(()),
@@ -178,8 +178,6 @@ fn report(progress: TrackProgress<'_>, table: &mut Table, on: &mut Option<u64>) 
             eprintln!("phasmid: {pod}: {why}");
             Ok(())
         }
-        TrackProgress::Captured { .. } | TrackProgress::Surface { .. } | TrackProgress::Waiting => {
-            Ok(())
-        }
+        TrackProgress::Surface { .. } | TrackProgress::Waiting => Ok(()),
     }
 }

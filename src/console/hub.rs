@@ -4,7 +4,7 @@
 use crate::measurement::Measurement;
 use crate::operator::{Operator, Request};
 use crate::recording::Recording;
-use crate::room::{Room, RoomRow, RoomScan};
+use crate::room::{KnownRow, Room, RoomRow, RoomScan};
 use crate::sequence::Sequence;
 use crate::traffic::{Entry, Traffic};
 use phasmid_core::error::{Error, Result};
@@ -58,7 +58,9 @@ struct Source {
     measurement: Option<Numbered<Arc<dyn Measurement>>>,
     room: Option<Numbered<Arc<Room>>>,
     /// Results in the room.
-    rows: VecDeque<Numbered<Arc<RoomRow>>>,
+    rows: VecDeque<Numbered<Arc<KnownRow>>>,
+    /// Number of results so far.
+    results: u64,
     /// The patient in the last scan.
     scan: Arc<RoomScan>,
     operators: Vec<Arc<dyn Operator>>,
@@ -368,16 +370,33 @@ impl Hub {
         self.tell();
     }
 
-    /// Shows the result of a scan in a room, and the patient in it.
-    pub(crate) fn show_tracked(&self, source: usize, row: RoomRow, scan: Arc<RoomScan>) {
+    /// Shows the result of a scan in a room, and the patient in it. Returns the result's number.
+    pub(crate) fn show_tracked(&self, source: usize, row: RoomRow, scan: Arc<RoomScan>) -> u64 {
         let mut state = self.state();
         let source = &mut state.sources[source];
         if source.rows.len() == MAX_ROWS {
             source.rows.pop_front();
         }
-        let row = source.number(Arc::new(row));
+        source.results += 1;
+        let id = source.results;
+        let row = source.number(Arc::new(KnownRow { id, row }));
         source.rows.push_back(row);
         source.scan = scan;
+        drop(state);
+        self.tell();
+        id
+    }
+
+    /// Adds the truth to a result, by its number.
+    pub(crate) fn add_truth(&self, source: usize, id: u64, truth: [f64; 4]) {
+        let mut state = self.state();
+        let source = &mut state.sources[source];
+        let Some(at) = source.rows.iter().rposition(|row| row.value.id == id) else {
+            return;
+        };
+        let mut row = source.rows[at].value.row.clone();
+        row.truth = Some(truth);
+        source.rows[at] = source.number(Arc::new(KnownRow { id, row }));
         drop(state);
         self.tell();
     }
@@ -449,8 +468,8 @@ impl Hub {
 
 /// Results that a viewer has not seen.
 pub(crate) struct NewRows {
-    pub(crate) rows: Vec<Arc<RoomRow>>,
-    /// Number of the last one.
+    pub(crate) rows: Vec<Arc<KnownRow>>,
+    /// The largest of their numbers.
     pub(crate) last: u64,
     /// The patient in the last one.
     pub(crate) scan: Arc<RoomScan>,
@@ -528,7 +547,7 @@ impl Seat {
     pub(crate) fn newer_rows(&self, source: usize, number: u64) -> Option<NewRows> {
         let state = self.hub.state();
         let source = state.sources.get(source)?;
-        let last = source.rows.back()?.number;
+        let last = source.rows.iter().map(|row| row.number).max()?;
         let new = source.rows.iter().filter(|row| row.number > number);
         (last > number).then(|| NewRows {
             rows: new.map(|row| row.value.clone()).collect(),

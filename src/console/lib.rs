@@ -205,9 +205,14 @@ impl Source {
     }
 
     /// Shows the result of a scan in the room, and the patient in it. The latest thousands of results are
-    /// kept.
-    pub fn show_tracked(&self, row: RoomRow, scan: Arc<RoomScan>) {
-        self.hub.show_tracked(self.index, row, scan);
+    /// kept. Returns the number of the result.
+    pub fn show_tracked(&self, row: RoomRow, scan: Arc<RoomScan>) -> u64 {
+        self.hub.show_tracked(self.index, row, scan)
+    }
+
+    /// Adds [`RoomRow::truth`] to a result, by its number, if it is still kept.
+    pub fn add_truth(&self, result: u64, truth: [f64; 4]) {
+        self.hub.add_truth(self.index, result, truth);
     }
 
     /// Shows a measurement instead of the last one.

@@ -79,6 +79,14 @@ pub struct RoomScan {
     pub tumour: Vec<[f32; 3]>,
 }
 
+/// A result as the page gets it; one with this number that it has is replaced.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct KnownRow {
+    pub(crate) id: u64,
+    #[serde(flatten)]
+    pub(crate) row: RoomRow,
+}
+
 /// Returns the message of a room.
 pub(crate) fn room_message(source: usize, room: &Room) -> Vec<u8> {
     let surfaces = [&room.skin, &room.tumour];
@@ -111,7 +119,7 @@ pub(crate) fn room_message(source: usize, room: &Room) -> Vec<u8> {
 pub(crate) fn tracked_message(
     source: usize,
     number: u64,
-    rows: &[Arc<RoomRow>],
+    rows: &[Arc<KnownRow>],
     scan: &RoomScan,
 ) -> Vec<u8> {
     let RoomScan {

@@ -7,7 +7,7 @@
 use crate::hub::{Shown, View};
 use crate::measurement::About;
 use crate::operator::Request;
-use crate::room::{Room, RoomRow};
+use crate::room::{KnownRow, Room};
 use crate::traffic::Entry;
 use phasmid_pattern::{Axis, Manifest, Pattern};
 use phasmid_protocol::PixelFormat;
@@ -93,13 +93,13 @@ pub(crate) enum Told<'a> {
         /// Numbers of vertices and of triangles of each.
         sizes: [[usize; 2]; 2],
     },
-    /// Results since the last such message. The payload has 32-bit floats of the last one: four for each
+    /// Results since the last such message, and those to which the truth has been added. The payload has 32-bit floats of the last one: four for each
     /// point, then the vertices of the tracked skin and tumour.
     Tracked {
         source: usize,
         /// Which [`Asked::Seen`] returns.
         number: u64,
-        rows: Vec<&'a RoomRow>,
+        rows: Vec<&'a KnownRow>,
         /// Numbers of points and of vertices.
         sizes: [usize; 3],
     },

@@ -132,19 +132,14 @@ impl Default for TrackOptions {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum TrackProgress<'a> {
-    /// A pod has scanned.
-    Captured {
-        /// Index of the pod.
-        pod: usize,
-        /// The scan.
-        capture: &'a Capture,
-    },
-    /// The surface of the scan that is reported next.
+    /// The surface of the scan that was reported last.
     Surface {
         /// The points that were fitted, of all pods, in the room frame.
         measured: &'a Measured,
         /// Pose and breathing of the patient, for [`Planned::model`]; `None` if the skin is lost.
         state: Option<&'a MotionState>,
+        /// The captures of the pods.
+        captures: &'a [Capture],
     },
     /// A scan by all pods was evaluated.
     Scan(&'a Tracked),
@@ -298,6 +293,7 @@ fn follow(
     let mut first = None;
     loop {
         let mut gathered = Gathered::default();
+        let mut captures = Vec::with_capacity(tracker.pods());
         let mut due = deadline.due(Instant::now());
         for pod in 0..tracker.pods() {
             let Some(taken) = next(tracker, scans, &mut due, options.scans, progress) else {
@@ -317,18 +313,19 @@ fn follow(
                 }
             }
             tracker.measure(pod, &capture, identified, arrived, &mut gathered)?;
-            let capture = &capture;
-            if progress(TrackProgress::Captured { pod, capture }).is_break() {
-                return Ok(());
-            }
+            captures.push(capture);
         }
         deadline.heard(Instant::now());
         let tracked = tracker.answer(gathered);
-        let (measured, state) = (tracker.measured(), tracker.state());
-        if progress(TrackProgress::Surface { measured, state }).is_break() {
+        if progress(TrackProgress::Scan(&tracked)).is_break() {
             return Ok(());
         }
-        if progress(TrackProgress::Scan(&tracked)).is_break() {
+        let surface = TrackProgress::Surface {
+            measured: tracker.measured(),
+            state: tracker.state(),
+            captures: &captures,
+        };
+        if progress(surface).is_break() {
             return Ok(());
         }
         let time = match tracked.time {

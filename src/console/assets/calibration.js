@@ -35,7 +35,7 @@ export class Calibration {
     $("pose-take").addEventListener("click", () => change(() => ({ take: {} })));
     $("poses-forget").addEventListener("click", () => change(() => ({ forget: {} })));
     $("rig-solve").addEventListener("click", () => this.solve());
-    $("rig-save").addEventListener("click", () => saveText(this.state.solution.toml, "calibration.toml"));
+    $("rig-save").addEventListener("click", () => this.state?.solution && saveText(this.state.solution.toml, "calibration.toml"));
     $("pose-rows").addEventListener("click", ({ target }) => {
       if (target.value) {
         change(() => ({ forget: { pose: Number(target.value) } }));
@@ -50,8 +50,10 @@ export class Calibration {
     this.state = null;
     this.sight = null;
     this.chosen = undefined;
-    $("board-seen").textContent = "";
-    $("pose-rows").replaceChildren();
+    for (const id of ["board-seen", "covered", "pose-rows", "rig-summary", "rig-warnings", "rig-rows"]) {
+      $(id).replaceChildren();
+    }
+    $("rig-save").disabled = true;
     this.draw();
   }
 
@@ -67,6 +69,14 @@ export class Calibration {
         this.fill(state.board);
         this.tell(state);
       });
+    }
+  }
+
+  /** Whether this viewer may change anything. */
+  control(controls) {
+    if (this.controls !== controls) {
+      this.controls = controls;
+      this.state && this.tell(this.state);
     }
   }
 
@@ -97,11 +107,16 @@ export class Calibration {
       return;
     }
     this.looking = true;
-    const sight = await this.ask({ look: {} }).catch(() => null);
+    const seen = await this.ask({ look: {} }).catch(() => null);
     this.looking = false;
     if (!this.shown) {
       return;
     }
+    if (seen && this.state && seen.changes !== this.state.changes) {
+      // Another viewer has changed something.
+      this.ask({ state: {} }).then((state) => this.tell(state), () => {});
+    }
+    const sight = seen?.sight ?? null;
     this.sight = sight;
     const where = sight?.scan ? "last scan" : "live picture";
     $("board-seen").textContent = !sight ? "no picture yet" : sight.why ? `${where}: ${sight.why}` : `${where}: ${sight.points.length} of ${sight.of} points`;
@@ -112,7 +127,7 @@ export class Calibration {
   async solve() {
     $("rig-summary").textContent = "solving";
     await attempt(async () => this.tell(await this.ask({ solve: {} })));
-    if ($("rig-summary").textContent === "solving") {
+    if (this.state && $("rig-summary").textContent === "solving") {
       this.tell(this.state);
     }
   }
@@ -138,7 +153,7 @@ export class Calibration {
         number(pose.solved?.projector_rms_px, 3),
       ];
       row.append(...cells.map((text) => Object.assign(document.createElement("td"), { textContent: text })));
-      const forget = Object.assign(document.createElement("button"), { textContent: "Forget", value: pose.number, disabled: $("pose-take").disabled });
+      const forget = Object.assign(document.createElement("button"), { textContent: "Forget", value: pose.number, disabled: !this.controls });
       const last = document.createElement("td");
       last.append(forget, ` ${pose.why ?? ""}`);
       row.append(last);

@@ -54,7 +54,8 @@ export function draw(canvas, { at, ends, values, sigma, truth, limit, bad, title
   context.fillStyle = colour("--shade");
   bad?.forEach((is, i) => {
     if (is) {
-      const [from, to] = [x(Math.max(i - 1, 0)), x(i)];
+      // Until the next value.
+      const [from, to] = [x(i), x(Math.min(i + 1, at.length - 1))];
       context.fillRect(from, top, Math.max(1, to - from), height - top - bottom);
     }
   });

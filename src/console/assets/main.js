@@ -77,6 +77,7 @@ function connected(how) {
     return;
   }
   requests.lost();
+  room.lost();
   keepControl();
   state.controls = false;
   $("role").textContent = "";

@@ -62,6 +62,7 @@ export class Panels {
       field.title = controls ? "" : "Take control first.";
     }
     $("pose-scan").hidden = !answers.includes("scan");
+    this.calibration.control(controls);
     this.world.update(answers.includes("service"), controls);
     if (news) {
       this.show();

@@ -7,6 +7,9 @@ import { css, digits, range, STEPS } from "./colours.js";
 const MAX_ROWS = 3000;
 /** Number of results over which a chart is drawn; more are thinned out. */
 const MAX_DRAWN = 600;
+/** Minimum silence after which the beam's state is unknown, and number of intervals between results by which it is
+ * longer. */
+const [SILENCE_MS, GAPS] = [2000, 5];
 const DISTANCE = { scale: "signed" };
 /** Charts: title, unit, and the numbers of a result that they show. */
 const CHARTS = [
@@ -52,14 +55,42 @@ export class Room {
     $("room-seconds").addEventListener("change", () => this.drawCharts());
     $("room-fit").addEventListener("click", () => this.scene?.fit());
     new ResizeObserver(() => this.drawCharts()).observe($("charts"));
+    setInterval(() => this.listen(), SILENCE_MS / 4);
   }
 
   clear() {
     [this.plan, this.scan, this.rows] = [null, null, []];
+    [this.gaps, this.heardAt] = [[], undefined];
     $("beam").textContent = "no scan yet";
     $("beam").className = "";
     for (const id of ["beam-why", "room-figures", "pod-rows", "room-warnings", "room-notice"]) {
       $(id).replaceChildren();
+    }
+  }
+
+  /** The connection is lost: nobody knows whether the beam is on. */
+  lost() {
+    if (this.plan) {
+      $("beam").textContent = "unknown";
+      $("beam").className = "";
+      $("beam-why").textContent = "the connection to the console is lost";
+    }
+  }
+
+  /** Notes when results come, and how far they are apart at most. */
+  heard() {
+    const now = performance.now();
+    this.gaps = [...(this.gaps ?? []), now - (this.heardAt ?? now)].slice(-GAPS);
+    this.heardAt = now;
+  }
+
+  /** Says so if no result has come for long while the beam was on. */
+  listen() {
+    const silence = performance.now() - (this.heardAt ?? Infinity);
+    if (this.plan && $("beam").className === "on" && silence > Math.max(SILENCE_MS, 5 * Math.max(...this.gaps))) {
+      $("beam").textContent = "unknown";
+      $("beam").className = "";
+      $("beam-why").textContent = `no result for ${(silence / 1000).toFixed(0)} s`;
     }
   }
 
@@ -80,7 +111,11 @@ export class Room {
     const numbers = new Float32Array(payload);
     const ends = [4 * points, 4 * points + 3 * skin, 4 * points + 3 * (skin + tumour)];
     this.scan = { points: numbers.slice(0, ends[0]), skin: numbers.slice(ends[0], ends[1]), tumour: numbers.slice(ends[1], ends[2]) };
-    this.rows = [...this.rows, ...message.rows].slice(-MAX_ROWS);
+    // Those that are known get the truth, or come again on a new connection.
+    const known = new Map(this.rows.map((row) => [row.id, row]));
+    message.rows.forEach((row) => known.set(row.id, row));
+    this.rows = [...known.values()].sort((a, b) => a.id - b.id).slice(-MAX_ROWS);
+    this.heard();
     requestAnimationFrame(() => {
       try {
         this.drawScene();
@@ -138,7 +173,10 @@ export class Room {
     }
     const recent = this.rows.filter(({ time_s: time }) => time >= last.time_s - seconds);
     const every = Math.ceil(recent.length / MAX_DRAWN);
-    const drawn = recent.filter((_, i) => (recent.length - 1 - i) % every === 0);
+    const groups = Array.from({ length: Math.ceil(recent.length / every) }, (_, i) => recent.slice(every * i, every * (i + 1)));
+    // The one farthest from the plan stands for its group, and a held beam is always seen.
+    const drawn = groups.map((group) => group.reduce((a, b) => ((b.tumour?.[3][0] ?? 0) > (a.tumour?.[3][0] ?? 0) ? b : a)));
+    const held = groups.map((group) => group.some((row) => row.held !== null));
     const at = drawn.map(({ time_s: time }) => time);
     const ends = [`${at[0].toFixed(1)} s`, `${at.at(-1).toFixed(1)} s`];
     CHARTS.forEach(([title, unit, of, index], i) => {
@@ -151,7 +189,7 @@ export class Room {
         sigma: drawn.map((row) => row[of]?.[index][1]),
         truth,
         limit: isDistance ? this.plan.tolerance_mm : undefined,
-        bad: isDistance ? drawn.map((row) => row.held !== null) : null,
+        bad: isDistance ? held : null,
         title,
         unit,
         brief: true,

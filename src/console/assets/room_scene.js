@@ -16,6 +16,19 @@ const AXES_MM = 80;
 /** Colours of pods, by M. Okabe and K. Ito. */
 export const POD_COLOURS = ["#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#0072b2", "#d55e00", "#f0e442"];
 
+/** Sets the numbers of an attribute, in the buffer that it has if they are as many. */
+function set(geometry, name, numbers, size, normalized = false) {
+  const known = geometry.getAttribute(name);
+  if (known?.array.length === numbers.length) {
+    known.array.set(numbers);
+    known.needsUpdate = true;
+    return;
+  }
+  // Frees the buffers.
+  geometry.dispose();
+  geometry.setAttribute(name, new BufferAttribute(numbers, size, normalized));
+}
+
 const surface = (color, opacity) => new Mesh(new BufferGeometry(), new MeshLambertMaterial({
   color, opacity, transparent: opacity < 1, depthWrite: opacity === 1, side: DoubleSide, flatShading: true,
 }));
@@ -110,7 +123,7 @@ export class RoomScene {
       const part = this.tracked[name];
       part.visible = shown.tracked && vertices.length > 0;
       if (vertices.length) {
-        part.geometry.setAttribute("position", new BufferAttribute(vertices, 3));
+        set(part.geometry, "position", vertices, 3);
       }
       this.planned[name].visible = shown.planned;
     }
@@ -123,10 +136,8 @@ export class RoomScene {
     const [steps, table, colours] = [new Uint16Array(count), texture(DISTANCE), new Uint8Array(3 * count)];
     quantise(DISTANCE, distances, [-most, most], steps);
     steps.forEach((step, i) => colours.set(step < STEPS ? table.subarray(4 * step, 4 * step + 3) : [90, 90, 90], 3 * i));
-    this.points.geometry.dispose();
-    this.points.geometry = new BufferGeometry();
-    this.points.geometry.setAttribute("position", new BufferAttribute(positions, 3));
-    this.points.geometry.setAttribute("color", new BufferAttribute(colours, 3, true));
+    set(this.points.geometry, "position", positions, 3);
+    set(this.points.geometry, "color", colours, 3, true);
     this.points.visible = shown.points;
     this.pods.visible = shown.pods;
     this.draw();

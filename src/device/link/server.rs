@@ -56,7 +56,7 @@ pub(super) struct Server {
     /// Number of bytes received and sent on the control port.
     pub(super) bytes: (u64, u64),
     pub(super) render_thread: RenderThread,
-    /// `None` unless device time is real time.
+    /// How much slower frames are rendered than real time wants.
     pub(super) slowdown: Slowdown,
     /// `None` while the port is disconnected.
     pub(super) pty: Option<Pty>,

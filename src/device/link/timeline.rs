@@ -427,7 +427,8 @@ impl<'a> Waiting<'a> {
     fn goes_on(&self) -> bool {
         let state = self.0.timeline.shared.state();
         let place = state.seats.get(&self.0.number);
-        place.is_some_and(|place| place.waits.is_some())
+        // The pace may have changed before this one began to wait.
+        state.pace != ClockPace::Real && place.is_some_and(|place| place.waits.is_some())
     }
 }
 

@@ -7,16 +7,20 @@ use phasmid_console::{Calibration as Step, Measurement, Operator, Request, Sourc
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::Capture;
 use phasmid_geometry::Board;
+use phasmid_host::check_identified_sequence;
 use phasmid_protocol::Frame;
 use serde_json::{Value, json};
 use std::any::Any;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Maximum number of poses.
 const MAX_POSES: usize = 200;
 /// Columns and rows of equal cells of the image; its coverage is the part of them that has points.
 const CELLS: [usize; 2] = [8, 6];
+/// Minimum time between two searches for viewers who only watch.
+const SOON: Duration = Duration::from_millis(300);
 
 /// Lets viewers of a source calibrate its scanner: they look for a board in its latest image, take scans as
 /// poses, and solve for the rig.
@@ -38,6 +42,10 @@ struct Calibrator {
 /// The poses and what they give.
 struct State {
     board: Board,
+    /// Number of boards so far.
+    boards: u64,
+    /// Number of changes so far, by which viewers see that their list is old.
+    changes: u64,
     poses: Vec<Pose>,
     /// Number of poses so far.
     numbered: u64,
@@ -72,6 +80,8 @@ struct Sight {
     /// Positions of its points in pixels, or why there are none.
     found: std::result::Result<Vec<[f64; 2]>, String>,
     size: [u32; 2],
+    /// When it was found.
+    at: Instant,
     /// Details of a scan.
     looked: Option<Looked>,
 }
@@ -80,9 +90,20 @@ impl State {
     fn new(board: Board) -> Self {
         Self {
             board,
+            boards: 0,
+            changes: 0,
             poses: Vec::new(),
             numbered: 0,
             solved: None,
+        }
+    }
+
+    /// # Errors
+    /// Returns an error if `boards` is an earlier number of boards.
+    fn check(&self, boards: u64) -> Result<()> {
+        match self.boards == boards {
+            true => Ok(()),
+            false => Err(Error::device("the board has been changed meanwhile")),
         }
     }
 
@@ -118,6 +139,7 @@ impl State {
             })
         });
         json!({
+            "changes": self.changes,
             "board": self.board,
             "size": size,
             "covered": covered(size, self.poses.iter().flat_map(|pose| positions(&pose.looked))),
@@ -226,7 +248,11 @@ impl Image {
             }
             (Self::Scan(_), Some(capture)) => {
                 let (manifest, images) = (&capture.manifest, &capture.images);
-                match look(&board, "scan", manifest, images, capture.calibration) {
+                let checked = check_identified_sequence(manifest, images);
+                let checked = checked.map_err(|doubt| Error::device(doubt.to_string()));
+                let looked = checked
+                    .and_then(|()| look(&board, "scan", manifest, images, capture.calibration));
+                match looked {
                     Ok(looked) => {
                         let found = match &looked.found {
                             Ok(_) => Ok(positions(&looked).collect()),
@@ -244,6 +270,7 @@ impl Image {
             image: self,
             found,
             size,
+            at: Instant::now(),
             looked,
         }
     }
@@ -269,44 +296,57 @@ impl Calibrator {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Looks for the board in an image, unless that was done last.
-    fn look<T>(&self, image: Image, tell: impl FnOnce(&Sight) -> T) -> T {
+    /// Looks for the board in the image that `choose` returns, unless that was done last. Viewers that ask at the
+    /// same time wait for each other, and find out in turn.
+    fn look<T>(
+        &self,
+        choose: impl FnOnce(Option<&Sight>) -> Option<Image>,
+        tell: impl FnOnce(&Sight) -> T,
+    ) -> Option<T> {
         let mut sight = self.sight.lock().unwrap_or_else(PoisonError::into_inner);
-        // Read here: another viewer may have set it while this one waited.
         let board = self.state().board;
-        let known = sight.take();
-        let known = known.filter(|known| known.board == board && known.image.is(&image));
-        tell(sight.insert(known.unwrap_or_else(|| image.look(board))))
+        let known = sight.take().filter(|known| known.board == board);
+        let image = choose(known.as_ref())?;
+        let known = known.filter(|known| known.image.is(&image));
+        Some(tell(
+            sight.insert(known.unwrap_or_else(|| image.look(board))),
+        ))
     }
 
     /// Looks at the latest frame, or at the last scan if the frame has a pattern.
     fn look_at_latest(&self) -> Value {
-        let frame = self.source.frame();
-        let scan = self.source.measurement();
-        let free = { frame.as_ref() }.is_some_and(|frame| frame.pattern_index.is_none());
-        let image = match (frame, scan) {
-            (Some(frame), None) => Image::Frame(frame),
-            (Some(frame), _) if free => Image::Frame(frame),
-            (_, Some(scan)) => Image::Scan(scan),
-            (None, None) => return Value::Null,
+        let choose = |known: Option<&Sight>| {
+            if let Some(known) = known.filter(|known| known.at.elapsed() < SOON) {
+                return Some(known.image.clone());
+            }
+            let frame = self.source.frame();
+            let free = { frame.as_ref() }.is_some_and(|frame| frame.pattern_index.is_none());
+            let scan = self.source.measurement().filter(|_| !free);
+            { scan.map(Image::Scan) }.or(frame.map(Image::Frame))
         };
-        self.look(image, Sight::about)
+        self.look(choose, Sight::about).unwrap_or_default()
     }
 
     /// Takes the last scan as a pose.
     fn take(&self) -> Result<Value> {
         let scan = self.source.measurement();
         let scan = scan.ok_or_else(|| Error::device("there is no scan yet"))?;
-        let taken = self.look(Image::Scan(scan), |sight| {
-            let looked = sight.looked.as_ref().filter(|_| sight.found.is_ok());
-            let looked = looked.map(|looked| Looked {
-                picture: image::RgbImage::default(),
-                ..looked.clone()
-            });
-            looked.ok_or_else(|| sight.found.clone().err().unwrap_or_default())
-        });
+        let boards = self.state().boards;
+        let taken = self.look(
+            |_| Some(Image::Scan(scan)),
+            |sight| {
+                let looked = sight.looked.as_ref().filter(|_| sight.found.is_ok());
+                let looked = looked.map(|looked| Looked {
+                    picture: image::RgbImage::default(),
+                    ..looked.clone()
+                });
+                looked.ok_or_else(|| sight.found.clone().err().unwrap_or_default())
+            },
+        );
+        let taken = taken.unwrap_or_else(|| Err(String::new()));
         let looked = taken.map_err(Error::device)?;
         let mut state = self.state();
+        state.check(boards)?;
         if state.poses.len() == MAX_POSES {
             return Err(Error::device(format!(
                 "there are {MAX_POSES} poses already"
@@ -318,12 +358,13 @@ impl Calibrator {
         state.numbered += 1;
         let number = state.numbered;
         state.poses.push(Pose { number, looked });
+        state.changes += 1;
         Ok(state.about())
     }
 
     fn solve(&self) -> Result<Value> {
         let state = self.state();
-        let (board, poses) = (state.board, state.poses.clone());
+        let (board, boards, poses) = (state.board, state.boards, state.poses.clone());
         drop(state);
         let numbers: Vec<_> = poses.iter().map(|pose| pose.number).collect();
         let names = numbers.iter().map(|number| format!("pose {number}"));
@@ -345,6 +386,11 @@ impl Calibrator {
         let missed: Vec<_> = missed.collect();
         calibration.warnings.extend(missed);
         let mut state = self.state();
+        state.check(boards)?;
+        if state.poses.is_empty() {
+            return Err(Error::device("the poses have been forgotten meanwhile"));
+        }
+        state.changes += 1;
         state.solved = Some(Solved {
             numbers,
             calibration,
@@ -354,7 +400,10 @@ impl Calibrator {
 
     fn step(&self, step: &Step) -> Result<Value> {
         match step {
-            Step::Look {} => Ok(self.look_at_latest()),
+            Step::Look {} => {
+                let sight = self.look_at_latest();
+                Ok(json!({ "changes": self.state().changes, "sight": sight }))
+            }
             Step::State {} => Ok(self.state().about()),
             Step::Board(board) => {
                 { board.check() }.map_err(|(field, found, allowed)| {
@@ -362,7 +411,13 @@ impl Calibrator {
                 })?;
                 let mut state = self.state();
                 if state.board != *board {
-                    *state = State::new(*board);
+                    // Requests for the board before come to nothing.
+                    *state = State {
+                        boards: state.boards + 1,
+                        changes: state.changes + 1,
+                        numbered: state.numbered,
+                        ..State::new(*board)
+                    };
                 }
                 Ok(state.about())
             }
@@ -371,6 +426,7 @@ impl Calibrator {
                 let mut state = self.state();
                 let is_kept = |known: &Pose| pose.is_some_and(|number| known.number != number);
                 state.poses.retain(is_kept);
+                state.changes += 1;
                 if state.poses.is_empty() {
                     state.solved = None;
                 }
@@ -445,7 +501,8 @@ mod tests {
             sight: Mutex::default(),
         };
         let step = |step: Step| calibrator.step(&step);
-        assert_eq!(step(Step::Look {}).unwrap(), Value::Null);
+        let nothing = step(Step::Look {}).unwrap();
+        assert_eq!(nothing, json!({ "changes": 0, "sight": null }));
         let refused = |words: &str, wrong: Step| {
             let error = step(wrong).unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
@@ -468,7 +525,7 @@ mod tests {
             let (position_mm, rotation_deg) = rig_from_board.to_xyz_deg();
             device.place(0, position_mm, rotation_deg).unwrap();
             source.show(Arc::new(ScanViews::new(device.scan(&sequence).unwrap())));
-            let sight = step(Step::Look {}).unwrap();
+            let sight = step(Step::Look {}).unwrap()["sight"].take();
             // A pose may reach out of the image.
             assert!(sight["points"].as_array().unwrap().len() > 400, "{sight}");
             state = step(Step::Take {}).unwrap();

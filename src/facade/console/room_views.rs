@@ -13,11 +13,11 @@ use phasmid_protocol::record::Observer;
 use phasmid_protocol::service::Request;
 use phasmid_sgrt::{Beam, Measured, MotionState, Planned};
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::fmt;
-use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -50,12 +50,14 @@ pub struct RoomViews<'a> {
     pods: Vec<Pod>,
     room: Room,
     /// The thread that asks for the truth, if there is an emulated device.
-    truths: Option<SyncSender<Outcome>>,
+    truths: Option<SyncSender<(u64, Duration)>>,
+    /// Computes the views of the pods, apart from tracking.
+    pool: Option<Arc<ThreadPool>>,
     begun: Instant,
     /// Time of the last result in seconds.
     last_s: f64,
-    /// Surface and coverage of the scan that is reported next.
-    next: Next,
+    /// The result of a scan whose surface comes next.
+    tracked: Option<Tracked>,
 }
 
 /// A pod as a scanner of its own.
@@ -68,17 +70,8 @@ struct Pod {
     service: Option<PathBuf>,
 }
 
-/// The result of a scan, before the truth is known.
-struct Outcome {
-    row: RoomRow,
-    scan: Arc<RoomScan>,
-    /// Device time for which the truth is wanted.
-    middle: Option<Duration>,
-}
-
 /// The patient in a scan, and what each pod saw.
-#[derive(Default)]
-struct Next {
+struct Sighted {
     scan: RoomScan,
     points: Vec<usize>,
     coverage: Vec<f64>,
@@ -126,9 +119,14 @@ impl<'a> RoomViews<'a> {
             pods,
             room,
             truths: None,
+            pool: ThreadPoolBuilder::new()
+                .num_threads(1)
+                .build()
+                .ok()
+                .map(Arc::new),
             begun: Instant::now(),
             last_s: 0.0,
-            next: Next::default(),
+            tracked: None,
         }
     }
 
@@ -143,12 +141,13 @@ impl<'a> RoomViews<'a> {
         self.pods[pod].service = Some(service.clone());
         if self.truths.is_none() {
             let (source, target_mm) = (self.source.clone(), self.room.target_mm);
-            let (send, results) = sync_channel::<Outcome>(WAITING);
+            let (send, wanted) = sync_channel(WAITING);
             let thread = thread::Builder::new().name("truth".into());
             let thread = thread.spawn(move || {
-                for Outcome { row, scan, middle } in results {
-                    let truth = middle.and_then(|time| truth(&service, time, target_mm));
-                    source.show_tracked(RoomRow { truth, ..row }, scan);
+                for (result, middle) in wanted {
+                    if let Some(truth) = truth(&service, middle, target_mm) {
+                        source.add_truth(result, truth);
+                    }
                 }
             });
             // Without a thread, the truth is not shown.
@@ -169,14 +168,12 @@ impl<'a> RoomViews<'a> {
     /// Shows what tracking reports.
     pub fn show(&mut self, progress: &TrackProgress<'_>) {
         match progress {
-            TrackProgress::Captured { pod, capture } => self.captured(*pod, capture),
-            TrackProgress::Surface { measured, state } => self.next = self.look(measured, *state),
-            TrackProgress::Scan(tracked) => {
-                let next = take(&mut self.next);
-                let row = self.row(tracked, next.points, next.coverage);
-                self.last_s = row.time_s;
-                self.tell(row, next.scan, tracked.middle);
-            }
+            TrackProgress::Scan(tracked) => self.tracked = Some((*tracked).clone()),
+            TrackProgress::Surface {
+                measured,
+                state,
+                captures,
+            } => self.surface(measured, *state, captures),
             TrackProgress::Overdue { scan, beam } => {
                 let row = RoomRow {
                     scan: *scan,
@@ -184,12 +181,34 @@ impl<'a> RoomViews<'a> {
                     held: held(beam),
                     ..RoomRow::default()
                 };
-                self.tell(row, RoomScan::default(), None);
+                self.source.show_tracked(row, Arc::default());
             }
             TrackProgress::Doubtful { pod, why } => {
                 self.source.say(Some(format!("{pod}: {why}")));
             }
             TrackProgress::Waiting => {}
+        }
+    }
+
+    /// Shows the result that was reported last, with its surface, and what each pod has captured.
+    fn surface(&mut self, measured: &Measured, state: Option<&MotionState>, captures: &[Capture]) {
+        let Some(tracked) = self.tracked.take() else {
+            return;
+        };
+        let Sighted {
+            scan,
+            points,
+            coverage,
+        } = self.look(measured, state);
+        let row = self.row(&tracked, points, coverage);
+        self.last_s = row.time_s;
+        let result = self.source.show_tracked(row, Arc::new(scan));
+        if let (Some(truths), Some(middle)) = (&self.truths, tracked.middle) {
+            // A device that does not answer holds nothing up.
+            let _ = truths.try_send((result, middle));
+        }
+        for (index, capture) in captures.iter().enumerate() {
+            self.captured(index, capture);
         }
     }
 
@@ -201,23 +220,23 @@ impl<'a> RoomViews<'a> {
             pod.known = true;
             let mut field = field(self.room.pods[index].clone(), &rig.camera);
             field.apex = pod.room_from_rig.point(field.apex);
-            field.corners = field
-                .corners
-                .map(|corner| pod.room_from_rig.direction(corner));
+            field.corners = { field.corners }.map(|corner| pod.room_from_rig.direction(corner));
             self.room.fields.push(field);
             self.source.show_room(Arc::new(self.room.clone()));
         }
-        let views = ScanViews::new(capture.clone());
-        let views = match &pod.service {
-            Some(service) => views.with_service(service),
-            None => views,
-        };
+        let mut views = ScanViews::new(capture.clone());
+        if let Some(pool) = &self.pool {
+            views = views.in_pool(pool.clone());
+        }
+        if let Some(service) = &pod.service {
+            views = views.with_service(service);
+        }
         pod.source.show(Arc::new(views));
     }
 
     /// Compares the points of a scan with the planned skin, and moves the planned surfaces to where they are
     /// now.
-    fn look(&self, measured: &Measured, state: Option<&MotionState>) -> Next {
+    fn look(&self, measured: &Measured, state: Option<&MotionState>) -> Sighted {
         let Planned {
             reference, model, ..
         } = self.planned;
@@ -256,7 +275,7 @@ impl<'a> RoomViews<'a> {
             let tumour = vertices.iter().map(|v| room.point(*v).as_vec3().to_array());
             (skin.collect(), tumour.collect())
         });
-        Next {
+        Sighted {
             scan: RoomScan {
                 points: points.collect(),
                 skin,
@@ -296,23 +315,6 @@ impl<'a> RoomViews<'a> {
             coverage,
             covered: tumour.map(|tumour| tumour.coverage),
             latency_ms: Some(tracked.latency.as_secs_f64() * 1e3),
-        }
-    }
-
-    /// Shows the result of a scan, with the truth if that comes soon.
-    fn tell(&self, row: RoomRow, scan: RoomScan, middle: Option<Duration>) {
-        let result = Outcome {
-            row,
-            scan: Arc::new(scan),
-            middle,
-        };
-        // A device that does not answer holds nothing up.
-        let unsent = match &self.truths {
-            Some(truths) => truths.try_send(result).err(),
-            None => Some(TrySendError::Full(result)),
-        };
-        if let Some(TrySendError::Full(result) | TrySendError::Disconnected(result)) = unsent {
-            self.source.show_tracked(result.row, result.scan);
         }
     }
 }

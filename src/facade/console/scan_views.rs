@@ -10,11 +10,12 @@ use phasmid_host::check_identified_sequence;
 use phasmid_pattern::Axis;
 use phasmid_protocol::service::Request;
 use phasmid_render::npz::{self, Array};
+use rayon::ThreadPool;
 use std::borrow::Cow;
 use std::f32::consts::TAU;
 use std::fmt;
 use std::path::PathBuf;
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A scan that a console shows. It is decoded when a viewer first asks for it.
 ///
@@ -36,6 +37,7 @@ pub struct ScanViews {
     capture: Capture,
     name: Option<String>,
     service: Option<PathBuf>,
+    pool: Option<Arc<ThreadPool>>,
     decoding: OnceLock<Decoding>,
     true_depth: OnceLock<Vec<f32>>,
     /// Held by whoever computes one of them.
@@ -49,6 +51,7 @@ impl ScanViews {
             capture,
             name: None,
             service: None,
+            pool: None,
             decoding: OnceLock::new(),
             true_depth: OnceLock::new(),
             computing: Mutex::default(),
@@ -69,13 +72,22 @@ impl ScanViews {
         Self { service, ..self }
     }
 
+    /// Decodes with these threads.
+    pub(super) fn in_pool(self, pool: Arc<ThreadPool>) -> Self {
+        let pool = Some(pool);
+        Self { pool, ..self }
+    }
+
     /// Returns the frames.
     pub(super) fn capture(&self) -> &Capture {
         &self.capture
     }
 
     fn decoding(&self) -> Result<&Decoding> {
-        self.once(&self.decoding, || self.decode())
+        self.once(&self.decoding, || match &self.pool {
+            Some(pool) => pool.install(|| self.decode()),
+            None => self.decode(),
+        })
     }
 
     /// Computes a value once; after an error it is computed again.

@@ -33,6 +33,30 @@ pub fn device(stream: &mut UnixStream) -> DeviceAbout {
 }
 
 #[test]
+fn paused_device_goes_on_by_itself_at_another_pace() {
+    let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
+    let mut stream = service(&served);
+    let mut camera = open_camera(&served.at.camera, CameraDriver::Auto, LONG).unwrap();
+    // Nothing else is asked of the device until frames have come.
+    let mut count = |stream: &mut UnixStream, pace, frames| {
+        let about = clock(stream, Request::Clock(Step::Pace(pace)));
+        assert_eq!(about.pace, pace);
+        for _ in 0..frames {
+            assert!(camera.next_frame(LONG).unwrap().is_some(), "{pace:?}");
+        }
+        about.now_ns
+    };
+    let began = count(&mut stream, ClockPace::Real, 3);
+    let paused = count(&mut stream, ClockPace::Stepped, 0);
+    assert!(paused > began);
+    let again = count(&mut stream, ClockPace::Fast, 3);
+    assert_eq!(again, paused, "time stood still");
+    count(&mut stream, ClockPace::Real, 3);
+    assert!(clock(&mut stream, Request::Get(Item::Clock)).now_ns > paused);
+    served.stop(Signal::TERM);
+}
+
+#[test]
 fn step_exposes_the_frames_within_it() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
