@@ -105,6 +105,8 @@ test("a board is moved, seen and scanned, and the solution is the rig of the dev
 test("a wrong board and a view without a board are said", async () => {
   const page = await open(browser, client.control);
   await panel(page, "calibration");
+  // The fields have the board of the console by then.
+  await text(page, "#covered", /^no poses yet$/);
   await page.fill("#board-dot", "20");
   await page.click("#board-form button");
   await text(page, "#panel-error", /dot_mm: 20; expected above 0 and below the pitch/);
