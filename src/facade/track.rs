@@ -20,6 +20,7 @@ use phasmid_profile::RigPlace;
 use phasmid_sgrt::{Beam, HoldRules, Measured, MotionState, Planned};
 use scan_deadline::{FOREVER, ScanDeadline};
 use std::ops::{ControlFlow, RangeInclusive};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
@@ -139,7 +140,7 @@ pub enum TrackProgress<'a> {
         /// Pose and breathing of the patient, for [`Planned::model`]; `None` if the skin is lost.
         state: Option<&'a MotionState>,
         /// The captures of the pods.
-        captures: &'a [Capture],
+        captures: &'a [Arc<Capture>],
     },
     /// A scan by all pods was evaluated.
     Scan(&'a Tracked),
@@ -313,7 +314,7 @@ fn follow(
                 }
             }
             tracker.measure(pod, &capture, identified, arrived, &mut gathered)?;
-            captures.push(capture);
+            captures.push(Arc::new(capture));
         }
         deadline.heard(Instant::now());
         let tracked = tracker.answer(gathered);

@@ -2,10 +2,10 @@
 
 import {
   BufferGeometry, Color, DataTexture, Float32BufferAttribute, GLSL3, InterleavedBuffer, InterleavedBufferAttribute,
-  LineBasicMaterial, LineSegments, PerspectiveCamera, Points, Scene, ShaderMaterial, Vector3, WebGLRenderer,
+  LineBasicMaterial, LineSegments, Points, ShaderMaterial, Vector3,
 } from "./three/three.module.min.js";
-import { OrbitControls } from "./three/OrbitControls.js";
 import { STEPS, texture } from "./colours.js";
+import { View3d } from "./view3d.js";
 
 /** Numbers of a point: its position and its value. */
 const STRIDE = 4;
@@ -35,19 +35,11 @@ void main() {
   drawn = vec4(colour, 1.0);
 }`;
 
-export class Cloud {
+export class Cloud extends View3d {
   /** Draws into a canvas that fills `view`. Throws if the browser has no WebGL. */
   constructor(view, canvas) {
-    this.view = view;
-    this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
-    this.scene = new Scene();
-    this.scene.background = new Color(0x101418);
-    this.camera = new PerspectiveCamera(40, 1, 1, 1e5);
     // The rig's frame has y down and z forward.
-    this.camera.up.set(0, -1, 0);
-    this.controls = new OrbitControls(this.camera, view);
-    this.controls.addEventListener("change", () => this.draw());
-    this.controls.listenToKeyEvents(view);
+    super(view, canvas, 40, [0, -1, 0]);
     this.material = new ShaderMaterial({
       glslVersion: GLSL3,
       vertexShader: VERTEX,
@@ -60,20 +52,14 @@ export class Cloud {
     this.fields.frustumCulled = false;
     this.scene.add(this.points, this.fields);
     this.placed = false;
-    new ResizeObserver(() => this.resize()).observe(view);
     this.resize();
   }
 
   resize() {
-    const { clientWidth: width, clientHeight: height } = this.view;
-    if (width && height) {
-      this.renderer.setSize(width, height, false);
-      this.camera.aspect = width / height;
-      this.camera.updateProjectionMatrix();
-      const { pixels } = this.material.uniforms;
-      pixels.value = height / (2 * Math.tan((this.camera.fov * Math.PI) / 360));
-      this.draw();
-    }
+    // How many pixels a point has depends on the height.
+    const { pixels } = this.material.uniforms;
+    pixels.value = this.view.clientHeight / (2 * Math.tan((this.camera.fov * Math.PI) / 360));
+    super.resize();
   }
 
   /** Shows points: four numbers each. `every` says how many pixels they are apart in the camera. */
@@ -138,10 +124,6 @@ export class Cloud {
   /** Looks at the points from where it began, when they are shown next. */
   reset() {
     this.placed = false;
-  }
-
-  draw() {
-    this.renderer.render(this.scene, this.camera);
   }
 }
 

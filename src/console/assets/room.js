@@ -2,6 +2,7 @@
 
 import * as chart from "./chart.js";
 import { css, digits, range, STEPS } from "./colours.js";
+import { rows } from "./rows.js";
 
 /** Maximum number of results that are kept. */
 const MAX_ROWS = 3000;
@@ -26,14 +27,6 @@ const CHARTS = [
 ];
 
 const $ = (id) => document.getElementById(id);
-
-function rows(pairs) {
-  return pairs.flatMap(([name, value]) => {
-    const [dt, dd] = [document.createElement("dt"), document.createElement("dd")];
-    [dt.textContent, dd.textContent] = [name, value];
-    return [dt, dd];
-  });
-}
 
 const stated = (value, digitsShown, unit) => (value?.every(Number.isFinite) ? `${value[0].toFixed(digitsShown)} ± ${value[1].toFixed(digitsShown)} ${unit}` : "lost");
 
@@ -80,7 +73,7 @@ export class Room {
   /** Notes when results come, and how far they are apart at most. */
   heard() {
     const now = performance.now();
-    this.gaps = [...(this.gaps ?? []), now - (this.heardAt ?? now)].slice(-GAPS);
+    this.gaps = [...this.gaps, now - (this.heardAt ?? now)].slice(-GAPS);
     this.heardAt = now;
   }
 
@@ -113,9 +106,11 @@ export class Room {
     this.scan = { points: numbers.slice(0, ends[0]), skin: numbers.slice(ends[0], ends[1]), tumour: numbers.slice(ends[1], ends[2]) };
     // Those that are known get the truth, or come again on a new connection.
     const known = new Map(this.rows.map((row) => [row.id, row]));
+    if (message.rows.some(({ id }) => !known.has(id))) {
+      this.heard();
+    }
     message.rows.forEach((row) => known.set(row.id, row));
     this.rows = [...known.values()].sort((a, b) => a.id - b.id).slice(-MAX_ROWS);
-    this.heard();
     requestAnimationFrame(() => {
       try {
         this.drawScene();

@@ -1,12 +1,11 @@
 // A treatment room in 3D: the plan of a patient, where the patient is, and the pods. The room's z axis is up.
 
 import {
-  AmbientLight, AxesHelper, BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, Float32BufferAttribute,
-  LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, PerspectiveCamera, Points, PointsMaterial, Scene, Vector3,
-  WebGLRenderer,
+  AmbientLight, AxesHelper, BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide,
+  Float32BufferAttribute, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, Points, PointsMaterial, Vector3,
 } from "./three/three.module.min.js";
-import { OrbitControls } from "./three/OrbitControls.js";
 import { STEPS, quantise, texture } from "./colours.js";
+import { View3d } from "./view3d.js";
 
 /** Numbers of a point: its position and its distance from the plan. */
 const STRIDE = 4;
@@ -33,18 +32,10 @@ const surface = (color, opacity) => new Mesh(new BufferGeometry(), new MeshLambe
   color, opacity, transparent: opacity < 1, depthWrite: opacity === 1, side: DoubleSide, flatShading: true,
 }));
 
-export class RoomScene {
+export class RoomScene extends View3d {
   /** Draws into a canvas that fills `view`. Throws if the browser has no WebGL. */
   constructor(view, canvas) {
-    this.view = view;
-    this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
-    this.scene = new Scene();
-    this.scene.background = new Color(0x101418);
-    this.camera = new PerspectiveCamera(35, 1, 10, 1e5);
-    this.camera.up.set(0, 0, 1);
-    this.controls = new OrbitControls(this.camera, view);
-    this.controls.addEventListener("change", () => this.draw());
-    this.controls.listenToKeyEvents(view);
+    super(view, canvas, 35, [0, 0, 1]);
     const light = new DirectionalLight(0xffffff, 2);
     light.position.set(-1, -2, 3);
     this.planned = { skin: surface(0x9aa4ad, 0.35), tumour: surface(0xe69f00, 0.45) };
@@ -62,18 +53,7 @@ export class RoomScene {
     for (const part of [this.planned, this.tracked].flatMap(Object.values).concat(this.points, this.pods)) {
       part.frustumCulled = false;
     }
-    new ResizeObserver(() => this.resize()).observe(view);
     this.resize();
-  }
-
-  resize() {
-    const { clientWidth: width, clientHeight: height } = this.view;
-    if (width && height) {
-      this.renderer.setSize(width, height, false);
-      this.camera.aspect = width / height;
-      this.camera.updateProjectionMatrix();
-      this.draw();
-    }
   }
 
   /** Shows the plan: vertices and triangles of the skin, then of the tumour. */
@@ -153,9 +133,5 @@ export class RoomScene {
     this.placed = true;
     this.controls.update();
     this.draw();
-  }
-
-  draw() {
-    this.renderer.render(this.scene, this.camera);
   }
 }

@@ -1,6 +1,7 @@
 // The world of an emulated device: its scene, image formation, faults and clock, on its service channel.
 
 import { attempt } from "./requests.js";
+import { rows } from "./rows.js";
 import { Terms } from "./terms.js";
 
 /** Time between two looks at the device while a panel is open. */
@@ -8,15 +9,6 @@ const LOOK_MS = 1000;
 const AXES = ["x", "y", "z"];
 
 const $ = (id) => document.getElementById(id);
-
-/** Returns rows of a list as terms and values. */
-function rows(pairs) {
-  return pairs.flatMap(([name, value]) => {
-    const [dt, dd] = [document.createElement("dt"), document.createElement("dd")];
-    [dt.textContent, dd.textContent] = [name, value];
-    return [dt, dd];
-  });
-}
 
 /** Returns the fields of a scene with their values in TOML, as `--set` takes them. */
 function flat(value, path) {

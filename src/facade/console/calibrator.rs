@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 const MAX_POSES: usize = 200;
 /// Columns and rows of equal cells of the image; its coverage is the part of them that has points.
 const CELLS: [usize; 2] = [8, 6];
-/// Minimum time between two searches for viewers who only watch.
+/// Minimum time between two searches in live frames.
 const SOON: Duration = Duration::from_millis(300);
 
 /// Lets viewers of a source calibrate its scanner: they look for a board in its latest image, take scans as
@@ -329,21 +329,17 @@ impl Calibrator {
 
     /// Takes the last scan as a pose.
     fn take(&self) -> Result<Value> {
-        let scan = self.source.measurement();
-        let scan = scan.ok_or_else(|| Error::device("there is no scan yet"))?;
         let boards = self.state().boards;
-        let taken = self.look(
-            |_| Some(Image::Scan(scan)),
-            |sight| {
-                let looked = sight.looked.as_ref().filter(|_| sight.found.is_ok());
-                let looked = looked.map(|looked| Looked {
-                    picture: image::RgbImage::default(),
-                    ..looked.clone()
-                });
-                looked.ok_or_else(|| sight.found.clone().err().unwrap_or_default())
-            },
-        );
-        let taken = taken.unwrap_or_else(|| Err(String::new()));
+        let scan = |_: Option<&Sight>| self.source.measurement().map(Image::Scan);
+        let taken = self.look(scan, |sight| {
+            let looked = sight.looked.as_ref().filter(|_| sight.found.is_ok());
+            let looked = looked.map(|looked| Looked {
+                picture: image::RgbImage::default(),
+                ..looked.clone()
+            });
+            looked.ok_or_else(|| sight.found.clone().err().unwrap_or_default())
+        });
+        let taken = taken.ok_or_else(|| Error::device("there is no scan yet"))?;
         let looked = taken.map_err(Error::device)?;
         let mut state = self.state();
         state.check(boards)?;

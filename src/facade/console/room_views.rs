@@ -191,7 +191,12 @@ impl<'a> RoomViews<'a> {
     }
 
     /// Shows the result that was reported last, with its surface, and what each pod has captured.
-    fn surface(&mut self, measured: &Measured, state: Option<&MotionState>, captures: &[Capture]) {
+    fn surface(
+        &mut self,
+        measured: &Measured,
+        state: Option<&MotionState>,
+        captures: &[Arc<Capture>],
+    ) {
         let Some(tracked) = self.tracked.take() else {
             return;
         };
@@ -212,7 +217,7 @@ impl<'a> RoomViews<'a> {
         }
     }
 
-    fn captured(&mut self, index: usize, capture: &Capture) {
+    fn captured(&mut self, index: usize, capture: &Arc<Capture>) {
         let Some(pod) = self.pods.get_mut(index) else {
             return;
         };

@@ -34,7 +34,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 /// # Ok::<(), phasmid::Error>(())
 /// ```
 pub struct ScanViews {
-    capture: Capture,
+    capture: Arc<Capture>,
     name: Option<String>,
     service: Option<PathBuf>,
     pool: Option<Arc<ThreadPool>>,
@@ -46,9 +46,9 @@ pub struct ScanViews {
 
 impl ScanViews {
     /// Shows a capture by its calibration; without one it has no depth.
-    pub fn new(capture: Capture) -> Self {
+    pub fn new(capture: impl Into<Arc<Capture>>) -> Self {
         Self {
-            capture,
+            capture: capture.into(),
             name: None,
             service: None,
             pool: None,

@@ -107,7 +107,7 @@ pub enum Action {
     Trigger,
 }
 
-/// Advance of stepped time.
+/// Advance of stepped time, or a change of the pace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Step {
