@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::new_file::{self, check_folder, is_unfinished, scratch_in};
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
@@ -247,9 +247,17 @@ fn draft_in(out: &Path) -> Result<(TempDir, Option<File>)> {
             draft = scratch_in(out)?;
             continue;
         };
-        let locked = folder.try_lock().is_ok();
+        let lock = match folder.try_lock() {
+            Ok(()) => Some(folder),
+            // Another program is about to delete it.
+            Err(TryLockError::WouldBlock) => {
+                draft = scratch_in(out)?;
+                continue;
+            }
+            Err(TryLockError::Error(_)) => None,
+        };
         if draft.path().is_dir() {
-            return Ok((draft, locked.then_some(folder)));
+            return Ok((draft, lock));
         }
         draft = scratch_in(out)?;
     }
@@ -268,7 +276,8 @@ fn remove_drafts(out: &Path) {
     for entry in fs::read_dir(out).into_iter().flatten().flatten() {
         if is_unfinished(&entry.file_name())
             && is_private(&entry.path())
-            && locked(&entry.path()).is_some()
+            // Held until it is deleted.
+            && let Some(_lock) = locked(&entry.path())
         {
             let _ = fs::remove_dir_all(entry.path());
         }
