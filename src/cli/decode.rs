@@ -7,10 +7,9 @@ use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::check_folder;
 use phasmid_core::output_folder::OutputFolder;
 use phasmid_decode::{
-    Decoded, Decoder, Held, Options, Plan, Summary, frame_size, load_frames, output_names,
-    write_outputs,
+    Decoded, Decoder, Held, Known, Options, Plan, Summary, check_sequence, doubt_of_fringes,
+    frame_size, load_frames, output_names, write_outputs,
 };
-use phasmid_host::{check_sequence, doubt as doubt_sequence};
 use phasmid_pattern::{Image, Manifest};
 use std::path::{Path, PathBuf};
 
@@ -170,9 +169,9 @@ pub(super) fn doubt(
     decoded: &Decoded,
     strict: bool,
 ) -> Result<Option<String>> {
-    let of_frames = check_sequence(manifest, images)
+    let of_frames = check_sequence(manifest, images, Known::default())
         .err()
-        .or_else(|| doubt_sequence(manifest, images));
+        .or_else(|| doubt_of_fringes(manifest, images));
     let of_maps = || decoded.doubt().map(|doubt| doubt.to_string());
     let doubt = of_frames.map(|doubt| doubt.to_string());
     let Some(why) = doubt.or_else(of_maps) else {

@@ -12,13 +12,12 @@ use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{self, check_folder};
 use phasmid_decode::{
-    CALIBRATION_FILE, Capture, MANIFEST_FILE, Options, Summary, output_names, write_outputs,
+    CALIBRATION_FILE, Capture, MANIFEST_FILE, Options, Summary, check_modulation, output_names,
+    write_outputs,
 };
 use phasmid_geometry::Rig;
 use phasmid_host::usb::UsbAddress;
-use phasmid_host::{
-    CameraDriver, Progress, RecordedCamera, Tape, check_modulation, open_camera, scan_free_running,
-};
+use phasmid_host::{CameraDriver, Progress, RecordedCamera, Tape, open_camera, scan_free_running};
 use phasmid_pattern::Manifest;
 use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::endpoints;
@@ -272,7 +271,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let of_maps = decoding
         .as_ref()
         .and_then(|decoding| decoding.doubt.clone());
-    let doubt = phasmid_host::doubt(&captured.manifest, &captured.images);
+    let doubt = phasmid_decode::doubt_of_fringes(&captured.manifest, &captured.images);
     let doubt = doubt.map(|doubt| doubt.to_string()).or(of_maps);
     if let Some(why) = &doubt {
         eprintln!("phasmid: {address}: {why}");

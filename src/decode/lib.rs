@@ -16,10 +16,13 @@
 //!    border on a step or a hole (`borders`);
 //! 3. correction of the error due to held projector pixels (`held`);
 //! 4. triangulation, if there is a rig ([`crate::triangulate::Triangulator`]).
+//!
+//! [`check_sequence`] judges whether frames are those of their sequence (`consistency`).
 
 mod borders;
 mod capture;
 mod cloud;
+mod consistency;
 mod decoder;
 pub mod deviation;
 mod doubt;
@@ -45,6 +48,7 @@ mod unwrap;
 mod weighted;
 
 pub use capture::{CALIBRATION_FILE, Capture, FrameInfo, MANIFEST_FILE, write_png};
+pub use consistency::{FrameDoubt, Known, check_modulation, check_sequence, doubt_of_fringes};
 pub use decoder::{Decoder, Options};
 pub use doubt::Doubt;
 pub use gray::{GrayBit, GrayCode};

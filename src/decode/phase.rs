@@ -130,6 +130,16 @@ impl SetKernel {
         }
     }
 
+    /// The weight of each step in the check.
+    pub(super) fn check_weights(&self) -> Vec<f32> {
+        let own = self.tie[0] - self.tie[1];
+        let weight = |w: &[f32; 4]| match self.check {
+            Check::Tied => own * w[0],
+            _ => w[3],
+        };
+        self.weights.iter().map(weight).collect()
+    }
+
     /// The check of a tied set from its `mean` and the sum of all sets' means, `all`.
     #[inline(always)]
     pub(super) fn tied(&self, mean: f32, all: f32) -> f32 {

@@ -11,6 +11,7 @@
 
 use super::phase::{Check, OWN, RowNoise, SetKernel, TIED};
 use super::sample::Sample;
+use super::steps::FringeSet;
 use super::{Options, deviation};
 use nalgebra::{SMatrix, SVector};
 use phasmid_geometry::NoiseModel;
@@ -37,6 +38,52 @@ pub const MODEL_ERROR: f64 = 0.0025;
 /// Lower bound of the robust scale, as a fraction of noise and model error.
 const LEAST: f64 = 0.5;
 
+/// What the residuals of all pixels of a set have in common.
+///
+/// A step with 1 + d of the light of the others adds d w (A + C cos theta - S sin theta) to the residual,
+/// w its weight in the residual and theta its phase.
+#[derive(Debug, Clone)]
+pub(super) struct Shared {
+    /// Parts of the light above black and of both components of the fringe.
+    light: [f32; 3],
+    /// Weight of each step in the residual.
+    weights: Vec<f32>,
+    /// Scale of the rest, in standard deviations of noise and model error.
+    pub(super) scale: f32,
+    /// Length of the mean phasor of the pixels: near 1 if all have about the same phase, so that the parts
+    /// cannot be told apart.
+    lopsided: f32,
+}
+
+impl Shared {
+    /// How much steps differ in their light, in units of the residual, as far as the pixels' phases show it.
+    pub(super) fn difference(&self) -> f32 {
+        let size = self
+            .light
+            .iter()
+            .map(|part| part * part)
+            .sum::<f32>()
+            .sqrt();
+        size * (1.0 - self.lopsided * self.lopsided)
+    }
+
+    /// The step that alone explains the difference best, and its light in parts of the others'.
+    pub(super) fn step(&self, set: &FringeSet) -> (usize, f64) {
+        let along = |k: &usize| {
+            let (sin, cos) = set.phases[*k].sin_cos();
+            let [light, c, s] = self.light.map(f64::from);
+            (light + c * cos - s * sin) / 2.0
+        };
+        let sizes = (0..set.phases.len()).map(|k| (k, along(&k)));
+        let most = sizes.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        let (step, size) = most.unwrap_or_default();
+        let part = size / f64::from(self.weights.get(step).copied().unwrap_or(1.0));
+        // The fit follows a step's sample by 3 / N of what it is off.
+        let followed = 3.0 / set.phases.len() as f64;
+        (step, (1.0 + part / (1.0 - followed * part)).max(0.0))
+    }
+}
+
 /// The residual of a fringe set that is typical of a capture.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RobustScale {
@@ -48,6 +95,8 @@ pub(super) struct RobustScale {
     modulation: f32,
     /// Median of the set's [`SetKernel::harmonic`] over pixels.
     pub(super) harmonic: f32,
+    /// See [`Shared::lopsided`].
+    lopsided: f32,
 }
 
 impl Default for RobustScale {
@@ -58,6 +107,7 @@ impl Default for RobustScale {
             deviations: f32::INFINITY,
             modulation: 0.0,
             harmonic: 0.0,
+            lopsided: 1.0,
         }
     }
 }
@@ -126,6 +176,11 @@ impl RobustScale {
                 ..Self::default()
             };
         }
+        let phasors = pixels.iter().map(|p| {
+            let [_, c, s, ..]: [f64; TERMS] = p.terms.into();
+            SVector::from([c, s]) / c.hypot(s).max(1e-9)
+        });
+        let lopsided = phasors.sum::<SVector<f64, 2>>().norm() / pixels.len() as f64;
         let mut fitted = SVector::zeros();
         let mut scale = deviation(&pixels);
         for _ in 0..ROUNDS {
@@ -143,7 +198,20 @@ impl RobustScale {
             deviations: (SIGMAS * scale.max(1.0)) as f32,
             modulation: (BLURRED * fitted[3].hypot(fitted[4])) as f32,
             harmonic,
+            lopsided: lopsided as f32,
         }
+    }
+
+    /// What the residuals of all pixels of a set have in common. `None` if too few pixels show it.
+    pub(super) fn shared(&self, set: &SetKernel) -> Option<Shared> {
+        let [light, c, s, ..] = self.terms;
+        let scale = self.deviations / SIGMAS as f32;
+        scale.is_finite().then(|| Shared {
+            light: [light, c, s],
+            weights: set.check_weights(),
+            scale,
+            lopsided: self.lopsided,
+        })
     }
 
     /// Returns the typical part of a pixel's residual, given its mean above black, both components

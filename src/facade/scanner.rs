@@ -183,7 +183,7 @@ impl Scanner {
     }
 
     /// Returns captures without checking that their frames follow the sequence, for a caller that does
-    /// so while the next scan is running ([`check_sequence`](crate::host::check_sequence)).
+    /// so while the next scan is running ([`check_sequence`](crate::decode::check_sequence)).
     #[must_use]
     pub fn without_checks(self) -> Self {
         Self {

@@ -14,8 +14,8 @@ pub use tracker::{SkinPose, Tracked, Tracker, TumourPosition};
 
 use super::Scanner;
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::Capture;
-use phasmid_host::{Flow, FrameDoubt, Progress, doubt};
+use phasmid_decode::{Capture, FrameDoubt, doubt_of_fringes};
+use phasmid_host::{Flow, Progress};
 use phasmid_profile::RigPlace;
 use phasmid_sgrt::{Beam, HoldRules, Measured, MotionState, Planned};
 use scan_deadline::{FOREVER, ScanDeadline};
@@ -306,7 +306,7 @@ fn follow(
                 arrived,
             } = taken;
             if tracker.scans() == 0
-                && let Some(why) = doubt(&capture.manifest, &capture.images)
+                && let Some(why) = doubt_of_fringes(&capture.manifest, &capture.images)
             {
                 let (pod, why) = (tracker.name(pod), &why);
                 if progress(TrackProgress::Doubtful { pod, why }).is_break() {

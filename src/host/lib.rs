@@ -11,7 +11,6 @@
 //! | --- | --- |
 //! | `camera` | cameras by address: V4L2 devices, webcams, frame sockets, memory |
 //! | `clock` | the system's monotonic clock |
-//! | `consistency` | checks that frames follow their sequence |
 //! | `control` | a device's control port, in SCPI or in a dialect from a file |
 //! | `instrument` | SCPI instrument behind a command port |
 //! | `local` | Unix domain sockets, where the system has them |
@@ -25,7 +24,6 @@
 
 mod camera;
 mod clock;
-mod consistency;
 mod control;
 mod deadline;
 mod instrument;
@@ -42,10 +40,6 @@ pub mod usb;
 pub use camera::explain_device;
 pub use camera::{Camera, CameraDriver, Intake, MemoryCamera, SocketCamera, open_camera};
 pub use clock::monotonic_ns;
-pub use consistency::{
-    FrameDoubt, check as check_sequence, check_identified as check_identified_sequence,
-    check_modulation, doubt,
-};
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};
 pub use record::{RecordedCamera, RecordedPort, Tape};

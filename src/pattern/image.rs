@@ -196,6 +196,25 @@ impl Image {
         }
     }
 
+    /// Returns every n-th column.
+    #[must_use]
+    pub fn columns(&self, every: usize) -> Self {
+        fn of<T: Copy>(samples: &[T], width: usize, every: usize) -> Vec<T> {
+            let rows = samples.chunks_exact(width.max(1));
+            rows.flat_map(|row| row.iter().step_by(every).copied())
+                .collect()
+        }
+        let every = every.max(1);
+        Self {
+            width: self.width.div_ceil(every),
+            height: self.height,
+            samples: match &self.samples {
+                Samples::U8(samples) => of(samples, self.width, every).into(),
+                Samples::U16(samples) => of(samples, self.width, every).into(),
+            },
+        }
+    }
+
     /// Returns the columns and rows that all `images` have. Images without pixels are left out.
     ///
     /// # Errors

@@ -3,9 +3,10 @@
 use super::measured::Measured;
 use super::practice::PIXELS;
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Capture, Decoded, Doubt, Options, SparseDecoder};
+use phasmid_decode::{
+    Capture, Decoded, Doubt, FrameDoubt, Known, Options, SparseDecoder, check_sequence,
+};
 use phasmid_geometry::Pose;
-use phasmid_host::{FrameDoubt, check_identified_sequence, check_sequence};
 use phasmid_pattern::Image;
 
 /// Why the frames of a pod's scan are rejected or doubted. It displays as a message for users.
@@ -76,12 +77,9 @@ impl Sight {
                 self.name
             )));
         }
-        let check = match identified {
-            true => check_identified_sequence,
-            false => check_sequence,
-        };
+        let known = Known::new(identified, captured.calibration.as_ref());
         let (checked, depths) = rayon::join(
-            || check(&captured.manifest, &captured.images),
+            || check_sequence(&captured.manifest, &captured.images, known),
             || self.depths(captured),
         );
         depths?;

@@ -3,10 +3,10 @@
 
 use glam::{DVec3, Vec3};
 use phasmid::decode::Capture;
+use phasmid::decode::{Known, check_sequence};
 use phasmid::emulator::render;
 use phasmid::geometry::shapes::{Torso, torso};
 use phasmid::geometry::{Mesh, Pose};
-use phasmid::host::check_identified_sequence;
 use phasmid::host::track::{
     FitOptions, Measured, ModelOptions, MotionModel, MotionState, MotionTracker, Reference, Region,
     RigidOptions, Sight, SixDof, Snapshots, Start, track_rigid,
@@ -72,7 +72,12 @@ fn main() {
         (
             "a pod's frames held against their sequence",
             Box::new(|| {
-                check_identified_sequence(&captured.manifest, &captured.images).expect("sound");
+                check_sequence(
+                    &captured.manifest,
+                    &captured.images,
+                    Known::new(true, captured.calibration.as_ref()),
+                )
+                .expect("sound");
             }),
         ),
         (

@@ -3,9 +3,9 @@
 
 use crate::photometry::{dn_per_irradiance, scene};
 use phasmid::decode::{Decoded, Decoder, Held, Options, Verdict};
+use phasmid::decode::{Known, check_sequence};
 use phasmid::emulator::render::{Renderer, Term};
 use phasmid::emulator::{Device, MemorySink, PatternImage, Shot, Showing, Shutter};
-use phasmid::host::check_sequence;
 use phasmid::pattern::{Axis, Image, Pattern};
 use phasmid::profile::{Profile, Scene};
 use phasmid::protocol::Frame;
@@ -284,7 +284,7 @@ fn a_period_too_short_for_the_rows_is_seen_in_the_frames() {
         let images = frames
             .iter()
             .map(|frame| frame.clone().into_image().unwrap());
-        check_sequence(&manifest, &images.collect::<Vec<_>>())
+        check_sequence(&manifest, &images.collect::<Vec<_>>(), Known::default())
     };
     let clean = scan(&profile, 21_580);
     let plain = scan(&global, 21_580);

@@ -1,5 +1,5 @@
 //! Injects every fault and checks the host's response: the table in the documentation shows the
-//! results, and no wrong cloud goes unreported.
+//! results, and no wrong cloud goes unreported but of faults that no frame shows.
 
 use phasmid::study::faults::{Table, markdown, tables};
 

@@ -4,10 +4,9 @@ use super::session::{Gathered, Session};
 use crate::cli::interrupt::check;
 use phasmid_calibrate::rig::{Looked, look};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{CALIBRATION_FILE, MANIFEST_FILE, Plan, load_frames};
+use phasmid_decode::{CALIBRATION_FILE, Known, MANIFEST_FILE, Plan, check_sequence, load_frames};
 use phasmid_geometry::board_poses::MOST_POSES;
 use phasmid_geometry::{Board, Rig};
-use phasmid_host::check_sequence;
 use phasmid_pattern::Manifest;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -81,7 +80,7 @@ fn one(folder: &Path, name: &str, board: &Board) -> Result<Looked> {
     let images = load_frames(&manifest, &plan, folder)?;
     let looked =
         look(board, name, &manifest, &images, nominal).map_err(|e| e.at(folder.display()))?;
-    check_sequence(&manifest, &images).map_err(|why| {
+    check_sequence(&manifest, &images, Known::default()).map_err(|why| {
         Error::input(
             folder.display(),
             why,

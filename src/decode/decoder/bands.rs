@@ -3,8 +3,8 @@
 use super::{BAND, Decoder};
 use crate::maps::{AxisMap, Decoded, Verdict};
 use crate::phase::RowNoise;
-use crate::robust_scale::RobustScale;
-use crate::rows::{AxisOut, Job, Scratch, decode_row};
+use crate::robust_scale::{RobustScale, Shared};
+use crate::rows::{AxisKernel, AxisOut, Job, Scratch, decode_row};
 use crate::sample::{Sample, typed};
 use crate::unresolved::{UnresolvedBits, unresolved_bits};
 use phasmid_geometry::NoiseModel;
@@ -21,16 +21,7 @@ impl Decoder {
         out: &mut Decoded,
     ) {
         let frames: Vec<&[T]> = typed(images);
-        let robust_scale: Vec<Vec<RobustScale>> = self
-            .kernels
-            .iter()
-            .map(|kernel| {
-                let sets = &kernel.sets;
-                let of =
-                    |set| RobustScale::of(sets, set, &frames, noise, saturation, &self.options);
-                sets.iter().map(of).collect()
-            })
-            .collect();
+        let robust_scale = self.robust_scales(&frames, noise, saturation);
         let mut job = Job {
             frames: &frames,
             kernels: &self.kernels,
@@ -65,6 +56,48 @@ impl Decoder {
             }
             self.pass(&job, out);
         }
+    }
+
+    /// What the residuals of each set have in common, by axis, of images in the plan's order.
+    pub(crate) fn shared_residuals(
+        &self,
+        images: &[ImageView<'_>],
+        noise: &NoiseModel,
+    ) -> Vec<Vec<Option<Shared>>> {
+        match images.iter().any(|image| image.bits() == 16) {
+            false => self.shared_of::<u8>(images, noise),
+            true => self.shared_of::<u16>(images, noise),
+        }
+    }
+
+    fn shared_of<T: Sample>(
+        &self,
+        images: &[ImageView<'_>],
+        noise: &NoiseModel,
+    ) -> Vec<Vec<Option<Shared>>> {
+        let frames: Vec<&[T]> = typed(images);
+        let scales = self.robust_scales(&frames, noise, noise.saturation_dn as f32);
+        let axes = self.kernels.iter().zip(&scales);
+        axes.map(|(kernel, scales)| {
+            let sets = kernel.sets.iter().zip(scales);
+            sets.map(|(set, scale)| scale.shared(set)).collect()
+        })
+        .collect()
+    }
+
+    /// The typical residual of each set, by axis.
+    fn robust_scales<T: Sample>(
+        &self,
+        frames: &[&[T]],
+        noise: &NoiseModel,
+        saturation: f32,
+    ) -> Vec<Vec<RobustScale>> {
+        let of_axis = |kernel: &AxisKernel| {
+            let sets = &kernel.sets;
+            let of = |set| RobustScale::of(sets, set, frames, noise, saturation, &self.options);
+            sets.iter().map(of).collect()
+        };
+        self.kernels.iter().map(of_axis).collect()
     }
 
     /// Decodes all rows once.

@@ -5,9 +5,8 @@ use phasmid_calibrate::rig::{Calibration, Gathering, Looked, look, look_at_photo
 use phasmid_calibrate::solve::{Choice, PointResidual};
 use phasmid_console::{Calibration as Step, Measurement, Operator, Request, Source};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::Capture;
+use phasmid_decode::{Capture, Known, check_sequence};
 use phasmid_geometry::Board;
-use phasmid_host::check_identified_sequence;
 use phasmid_protocol::Frame;
 use serde_json::{Value, json};
 use std::any::Any;
@@ -248,7 +247,8 @@ impl Image {
             }
             (Self::Scan(_), Some(capture)) => {
                 let (manifest, images) = (&capture.manifest, &capture.images);
-                let checked = check_identified_sequence(manifest, images);
+                let known = Known::new(true, capture.calibration.as_ref());
+                let checked = check_sequence(manifest, images, known);
                 let checked = checked.map_err(|doubt| Error::device(doubt.to_string()));
                 let looked = checked
                     .and_then(|()| look(&board, "scan", manifest, images, capture.calibration));

@@ -3,10 +3,9 @@
 use crate::facade::{Decoding, ask_service, decode};
 use phasmid_console::{About, Field, FileKind, Layer, Measurement, Points, Scale};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{AxisMap, Capture, Decoded, Options, Order, Verdict};
+use phasmid_decode::{AxisMap, Capture, Decoded, Known, Options, Order, Verdict, check_sequence};
 use phasmid_geometry::View;
 use phasmid_geometry::ply::encode_cloud;
-use phasmid_host::check_identified_sequence;
 use phasmid_pattern::Axis;
 use phasmid_protocol::service::Request;
 use phasmid_render::npz::{self, Array};
@@ -113,7 +112,8 @@ impl ScanViews {
 
     fn decode(&self) -> Result<Decoding> {
         let capture = &self.capture;
-        check_identified_sequence(&capture.manifest, &capture.images)
+        let known = Known::new(true, capture.calibration.as_ref());
+        check_sequence(&capture.manifest, &capture.images, known)
             .map_err(|doubt| Error::device(doubt.to_string()))?;
         decode(capture, &capture.calibration, &Options::default())
     }
@@ -538,7 +538,7 @@ mod tests {
     #[test]
     fn frames_that_contradict_the_sequence_are_named() {
         let mut capture = scanned("quick-4", true);
-        capture.images.swap(1, 7);
+        capture.images[7] = capture.images[0].clone();
         let views = ScanViews::new(capture);
         let why = views.about().unwrap_err().to_string();
         assert!(why.contains("contradict"), "{why}");

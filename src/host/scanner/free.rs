@@ -2,10 +2,10 @@
 
 use super::run::{Wanted, collect, next_frame, unpacked};
 use super::{Fault, Flow, Progress, Watch, twice};
+use crate::Camera;
 use crate::clock::monotonic_ns;
-use crate::{Camera, consistency};
 use phasmid_core::error::Result;
-use phasmid_decode::Capture;
+use phasmid_decode::{Capture, Known, check_sequence};
 use phasmid_pattern::Manifest;
 use std::time::Duration;
 
@@ -50,11 +50,9 @@ pub fn scan_free_running<C: Camera, F: Flow>(
             free: true,
         };
         let (images, frames) = unpacked(collect(camera, &wanted, progress)?)?;
-        let check = match camera.identifies() {
-            true => consistency::check_identified,
-            false => consistency::check,
-        };
-        check(manifest, &images).map_err(|doubt| Fault::Frames(doubt.to_string()))?;
+        let known = Known::new(camera.identifies(), None);
+        check_sequence(manifest, &images, known)
+            .map_err(|doubt| Fault::Frames(doubt.to_string()))?;
         Ok((images, frames))
     })?;
     Ok(Capture {

@@ -197,7 +197,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     }
 
     /// Returns frames unchecked: for a caller that checks them while the next scan is running
-    /// ([`check_sequence`](crate::check_sequence)) and skips a bad scan instead of repeating it.
+    /// ([`phasmid_decode::check_sequence`]) and skips a bad scan instead of repeating it.
     #[must_use]
     pub fn without_checks(mut self) -> Self {
         self.checks = false;
@@ -352,9 +352,14 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         if let (Some((place, given)), Some(own)) = (&self.given, &calibration) {
             check_size(place, given, own)?;
         }
-        let size = calibration.map(|rig| (rig.camera.lens.width_px, rig.camera.lens.height_px));
-        let (images, frames) =
-            self.run(&manifest, &settings, size, options.frame_timeout, progress)?;
+        let timeout = options.frame_timeout;
+        let (images, frames) = self.run(
+            &manifest,
+            &settings,
+            calibration.as_ref(),
+            timeout,
+            progress,
+        )?;
         let noise = calibration.and_then(|own| own.noise);
         let given = self.given.as_ref().map(|(_, given)| Rig {
             noise: given.noise.or(noise),

@@ -3,11 +3,11 @@
 use super::judge::{judge, judge_counted};
 use super::{Fault, Progress, Scanner, Watch, report};
 use crate::clock::monotonic_ns;
-use crate::consistency;
 use crate::control::Settings;
 use crate::{Camera, CommandPort};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::FrameInfo;
+use phasmid_decode::{FrameInfo, Known, check_sequence};
+use phasmid_geometry::Rig;
 use phasmid_pattern::{Image, Manifest};
 use phasmid_protocol::Frame;
 use std::time::{Duration, Instant};
@@ -47,11 +47,13 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         &mut self,
         manifest: &Manifest,
         settings: &Settings,
-        size: Option<(u32, u32)>,
+        calibration: Option<&Rig>,
         timeout: Duration,
         progress: &mut Watch<'_>,
     ) -> Result<(Vec<Image>, Vec<FrameInfo>), Fault> {
         let count = manifest.frame.len();
+        let lens = calibration.map(|rig| &rig.camera.lens);
+        let size = lens.map(|lens| (lens.width_px, lens.height_px));
         if let Some((width, height)) = size {
             // Check before anything is exposed; a pixel takes at least one byte.
             check_room(
@@ -96,11 +98,9 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             return Ok((images, frames));
         }
         // The identity of a frame does not say whether its content is good.
-        let check = match self.camera.identifies() {
-            true => consistency::check_identified,
-            false => consistency::check,
-        };
-        check(manifest, &images).map_err(|doubt| Fault::Frames(doubt.to_string()))?;
+        let known = Known::new(self.camera.identifies(), calibration);
+        check_sequence(manifest, &images, known)
+            .map_err(|doubt| Fault::Frames(doubt.to_string()))?;
         Ok((images, frames))
     }
 }

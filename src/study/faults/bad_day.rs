@@ -155,6 +155,13 @@ impl BadDay {
         ]
     }
 
+    /// Whether no frame shows this fault at a place: a row that is missing from every second frame moves the
+    /// sines of four steps against their cosines, which leaves no residual on a smooth surface. The points
+    /// are off by half a row, which only edges and texture could show.
+    pub fn is_unfindable(&self, place: Place) -> bool {
+        place == Place::Second && self.fault.what == What::RowsMissing && self.fault.rows == Some(1)
+    }
+
     /// The schedules of a place, where a sound scan has so many frames, or messages of the kind.
     pub fn schedules(&self, place: Place, count: u64) -> Vec<Schedule> {
         let at = |nth: u64, when: When| {

@@ -1,6 +1,6 @@
 //! The matrix: every bad day in every setting, each cell a count of outcomes.
 
-use super::{BadDay, Outcome, Place, Setting, Trial};
+use super::{BadDay, Difference, Outcome, Place, Setting, Trial};
 use phasmid_core::error::Result;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -9,12 +9,18 @@ use std::fmt::Write;
 /// What a host made of one bad day at one kind of place.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Cell {
-    /// Scans that gave the right cloud.
+    /// Scans that gave the fault-free cloud.
     pub recovered: u32,
     /// Scans that ended with an error that says what is wrong.
     pub reported: u32,
-    /// Scans that gave a wrong cloud and said nothing: none may be.
+    /// Scans of damaged frames whose cloud hardly differs from the fault-free one.
+    pub harmless: u32,
+    /// Scans that gave another cloud and no error.
     pub wrong: u32,
+    /// The same, of faults that no frame shows ([`BadDay::is_unfindable`]).
+    pub unfindable: u32,
+    /// The greatest differences of the harmless and the wrong ones.
+    pub difference: Difference,
     /// Scans in which nothing struck.
     pub missed: u32,
     /// What an error said.
@@ -88,7 +94,10 @@ impl Table {
     pub fn scans(&self) -> u32 {
         let cells = self.rows.iter().flat_map(|row| &row.cells);
         cells
-            .map(|cell| cell.recovered + cell.reported + cell.wrong + cell.missed)
+            .map(|cell| {
+                let right = cell.recovered + cell.reported + cell.harmless;
+                right + cell.wrong + cell.unfindable + cell.missed
+            })
             .sum()
     }
 
@@ -150,12 +159,22 @@ fn column(
                         cell.reported += 1;
                         cell.said.get_or_insert(said);
                     }
-                    Outcome::Wrong { points, gross } => {
+                    Outcome::Harmless(difference) => {
+                        cell.harmless += 1;
+                        cell.difference = cell.difference.worst(difference);
+                    }
+                    Outcome::Wrong(difference) if day.is_unfindable(place) => {
+                        cell.unfindable += 1;
+                        cell.difference = cell.difference.worst(difference);
+                    }
+                    Outcome::Wrong(difference) => {
                         cell.wrong += 1;
+                        cell.difference = cell.difference.worst(difference);
                         let first = &tried.struck[0];
+                        let Difference { lost, moved } = difference;
                         cell.wrongs.push(format!(
-                            "seed {}: {points} points, {gross} gross; struck frame {:?}, command {:?}",
-                            schedule.seed, first.frame, first.command
+                            "seed {}: {:.2} % of the points lost, {:.2} % moved; struck frame {:?}, command {:?}",
+                            schedule.seed, 100.0 * lost, 100.0 * moved, first.frame, first.command
                         ));
                     }
                 }
@@ -172,6 +191,8 @@ impl Cell {
         let counts = [
             ("recovered", self.recovered),
             ("reported", self.reported),
+            ("harmless", self.harmless),
+            ("unfindable", self.unfindable),
             ("WRONG", self.wrong),
         ];
         let said: Vec<_> = counts
@@ -179,9 +200,18 @@ impl Cell {
             .filter(|(_, count)| *count > 0)
             .map(|(name, count)| format!("{name} {count}"))
             .collect();
-        match said.is_empty() {
-            true => "did not strike".to_owned(),
-            false => said.join(", "),
+        if said.is_empty() {
+            return "did not strike".to_owned();
+        }
+        let Difference { lost, moved } = self.difference;
+        match self.difference == Difference::default() {
+            true => said.join(", "),
+            false => format!(
+                "{} ({:.2} % lost, {:.2} % moved)",
+                said.join(", "),
+                100.0 * lost,
+                100.0 * moved
+            ),
         }
     }
 }

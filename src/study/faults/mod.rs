@@ -1,17 +1,15 @@
-//! Every fault against the host: does it recover, does it say what is wrong, or does it go on with a
-//! wrong cloud? The last may not be.
+//! Every fault against the host: does it recover, does it say what is wrong, is the damage harmless, or does it
+//! go on with a wrong cloud? The last may not be.
 //!
 //! Each scan is a whole one: an application opens port and camera of a device in memory, selects a
 //! sequence, reads manifest and calibration, captures, decodes and triangulates; its points are held
-//! against the truth. The devices are the middles of two built-in profiles' cameras, before a plane,
-//! a sphere and a torso. A right cloud has
-//! nearly as many points as sound scans and, beside the edges where those have points more than 1 mm off,
-//! no more such points than their noise makes.
+//! against those of a scan without faults and with the same random numbers. The devices are the middles of
+//! two built-in profiles' cameras, before a plane, a sphere and a torso. In the ordinary table each link has
+//! one device before one scene; `--each` has all devices before all scenes.
 //!
-//! In numbers: eight sound scans say which pixels are beside such edges, eight more how many points
-//! are off elsewhere at the most; more than two beyond that are wrong, and so are fewer than 90 % of the
-//! points. In the ordinary table each link has one device before one scene; `--each` has all devices
-//! before all scenes.
+//! A cloud is harmless if at most one point in a hundred is missing and one in a thousand is more than five of
+//! its stated standard deviations off; it is recovered if it is the fault-free one, or harmless after a
+//! repeated run. Others are wrong.
 //!
 //! A cell counts scans: what the host made of the fault. `phasmid faults matrix` makes the tables anew,
 //! and a test holds it to them.
@@ -26,7 +24,7 @@ mod trial;
 pub use bad_day::{BadDay, Place};
 pub use matrix::{Cell, Row, Table};
 pub use settings::{frames, messages};
-pub use trial::{Cloud, Outcome, Setting, Trial, Tried};
+pub use trial::{Difference, Outcome, Setting, Trial, Tried};
 
 use phasmid_core::error::Result;
 

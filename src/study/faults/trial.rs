@@ -2,9 +2,9 @@
 
 use crate::desk::{Desk, Link};
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Capture, Options};
+use phasmid_decode::{Capture, Decoded, Options, check_modulation};
 use phasmid_device::Device;
-use phasmid_host::{Camera, CommandPort, Intake, Progress, ScanOptions, Scanner, check_modulation};
+use phasmid_host::{Camera, CommandPort, Intake, Progress, ScanOptions, Scanner};
 use phasmid_measure::GROSS_MM;
 use phasmid_profile::{Profile, Scene};
 use phasmid_protocol::dialect::Dialect;
@@ -16,38 +16,50 @@ use std::time::Duration;
 const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 /// How long it waits for a frame.
 const FRAME_TIMEOUT: Duration = Duration::from_millis(400);
-/// Scans without faults that say where a sound one has gross errors, and as many more that say how
-/// many it has elsewhere.
-const SOUND: usize = 8;
-/// So many more than that are noise.
-const SLACK: usize = 2;
-/// Part of a sound scan's points that another has at least to be called one of the scene.
-const LEAST_POINTS: f64 = 0.9;
+/// Fault-free scans in a row of one device: a run that is repeated has the random numbers of a later one.
+const SOUND: usize = 4;
+/// Part of the fault-free points that a harmless fault may cost.
+const LOST: f64 = 0.01;
+/// Part of the points that a harmless fault may move by more than [`SIGMAS`].
+const MOVED: f64 = 1e-3;
+/// Stated standard deviations beyond which a point has moved.
+const SIGMAS: f32 = 5.0;
 
 /// What came of a scan.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
-    /// The right cloud: no more gross errors than noise makes, and hardly fewer points.
+    /// The fault-free cloud, or after a repeated run one that differs no more than a harmless one.
     Recovered,
     /// An error that says what is wrong.
     Reported(String),
-    /// A cloud, and nobody says that it is none of the scene.
-    Wrong {
-        /// Points.
-        points: usize,
-        /// Gross errors where sound scans have none.
-        gross: usize,
-    },
+    /// A cloud of damaged frames that hardly differs from the fault-free one.
+    Harmless(Difference),
+    /// Another cloud, and no error.
+    Wrong(Difference),
 }
 
-/// A cloud in two figures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cloud {
-    /// Points.
-    pub points: usize,
-    /// Those that are more than 1 mm off, or where there is nothing, and in no pixel, nor beside one,
-    /// that has been so in a sound scan: edges are seen twice at once and noise decides.
-    pub gross: usize,
+/// How a cloud differs from the fault-free one with the same random numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+pub struct Difference {
+    /// Part of the fault-free points that have no point.
+    pub lost: f64,
+    /// Part of the points that are more than five of their stated standard deviations from the fault-free
+    /// ones, or more than 1 mm off where the fault-free scan has no point.
+    pub moved: f64,
+}
+
+impl Difference {
+    fn is_harmless(self) -> bool {
+        self.lost <= LOST && self.moved <= MOVED
+    }
+
+    /// The larger of each part.
+    pub(super) fn worst(self, other: Self) -> Self {
+        Self {
+            lost: self.lost.max(other.lost),
+            moved: self.moved.max(other.moved),
+        }
+    }
 }
 
 /// A device and how the host reaches it.
@@ -72,18 +84,14 @@ pub struct Trial {
     counts: [u64; 3],
     renderer: Option<Renderer>,
     truth: Truth,
-    /// Fewest points of sound scans.
-    least: usize,
-    /// Most gross errors that noise makes.
-    most: usize,
-    /// Pixels, and those beside them, in which sound scans have had gross errors.
-    fragile: Vec<bool>,
+    /// Fault-free scans in a row.
+    sound: Vec<Decoded>,
 }
 
 /// What a scan gave.
 pub struct Tried {
-    /// The cloud, or what the host says.
-    pub cloud: Result<Cloud>,
+    /// How the cloud differs from the fault-free one, or what the host says.
+    pub cloud: Result<Difference>,
     /// Why a run was thrown away.
     pub retries: Vec<String>,
     /// What struck.
@@ -108,29 +116,21 @@ impl Trial {
             setting,
             counts: [0; 3],
             renderer: Some(device.renderer),
-            fragile: vec![false; truth.depth_mm.len()],
             truth,
-            least: usize::MAX,
-            most: 0,
+            sound: Vec::new(),
         };
         let mut scans = Vec::new();
         trial
             .with_desk(&Schedule::default(), |trial, desk| {
                 let mut scanner = trial.scanner(desk)?;
-                for _ in 0..2 * SOUND {
+                for _ in 0..SOUND {
                     let captured = scanner.scan(&trial.options(), &mut |_| {})?;
-                    scans.push(depth(&captured)?);
+                    scans.push(decoded(&captured)?);
                 }
                 scanner.finish()
             })?
             .0?;
-        let (first, others) = scans.split_at(SOUND);
-        trial.fragile = trial.beside(first);
-        for depth in others {
-            let cloud = trial.cloud(depth);
-            trial.least = trial.least.min(cloud.points);
-            trial.most = trial.most.max(cloud.gross + SLACK);
-        }
+        trial.sound = scans;
         trial.count()?;
         Ok(trial)
     }
@@ -220,7 +220,7 @@ impl Trial {
             let finished = scanner.finish();
             let captured = captured?;
             finished?;
-            Ok(trial.cloud(&depth(&captured)?))
+            Ok(trial.difference(&decoded(&captured)?, !retries.is_empty()))
         })?;
         Ok(Tried {
             cloud,
@@ -233,16 +233,11 @@ impl Trial {
     pub fn judge(&self, tried: &Tried) -> Outcome {
         match &tried.cloud {
             Err(error) => Outcome::Reported(error.to_string()),
-            Ok(cloud) if self.is_sound(*cloud) => Outcome::Recovered,
-            Ok(cloud) => Outcome::Wrong {
-                points: cloud.points,
-                gross: cloud.gross,
-            },
+            Ok(difference) if *difference == Difference::default() => Outcome::Recovered,
+            Ok(difference) if !difference.is_harmless() => Outcome::Wrong(*difference),
+            Ok(_) if !tried.retries.is_empty() => Outcome::Recovered,
+            Ok(difference) => Outcome::Harmless(*difference),
         }
-    }
-
-    fn is_sound(&self, cloud: Cloud) -> bool {
-        cloud.gross <= self.most && cloud.points as f64 >= LEAST_POINTS * self.least as f64
     }
 
     fn options(&self) -> ScanOptions {
@@ -266,41 +261,44 @@ impl Trial {
         measured.is_finite() && !small
     }
 
-    /// Pixels in which scans have gross errors, and those beside them.
-    fn beside(&self, scans: &[Vec<f32>]) -> Vec<bool> {
-        let width = self.setting.profile.camera.width_px as usize;
-        let mut fragile = vec![false; self.truth.depth_mm.len()];
-        for depth in scans {
-            for (pixel, &measured) in depth.iter().enumerate() {
-                if !self.is_gross(pixel, measured) {
-                    continue;
-                }
-                let (x, y) = (pixel % width, pixel / width);
-                for y in y.saturating_sub(1)..=y + 1 {
-                    for x in x.saturating_sub(1)..=(x + 1).min(width - 1) {
-                        if let Some(beside) = fragile.get_mut(y * width + x) {
-                            *beside = true;
-                        }
-                    }
-                }
-            }
-        }
-        fragile
+    /// Compares a scan with the fault-free one that it resembles most: that with the same random numbers,
+    /// if there is one. A `repeated` run may have others, so that both deviations count.
+    fn difference(&self, scan: &Decoded, repeated: bool) -> Difference {
+        let compare = |sound| self.compared(scan, sound, repeated);
+        let differences = self.sound.iter().map(compare);
+        let worth = |d: &Difference| d.lost + d.moved;
+        differences
+            .min_by(|a, b| worth(a).total_cmp(&worth(b)))
+            .unwrap_or_default()
     }
 
-    /// Holds a scan's points against the truth.
-    fn cloud(&self, depth: &[f32]) -> Cloud {
-        let gross = |at: &(usize, &f32)| !self.fragile[at.0] && self.is_gross(at.0, *at.1);
-        Cloud {
-            points: depth.iter().filter(|measured| measured.is_finite()).count(),
-            gross: depth.iter().enumerate().filter(gross).count(),
+    fn compared(&self, scan: &Decoded, sound: &Decoded, repeated: bool) -> Difference {
+        let (mut points, mut due, mut lost, mut moved) = (0usize, 0usize, 0usize, 0usize);
+        for (i, (&depth, &wanted)) in scan.depth.iter().zip(&sound.depth).enumerate() {
+            due += usize::from(wanted.is_finite());
+            if !depth.is_finite() {
+                lost += usize::from(wanted.is_finite());
+                continue;
+            }
+            points += 1;
+            moved += usize::from(match wanted.is_finite() {
+                true => {
+                    let other = if repeated { sound.depth_sigma[i] } else { 0.0 };
+                    (depth - wanted).abs() > SIGMAS * scan.depth_sigma[i].hypot(other)
+                }
+                false => self.is_gross(i, depth),
+            });
+        }
+        let part = |count: usize, of: usize| count as f64 / of.max(1) as f64;
+        Difference {
+            lost: part(lost, due),
+            moved: part(moved, points),
         }
     }
 }
 
-/// Decodes a capture, as any application does; NaN where nothing was measured.
-fn depth(captured: &Capture) -> Result<Vec<f32>> {
+/// Decodes a capture, as any application does.
+fn decoded(captured: &Capture) -> Result<Decoded> {
     check_modulation(&captured.manifest, &captured.images)?;
-    let (_, decoded) = captured.decode(Options::default())?;
-    Ok(decoded.depth)
+    Ok(captured.decode(Options::default())?.1)
 }

@@ -2,11 +2,10 @@
 //! that the decoder states.
 
 use crate::zoo::device::Device;
-use phasmid::decode::{Decoded, Decoder, Options, Verdict};
+use phasmid::decode::{Decoded, Decoder, FrameDoubt, Known, Options, Verdict, check_sequence};
 use phasmid::emulator::render::Renderer;
 use phasmid::emulator::{PatternImage, Shot, Truth};
 use phasmid::geometry::Rig;
-use phasmid::host::{FrameDoubt, check_sequence};
 use phasmid::pattern::{Axis, Manifest, finest_fringe};
 use phasmid::profile::{Profile, Scene};
 use std::fmt;
@@ -85,7 +84,7 @@ impl Scan {
         let decoder = Decoder::new(&manifest, w, h, Some(&rig), options).unwrap();
         Self {
             decoded: decoder.decode(&images).unwrap(),
-            checked: check_sequence(&manifest, &images),
+            checked: check_sequence(&manifest, &images, Known::default()),
             manifest,
             rig,
             truth,

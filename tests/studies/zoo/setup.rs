@@ -1,9 +1,9 @@
 //! One device and scene whose properties a test varies one by one; [`super::device`] draws random ones.
 
 use crate::zoo::measure::Scan;
+use phasmid::decode::FrameDoubt;
 use phasmid::decode::Options;
 use phasmid::emulator::Truth;
-use phasmid::host::FrameDoubt;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 

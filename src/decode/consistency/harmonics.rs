@@ -1,0 +1,222 @@
+//! Fringes that are not sinusoidal.
+//!
+//! N equal steps take harmonics of order N - 1 and N + 1 for the fringe itself: the phase is off by
+//! `e = a cos(N phi) + b sin(N phi)`, and if the two orders differ the modulation follows N phi too.
+//!
+//! - Along a surface the phase grows by about the same w from each pixel to the next, so that its second
+//!   difference is what the error leaves of itself: `e(phi + w) - 2 e(phi) + e(phi - w) =
+//!   -2 (1 - cos(N w)) e(phi)`. That is linear in a and b, which least squares find from all pixels.
+//!   Curved surfaces, texture and noise have second differences too, but not such as follow the phase.
+//!   Coarse fringes grow too little from pixel to pixel to show it.
+//! - With white and black, the modulation in parts of half their contrast is held against the phase.
+//!
+//! Three steps take the second harmonic for the fringe, which any response curve but a straight one has:
+//! that is a property of the device, and is told without refusing anything. With four steps and more an
+//! error of that size is none that a response curve makes, but, for example, an exposure that does not
+//! cover all bit planes of a DMD.
+
+use super::FrameDoubt;
+use super::sample::{Sample, full_scale};
+use crate::FringeSet;
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use phasmid_pattern::Image;
+use std::f64::consts::{PI, TAU};
+
+/// The largest error of phase in radians of four and more steps that is believed: a projector of gamma
+/// 0.6 and four steps has 0.06, one of 2.2 has 0.01.
+const LARGEST_RAD: f64 = 0.08;
+/// The largest of three steps: a projector of gamma 2.2 has 0.29.
+const BELIEVED_RAD: f64 = 0.35;
+/// Steps from which on it is refused.
+const REFUSED_STEPS: usize = 4;
+/// The largest that is not worth telling: 0.05 projector pixels of a fringe of 16.
+const WORTH_RAD: f64 = 0.02;
+/// Deviations that an error is more than what is held against it.
+const SIGMAS: f64 = 4.0;
+/// Lines that are looked at.
+const LINES: usize = 16;
+/// Fewest pixels that tell,
+const FEWEST: usize = 500;
+/// and that tell by their modulation.
+const FEWEST_MODULATED: usize = 1000;
+/// Least modulation in DN,
+const LEAST_DN: f64 = 3.0;
+/// and in deviations of the noise.
+const LEAST_SIGMAS: f64 = 4.0;
+/// Least contrast of white and black in deviations of the noise.
+const CONTRAST: f64 = 10.0;
+/// Part of the usual pixel's modulation from which on one is looked at, for blur takes the rest, and up
+/// to which it is believed.
+const USUAL: std::ops::Range<f64> = 0.5..2.0;
+/// Most that the phase grows from a pixel to the next, and most by which it grows more than before: edges.
+const MOST_RAD: (f64, f64) = (1.5, 1.0);
+/// Part of an error that is left in second differences, squared, of all pixels.
+const LEAST_SHOWN: f64 = 0.1;
+
+/// A set whose fringes are not sinusoidal.
+pub(super) struct Bent {
+    frames: [usize; 2],
+    steps: usize,
+    /// Amplitude of the error of the phase.
+    error_rad: f64,
+    /// The same less what chance may add.
+    least_rad: f64,
+}
+
+impl Bent {
+    /// Whether a response curve makes such an error, which makes orders uncertain.
+    pub(super) fn is_believed(&self) -> bool {
+        self.steps < REFUSED_STEPS && self.error_rad < BELIEVED_RAD
+    }
+
+    /// Whether no response curve makes such an error.
+    pub(super) fn is_refused(&self) -> bool {
+        self.steps >= REFUSED_STEPS && self.least_rad > LARGEST_RAD
+    }
+
+    pub(super) fn doubt(&self) -> FrameDoubt {
+        FrameDoubt::NotSinusoidal {
+            frames: self.frames[0]..=self.frames[1],
+            phase_error_rad: self.error_rad,
+        }
+    }
+}
+
+/// The sets of a capture whose phases are off by more than is worth telling.
+pub(super) fn of_capture(sample: &Sample, frames: &[Image]) -> Vec<Bent> {
+    let full = f64::from(full_scale(frames));
+    let sets = sample.plan.axes.iter().flat_map(|axis| &axis.sets);
+    let bent = |set: &FringeSet| {
+        if !set.steps_are_equal() {
+            return None;
+        }
+        let lines = [true, false].into_iter();
+        let by_phase = lines.filter_map(|rows| phase_error(set, frames, rows, sample, full));
+        let by_phase = by_phase.map(|(error, deviation)| (error, error - SIGMAS * deviation));
+        let by_phase = by_phase.filter(|(_, least)| *least > WORTH_RAD);
+        let refused = set.frames.len() >= REFUSED_STEPS;
+        let ripple = refused.then(|| ripple(set, sample)).flatten();
+        let by_modulation = ripple.filter(|r| *r > LARGEST_RAD).map(|r| (r, r));
+        let (error_rad, least_rad) = by_modulation
+            .into_iter()
+            .chain(by_phase)
+            .max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let ends = [set.frames.iter().min()?, set.frames.iter().max()?];
+        Some(Bent {
+            frames: ends.map(|frame| *frame),
+            steps: set.frames.len(),
+            error_rad,
+            least_rad,
+        })
+    };
+    sets.filter_map(bent).collect()
+}
+
+/// The amplitude of the error of phase and its standard deviation, in radians, from lines along the rows or
+/// down the columns; none where too few pixels would show it.
+fn phase_error(
+    set: &FringeSet,
+    frames: &[Image],
+    rows: bool,
+    sample: &Sample,
+    full: f64,
+) -> Option<(f64, f64)> {
+    let first = frames.first()?;
+    let (width, height) = (first.width(), first.height());
+    let (length, across) = if rows {
+        (width, height)
+    } else {
+        (height, width)
+    };
+    let noise_dn = sample.usual_noise_dn();
+    let least = LEAST_DN.max(LEAST_SIGMAS * noise_dn);
+    let n = set.phases.len() as f64;
+    let mut normal = Matrix2::zeros();
+    let mut right = Vector2::zeros();
+    let (mut shown, mut square, mut pixels) = (0.0, 0.0, 0usize);
+    let mut samples = Vec::new();
+    for line in 0..LINES.min(across) {
+        let line = (2 * line + 1) * across / (2 * LINES.min(across));
+        let mut phase = |at: usize| {
+            let pixel = if rows {
+                line * width + at
+            } else {
+                at * width + line
+            };
+            samples.clear();
+            samples.extend(
+                set.frames
+                    .iter()
+                    .map(|f| f64::from(frames[*f].value(pixel))),
+            );
+            let [_, c, s] = set.solve(&samples);
+            let lit = c.hypot(s) >= least && samples.iter().all(|v| *v < full);
+            lit.then(|| s.atan2(c) + set.phases[0])
+        };
+        let phases: Vec<Option<f64>> = (0..length).map(&mut phase).collect();
+        for three in phases.windows(3) {
+            let &[Some(before), Some(here), Some(after)] = three else {
+                continue;
+            };
+            let (rise, next) = (wrapped(here - before), wrapped(after - here));
+            let grows = 0.5 * (rise + next);
+            if grows.abs() > MOST_RAD.0 || (next - rise).abs() > MOST_RAD.1 {
+                continue;
+            }
+            let left = -2.0 * (1.0 - (n * grows).cos());
+            let row = left * Vector2::new((n * here).cos(), (n * here).sin());
+            normal += row * row.transpose();
+            right += row * (next - rise);
+            shown += left * left;
+            square += (next - rise).powi(2);
+            pixels += 1;
+        }
+    }
+    if pixels < FEWEST || shown < LEAST_SHOWN * pixels as f64 {
+        return None;
+    }
+    let inverse = normal.try_inverse()?;
+    let error = inverse * right;
+    let variance = (square - error.dot(&right)).max(0.0) / pixels as f64;
+    let most = inverse.symmetric_eigenvalues().max();
+    Some((error.norm(), (variance * most).sqrt()))
+}
+
+/// How far the modulation follows N times the phase, in parts of it.
+fn ripple(set: &FringeSet, sample: &Sample) -> Option<f64> {
+    let (white, black) = sample.plan.references()?;
+    let n = set.phases.len() as f64;
+    // Modulation in parts of half the contrast, and phase.
+    let told = |i: usize| {
+        let contrast = sample.value(white, i) - sample.value(black, i);
+        let is_bright = !sample.is_saturated(i) && contrast >= CONTRAST * sample.noise_dn(i);
+        is_bright.then(|| {
+            let samples: Vec<f64> = set.frames.iter().map(|k| sample.value(*k, i)).collect();
+            let [_, c, s] = set.solve(&samples);
+            (2.0 * c.hypot(s) / contrast, s.atan2(c) + set.phases[0])
+        })
+    };
+    let mut told: Vec<(f64, f64)> = (0..sample.pixels()).filter_map(told).collect();
+    if told.len() < FEWEST_MODULATED {
+        return None;
+    }
+    let middle = told.len() / 2;
+    let by_modulation = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0);
+    let usual = told.select_nth_unstable_by(middle, by_modulation).1.0;
+    told.retain(|(modulation, _)| USUAL.contains(&(modulation / usual)));
+    let mut normal = Matrix3::zeros();
+    let mut right = Vector3::zeros();
+    for (modulation, phase) in told {
+        let turns = n * phase;
+        let row = Vector3::new(1.0, turns.cos(), turns.sin());
+        normal += row * row.transpose();
+        right += row * modulation;
+    }
+    let fitted = normal.try_inverse()? * right;
+    Some(fitted[1].hypot(fitted[2]) / fitted[0])
+}
+
+/// An angle between -pi and pi.
+fn wrapped(angle: f64) -> f64 {
+    (angle + PI).rem_euclid(TAU) - PI
+}
