@@ -35,6 +35,8 @@ const BENT: f64 = 2.0;
 /// projector rounds levels to 8 bits, which gives 1 / sqrt(12) / 127.5 = 0.0023. Projectors of fewer
 /// bits have a larger one.
 pub const MODEL_ERROR: f64 = 0.0025;
+/// Mean phasor of the pixels above which coarse fringes do not tell the light of their steps.
+const LOPSIDED: f32 = 0.7;
 /// Lower bound of the robust scale, as a fraction of noise and model error.
 const LEAST: f64 = 0.5;
 
