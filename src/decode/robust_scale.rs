@@ -60,6 +60,9 @@ pub(super) struct Shared {
 impl Shared {
     /// How much steps differ in their light, in units of the residual, as far as the pixels' phases show it.
     pub(super) fn difference(&self) -> f32 {
+        if self.lopsided > LOPSIDED {
+            return 0.0;
+        }
         let size = self
             .light
             .iter()
