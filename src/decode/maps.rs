@@ -71,6 +71,8 @@ pub struct AxisMap {
     /// Period that coordinates are known modulo, if the fringe order is unresolved; after spatial
     /// unwrapping each connected region is known up to one integer number of periods.
     pub wrapped_px: Option<f64>,
+    /// Number of finest Gray bits that the camera does not resolve and that were left out.
+    pub unused_bits: usize,
 }
 
 impl AxisMap {

@@ -34,7 +34,9 @@ pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan, frames: &[Image]) -> b
     let (width, height) = (first.width(), first.height());
     let full = f64::from(full_scale(frames));
     let least = CONTRAST * sample.usual_noise_dn();
-    let word = |pixel: usize| word(&sample.plan, axis, frames, pixel, [least, full]);
+    let map = sample.decoded.axis(axis.axis);
+    let unused = map.map_or(0, |map| map.unused_bits);
+    let word = |pixel: usize| word(&sample.plan, axis, unused, frames, pixel, [least, full]);
     for (length, across, step, stride) in [(width, height, 1, width), (height, width, width, 1)] {
         let lines = LINES.min(across);
         for line in 0..lines {
@@ -62,11 +64,12 @@ pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan, frames: &[Image]) -> b
     resolved && edges.iter().any(told)
 }
 
-/// The code word of a pixel, if each bit is clear; contrasts are at least `least` and samples below `full`, in
-/// DN.
+/// The code word of a pixel without its `unused` finest bits, if each bit is clear; contrasts are at least
+/// `least` and samples below `full`, in DN.
 fn word(
     plan: &Plan,
     axis: &AxisPlan,
+    unused: usize,
     frames: &[Image],
     pixel: usize,
     [least, full]: [f64; 2],
@@ -90,7 +93,8 @@ fn word(
     };
     let light = light();
     let mut word = 0;
-    for (place, bit) in axis.gray.iter().flat_map(|code| &code.bits).enumerate() {
+    let bits = axis.gray.iter().flat_map(|code| &code.bits).skip(unused);
+    for (place, bit) in bits.enumerate() {
         let (contrast, half) = match (bit.plain, bit.inverse, light) {
             (Some(plain), Some(inverse), _) => {
                 let [plain, inverse] = [plain, inverse].map(value);

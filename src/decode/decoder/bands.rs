@@ -50,6 +50,11 @@ impl Decoder {
             |bits: &UnresolvedBits| out.axis(bits.axis).is_some_and(|map| bits.explain(map));
         let (kept, used): (Vec<_>, Vec<_>) = found.into_iter().partition(explains);
         out.notes.extend(kept.iter().map(UnresolvedBits::note));
+        for bits in kept {
+            if let Some(map) = out.axis_mut(bits.axis) {
+                map.unused_bits = bits.count;
+            }
+        }
         if !used.is_empty() {
             for bits in used {
                 job.unused_bits[bits.axis as usize] = 0;

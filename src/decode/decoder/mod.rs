@@ -314,6 +314,7 @@ impl Decoder {
                 Order::Wrapped { period_px } => Some(period_px),
                 _ => None,
             };
+            map.unused_bits = 0;
         }
         out.modulation.resize(n, 0.0);
         out.intensity.resize(n, 0.0);
