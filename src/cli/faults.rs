@@ -102,9 +102,14 @@ fn list() {
         };
         println!("{:<18}{} [{side}]", kind.name, kind.about);
         for parameter in kind.parameters {
+            let default = kind.default(parameter.name);
+            let default = default.map_or(String::new(), |value| format!(", {value} when absent"));
             println!(
-                "{:<18}  {}: {}; {} when absent",
-                "", parameter.name, parameter.allowed, parameter.default
+                "{:<18}  {}: {}{default}: {}",
+                "",
+                parameter.name,
+                parameter.allowed(),
+                parameter.about
             );
         }
     }

@@ -11,7 +11,7 @@
 //! - With white and black, the modulation in parts of half their contrast is held against the phase.
 //!
 //! Three steps take the second harmonic for the fringe, which any response curve but a straight one has:
-//! that is a property of the device, and is told without refusing anything. With four steps and more an
+//! that is a property of the device, and is reported without refusing anything. With four steps and more an
 //! error of that size is none that a response curve makes, but, for example, an exposure that does not
 //! cover all bit planes of a DMD.
 

@@ -1,6 +1,6 @@
 //! The bits of a Gray code, by their edges.
 //!
-//! From pixel to pixel of a surface the code counts up or down by one or stays. Where exactly one bit
+//! Along a surface the code counts up or down by one or stays. Where exactly one bit
 //! changes between neighbours, the cells are next to each other; with two bits exchanged, or one frame of
 //! another pattern, they are far apart. At steps in depth several bits change at once, and those say
 //! nothing.
@@ -11,7 +11,7 @@ use phasmid_pattern::{Image, gray_decode};
 
 /// Lines along the rows and down the columns that are looked at.
 const LINES: usize = 32;
-/// Part of the contrast by which a bit has to be told.
+/// Part of the contrast that makes a bit clear.
 const CLEAR: f64 = 0.25;
 /// Contrast in standard deviations of noise, at least.
 const CONTRAST: f64 = 14.0;
@@ -26,7 +26,7 @@ pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan, frames: &[Image]) -> b
     let (Some(code), Some(first)) = (&axis.gray, frames.first()) else {
         return false;
     };
-    // Of each bit, edges between neighbouring cells and others.
+    // Edges of each bit: between neighbouring cells, and others.
     let mut edges = vec![[0usize; 2]; code.bits.len()];
     // Changes of one bit and of several. A code without fringes may be finer than the camera resolves: most
     // changes are then of several.

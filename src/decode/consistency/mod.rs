@@ -94,7 +94,7 @@ pub struct Known {
 }
 
 impl Known {
-    /// Of frames that the link identifies or not, from a device with a calibration or without.
+    /// Describes frames that the link identifies or not, from a device with a calibration or without.
     pub fn new(identified: bool, calibration: Option<&Rig>) -> Self {
         Self {
             identified,
@@ -149,7 +149,7 @@ pub fn check_sequence(
 }
 
 /// What a user should know of frames that follow their sequence: fringes that are not sinusoidal, so that
-/// points are off by what depends on their place in a fringe. Frames as for [`check_sequence`].
+/// the error of a point depends on its place in a fringe. Frames as for [`check_sequence`].
 pub fn doubt_of_fringes(manifest: &Manifest, frames: &[Image]) -> Option<FrameDoubt> {
     if frames.len() != manifest.frame.len() || frames.iter().any(Image::is_empty) {
         return None;
@@ -197,9 +197,9 @@ pub fn check_modulation(manifest: &Manifest, frames: &[Image]) -> Result<()> {
 
 /// Shares of all pixels.
 struct Lit {
-    /// Of those that are modulated and not saturated.
+    /// Modulated and not saturated.
     share: f64,
-    /// Of those with a coordinate.
+    /// With a coordinate.
     valid: f64,
 }
 

@@ -213,7 +213,7 @@ impl Sample {
     }
 
     /// The two frames of `pairs` with whose exchange the most pixels of an axis have a coordinate, if that
-    /// explains most of those that have none.
+    /// explains most of the others.
     pub(super) fn exchanged(
         &self,
         manifest: &Manifest,

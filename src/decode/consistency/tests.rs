@@ -130,7 +130,7 @@ fn the_light_of_a_step_is_named() {
                         |v: &mut u8| *v = (12.0 + part * (f64::from(*v) - 12.0)).round() as u8;
                     samples(&mut frames[frame]).iter_mut().for_each(dim);
                 });
-                // Of sets of three, a step with far less light is told by the scale of what is left.
+                // The scale of the residuals shows a step with far less light in sets of three.
                 if part < 0.6 && steps == 3 {
                     assert!(told.is_err(), "{part} of frame {frame}");
                     continue;

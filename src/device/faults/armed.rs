@@ -1,7 +1,7 @@
 //! One fault of a schedule: counts events and decides which of them it strikes.
 
 use super::chance::{Chance, Draws};
-use phasmid_protocol::faults::{Direction, Effect, Fault, Frames, Side};
+use phasmid_protocol::faults::{Direction, Fault, Frames, Side, What};
 
 /// Where a fault strikes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,11 +51,11 @@ impl Armed {
         if self.fault.side() == Side::Camera {
             return Way::Camera;
         }
-        match self.fault.effect() {
-            Effect::Nak
-            | Effect::Disconnect { .. }
-            | Effect::Reset
-            | Effect::BitErrors {
+        match self.fault.what {
+            What::Nak
+            | What::Disconnect { .. }
+            | What::Reset
+            | What::BitErrors {
                 direction: Direction::ToDevice,
                 ..
             } => Way::ToDevice,
@@ -68,8 +68,8 @@ impl Armed {
         self.fault.times.is_some_and(|times| self.struck >= times)
     }
 
-    /// Counts an event. If the fault strikes it, returns the effect and the event's random draws.
-    pub(super) fn strike(&mut self, event: &Event<'_>, chance: Chance) -> Option<(Effect, Draws)> {
+    /// Counts an event. If the fault strikes it, returns what goes wrong and the event's random draws.
+    pub(super) fn strike(&mut self, event: &Event<'_>, chance: Chance) -> Option<(What, Draws)> {
         if self.is_over() || !self.counts(event) {
             return None;
         }
@@ -88,7 +88,7 @@ impl Armed {
             return None;
         }
         self.struck += 1;
-        Some((self.fault.effect(), draws))
+        Some((self.fault.what, draws))
     }
 
     /// Returns whether an event matches the fault's conditions.

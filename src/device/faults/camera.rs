@@ -3,10 +3,10 @@
 
 use super::armed::{Event, Way};
 use super::chance::Draws;
-use super::{Faults, frame};
+use super::{Faults, frame, ns};
 use crate::{Exposure, PatternImage, Shot};
 use phasmid_protocol::Frame;
-use phasmid_protocol::faults::Effect;
+use phasmid_protocol::faults::What;
 use std::sync::Arc;
 
 /// Maximum number of struck exposures whose frames have not arrived. Beyond it the oldest entry is
@@ -39,12 +39,12 @@ impl Faults {
             let mut later = Vec::new();
             for (effect, draws) in self.strike(Way::Camera, &event, Some(shot.id)) {
                 match effect {
-                    Effect::Dark => darken(shot),
-                    Effect::WrongPattern { offset } => show_other(shot, offset, pattern_images),
-                    Effect::PartialExposure { fraction } => dim(shot, fraction),
-                    Effect::Disconnect { for_ns } => self.disconnect(for_ns),
+                    What::Dark => darken(shot),
+                    What::WrongPattern { offset } => show_other(shot, offset, pattern_images),
+                    What::PartialExposure { fraction } => dim(shot, fraction),
+                    What::Disconnect { for_ms } => self.disconnect(ns(for_ms)),
                     // Exposed frames are lost with the device's memory.
-                    Effect::Reset => self.reset(Some(last)),
+                    What::Reset => self.reset(Some(last)),
                     _ => later.push((effect, draws)),
                 }
             }
@@ -81,24 +81,19 @@ impl Faults {
     }
 
     /// Applies the planned effects to a finished frame.
-    fn send(
-        &mut self,
-        mut frame: Arc<Frame>,
-        effects: Vec<(Effect, Draws)>,
-        before: Option<&Frame>,
-    ) {
+    fn send(&mut self, mut frame: Arc<Frame>, effects: Vec<(What, Draws)>, before: Option<&Frame>) {
         let (mut copies, mut late_ns, mut wait_ns) = (1, 0, None);
         for (effect, mut draws) in effects {
             match effect {
-                Effect::Dropped => copies = 0,
-                Effect::Repeated => copies = 2 * copies.min(1),
-                Effect::Late { by_ns } => late_ns += by_ns,
-                Effect::Swapped { wait_ns: wait } => wait_ns = Some(wait),
-                Effect::Torn { row } => frame::torn(Arc::make_mut(&mut frame), before, row),
-                Effect::RowsMissing { row, rows } => {
+                What::Dropped => copies = 0,
+                What::Repeated => copies = 2 * copies.min(1),
+                What::Late { by_ms } => late_ns += ns(by_ms),
+                What::Swapped { by_ms } => wait_ns = Some(ns(by_ms)),
+                What::Torn { row } => frame::torn(Arc::make_mut(&mut frame), before, row),
+                What::RowsMissing { row, rows } => {
                     frame::rows_missing(Arc::make_mut(&mut frame), row, rows);
                 }
-                Effect::BitsFlipped { count } => {
+                What::BitsFlipped { count } => {
                     frame::bits_flipped(&mut Arc::make_mut(&mut frame).data, count, &mut draws);
                 }
                 // All other effects are applied elsewhere.

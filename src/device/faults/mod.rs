@@ -25,7 +25,7 @@ use held::Held;
 use listener::Listener;
 use log::Log;
 use phasmid_protocol::Frame;
-use phasmid_protocol::faults::{Effect, Fault, Flaw, MAX_FAULTS, Schedule, Struck};
+use phasmid_protocol::faults::{Fault, Flaw, MAX_FAULTS, Schedule, Struck, What};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -33,6 +33,11 @@ use std::sync::Arc;
 const MAX_FRAME_BYTES: usize = 256 << 20;
 /// Maximum size of replies waiting behind a delayed one, in bytes.
 const MAX_REPLY_BYTES: usize = 4 << 20;
+
+/// Milliseconds in nanoseconds.
+fn ns(ms: f64) -> u64 {
+    (ms * 1e6) as u64
+}
 
 /// All faults of one device.
 #[derive(Debug)]
@@ -48,7 +53,7 @@ pub struct Faults {
     /// Latest time passed in.
     now_ns: u64,
     /// Effects to apply to frames when they arrive, by frame id.
-    planned: VecDeque<(u64, Vec<(Effect, Draws)>)>,
+    planned: VecDeque<(u64, Vec<(What, Draws)>)>,
     /// The previous frame.
     before: Option<Arc<Frame>>,
     /// A frame that waits to be overtaken by the next one, and its latest departure.
@@ -134,12 +139,16 @@ impl Faults {
     }
 
     fn fits(&self, fault: &Fault) -> Result<(), Flaw> {
-        match fault.row {
-            Some(row) if row >= self.rows => Err(Flaw {
-                field: "row".to_owned(),
-                found: row.to_string(),
-                allowed: format!("up to {}: the camera has {} rows", self.rows - 1, self.rows),
-            }),
+        match fault.what {
+            What::Torn { row: Some(row) } | What::RowsMissing { row: Some(row), .. }
+                if row >= self.rows =>
+            {
+                Err(Flaw {
+                    field: "row".to_owned(),
+                    found: row.to_string(),
+                    allowed: format!("up to {}: the camera has {} rows", self.rows - 1, self.rows),
+                })
+            }
             _ => Ok(()),
         }
     }
@@ -239,7 +248,7 @@ impl Faults {
     }
 
     /// Returns the effects that strike an event, in the order of the schedule.
-    fn strike(&mut self, way: Way, event: &Event<'_>, frame: Option<u64>) -> Vec<(Effect, Draws)> {
+    fn strike(&mut self, way: Way, event: &Event<'_>, frame: Option<u64>) -> Vec<(What, Draws)> {
         let mut effects = Vec::new();
         for armed in self.armed.iter_mut().filter(|armed| armed.way() == way) {
             let Some(effect) = armed.strike(event, self.chance) else {
@@ -248,7 +257,7 @@ impl Faults {
             self.log.push(Struck {
                 time_ns: event.time_ns,
                 fault: armed.id,
-                what: armed.fault.what,
+                what: armed.fault.what.to_string(),
                 frame,
                 command: (!event.command.is_empty()).then(|| event.command.to_owned()),
             });

@@ -3,10 +3,10 @@
 use super::armed::{Armed, Event, Way};
 use super::chance::Draws;
 use super::listener::Listener;
-use super::{Faults, frame};
+use super::{Faults, frame, ns};
 use crate::port::Message;
 use phasmid_protocol::dialect::Dialect;
-use phasmid_protocol::faults::{Bits, Effect};
+use phasmid_protocol::faults::What;
 use std::sync::Arc;
 
 /// Maximum length of a message in bytes. A longer one passes in parts, and faults strike its last
@@ -76,13 +76,13 @@ impl Faults {
         let mut refused = false;
         for (effect, mut draws) in self.strike(Way::ToDevice, &event, None) {
             match effect {
-                Effect::BitErrors { bits, .. } => flip(&mut message, bits, &mut draws),
-                Effect::Nak => refused = true,
-                Effect::Disconnect { for_ns } => {
-                    self.disconnect(for_ns);
+                What::BitErrors { count, rate, .. } => flip(&mut message, count, rate, &mut draws),
+                What::Nak => refused = true,
+                What::Disconnect { for_ms } => {
+                    self.disconnect(ns(for_ms));
                     return None;
                 }
-                Effect::Reset => {
+                What::Reset => {
                     self.reset(None);
                     return None;
                 }
@@ -112,15 +112,15 @@ impl Faults {
         let (mut copies, mut late_ns) = (1, 0);
         for (effect, mut draws) in self.strike(Way::ToHost, &event, None) {
             match effect {
-                Effect::NoReply => copies = 0,
-                Effect::LateReply { by_ns } => late_ns += by_ns,
-                Effect::ReplyTwice => copies = 2 * copies.min(1),
-                Effect::GarbageBefore { count } => insert(&mut bytes, 0, count, &mut draws),
-                Effect::GarbageInside { count } => {
+                What::NoReply => copies = 0,
+                What::LateReply { by_ms } => late_ns += ns(by_ms),
+                What::ReplyTwice => copies = 2 * copies.min(1),
+                What::GarbageBefore { count } => insert(&mut bytes, 0, count, &mut draws),
+                What::GarbageInside { count } => {
                     let at = 1 + draws.below(bytes.len().saturating_sub(1));
                     insert(&mut bytes, at, count, &mut draws);
                 }
-                Effect::BitErrors { bits, .. } => flip(&mut bytes, bits, &mut draws),
+                What::BitErrors { count, rate, .. } => flip(&mut bytes, count, rate, &mut draws),
                 // All other effects are applied elsewhere.
                 _ => {}
             }
@@ -165,11 +165,11 @@ impl Faults {
     }
 }
 
-/// Inverts bits of a message.
-fn flip(bytes: &mut [u8], bits: Bits, draws: &mut Draws) {
-    match bits {
-        Bits::Count(count) => frame::bits_flipped(bytes, count, draws),
-        Bits::Rate(rate) => {
+/// Inverts bits of a message: a number of them, one if there is no rate either.
+fn flip(bytes: &mut [u8], count: Option<u32>, rate: Option<f64>, draws: &mut Draws) {
+    match rate {
+        None => frame::bits_flipped(bytes, count.unwrap_or(1), draws),
+        Some(rate) => {
             for byte in bytes {
                 for bit in 0..8 {
                     *byte ^= u8::from(draws.unit() < rate) << bit;

@@ -1,10 +1,11 @@
 //! Checks of a fault schedule.
 
-use super::{Fault, MAX_FAULTS, Schedule, Side};
+use super::{Fault, MAX_FAULTS, Schedule, Side, What};
 use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
 use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
+use toml::{Table, Value};
 
 /// A problem with a fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -18,21 +19,32 @@ pub struct Flaw {
     pub allowed: String,
 }
 
-/// Maximum duration of a fault in milliseconds.
-const MAX_MS: f64 = 3.6e6;
+impl Flaw {
+    pub(super) fn new(field: &str, found: impl Display, allowed: impl Display) -> Self {
+        Self {
+            field: field.to_owned(),
+            found: found.to_string(),
+            allowed: allowed.to_string(),
+        }
+    }
+}
 
-pub(super) fn schedule(schedule: &Schedule, source: &TomlSource) -> Result<()> {
-    if schedule.fault.len() > MAX_FAULTS {
-        let found = format!("{} faults", schedule.fault.len());
+pub(super) fn schedule(written: Schedule<Table>, source: &TomlSource) -> Result<Schedule> {
+    if written.fault.len() > MAX_FAULTS {
+        let found = format!("{} faults", written.fault.len());
         return Err(source.violation("fault", found, format!("up to {MAX_FAULTS}")));
     }
-    for (i, fault) in schedule.fault.iter().enumerate() {
-        fault.check().map_err(|flaw| {
+    let faults = written.fault.into_iter().enumerate().map(|(i, fault)| {
+        let fault = fault.read().and_then(|fault| fault.check().map(|()| fault));
+        fault.map_err(|flaw| {
             let field = format!("fault[{i}].{}", flaw.field);
             source.violation(&field, flaw.found, flaw.allowed)
-        })?;
-    }
-    Ok(())
+        })
+    });
+    Ok(Schedule {
+        seed: written.seed,
+        fault: faults.collect::<Result<_>>()?,
+    })
 }
 
 /// Rejects faults for unknown devices, which could never occur.
@@ -52,14 +64,10 @@ fn that(
     found: impl Display,
     allowed: impl Display,
 ) -> std::result::Result<(), Flaw> {
-    if ok {
-        return Ok(());
+    match ok {
+        true => Ok(()),
+        false => Err(Flaw::new(field, found, allowed)),
     }
-    Err(Flaw {
-        field: field.to_owned(),
-        found: found.to_string(),
-        allowed: allowed.to_string(),
-    })
 }
 
 fn within<T: PartialOrd + Debug + Copy>(
@@ -86,28 +94,7 @@ impl Fault {
     /// Returns the first invalid field.
     pub fn check(&self) -> std::result::Result<(), Flaw> {
         self.check_parameters()?;
-        within("by_ms", self.by_ms, 0.0..=MAX_MS)?;
-        within("for_ms", self.for_ms, 0.0..=MAX_MS)?;
-        // A frame torn at its first row would be a copy of the previous frame, which is another
-        // fault.
-        let first = u32::from(self.what == super::What::Torn);
-        within("row", self.row, first..=65535)?;
-        within("rows", self.rows, 1..=65535)?;
-        let most = match self.what {
-            super::What::BitsFlipped => 1_000_000,
-            _ => 4096,
-        };
-        within("count", self.count, 1..=most)?;
-        within("rate", self.rate, 0.0..=1.0)?;
-        that(
-            self.count.is_none() || self.rate.is_none(),
-            "rate",
-            "a rate and a count",
-            "only one of them",
-        )?;
-        within("offset", self.offset, -4096..=4096)?;
-        that(self.offset != Some(0), "offset", 0, "any number but 0")?;
-        within("fraction", self.fraction, 0.0..=1.0)?;
+        self.check_side()?;
         within("times", self.times, 1..=u64::MAX)?;
         self.check_when()
     }
@@ -133,30 +120,36 @@ impl Fault {
 
     fn check_parameters(&self) -> std::result::Result<(), Flaw> {
         let kind = self.what.kind();
-        let given = [
-            ("by_ms", self.by_ms.is_some()),
-            ("for_ms", self.for_ms.is_some()),
-            ("row", self.row.is_some()),
-            ("rows", self.rows.is_some()),
-            ("count", self.count.is_some()),
-            ("rate", self.rate.is_some()),
-            ("direction", self.direction.is_some()),
-            ("offset", self.offset.is_some()),
-            ("fraction", self.fraction.is_some()),
-        ];
-        let has = |name: &str| kind.parameters.iter().any(|p| p.name == name);
-        for (name, _) in given.into_iter().filter(|(_, given)| *given) {
-            let own: Vec<_> = kind.parameters.iter().map(|p| p.name).collect();
+        for (parameter, (name, value)) in kind.parameters.iter().zip(self.what.values()) {
+            let number = match value {
+                Some(Value::Integer(number)) => number as f64,
+                Some(Value::Float(number)) => number,
+                _ => continue,
+            };
+            // NaN is in no range.
+            let [low, high] = parameter
+                .limits
+                .unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
             that(
-                has(name),
+                (low..=high).contains(&number),
                 name,
-                format!("not a parameter of {}", kind.name),
-                match own.len() {
-                    0 => "none".to_owned(),
-                    _ => own.join(", "),
-                },
+                number,
+                parameter.allowed(),
             )?;
         }
+        match self.what {
+            What::WrongPattern { offset: 0 } => that(false, "offset", 0, "any number but 0"),
+            What::BitErrors {
+                count: Some(_),
+                rate: Some(_),
+                ..
+            } => that(false, "rate", "a rate and a count", "only one of them"),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_side(&self) -> std::result::Result<(), Flaw> {
+        let kind = self.what.kind();
         if let Some(side) = self.on {
             let name = |side: Side| match side {
                 Side::Camera => "camera",

@@ -25,44 +25,44 @@
 //! `probability` applies to the remainder; `times` limits the number of occurrences.
 
 mod check;
-mod effect;
 mod kind;
-mod table;
 #[cfg(test)]
 mod tests;
 
 pub use check::Flaw;
-pub use effect::{Bits, Effect};
 pub use kind::{Kind, Parameter, Side, What};
 
 use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use toml::Table;
 
 /// Maximum number of faults in a schedule, including those added at run time.
 pub const MAX_FAULTS: usize = 1024;
 
 /// A schedule: the file of `phasmid serve --faults`.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct Schedule {
+#[cfg_attr(feature = "schema", schemars(rename = "Schedule"))]
+#[serde(deny_unknown_fields, bound(deserialize = "W: Deserialize<'de>"))]
+pub struct Schedule<W = What> {
     /// Seed of all random choices.
     #[serde(default)]
     pub seed: u64,
     /// Faults. If two affect the same frame or message, the earlier one acts first.
     #[serde(default)]
-    pub fault: Vec<Fault>,
+    pub fault: Vec<Fault<W>>,
 }
 
 /// One fault, as written in a schedule or sent over the service channel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct Fault {
-    /// Kind of fault.
-    pub what: What,
+#[cfg_attr(feature = "schema", schemars(rename = "Fault", deny_unknown_fields))]
+pub struct Fault<W = What> {
+    /// Kind and parameters.
+    #[serde(flatten)]
+    pub what: W,
     /// Whether frames or messages are counted. Only `disconnect` and `reset` allow a choice; for
     /// all other kinds it can only be the implied value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -76,36 +76,6 @@ pub struct Fault {
     /// Maximum number of occurrences; unlimited when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<u64>,
-    /// `late`, `late-reply`: delay in milliseconds of device time. `swapped`: maximum wait for the
-    /// next frame.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub by_ms: Option<f64>,
-    /// `disconnect`: time for which the port is gone, in milliseconds of device time.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub for_ms: Option<f64>,
-    /// `torn`, `rows-missing`: first affected row, from the top of the transmitted image including
-    /// the embedded data line; the middle row when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub row: Option<u32>,
-    /// `rows-missing`: number of rows.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rows: Option<u32>,
-    /// `bits-flipped`, `bit-errors`: number of bits. `garbage-before`, `garbage-inside`: number of
-    /// bytes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub count: Option<u32>,
-    /// `bit-errors`: the probability of each bit, instead of a count.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rate: Option<f64>,
-    /// `bit-errors`: direction of the affected bytes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub direction: Option<Direction>,
-    /// `wrong-pattern`: offset in patterns; the sequence wraps around.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub offset: Option<i32>,
-    /// `partial-exposure`: fraction of the exposure during which the projector is lit.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fraction: Option<f64>,
 }
 
 /// Conditions, all of which must hold.
@@ -173,14 +143,23 @@ pub struct Struck {
     /// Id of the fault. Faults of a schedule are numbered from 1; faults added later continue the
     /// numbering.
     pub fault: u64,
-    /// Kind of fault.
-    pub what: What,
+    /// Name of the kind of fault.
+    pub what: String,
     /// The affected frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<u64>,
     /// The affected command, or the command whose answer is affected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub command: Option<String>,
+}
+
+impl Default for Schedule {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            fault: Vec::new(),
+        }
+    }
 }
 
 impl Schedule {
@@ -210,9 +189,23 @@ impl Schedule {
     /// Returns an error with its line on a syntax error, an unknown field, a parameter that the
     /// fault does not have, or a value out of range.
     pub fn from_source(source: &TomlSource) -> Result<Self> {
-        let schedule: Self = source.deserialize()?;
-        check::schedule(&schedule, source)?;
-        Ok(schedule)
+        check::schedule(source.deserialize()?, source)
+    }
+}
+
+impl Fault<Table> {
+    /// Reads what goes wrong from the fields that all faults do not have.
+    ///
+    /// # Errors
+    /// Returns the first parameter that the kind does not have or that is of another type.
+    pub(crate) fn read(self) -> std::result::Result<Fault, Flaw> {
+        Ok(Fault {
+            what: What::read(self.what)?,
+            on: self.on,
+            device: self.device,
+            when: self.when,
+            times: self.times,
+        })
     }
 }
 
@@ -231,7 +224,7 @@ impl Fault {
         }
     }
 
-    /// Returns a fault of a kind with default parameters and no conditions.
+    /// Returns a fault without conditions.
     pub fn new(what: What) -> Self {
         Self {
             what,
@@ -239,15 +232,6 @@ impl Fault {
             device: None,
             when: When::default(),
             times: None,
-            by_ms: None,
-            for_ms: None,
-            row: None,
-            rows: None,
-            count: None,
-            rate: None,
-            direction: None,
-            offset: None,
-            fraction: None,
         }
     }
 

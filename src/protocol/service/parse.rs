@@ -137,8 +137,12 @@ fn fault(place: &str, value: Value) -> Result<Fault, String> {
         let place = format!("{place}.when");
         fields::<When>(&place, when.clone(), &json!({}), "an object of conditions")?;
     }
-    let whole = json!({ "what": "dark" });
-    fields(place, value, &whole, "what, and the fields of that kind")
+    let (whole, needed) = (json!({}), "what, and the fields of that kind");
+    let written: Fault<toml::Table> = fields(place, value, &whole, needed)?;
+    written.read().map_err(|flaw| {
+        let found = shortened(flaw.found);
+        format!("{place}.{}: {found}; expected {}", flaw.field, flaw.allowed)
+    })
 }
 
 /// Formats a value as JSON, truncated if it is long.
@@ -204,19 +208,19 @@ mod tests {
             ),
             (
                 "{\"fault\":{}}",
-                vec!["fault: missing field `what`; expected what"],
+                vec!["fault.what: missing; expected dropped"],
             ),
             (
                 "{\"fault\":{\"what\":\"rain\"}}",
-                vec!["fault.what: unknown variant `rain`; expected `dropped`"],
+                vec!["fault.what: \"rain\"; expected dropped, repeated"],
             ),
             (
                 "{\"fault\":{\"what\":\"dark\",\"nth\":1}}",
-                vec!["fault: unknown field `nth`; expected `what`"],
+                vec!["fault.nth: not a parameter of dark; expected none"],
             ),
             (
                 "{\"fault\":{\"what\":\"late\",\"by_ms\":\"x\"}}",
-                vec!["fault.by_ms: string \"x\"; expected a number"],
+                vec!["fault.by_ms: \"x\"; expected 0 to 3600000 ms"],
             ),
             (
                 "{\"fault\":{\"what\":\"dark\",\"when\":{\"nth\":\"x\"}}}",

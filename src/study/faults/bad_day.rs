@@ -55,103 +55,105 @@ impl Place {
 }
 
 impl BadDay {
-    fn new(name: &str, what: What, with: impl FnOnce(&mut Fault)) -> Self {
-        let mut fault = Fault::new(what);
-        with(&mut fault);
+    fn new(name: &str, what: What) -> Self {
         Self {
             name: name.to_owned(),
-            fault,
+            fault: Fault::new(what),
         }
+    }
+
+    fn on(mut self, side: Side) -> Self {
+        self.fault.on = Some(side);
+        self
     }
 
     /// What may happen to frames.
     pub fn of_frames() -> Vec<Self> {
         vec![
-            Self::new("dropped", What::Dropped, |_| {}),
-            Self::new("repeated", What::Repeated, |_| {}),
-            Self::new("late, 100 ms", What::Late, |f| f.by_ms = Some(100.0)),
-            Self::new("late, 1000 ms", What::Late, |f| f.by_ms = Some(1000.0)),
-            Self::new("swapped", What::Swapped, |_| {}),
-            Self::new("torn in the middle", What::Torn, |_| {}),
-            Self::new("torn after the first row", What::Torn, |f| f.row = Some(1)),
-            Self::new("torn near the end", What::Torn, |f| {
-                f.row = Some(LATE_ROWS[0])
-            }),
-            Self::new("torn at the last rows", What::Torn, |f| {
-                f.row = Some(LATE_ROWS[1]);
-            }),
-            Self::new("rows missing, 1", What::RowsMissing, |f| f.rows = Some(1)),
-            Self::new("rows missing, 1 near the top", What::RowsMissing, |f| {
-                f.row = Some(1);
-                f.rows = Some(1);
-            }),
-            Self::new("rows missing, 2", What::RowsMissing, |f| f.rows = Some(2)),
-            Self::new("rows missing, 8", What::RowsMissing, |f| f.rows = Some(8)),
-            Self::new("bits flipped, 1", What::BitsFlipped, |f| f.count = Some(1)),
-            Self::new("bits flipped, 64", What::BitsFlipped, |f| {
-                f.count = Some(64);
-            }),
-            Self::new("bits flipped, 4096", What::BitsFlipped, |f| {
-                f.count = Some(4096);
-            }),
-            Self::new("bits flipped, 20000", What::BitsFlipped, |f| {
-                f.count = Some(20_000);
-            }),
-            Self::new("dark", What::Dark, |_| {}),
-            Self::new("wrong pattern, the next", What::WrongPattern, |f| {
-                f.offset = Some(1);
-            }),
-            Self::new("wrong pattern, the one before", What::WrongPattern, |f| {
-                f.offset = Some(-1);
-            }),
-            Self::new("partial exposure, 0.5", What::PartialExposure, |f| {
-                f.fraction = Some(0.5);
-            }),
-            Self::new("partial exposure, 0.65", What::PartialExposure, |f| {
-                f.fraction = Some(0.65);
-            }),
-            Self::new("partial exposure, 0.8", What::PartialExposure, |f| {
-                f.fraction = Some(0.8);
-            }),
-            Self::new("partial exposure, 0.9", What::PartialExposure, |f| {
-                f.fraction = Some(0.9);
-            }),
-            Self::new("partial exposure, 0.95", What::PartialExposure, |f| {
-                f.fraction = Some(0.95);
-            }),
-            Self::new("reset", What::Reset, |_| {}),
-            Self::new("disconnect, 200 ms", What::Disconnect, |f| {
-                f.on = Some(Side::Camera);
-                f.for_ms = Some(200.0);
-            }),
+            Self::new("dropped", What::Dropped),
+            Self::new("repeated", What::Repeated),
+            Self::new("late, 100 ms", What::Late { by_ms: 100.0 }),
+            Self::new("late, 1000 ms", What::Late { by_ms: 1000.0 }),
+            Self::new("swapped", What::Swapped { by_ms: 1000.0 }),
+            Self::new("torn in the middle", What::Torn { row: None }),
+            Self::new("torn after the first row", What::Torn { row: Some(1) }),
+            Self::new(
+                "torn near the end",
+                What::Torn {
+                    row: Some(LATE_ROWS[0]),
+                },
+            ),
+            Self::new(
+                "torn at the last rows",
+                What::Torn {
+                    row: Some(LATE_ROWS[1]),
+                },
+            ),
+            Self::new("rows missing, 1", What::RowsMissing { row: None, rows: 1 }),
+            Self::new(
+                "rows missing, 1 near the top",
+                What::RowsMissing {
+                    row: Some(1),
+                    rows: 1,
+                },
+            ),
+            Self::new("rows missing, 2", What::RowsMissing { row: None, rows: 2 }),
+            Self::new("rows missing, 8", What::RowsMissing { row: None, rows: 8 }),
+            Self::new("bits flipped, 1", What::BitsFlipped { count: 1 }),
+            Self::new("bits flipped, 64", What::BitsFlipped { count: 64 }),
+            Self::new("bits flipped, 4096", What::BitsFlipped { count: 4096 }),
+            Self::new("bits flipped, 20000", What::BitsFlipped { count: 20_000 }),
+            Self::new("dark", What::Dark),
+            Self::new("wrong pattern, the next", What::WrongPattern { offset: 1 }),
+            Self::new(
+                "wrong pattern, the one before",
+                What::WrongPattern { offset: -1 },
+            ),
+            Self::new(
+                "partial exposure, 0.5",
+                What::PartialExposure { fraction: 0.5 },
+            ),
+            Self::new(
+                "partial exposure, 0.65",
+                What::PartialExposure { fraction: 0.65 },
+            ),
+            Self::new(
+                "partial exposure, 0.8",
+                What::PartialExposure { fraction: 0.8 },
+            ),
+            Self::new(
+                "partial exposure, 0.9",
+                What::PartialExposure { fraction: 0.9 },
+            ),
+            Self::new(
+                "partial exposure, 0.95",
+                What::PartialExposure { fraction: 0.95 },
+            ),
+            Self::new("reset", What::Reset),
+            Self::new("disconnect, 200 ms", What::Disconnect { for_ms: 200.0 }).on(Side::Camera),
         ]
     }
 
     /// What may happen to messages.
     pub fn of_messages() -> Vec<Self> {
+        let bit_error = |direction| What::BitErrors {
+            direction,
+            count: None,
+            rate: None,
+        };
         vec![
-            Self::new("no reply", What::NoReply, |_| {}),
-            Self::new("late reply, 100 ms", What::LateReply, |f| {
-                f.by_ms = Some(100.0);
-            }),
-            Self::new("late reply, 3000 ms", What::LateReply, |f| {
-                f.by_ms = Some(3000.0);
-            }),
-            Self::new("reply twice", What::ReplyTwice, |_| {}),
-            Self::new("garbage before", What::GarbageBefore, |_| {}),
-            Self::new("garbage inside", What::GarbageInside, |_| {}),
-            Self::new("bit error to the host", What::BitErrors, |_| {}),
-            Self::new("bit error to the device", What::BitErrors, |f| {
-                f.direction = Some(Direction::ToDevice);
-            }),
-            Self::new("NAK or busy", What::Nak, |_| {}),
-            Self::new("disconnect, 200 ms", What::Disconnect, |f| {
-                f.for_ms = Some(200.0);
-            }),
-            Self::new("disconnect, 10 s", What::Disconnect, |f| {
-                f.for_ms = Some(10_000.0);
-            }),
-            Self::new("reset", What::Reset, |f| f.on = Some(Side::Port)),
+            Self::new("no reply", What::NoReply),
+            Self::new("late reply, 100 ms", What::LateReply { by_ms: 100.0 }),
+            Self::new("late reply, 3000 ms", What::LateReply { by_ms: 3000.0 }),
+            Self::new("reply twice", What::ReplyTwice),
+            Self::new("garbage before", What::GarbageBefore { count: 8 }),
+            Self::new("garbage inside", What::GarbageInside { count: 8 }),
+            Self::new("bit error to the host", bit_error(Direction::ToHost)),
+            Self::new("bit error to the device", bit_error(Direction::ToDevice)),
+            Self::new("NAK or busy", What::Nak),
+            Self::new("disconnect, 200 ms", What::Disconnect { for_ms: 200.0 }),
+            Self::new("disconnect, 10 s", What::Disconnect { for_ms: 10_000.0 }),
+            Self::new("reset", What::Reset).on(Side::Port),
         ]
     }
 
@@ -159,7 +161,7 @@ impl BadDay {
     /// sines of four steps against their cosines, which leaves no residual on a smooth surface. The points
     /// are off by half a row, which only edges and texture could show.
     pub fn is_unfindable(&self, place: Place) -> bool {
-        place == Place::Second && self.fault.what == What::RowsMissing && self.fault.rows == Some(1)
+        place == Place::Second && matches!(self.fault.what, What::RowsMissing { rows: 1, .. })
     }
 
     /// The schedules of a place, where a sound scan has so many frames, or messages of the kind.

@@ -138,27 +138,23 @@ impl Trial {
     /// Counts what a sound scan consists of, by faults that strike everything and change nothing.
     fn count(&mut self) -> Result<()> {
         let harmless = [
-            Fault {
-                by_ms: Some(0.0),
-                ..Fault::new(What::Late)
-            },
-            Fault {
-                direction: Some(Direction::ToDevice),
+            What::Late { by_ms: 0.0 },
+            What::BitErrors {
+                direction: Direction::ToDevice,
+                count: None,
                 rate: Some(0.0),
-                ..Fault::new(What::BitErrors)
             },
-            Fault {
-                by_ms: Some(0.0),
-                ..Fault::new(What::LateReply)
-            },
+            What::LateReply { by_ms: 0.0 },
         ];
         let struck = self.scan(&Schedule {
             seed: 0,
-            fault: harmless.to_vec(),
+            fault: harmless.map(Fault::new).to_vec(),
         })?;
         struck.cloud?;
-        self.counts = [What::Late, What::BitErrors, What::LateReply]
-            .map(|what| struck.struck.iter().filter(|s| s.what == what).count() as u64);
+        self.counts = harmless.map(|what| {
+            let of_kind = struck.struck.iter().filter(|s| s.what == what.name());
+            of_kind.count() as u64
+        });
         Ok(())
     }
 
@@ -172,8 +168,14 @@ impl Trial {
         let [frames, asked, answered] = self.counts;
         match (fault.side(), fault.what) {
             (Side::Camera, _) => frames,
-            (_, What::Nak | What::Disconnect | What::Reset) => asked,
-            (_, What::BitErrors) if fault.direction == Some(Direction::ToDevice) => asked,
+            (_, What::Nak | What::Disconnect { .. } | What::Reset) => asked,
+            (
+                _,
+                What::BitErrors {
+                    direction: Direction::ToDevice,
+                    ..
+                },
+            ) => asked,
             _ => answered,
         }
     }

@@ -2,6 +2,7 @@
 //! read them and their documentation.
 
 use super::root;
+use phasmid::profile::faults::Kind;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 use std::rc::Rc;
@@ -221,6 +222,10 @@ fn serde(attributes: &[Attribute], key: &str) -> Option<String> {
     for attribute in attributes.iter().filter(|a| a.path().is_ident("serde")) {
         attribute
             .parse_nested_meta(|meta| {
+                if meta.input.peek(syn::token::Paren) {
+                    // `bound(...)`
+                    return meta.parse_nested_meta(|inner| inner.value()?.parse().map(|_: Lit| ()));
+                }
                 let value = match meta.value() {
                     Ok(value) => value.parse::<syn::LitStr>()?.value(),
                     Err(_) => String::new(),
@@ -463,6 +468,14 @@ impl Document<'_> {
                 "" => name.clone(),
                 path => format!("{path}.{name}"),
             };
+            if serde(&field.attrs, "flatten").is_some() {
+                let meaning = documentation(&field.attrs);
+                let at = anchor(self.name, &inner);
+                let row = format!("| `{name}` | [text](#{at}) | required | {meaning} |");
+                writeln!(self.out, "{row}").unwrap();
+                self.waiting.push((inner, "What".to_owned()));
+                continue;
+            }
             // A list whose entries are written in another form than they are kept.
             let frames: Type = syn::parse_str("Vec<Entry>").unwrap();
             let ty = match serde(&field.attrs, "deserialize_with") {
@@ -477,8 +490,39 @@ impl Document<'_> {
         self.out.push('\n');
     }
 
+    /// Writes the kinds of faults and the fields that they add to a fault's table.
+    fn faults(&mut self, path: &str) {
+        writeln!(self.out, "### {}: `{path}`\n", self.name).unwrap();
+        writeln!(
+            self.out,
+            "Kinds of faults, and the fields that a kind adds.\n"
+        )
+        .unwrap();
+        writeln!(
+            self.out,
+            "| kind | field | values | default | meaning |\n| --- | --- | --- | --- | --- |"
+        )
+        .unwrap();
+        for kind in Kind::ALL {
+            writeln!(self.out, "| `{:?}` | | | | {} |", kind.name, kind.about).unwrap();
+            for parameter in kind.parameters {
+                let (name, about) = (parameter.name, parameter.about);
+                let default = match kind.default(name) {
+                    Some(value) => format!("`{value}`"),
+                    None => "absent".to_owned(),
+                };
+                let allowed = parameter.allowed();
+                writeln!(self.out, "| | `{name}` | {allowed} | {default} | {about} |").unwrap();
+            }
+        }
+        self.out.push('\n');
+    }
+
     fn section(&mut self, path: &str, owner: &str) {
         let types = self.types;
+        if owner == "What" {
+            return self.faults(path);
+        }
         let definition = &types[owner];
         if !path.is_empty() {
             writeln!(self.out, "### {}: `{path}`\n", self.name).unwrap();

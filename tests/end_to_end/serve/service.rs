@@ -133,7 +133,7 @@ fn a_frame_s_truth_is_that_of_its_time() {
         (Request::TruthOfFrame(26), "expected 0 to 25"),
         (Request::ClearFaults(Which::One(7)), "expected 1"),
         (
-            Request::parse(br#"{"fault":{"what":"dark","by_ms":3}}"#).unwrap(),
+            Request::parse(br#"{"fault":{"what":"late","by_ms":-3}}"#).unwrap(),
             "fault.by_ms",
         ),
     ] {
