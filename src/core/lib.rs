@@ -19,6 +19,7 @@
 //! | `setting` | values for single fields of a document |
 //! | [`simd`] | run-time dispatch to AVX2 |
 //! | [`source`] | TOML documents with file and line in every error |
+//! | [`statistics`] | medians, the biweight, nodes of quadrature |
 //! | [`stop`] | ends long calls early, from another thread |
 //! | [`wording`] | messages of serde in this workspace's form, suggestions for misspelt names |
 
@@ -37,6 +38,7 @@ mod repair;
 mod setting;
 pub mod simd;
 pub mod source;
+pub mod statistics;
 pub mod stop;
 pub mod wording;
 

@@ -5,6 +5,7 @@
 //! another order, bits in another order, or more than one frame of another pattern.
 
 use super::{AxisMap, Decoded, Verdict};
+use phasmid_core::statistics::median;
 use phasmid_pattern::Axis;
 use std::fmt;
 
@@ -103,9 +104,8 @@ fn uncertain(axis: Axis, verdicts: &[Verdict], modulation: &[f32]) -> Option<Dou
     if lights.len() < FEWEST {
         return None;
     }
-    let middle = lights.len() / 2;
-    let robust_scale = *lights.select_nth_unstable_by(middle, f32::total_cmp).1;
-    let bright = || pixels().filter(|(_, light)| **light >= robust_scale);
+    let usual = median(&mut lights)?;
+    let bright = || pixels().filter(|(_, light)| **light >= usual);
     let count = bright().filter(|(v, _)| **v == Verdict::Uncertain).count();
     let share = count as f64 / bright().count().max(1) as f64;
     (share > MOST_UNCERTAIN).then_some(Doubt::UncertainOrder { axis, share })

@@ -7,6 +7,7 @@ use image::{GrayImage, Luma, Rgb, RgbImage};
 use phasmid_core::error::Result;
 use phasmid_core::new_file::replace_image;
 use phasmid_core::npy::write_npy;
+use phasmid_core::statistics::finite_median;
 use phasmid_geometry::ply;
 use phasmid_pattern::Axis;
 use rayon::prelude::*;
@@ -182,10 +183,10 @@ impl Summary {
                 AxisSummary {
                     axis,
                     valid: counts[0],
-                    median_sigma_px: median(map.sigma.iter().copied()),
+                    median_sigma_px: finite_median(map.sigma.iter().copied()),
                     median_sampling_px: match map.sampling.is_empty() {
                         true => Some(0.0).filter(|_| counts[0] > 0),
-                        false => median(map.sampling.iter().copied()),
+                        false => finite_median(map.sampling.iter().copied()),
                     },
                     masked: Verdict::ALL
                         .iter()
@@ -208,13 +209,13 @@ impl Summary {
             height: decoded.height,
             pixels: decoded.width * decoded.height,
             axes,
-            median_modulation_dn: median(
+            median_modulation_dn: finite_median(
                 valid
                     .filter(|(v, _)| **v == Verdict::Valid)
                     .map(|(_, m)| *m),
             ),
             points: with_rig.then(|| decoded.depth.iter().filter(|z| !z.is_nan()).count()),
-            median_depth_sigma_mm: median(decoded.depth_sigma.iter().copied()),
+            median_depth_sigma_mm: finite_median(decoded.depth_sigma.iter().copied()),
             median_calibration_sigma_mm: calibration_sigma(decoder, decoded),
             notes: decoded.notes.clone(),
         }
@@ -247,7 +248,7 @@ fn calibration_sigma(decoder: &Decoder, decoded: &Decoded) -> Option<f32> {
         })
         .collect();
     let sigma = triangulator.calibration_sigma(&pixels)?;
-    median(sigma.into_iter().map(|sigma| sigma as f32))
+    finite_median(sigma.into_iter().map(|sigma| sigma as f32))
 }
 
 impl std::fmt::Display for Summary {
@@ -296,11 +297,4 @@ impl std::fmt::Display for Summary {
         }
         Ok(())
     }
-}
-
-/// Median of the values that are not NaN.
-pub(super) fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
-    let mut values: Vec<f32> = values.filter(|v| !v.is_nan()).collect();
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }

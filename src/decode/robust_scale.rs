@@ -14,6 +14,7 @@ use super::sample::Sample;
 use super::steps::FringeSet;
 use super::{Options, deviation};
 use nalgebra::{SMatrix, SVector};
+use phasmid_core::statistics::median;
 use phasmid_geometry::NoiseModel;
 
 /// Approximate number of pixels sampled.
@@ -173,7 +174,7 @@ impl RobustScale {
         }
         let harmonic = match harmonics.len() {
             ..FEWEST => 0.0,
-            n => *harmonics.select_nth_unstable_by(n / 2, f32::total_cmp).1,
+            _ => median(&mut harmonics).unwrap_or(0.0),
         };
         if pixels.len() < FEWEST {
             return Self {

@@ -9,9 +9,9 @@
 use super::gray::{GrayBit, Threshold};
 use super::maps::{AxisMap, Verdict};
 use super::order::{SURE, TWO_PLACES};
-use super::output::median;
 use super::rows::{AxisKernel, Job};
 use super::sample::Sample;
+use phasmid_core::statistics::finite_median;
 use phasmid_pattern::Axis;
 
 /// Fraction of the pixels with uncertain order, among these and valid ones, above which the bits are
@@ -114,12 +114,12 @@ impl Contrast {
         let medians: Vec<f32> = parts
             .into_iter()
             .filter(|part| part.len() >= FEWEST)
-            .filter_map(|part| median(part.into_iter()))
+            .filter_map(|part| finite_median(part.into_iter()))
             .collect();
         let unresolved = medians.iter().filter(|c| **c < TWO_PLACES).count();
         Self {
             unresolved: unresolved as f64 / medians.len().max(1) as f64,
-            median: median(medians.into_iter()).unwrap_or(f32::NAN),
+            median: finite_median(medians.into_iter()).unwrap_or(f32::NAN),
         }
     }
 }

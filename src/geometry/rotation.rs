@@ -54,7 +54,7 @@ pub fn difference(from: &Pose, to: &Pose) -> [f64; 6] {
 }
 
 /// Removes rounding errors from a rotation matrix (Gram-Schmidt).
-fn orthonormal(m: DMat3) -> DMat3 {
+pub fn orthonormal(m: DMat3) -> DMat3 {
     let x = m.x_axis.normalize();
     let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();
     DMat3::from_cols(x, y, x.cross(y))

@@ -1,10 +1,8 @@
 //! Tukey's biweight, the residual scale, and the resulting covariance inflation.
 
-/// Cut-off of the biweight in standard deviations: 95 % efficiency for normal errors (P. Huber and E.
-/// Ronchetti, "Robust Statistics", 2009).
-const END: f64 = 4.685;
-/// Median of the absolute value of a standard normal variable.
-const MEDIAN: f64 = 0.674_489_750_196_081_7;
+use phasmid_core::statistics::{BIWEIGHT_END, MEDIAN_OF_NORMAL};
+
+/// 80th percentile of the absolute value of a standard normal variable.
 const Q80: f64 = 1.281_551_565_544_600_4;
 
 /// How to estimate the scale of the residuals.
@@ -23,7 +21,7 @@ impl Spread {
     pub(super) fn scale(self, residuals: &mut [f64]) -> f64 {
         let (rank, of_one) = match self {
             Self::Wide => (0.8, Q80),
-            Self::Narrow => (0.5, MEDIAN),
+            Self::Narrow => (0.5, MEDIAN_OF_NORMAL),
         };
         if residuals.is_empty() {
             return 1.0;
@@ -31,18 +29,6 @@ impl Spread {
         let at = (residuals.len() as f64 * rank) as usize;
         let at = at.min(residuals.len() - 1);
         residuals.select_nth_unstable_by(at, f64::total_cmp).1.abs() / of_one
-    }
-}
-
-/// Weight of a residual in units of standard deviation times scale.
-#[inline]
-pub(super) fn weight(u: f64) -> f64 {
-    let x = u / END;
-    if x.abs() < 1.0 {
-        let y = 1.0 - x * x;
-        y * y
-    } else {
-        0.0
     }
 }
 
@@ -61,7 +47,7 @@ impl Inflation {
     /// Adds a residual in standard deviations; `scale` is the scale of the biweight.
     #[inline]
     pub(super) fn add(&mut self, residual: f64, scale: f64) {
-        let x = residual / (scale * END);
+        let x = residual / (scale * BIWEIGHT_END);
         if x.abs() < 1.0 {
             let y = 1.0 - x * x;
             let psi = residual * y * y;
@@ -96,6 +82,7 @@ impl Inflation {
 mod tests {
     use super::super::testing::Random;
     use super::*;
+    use phasmid_core::statistics::biweight;
 
     #[test]
     fn scale_and_inflation_of_normal_residuals_are_unbiased() {
@@ -111,7 +98,7 @@ mod tests {
             assert!((scale - 2.0).abs() < 0.02, "{scale}");
         }
         // Four times the variance, divided by an efficiency of 95 %.
-        let mean_weight = residuals.iter().map(|r| weight(r / 2.0)).sum::<f64>() / 200_000.0;
+        let mean_weight = residuals.iter().map(|r| biweight(r / 2.0)).sum::<f64>() / 200_000.0;
         let factor = inflation.factor(6) / mean_weight;
         assert!((factor - 4.0 / 0.95).abs() < 0.05, "{factor}");
         // With 20 % gross errors the scale from the median stays close.
@@ -121,13 +108,5 @@ mod tests {
         let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
         let scale = Spread::Narrow.scale(&mut sizes);
         assert!((2.0..2.7).contains(&scale), "{scale}");
-    }
-
-    #[test]
-    fn weights_fall_to_zero() {
-        assert_eq!(weight(0.0), 1.0);
-        assert!(weight(2.0) > weight(3.0) && weight(3.0) > 0.0);
-        assert_eq!(weight(4.7), 0.0);
-        assert_eq!(weight(f64::NAN), 0.0);
     }
 }

@@ -113,23 +113,10 @@ impl fmt::Display for SixDof {
     }
 }
 
-/// The rotation for a rotation vector: direction is the axis, length the angle in radians.
-pub(super) fn turn(vector: DVec3) -> DMat3 {
-    vector.try_normalize().map_or(DMat3::IDENTITY, |axis| {
-        DMat3::from_axis_angle(axis, vector.length())
-    })
-}
-
-/// Restores orthonormality of a rotation matrix with rounding errors (Gram-Schmidt).
-pub(super) fn orthonormal(m: DMat3) -> DMat3 {
-    let x = m.x_axis.normalize();
-    let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();
-    DMat3::from_cols(x, y, x.cross(y))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use phasmid_geometry::rotation::exp;
     use proptest::prelude::*;
 
     proptest! {
@@ -199,7 +186,7 @@ mod tests {
             let mut covariance = Matrix6::zeros();
             covariance[(3 + axis, 3 + axis)] = step * step;
             let turned = Pose {
-                rotation: turn(vector) * six.pose().rotation,
+                rotation: exp(vector) * six.pose().rotation,
                 ..Pose::IDENTITY
             };
             let moved = SixDof::of(&turned).rotation_deg - six.rotation_deg;

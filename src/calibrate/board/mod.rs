@@ -2,13 +2,12 @@
 //!
 //! - `image`: the image a board is searched in, combined from all frames of a sequence.
 //! - `find`, `dots`, `chess`: locate and measure the board's points.
-//! - `lit`: projector coordinates at those points; `smooth` and `biweight` are robust fits for it.
+//! - `lit`: projector coordinates at those points; `smooth` is a robust fit for it.
 //! - `bias`: offset between the centroid of an imaged dot and the image of its centre.
 //! - `sighting`: measured points; `not_found`: reasons for a failed search.
 //! - `draw`: image of the result, for inspection.
 
 pub mod bias;
-mod biweight;
 pub mod chess;
 pub mod dots;
 mod draw;

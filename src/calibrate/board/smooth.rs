@@ -9,9 +9,9 @@
 //! Each is divided by the homography's denominator from the previous iteration, so that residuals
 //! are proportional to pixels.
 
-use super::biweight::{biweight, scale};
 use glam::{DMat2, DMat3, DVec2};
 use nalgebra::{DMatrix, DVector};
+use phasmid_core::statistics::{biweight, normal_scale};
 
 /// Number of reweighting iterations.
 const ROUNDS: usize = 8;
@@ -231,7 +231,9 @@ fn solve(mut normal: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>>
 }
 
 fn reweigh(residuals: &[f64], weights: &mut [f64]) {
-    let scale = scale(residuals).max(1e-12);
+    let scale = normal_scale(&mut residuals.to_vec())
+        .unwrap_or(0.0)
+        .max(1e-12);
     for (weight, &residual) in weights.iter_mut().zip(residuals) {
         *weight = biweight(residual / scale);
     }

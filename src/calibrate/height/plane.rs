@@ -1,6 +1,7 @@
 //! The reference plane and its robust fit to measured depths.
 
 use glam::{DMat3, DVec3};
+use phasmid_core::statistics::normal_scale;
 
 /// Minimum number of pixels for a fit.
 const FEWEST: usize = 100;
@@ -75,9 +76,7 @@ impl Plane {
             }
             let a = matrix.inverse() * right;
             let mut sizes: Vec<f64> = samples.iter().map(|p| residual(a, p).abs()).collect();
-            let middle = sizes.len() / 2;
-            let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-            bound = OFF * 1.4826 * median.max(1e-9);
+            bound = OFF * normal_scale(&mut sizes)?.max(1e-9);
             found = Some(a);
         }
         let a = found?;

@@ -1,9 +1,9 @@
 //! Excludes poses that are inconsistent with the others.
 
 use super::bundle::Bundle;
-use super::homography::median;
 use super::model::{State, residual};
 use super::{LeftOut, Unfit, Unsolved, robust};
+use phasmid_core::statistics::median;
 
 /// Maximum robust scale of a pose relative to the median pose. At this scale half of the pose's
 /// points are beyond the outlier threshold.
@@ -64,7 +64,7 @@ impl Bundle {
         let mut worst: Option<(f64, usize, usize)> = None;
         for group in 0..2 {
             let mut all: Vec<f64> = scales.iter().filter_map(|s| s[group]).collect();
-            let usual = median(&mut all).max(1.0);
+            let usual = median(&mut all).unwrap_or(1.0).max(1.0);
             for (i, scale) in scales.iter().enumerate() {
                 let ratio = scale[group].map_or(0.0, |s| s / usual);
                 if ratio > worst.map_or(OUTLYING_POSE, |w| w.0) {

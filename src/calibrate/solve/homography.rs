@@ -7,6 +7,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 use nalgebra::SMatrix;
+use phasmid_core::statistics::median;
 
 /// A point on the board (mm) and its image (pixels).
 pub(super) type Pair = (DVec2, DVec2);
@@ -88,7 +89,7 @@ fn residual(matrix: &DMat3, (board, px): &Pair) -> f64 {
 fn limit(matrix: &DMat3, pairs: &[Pair]) -> f64 {
     let mut all: Vec<f64> = pairs.iter().map(|p| residual(matrix, p)).collect();
     let sizes = pairs.iter().map(|p| p.1.abs().max_element());
-    OUTLYING * median(&mut all) + 1e-9 * sizes.fold(0.0, f64::max)
+    OUTLYING * median(&mut all).unwrap_or(f64::INFINITY) + 1e-9 * sizes.fold(0.0, f64::max)
 }
 
 /// Best of the homographies through random samples of four points.
@@ -101,7 +102,8 @@ fn sampled(pairs: &[Pair]) -> Option<DMat3> {
             continue;
         };
         let voters = pairs.iter().step_by(stride);
-        let score = median(&mut voters.map(|p| residual(&matrix, p)).collect::<Vec<_>>());
+        let mut residuals: Vec<f64> = voters.map(|p| residual(&matrix, p)).collect();
+        let score = median(&mut residuals).unwrap_or(f64::INFINITY);
         if best.is_none_or(|(least, _)| score < least) {
             best = Some((score, matrix));
         }
@@ -156,15 +158,6 @@ fn draws(count: usize) -> impl FnMut() -> usize {
             .wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as usize % count
     }
-}
-
-/// Median of the values (the upper one of an even number); infinite if there are none.
-pub(super) fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return f64::INFINITY;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// Similarity transform that gives points a mean of zero and a mean squared length of 2.

@@ -6,9 +6,9 @@
 //! plain least squares, so that the covariance is valid. With correct covariances the threshold
 //! rejects four good points in a million.
 
-use super::homography::median;
 use super::model::{State, Whitened, residual};
 use super::observation::PoseObservations;
+use phasmid_core::statistics::median;
 
 /// Whitened length (of two components) beyond which a point is an outlier: exp(-5^2 / 2) = 4e-6.
 pub(super) const OUTLYING: f64 = 5.0;
@@ -62,7 +62,7 @@ pub(super) fn pose_scales(
         lengths[0].push(w.camera.length());
         lengths[1].extend(w.projector.map(|p| p.length()));
     });
-    lengths.map(|mut l| (!l.is_empty()).then(|| median(&mut l) / MEDIAN))
+    lengths.map(|mut l| Some(median(&mut l)? / MEDIAN))
 }
 
 /// Robust scales over the points of all poses, at least 1.
@@ -74,13 +74,7 @@ pub(super) fn scales(poses: &[PoseObservations], state: &State) -> [f64; 2] {
             lengths[1].extend(w.projector.map(|p| p.length()));
         });
     }
-    lengths.map(|mut l| {
-        if l.is_empty() {
-            1.0
-        } else {
-            (median(&mut l) / MEDIAN).max(1.0)
-        }
-    })
+    lengths.map(|mut l| median(&mut l).map_or(1.0, |median| (median / MEDIAN).max(1.0)))
 }
 
 /// Reclassifies all observations as inliers or outliers. Returns whether any classification

@@ -1,12 +1,13 @@
 //! Initial estimate of the projector, given the camera's intrinsics and the board poses.
 
 use super::bundle::Bundle;
-use super::homography::{apply, median};
+use super::homography::apply;
 use super::model::State;
 use super::resection::resect;
 use super::start::{FEWEST_POINTS, Maps, TILTS_WANTED};
 use super::{Unsolved, zhang};
 use glam::{DVec2, DVec3};
+use phasmid_core::statistics::median;
 use phasmid_geometry::{Lens, Pose};
 
 /// Estimates the projector by resection from the illuminated points in space and from its own
@@ -63,7 +64,7 @@ pub(super) fn projector(
         };
         found.push((lens, place));
         let left = misfits(&lens, &place);
-        let limit = 4.0 * median(&mut left.clone());
+        let limit = 4.0 * median(&mut left.clone()).unwrap_or(f64::INFINITY);
         let fitting = lit.iter().zip(&left).filter(|(_, m)| !(**m > limit));
         let fitting: Vec<usize> = fitting.map(|(i, _)| *i).collect();
         if fitting == used || fitting.len() < 2 {
@@ -74,7 +75,7 @@ pub(super) fn projector(
     found.extend(from_homographies(maps, state, &lit, points, size));
     found
         .into_iter()
-        .map(|(lens, place)| (median(&mut misfits(&lens, &place)), lens, place))
+        .filter_map(|(lens, place)| Some((median(&mut misfits(&lens, &place))?, lens, place)))
         .filter(|(misfit, ..)| misfit.is_finite())
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, lens, place)| (lens, place))

@@ -7,9 +7,10 @@
 //! tilt, so there are further candidates: one with the principal point fixed at the image centre,
 //! and a series of focal lengths. The candidate whose poses fit best is chosen.
 
-use super::homography::{apply, median, null_vector};
+use super::homography::{apply, null_vector};
 use glam::{DMat3, DVec2, DVec3};
 use nalgebra::{Matrix2, SMatrix, Vector2};
+use phasmid_core::statistics::median;
 use phasmid_geometry::rotation::nearest;
 use phasmid_geometry::{Lens, Pose};
 
@@ -132,13 +133,13 @@ pub(super) fn best(
 ) -> Option<(Lens, f64)> {
     candidates(maps, size_px)
         .into_iter()
-        .map(|lens| {
+        .filter_map(|lens| {
             let mut misfits: Vec<f64> = maps
                 .iter()
                 .zip(points)
                 .map(|(map, points)| misfit(&lens, map, points))
                 .collect();
-            (lens, median(&mut misfits))
+            Some((lens, median(&mut misfits)?))
         })
         .filter(|(_, misfit)| misfit.is_finite())
         .min_by(|a, b| a.1.total_cmp(&b.1))

@@ -47,6 +47,7 @@ mod sample;
 mod tests;
 
 pub use frame_doubt::FrameDoubt;
+use phasmid_core::statistics::median;
 
 use crate::maps::{Decoded, Verdict};
 use crate::plan::{AxisPlan, Order};
@@ -319,8 +320,7 @@ fn dark_fringes(sample: &Sample, axis: &AxisPlan) -> Option<FrameDoubt> {
         if parts.len() < FEWEST {
             return None;
         }
-        let middle = parts.len() / 2;
-        let mean = *parts.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let mean = median(&mut parts)?;
         (mean < DARK).then(|| FrameDoubt::Dark {
             frames: range(&set.frames),
             part: 2.0 * mean,

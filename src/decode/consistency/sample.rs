@@ -5,6 +5,7 @@ use crate::maps::{AxisMap, Decoded, Verdict};
 use crate::plan::AxisPlan;
 use crate::robust_scale::Shared;
 use crate::{Decoder, Held, Options, Plan, deviation, estimate_noise};
+use phasmid_core::statistics::median;
 use phasmid_geometry::NoiseModel;
 use phasmid_pattern::{Axis, Image, Manifest};
 use std::ops::RangeInclusive;
@@ -293,11 +294,9 @@ fn smoothness(frames: &[Image]) -> (f64, NoiseModel) {
                 lights.push(at(i));
             }
         }
-        if steps.is_empty() {
+        let Some(light) = median(&mut lights) else {
             return (0.0, 1.0);
-        }
-        let middle = steps.len() / 2;
-        let light = *lights.select_nth_unstable_by(middle, f64::total_cmp).1;
+        };
         // A difference 1, -2, 1 has 6 times the variance of a sample.
         let deviation = deviation::of_most(&mut steps, 1.0, 0.7) / 6f64.sqrt();
         (light, deviation * deviation)

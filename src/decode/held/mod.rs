@@ -12,9 +12,9 @@ mod posterior;
 mod smooth;
 
 use super::maps::AxisMap;
-use super::output::median;
 use footprint::{Footprint, Grid, Lines};
 use phasmid_core::simd::widest;
+use phasmid_core::statistics::finite_median;
 use phasmid_pattern::Axis;
 pub use posterior::Table;
 use rayon::prelude::*;
@@ -106,7 +106,7 @@ impl<'a> Footprints<'a> {
     pub(super) fn note(&self, axis: Axis, map: &AxisMap) -> Option<String> {
         // Odd, so that the samples do not all fall into one image column.
         let stride = (map.sigma.len() / SAMPLES) | 1;
-        let sampled = |all: &[f32]| median(all.iter().copied().step_by(stride));
+        let sampled = |all: &[f32]| finite_median(all.iter().copied().step_by(stride));
         let (noise, held) = (sampled(&map.sigma)?, sampled(&map.sampling)?);
         (held > LARGE * noise).then(|| {
             format!(

@@ -23,9 +23,10 @@ use super::surface::Surface;
 use glam::DVec3;
 use pairs::{Scale, UNKNOWNS, pairs, weigh};
 use phasmid_core::error::{Error, Result};
+use phasmid_geometry::rotation::orthonormal;
 use phasmid_geometry::{Cloud, Pose};
 use serde::Serialize;
-use step::{Step, orthonormal};
+use step::Step;
 
 /// Registration parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]

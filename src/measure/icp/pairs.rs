@@ -3,6 +3,7 @@
 
 use crate::surface::Foot;
 use glam::DVec3;
+use phasmid_core::statistics::{BIWEIGHT_END, MEDIAN_OF_NORMAL};
 
 /// A point, the normal at its closest surface point and its distance to the tangent plane there.
 #[derive(Clone, Copy)]
@@ -32,11 +33,6 @@ pub(super) fn pairs(points: &[DVec3], feet: &[Option<Foot>]) -> Vec<Pair> {
         .collect()
 }
 
-/// Tukey's biweight: 95 % efficient with Gaussian noise at this cutoff, in standard deviations (P.
-/// Huber and E. Ronchetti, "Robust Statistics", 2009).
-const TUKEY: f64 = 4.685;
-/// The standard deviation of Gaussian noise over its median absolute value.
-const MAD: f64 = 1.4826;
 /// Six unknowns of a rigid motion.
 pub(super) const UNKNOWNS: usize = 6;
 
@@ -61,10 +57,10 @@ impl Scale {
         let mut sizes: Vec<f64> = pairs.iter().map(|p| p.residual.abs()).collect();
         sizes.sort_unstable_by(f64::total_cmp);
         let n = sizes.len();
-        let robust = (MAD * sizes[((n + UNKNOWNS) / 2).min(n - 1)]).max(floor);
+        let robust = (sizes[((n + UNKNOWNS) / 2).min(n - 1)] / MEDIAN_OF_NORMAL).max(floor);
         let best = &sizes[..(n * 99).div_ceil(100)];
         let rms = (best.iter().map(|r| r * r).sum::<f64>() / best.len() as f64).sqrt();
-        let cutoff = TUKEY * robust;
+        let cutoff = BIWEIGHT_END * robust;
         Self {
             robust,
             cutoff,

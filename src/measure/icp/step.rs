@@ -1,9 +1,10 @@
 //! One step: six unknowns by weighted least squares; undetermined directions are left unchanged.
 
 use super::pairs::Pair;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use nalgebra::{Matrix6, Vector6};
 use phasmid_geometry::Pose;
+use phasmid_geometry::rotation::exp;
 
 /// One linear least-squares step.
 pub(super) struct Step {
@@ -99,21 +100,10 @@ impl Step {
 
     /// Returns the step as a rigid motion.
     pub(super) fn motion(&self) -> Pose {
-        let angle = self.rotation.length();
-        let rotation = self
-            .rotation
-            .try_normalize()
-            .map_or(DMat3::IDENTITY, |axis| DMat3::from_axis_angle(axis, angle));
+        let rotation = exp(self.rotation);
         Pose {
             rotation,
             translation_mm: self.centre + self.translation - rotation * self.centre,
         }
     }
-}
-
-/// Removes rounding errors from a rotation matrix (Gram-Schmidt).
-pub(super) fn orthonormal(m: DMat3) -> DMat3 {
-    let x = m.x_axis.normalize();
-    let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();
-    DMat3::from_cols(x, y, x.cross(y))
 }

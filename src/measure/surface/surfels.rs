@@ -4,6 +4,7 @@ use super::disc::{Disc, least_spread};
 use super::{Foot, widened};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
+use phasmid_core::statistics::median;
 use phasmid_geometry::{Cloud, Neighbours};
 use rayon::prelude::*;
 
@@ -73,9 +74,7 @@ impl Surfels {
             })
             .collect();
         let mut radii: Vec<f64> = discs.iter().map(|d| d.radius).collect();
-        let middle = radii.len() / 2;
-        let (_, median, _) = radii.select_nth_unstable_by(middle, f64::total_cmp);
-        let widest = WIDEST * *median;
+        let widest = WIDEST * median(&mut radii).unwrap_or(0.0);
         for disc in &mut discs {
             // Without a normal the disc shrinks to the point.
             let most = if disc.normal == DVec3::ZERO {

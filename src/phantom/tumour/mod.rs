@@ -12,8 +12,9 @@ use super::parameters::Patient;
 use super::random::Draws;
 use glam::DVec3;
 use icosphere::icosphere;
+use phasmid_core::statistics::gauss_legendre;
 use phasmid_geometry::Mesh;
-use sphere::{RADIAL, directions, gauss, harmonics};
+use sphere::{RADIAL, directions, harmonics};
 use std::f64::consts::PI;
 
 /// Degrees of the harmonics.
@@ -100,7 +101,7 @@ impl Shape {
 
     /// Returns quadrature points inside, each with its volume in cubic millimetres.
     pub(super) fn inside(&self) -> impl Iterator<Item = (DVec3, f64)> + '_ {
-        let radial = gauss(RADIAL);
+        let radial = gauss_legendre(RADIAL);
         directions().flat_map(move |(n, w)| {
             let radius = self.radius(n);
             radial.clone().into_iter().map(move |(u, v)| {

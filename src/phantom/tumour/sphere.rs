@@ -2,6 +2,7 @@
 //! radius.
 
 use glam::DVec3;
+use phasmid_core::statistics::gauss_legendre;
 use std::f64::consts::{PI, TAU};
 
 /// Number of nodes of the quadrature over directions: exact for polynomials up to degree 31, which
@@ -39,31 +40,11 @@ pub(super) fn harmonics(l: usize, n: DVec3) -> Vec<f64> {
 
 /// Returns directions with their solid angles: Gauss nodes over z, even steps around it.
 pub(super) fn directions() -> impl Iterator<Item = (DVec3, f64)> {
-    gauss(NODES).into_iter().flat_map(|(z, w)| {
+    gauss_legendre(NODES).into_iter().flat_map(|(z, w)| {
         let ring = (1.0 - z * z).sqrt();
         (0..2 * NODES).map(move |k| {
             let (sin, cos) = (TAU * (k as f64 + 0.5) / (2 * NODES) as f64).sin_cos();
             (DVec3::new(ring * cos, ring * sin, z), w * PI / NODES as f64)
         })
     })
-}
-
-/// Returns nodes and weights of Gauss-Legendre quadrature on [-1, 1], by Newton's method on the
-/// polynomial.
-pub(super) fn gauss(count: usize) -> Vec<(f64, f64)> {
-    let node = |i: usize| {
-        let mut x = (PI * (i as f64 + 0.75) / (count as f64 + 0.5)).cos();
-        let mut slope = 1.0;
-        for _ in 0..20 {
-            let (mut before, mut at) = (1.0, x);
-            for k in 2..=count {
-                let k = k as f64;
-                (before, at) = (at, ((2.0 * k - 1.0) * x * at - (k - 1.0) * before) / k);
-            }
-            slope = count as f64 * (before - x * at) / (1.0 - x * x);
-            x -= at / slope;
-        }
-        (x, 2.0 / ((1.0 - x * x) * slope * slope))
-    };
-    (0..count).map(node).collect()
 }

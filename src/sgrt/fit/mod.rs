@@ -30,7 +30,6 @@ pub use state::{MotionFit, MotionState};
 use super::measured::Measured;
 use super::model::MotionModel;
 use super::robust::Spread;
-use super::six::{orthonormal, turn};
 use super::surface::Reference;
 use super::warning::{Lost, Warning};
 use glam::{DMat3, DVec3};
@@ -38,6 +37,7 @@ use moved::{Moved, Row};
 use nalgebra::{DMatrix, DVector};
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Pose;
+use phasmid_geometry::rotation::{exp, orthonormal};
 use system::Sums;
 
 /// Fits a motion model of a reference surface to scans.
@@ -220,7 +220,7 @@ impl<'a> MotionTracker<'a> {
             let at = |k: usize| DVec3::new(unknowns[k], unknowns[k + 1], unknowns[k + 2]);
             let pose = &mut state.room_from_reference;
             pose.translation_mm += at(count);
-            pose.rotation = orthonormal(turn(at(count + 3)) * pose.rotation);
+            pose.rotation = orthonormal(exp(at(count + 3)) * pose.rotation);
         }
     }
 

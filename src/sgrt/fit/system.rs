@@ -1,7 +1,8 @@
 //! The normal equations of the fit, summed in an order that does not depend on the number of threads.
 
-use super::super::robust::{Inflation, weight};
+use super::super::robust::Inflation;
 use super::moved::{CHUNK, MOST, Row};
+use phasmid_core::statistics::biweight;
 use rayon::prelude::*;
 
 /// Sums over rows; w is a row's biweight.
@@ -52,7 +53,7 @@ impl Sums {
     fn add(&mut self, row: &Row, scale: f64, unknowns: usize) {
         let whitened = row.residual_mm / row.sigma_mm;
         self.inflation.add(whitened, scale);
-        let share = weight(whitened / scale);
+        let share = biweight(whitened / scale);
         if share <= 0.0 {
             return;
         }

@@ -2,13 +2,13 @@
 
 use super::super::measured::Measured;
 use super::super::robust::Spread;
-use super::super::six::turn;
 use super::super::surface::Reference;
 use super::RigidOptions;
 use super::rows::{Limits, Row, update};
 use super::step::advance;
 use glam::DVec3;
 use phasmid_geometry::Pose;
+use phasmid_geometry::rotation::exp;
 
 /// Number of points in a trial.
 const POINTS: usize = 800;
@@ -52,7 +52,7 @@ pub(super) fn starts(
         .into_iter()
         .map(|(shift, tilt)| {
             let mut pose = Pose {
-                rotation: turn(tilt) * around.rotation,
+                rotation: exp(tilt) * around.rotation,
                 translation_mm: around.translation_mm + shift,
             };
             let mut rows = Vec::new();

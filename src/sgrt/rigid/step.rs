@@ -1,7 +1,6 @@
 //! One Gauss-Newton step.
 
 use super::super::robust::Spread;
-use super::super::six::{orthonormal, turn};
 use super::super::surface::Reference;
 use super::RigidOptions;
 use super::modes::{Belief, Modes};
@@ -10,6 +9,7 @@ use super::sums::Sums;
 use glam::DVec3;
 use nalgebra::Vector6;
 use phasmid_geometry::Pose;
+use phasmid_geometry::rotation::{exp, orthonormal};
 
 /// Maximum length of a step, in millimetres of RMS displacement; longer steps are shortened, because
 /// the tangent planes are a poor approximation beyond it.
@@ -28,7 +28,7 @@ pub(super) struct Step {
 impl Step {
     pub(super) fn applied(&self, pose: &Pose) -> Pose {
         let m = &self.motion;
-        let rotation = turn(DVec3::new(m[3], m[4], m[5])) * pose.rotation;
+        let rotation = exp(DVec3::new(m[3], m[4], m[5])) * pose.rotation;
         Pose {
             // Products of many rotations accumulate rounding errors.
             rotation: orthonormal(rotation),

@@ -1,9 +1,10 @@
 //! The normal equations of a pose, summed in an order that does not depend on the number of threads.
 
-use super::super::robust::{Inflation, weight};
+use super::super::robust::Inflation;
 use super::rows::{CHUNK, Row};
 use glam::DVec3;
 use nalgebra::{Matrix6, Matrix6x3, Vector6};
+use phasmid_core::statistics::biweight;
 use rayon::prelude::*;
 
 /// Sums over rows, each weighted by its biweight w and its variance.
@@ -69,7 +70,7 @@ impl Sums {
         }
         let whitened = row.whitened();
         self.inflation.add(whitened, scale);
-        let share = weight(whitened / scale);
+        let share = biweight(whitened / scale);
         if share <= 0.0 {
             return;
         }

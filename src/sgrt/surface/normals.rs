@@ -1,6 +1,7 @@
 //! Smooth normals of a mesh, and their uncertainty.
 
 use glam::DVec3;
+use phasmid_core::statistics::median;
 
 /// Typical number of triangles at a vertex.
 const MEETING: f64 = 6.0;
@@ -46,11 +47,9 @@ pub(super) fn deviation_rad(
             t.map(|i| facet.cross(normals[i as usize]).length_squared())
         })
         .collect();
-    if squares.is_empty() {
+    let Some(median) = median(&mut squares) else {
         return 0.0;
-    }
-    let middle = squares.len() / 2;
-    let median = *squares.select_nth_unstable_by(middle, f64::total_cmp).1;
+    };
     // The sum of the squares of two normal components has the median 2 ln 2 times their variance.
     (median / (2.0 * std::f64::consts::LN_2) / (MEETING - 1.0)).sqrt()
 }

@@ -4,6 +4,7 @@
 use crate::scanned::Stage;
 use crate::score::depth_bounds;
 use phasmid_core::error::Result;
+use phasmid_core::statistics::finite_median;
 use phasmid_decode::{Decoded, Options};
 use phasmid_measure::{GROSS_MM, Stated};
 use phasmid_profile::{Profile, Scene};
@@ -187,8 +188,8 @@ pub(super) fn measure(view: &View, seed: u64) -> Result<Row> {
         .noise
         .unwrap_or_else(|| profile.camera.sensor.noise_model(0.0, 0.0));
     let smooth = || (0..truth.flags.len()).filter(|&i| bounds[i].is_finite());
-    let b = middle(smooth().map(|i| f64::from(truth.modulation_dn[i])));
-    let mean = middle(smooth().map(|i| f64::from(truth.mean_dn[i])));
+    let b = finite_median(smooth().map(|i| f64::from(truth.modulation_dn[i]))).unwrap_or(f64::NAN);
+    let mean = finite_median(smooth().map(|i| f64::from(truth.mean_dn[i]))).unwrap_or(f64::NAN);
     Ok(Row::new()
         .text("kind", "depth")
         .text("sensor", view.profile)
@@ -216,11 +217,4 @@ pub(super) fn measure(view: &View, seed: u64) -> Result<Row> {
         .number("weighted_spread_mm", w.spread_mm)
         .number("weighted_gross", w.gross)
         .number("weighted_bias_mm", w.bias_mm))
-}
-
-/// The median; NaN of nothing.
-fn middle(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -2,6 +2,7 @@
 
 use super::case::Case;
 use super::sweep::{Group, Sweep};
+use phasmid_core::statistics::gauss_legendre;
 use phasmid_profile::{Droop, Led, Profile};
 use phasmid_render::led::{Model, Source, State};
 
@@ -67,26 +68,6 @@ fn led(rise_ns: f64, heat_s: f64) -> Led {
     }
 }
 
-/// Nodes and weights of Gauss and Legendre on [-1, 1], by Newton's method on the recurrence.
-fn gauss(count: usize) -> Vec<(f64, f64)> {
-    let n = count as f64;
-    let node = |i: usize| {
-        let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (n + 0.5)).cos();
-        let mut slope = 1.0;
-        for _ in 0..50 {
-            let (mut p, mut before) = (x, 1.0);
-            for k in 2..=count {
-                let k = k as f64;
-                (p, before) = (((2.0 * k - 1.0) * x * p - (k - 1.0) * before) / k, p);
-            }
-            slope = n * (x * p - before) / (x * x - 1.0);
-            x -= p / slope;
-        }
-        (x, 2.0 / ((1.0 - x * x) * slope * slope))
-    };
-    (0..count).map(node).collect()
-}
-
 /// Mean of a function over [0, end], on intervals that shrink towards 0 by factors of the square
 /// root of 2.
 fn mean(nodes: &[(f64, f64)], end: f64, of: impl Fn(f64) -> f64) -> f64 {
@@ -127,7 +108,7 @@ fn worst(nodes: &[(f64, f64)], [rise_ns, heat_ns]: [f64; 2], exposure_ns: f64) -
 const EXPOSURES_NS: [f64; 8] = [1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
 
 fn by_constants() -> Vec<Case> {
-    let nodes = gauss(20);
+    let nodes = gauss_legendre(20);
     let one = |ratio: f64| {
         let errors = EXPOSURES_NS.map(|exposure| worst(&nodes, [1.0, ratio], exposure));
         let found = errors.into_iter().fold(0.0, f64::max);
@@ -145,7 +126,7 @@ fn by_constants() -> Vec<Case> {
 }
 
 fn by_exposures() -> Vec<Case> {
-    let nodes = gauss(20);
+    let nodes = gauss_legendre(20);
     let one = |exposure: f64| {
         let heats = [1e6, 1.0001e6, 3e7, 1e9, 1e12, 1e15];
         let errors = heats.map(|heat| worst(&nodes, [1e6, heat], exposure));

@@ -16,6 +16,7 @@ use super::ellipse::{Ellipse, Window};
 use super::step::Steps;
 use glam::{DMat2, DVec2};
 use nalgebra::{SMatrix, SVector};
+use phasmid_core::statistics::{MEDIAN_OF_NORMAL, median};
 
 /// Number of unknowns: centre (2), shape (3), paper plane (3), contrast, blur.
 const UNKNOWNS: usize = 10;
@@ -200,12 +201,7 @@ fn spread(patch: &Patch, model: &Model, cells: &[Cell]) -> f64 {
         .filter(|r| r.weight > 0.0)
         .map(|r| r.residual * r.residual * r.weight)
         .collect();
-    if sizes.is_empty() {
-        return 1.0;
-    }
-    let middle = sizes.len() / 2;
-    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    (1.482_602 * median.sqrt()).max(1.0)
+    median(&mut sizes).map_or(1.0, |median| (median.sqrt() / MEDIAN_OF_NORMAL).max(1.0))
 }
 
 /// A pixel's residual and the model terms at that pixel.

@@ -1,11 +1,12 @@
 //! Rejects unreliable dots, and boards that do not match the specified one.
 
 use super::ellipse::Ellipse;
-use super::known::{Dot, Dots, median};
+use super::known::{Dot, Dots};
 use super::lattice::Cell;
 use super::measure::Measure;
 use crate::board::{BoardImage, NotFound};
 use glam::DVec2;
+use phasmid_core::statistics::finite_median;
 use phasmid_geometry::Board;
 
 /// Minimum fraction of the information on a dot's centre that must lie in usable pixels.
@@ -39,11 +40,10 @@ pub(super) struct Judge<'a> {
 impl<'a> Judge<'a> {
     pub fn new(measure: &Measure<'a>, dots: &Dots) -> Self {
         let of = |value: fn(&super::fit::Fit) -> f64| {
-            median(
+            finite_median(
                 dots.known
                     .values()
-                    .filter_map(|dot| dot.fit.as_ref().map(value))
-                    .collect(),
+                    .filter_map(|dot| dot.fit.as_ref().map(value)),
             )
         };
         Self {
@@ -114,7 +114,7 @@ pub(super) fn proportions(dots: &Dots) -> Result<(), NotFound> {
         return Ok(());
     };
     let measured = |marker: bool| {
-        median(
+        finite_median(
             dots.known
                 .iter()
                 .filter(|(cell, _)| {
@@ -125,8 +125,7 @@ pub(super) fn proportions(dots: &Dots) -> Result<(), NotFound> {
                     let place = dots.place(*cell)?;
                     let size = dot.fit.as_ref()?.model.ellipse.size();
                     Some(2.0 * (size / place.basis.determinant()).sqrt())
-                })
-                .collect(),
+                }),
         )
     };
     let said = [dot_mm / pitch_mm, marker_mm / pitch_mm];
@@ -197,7 +196,7 @@ impl Judge<'_> {
         let near = dots
             .around(cell, 2)
             .filter_map(|(_, dot)| dot.fit.as_ref().map(|fit| fit.model.paper[0]));
-        let paper = median(near.collect())?;
+        let paper = finite_median(near)?;
         if !self.fits_in(&outline) {
             return None;
         }

@@ -83,10 +83,3 @@ pub(super) fn index(board: &Board, [column, row]: Cell) -> Option<[u32; 2]> {
     let [columns, rows] = board.grid();
     (index[0] < columns && index[1] < rows).then_some(index)
 }
-
-/// Median of the finite values; `None` if there are none.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.retain(|v| v.is_finite());
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
-}

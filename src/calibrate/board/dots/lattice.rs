@@ -9,6 +9,7 @@
 
 use super::blobs::Blob;
 use glam::{DMat2, DVec2};
+use phasmid_core::statistics::finite_median;
 use std::collections::{BTreeMap, VecDeque};
 
 /// Column and row in a grid's own numbering.
@@ -238,11 +239,9 @@ pub(super) fn predict(cell: Cell, known: impl Fn(Cell) -> Option<DVec2>) -> Opti
 
 /// Median of the known values of the cells around a cell.
 pub(super) fn typical(cell: Cell, known: impl Fn(Cell) -> Option<f64>) -> Option<f64> {
-    let mut values: Vec<f64> = (-AROUND..=AROUND)
+    let values = (-AROUND..=AROUND)
         .flat_map(|dv| (-AROUND..=AROUND).map(move |du| [du, dv]))
         .filter(|&d| d != [0, 0])
-        .filter_map(|[du, dv]| known([cell[0] + du, cell[1] + dv]))
-        .collect();
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+        .filter_map(|[du, dv]| known([cell[0] + du, cell[1] + dv]));
+    finite_median(values)
 }

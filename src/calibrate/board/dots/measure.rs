@@ -3,10 +3,11 @@
 use super::coverage::{self, Cell as Covered};
 use super::ellipse::{Ellipse, Window};
 use super::fit::{Fit, Known, Patch, fit};
-use super::known::{Dot, Dots, median};
+use super::known::{Dot, Dots};
 use super::lattice::Cell;
 use super::step::Steps;
 use crate::board::BoardImage;
+use phasmid_core::statistics::finite_median;
 use rayon::prelude::*;
 
 /// Width of the ring of paper around a dot that its fit uses, in pixels, in addition to the blur.
@@ -127,7 +128,7 @@ impl<'a> Measure<'a> {
         }
         self.known = Known {
             blur: Some([self.blur, spread]),
-            contrast: median(fits.iter().map(|fit| fit.model.contrast).collect())
+            contrast: finite_median(fits.iter().map(|fit| fit.model.contrast))
                 .map(|contrast| [contrast, INK_SPREAD]),
         };
     }

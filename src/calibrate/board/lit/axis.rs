@@ -4,11 +4,11 @@
 //! equal trust to all pixels within five standard deviations and exclude the rest. With normal
 //! noise this is least squares, whose covariance is known.
 
-use super::super::biweight::{biweight, scale};
 use super::super::smooth::Smooth;
 use super::cell::Sample;
 use super::unread::Unread;
 use glam::{DMat3, DVec2, DVec3};
+use phasmid_core::statistics::{biweight, median, normal_scale};
 
 /// Minimum number of pixels of a fit.
 pub(super) const PIXELS: usize = 12;
@@ -124,14 +124,12 @@ fn robust(rows: &[Row]) -> Result<Robust, Unread> {
     };
     // Start from the median, so that wrong pixels do not determine the initial fit.
     let mut lefts: Vec<f64> = rows.iter().map(|r| r.left).collect();
-    let half = lefts.len() / 2;
-    let median = *lefts.select_nth_unstable_by(half, f64::total_cmp).1;
-    let mut terms = DVec3::new(0.0, 0.0, median);
+    let mut terms = DVec3::new(0.0, 0.0, median(&mut lefts).unwrap_or(0.0));
     let mut spread = 1.0f64;
     for _ in 0..ROUNDS[0] {
         let off = residuals(terms);
-        let sizes: Vec<f64> = off.iter().map(|r| r.abs()).collect();
-        spread = scale(&sizes).max(1.0);
+        let mut sizes: Vec<f64> = off.iter().map(|r| r.abs()).collect();
+        spread = normal_scale(&mut sizes).unwrap_or(0.0).max(1.0);
         let weights = off.iter().map(|r| biweight(r / spread));
         (terms, _) = solve(rows.iter().zip(weights)).ok_or(Unread::OneSided)?;
     }
