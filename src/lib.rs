@@ -165,9 +165,8 @@
 //!   crates lose the line of an error, f64 vertices, or bounds on memory.
 //! - DICOM CT images are read by our own code: the DICOM crate allocates whatever length a file
 //!   declares and recurses as deep as its sequences are nested.
-//! - On Unix, serial ports are opened through rustix instead of serialport, whose writes block in the
-//!   kernel if the line accepts no data; changing that on its descriptor would need unsafe code. Other
-//!   systems use serialport.
+//! - The descriptor of a serial port of `serialport` is made non-blocking: its writes block in the
+//!   kernel if the line accepts no data.
 //! - Planning folders, volumes and iso-surfaces are available to both sides. Generated patients,
 //!   [`patient::phantom`], are ground truth, and host-side crates never depend on them.
 

@@ -8,9 +8,6 @@ use phasmid_core::error::{Error, Result};
 use std::io::ErrorKind;
 use std::time::Duration;
 
-/// System error number (`ENOTTY`) for a file that is not a terminal.
-const ENOTTY: i32 = 25;
-
 /// A serial port, or a pty, opened by its path.
 pub struct SerialPort {
     /// `None` while the port is being reopened.
@@ -33,10 +30,7 @@ impl SerialPort {
             ErrorKind::NotFound | ErrorKind::NotADirectory => {
                 Error::input(&place, "no such file", "the path of a serial port")
             }
-            ErrorKind::IsADirectory => {
-                Error::input(&place, "no serial port", "the path of a serial port")
-            }
-            _ if e.raw_os_error() == Some(ENOTTY) => {
+            ErrorKind::IsADirectory | ErrorKind::InvalidInput => {
                 Error::input(&place, "no serial port", "the path of a serial port")
             }
             ErrorKind::ResourceBusy => {
