@@ -7,8 +7,8 @@ use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::check_folder;
 use phasmid_core::output_folder::OutputFolder;
 use phasmid_decode::{
-    Decoded, Decoder, Held, Known, Options, Plan, Summary, check_sequence, doubt_of_fringes,
-    frame_size, load_frames, output_names, write_outputs,
+    Decoder, Held, Known, Options, Plan, Summary, check_sequence, doubt_of_fringes, frame_size,
+    load_frames, output_names, write_outputs,
 };
 use phasmid_pattern::{Image, Manifest};
 use std::path::{Path, PathBuf};
@@ -130,7 +130,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let decoder = Decoder::new(&manifest, width, height, rig.as_ref(), options)
         .map_err(|e| name_calibration(name_file(e, &args.manifest), args.calibration.as_deref()))?;
     let mut decoded = decoder.decode(&images)?;
-    let doubt = doubt(&args.manifest, &manifest, &images, &decoded, args.strict)?;
+    let doubt = doubt(&args.manifest, &manifest, &images, args.strict)?;
     args.method.apply(&decoder, &mut decoded, options)?;
     let files = manifest
         .frame
@@ -156,7 +156,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Checks whether the images, and what they decode to, follow their sequence. Prints and returns the
+/// Checks whether the images follow their sequence. Prints and returns the
 /// reason for doubt, if any. By default this is only a warning, because a projector with a nonlinear
 /// response suffices to cause it.
 ///
@@ -166,17 +166,13 @@ pub(super) fn doubt(
     place: &Path,
     manifest: &Manifest,
     images: &[Image],
-    decoded: &Decoded,
     strict: bool,
 ) -> Result<Option<String>> {
-    let of_frames = check_sequence(manifest, images, Known::default())
-        .err()
-        .or_else(|| doubt_of_fringes(manifest, images));
-    let of_maps = || decoded.doubt().map(|doubt| doubt.to_string());
-    let doubt = of_frames.map(|doubt| doubt.to_string());
-    let Some(why) = doubt.or_else(of_maps) else {
+    let of_sequence = check_sequence(manifest, images, Known::default()).err();
+    let Some(why) = of_sequence.or_else(|| doubt_of_fringes(manifest, images)) else {
         return Ok(None);
     };
+    let why = why.to_string();
     if strict {
         let expected = "pictures of this sequence in its order";
         return Err(Error::input(place.display(), why, expected));

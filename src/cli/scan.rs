@@ -268,11 +268,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
     };
     truth.map_err(|e| e.at(format!("--truth (capture kept in {})", args.out.display())))?;
-    let of_maps = decoding
-        .as_ref()
-        .and_then(|decoding| decoding.doubt.clone());
     let doubt = phasmid_decode::doubt_of_fringes(&captured.manifest, &captured.images);
-    let doubt = doubt.map(|doubt| doubt.to_string()).or(of_maps);
+    let doubt = doubt.map(|doubt| doubt.to_string());
     if let Some(why) = &doubt {
         eprintln!("phasmid: {address}: {why}");
     }
@@ -491,8 +488,6 @@ fn note(captured: &Capture, sequence: Option<&str>) -> String {
 struct Decoding {
     summary: Summary,
     decode_s: f64,
-    /// Why the maps should not be trusted.
-    doubt: Option<String>,
 }
 
 /// Deletes maps of which only some were written.
@@ -517,7 +512,6 @@ fn decode_captured(captured: &Capture, args: &Args, out: &Path) -> Result<Decodi
     let (decoder, mut decoded) = captured
         .decode(options)
         .map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))?;
-    let doubt = decoded.doubt().map(|doubt| doubt.to_string());
     args.method.apply(&decoder, &mut decoded, options)?;
     let decode_s = begin.elapsed().as_secs_f64();
     write_outputs(out, &decoder, &decoded)?;
@@ -525,11 +519,7 @@ fn decode_captured(captured: &Capture, args: &Args, out: &Path) -> Result<Decodi
     if summary.points == Some(0) {
         return Err(Error::device("no pixel could be measured"));
     }
-    Ok(Decoding {
-        summary,
-        decode_s,
-        doubt,
-    })
+    Ok(Decoding { summary, decode_s })
 }
 
 fn report(

@@ -114,12 +114,12 @@ impl Contrast {
         let medians: Vec<f32> = parts
             .into_iter()
             .filter(|part| part.len() >= FEWEST)
-            .filter_map(|part| finite_median(part.into_iter()))
+            .filter_map(finite_median)
             .collect();
         let unresolved = medians.iter().filter(|c| **c < TWO_PLACES).count();
         Self {
             unresolved: unresolved as f64 / medians.len().max(1) as f64,
-            median: finite_median(medians.into_iter()).unwrap_or(f32::NAN),
+            median: finite_median(medians).unwrap_or(f32::NAN),
         }
     }
 }

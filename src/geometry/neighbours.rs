@@ -4,6 +4,10 @@
 //! of points. Only one of several coincident points is kept: otherwise all would be equally near,
 //! and a query would have to visit each to find the lowest indices. Each node has the bounding box
 //! of its points: split planes alone do not bound the distance from a point far from the surface.
+//!
+//! The crate `kiddo` 6.3 in its place would leave open which of equally near points are returned, bring 13
+//! more packages, and need 0.25 s where this takes 0.16 s: nine neighbours of 102,400 points among 307,200
+//! of a surface (it builds its tree in half the time, 0.05 s).
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -3,13 +3,11 @@
 use super::measured::Measured;
 use super::practice::PIXELS;
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{
-    Capture, Decoded, Doubt, FrameDoubt, Known, Options, SparseDecoder, check_sequence,
-};
+use phasmid_decode::{Capture, Decoded, FrameDoubt, Known, Options, SparseDecoder, check_sequence};
 use phasmid_geometry::Pose;
 use phasmid_pattern::Image;
 
-/// Why the frames of a pod's scan are rejected or doubted. It displays as a message for users.
+/// Why the frames of a pod's scan are rejected. It displays as a message for users.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SightWarning {
@@ -20,14 +18,6 @@ pub enum SightWarning {
         pod: String,
         /// How the frames depart from the sequence.
         why: FrameDoubt,
-    },
-    /// The fringe orders are doubtful; the points were added.
-    #[error("{pod}: {why}")]
-    Doubtful {
-        /// Name of the pod.
-        pod: String,
-        /// The reason.
-        why: Doubt,
     },
 }
 
@@ -57,10 +47,9 @@ impl Sight {
     /// Decodes as many pixels of a scan as tracking needs ([`PIXELS`]) and adds at most `most` of its
     /// points to `measured`.
     ///
-    /// Frames that do not follow their sequence add no points; the problem is returned. Points are
-    /// added but a warning is returned if the fringe orders are doubtful
-    /// ([`Decoded::doubt_of_orders`]). Set `identified` if the link identifies each frame. All scans
-    /// must have the sequence and calibration of the first.
+    /// Frames that do not follow their sequence add no points; the problem is returned. Set
+    /// `identified` if the link identifies each frame. All scans must have the sequence and
+    /// calibration of the first.
     ///
     /// # Errors
     /// Returns an error if the frames cannot be decoded or the device has no calibration.
@@ -98,11 +87,7 @@ impl Sight {
         let known = depths.filter(|(depth, _)| !depth.is_nan());
         let sigma: Vec<f32> = known.map(|(_, sigma)| *sigma).collect();
         measured.push_pod(&self.points, &sigma, &self.room_from_rig, most);
-        // Saturation is not reported: an occluding object may be bright, and its saturated pixels are
-        // missing.
-        let doubt = self.decoded.doubt_of_orders();
-        let pod = || self.name.clone();
-        Ok(doubt.map(|why| SightWarning::Doubtful { pod: pod(), why }))
+        Ok(None)
     }
 
     fn depths(&mut self, captured: &Capture) -> Result<()> {

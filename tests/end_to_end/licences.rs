@@ -1,55 +1,13 @@
 //! Checks the dependencies' licences against the list in deny.toml.
 
+use spdx::{Expression, ParseMode};
 use std::process::Command;
 
-/// Whether allowed licences satisfy an SPDX expression of names, AND, OR and brackets.
+/// Whether allowed licences satisfy an SPDX expression.
 fn allowed(expression: &str, allow: &[String]) -> bool {
-    let spaced = expression
-        .replace('(', " ( ")
-        .replace(')', " ) ")
-        .replace('/', " OR ");
-    // "A WITH B" counts as one name.
-    let joined = spaced.replace(" WITH ", "+WITH+");
-    let tokens: Vec<String> = joined
-        .split_whitespace()
-        .map(|t| t.replace("+WITH+", " WITH "))
-        .collect();
-    let mut rest = tokens.as_slice();
-    let ok = any(&mut rest, allow);
-    assert!(rest.is_empty(), "cannot read the licence {expression:?}");
-    ok
-}
-
-fn any(tokens: &mut &[String], allow: &[String]) -> bool {
-    let mut ok = all(tokens, allow);
-    while tokens.first().is_some_and(|t| t == "OR") {
-        *tokens = &tokens[1..];
-        ok |= all(tokens, allow);
-    }
-    ok
-}
-
-fn all(tokens: &mut &[String], allow: &[String]) -> bool {
-    let mut ok = one(tokens, allow);
-    while tokens.first().is_some_and(|t| t == "AND") {
-        *tokens = &tokens[1..];
-        ok &= one(tokens, allow);
-    }
-    ok
-}
-
-fn one(tokens: &mut &[String], allow: &[String]) -> bool {
-    let Some((first, rest)) = tokens.split_first() else {
-        return false;
-    };
-    *tokens = rest;
-    if first != "(" {
-        return allow.contains(first);
-    }
-    let ok = any(tokens, allow);
-    assert_eq!(tokens.first().map(String::as_str), Some(")"));
-    *tokens = &tokens[1..];
-    ok
+    let parsed = Expression::parse_mode(expression, ParseMode::LAX);
+    let parsed = parsed.unwrap_or_else(|e| panic!("{expression:?}: {e}"));
+    parsed.evaluate(|licence| allow.contains(&licence.to_string()))
 }
 
 fn allow_list() -> Vec<String> {

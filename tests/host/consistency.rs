@@ -866,19 +866,13 @@ fn fringes_that_run_against_the_code_are_found() {
     }
 }
 
-/// Reordered frames of a set, or bits of a code, may fit the sequence as well as the right ones,
-/// but the decoded result does not.
 #[test]
-fn reordered_sets_and_codes_are_found_by_their_result() {
+fn reordered_sets_and_codes_are_found() {
     let captured = [
         pod(0.5, 1.0),
         scan(&profile("webcam-grey", 1.0), "torso", |frames| frames, 0).unwrap(),
         scan(&profile("webcam-grey", 0.15), "torso", |frames| frames, 0).unwrap(),
     ];
-    let wrong = |captured: &Capture| captured.decode(Options::default()).unwrap().1.doubt();
-    for sound in &captured {
-        assert_eq!(wrong(sound), None);
-    }
     // Permutations: the first and third step of a set swapped, a set that starts elsewhere, a code
     // that starts elsewhere.
     let orders: [(&Capture, &[usize]); 5] = [
@@ -893,8 +887,8 @@ fn reordered_sets_and_codes_are_found_by_their_result() {
         for (at, from) in order.iter().enumerate() {
             bad.images[at] = sound.images[*from].clone();
         }
-        let told = check_sequence(&bad.manifest, &bad.images, Known::default()).err();
-        assert!(told.is_some() || wrong(&bad).is_some(), "{order:?}");
+        let found = check_sequence(&bad.manifest, &bad.images, Known::default());
+        assert!(found.is_err(), "{order:?}");
     }
 }
 

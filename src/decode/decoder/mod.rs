@@ -8,8 +8,8 @@ mod depth;
 mod neighbours;
 
 use super::borders::LightNoise;
-use super::doubt::note_of_loss;
 use super::held::{self, Held};
+use super::loss::note_of_loss;
 use super::maps::{Decoded, Verdict};
 use super::noise::estimate_noise;
 use super::phase::SetKernel;
