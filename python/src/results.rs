@@ -160,6 +160,7 @@ fn axis_of(owner: &Bound<'_, PyAny>, name: &str, size: [usize; 2]) -> PyResult<O
         },
         verdict: verdict.collect::<PyResult<_>>()?,
         wrapped_px: axis.getattr("wrapped_px")?.extract()?,
+        ..AxisMap::default()
     }))
 }
 
