@@ -83,7 +83,7 @@ def test_faults_strike_and_are_listed() -> None:
         device.place(0, [1, 2])
     with pytest.raises(phasmid.InputError, match="object: -1; expected a whole number from 0"):
         device.place(-1, [1, 2, 3])
-    with pytest.raises(phasmid.InputError, match="unknown variant `dropt`"):
+    with pytest.raises(phasmid.InputError, match='what: "dropt"; expected dropped, repeated'):
         device.inject("dropt")
     with pytest.raises(phasmid.InputError, match="unknown field `nht`"):
         phasmid.Device(small(), "plane", faults=[{"what": "dark", "when": {"nht": 1}}])
