@@ -115,7 +115,7 @@ pub enum Lost {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScanWarning {
-    /// The frames of a pod are rejected or doubtful.
+    /// The frames of a pod are rejected.
     #[error(transparent)]
     Sight(#[from] SightWarning),
     /// The fit on which the beam depends is unreliable.
