@@ -1,5 +1,6 @@
 // needs: mixed_types, sampling
-// Depth of field: models the camera's pupil as a disc instead of a point. Twin of `aperture.rs`.
+// Depth of field: models the camera's pupil as a disc instead of a point. Twin of
+// `transport/aperture.rs`.
 
 // Blur discs with a smaller radius, in pixels, are ignored.
 const SHARP_PX: f32 = 1e-3;

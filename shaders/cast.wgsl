@@ -1,5 +1,5 @@
 // needs: plan, cast_types, world, shade, material, vignetting
-// Casts a camera ray and the shadow rays that it needs. Twin of `geometry::cast`.
+// Casts a camera ray and the shadow rays that it needs. Twin of `transport/cast.rs`.
 
 fn cast_ray(ray: Ray) -> Cast {
     var shaded: Shaded;

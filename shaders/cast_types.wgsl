@@ -1,6 +1,6 @@
 // needs: marks
-// A camera ray and the surface sample where it ends. Twin of the types of `world.rs`, `shade.rs`
-// and `geometry.rs`.
+// A camera ray and the surface sample where it ends. Twin of the types of `scene/hits.rs`,
+// `transport/rays.rs` and `transport/cast.rs`.
 
 // Ray parameter that stands for "no intersection".
 const NEVER: f32 = 3e38;

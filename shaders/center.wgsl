@@ -1,5 +1,6 @@
 // needs: plan, optics
-// Directions of the camera's rays through pixel centres. Twin of `geometry::Rays`.
+// Directions of the camera's rays through pixel centres. Twin of `Rays::center` in
+// `transport/rays.rs`.
 
 // Ideal (undistorted) image points of all pixels; used only if the lens is distorted.
 @group(0) @binding(11) var<storage, read> rays: array<vec2f>;

@@ -1,5 +1,6 @@
 // needs: plan, world, sampling
-// Distinguishes one smooth, evenly lit surface from two. Twin of `Edges` in `mixed.rs`.
+// Distinguishes one smooth, evenly lit surface from two. Twin of `Edges` in
+// `transport/mixed.rs`.
 
 // Triangles of one mesh whose normals differ by less than 15 degrees form one smooth surface.
 const COS_CREASE: f32 = 0.9659258;

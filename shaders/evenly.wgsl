@@ -1,7 +1,7 @@
 // needs: plan, materials, map, ggx
 //
-// Twin of material/evenly.rs: the light that a surface reflects, treated as if it were reflected
-// equally in all directions.
+// Twin of `Evenly` in interreflection/patch.rs: the light that a surface reflects, treated as if it
+// were reflected equally in all directions.
 
 // The material of a patch.
 struct Evenly {

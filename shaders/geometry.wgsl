@@ -1,7 +1,7 @@
 // needs: plan, maps_out, cast, center, defocus
 // The geometry pass: for each pixel, the surface that it sees, the point on the pattern image that
-// lights it, and how much of that light arrives. Twin of `geometry.rs`. One workgroup per tile of 8
-// x 8 pixels, whose rays meet the same nodes.
+// lights it, and how much of that light arrives. Twin of `transport/geometry.rs`. One workgroup per
+// tile of 8 x 8 pixels, whose rays meet the same nodes.
 
 const SIDE: u32 = 8u;
 

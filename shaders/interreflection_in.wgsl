@@ -1,5 +1,5 @@
 // needs: interreflection_types
-// Interreflections as the exposure pass reads them. Twin of `interreflection/mod.rs`.
+// Interreflections as the exposure pass reads them. Twin of `exposure/indirect_map.rs`.
 
 @group(0) @binding(95) var<storage, read> interreflection_params: InterreflectionParams;
 @group(0) @binding(97) var<storage, read> interreflection_points: array<GatherPoint>;

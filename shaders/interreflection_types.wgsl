@@ -1,6 +1,6 @@
 // Interreflections, ready for frames: the points at which light is gathered, the rays of each, and
 // the weights with which each pixel uses the points. Twin of `InterreflectionMap` in
-// `interreflection/mod.rs`.
+// `exposure/indirect_map.rs`.
 //
 // Each ray has four numbers per axis of the pattern image, in `interreflection_x` and
 // `interreflection_y`: the coordinate where it ends, its derivatives along the two sides of the

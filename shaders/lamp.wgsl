@@ -1,6 +1,6 @@
 // needs: plan, material_values, world
 //
-// Twin of lamps::Lamp: a light source in the scene other than the projector.
+// Twin of `Lamp` in exposure/lamps.rs: a light source in the scene other than the projector.
 
 // A position in the rig's frame and a radiant intensity in W/sr, or the direction towards a distant
 // light and its irradiance in W/m^2.

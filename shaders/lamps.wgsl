@@ -1,7 +1,7 @@
 // needs: plan, optics, cast_types, local, lamp
 //
-// Twin of lamps.rs: light that does not depend on the projected pattern, summed into the ambient
-// light.
+// Twin of `add_lamps` in transport/reflect.rs: light that does not depend on the projected pattern,
+// summed into the ambient light.
 
 // Adds the light of all lamps and sets one bit for each lamp that lights the point.
 fn lamps_add(row: u32, surface: u32, local: Local, shaded: ptr<function, Shaded>) {

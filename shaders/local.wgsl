@@ -1,6 +1,7 @@
 // needs: plan, ggx
 //
-// Twin of material::Local: a surface point with the quantities that its illumination needs.
+// Twin of `Local` in transport/reflect.rs: a surface point with the quantities that its
+// illumination needs.
 
 struct Local {
     // Position in the rig's frame in millimetres.

@@ -1,7 +1,8 @@
 // needs: materials, there, texture, laid, board
 //
-// Twin of material/map.rs, material/printed.rs and material/spot.rs: the factor that vertex
-// colours, a texture or a board's ink apply to an object's albedo.
+// Twin of `Material::factor` in transport/reflect.rs, of material/map.rs, material/printed.rs and
+// material/spot.rs: the factor that vertex colours, a texture or a board's ink apply to an object's
+// albedo.
 //
 // The CPU transforms a point first to the surface's rest pose in the rig's frame, then into the
 // object's own frame; here both steps are combined into one, from the frame in which the surface is

@@ -1,5 +1,6 @@
 // needs: marks
-// Per-pixel maps, row-major, as the passes after the geometry pass read them. Twin of `buffer.rs`.
+// Per-pixel maps, row-major, as the passes after the geometry pass read them. Twin of
+// `exposure/buffer.rs`.
 
 // Projector coordinate that lights the pixel's centre; 0 if no surface is seen.
 @group(0) @binding(0) var<storage, read> place: array<vec2f>;

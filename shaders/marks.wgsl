@@ -1,5 +1,5 @@
 // Flags of pixels, and the number that stands for no surface. Twin of the constants of `truth.rs`
-// and `world.rs`.
+// and of `Surface::NONE` in `scene/hits.rs`.
 
 const SEEN: u32 = 1u;
 const LIT: u32 = 2u;

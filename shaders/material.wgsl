@@ -1,7 +1,7 @@
 // needs: plan, optics, cast_types, slopes, materials, there, map, normals, local, lamps
 //
-// Twin of material/mod.rs (apply): applies the material of surfaces that have more than a constant
-// albedo, and adds the light of lamps.
+// Twin of `apply` in transport/reflect.rs: applies the material of surfaces that have more than a
+// constant albedo, and adds the light of lamps.
 
 fn material(ray: Ray, hit: Hit, shaded: ptr<function, Shaded>) {
     let object = object_of(hit.surface);

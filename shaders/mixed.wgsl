@@ -1,6 +1,7 @@
 // needs: plan, center, centers, edges, mixed_out
 // Mixed pixels, whose footprint meets more than one surface or a shadow's edge. The centre does not
-// represent such a pixel, so the light of 4 x 4 samples is averaged. Twin of `mixed.rs`.
+// represent such a pixel, so the light of 4 x 4 samples is averaged. Twin of
+// `transport/mixed.rs`.
 //
 // Order of the passes: `clear`; `find`, one thread per pixel, which selects candidates that differ
 // from one of their eight neighbours; `ready`; `mixed_sample.wgsl`, where samples decide; `close`.

@@ -1,6 +1,7 @@
 // needs: plan, cast, rays, defocus, centers, edges, sheared, skin_sample, mixed_out
 // Casts the samples of the candidates found by `mixed.wgsl`, and keeps those whose samples do not
-// see a single smooth, evenly lit surface. Twin of `sample` and `gather` in `mixed.rs`.
+// see a single smooth, evenly lit surface. Twin of `sample` and `gather` in
+// `transport/mixed.rs`.
 //
 // Sixteen threads per pixel, one per sample; they exchange data through workgroup memory.
 

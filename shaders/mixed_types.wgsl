@@ -1,4 +1,4 @@
-// Pixels that are the mean of several samples. Twin of `Mixed` in `buffer.rs`.
+// Pixels that are the mean of several samples. Twin of `Mixed` in `exposure/buffer.rs`.
 //
 // One head per group of sixteen samples: (pixel, groups, bits of ambient, bits of flickering), the
 // last two in electrons per second, averaged. A pixel with more samples has several consecutive

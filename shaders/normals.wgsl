@@ -1,7 +1,7 @@
 // needs: materials, there
 //
-// Twin of the part of material/normals.rs that a ray needs: the shading normal, interpolated from
-// the normals at a triangle's corners, which are computed on the CPU.
+// Twin of `Material::normal` in transport/reflect.rs: the shading normal, interpolated from the
+// normals at a triangle's corners, which the CPU computes (material/normals.rs).
 
 // Shading normal, on the same side as the facet's normal.
 fn smooth_normal(hit: Hit, about: Material, there: There, point: vec3f) -> vec3f {

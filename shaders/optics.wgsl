@@ -1,6 +1,6 @@
 // needs: lens
 // Constants that convert geometry into electrons, the same for all samples. Twin of
-// `shade::Optics`; filled by `gpu/optics.rs`.
+// `Optics` in `exposure/shade.rs`; filled by `gpu/optics.rs`.
 
 // Vignetting of a lens: a2, a4, a6 of the polynomial and one over half of the image's diagonal in
 // ideal coordinates; whether there is natural (cosine) falloff, and the power of the cosine.

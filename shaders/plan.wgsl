@@ -1,5 +1,5 @@
 // The plan: which terms of image formation a pipeline computes, as constants known when it is
-// compiled, so that terms that a scene does not need are removed. Twin of `plan.rs`.
+// compiled, so that terms that a scene does not need are removed. Twin of `term.rs`.
 
 override has_camera_distortion: bool = false;
 override has_projector_distortion: bool = false;

@@ -1,6 +1,6 @@
 // needs: plan, optics
 // Directions of camera rays that do not pass through pixel centres. Twin of `Rays` in
-// `geometry.rs`.
+// `transport/rays.rs`.
 
 // Direction, with z = 1, of the ray through any point of the image.
 fn camera_ray(px: vec2f) -> vec3f {

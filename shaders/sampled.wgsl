@@ -1,6 +1,6 @@
 // needs: plan, cast, center, slopes, rays, defocus, centers, edges, aperture, sheared, skin_sample, mixed_out
 // Renders every pixel with several rays, through several points of the pupil if there is
-// depth of field. Twin of `sampled.rs`.
+// depth of field. Twin of `transport/sampled.rs`.
 //
 // One thread per sample; the samples of a pixel are adjacent in a workgroup. If a pixel's samples
 // see one smooth, evenly lit surface, the closed form of its footprint replaces them and is more

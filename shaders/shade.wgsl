@@ -1,6 +1,6 @@
 // needs: plan, optics, cast_types, world, slopes, material, vignetting, defocus
 // The projector coordinate that lights a sample, and how much of the light arrives. Twin of
-// `shade.rs`.
+// `exposure/shade.rs`.
 
 // Cosine of 80 degrees.
 const COS_80: f32 = 0.17364818;

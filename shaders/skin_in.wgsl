@@ -1,5 +1,5 @@
 // needs: skin_types
-// Subsurface scattering as the exposure pass reads it. Twin of `skin/maps.rs`.
+// Subsurface scattering as the exposure pass reads it. Twin of `exposure/skin_maps.rs`.
 
 // For each pixel.
 @group(0) @binding(90) var<storage, read> under_skin: array<UnderSkin>;

@@ -1,6 +1,6 @@
 // needs: plan, maps_in, world, center_ray, skin_scatter
 // Subsurface scattering at all pixels' centres: where their light enters the skin and how far it
-// spreads. Twin of `SkinMaps::new` in `skin/maps.rs`.
+// spreads. Twin of `SkinMaps::new` in `transport/skin.rs`.
 
 @group(0) @binding(90) var<storage, read_write> under_skin: array<UnderSkin>;
 

@@ -1,5 +1,6 @@
 // needs: world, skin_scatter
-// Subsurface scattering at a sample of a mixed pixel. Twin of `into_sample` in `skin/maps.rs`.
+// Subsurface scattering at a sample of a mixed pixel. Twin of `into_sample` in
+// `transport/skin.rs`.
 
 // For each sample of the mixed pixels, sixteen per head.
 @group(0) @binding(91) var<storage, read_write> mixed_skin: array<UnderSkin>;

@@ -1,5 +1,5 @@
 // Subsurface scattering data, written by the geometry pass and read by the exposure pass. Twin of
-// `skin/maps.rs`, of `skin/mixture.rs` and of `Spread` of `exposure/blend.rs`.
+// `exposure/skin_maps.rs`, of `skin/mixture.rs` and of `Spread` of `exposure/blend.rs`.
 
 // Maximum number of Gaussians of a tissue.
 const MOST_GAUSSIANS: u32 = 8u;

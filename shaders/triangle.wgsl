@@ -1,7 +1,7 @@
 // needs: cast_types
 // The watertight ray/triangle test (Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection",
 // JCGT 2(1), 2013), and the intersection of the ray with the triangle's plane. Twin of
-// `raycast/triangle.rs` and `render/triangle.rs`.
+// `raycast/triangle.rs` and `scene/triangle.rs`.
 //
 // Corners are relative to the ray's origin. Drivers may fuse multiplications and additions, so two
 // triangles may compute the function of their common edge with different rounding: a point within

@@ -1,6 +1,7 @@
 // needs: marks, cast_types, bvh, solid, optics
 // The scene as seen by the rows of a frame: hierarchies of triangles, each in its own frame, and
-// solids. Twin of `world.rs`, `tree.rs` and `worlds.rs`; the buffers are filled by `gpu/scene.rs`.
+// solids. Twin of `world.rs`, `tree.rs` and `worlds.rs` in `scene`; `gpu/scene.rs` fills the
+// buffers.
 
 struct World {
     // Number of hierarchies and of solids at one instant.

@@ -101,7 +101,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         // The reader has closed the pipe.
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        other => other.map_err(|e| Error::io(super::STANDARD_OUTPUT, e)),
+        other => other.map_err(|e| Error::io(super::output::STANDARD_OUTPUT, e)),
     }
 }
 

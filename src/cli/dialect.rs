@@ -40,7 +40,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             }
         }
         Action::Show { name } => {
-            super::show("dialect", name, Dialect::text(name), Dialect::names())?
+            super::output::show("dialect", name, Dialect::text(name), Dialect::names())?
         }
         Action::Check { file } => check(file, Dialect::load(file)?)?,
     }

@@ -70,7 +70,7 @@ fn matrix(out: Option<&Path>, force: bool, each: bool, json: bool) -> Result<()>
     if let Some(path) = out {
         new_file::check(path, force)?;
     }
-    let tables = tables(each, &|what| super::step(what))?;
+    let tables = tables(each, &|what| super::output::step(what))?;
     let text = markdown(&tables);
     if let Some(path) = out {
         new_file::write(path, force, |out| out.write_all(text.as_bytes()))?;

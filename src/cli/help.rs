@@ -1,8 +1,7 @@
 //! The commands in groups, as the help lists them; help of subcommands, completions for shells, and
 //! man pages.
 
-use super::Cli;
-use clap::{ArgMatches, CommandFactory};
+use clap::ArgMatches;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
 use phasmid_core::output_folder::OutputFolder;
@@ -98,9 +97,8 @@ fn is_help_option(word: &OsStr) -> bool {
     word == "--help" || word == "-h"
 }
 
-/// Returns the command line, with a help that lists the commands in groups.
-pub(super) fn command() -> CommandLine {
-    let command = Cli::command();
+/// Returns the command line of a program, with a help that lists its commands in groups.
+pub(super) fn command(command: clap::Command) -> CommandLine {
     let about = |name: &str| {
         let about = command.find_subcommand(name).and_then(|c| c.get_about());
         about.map(ToString::to_string).unwrap_or_default()
@@ -118,15 +116,14 @@ pub(super) fn command() -> CommandLine {
     CommandLine(command.help_template(template).after_help(list))
 }
 
-pub(super) fn completions(args: &CompletionsArgs) -> Result<()> {
+pub(super) fn completions(args: &CompletionsArgs, mut command: clap::Command) -> Result<()> {
     let mut text = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "phasmid", &mut text);
+    clap_complete::generate(args.shell, &mut command, "phasmid", &mut text);
     print!("{}", String::from_utf8_lossy(&text));
     Ok(())
 }
 
-pub(super) fn man(args: &ManArgs) -> Result<()> {
-    let mut command = Cli::command();
+pub(super) fn man(args: &ManArgs, mut command: clap::Command) -> Result<()> {
     command.build();
     let mut pages = Vec::new();
     let mut open = vec![(command, "phasmid".to_owned())];
@@ -150,6 +147,8 @@ pub(super) fn man(args: &ManArgs) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::Cli;
+    use clap::CommandFactory;
 
     #[test]
     fn every_command_is_in_one_group() {
@@ -172,7 +171,7 @@ mod tests {
     fn help_of_a_command_takes_the_option_help() {
         let answer = |line: &str| {
             let arguments = line.split(' ').map(OsString::from).collect();
-            command().parse(arguments).unwrap_err()
+            command(Cli::command()).parse(arguments).unwrap_err()
         };
         for (line, same) in [
             ("phasmid help --help", "phasmid --help"),
@@ -200,10 +199,10 @@ mod tests {
             out: folder.path().join("man1"),
             force: false,
         };
-        man(&args).unwrap();
+        man(&args, Cli::command()).unwrap();
         let page = |name: &str| std::fs::read_to_string(args.out.join(name)).unwrap();
         assert!(page("phasmid.1").contains("phasmid\\-demo"));
         assert!(page("phasmid-profile-check.1").contains("SYNOPSIS"));
-        assert!(man(&args).is_err());
+        assert!(man(&args, Cli::command()).is_err());
     }
 }

@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let pods = args.pods.addresses(&measured)?;
     let mut all = Vec::new();
     for pod in &pods {
-        super::step(&pod.name);
+        super::output::step(&pod.name);
         all.push(locate(args, pod, &measured, &room_from_board, timeout)?);
     }
     for located in &all {

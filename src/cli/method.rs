@@ -1,6 +1,6 @@
 //! `--method`: how projector coordinates are converted to points.
 
-use super::decode::doubt;
+use super::decoding::doubt;
 use phasmid_calibrate::height::{Given, Mapping};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::MANIFEST_FILE;

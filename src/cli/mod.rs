@@ -6,41 +6,20 @@
 //! | --- | --- |
 //! | `backend` | `--backend`, where the render passes run |
 //! | `board_args` | options that describe a calibration board |
+//! | `decoding` | `--held`, and warnings and errors about decoding |
 //! | `emulated` | messages about an emulated device |
 //! | `help` | groups of commands, completions, man pages |
 //! | `interrupt` | Ctrl-C and TERM during a capture |
 //! | `method` | `--method`, from projector coordinates to points |
+//! | `output` | standard output and standard error |
 //! | `pods` | options that select the pods of a station, and their scans |
 //! | `progress` | progress on a terminal, with the remaining time |
 //! | `set` | `--set`, fields of the profile and of the scene |
 //! | `vector` | options with three numbers |
 //! | `without_link` | stand-in for commands that need Linux |
 
-/// Prints to standard output. If the reader has closed the pipe, as in `phasmid doctor | head`, the
-/// program ends with status 0.
-macro_rules! print {
-    ($($arg:tt)*) => {{
-        use std::io::Write;
-        if let Err(e) = write!(std::io::stdout(), $($arg)*) {
-            $crate::cli::unheard(&e);
-        }
-    }};
-}
-
-/// [`print!`] followed by a newline.
-macro_rules! println {
-    () => { print!("\n") };
-    ($($arg:tt)*) => { print!("{}\n", format_args!($($arg)*)) };
-}
-
-/// Writes a line to standard error. The standard macro panics when the write fails; a message that
-/// nobody can read must not change the exit status. A line of progress is moved out of its way.
-macro_rules! eprintln {
-    ($($arg:tt)*) => {{
-        use std::io::Write;
-        let _ = $crate::cli::progress::aside(|| writeln!(std::io::stderr(), $($arg)*));
-    }};
-}
+#[macro_use]
+mod output;
 
 mod backend;
 mod bench;
@@ -52,6 +31,7 @@ mod compare;
 #[cfg(feature = "console")]
 mod console;
 mod decode;
+mod decoding;
 #[cfg(target_os = "linux")]
 mod demo;
 mod dialect;
@@ -89,7 +69,8 @@ mod without_link;
 #[cfg(not(target_os = "linux"))]
 use {without_link as demo, without_link as doctor, without_link as replay, without_link as serve};
 
-use clap::{FromArgMatches, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use output::{STANDARD_OUTPUT, unheard};
 use phasmid_core::error::{Error, Result};
 use std::ffi::OsString;
 use std::io::Write;
@@ -137,46 +118,6 @@ enum Command {
     Man(help::ManArgs),
 }
 
-/// Place in messages about standard output.
-const STANDARD_OUTPUT: &str = "standard output";
-
-/// Ends the program because standard output cannot be written: with status 0 if the reader has
-/// closed the pipe, else with status 1.
-fn unheard(e: &std::io::Error) -> ! {
-    if e.kind() == std::io::ErrorKind::BrokenPipe {
-        std::process::exit(0);
-    }
-    eprintln!("phasmid: {STANDARD_OUTPUT}: {e}");
-    std::process::exit(1);
-}
-
-/// Prints a built-in document; `names` lists the existing ones.
-fn show<'a>(
-    kind: &str,
-    name: &str,
-    text: Option<&str>,
-    names: impl Iterator<Item = &'a str>,
-) -> Result<()> {
-    let Some(text) = text else {
-        let names: Vec<_> = names.collect();
-        return Err(Error::input(
-            name,
-            format!("no built-in {kind}"),
-            names.join(", "),
-        ));
-    };
-    print!("{text}");
-    Ok(())
-}
-
-/// Reports the current step on standard error if that is a terminal.
-fn step(what: &str) {
-    use std::io::IsTerminal;
-    if std::io::stderr().is_terminal() {
-        eprintln!("{what} ...");
-    }
-}
-
 /// Facts that the command line cannot find out when it runs as a library.
 #[derive(Debug, Clone, Default)]
 pub struct Launcher {
@@ -197,7 +138,8 @@ pub struct Launcher {
 /// assert_eq!(cli::main(["phasmid", "profile", "show", "nobody"], &Launcher::default()), 2);
 /// ```
 pub fn main(arguments: impl IntoIterator<Item = impl Into<OsString>>, launcher: &Launcher) -> u8 {
-    let parsed = help::command().parse(arguments.into_iter().map(Into::into).collect());
+    let parsed =
+        help::command(Cli::command()).parse(arguments.into_iter().map(Into::into).collect());
     let status = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => match dispatch(cli.command, launcher) {
             Ok(()) => 0,
@@ -262,13 +204,13 @@ fn dispatch(command: Command, launcher: &Launcher) -> Result<()> {
         Command::Board(args) => board::run(&args),
         Command::Doctor(args) => doctor::run(&args),
         Command::Faults(args) => faults::run(&args),
-        Command::Study(args) => study::run(&args, launcher),
+        Command::Study(args) => study::run(&args, launcher.program.as_deref()),
         Command::Report(args) => report::run(&args),
         #[cfg(feature = "console")]
         Command::Console(args) => console::run(&args),
         #[cfg(feature = "schema")]
         Command::Schema(args) => schema::run(&args),
-        Command::Completions(args) => help::completions(&args),
-        Command::Man(args) => help::man(&args),
+        Command::Completions(args) => help::completions(&args, Cli::command()),
+        Command::Man(args) => help::man(&args, Cli::command()),
     }
 }

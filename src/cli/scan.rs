@@ -1,11 +1,11 @@
 //! `phasmid scan`: captures a sequence from any reachable device, and decodes it.
 
-use super::decode::HeldArg;
+use super::decoding::{HeldArg, name_calibration};
 use super::interrupt::{Unfinished, check, flow, unless_interrupted, watch_signals};
 use super::method::MethodArgs;
+use super::output::step;
 use super::progress::ProgressLine;
 use super::record::{Recording, folder_of};
-use super::step;
 use crate::facade::{endpoints_in, service_of, truth_maps};
 use crate::{ScanOptions, Scanner, Truth};
 use phasmid_calibrate::files::read_rig;
@@ -224,7 +224,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             step("connecting");
             let scanner = Scanner::recorded(address, control, options, tape);
             let captured = scanner.and_then(|scanner| capture(scanner, on_frame));
-            captured.map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))
+            captured.map_err(|e| name_calibration(e, args.calibration.as_deref()))
         }
     };
     if let (Some(tape), Ok(captured)) = (noted, &captured) {
@@ -511,7 +511,7 @@ fn decode_captured(captured: &Capture, args: &Args, out: &Path) -> Result<Decodi
     let begin = Instant::now();
     let (decoder, mut decoded) = captured
         .decode(options)
-        .map_err(|e| super::decode::name_calibration(e, args.calibration.as_deref()))?;
+        .map_err(|e| name_calibration(e, args.calibration.as_deref()))?;
     args.method.apply(&decoder, &mut decoded, options)?;
     let decode_s = begin.elapsed().as_secs_f64();
     write_outputs(out, &decoder, &decoded)?;

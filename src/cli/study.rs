@@ -1,6 +1,5 @@
 //! `phasmid study`: runs a study, or lists the studies.
 
-use super::Launcher;
 use super::progress::ProgressLine;
 use phasmid_core::error::{Error, Result};
 use phasmid_report::lab::{Settings, Study, Surroundings, run as run_study};
@@ -34,7 +33,8 @@ pub struct Args {
     jobs: u16,
 }
 
-pub(super) fn run(args: &Args, launcher: &Launcher) -> Result<()> {
+/// Runs the command. `program` is the file with this library's code, if it is known.
+pub(super) fn run(args: &Args, program: Option<&Path>) -> Result<()> {
     let (Some(name), Some(out)) = (&args.name, &args.out) else {
         for study in ALL {
             println!("{:<16}{}", study.name(), study.about());
@@ -48,7 +48,7 @@ pub(super) fn run(args: &Args, launcher: &Launcher) -> Result<()> {
         only: args.only.clone(),
     };
     let begin = Instant::now();
-    let revision = revision(launcher.program.as_deref());
+    let revision = revision(program);
     let around = Surroundings {
         clock: &|| begin.elapsed(),
         jobs: usize::from(args.jobs),

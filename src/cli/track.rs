@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.out {
         new_file::check(path, args.force)?;
     }
-    super::step("planning");
+    super::output::step("planning");
     let planning = Planning::load(&args.planning).map_err(|e| e.at("--planning"))?;
     let planned = Planned::new(&planning, &Region::chest(), &ModelOptions::default())?;
     let pods = args.pods.addresses(&station)?;

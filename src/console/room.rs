@@ -4,9 +4,7 @@
 //! isocentre, x to the right as seen from the foot end, y to the gantry, z up.
 
 use crate::measurement::Field;
-use crate::wire::{Told, floats, message};
 use serde::Serialize;
-use std::sync::Arc;
 
 /// Triangles between points.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -85,56 +83,4 @@ pub(crate) struct KnownRow {
     pub(crate) id: u64,
     #[serde(flatten)]
     pub(crate) row: RoomRow,
-}
-
-/// Returns the message of a room.
-pub(crate) fn room_message(source: usize, room: &Room) -> Vec<u8> {
-    let surfaces = [&room.skin, &room.tumour];
-    let sizes = surfaces.map(|surface| [surface.vertices.len(), surface.triangles.len()]);
-    let mut payload = Vec::new();
-    for Surface {
-        vertices,
-        triangles,
-    } in surfaces
-    {
-        payload.extend(floats(vertices.as_flattened()));
-        payload.extend(
-            triangles
-                .as_flattened()
-                .iter()
-                .flat_map(|index| index.to_le_bytes()),
-        );
-    }
-    message(
-        &Told::Room {
-            source,
-            room,
-            sizes,
-        },
-        &payload,
-    )
-}
-
-/// Returns the message of results, with the patient in the last scan.
-pub(crate) fn tracked_message(
-    source: usize,
-    number: u64,
-    rows: &[Arc<KnownRow>],
-    scan: &RoomScan,
-) -> Vec<u8> {
-    let RoomScan {
-        points,
-        skin,
-        tumour,
-    } = scan;
-    let mut payload = floats(points.as_flattened());
-    payload.extend(floats(skin.as_flattened()));
-    payload.extend(floats(tumour.as_flattened()));
-    let told = Told::Tracked {
-        source,
-        number,
-        rows: rows.iter().map(|row| &**row).collect(),
-        sizes: [points.len(), skin.len(), tumour.len()],
-    };
-    message(&told, &payload)
 }

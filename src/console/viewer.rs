@@ -3,9 +3,10 @@
 
 use crate::hub::{Seat, View};
 use crate::operator::Request;
-use crate::room::{room_message, tracked_message};
 use crate::views::{Wanted, failed, messages};
-use crate::wire::{Asked, Told, frame_message, message, sequence_message};
+use crate::wire::{
+    Asked, Told, frame_message, message, room_message, sequence_message, tracked_message,
+};
 use axum::extract::ws::{Message, WebSocket};
 use serde_json::Value;
 use std::collections::VecDeque;

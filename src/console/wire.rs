@@ -7,12 +7,13 @@
 use crate::hub::{Shown, View};
 use crate::measurement::About;
 use crate::operator::Request;
-use crate::room::{KnownRow, Room};
+use crate::room::{KnownRow, Room, RoomScan, Surface};
 use crate::traffic::Entry;
 use phasmid_pattern::{Axis, Manifest, Pattern};
 use phasmid_protocol::PixelFormat;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::sync::Arc;
 
 /// Header of a message to the page.
 #[derive(Debug, Serialize)]
@@ -268,12 +269,63 @@ fn in_words(pattern: &Pattern) -> String {
     }
 }
 
+/// Returns the message of a room.
+pub(crate) fn room_message(source: usize, room: &Room) -> Vec<u8> {
+    let surfaces = [&room.skin, &room.tumour];
+    let sizes = surfaces.map(|surface| [surface.vertices.len(), surface.triangles.len()]);
+    let mut payload = Vec::new();
+    for Surface {
+        vertices,
+        triangles,
+    } in surfaces
+    {
+        payload.extend(floats(vertices.as_flattened()));
+        payload.extend(
+            triangles
+                .as_flattened()
+                .iter()
+                .flat_map(|index| index.to_le_bytes()),
+        );
+    }
+    message(
+        &Told::Room {
+            source,
+            room,
+            sizes,
+        },
+        &payload,
+    )
+}
+
+/// Returns the message of results, with the patient in the last scan.
+pub(crate) fn tracked_message(
+    source: usize,
+    number: u64,
+    rows: &[Arc<KnownRow>],
+    scan: &RoomScan,
+) -> Vec<u8> {
+    let RoomScan {
+        points,
+        skin,
+        tumour,
+    } = scan;
+    let mut payload = floats(points.as_flattened());
+    payload.extend(floats(skin.as_flattened()));
+    payload.extend(floats(tumour.as_flattened()));
+    let told = Told::Tracked {
+        source,
+        number,
+        rows: rows.iter().map(|row| &**row).collect(),
+        sizes: [points.len(), skin.len(), tumour.len()],
+    };
+    message(&told, &payload)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use phasmid_protocol::Frame;
     use serde_json::{Value, json};
-    use std::sync::Arc;
     use std::time::Instant;
 
     fn parts(format: PixelFormat, data: Vec<u8>) -> (Value, Vec<u8>) {

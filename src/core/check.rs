@@ -2,7 +2,8 @@
 //! the value found and the allowed range.
 
 use crate::error::{Error, Result};
-use crate::source::{MAX_COUNTED, TomlSource};
+use crate::repair::MAX_COUNTED;
+use crate::source::TomlSource;
 use serde::de::DeserializeOwned;
 use std::cell::RefCell;
 use std::fmt::{Display, LowerExp};

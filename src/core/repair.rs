@@ -3,12 +3,13 @@
 
 use crate::deserializer::{Fault, Value};
 use crate::layers::shifted;
-use crate::source::MAX_COUNTED;
 use serde::de::DeserializeOwned;
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+/// Number of errors after which the search for more ends.
+pub(crate) const MAX_COUNTED: usize = 200;
 /// Limits of reading a document again: the number of times and the bytes in all.
 const MAX_READS: usize = 1000;
 const MAX_BYTES: usize = 1 << 26;

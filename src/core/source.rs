@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::layers::Layers;
 use crate::positions::{Part, Positions};
-use crate::repair::{self, Faults};
+use crate::repair::{self, Faults, MAX_COUNTED};
 pub use crate::setting::Setting;
 use crate::wording::{found_and_expected, nearest};
 use serde::de::DeserializeOwned;
@@ -19,8 +19,6 @@ const MAX_BYTES: u64 = 8 << 20;
 
 /// Maximum number of errors that are listed.
 pub(crate) const MAX_LISTED: usize = 20;
-/// Number of errors after which the search for more ends.
-pub(crate) const MAX_COUNTED: usize = 200;
 
 /// Maximum number of documents that extend each other.
 const MAX_EXTENDED: usize = 16;

@@ -9,10 +9,11 @@
 //! compared with the camera's noise and the error of the model of a sample, or with the remainder of
 //! most pixels if that is larger.
 
-use super::phase::{Check, OWN, RowNoise, SetKernel, TIED};
+use super::deviation;
+use super::options::Options;
+use super::phase::{Check, MODEL_ERROR, OWN, RowNoise, SetKernel, TIED};
 use super::sample::Sample;
 use super::steps::FringeSet;
-use super::{Options, deviation};
 use nalgebra::{SMatrix, SVector};
 use phasmid_core::statistics::median;
 use phasmid_geometry::NoiseModel;
@@ -32,10 +33,6 @@ const TERMS: usize = 5;
 const ROUNDS: usize = 4;
 /// Residual in standard deviations above which a pixel is down-weighted in the fit.
 const BENT: f64 = 2.0;
-/// Standard deviation of the error of the model of a sample, as a fraction of the modulation: a
-/// projector rounds levels to 8 bits, which gives 1 / sqrt(12) / 127.5 = 0.0023. Projectors of fewer
-/// bits have a larger one.
-pub const MODEL_ERROR: f64 = 0.0025;
 /// Mean phasor of the pixels above which coarse fringes do not tell the light of their steps.
 const LOPSIDED: f32 = 0.7;
 /// Lower bound of the robust scale, as a fraction of noise and model error.

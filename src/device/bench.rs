@@ -4,6 +4,13 @@
 use super::{Device, Firmware, FrameSink, Machine, State, VirtualClock};
 use std::sync::Arc;
 
+impl Device {
+    /// Puts the device on a virtual clock, stepped by function calls; `sink` receives its frames.
+    pub fn bench<S: FrameSink>(self, sink: S) -> Bench<S> {
+        Bench::new(self, sink)
+    }
+}
+
 /// A device without port, socket, thread or waiting.
 pub struct Bench<S> {
     device: Device,

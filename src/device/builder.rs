@@ -1,10 +1,8 @@
 //! Assembles a device from a profile and a scene: for the server, the studies and the tests.
 
 use super::faults::Faults;
-#[cfg(target_os = "linux")]
-use super::link::{ServeOptions, Serving};
 use super::port::Port;
-use super::{Bench, Firmware, FrameSink, Machine, Renderer, SerialLine, UserSequence};
+use super::{Firmware, Machine, Renderer, SerialLine, UserSequence};
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::Pattern;
@@ -49,21 +47,6 @@ impl Device {
     /// Returns the exposures of the selected sequence, with their patterns, in order.
     pub fn shots(&self) -> Vec<(Pattern, Shot)> {
         self.machine.firmware().selected_sequence()
-    }
-
-    /// Serves the device on threads of its own, until the result is dropped.
-    ///
-    /// # Errors
-    /// Returns an error if the run directory cannot be used, or if the system refuses a port, a socket,
-    /// a V4L2 node or a USB device.
-    #[cfg(target_os = "linux")]
-    pub fn serve(self, options: &ServeOptions) -> Result<Serving> {
-        Serving::of(self, options)
-    }
-
-    /// Puts the device on a virtual clock, stepped by function calls; `sink` receives its frames.
-    pub fn bench<S: FrameSink>(self, sink: S) -> Bench<S> {
-        Bench::new(self, sink)
     }
 }
 

@@ -110,6 +110,13 @@ impl Default for DeviceBuilder {
     }
 }
 
+impl Device {
+    /// Starts to build a device.
+    pub fn builder() -> DeviceBuilder {
+        DeviceBuilder::default()
+    }
+}
+
 impl DeviceBuilder {
     /// Sets the profile; `pmp-bench` by default.
     pub fn profile(mut self, profile: impl Into<ProfileSource>) -> Self {

@@ -1,6 +1,5 @@
 //! An emulated device in memory.
 
-use super::DeviceBuilder;
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::Capture;
@@ -58,11 +57,6 @@ impl fmt::Debug for Device {
 }
 
 impl Device {
-    /// Starts to build a device.
-    pub fn builder() -> DeviceBuilder {
-        DeviceBuilder::default()
-    }
-
     pub(super) fn new(device: phasmid_device::Device) -> Self {
         Self {
             profile: device.profile.clone(),

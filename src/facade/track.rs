@@ -10,24 +10,23 @@ mod scan_deadline;
 mod span;
 mod tracker;
 
-pub use tracker::{SkinPose, Tracked, Tracker, TumourPosition};
+pub(crate) use tracker::TOLERANCE_MM;
+pub use tracker::{SkinPose, TrackOptions, Tracked, Tracker, TumourPosition};
 
 use super::Scanner;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Capture, FrameDoubt, doubt_of_fringes};
 use phasmid_host::{Flow, Progress};
 use phasmid_profile::RigPlace;
-use phasmid_sgrt::{Beam, HoldRules, Measured, MotionState, Planned};
+use phasmid_sgrt::{Beam, Measured, MotionState, Planned};
 use scan_deadline::{FOREVER, ScanDeadline};
-use std::ops::{ControlFlow, RangeInclusive};
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use tracker::Gathered;
 
-/// Allowed tolerances of the tumour's position, in millimetres.
-pub(crate) const TOLERANCE_MM: RangeInclusive<f64> = 0.001..=1000.0;
 /// Maximum time between two reports while a scan is awaited.
 const SLICE: Duration = Duration::from_millis(50);
 
@@ -100,35 +99,6 @@ struct Taken {
     arrived: Instant,
 }
 
-/// How a patient is tracked.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrackOptions {
-    /// Maximum distance of the tumour from its planned position in millimetres, 0.001 to 1000. Beyond
-    /// it the beam is held.
-    pub tolerance_mm: f64,
-    /// Number of scans, 1 or more; `None` to track until the caller ends it.
-    pub scans: Option<u64>,
-    /// Time of the device's clock after which tracking ends, above zero: the last scan is the first
-    /// whose [`Tracked::time`] is at least this long after that of the first scan. Counted by the
-    /// host's clock if the links carry no times. `None` for no limit.
-    pub duration: Option<Duration>,
-    /// When the beam is held, and when it comes on again.
-    pub rules: HoldRules,
-}
-
-impl Default for TrackOptions {
-    /// Returns options for a tolerance of 5 mm, an unlimited number of scans, no limit of time and the
-    /// default rules.
-    fn default() -> Self {
-        Self {
-            tolerance_mm: 5.0,
-            scans: None,
-            duration: None,
-            rules: HoldRules::default(),
-        }
-    }
-}
-
 /// Progress of tracking.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -146,7 +116,7 @@ pub enum TrackProgress<'a> {
     Scan(&'a Tracked),
     /// The next scan is overdue, or will not come because a pod has failed: the beam is held. Reported
     /// once for a scan, whatever the number of pods, at the deadline: three times the longest of the last five intervals between scans, and at
-    /// least [`HoldRules::stale_ns`].
+    /// least [`HoldRules::stale_ns`](phasmid_sgrt::HoldRules::stale_ns).
     Overdue {
         /// Number of the missing scan, from 0.
         scan: u64,
@@ -384,7 +354,7 @@ mod tests {
     use super::*;
     use crate::{Device, ScanOptions, ServeOptions};
     use phasmid_phantom::{Patient, Phantom};
-    use phasmid_sgrt::{ScanWarning, SightWarning};
+    use phasmid_sgrt::{HoldRules, ScanWarning};
 
     fn planned() -> Planned {
         let scratch = tempfile::tempdir().unwrap();
@@ -494,7 +464,7 @@ mod tests {
             let warnings = tracked.unwrap().warnings;
             warnings
                 .iter()
-                .any(|warning| matches!(warning, ScanWarning::Sight(SightWarning::Rejected { .. })))
+                .any(|warning| matches!(warning, ScanWarning::Rejected { .. }))
         };
         assert!(!rejected(&capture));
         capture.frames.clear();

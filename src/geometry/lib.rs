@@ -9,7 +9,7 @@
 //! | `closest` | closest point on a mesh (feature `raycast`) |
 //! | `cloud`, `mesh` | point clouds and triangle meshes |
 //! | [`colour`] | file colours as reflectance |
-//! | [`file`](mod@file) | reading of geometry files |
+//! | [`file`](mod@file), `mesh_file` | reading of geometry files |
 //! | `lens`, `fold` | lens model, its inverse and its folds |
 //! | `neighbours` | nearest neighbours among points |
 //! | [`nominal`] | nominal rigs of the built-in devices, for tests |
@@ -36,6 +36,7 @@ pub mod file;
 mod fold;
 mod lens;
 mod mesh;
+mod mesh_file;
 mod neighbours;
 pub mod nominal;
 mod obj;
@@ -59,8 +60,8 @@ pub use board::{Board, MARKERS};
 pub use closest::{Closest, MeshTree};
 pub use cloud::Cloud;
 pub use lens::Lens;
-pub use mesh::extension;
 pub use mesh::{Mesh, Removed};
+pub use mesh_file::extension;
 pub use neighbours::Neighbours;
 pub use pose::Pose;
 pub use rig::{Covariance, NoiseModel, Rig, View, Violation, parameters};

@@ -1,6 +1,7 @@
-//! Checks of a patient's values, one by one and in combination.
+//! Loads patients, and checks their values, one by one and in combination.
 
 use super::breathing::Course;
+use super::catalogue;
 use super::modes::Modes;
 use super::organs::Organs;
 use super::outline::Outline;
@@ -9,13 +10,49 @@ use super::tumour::Shape;
 use crate::tissue as skin;
 use phasmid_core::check::{Check, name};
 use phasmid_core::error::Result;
+use phasmid_core::source::{self, TomlSource};
 
 /// Maximum number of coughs at given times.
 const MOST_COUGHS: usize = 64;
 /// Maximum absolute coordinate of a scar's ends.
 const SCAR_MM: f64 = 300.0;
 
-pub(super) fn check(p: &Patient, check: &Check<'_>) -> Result<()> {
+impl Patient {
+    /// Loads a built-in patient by name, or else a file by path.
+    ///
+    /// # Errors
+    /// Returns an error if the name is neither, if the file cannot be read, or if [`Self::parse`]
+    /// rejects it.
+    pub fn load(name_or_path: &str) -> Result<Self> {
+        let (source, _) = source::load(name_or_path, &catalogue::PATIENTS, "patient")?;
+        Self::from_source(&source)
+    }
+
+    /// Returns the TOML of a patient as written.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::load`] does.
+    pub fn text(name_or_path: &str) -> Result<String> {
+        let (source, _) = source::load(name_or_path, &catalogue::PATIENTS, "patient")?;
+        Self::from_source(&source)?;
+        Ok(source.text().to_owned())
+    }
+
+    /// Parses and checks a patient; `place` is used as the file name in messages.
+    ///
+    /// # Errors
+    /// Returns an error with the line for a syntax error, an unknown field, a wrong type, a value
+    /// out of range or dimensions that do not form a body.
+    pub fn parse(text: &str, place: &str) -> Result<Self> {
+        Self::from_source(&TomlSource::new(text, place))
+    }
+
+    fn from_source(source: &TomlSource) -> Result<Self> {
+        Check::read(source, |patient: &mut Self, all| check(patient, all))
+    }
+}
+
+fn check(p: &Patient, check: &Check<'_>) -> Result<()> {
     check.section(|check| name(&p.name, "name", check));
     check.within("age_years", p.age_years, 5..=100)?;
     check.within("stature_mm", p.stature_mm, 1000.0..=2100.0)?;
@@ -99,7 +136,7 @@ fn together(p: &Patient, check: &Check<'_>) -> Result<()> {
     )?;
     let organs = Organs::new(p);
     let shape = Shape::new(p);
-    let out = organs.out_of_lobe(p.tumour.lobe, &shape);
+    let out = shape.out_of_lobe(p.tumour.lobe, &organs);
     check.that(
         out.is_none(),
         "tumour",

@@ -7,7 +7,7 @@
 //! | --- | --- |
 //! | `breathing` | weights of the motion modes over time |
 //! | `catalogue` | the built-in patients |
-//! | `checks`, `parameters` | the patient file and its validation |
+//! | `checks`, `parameters` | the patient file, and its loading and validation |
 //! | `export` | the planning folder |
 //! | `hounsfield` | CT values |
 //! | `modes` | displacement fields |

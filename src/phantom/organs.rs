@@ -13,7 +13,6 @@ use super::outline::{FIRST, ROWS, STATURE_MM, STEP};
 use super::parameters::{Lobe, Patient, Sex};
 use super::real::Real;
 use super::spline::Spline;
-use super::tumour::Shape;
 use glam::DVec3;
 
 const SIDE: [f64; ROWS] = [
@@ -198,19 +197,6 @@ impl Organs {
             Lobe::LeftLower => [78.0, 44.0, 48.0],
         };
         DVec3::from_array(at) * DVec3::new(self.across, self.across, self.scale)
-    }
-
-    /// Describes how a tumour lies outside its lobe or the lungs; `None` if it does not.
-    pub(super) fn out_of_lobe(&self, lobe: Lobe, shape: &Shape) -> Option<String> {
-        let found = self.lobe(shape.centre());
-        if found != Some(lobe) {
-            return Some(match found {
-                Some(other) => format!("a tumour centred in another lobe ({other:?})"),
-                None => "a tumour centred outside the lungs".to_owned(),
-            });
-        }
-        let out = (shape.surface().map(|x| self.lungs(x))).fold(f64::MIN, f64::max);
-        (out > 0.0).then(|| format!("a tumour that extends {out:.1} mm out of the lung"))
     }
 }
 

@@ -1,11 +1,7 @@
 //! Patient parameters, read from `device-profiles/patients/*.toml`.
 
-use super::{catalogue, checks};
 use crate::tissue::Skin;
-use phasmid_core::check::Check;
-use phasmid_core::error::Result;
 use phasmid_core::numbers::exactly;
-use phasmid_core::source::{self, TomlSource};
 use serde::{Deserialize, Serialize};
 
 /// Parameters of a generated patient: body, tumour, breathing, and the day of the treatment.
@@ -244,41 +240,6 @@ impl Default for Treatment {
 }
 
 impl Patient {
-    /// Loads a built-in patient by name, or else a file by path.
-    ///
-    /// # Errors
-    /// Returns an error if the name is neither, if the file cannot be read, or if [`Self::parse`]
-    /// rejects it.
-    pub fn load(name_or_path: &str) -> Result<Self> {
-        let (source, _) = source::load(name_or_path, &catalogue::PATIENTS, "patient")?;
-        Self::from_source(&source)
-    }
-
-    /// Returns the TOML of a patient as written.
-    ///
-    /// # Errors
-    /// Returns an error as [`Self::load`] does.
-    pub fn text(name_or_path: &str) -> Result<String> {
-        let (source, _) = source::load(name_or_path, &catalogue::PATIENTS, "patient")?;
-        Self::from_source(&source)?;
-        Ok(source.text().to_owned())
-    }
-
-    /// Parses and checks a patient; `place` is used as the file name in messages.
-    ///
-    /// # Errors
-    /// Returns an error with the line for a syntax error, an unknown field, a wrong type, a value
-    /// out of range or dimensions that do not form a body.
-    pub fn parse(text: &str, place: &str) -> Result<Self> {
-        Self::from_source(&TomlSource::new(text, place))
-    }
-
-    fn from_source(source: &TomlSource) -> Result<Self> {
-        Check::read(source, |patient: &mut Self, all| {
-            checks::check(patient, all)
-        })
-    }
-
     /// Returns the body mass index in kg/m2.
     pub fn body_mass_index(&self) -> f64 {
         self.mass_kg / (self.stature_mm * 1e-3).powi(2)

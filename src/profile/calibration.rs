@@ -1,6 +1,7 @@
-//! Calibration defaults of a scanner model, used by `phasmid calibrate` unless overridden.
+//! Calibration defaults of a scanner model, used by `phasmid calibrate` unless overridden, and the
+//! calibration of its factory.
 
-use super::Profile;
+use super::Sequence;
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use phasmid_core::wording::did_you_mean;
@@ -24,19 +25,19 @@ pub struct Calibration {
     pub distance_mm: Option<f64>,
 }
 
-impl Profile {
-    /// Returns the calibration sequence: the named one, or else the first with patterns along both
-    /// axes.
-    pub fn calibration_sequence(&self) -> Option<&super::Sequence> {
-        let wanted = self.calibration.sequence.as_ref();
-        self.sequence.iter().find(|sequence| match wanted {
+impl Calibration {
+    /// Returns the calibration sequence among a device's: the named one, or else the first with
+    /// patterns along both axes.
+    pub(super) fn sequence_among<'a>(&self, sequences: &'a [Sequence]) -> Option<&'a Sequence> {
+        let wanted = self.sequence.as_ref();
+        sequences.iter().find(|sequence| match wanted {
             Some(name) => sequence.name == *name,
             None => has_both_axes(sequence),
         })
     }
 }
 
-fn has_both_axes(sequence: &super::Sequence) -> bool {
+fn has_both_axes(sequence: &Sequence) -> bool {
     let has = |axis| {
         let mut patterns = sequence.frame.iter().map(|frame| &frame.pattern);
         patterns.any(|pattern| pattern.axis() == Some(axis))
@@ -44,10 +45,11 @@ fn has_both_axes(sequence: &super::Sequence) -> bool {
     has(Axis::X) && has(Axis::Y)
 }
 
-pub(super) fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
-    if let Some(name) = &p.calibration.sequence {
-        let found = p.sequence.iter().find(|sequence| sequence.name == *name);
-        let names: Vec<_> = p.sequence.iter().map(|s| s.name.as_str()).collect();
+/// Checks the calibration defaults of a device with these sequences.
+pub(super) fn check(c: &Calibration, sequences: &[Sequence], check: &Check<'_>) -> Result<()> {
+    if let Some(name) = &c.sequence {
+        let found = sequences.iter().find(|sequence| sequence.name == *name);
+        let names: Vec<_> = sequences.iter().map(|s| s.name.as_str()).collect();
         check.that(
             found.is_some(),
             "calibration.sequence",
@@ -64,19 +66,47 @@ pub(super) fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
             "a sequence with patterns along x and along y",
         )?;
     }
-    if let Some(scale) = p.calibration.board_scale {
+    if let Some(scale) = c.board_scale {
         check.within("calibration.board_scale", scale, 1e-3..=1e3)?;
     }
-    if let Some(distance) = p.calibration.distance_mm {
+    if let Some(distance) = c.distance_mm {
         check.within("calibration.distance_mm", distance, 1.0..=1e6)?;
     }
     Ok(())
 }
 
+/// Factory calibration of a device: the answer to `CALibration:DATA?`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct FactoryCalibration {
+    /// Report the exact rig instead of a measured one, without a covariance.
+    pub exact: bool,
+    /// Sigma of a board point's camera pixel along either axis, in pixels. Its projector coordinate,
+    /// as read at that pixel, has the same sigma in the projector's pixels. The board is that of
+    /// `[calibration]`, or a smaller one if it does not fit into the field. The serial number
+    /// determines the errors.
+    pub corner_px: f64,
+}
+
+impl Default for FactoryCalibration {
+    fn default() -> Self {
+        Self {
+            exact: false,
+            corner_px: 0.05,
+        }
+    }
+}
+
+pub(super) fn check_factory(factory: &FactoryCalibration, check: &Check<'_>) -> Result<()> {
+    let corner_px = factory.corner_px;
+    check.within("factory_calibration.corner_px", corner_px, 1e-4..=1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile_names;
+    use crate::{Profile, profile_names};
 
     #[test]
     fn every_profile_names_a_calibration_sequence() {

@@ -1,9 +1,7 @@
 //! Device profile: the complete description of a scanner model.
 
 use super::{Calibration, Camera, FactoryCalibration, Projector, Sequence, Settings, TomlSource};
-use super::{
-    builtin, calibration, camera, control, factory_calibration, projector, sensor, sequence, usb,
-};
+use super::{builtin, calibration, camera, control, projector, sensor, sequence, usb};
 use phasmid_core::check::{Check, name};
 use phasmid_core::error::Result;
 use phasmid_geometry::Rig;
@@ -156,6 +154,12 @@ impl Profile {
         }
     }
 
+    /// Returns the calibration sequence: the named one, or else the first with patterns along both
+    /// axes.
+    pub fn calibration_sequence(&self) -> Option<&Sequence> {
+        self.calibration.sequence_among(&self.sequence)
+    }
+
     /// Returns the exact rig, which is what a perfect calibration would find; for what the device
     /// reports see [`Self::factory_rig`].
     pub fn nominal_rig(&self) -> Rig {
@@ -204,7 +208,8 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
         return Ok(());
     }
     for (i, s) in p.sequence.iter().enumerate() {
-        let is_valid = check.section(|check| sequence::check(s, i, p, check));
+        let is_valid =
+            check.section(|check| sequence::check(s, i, (&p.camera, &p.projector), check));
         // All default sequences have one period.
         if !is_valid && !check.source.has(&format!("sequence[{i}]")) {
             break;
@@ -219,8 +224,8 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
             )
         });
     }
-    check.section(|check| calibration::check(p, check));
-    factory_calibration::check(p, check)
+    check.section(|check| calibration::check(&p.calibration, &p.sequence, check));
+    calibration::check_factory(&p.factory_calibration, check)
 }
 
 #[cfg(test)]

@@ -6,13 +6,13 @@
 //! | module | contents |
 //! | --- | --- |
 //! | `builtin` | built-in profiles, stations and scenes |
-//! | `calibration` | defaults of `phasmid calibrate` for a device |
+//! | `calibration` | defaults of `phasmid calibrate` for a device, and its factory's calibration |
 //! | `camera` | camera optics, timing and output format |
 //! | `camera_response` | response curve from linear to frame digital numbers |
 //! | `control` | control port: dialect and serial settings |
 //! | `device` | a complete device profile |
 //! | `distortion` | check of lens distortion |
-//! | `factory_calibration` | calibration that a device reports |
+//! | `factory_rig` | rig that a device reports |
 //! | `focus` | focus distance and aperture of a lens |
 //! | `glare` | veiling glare of the camera lens |
 //! | `interreflection` | indirect light between surfaces |
@@ -42,7 +42,7 @@ mod camera_response;
 mod control;
 mod device;
 mod distortion;
-mod factory_calibration;
+mod factory_rig;
 
 mod focus;
 mod glare;
@@ -73,12 +73,11 @@ pub mod vignetting;
 const PIXEL_ASPECT: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
 pub use builtin::{profile_names, profile_text, scene_names, scene_text, station_names};
-pub use calibration::Calibration;
+pub use calibration::{Calibration, FactoryCalibration};
 pub use camera::Camera;
 pub use camera_response::CameraResponse;
 pub use control::{Control, Parity, Places};
 pub use device::{Identity, Profile};
-pub use factory_calibration::FactoryCalibration;
 pub use focus::Focus;
 pub use glare::Glare;
 pub use interreflection::Interreflection;

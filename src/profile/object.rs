@@ -1,7 +1,6 @@
 //! Objects of a scene: shapes, poses, surfaces.
 
 use super::motion::{self, Deform, Motion};
-use super::placing::{POSITION_MM, ROTATION_DEG};
 use super::surface::{self, Specular};
 use glam::DVec3;
 use phasmid_core::check::Check;
@@ -10,7 +9,13 @@ use phasmid_geometry::{Board, Pose, shapes};
 use phasmid_phantom::tissue::{self as skin, Skin};
 use phasmid_phantom::{self as phantom, Day, Patient};
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+
+/// Allowed coordinates of an object's origin in millimetres.
+pub(super) const POSITION_MM: RangeInclusive<f64> = -1e9..=1e9;
+/// Allowed rotations of an object in degrees.
+pub(super) const ROTATION_DEG: RangeInclusive<f64> = -360.0..=360.0;
 
 /// A shape with its pose and surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

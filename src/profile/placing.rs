@@ -1,14 +1,9 @@
 //! Changing a scene at run time.
 
+use super::object::{POSITION_MM, ROTATION_DEG};
 use super::{Motion, Scene, Settings, TomlSource};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::source::Setting;
-use std::ops::RangeInclusive;
-
-/// Allowed coordinates of an object's origin in millimetres.
-pub(super) const POSITION_MM: RangeInclusive<f64> = -1e9..=1e9;
-/// Allowed rotations of an object in degrees.
-pub(super) const ROTATION_DEG: RangeInclusive<f64> = -360.0..=360.0;
 
 impl Scene {
     /// Sets the position and rotation of an object, which have the same meaning as in the file.

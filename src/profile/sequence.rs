@@ -1,7 +1,7 @@
 //! Pattern sequences of a profile.
 
 use super::timing::on_clock;
-use super::{Profile, Projector};
+use super::{Camera, Projector};
 use phasmid_core::check::{Check, name};
 use phasmid_core::error::Result;
 use phasmid_pattern::manifest::check_count;
@@ -59,7 +59,13 @@ impl Sequence {
     }
 }
 
-pub(super) fn check(s: &Sequence, index: usize, p: &Profile, check: &Check<'_>) -> Result<()> {
+/// Checks a sequence of a device with this camera and projector.
+pub(super) fn check(
+    s: &Sequence,
+    index: usize,
+    (camera, projector): (&Camera, &Projector),
+    check: &Check<'_>,
+) -> Result<()> {
     // The default sequences have the period of free-running frames.
     let is_given = check.source.has(&format!("sequence[{index}]"));
     let field = |name: &str| match is_given {
@@ -67,22 +73,22 @@ pub(super) fn check(s: &Sequence, index: usize, p: &Profile, check: &Check<'_>) 
         false => "camera.frame_interval_us".to_owned(),
     };
     check.section(|check| name(&s.name, &field("name"), check));
-    let shortest_us = p.camera.shortest_period_us();
+    let shortest_us = camera.shortest_period_us();
     check.that(
         (shortest_us..=60e6).contains(&s.period_us),
         &field("period_us"),
         check.given(&field("period_us"), s.period_us),
         format!(
             "{shortest_us} to 60000000: no shorter than camera.exposure_us = {} and the readout",
-            p.camera.exposure_us
+            camera.exposure_us
         ),
     )?;
     check_count(&s.frame, &field("frame"), check.source)?;
-    shown_in_time(s, &field("period_us"), p, check)?;
+    shown_in_time(s, &field("period_us"), projector, check)?;
     for axis in [Axis::X, Axis::Y] {
         let size = match axis {
-            Axis::X => p.projector.width_px,
-            Axis::Y => p.projector.height_px,
+            Axis::X => projector.width_px,
+            Axis::Y => projector.height_px,
         };
         gray_reaches(s, index, axis, size, check)?;
     }
@@ -90,8 +96,13 @@ pub(super) fn check(s: &Sequence, index: usize, p: &Profile, check: &Check<'_>) 
 }
 
 /// Checks that the period gives the projector time to show every pattern.
-fn shown_in_time(s: &Sequence, field: &str, p: &Profile, check: &Check<'_>) -> Result<()> {
-    let Some(timing) = &p.projector.timing else {
+fn shown_in_time(
+    s: &Sequence,
+    field: &str,
+    projector: &Projector,
+    check: &Check<'_>,
+) -> Result<()> {
+    let Some(timing) = &projector.timing else {
         return Ok(());
     };
     on_clock(timing, s.period_us, field, check)?;
@@ -101,7 +112,7 @@ fn shown_in_time(s: &Sequence, field: &str, p: &Profile, check: &Check<'_>) -> R
     let conflict = timing.conflict(
         period_ns,
         exposure_ns.unwrap_or(timing.longest_exposure_ns(period_ns)),
-        timing.shortest_exposure_ns(patterns, p.projector.bits),
+        timing.shortest_exposure_ns(patterns, projector.bits),
     );
     if let Some((found, allowed)) = conflict {
         return Err(check.source.violation(field, found, allowed));

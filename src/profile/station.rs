@@ -2,7 +2,7 @@
 //! `[[device]]` as a station and any other as a device profile.
 
 use super::device::check_identity;
-use super::placing::{POSITION_MM, ROTATION_DEG};
+use super::object::{POSITION_MM, ROTATION_DEG};
 use super::{Profile, RigPlace, Settings, TomlSource, builtin, profile_names, scene_names};
 use phasmid_core::check::{Check, name};
 use phasmid_core::error::Result;

@@ -1,11 +1,10 @@
 //! Data that goes to the passes on a GPU and that they return, the same in builds without the feature
 //! `gpu`.
 
-use crate::exposure::Table;
+use crate::exposure::{Optics, Table};
+use crate::scene::Worlds;
 use crate::sensor::FixedPattern;
-use crate::shade::Optics;
 use crate::timetable::Timetable;
-use crate::worlds::Worlds;
 use crate::{Options, Plan};
 use glam::DVec2;
 use phasmid_profile::Profile;

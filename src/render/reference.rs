@@ -90,7 +90,7 @@ impl Reference {
                         height_mm * scale,
                     )),
                     other => {
-                        let mesh = super::shape::mesh(other, &scene.folder)?;
+                        let mesh = super::scene::mesh(other, &scene.folder)?;
                         material.take(object, &mesh);
                         let corner = |i: u32| mesh.vertices[i as usize] * scale;
                         Primitive::Triangles(mesh.triangles.iter().map(|t| t.map(corner)).collect())

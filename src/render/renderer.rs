@@ -1,11 +1,12 @@
 //! Renderer of one camera in front of one scene: runs the passes that a shot needs.
 //!
-//! `indirect` chooses how indirect light is gathered, `pending` submits frames to the CPU or GPU,
-//! `time` divides an exposure of a moving scene into instants, `place` moves objects at run time, and
-//! `truth` computes ground truth.
+//! `indirect` chooses how indirect light is gathered, `news` opens the GPU and keeps notes for the
+//! user, `pending` submits frames to the CPU or GPU, `time` divides an exposure of a moving scene into
+//! instants, `change` moves objects at run time, and `truth` computes ground truth.
 
 mod change;
 mod indirect;
+mod news;
 mod pending;
 mod time;
 mod truth;
@@ -13,22 +14,19 @@ mod truth;
 pub use indirect::IndirectLight;
 pub use pending::Pending;
 
-use super::aperture::Aperture;
-use super::buffer::GeometryBuffer;
-use super::exposure::{self, Table};
-use super::geometry::{self, Rays};
+use super::exposure::{self, GeometryBuffer, Optics, Table};
 use super::gpu::{self, Passes};
-use super::schedule::Schedule;
+use super::plan::Needs;
+use super::schedule::{Light, Schedule};
 use super::sensor::{FixedPattern, Sensor, bloom};
-use super::shade::Optics;
-use super::term::Needs;
 use super::timetable::Timetable;
-use super::world::World;
-use super::worlds::{Moment, Worlds};
 use super::{Decision, Options, Plan, Term, glare};
-use crate::{pattern_image::PatternImage, shot::Shot};
+use crate::pattern_image::PatternImage;
+use crate::scene::{Moment, World, Worlds};
+use crate::shot::Shot;
+use crate::transport::{Aperture, Rays, geometry, ideal_points};
 use glam::DVec2;
-use pending::News;
+use news::News;
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::manifest::MAX_FRAMES;
@@ -36,7 +34,6 @@ use phasmid_profile::{Profile, Scene};
 use phasmid_protocol::Frame;
 use rayon::prelude::*;
 use std::sync::Arc;
-use time::Light;
 
 /// Pixels that pass through exposure and sensor together. They fit in the L1 cache and are whole
 /// blocks of random numbers.
@@ -126,7 +123,7 @@ impl Renderer {
         let fixed = fixed_pattern(&plan, profile);
         let camera = &profile.camera;
         let pixels = u64::from(camera.width_px) * u64::from(camera.height_px);
-        let (gpu, mut news) = pending::open(
+        let (gpu, mut news) = news::open(
             options.backend,
             || gpu::fits(&world, &optics),
             (pixels, u64::from(options.samples)),
@@ -494,17 +491,6 @@ fn fixed_pattern(plan: &Plan, profile: &Profile) -> Option<FixedPattern> {
     let pixels = camera.width_px as usize * camera.height_px as usize;
     plan.has(Term::FixedPattern)
         .then(|| FixedPattern::new(&camera.sensor, pixels))
-}
-
-pub(super) fn ideal_points(optics: &Optics) -> Vec<DVec2> {
-    let lens = optics.camera.lens;
-    (0..lens.height_px)
-        .into_par_iter()
-        .flat_map_iter(|v| {
-            (0..lens.width_px)
-                .map(move |u| lens.ray(DVec2::new(f64::from(u), f64::from(v))).truncate())
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
 //! Applies the timetable of an exposure ([`Timetable`]) to pixels: sums the light of the patterns
 //! that each sensor row sees, mains flicker and indirect light.
 
-use super::buffer::GeometryBuffer;
-use super::exposure::{self, Indirect, Table};
+use super::exposure::{self, GeometryBuffer, Indirect, Table};
 use super::timetable::{Line, Timetable};
 use super::{Plan, Term};
 use std::sync::Arc;
@@ -14,6 +13,14 @@ pub(super) struct Schedule {
     /// Indirect light of the patterns; empty if not in the plan.
     indirect: Vec<Indirect>,
     when: Timetable,
+}
+
+/// Light of a shot's pixels.
+pub(super) enum Light {
+    /// Schedule that computes the light from the current geometry.
+    Scheduled(Schedule),
+    /// Mean electrons of the pixels, summed over instants.
+    Summed(Vec<f32>),
 }
 
 impl Schedule {

@@ -3,8 +3,8 @@
 pub use super::gpu_data::{Adapter, PassTime};
 pub(super) use super::gpu_data::{Shown, View};
 use super::sensor::Sensor;
-use super::shade::Optics;
-use super::world::World;
+use crate::exposure::Optics;
+use crate::scene::World;
 use phasmid_core::error::{Error, Result};
 use std::collections::BTreeMap;
 use std::convert::Infallible;

@@ -9,8 +9,6 @@ use phasmid_geometry::Pose;
 /// Number of points per scan that are fitted, of all pods together. More add no information, because
 /// errors of points a few millimetres apart are correlated.
 pub const POINTS: usize = 5_000;
-/// Minimum number of pixels decoded per pod: larger images are subsampled to about this number.
-pub const PIXELS: usize = 60_000;
 /// Extent of the tracked skin along and across the couch, from the isocentre, in millimetres.
 const REACH_MM: f64 = 250.0;
 /// Extent of the tracked skin below the isocentre, in millimetres; excludes the couch.

@@ -1,25 +1,13 @@
 //! Checks a pod's frames against their sequence, decodes them and transforms the points to the room.
 
 use super::measured::Measured;
-use super::practice::PIXELS;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Capture, Decoded, FrameDoubt, Known, Options, SparseDecoder, check_sequence};
 use phasmid_geometry::Pose;
 use phasmid_pattern::Image;
 
-/// Why the frames of a pod's scan are rejected. It displays as a message for users.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SightWarning {
-    /// The frames do not follow their sequence and added no points.
-    #[error("{pod}: {why}")]
-    Rejected {
-        /// Name of the pod.
-        pod: String,
-        /// How the frames depart from the sequence.
-        why: FrameDoubt,
-    },
-}
+/// Minimum number of pixels decoded per pod: larger images are subsampled to about this number.
+pub const PIXELS: usize = 60_000;
 
 /// Turns the successive scans of one pod into measured points.
 pub struct Sight {
@@ -47,7 +35,7 @@ impl Sight {
     /// Decodes as many pixels of a scan as tracking needs ([`PIXELS`]) and adds at most `most` of its
     /// points to `measured`.
     ///
-    /// Frames that do not follow their sequence add no points; the problem is returned. Set
+    /// Frames that do not follow their sequence add no points; how they depart from it is returned. Set
     /// `identified` if the link identifies each frame. All scans must have the sequence and
     /// calibration of the first.
     ///
@@ -59,7 +47,7 @@ impl Sight {
         identified: bool,
         measured: &mut Measured,
         most: usize,
-    ) -> Result<Option<SightWarning>> {
+    ) -> Result<Option<FrameDoubt>> {
         if captured.calibration.is_none() {
             return Err(Error::device(format!(
                 "{}: the device provides no calibration",
@@ -73,10 +61,9 @@ impl Sight {
         );
         depths?;
         if let Err(why) = checked {
-            let pod = self.name.clone();
             // The pods after this one keep their indices.
             measured.push_pod(&[], &[], &self.room_from_rig, most);
-            return Ok(Some(SightWarning::Rejected { pod, why }));
+            return Ok(Some(why));
         }
         if let Some(decoder) = &self.decoder {
             decoder

@@ -1,7 +1,7 @@
 //! Warnings and errors of the trackers.
 
-use super::SightWarning;
 use super::rigid::{Freedom, shape};
+use phasmid_decode::FrameDoubt;
 use std::fmt;
 
 /// A reason to doubt a result. Any warning holds the beam.
@@ -115,9 +115,14 @@ pub enum Lost {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScanWarning {
-    /// The frames of a pod are rejected.
-    #[error(transparent)]
-    Sight(#[from] SightWarning),
+    /// The frames of a pod do not follow their sequence and added no points.
+    #[error("{pod}: {why}")]
+    Rejected {
+        /// Name of the pod.
+        pod: String,
+        /// How the frames depart from the sequence.
+        why: FrameDoubt,
+    },
     /// The fit on which the beam depends is unreliable.
     #[error("{0}")]
     Fit(Warning),

@@ -1,7 +1,7 @@
 //! Finds a calibration board in camera images and reads the projector coordinates at its points.
 //!
 //! - `image`: the image a board is searched in, combined from all frames of a sequence.
-//! - `find`, `dots`, `chess`: locate and measure the board's points.
+//! - `dots`, `chess`: locate and measure the board's points.
 //! - `lit`: projector coordinates at those points; `smooth` is a robust fit for it.
 //! - `bias`: offset between the centroid of an imaged dot and the image of its centre.
 //! - `sighting`: measured points; `not_found`: reasons for a failed search.
@@ -11,7 +11,6 @@ pub mod bias;
 pub mod chess;
 pub mod dots;
 mod draw;
-mod find;
 mod image;
 pub mod lit;
 mod not_found;
@@ -19,8 +18,31 @@ mod sighting;
 mod smooth;
 
 pub use draw::draw;
-pub use find::find;
-pub(crate) use find::search;
 pub use image::BoardImage;
 pub use not_found::NotFound;
 pub use sighting::{Lit, Seen, Sighting};
+
+use phasmid_core::Stop;
+use phasmid_geometry::Board;
+
+/// Finds the board's points in an image and returns them with their labels: of a dot board those
+/// dots that are visible, of a chessboard almost all corners.
+///
+/// # Errors
+/// Returns an error if the board is not found or its orientation is ambiguous; see [`dots::find`]
+/// and [`chess::find`].
+pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
+    search(board, image, &Stop::default())
+}
+
+/// [`find`], which returns [`NotFound::Interrupted`] soon after `stop` is asked.
+pub(crate) fn search(
+    board: &Board,
+    image: &BoardImage,
+    stop: &Stop,
+) -> Result<Vec<Seen>, NotFound> {
+    match board {
+        Board::Dots { .. } => dots::search(board, image, stop),
+        Board::Chess { .. } => chess::search(board, image, stop),
+    }
+}

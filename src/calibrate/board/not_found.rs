@@ -1,5 +1,7 @@
 //! Reasons why no usable board was found in an image.
 
+use phasmid_core::Stop;
+
 /// Error of a failed search: describes the content of the image and the expected content.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -45,4 +47,9 @@ pub enum NotFound {
         /// Grid or proportions of the specified board.
         wanted: String,
     },
+}
+
+/// Returns an error if the search has been asked to end.
+pub(super) fn check(stop: &Stop) -> Result<(), NotFound> {
+    stop.check().map_err(|_| NotFound::Interrupted)
 }

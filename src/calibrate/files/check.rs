@@ -1,12 +1,20 @@
 //! Assembles a rig from named matrices.
 
-use super::Sizes;
 use super::node::{Fault, Node, Nodes, Value, names};
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_geometry::{Lens, Pose, Rig, View};
 
 /// Maximum difference of an element of R R' from the identity. Files may be written with few digits.
 const WORST_ROTATION: f64 = 1e-4;
+
+/// Image sizes (columns, rows), for files that do not contain them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Sizes {
+    /// Size of the camera's image.
+    pub camera: Option<[u32; 2]>,
+    /// Size of the projector's image.
+    pub projector: Option<[u32; 2]>,
+}
 
 /// Assembles a rig, in the camera's frame.
 ///

@@ -40,6 +40,7 @@ mod yaml;
 #[cfg(test)]
 mod tests;
 
+pub use check::Sizes;
 pub use write::{Format, Reprojection, to_opencv, write_opencv};
 
 use phasmid_core::error::{Error, Result};
@@ -49,15 +50,6 @@ use std::path::Path;
 
 /// Maximum file size; ample even for files that also contain the image points.
 const MAX_BYTES: u64 = 8 << 20;
-
-/// Image sizes (columns, rows), for files that do not contain them.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Sizes {
-    /// Size of the camera's image.
-    pub camera: Option<[u32; 2]>,
-    /// Size of the projector's image.
-    pub projector: Option<[u32; 2]>,
-}
 
 /// Reads a calibration in any supported format. The rig's frame is the camera's, except in
 /// `calibration.toml`, which contains the frame.

@@ -1,7 +1,7 @@
 //! Collects the poses of one calibration.
 
 use super::look::Looked;
-use super::unusable::{Unusable, saturation};
+use super::unusable::{Sizes, Unusable, saturation};
 use super::{Calibration, Missed, PoseData, Task, calibrate};
 use crate::solve::{Choice, Unsolved};
 use phasmid_core::Stop;
@@ -10,9 +10,6 @@ use phasmid_geometry::{Board, NoiseModel, Rig};
 
 /// Minimum number of points with a projector coordinate that a pose needs to constrain the projector.
 const FEWEST_LIT: usize = 6;
-
-/// Width and height of the camera's and of the projector's images.
-pub(super) type Sizes = [[u32; 2]; 2];
 
 /// The poses received so far.
 #[derive(Debug)]

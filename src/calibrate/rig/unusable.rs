@@ -1,11 +1,13 @@
 //! Reasons why a pose cannot be used.
 
-use super::poses::Sizes;
 use crate::board::NotFound;
 use std::fmt;
 
 /// Minimum fraction of saturated pixels that is mentioned in messages.
 const SATURATED: f64 = 0.01;
+
+/// Width and height of the camera's and of the projector's images.
+pub(super) type Sizes = [[u32; 2]; 2];
 
 /// Reasons why the images of a pose cannot be used. Displays as a message for users.
 #[derive(Debug, Clone, PartialEq)]

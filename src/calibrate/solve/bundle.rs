@@ -1,16 +1,17 @@
-//! Bundle adjustment from the closed-form start to the minimum: robust approach, choice of
-//! distortion model, outlier rejection and noise estimation.
+//! The stages of bundle adjustment from a start to the minimum: robust approach, exclusion of poses that
+//! are inconsistent with the others, outlier rejection and noise estimation.
 
-use super::coefficients::{Model, free, ranked, restricted};
+use super::coefficients::{Model, free, restricted};
 use super::fit::{Effort, minimise};
 use super::model::{State, residual};
 use super::normal::{Free, Normal};
 use super::observation::PoseObservations;
 use super::refusal::{Why, refusal};
-use super::robust::{self, Loss};
-use super::{Choice, Coefficients, LeftOut, PoseSightings, Unsolved, start};
+use super::robust::{self, Loss, OUTLYING_POSE};
+use super::{Choice, Coefficients, LeftOut, PoseSightings, Unfit, Unsolved};
 use nalgebra::DMatrix;
 use phasmid_core::Stop;
+use phasmid_core::statistics::median;
 use phasmid_geometry::Board;
 
 /// The poses in use and the excluded ones.
@@ -40,7 +41,7 @@ pub(super) struct Settled {
 }
 
 impl Settled {
-    fn of(self, model: Model) -> Solved {
+    pub fn of(self, model: Model) -> Solved {
         Solved {
             state: self.state,
             model,
@@ -69,49 +70,6 @@ impl Bundle {
         points
             .map(|o| 2 * (usize::from(o.camera_counts) + usize::from(o.projector_counts)))
             .sum()
-    }
-
-    /// Solves from the closed-form start to the minimum.
-    pub fn solve(&mut self, sizes: [[u32; 2]; 2], choice: &Choice) -> Result<Solved, Unsolved> {
-        let wanted = [choice.camera, choice.projector];
-        let radial = [true, true, false, false, false];
-        let most: Model = wanted.map(Coefficients::most);
-        let first: Model = most.map(|set| std::array::from_fn(|i| set[i] && radial[i]));
-        let fewer: Model = std::array::from_fn(|i| match wanted[i] {
-            Coefficients::Auto => [true, true, true, true, false],
-            Coefficients::Fixed(set) => set,
-        });
-        let least: Model = wanted.map(Coefficients::least);
-
-        let maps = start::maps(self, choice.robust)?;
-        let mut state = start::state(self, &maps, sizes, &first, choice)?;
-        self.drop_behind(&mut state)?;
-        self.approach(&mut state, &free(&first), choice, false)?;
-        let mut solved = self.largest(&state, &[most, fewer, first, least], choice)?;
-        let largest = solved.model;
-        let order = ranked(
-            wanted,
-            &largest,
-            &solved.state,
-            &solved.covariance,
-            self.observed(),
-        );
-        for model in order {
-            if model == largest {
-                break;
-            }
-            let mut other = self.clone();
-            let smaller = restricted(&solved.state, &model);
-            match other.settle(smaller, &free(&model), choice) {
-                Ok(found) if unfolded(&found.state, &model, choice) => {
-                    (*self, solved) = (other, found.of(model));
-                    break;
-                }
-                Err(Unsolved::Interrupted) => return Err(Unsolved::Interrupted),
-                _ => {}
-            }
-        }
-        Ok(solved)
     }
 
     /// Fits the models in the given order (larger ones first) and returns the first one that the
@@ -219,6 +177,77 @@ impl Bundle {
         })
     }
 
+    /// Moves a pose to the excluded ones.
+    pub fn leave_out(&mut self, at: usize, why: Unfit) {
+        let pose = self.poses.remove(at);
+        self.left_out.push(LeftOut {
+            name: pose.name,
+            given: pose.given,
+            why,
+        });
+    }
+
+    /// Returns an error if fewer than two poses are left.
+    pub fn enough_poses(&self) -> Result<(), Unsolved> {
+        if self.poses.len() >= 2 {
+            return Ok(());
+        }
+        let total = self.poses.len() + self.left_out.len();
+        let mut found = format!("{} of {total} can be used", self.poses.len());
+        for out in self.left_out.iter().take(8) {
+            found += &format!("; {}: {}", out.name, out.why);
+        }
+        if self.left_out.len() > 8 {
+            found += &format!("; and {} more", self.left_out.len() - 8);
+        }
+        Err(Unsolved::TooFewPoses {
+            found,
+            wanted: "2 or more tilted in different directions, better 10".to_owned(),
+        })
+    }
+
+    /// Excludes poses that the initial state puts behind a lens.
+    pub(super) fn drop_behind(&mut self, state: &mut State) -> Result<(), Unsolved> {
+        for at in (0..self.poses.len()).rev() {
+            let points = &self.poses[at].points;
+            if points.iter().any(|o| residual(o, state, at).is_none()) {
+                self.leave_out(at, Unfit::Behind);
+                state.boards.remove(at);
+            }
+        }
+        self.enough_poses()
+    }
+
+    /// Excludes the worst pose if its residuals exceed the threshold. Returns whether it did.
+    fn drop_worst(&mut self, state: &mut State) -> bool {
+        let total = self.poses.len() + self.left_out.len();
+        // Exclude a pose only if at least four are in use and two thirds of all poses remain.
+        if self.poses.len() < 4 || 3 * (self.poses.len() - 1) < 2 * total {
+            return false;
+        }
+        let scales: Vec<[Option<f64>; 2]> = (0..self.poses.len())
+            .map(|i| robust::pose_scales(&self.poses[i], state, i))
+            .collect();
+        let mut worst: Option<(f64, usize, usize)> = None;
+        for group in 0..2 {
+            let mut all: Vec<f64> = scales.iter().filter_map(|s| s[group]).collect();
+            let usual = median(&mut all).unwrap_or(1.0).max(1.0);
+            for (i, scale) in scales.iter().enumerate() {
+                let ratio = scale[group].map_or(0.0, |s| s / usual);
+                if ratio > worst.map_or(OUTLYING_POSE, |w| w.0) {
+                    worst = Some((ratio, i, group));
+                }
+            }
+        }
+        let Some((ratio, at, group)) = worst else {
+            return false;
+        };
+        let projector = group == 1;
+        self.leave_out(at, Unfit::Misfit { projector, ratio });
+        state.boards.remove(at);
+        true
+    }
+
     /// Sums of squared whitened residuals and numbers of scalar observations, for camera and
     /// projector.
     pub fn squares(&self, state: &State) -> [(f64, usize); 2] {
@@ -273,7 +302,7 @@ impl Bundle {
 }
 
 /// Whether automatically chosen distortions can be inverted over the whole image.
-fn unfolded(state: &State, model: &Model, choice: &Choice) -> bool {
+pub(super) fn unfolded(state: &State, model: &Model, choice: &Choice) -> bool {
     let lenses = [&state.camera, &state.projector];
     let auto = [choice.camera, choice.projector].map(|c| c == Coefficients::Auto);
     (0..2).all(|i| !auto[i] || model[i] == [false; 5] || lenses[i].folds_before().is_none())

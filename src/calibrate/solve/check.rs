@@ -1,6 +1,6 @@
 //! Plausibility checks of a solution: errors for unusable ones, warnings for doubtful ones.
 
-use super::start::{TILTS_WANTED, largest_angle_deg};
+use super::refusal::{LITTLE_TILT_DEG, TILTS_WANTED, largest_angle_deg};
 use super::{Choice, Coefficients, Parameter, PoseSightings, Solution, Unsolved};
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
@@ -13,8 +13,6 @@ const WORST_FOCAL: f64 = 0.03;
 const WORST_FIT: f64 = 0.01;
 /// Fewer poses than this cause a warning.
 const FEW_POSES: usize = 5;
-/// If the largest angle between two boards is below this, a warning is issued.
-pub(super) const LITTLE_TILT_DEG: f64 = 15.0;
 /// Columns and rows of the grid on which image coverage is measured.
 const CELLS: [u32; 2] = [8, 6];
 /// If points cover a smaller fraction of the grid's cells than this, a warning is issued.

@@ -7,11 +7,42 @@
 //! where n is the number of observations. The cost is at least 10.83, so that a coefficient whose
 //! true value is zero is kept by chance once in a thousand cases whatever n is.
 
-use super::Coefficients;
 use super::model::State;
 use super::normal::Free;
 use nalgebra::{DMatrix, DVector};
 use phasmid_geometry::parameters::{LENS, RIG};
+
+/// Which distortion coefficients are estimated; the others stay zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Coefficients {
+    /// Chooses among none, k1, k1 k2, k1 k2 p1 p2 and all five, by the Bayesian information
+    /// criterion.
+    #[default]
+    Auto,
+    /// Estimates the coefficients set to true, in the order k1, k2, p1, p2, k3.
+    Fixed([bool; 5]),
+}
+
+/// Options of the solver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Choice {
+    /// Coefficients of the camera to estimate.
+    pub camera: Coefficients,
+    /// Coefficients of the projector to estimate.
+    pub projector: Coefficients,
+    /// Whether to exclude outlier points and inconsistent poses. If false, all have equal standing.
+    pub robust: bool,
+}
+
+impl Default for Choice {
+    fn default() -> Self {
+        Self {
+            camera: Coefficients::Auto,
+            projector: Coefficients::Auto,
+            robust: true,
+        }
+    }
+}
 
 /// Coefficients to estimate, of k1 k2 p1 p2 k3, for camera and projector.
 pub(super) type Model = [[bool; 5]; 2];

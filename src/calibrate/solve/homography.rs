@@ -12,6 +12,9 @@ use phasmid_core::statistics::median;
 /// A point on the board (mm) and its image (pixels).
 pub(super) type Pair = (DVec2, DVec2);
 
+/// Minimum number of points per pose. A homography has eight unknowns: four points determine it,
+/// two more check it.
+pub(super) const FEWEST_POINTS: usize = 6;
 /// Points with a residual beyond this multiple of the median are outliers. The factor is large
 /// because the residuals still contain the lens distortion.
 const OUTLYING: f64 = 10.0;

@@ -14,17 +14,17 @@
 //! | Files | Contents |
 //! | --- | --- |
 //! | `homography`, `zhang`, `resection` | closed-form estimates |
-//! | `start`, `start_projector` | initial state; exclusion of unusable poses |
+//! | `start` | initial state; exclusion of unusable poses |
 //! | `observation`, `model` | whitened observations, predictions, derivatives |
 //! | `normal`, `fit`, `robust` | normal equations, Levenberg-Marquardt, robust loss and outliers |
-//! | `coefficients`, `belonging` | choice of distortion model; exclusion of inconsistent poses |
-//! | `bundle` | the sequence of these steps |
+//! | `coefficients` | choice of distortion model |
+//! | `bundle` | the stages of bundle adjustment; exclusion of inconsistent poses |
 //! | `place` | pose of one board for a known rig |
 //! | `solution`, `summary`, `check` | the result, its assembly, and warnings |
+//! | `unfit` | reasons why a pose is excluded |
 //! | `unsolved`, `refusal` | the error type and its diagnosis |
 //! | `chi_square` | the chi-square distribution |
 
-mod belonging;
 mod bundle;
 mod check;
 mod chi_square;
@@ -40,7 +40,6 @@ mod resection;
 mod robust;
 mod solution;
 mod start;
-mod start_projector;
 mod summary;
 #[cfg(test)]
 mod tests;
@@ -49,7 +48,8 @@ mod unsolved;
 mod zhang;
 
 pub use chi_square::{chi_square_below, chi_square_bound};
-
+pub use coefficients::{Choice, Coefficients};
+pub use observation::PoseSightings;
 pub use place::{Placed, place};
 pub use solution::{
     Errors, LeftOut, Parameter, PointResidual, ProjectorResidual, Solution, SolvedPose,
@@ -57,51 +57,11 @@ pub use solution::{
 pub use unfit::Unfit;
 pub use unsolved::Unsolved;
 
-use super::board::Sighting;
+use bundle::{Bundle, Solved, unfolded};
+use coefficients::{Model, free, ranked, restricted};
 use phasmid_core::Stop;
 use phasmid_geometry::Board;
 use phasmid_geometry::board_poses::MOST_POSES;
-
-/// The observed board points of one pose.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PoseSightings {
-    /// Name of the pose, for example its folder's name.
-    pub name: String,
-    /// Observed points in any order; each index occurs once.
-    pub sightings: Vec<Sighting>,
-}
-
-/// Which distortion coefficients are estimated; the others stay zero.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Coefficients {
-    /// Chooses among none, k1, k1 k2, k1 k2 p1 p2 and all five, by the Bayesian information
-    /// criterion.
-    #[default]
-    Auto,
-    /// Estimates the coefficients set to true, in the order k1, k2, p1, p2, k3.
-    Fixed([bool; 5]),
-}
-
-/// Options of the solver.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Choice {
-    /// Coefficients of the camera to estimate.
-    pub camera: Coefficients,
-    /// Coefficients of the projector to estimate.
-    pub projector: Coefficients,
-    /// Whether to exclude outlier points and inconsistent poses. If false, all have equal standing.
-    pub robust: bool,
-}
-
-impl Default for Choice {
-    fn default() -> Self {
-        Self {
-            camera: Coefficients::Auto,
-            projector: Coefficients::Auto,
-            robust: true,
-        }
-    }
-}
 
 /// Solves for the rig and the pose of every board. The rig's frame is the camera's frame.
 ///
@@ -139,11 +99,56 @@ pub fn solve_with_stop(
             wanted: format!("{MOST_POSES} or fewer"),
         });
     }
-    let mut bundle = bundle::Bundle::new(board, poses);
+    let mut bundle = Bundle::new(board, poses);
     bundle.stop = stop.clone();
     let solved = bundle.solve([camera_px, projector_px], choice)?;
     let mut solution = summary::of(bundle, solved);
     check::refuse(&solution)?;
     solution.warnings = check::warnings(&solution, poses, choice);
     Ok(solution)
+}
+
+impl Bundle {
+    /// Solves from the closed-form start to the minimum.
+    fn solve(&mut self, sizes: [[u32; 2]; 2], choice: &Choice) -> Result<Solved, Unsolved> {
+        let wanted = [choice.camera, choice.projector];
+        let radial = [true, true, false, false, false];
+        let most: Model = wanted.map(Coefficients::most);
+        let first: Model = most.map(|set| std::array::from_fn(|i| set[i] && radial[i]));
+        let fewer: Model = std::array::from_fn(|i| match wanted[i] {
+            Coefficients::Auto => [true, true, true, true, false],
+            Coefficients::Fixed(set) => set,
+        });
+        let least: Model = wanted.map(Coefficients::least);
+
+        let maps = start::maps(self, choice.robust)?;
+        let mut state = start::state(self, &maps, sizes, &first, choice)?;
+        self.drop_behind(&mut state)?;
+        self.approach(&mut state, &free(&first), choice, false)?;
+        let mut solved = self.largest(&state, &[most, fewer, first, least], choice)?;
+        let largest = solved.model;
+        let order = ranked(
+            wanted,
+            &largest,
+            &solved.state,
+            &solved.covariance,
+            self.observed(),
+        );
+        for model in order {
+            if model == largest {
+                break;
+            }
+            let mut other = self.clone();
+            let smaller = restricted(&solved.state, &model);
+            match other.settle(smaller, &free(&model), choice) {
+                Ok(found) if unfolded(&found.state, &model, choice) => {
+                    (*self, solved) = (other, found.of(model));
+                    break;
+                }
+                Err(Unsolved::Interrupted) => return Err(Unsolved::Interrupted),
+                _ => {}
+            }
+        }
+        Ok(solved)
+    }
 }

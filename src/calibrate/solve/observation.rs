@@ -7,10 +7,18 @@
 //! and of variance 1 if W_c' W_c = C^-1 and W_p' W_p = N^-1. This whitens the joint 4 x 4
 //! covariance [C, C S'; S C, S C S' + N].
 
-use super::PoseSightings;
 use crate::board::Sighting;
 use glam::{DMat2, DVec2};
 use phasmid_geometry::Board;
+
+/// The observed board points of one pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseSightings {
+    /// Name of the pose, for example its folder's name.
+    pub name: String,
+    /// Observed points in any order; each index occurs once.
+    pub sightings: Vec<Sighting>,
+}
 
 /// Observations of a board point.
 #[derive(Debug, Clone)]

@@ -1,10 +1,9 @@
 //! Pose of a board for a known rig: six unknowns, by the same least squares as the whole rig.
 
 use super::bundle::Bundle;
-use super::homography::Homography;
+use super::homography::{FEWEST_POINTS, Homography};
 use super::model::State;
 use super::observation::PoseObservations;
-use super::start::FEWEST_POINTS;
 use super::summary::solved_pose;
 use super::{Choice, PoseSightings, SolvedPose, Unsolved, zhang};
 use glam::DVec2;

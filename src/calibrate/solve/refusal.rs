@@ -1,16 +1,20 @@
-//! Diagnoses why bundle adjustment did not converge.
+//! Diagnoses why bundle adjustment did not converge, among other things from the angles between boards.
 
 use super::Unsolved;
-use super::check::LITTLE_TILT_DEG;
 use super::model::State;
 use super::observation::PoseObservations;
-use super::start::{TILTS_WANTED, largest_angle_deg};
 use glam::DVec3;
 
 /// Minimum standard deviation of a point, as a fraction of the image's width, that f64 resolves in
 /// a bundle adjustment. A projection is rounded to about 1e-15 of the width, and the last step of
 /// 1e-4 standard deviations (see `fit`) is a sum over dozens of unknowns.
 const FINEST: f64 = 1e-10;
+
+/// If the largest angle between two boards is below this, a warning is issued.
+pub(super) const LITTLE_TILT_DEG: f64 = 15.0;
+/// Recommended board poses, for error messages.
+pub(super) const TILTS_WANTED: &str =
+    "boards tilted in different directions, by 15 degrees or more between two of them";
 
 /// Reason why the minimisation failed.
 #[derive(Debug, Clone, Copy)]
@@ -90,6 +94,17 @@ pub(super) fn refusal(
         found,
         wanted: fewer(),
     }
+}
+
+/// Largest angle between the normals of any two boards, in degrees.
+pub(super) fn largest_angle_deg(normals: &[DVec3]) -> f64 {
+    let mut largest = 0.0f64;
+    for (i, a) in normals.iter().enumerate() {
+        for b in &normals[..i] {
+            largest = largest.max(a.cross(*b).length().atan2(a.dot(*b)).to_degrees());
+        }
+    }
+    largest
 }
 
 /// Smallest standard deviation of any point along any direction, in pixels of its image (up to a

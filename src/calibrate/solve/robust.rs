@@ -11,11 +11,15 @@ use super::observation::PoseObservations;
 use phasmid_core::statistics::median;
 
 /// Whitened length (of two components) beyond which a point is an outlier: exp(-5^2 / 2) = 4e-6.
-pub(super) const OUTLYING: f64 = 5.0;
+const OUTLYING: f64 = 5.0;
 /// Whitened length at which Huber's function changes from quadratic to linear.
 const HUBER: f64 = 2.5;
 /// Median length of a vector of two standard normal components, sqrt(2 ln 2).
-pub(super) const MEDIAN: f64 = 1.177_410_022_515_474_7;
+const MEDIAN: f64 = 1.177_410_022_515_474_7;
+
+/// Maximum robust scale of a pose relative to the median pose. At this scale half of the pose's
+/// points are beyond the outlier threshold.
+pub(super) const OUTLYING_POSE: f64 = OUTLYING / MEDIAN;
 
 /// Loss of a whitened residual of two components. The arrays hold a value for the camera and one
 /// for the projector.

@@ -3,25 +3,20 @@
 use super::bundle::Bundle;
 use super::coefficients::{Model, free};
 use super::fit::{Effort, minimise};
-use super::homography::Homography;
+use super::homography::{FEWEST_POINTS, Homography, apply};
 use super::model::State;
-use super::refusal::Why;
+use super::observation::PoseObservations;
+use super::refusal::{TILTS_WANTED, Why, largest_angle_deg};
+use super::resection::resect;
 use super::robust::{self, Loss};
-use super::start_projector::projector;
 use super::{Choice, Unfit, Unsolved, zhang};
 use glam::{DMat3, DVec2, DVec3};
+use phasmid_core::statistics::median;
 use phasmid_geometry::{Lens, Pose};
 
-/// Minimum number of points per pose. A homography has eight unknowns: four points determine it,
-/// two more check it.
-pub(super) const FEWEST_POINTS: usize = 6;
 /// Boards count as parallel if the largest angle between their normals is below this, estimated
 /// with a guessed lens whose focal length is the larger side of the image.
 const PARALLEL_DEG: f64 = 0.5;
-/// Recommended board poses, for error messages.
-pub(super) const TILTS_WANTED: &str =
-    "boards tilted in different directions, by 15 degrees or more between two of them";
-
 /// Homographies of the usable poses, in the order of the poses.
 pub(super) struct Maps {
     pub camera: Vec<Homography>,
@@ -122,17 +117,6 @@ fn of_pose(bundle: &Bundle, at: usize, robust: bool) -> Result<OfPose, Unfit> {
     Ok((camera, Some((map, lit))))
 }
 
-/// Largest angle between the normals of any two boards, in degrees.
-pub(super) fn largest_angle_deg(normals: &[DVec3]) -> f64 {
-    let mut largest = 0.0f64;
-    for (i, a) in normals.iter().enumerate() {
-        for b in &normals[..i] {
-            largest = largest.max(a.cross(*b).length().atan2(a.dot(*b)).to_degrees());
-        }
-    }
-    largest
-}
-
 /// Initial state: estimates the camera's intrinsics and the board poses, refines them with the
 /// camera's observations alone, then estimates the projector.
 pub(super) fn state(
@@ -201,7 +185,7 @@ fn refuse_parallel(homographies: &[DMat3], size: [u32; 2]) -> Result<(), Unsolve
 }
 
 /// A subset of the observed board points (up to 40), evenly spaced in the list.
-fn some_points(pose: &super::observation::PoseObservations) -> Vec<DVec2> {
+fn some_points(pose: &PoseObservations) -> Vec<DVec2> {
     let stride = pose.points.len().div_ceil(40).max(1);
     pose.points
         .iter()
@@ -236,4 +220,120 @@ fn camera_alone(
         }
     }
     Ok(state)
+}
+
+/// Estimates the projector by resection from the illuminated points in space and from its own
+/// homographies, and returns whichever fits better.
+fn projector(
+    bundle: &Bundle,
+    maps: &Maps,
+    state: &State,
+    points: &[Vec<DVec2>],
+    size: [u32; 2],
+) -> Result<(Lens, Pose), Unsolved> {
+    let lit: Vec<usize> = (0..maps.projector.len())
+        .filter(|i| maps.projector[*i].is_some())
+        .collect();
+    if lit.len() < 2 {
+        let count: usize = bundle.poses.iter().map(|p| p.lit()).sum();
+        return Err(Unsolved::Unlit {
+            found: format!(
+                "{count} points; {FEWEST_POINTS} or more in {} of {} poses",
+                lit.len(),
+                bundle.poses.len()
+            ),
+            wanted: format!("{FEWEST_POINTS} or more, not on a line, in 2 poses or more"),
+        });
+    }
+    let misfits = |lens: &Lens, place: &Pose| -> Vec<f64> {
+        let from_camera = place.inverse();
+        lit.iter()
+            .map(|&i| {
+                let Some((map, _)) = &maps.projector[i] else {
+                    return f64::INFINITY;
+                };
+                let from_board = from_camera * state.boards[i];
+                let sum: f64 = points[i]
+                    .iter()
+                    .map(|p| {
+                        let px = lens.project(from_board.point(p.extend(0.0)));
+                        px.map_or(f64::INFINITY, |px| {
+                            (px - apply(&map.matrix, *p)).length_squared()
+                        })
+                    })
+                    .sum();
+                (sum / points[i].len() as f64).sqrt()
+            })
+            .collect()
+    };
+    let mut found: Vec<(Lens, Pose)> = Vec::new();
+    // Resect from all poses, then repeatedly from those with a misfit of at most four times the
+    // median.
+    let mut used = lit.clone();
+    for _ in 0..4 {
+        let Some((lens, place)) = resect(&pairs(bundle, maps, state, &used), size) else {
+            break;
+        };
+        found.push((lens, place));
+        let left = misfits(&lens, &place);
+        let limit = 4.0 * median(&mut left.clone()).unwrap_or(f64::INFINITY);
+        let fitting = lit.iter().zip(&left).filter(|(_, m)| !(**m > limit));
+        let fitting: Vec<usize> = fitting.map(|(i, _)| *i).collect();
+        if fitting == used || fitting.len() < 2 {
+            break;
+        }
+        used = fitting;
+    }
+    found.extend(from_homographies(maps, state, &lit, points, size));
+    found
+        .into_iter()
+        .filter_map(|(lens, place)| Some((median(&mut misfits(&lens, &place))?, lens, place)))
+        .filter(|(misfit, ..)| misfit.is_finite())
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, lens, place)| (lens, place))
+        .ok_or_else(|| Unsolved::Undetermined {
+            found: format!(
+                "no projector model explains the boards of {} poses",
+                lit.len()
+            ),
+            wanted: TILTS_WANTED.to_owned(),
+        })
+}
+
+fn pairs(bundle: &Bundle, maps: &Maps, state: &State, used: &[usize]) -> Vec<(DVec3, DVec2)> {
+    let mut pairs = Vec::new();
+    for &i in used {
+        for &p in maps.projector[i].iter().flat_map(|(_, points)| points) {
+            let o = &bundle.poses[i].points[p];
+            let x = state.boards[i].point(o.board.extend(0.0));
+            pairs.extend(o.lit.as_ref().map(|l| (x, l.px)));
+        }
+    }
+    pairs
+}
+
+/// Estimates the projector by Zhang's method. Each board gives one pose of the projector. Returns
+/// the pose with the smallest sum of distances to the other poses.
+fn from_homographies(
+    maps: &Maps,
+    state: &State,
+    lit: &[usize],
+    points: &[Vec<DVec2>],
+    size: [u32; 2],
+) -> Option<(Lens, Pose)> {
+    let (mut homographies, mut theirs) = (Vec::new(), Vec::new());
+    for &i in lit {
+        homographies.extend(maps.projector[i].as_ref().map(|(h, _)| h.matrix));
+        theirs.push(points[i].clone());
+    }
+    let (lens, _) = zhang::best(&homographies, &theirs, size)?;
+    let places: Vec<Pose> = lit
+        .iter()
+        .zip(&homographies)
+        .filter_map(|(&i, h)| Some(state.boards[i] * zhang::pose(&lens, h)?.inverse()))
+        .collect();
+    let distance = |a: &Pose, b: &Pose| (a.translation_mm - b.translation_mm).length();
+    let sum = |a: &Pose| places.iter().map(|b| distance(a, b)).sum::<f64>();
+    let nearest = places.iter().min_by(|a, b| sum(a).total_cmp(&sum(b)))?;
+    Some((lens, *nearest))
 }

@@ -1,7 +1,7 @@
 //! Reasons why the solver leaves a pose out.
 
-use super::belonging::OUTLYING_POSE;
-use super::start::FEWEST_POINTS;
+use super::homography::FEWEST_POINTS;
+use super::robust::OUTLYING_POSE;
 use std::fmt;
 
 /// Reasons why a pose is left out of a solution. Displays as a message for users.

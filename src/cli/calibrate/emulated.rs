@@ -1,7 +1,8 @@
 //! Captures poses with an emulated device: shows it a board in each pose and scans it over its
 //! ports, which stay open throughout.
 
-use super::Args;
+use super::args::Args;
+use super::folder::CAPTURES;
 use super::scene::scene;
 use super::session::{Gathered, Session};
 use crate::cli::emulated::{printed, tell};
@@ -150,7 +151,7 @@ impl Emulated {
         let mut scanner = Scanner::connect(&endpoints.camera, &endpoints.control, options)?;
         let (sender, receiver) = sync_channel(1);
         let session = Session::new(folder, &names);
-        let keep = args.keep_captures.then(|| folder.join(super::CAPTURES));
+        let keep = args.keep_captures.then(|| folder.join(CAPTURES));
         let looked = std::thread::scope(|scope| {
             let analysis = std::thread::Builder::new()
                 .spawn_scoped(scope, || {

@@ -1,12 +1,19 @@
 //! The output folder of a calibration, which receives all results or none.
 
-use super::{Args, CAPTURES, OPENCV, TRUTH};
+use super::args::Args;
 use crate::cli::interrupt::Unfinished;
 use phasmid_calibrate::report;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{CALIBRATION_FILE, Capture, MANIFEST_FILE};
 use std::fs;
 use std::path::{Path, PathBuf};
+
+/// Folder for the captures of `--keep-captures`.
+pub(super) const CAPTURES: &str = "captures";
+/// Files of the rig in OpenCV's formats.
+pub(super) const OPENCV: [&str; 2] = ["calibration.yml", "calibration.xml"];
+/// File that compares the calibration with the true rig, which only an emulated device knows.
+pub(super) const TRUTH: &str = "truth.json";
 
 /// The output folder of a calibration in progress.
 pub(super) struct Folder {

@@ -1,8 +1,8 @@
 //! `phasmid calibrate`: computes a rig from images of a board, taken by an emulated device or read from
 //! captures.
 
+mod args;
 mod captures;
-mod coefficients;
 #[cfg(target_os = "linux")]
 mod emulated;
 mod folder;
@@ -14,14 +14,13 @@ mod without_device;
 #[cfg(not(target_os = "linux"))]
 use without_device as emulated;
 
-use super::backend;
-use super::board_args::BoardArgs;
+pub(super) use args::Args;
+
 use super::interrupt::{check, watch_signals};
+use super::output::step;
 use super::progress::ProgressLine;
-use super::set::SetArgs;
-use super::step;
 use emulated::Emulated;
-use folder::Folder;
+use folder::{Folder, OPENCV, TRUTH};
 use phasmid_calibrate::files::{Reprojection, write_opencv};
 use phasmid_calibrate::report::{self, About, Summary};
 use phasmid_calibrate::rig::{Calibration, Missed, Poses};
@@ -33,91 +32,7 @@ use phasmid_study::calibration::Truth;
 use serde::Serialize;
 use session::Gathered;
 use std::io::Write;
-use std::path::{Path, PathBuf};
-
-/// Folder for the captures of `--keep-captures`.
-const CAPTURES: &str = "captures";
-/// Files of the rig in OpenCV's formats.
-const OPENCV: [&str; 2] = ["calibration.yml", "calibration.xml"];
-/// File that compares the calibration with the true rig, which only an emulated device knows.
-const TRUTH: &str = "truth.json";
-
-/// Calibrate an emulated device, or any scanner from its captures, with images of a board in many
-/// poses
-#[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Example:\n  phasmid calibrate --profile webcam-grey --poses 8 --out calibrated"
-)]
-pub(super) struct Args {
-    /// Device profile to calibrate: a built-in name or a TOML file. The emulated device is shown a
-    /// board and scanned over its ports
-    #[arg(long, required_unless_present = "captures")]
-    profile: Option<String>,
-    #[command(flatten)]
-    set: SetArgs,
-    /// Captures to calibrate from: a folder with one folder per pose, as `phasmid scan --no-decode`
-    /// writes it: images and their sequence.toml
-    #[arg(long, value_name = "DIR", conflicts_with = "profile")]
-    captures: Option<PathBuf>,
-    #[command(flatten)]
-    board: BoardArgs,
-    /// Folder for the calibration and its report
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Distortion coefficients of the camera to estimate: auto (as many as the data require), none,
-    /// all, or some of k1,k2,p1,p2,k3
-    #[arg(long, value_name = "WHICH", default_value = "auto")]
-    camera_distortion: coefficients::Choice,
-    /// Distortion coefficients of the projector to estimate, as for the camera
-    #[arg(long, value_name = "WHICH", default_value = "auto")]
-    projector_distortion: coefficients::Choice,
-    /// Number of poses in which the board is shown, 1 to 500
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 20,
-        conflicts_with = "captures"
-    )]
-    poses: u32,
-    /// Distance of the board in millimetres [default: the profile's, or where the fields of view of
-    /// camera and projector meet]
-    #[arg(long, value_name = "MM", conflicts_with = "captures")]
-    distance_mm: Option<f64>,
-    /// Maximum tilt of the board in degrees, 1 to 60
-    #[arg(
-        long,
-        value_name = "DEG",
-        default_value_t = 45.0,
-        conflicts_with = "captures"
-    )]
-    max_tilt_deg: f64,
-    /// Seed of the poses and of the noise
-    #[arg(long, default_value_t = 1, conflicts_with = "captures")]
-    seed: u64,
-    /// Render without sensor noise
-    #[arg(long, conflicts_with = "captures")]
-    no_noise: bool,
-    /// Rays per pixel: 1, 4, 16 or 64
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 1,
-        conflicts_with = "captures"
-    )]
-    samples: u32,
-    /// Where the render passes run
-    #[arg(long, value_enum, default_value_t = backend::Choice::Cpu, conflicts_with = "captures")]
-    backend: backend::Choice,
-    /// Keep the frames of each pose in the folder captures, as `phasmid scan` writes them
-    #[arg(long, conflicts_with = "captures")]
-    keep_captures: bool,
-    /// Overwrite an earlier calibration
-    #[arg(long)]
-    force: bool,
-    /// Print the results as JSON
-    #[arg(long)]
-    json: bool,
-}
+use std::path::Path;
 
 /// The JSON output.
 #[derive(Serialize)]

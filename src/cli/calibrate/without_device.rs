@@ -1,6 +1,6 @@
 //! Stand-in for the emulated device in builds without one: only captures can be calibrated.
 
-use super::Args;
+use super::args::Args;
 use super::session::Gathered;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Board, Pose, Rig};

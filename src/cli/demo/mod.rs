@@ -7,9 +7,9 @@ use super::interrupt::{
     Unfinished, check, remove_run_dir_at_exit, unless_interrupted, watch_signals,
 };
 use super::method::MethodArgs;
+use super::output::step;
 use super::scan::{TRUTH, blame_dialect, capture, write_truth};
 use super::set::SetArgs;
-use super::step;
 use crate::facade::truth_maps;
 use crate::{ScanOptions, Scanner};
 use image::GrayImage;

@@ -74,7 +74,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         with_ct: args.with_ct,
         force: args.force,
     };
-    let made = import.write(&args.out, &crate::cli::step)?;
+    let made = import.write(&args.out, &crate::cli::output::step)?;
     say(args, &import, &made);
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! Times the passes and their terms. Each term is timed with and without in alternation, so that a
 //! change in the machine's speed affects both equally.
 
-use crate::cli::step;
+use crate::cli::output::step;
 use phasmid_render::{Decision, Pass, Term};
 use phasmid_render::{Renderer, shot::Shot};
 use phasmid_report::stopwatch::Stopwatch;

@@ -1,5 +1,6 @@
 //! `phasmid record export`: writes the frames of a recording as images and the rest as text.
 
+use super::recording::open;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{NewFile, check_folder};
 use phasmid_core::output_folder::OutputFolder;
@@ -13,7 +14,7 @@ use std::path::Path;
 const CONVERSATION: &str = "conversation.txt";
 
 pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
-    let mut reader = super::open(path)?;
+    let mut reader = open(path)?;
     check_folder(out, [CONVERSATION], force)?;
     Capture::check_folder(out, force)?;
     let folder = OutputFolder::create(out, force)?;

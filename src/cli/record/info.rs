@@ -1,12 +1,13 @@
 //! `phasmid record info`: summarises a recording.
 
+use super::recording::open;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::record::{About, Ending, Kind, Side, Summary};
 use phasmid_protocol::{printable, printable_json};
 use std::path::Path;
 
 pub(super) fn run(path: &Path, json: bool) -> Result<()> {
-    let mut reader = super::open(path)?;
+    let mut reader = open(path)?;
     let summary = Summary::of(&mut reader);
     let size = phasmid_core::file::regular(path)?.len();
     if json {

@@ -5,13 +5,11 @@ mod info;
 mod recording;
 
 pub(super) use recording::{Recording, folder_of};
+#[cfg(target_os = "linux")]
+pub(super) use recording::{open, unix_s};
 
-use phasmid_core::error::{Error, Result};
-use phasmid_protocol::record::Reader;
-use std::fs::File;
-use std::io::BufReader;
-use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use phasmid_core::error::Result;
+use std::path::PathBuf;
 
 /// Inspect or export recordings of `serve --record` and `scan --record`.
 #[derive(Debug, clap::Args)]
@@ -50,20 +48,4 @@ pub(super) fn run(args: &Args) -> Result<()> {
         Action::Info { file, json } => info::run(file, *json),
         Action::Export { file, out, force } => export::run(file, out, *force),
     }
-}
-
-/// Opens a recording.
-///
-/// # Errors
-/// Returns an error if the file cannot be opened, or is not a regular file or not a recording.
-pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>> {
-    phasmid_core::file::regular(path)?;
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
-    Reader::new(BufReader::new(file), &path.display().to_string())
-}
-
-/// Returns the seconds since 1970, or 0 if the clock is set to an earlier time.
-pub(super) fn unix_s() -> u64 {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    since.map_or(0, |since| since.as_secs())
 }

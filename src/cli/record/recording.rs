@@ -1,16 +1,34 @@
-//! The recording of `phasmid scan --record`.
+//! Opens recordings, and creates recordings for `phasmid scan --record`.
 
 use crate::cli::interrupt::Unfinished;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::stream;
 use phasmid_host::{Tape, monotonic_ns};
-use phasmid_protocol::record::{About, Limits, Recorder, Side, Summary};
+use phasmid_protocol::record::{About, Limits, Reader, Recorder, Side, Summary};
+use std::fs::File;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Instant, SystemTime};
+
+/// Opens a recording.
+///
+/// # Errors
+/// Returns an error if the file cannot be opened, or is not a regular file or not a recording.
+pub(crate) fn open(path: &Path) -> Result<Reader<BufReader<File>>> {
+    phasmid_core::file::regular(path)?;
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    Reader::new(BufReader::new(file), &path.display().to_string())
+}
+
+/// Returns the seconds since 1970, or 0 if the clock is set to an earlier time.
+pub(crate) fn unix_s() -> u64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    since.map_or(0, |since| since.as_secs())
+}
 
 /// A recording in progress. Its file gets its name with the first frame: a scan that is refused
 /// before that leaves no recording, and keeps an earlier one.
-pub(in crate::cli) struct Recording {
+pub(crate) struct Recording {
     path: PathBuf,
     /// Folder with the file, until it has its name.
     unnamed: Option<Unfinished>,
@@ -24,7 +42,7 @@ impl Recording {
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written.
-    pub(in crate::cli) fn start(
+    pub(crate) fn start(
         path: &Path,
         force: bool,
         [camera, control]: [&str; 2],
@@ -35,7 +53,7 @@ impl Recording {
         let about = About {
             side: Side::Host,
             program: concat!("phasmid ", env!("CARGO_PKG_VERSION")).into(),
-            started_unix_s: super::unix_s(),
+            started_unix_s: unix_s(),
             name: if control.is_empty() { camera } else { control }.to_owned(),
             control: control.to_owned(),
             camera: camera.to_owned(),
@@ -57,7 +75,7 @@ impl Recording {
     }
 
     /// Gives the file its name, if it does not have it yet.
-    pub(in crate::cli) fn keep(&mut self) {
+    pub(crate) fn keep(&mut self) {
         let Some(unnamed) = self.unnamed.take() else {
             return;
         };
@@ -76,7 +94,7 @@ impl Recording {
     ///
     /// # Errors
     /// Returns an error if the file could not be given its name; then it is deleted.
-    pub(in crate::cli) fn end(mut self, failed: Option<&Error>) -> Result<()> {
+    pub(crate) fn end(mut self, failed: Option<&Error>) -> Result<()> {
         let refused = failed.is_some_and(|why| why.exit_code() == 2);
         if !refused && self.has_traffic() {
             self.keep();
@@ -89,7 +107,7 @@ impl Recording {
         let Some(unnamed) = &self.unnamed else {
             return false;
         };
-        let reader = super::open(&file_in(unnamed, &self.path));
+        let reader = open(&file_in(unnamed, &self.path));
         reader.is_ok_and(|mut reader| {
             let summary = Summary::of(&mut reader);
             summary.sent.count + summary.received.count + summary.frame.count > 0
@@ -103,7 +121,7 @@ fn file_in(unnamed: &Unfinished, path: &Path) -> PathBuf {
 }
 
 /// Returns the folder of a file.
-pub(in crate::cli) fn folder_of(file: &Path) -> &Path {
+pub(crate) fn folder_of(file: &Path) -> &Path {
     match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),

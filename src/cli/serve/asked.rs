@@ -1,6 +1,7 @@
 //! Resolves the profiles, stations and scenes of the command line into devices.
 
-use super::Args;
+use super::args::Args;
+use super::video;
 use crate::cli::dialect;
 use phasmid_core::error::{Error, Result};
 use phasmid_profile::{Configuration, MAX_DEVICES, Profile, RigPlace, Scene, Settings};
@@ -136,7 +137,7 @@ fn check(args: &Args, devices: usize) -> Result<()> {
             "--tcp 0, a free port for each",
         ));
     }
-    super::video::check(args, devices)
+    video::check(args, devices)
 }
 
 #[cfg(test)]

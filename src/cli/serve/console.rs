@@ -1,6 +1,6 @@
 //! The page of `--console`.
 
-use super::Args;
+use super::args::Args;
 use crate::facade::{Follower, Playback};
 use phasmid_console::{Console, ConsoleOptions};
 use phasmid_core::error::Result;

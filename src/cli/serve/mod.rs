@@ -2,6 +2,7 @@
 //!
 //! | file | contents |
 //! | --- | --- |
+//! | `args` | options |
 //! | `asked` | resolves the command line into devices and scenes |
 //! | `unit` | one device, served on a thread of its own |
 //! | `video` | the V4L2 node of `--camera` |
@@ -12,6 +13,7 @@
 //! | `shutdown` | signals and `--while-stdin` |
 
 mod announce;
+mod args;
 mod asked;
 #[cfg(feature = "console")]
 mod console;
@@ -24,156 +26,22 @@ mod unit;
 mod usb;
 mod video;
 
+pub(super) use args::{Args, tcp};
 pub(super) use run_dirs::{check_run_dir, default_run_dir, run_parent};
 pub(super) use shutdown::Shutdown;
 pub(super) use unit::runtime;
 
-use super::backend::Choice;
-use super::set::SetArgs;
 use asked::Asked;
 use console::Page;
 use phasmid_core::error::{Error, Result};
-use phasmid_device::link::{RunDir, Serving, SharedScene, Tcp, Timeline, monotonic};
-use phasmid_protocol::admission::Token;
+use phasmid_device::link::{RunDir, Serving, SharedScene, Timeline, monotonic};
 use phasmid_protocol::faults::Schedule;
-use phasmid_protocol::service::ClockPace;
 use std::ffi::OsStr;
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use unit::Unit;
-use usb::UsbHow;
-
-/// Serve one or several emulated scanners until Ctrl-C or TERM.
-#[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Example:\n  phasmid serve --profile webcam-grey --scene sphere --run-dir run"
-)]
-pub(super) struct Args {
-    /// Device profile, or a station, which lists several devices: a built-in name or a TOML file.
-    /// Repeat to serve several.
-    #[arg(long, default_value = "pmp-bench")]
-    profile: Vec<String>,
-    /// Scene in front of the devices: a built-in name or a TOML file [default: the station's, else
-    /// torso]. Given once, all devices share it; else repeat it once per device.
-    #[arg(long)]
-    scene: Vec<String>,
-    #[command(flatten)]
-    set: SetArgs,
-    /// Directory for the endpoints [default: one per device under XDG_RUNTIME_DIR or the temporary
-    /// directory]. Each of several devices has a directory in it, with its name in the station or its
-    /// profile's.
-    #[arg(long, value_name = "DIR")]
-    run_dir: Option<PathBuf>,
-    /// Where frames go besides the frame socket: the path of a v4l2loopback node (/dev/video10); auto,
-    /// the first free node whose label starts with Phasmid; or socket, the frame socket only.
-    #[arg(long, value_name = "ADDR", default_value = "auto")]
-    camera: video::Choice,
-    /// Also serve a USB device with camera and serial port: export lets hosts attach it over USB/IP
-    /// (`usbip attach`); attach also attaches it to this machine's own kernel.
-    #[arg(long, value_name = "HOW", value_enum, num_args = 0..=1, default_missing_value = "export")]
-    usb: Option<UsbHow>,
-    /// Address at which to export the USB device. USB/IP has no authentication: whoever reaches the
-    /// address can take the device.
-    #[arg(
-        long,
-        value_name = "IP:PORT",
-        default_value = "127.0.0.1:3240",
-        value_parser = usb::listen_address,
-        requires = "usb"
-    )]
-    usb_listen: SocketAddr,
-    /// Dialect of the control port instead of the profile's: a built-in name or a TOML file.
-    #[arg(long, value_name = "NAME")]
-    dialect: Option<String>,
-    /// Seed of the first device's noise; each further device uses the next number.
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// Rays per pixel: 1, 4, 16 or 64. More rays resolve details thinner than a pixel and take
-    /// proportionally longer, once per scene.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    samples: u32,
-    /// Instants per exposure at which a moving scene is rendered, 1 to 256; each takes as long as
-    /// rendering a static scene once.
-    #[arg(long, value_name = "N", default_value_t = 4)]
-    time_samples: u32,
-    /// Where the render passes run.
-    #[arg(long, value_enum, default_value_t = Choice::Cpu)]
-    backend: Choice,
-    /// Render without sensor noise.
-    #[arg(long)]
-    no_noise: bool,
-    /// Let the device report its exact rig instead of a factory calibration with errors
-    #[arg(long)]
-    exact_calibration: bool,
-    /// Also serve frames on this TCP port of the loopback interface; 0 picks a free one. TCP is not
-    /// authenticated: without --tcp-token, every user of this machine can read the frames.
-    #[arg(long, value_name = "PORT")]
-    tcp: Option<u16>,
-    /// File with a token that TCP clients must present: one line of at least 16 characters.
-    /// `phasmid` commands find it through the environment variable PHASMID_TCP_TOKEN_FILE.
-    #[arg(long, value_name = "FILE", requires = "tcp")]
-    tcp_token: Option<PathBuf>,
-    /// Load a sequence of your own: a manifest with its images in the same folder. May be repeated.
-    #[arg(long, value_name = "FILE")]
-    sequence: Vec<PathBuf>,
-    /// Schedule of faults to inject, see `phasmid faults list`. A fault may be limited to one of
-    /// several devices, by its name in the station or its profile's.
-    #[arg(long, value_name = "FILE")]
-    faults: Option<PathBuf>,
-    /// Also serve a page for the browser that shows the devices working, on this port of the loopback
-    /// interface; without a port, on a free one. Prints one address to control and one to view.
-    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
-    console: Option<u16>,
-    /// Folder of recordings, which the page can play, and into which it records and uploads.
-    #[arg(long, value_name = "DIR", requires = "console")]
-    recordings: Option<PathBuf>,
-    /// Exit when standard input closes, for programs that start a device and may be killed.
-    #[arg(long)]
-    while_stdin: bool,
-    /// How the device time passes, which all devices share.
-    #[arg(long, value_enum, default_value_t = Pace::Real)]
-    clock: Pace,
-    /// Record every byte and frame with its time, for `phasmid replay` and `phasmid record info`. Each
-    /// of several devices has a file of its own, with its directory's name added to the file's.
-    #[arg(long, value_name = "FILE")]
-    record: Option<PathBuf>,
-    /// Overwrite the file of --record.
-    #[arg(long, requires = "record")]
-    force: bool,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Pace {
-    /// In real time.
-    Real,
-    /// Jumps to the next event.
-    Fast,
-    /// Advances on requests over the service channel.
-    Stepped,
-}
-
-impl From<Pace> for ClockPace {
-    fn from(pace: Pace) -> Self {
-        match pace {
-            Pace::Real => Self::Real,
-            Pace::Fast => Self::Fast,
-            Pace::Stepped => Self::Stepped,
-        }
-    }
-}
-
-/// Returns how to serve frames over TCP, for the options `--tcp` and `--tcp-token`.
-///
-/// # Errors
-/// Returns an error if the file holds no token.
-pub(super) fn tcp(port: Option<u16>, token: Option<&Path>) -> Result<Option<Tcp>> {
-    let token = token.map(Token::read).transpose();
-    let token = token.map_err(|e| e.at("--tcp-token"))?;
-    Ok(port.map(|port| Tcp { port, token }))
-}
 
 pub(super) fn run(args: &Args) -> Result<()> {
     // Watch before anything else, so that a signal ends the program in the same way at any time.

@@ -1,6 +1,6 @@
 //! Directories for the endpoints of the devices.
 
-use super::Args;
+use super::args::Args;
 use super::asked::Asked;
 use phasmid_core::error::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub(super) fn run_dirs(args: &Args, devices: &[Asked]) -> Result<Vec<PathBuf>> {
 ///
 /// # Errors
 /// Returns an error if the path or one of its parents is not a directory.
-pub(in crate::cli) fn check_run_dir(path: Option<&Path>) -> Result<()> {
+pub(crate) fn check_run_dir(path: Option<&Path>) -> Result<()> {
     let existing = path.and_then(|path| path.ancestors().find(|p| p.symlink_metadata().is_ok()));
     match (path, existing.filter(|existing| !existing.is_dir())) {
         (Some(path), Some(file)) => Err(Error::input(
@@ -42,7 +42,7 @@ pub(in crate::cli) fn check_run_dir(path: Option<&Path>) -> Result<()> {
 }
 
 /// `$XDG_RUNTIME_DIR/phasmid-NAME`, or `/tmp/phasmid-UID-NAME`.
-pub(in crate::cli) fn default_run_dir(name: &str) -> PathBuf {
+pub(crate) fn default_run_dir(name: &str) -> PathBuf {
     match runtime_dir() {
         Some(dir) => dir.join(format!("phasmid-{name}")),
         None => {
@@ -53,7 +53,7 @@ pub(in crate::cli) fn default_run_dir(name: &str) -> PathBuf {
 }
 
 /// Returns the folder in which run directories are created.
-pub(in crate::cli) fn run_parent() -> PathBuf {
+pub(crate) fn run_parent() -> PathBuf {
     runtime_dir().unwrap_or_else(std::env::temp_dir)
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 
 /// Watches for reasons to end, from its creation on.
-pub(in crate::cli) struct Shutdown {
+pub(crate) struct Shutdown {
     signals: Signals,
     parent: Option<oneshot::Receiver<()>>,
 }
@@ -16,7 +16,7 @@ impl Shutdown {
     ///
     /// # Errors
     /// Returns an error if a signal handler cannot be installed or a thread cannot be started.
-    pub(in crate::cli) fn watch(while_stdin: bool) -> Result<Self> {
+    pub(crate) fn watch(while_stdin: bool) -> Result<Self> {
         Ok(Self {
             signals: Signals::install().map_err(|e| Error::io("signals", e))?,
             parent: while_stdin
@@ -34,7 +34,7 @@ impl Shutdown {
     }
 
     /// Waits for the first reason to end.
-    pub(in crate::cli) async fn wait(&mut self) {
+    pub(crate) async fn wait(&mut self) {
         tokio::select! {
             () = self.signals.next() => {}
             () = gone(self.parent.as_mut()) => {}

@@ -1,6 +1,6 @@
 //! One of the served devices.
 
-use super::Args;
+use super::args::{Args, tcp};
 use super::asked::Asked;
 use super::video::open_video;
 use crate::cli::emulated::{printed, tell};
@@ -53,7 +53,7 @@ impl Unit {
         observer: Option<Observer>,
     ) -> Result<Self> {
         let profile = &asked.profile;
-        let tcp = super::tcp(args.tcp, args.tcp_token.as_deref())?;
+        let tcp = tcp(args.tcp, args.tcp_token.as_deref())?;
         let user: Vec<_> = args
             .sequence
             .iter()
@@ -156,7 +156,7 @@ impl Unit {
 }
 
 /// Makes an event loop for the calling thread.
-pub(in crate::cli) fn runtime() -> Result<tokio::runtime::Runtime> {
+pub(crate) fn runtime() -> Result<tokio::runtime::Runtime> {
     tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()

@@ -1,6 +1,6 @@
 //! `--console` in a build without the feature `console`.
 
-use super::Args;
+use super::args::Args;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Endpoints;
 use phasmid_protocol::record::Observer;

@@ -1,6 +1,7 @@
 //! Writes a line of CSV for each scan.
 
 use crate::cli::interrupt::uninterrupted;
+use crate::cli::output::STANDARD_OUTPUT;
 use crate::{Tracked, TumourPosition};
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
@@ -136,7 +137,7 @@ impl Table {
         let path = self.path.as_deref();
         let failed = |e| match path {
             Some(path) => Error::io(path, e),
-            None => Error::io(super::super::STANDARD_OUTPUT, e),
+            None => Error::io(STANDARD_OUTPUT, e),
         };
         let to = match &mut self.to {
             Some(to) => to,

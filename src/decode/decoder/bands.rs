@@ -1,10 +1,10 @@
 //! Pass 1: decodes each row independently; bands of rows are the parallel tasks.
 
-use super::{BAND, Decoder};
+use super::Decoder;
 use crate::maps::{AxisMap, Decoded, Verdict};
 use crate::phase::RowNoise;
 use crate::robust_scale::{RobustScale, Shared};
-use crate::rows::{AxisKernel, AxisOut, Job, Scratch, decode_row};
+use crate::rows::{AxisKernel, AxisOut, BAND, Job, Scratch, decode_row};
 use crate::sample::{Sample, typed};
 use crate::unresolved::{UnresolvedBits, unresolved_bits};
 use phasmid_geometry::NoiseModel;

@@ -1,77 +1,28 @@
 //! The decoder: tables prepared once from a plan, an image size and a rig, which then turn frames
 //! into maps.
 //!
-//! `bands` runs pass 1, `neighbours` pass 2 and `depth` pass 3.
+//! `bands` runs pass 1 and `neighbours` pass 2.
 
 mod bands;
-mod depth;
 mod neighbours;
 
 use super::borders::LightNoise;
 use super::held::{self, Held};
 use super::loss::note_of_loss;
-use super::maps::{Decoded, Verdict};
+use super::maps::{AxisMap, Decoded, Verdict};
 use super::noise::estimate_noise;
+use super::options::Options;
 use super::phase::SetKernel;
 use super::plan::{Order, Plan};
-use super::rows::AxisKernel;
+use super::rows::{AxisKernel, BAND, triangulate_row};
 use super::unwrap::unwrap;
-use crate::triangulate::Triangulator;
+use crate::triangulate::{CoordinateRow, Triangulator};
 use neighbours::Finest;
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{NoiseModel, Rig};
 use phasmid_pattern::{Axis, Image, ImageView, Manifest};
-
-/// Rows per parallel task: few enough for load balance, enough to amortise the overhead.
-pub(super) const BAND: usize = 8;
-
-/// Settings of a [`Decoder`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
-    /// Keeps mixed pixels, which see two surfaces at once.
-    pub keep_mixed: bool,
-    /// Unwraps a single wrapped period spatially.
-    pub unwrap_spatial: bool,
-    /// Minimum modulation B in DN.
-    pub min_modulation_dn: f32,
-    /// Minimum modulation B relative to half of white minus black or, if that is larger (clipped
-    /// white), to the fringes' mean minus black. Applies if the sequence has white and black. A pixel
-    /// that spans w > 1 periods sees the fringe inverted, half a period off, with at most
-    /// max |sin(pi w) / (pi w)| = 0.217 of its contrast; the default is that plus a margin for noise.
-    pub min_contrast: f32,
-    /// Maximum standard deviation of a set's phase in radians; less precise phases are rejected.
-    pub max_phase_sigma_rad: f32,
-    /// Weights the steps by their shot noise. Reduces the noise of phases of six or more equal steps,
-    /// by a tenth at full contrast with 8 bits; requires the camera's gain. Makes phases slightly
-    /// more sensitive to motion and to light that varies from step to step.
-    pub weighted: bool,
-    /// Treatment of the error due to held projector pixels.
-    pub held: Held,
-    /// Rejects pixels whose steps contradict each other by more than is usual in the capture, because
-    /// one of their frames is damaged there. Requires four or more steps, or several sets along an
-    /// axis. Decoding is a few percent faster without it.
-    pub consistency: bool,
-    /// The camera's noise. Takes precedence over the rig's, which takes precedence over an estimate
-    /// from the frames.
-    pub noise: Option<NoiseModel>,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            keep_mixed: false,
-            unwrap_spatial: false,
-            min_modulation_dn: 2.0,
-            min_contrast: 0.25,
-            max_phase_sigma_rad: 0.15,
-            weighted: false,
-            held: Held::default(),
-            consistency: true,
-            noise: None,
-        }
-    }
-}
+use rayon::prelude::*;
 
 /// Decodes frames of one sequence from one camera; reusable for many scans.
 #[derive(Debug)]
@@ -389,7 +340,33 @@ impl Decoder {
             return;
         }
         if let Some(triangulator) = &self.triangulator {
-            depth::triangulate(triangulator, out);
+            triangulate(triangulator, out);
         }
     }
+}
+
+/// Pass 3: writes the depth maps, row by row, from the axes whose fringe order is resolved.
+fn triangulate(triangulator: &Triangulator, out: &mut Decoded) {
+    let width = out.width;
+    let resolved =
+        |map: &Option<AxisMap>| map.as_ref().filter(|m| m.wrapped_px.is_none()).is_some();
+    let (use_x, use_y) = (resolved(&out.x), resolved(&out.y));
+    let (x, y) = (&out.x, &out.y);
+    out.depth
+        .par_chunks_mut(width)
+        .zip(out.depth_sigma.par_chunks_mut(width))
+        .enumerate()
+        .with_min_len(BAND)
+        .for_each(|(v, (depth, sigma))| {
+            let at = v * width..(v + 1) * width;
+            let used = [(x, use_x), (y, use_y)].map(|(map, on)| map.as_ref().filter(|_| on));
+            let all = used.map(|map| map.map(|map| map.uncertainties(at.clone())));
+            let [x, y] = std::array::from_fn(|k| {
+                Some(CoordinateRow {
+                    px: &used[k]?.coordinate[at.clone()],
+                    sigma: all[k].as_ref()?,
+                })
+            });
+            triangulate_row(triangulator, v, x, y, depth, sigma);
+        });
 }

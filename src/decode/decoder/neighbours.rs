@@ -1,11 +1,10 @@
 //! Pass 2: flags pixels that disagree with their neighbours, then removes them from the maps.
 
-use super::BAND;
 use crate::borders::{LightNoise, Near};
 use crate::edges::{Around, KEEP};
 use crate::held::Footprints;
 use crate::maps::{AxisMap, Decoded};
-use crate::rows::{AxisOut, apply_flags, judge_borders, judge_row};
+use crate::rows::{AxisOut, BAND, apply_flags, judge_borders, judge_row};
 use rayon::prelude::*;
 
 /// The finest fringes of an axis.

@@ -22,6 +22,15 @@ const HARMONICS: i32 = 32;
 /// the direction in which the coordinate changes most, and a larger one since widths are not exact.
 const TENTHS: std::ops::RangeInclusive<u8> = 1..=11;
 
+/// Footprint and blur at a node, in projector pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Footprint {
+    /// Width along the line.
+    pub(super) width: f32,
+    /// Standard deviation of the blur, which includes the width across the line.
+    pub(super) blur: f32,
+}
+
 /// The error e over one projector pixel.
 #[derive(Debug)]
 pub(super) struct Curve {

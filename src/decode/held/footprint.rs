@@ -5,11 +5,14 @@
 //! without blur ([`super::curve`]): a regression gives the share of it that the blur has left. All
 //! harmonics take part, since at widths such as 2/3 they look alike from pixel to pixel.
 
+use super::curve::Footprint;
 use super::posterior::Table;
 use crate::maps::AxisMap;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
+/// Side of the cells in which footprint and blur are measured, in pixels.
+pub(super) const CELL: usize = 8;
 /// Largest distance in pixels over which changes along rows and columns are compared.
 const FAR: usize = 8;
 /// Shortest and longest half length of a run in pixels.
@@ -237,15 +240,6 @@ struct Fit {
     square: f32,
 }
 
-/// Footprint and blur at a node, in projector pixels.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Footprint {
-    /// Width along the line.
-    pub(super) width: f32,
-    /// Standard deviation of the blur, which includes the width across the line.
-    pub(super) blur: f32,
-}
-
 /// Footprints on a grid of square cells.
 #[derive(Debug)]
 pub(super) struct Grid {
@@ -255,6 +249,10 @@ pub(super) struct Grid {
     pub(super) cells: Vec<Option<Footprint>>,
     /// True if the width is measured and no crease crosses the cell.
     pub(super) even: Vec<bool>,
+    /// Whether the lines are columns.
+    pub(super) down: bool,
+    /// Distance between neighbouring pixels in pixel widths.
+    pub(super) apart: f32,
 }
 
 impl Grid {
@@ -314,6 +312,8 @@ impl Grid {
             columns,
             cells,
             even,
+            down: lines.down,
+            apart: lines.apart,
         };
         for _ in 0..REACH {
             grid.fill();

@@ -12,10 +12,12 @@ mod posterior;
 mod smooth;
 
 use super::maps::AxisMap;
-use footprint::{Footprint, Grid, Lines};
+use curve::Footprint;
+use footprint::{CELL, Grid, Lines};
 use phasmid_core::simd::widest;
 use phasmid_core::statistics::finite_median;
 use phasmid_pattern::Axis;
+use posterior::NEGLIGIBLE;
 pub use posterior::Table;
 use rayon::prelude::*;
 
@@ -36,12 +38,8 @@ pub enum Held {
     Smooth,
 }
 
-/// Side of the cells in which footprint and blur are measured, in pixels.
-const CELL: usize = 8;
-/// The same for a first look at whether there is anything to do.
+/// Side of the cells for a first look at whether there is anything to do, in pixels.
 const COARSE: usize = 32;
-/// An error below this fraction of the noise is left out: it adds 0.5 % to the standard deviation.
-const NEGLIGIBLE: f32 = 0.1;
 /// Fraction of the noise above which the error is worth a note.
 const LARGE: f32 = 0.5;
 /// Approximate number of pixels sampled for a note.
@@ -59,10 +57,6 @@ pub(super) struct Footprints<'a> {
     bend: Vec<f32>,
     /// Median width of the footprints in projector pixels.
     width: f32,
-    /// Whether the lines are columns.
-    down: bool,
-    /// Distance between neighbouring pixels in pixel widths.
-    apart: f32,
 }
 
 impl<'a> Footprints<'a> {
@@ -87,8 +81,6 @@ impl<'a> Footprints<'a> {
             grid,
             bend,
             width: median.width,
-            down: lines.down,
-            apart,
         })
     }
 
@@ -137,7 +129,7 @@ impl<'a> Footprints<'a> {
                 correct_band(band, cells, even, self.table, how);
             });
         if how == Held::Smooth {
-            smooth::correct(self, map, width);
+            smooth::correct(&self.grid, self.table, map, width);
         }
     }
 }

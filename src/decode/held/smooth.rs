@@ -11,10 +11,9 @@
 //! [`WIDE`] sigma: the noise itself is not smoothed where e changes little. On a plateau g is 0, and
 //! x = S. Where S is bad, t is large, e vanishes, and x = x_d.
 
-use super::curve::{POINTS, at};
-use super::footprint::{Footprint, Lines, half_run};
-use super::posterior::Table;
-use super::{CELL, Footprints, NEGLIGIBLE};
+use super::curve::{Footprint, POINTS, at};
+use super::footprint::{CELL, Grid, Lines, half_run};
+use super::posterior::{NEGLIGIBLE, Table};
 use crate::maps::AxisMap;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_PI_2;
@@ -36,14 +35,13 @@ struct Smooth {
 }
 
 /// Corrects a map whose `sampling` states the uncorrected error.
-pub(super) fn correct(footprints: &Footprints<'_>, map: &mut AxisMap, width: usize) {
-    let Footprints { table, grid, .. } = footprints;
-    let (windows, apart) = (windows(), footprints.apart);
+pub(super) fn correct(grid: &Grid, table: &Table, map: &mut AxisMap, width: usize) {
+    let (windows, apart) = (windows(), grid.apart);
     let lines = Lines {
         coordinate: &map.coordinate,
         sigma: &map.sigma,
         size: [width, map.coordinate.len() / width],
-        down: footprints.down,
+        down: grid.down,
         apart,
         period: f32::INFINITY,
     };
@@ -251,8 +249,8 @@ impl Prior {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Held;
     use super::super::curve::Curve;
+    use super::super::{Footprints, Held};
     use super::*;
 
     const SIZE: [usize; 2] = [320, 64];

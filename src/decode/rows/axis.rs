@@ -1,11 +1,12 @@
 //! Decodes one row of one axis: phases and bits to a coordinate, its variance and a verdict.
 
 use super::bits::gray_row;
-use super::{AxisKernel, AxisOut, Job, Scratch, clear};
+use super::fringes::SetRow;
+use super::job::{AxisKernel, AxisOut, Job, Scratch, clear};
 use crate::gray::GrayRow;
 use crate::maps::Verdict;
 use crate::order::{Ensemble, GrayJoin};
-use crate::phase::{Check, OWN, SetKernel, SetRow, TIED, UNCHECKED};
+use crate::phase::{Check, OWN, SetKernel, TIED, UNCHECKED};
 use crate::robust_scale::RobustScale;
 use crate::sample::Sample;
 

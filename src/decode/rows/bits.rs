@@ -1,6 +1,6 @@
 //! Decodes the Gray bits of a row.
 
-use super::{AxisKernel, Job, Scratch};
+use super::job::{AxisKernel, Job, Scratch};
 use crate::gray::Threshold;
 use crate::sample::Sample;
 

@@ -1,75 +1,72 @@
-//! Decodes one row of pixels (pass 1).
+//! Decodes one row of pixels (pass 1), and chooses the instruction set for all row kernels.
 //!
-//! `dispatch` chooses the instruction set, `axis` decodes one axis of a row, `bits` its Gray code;
-//! `kernel` holds the constants of an axis.
+//! The kernels are written once, so that they vectorise; on x86-64 with AVX2 a version compiled for
+//! it runs. Neither version fuses multiplication and addition, so both give identical bits.
+//!
+//! `axis` decodes one axis of a row, `fringes` its fringe sets and `bits` its Gray code; `job` holds
+//! their data.
 
 mod axis;
 mod bits;
-mod dispatch;
-mod kernel;
+mod fringes;
+mod job;
 #[cfg(test)]
 mod tests;
 
-pub(super) use dispatch::{apply_flags, decode_row, judge_borders, judge_row, triangulate_row};
-pub(super) use kernel::AxisKernel;
+pub(super) use job::{AxisKernel, AxisOut, BAND, Job, Scratch};
 
-use super::edges;
-use super::gray::GrayRow;
+use super::borders::{self, Near};
+use super::edges::{self, Around};
 use super::maps::Verdict;
-use super::phase::{RowNoise, SetRow};
-use super::robust_scale::RobustScale;
 use super::sample::Sample;
+use super::triangulate::{CoordinateRow, Triangulator};
 use axis::axis_row;
+use job::clear;
+use phasmid_core::simd::widest;
 
-/// Data shared by all rows of a decoding.
-pub(super) struct Job<'a, T> {
-    pub(super) frames: &'a [&'a [T]],
-    pub(super) kernels: &'a [AxisKernel],
-    /// Typical residuals of each kernel's sets in this capture.
-    pub(super) robust_scale: &'a [Vec<RobustScale>],
-    pub(super) references: Option<(usize, usize)>,
-    /// Number of each axis' finest Gray bits that are not used.
-    pub(super) unused_bits: [usize; 2],
-    pub(super) noise: RowNoise,
-    pub(super) saturation: f32,
-    /// Range from black level to saturation, in DN.
-    pub(super) range: f32,
-    pub(super) min_modulation: f32,
-    /// Minimum modulation as a fraction of half of white minus black.
-    pub(super) min_contrast: f32,
-    pub(super) max_phase_sigma: f32,
-    pub(super) width: usize,
+widest! {
+    /// Pass 1 of row `v`.
+    pub(crate) fn decode_row<T: Sample>(
+        job: &Job<'_, T>,
+        v: usize,
+        scratch: &mut Scratch,
+        outs: [Option<AxisOut<'_>>; 2],
+        modulation: &mut [f32],
+        intensity: &mut [f32],
+    ) => decode_body
 }
 
-/// Buffers of a worker thread, each one row long.
-#[derive(Debug, Default)]
-pub(super) struct Scratch {
-    sets: Vec<SetRow>,
-    gray: GrayRow,
-    top: Vec<f32>,
-    /// Sum of the sets' means.
-    sum: Vec<f32>,
-    /// Mean of white and black.
-    middle: Vec<f32>,
-    /// Half of white minus black; without these frames the modulation.
-    half: Vec<f32>,
-    /// Standard deviation of a sample at the pixel's mean.
-    sigma: Vec<f32>,
-    variance: Vec<f32>,
-    ok: Vec<bool>,
-    candidate: (Vec<f32>, Vec<f32>),
+widest! {
+    /// Pass 2 of a row: see [`edges::judge_row`].
+    pub(crate) fn judge_row(
+        around: &Around<'_>, period: f32, flags: &mut [u8],
+    ) => edges::judge_row
 }
 
-/// A row of an axis' maps.
-pub(super) struct AxisOut<'a> {
-    pub(super) coordinate: &'a mut [f32],
-    pub(super) sigma: &'a mut [f32],
-    pub(super) verdict: &'a mut [Verdict],
+widest! {
+    /// Pass 2 of a row, once the first flags are applied: see [`borders::judge_row`].
+    pub(crate) fn judge_borders(
+        near: &Near<'_>, period: f32, flags: &mut [u8],
+    ) => borders::judge_row
 }
-fn clear(buffer: &mut Vec<f32>, n: usize) {
-    buffer.clear();
-    buffer.resize(n, 0.0);
+
+widest! {
+    /// The second half of pass 2: removes a row's flagged pixels from a map.
+    pub(crate) fn apply_flags(out: AxisOut<'_>, flags: &[u8]) => apply_body
 }
+
+widest! {
+    /// Pass 3 of row `v`: see [`Triangulator::row`].
+    pub(crate) fn triangulate_row(
+        triangulator: &Triangulator,
+        v: usize,
+        x: Option<CoordinateRow<'_>>,
+        y: Option<CoordinateRow<'_>>,
+        depth: &mut [f32],
+        sigma: &mut [f32],
+    ) => Triangulator::row
+}
+
 #[inline(always)]
 fn decode_body<T: Sample>(
     job: &Job<'_, T>,
@@ -114,6 +111,7 @@ fn decode_body<T: Sample>(
         }
     }
 }
+
 #[inline(always)]
 fn apply_body(out: AxisOut<'_>, flags: &[u8]) {
     let n = flags.len();
@@ -131,6 +129,7 @@ fn apply_body(out: AxisOut<'_>, flags: &[u8]) {
         sigma[i] = if goes { f32::NAN } else { sigma[i] };
     }
 }
+
 /// The outputs in the order of the kernels.
 fn matched<'a, 'b>(
     kernels: &'b [AxisKernel],

@@ -1,8 +1,10 @@
 //! Tests that both instruction sets decode a row identically.
 
 use super::*;
-use crate::Options;
+use crate::options::Options;
+use crate::phase::RowNoise;
 use crate::plan::Plan;
+use crate::robust_scale::RobustScale;
 use phasmid_geometry::NoiseModel;
 use phasmid_pattern::Manifest;
 

@@ -1,15 +1,19 @@
-//! Exposures started by the trigger system: of the selected sequence, or free-running.
+//! Exposures started by the trigger system, of the selected sequence or free-running, and the light in
+//! them.
 
 use super::memory::Stored;
 use super::settings::{Settings, Shown, seconds};
-use super::shining::Shining;
+use super::shining::{Shining, level};
 use super::table::{self, Command};
 use super::trigger::Exposed;
 use super::{Firmware, State, status};
 use crate::projection::{self, Lit};
 use crate::{Exposure, Readout, Shot, Showing, Stream};
 use phasmid_pattern::Pattern;
+use phasmid_profile::Timing;
 use phasmid_protocol::scpi::{DeviceError, ErrorCode, Unit};
+use phasmid_render::led::Emission;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Separates the noise of free-running exposures from that of triggered ones.
@@ -246,5 +250,66 @@ impl Firmware {
         self.next_id += 1;
         self.triggered += u64::from(triggered);
         self.in_flight += 1;
+    }
+}
+
+/// A pattern's period, and the part of it in which the pattern is shown, in nanoseconds of device
+/// time.
+struct Period {
+    all: Range<u64>,
+    lit: Range<u64>,
+}
+
+impl Firmware {
+    /// Makes the light source follow the settings from now on.
+    pub(super) fn drive(&mut self) {
+        if let Some(shining) = &mut self.shining {
+            shining.source.drive(self.now_ns, level(&self.settings));
+        }
+    }
+
+    /// Returns when a projector with timing shows the pattern of an exposure that starts at
+    /// `start_ns`.
+    fn period(&self, timing: &Timing, start_ns: u64) -> Period {
+        let period_ns = self.settings.period_ns;
+        let begins_ns = start_ns.saturating_sub(timing.camera_delay_ns());
+        let from_ns = begins_ns.saturating_add(timing.dark_before_ns());
+        let to_ns = from_ns.saturating_add(self.settings.pattern_ns(timing, period_ns));
+        Period {
+            all: begins_ns..begins_ns.saturating_add(period_ns),
+            lit: from_ns..to_ns,
+        }
+    }
+
+    /// Switches the source of a projector with timing off between the patterns of a sequence, for
+    /// exposures that start at `starts_ns`, until `until_ns`. Between sequences the source is on.
+    fn open(&mut self, starts_ns: impl Iterator<Item = u64>, until_ns: u64) {
+        let Some(timing) = &self.profile.projector.timing else {
+            return;
+        };
+        let periods: Vec<_> = starts_ns
+            .take_while(|start_ns| *start_ns <= until_ns)
+            .map(|start_ns| self.period(timing, start_ns))
+            .collect();
+        let Some(shining) = &mut self.shining else {
+            return;
+        };
+        for Period { all, lit } in periods {
+            shining.source.open(all.start, false);
+            shining.source.open(lit.start, true);
+            shining.source.open(lit.end, false);
+            shining.source.open(all.end, true);
+        }
+    }
+
+    /// Returns the light source's emission for an exposure from `start_ns` on.
+    fn emission(&mut self, index: Option<u32>, start_ns: u64) -> Option<Arc<Emission>> {
+        let shining = self.shining.as_mut()?;
+        Some(shining.expose(index, start_ns))
+    }
+
+    /// Returns whether patterns affect the light: a source that was switched off still glows.
+    fn shows(&self) -> bool {
+        self.settings.lamp || self.shining.is_some()
     }
 }

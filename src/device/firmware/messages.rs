@@ -3,9 +3,10 @@
 //! A line of the control port is answered on the port, and its errors are queued for
 //! `SYSTem:ERRor?`. A message submitted with a ticket returns both with the ticket instead.
 
+use super::pending::{Answered, Block, Current, Done, Origin, Waiting};
 use super::table::{self, Command};
-use super::{Block, Firmware, State, status};
-use phasmid_protocol::scpi::{DeviceError, ErrorCode, Program, Unit, parse};
+use super::{Firmware, State, status};
+use phasmid_protocol::scpi::{DeviceError, ErrorCode, Unit, parse};
 
 /// Maximum number of messages that wait behind `*WAI` or `*OPC?`.
 const MAX_WAITING: usize = 64;
@@ -13,51 +14,6 @@ const MAX_WAITING: usize = 64;
 const MAX_WAITING_BYTES: usize = 64 << 20;
 /// Maximum length of the command line kept with a reply, in bytes.
 const MAX_TO: usize = 256;
-
-/// A reply and the line that it answers.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Answered {
-    /// The reply, with its newline.
-    pub bytes: Vec<u8>,
-    /// The line that it answers, truncated to `MAX_TO` bytes.
-    pub to: String,
-}
-
-/// A completed message.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Done {
-    /// Ticket under which it was submitted.
-    pub ticket: u64,
-    /// Answers of its queries, in order.
-    pub answers: Vec<Vec<u8>>,
-    /// Errors, in order.
-    pub errors: Vec<DeviceError>,
-}
-
-/// Where answers and errors of a message go.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Origin {
-    /// The control port; holds the line.
-    Line(String),
-    /// The holder of the ticket.
-    Ticket(u64),
-}
-
-/// A message queued behind others.
-#[derive(Debug)]
-pub(super) struct Waiting {
-    program: Program,
-    len: usize,
-    origin: Origin,
-}
-
-/// The message being executed.
-#[derive(Debug)]
-pub(super) struct Current {
-    pub(super) origin: Origin,
-    /// Errors so far, if they are returned with a ticket.
-    pub(super) errors: Vec<DeviceError>,
-}
 
 impl Firmware {
     /// Submits a message, a line without its newline. [`Self::take_done`] returns its answers and

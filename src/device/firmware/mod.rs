@@ -13,6 +13,7 @@ mod execute;
 mod exposing;
 mod memory;
 mod messages;
+mod pending;
 mod settings;
 mod shining;
 mod shown;
@@ -25,14 +26,14 @@ mod undo;
 
 pub use controls::CameraControls;
 pub use memory::UserSequence;
-pub use messages::{Answered, Done};
+pub use pending::{Answered, Done};
 pub use trigger::State;
 pub use undo::Before;
 
 use super::projection::Planes;
 use super::{Exposure, PatternImage, StreamSink};
 use memory::{Memory, Stored};
-use messages::{Current, Waiting};
+use pending::{Block, Current, Waiting};
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Rig;
 use phasmid_profile::Profile;
@@ -40,7 +41,7 @@ use phasmid_protocol::dialect::Event;
 use phasmid_protocol::scpi::{DeviceError, ErrorCode, Framer, Framing, Unit};
 use phasmid_protocol::service::SequenceAbout;
 use phasmid_protocol::usb::cdc::LineCoding;
-use settings::{Settings, Source};
+use settings::{Settings, Source, power_on_is_consistent};
 use shining::Shining;
 use status::Status;
 use std::cell::OnceCell;
@@ -49,15 +50,6 @@ use std::sync::Arc;
 
 /// Maximum number of events kept until the host fetches them.
 const MAX_EVENTS: usize = 1024;
-
-/// The command that holds up a message until no operation is pending.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Block {
-    /// `*WAI`.
-    Silent,
-    /// `*OPC?`, which then answers 1.
-    Answer,
-}
 
 /// The device behind the control port.
 ///
@@ -130,7 +122,7 @@ impl Firmware {
     /// # Errors
     /// Returns an error if a sequence's images cannot be read or do not fit the projector.
     pub fn new(profile: &Profile, user: &[UserSequence]) -> Result<Self> {
-        debug_assert!(execute::power_on_is_consistent(profile));
+        debug_assert!(power_on_is_consistent(profile));
         let memory = Memory::new(profile, user)?;
         let full = (1u16 << profile.projector.bits) - 1;
         Ok(Self {

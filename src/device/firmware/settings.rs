@@ -3,6 +3,7 @@
 use super::super::{Roi, Shutter};
 use phasmid_profile::{Profile, Timing};
 use phasmid_protocol::PixelFormat;
+use phasmid_protocol::scpi::{DeviceError, ErrorCode};
 
 /// Trigger source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -155,4 +156,52 @@ pub(super) fn from_seconds(s: f64) -> u64 {
 /// Converts nanoseconds to seconds.
 pub(super) fn seconds(ns: u64) -> f64 {
     ns as f64 / 1e9
+}
+
+/// Rejects settings whose exposures do not fit a period, and, for a projector with timing, settings
+/// with which it cannot show patterns that take at least `shortest_ns`.
+pub(super) fn check_period(
+    settings: &Settings,
+    period_ns: u64,
+    timing: Option<&Timing>,
+    shortest_ns: u64,
+) -> Result<(), DeviceError> {
+    let period_s = seconds(period_ns);
+    let shown = timing.and_then(|timing| {
+        let pattern_ns = settings.pattern_ns(timing, period_ns);
+        timing.conflict(period_ns, pattern_ns, shortest_ns)
+    });
+    let conflict = if settings.exposure_ns > period_ns {
+        format!(
+            "exposure {} s exceeds the sequence's period {period_s} s",
+            seconds(settings.exposure_ns)
+        )
+    } else if settings.shutter().readout_ns() > period_ns {
+        format!(
+            "{} rows are read in {} s, which exceeds the sequence's period {period_s} s",
+            settings.roi.height,
+            seconds(settings.shutter().readout_ns())
+        )
+    } else if settings.shortest_period_ns() > period_ns {
+        format!(
+            "a frame takes {} s until the camera is ready for the next one, which exceeds the \
+             sequence's period {period_s} s",
+            seconds(settings.shortest_period_ns())
+        )
+    } else if let Some((found, allowed)) = shown {
+        format!("{found}, allowed {allowed}")
+    } else {
+        return Ok(());
+    };
+    Err(ErrorCode::SettingsConflict.with(conflict))
+}
+
+/// Returns whether the profile's exposure fits the profile's period.
+pub(super) fn power_on_is_consistent(profile: &Profile) -> bool {
+    let settings = Settings::reset(profile);
+    let projector = &profile.projector;
+    let timing = projector.timing.as_ref();
+    let patterns = profile.sequence[0].frame.iter().map(|f| &f.pattern);
+    let shortest_ns = timing.map_or(0, |t| t.shortest_exposure_ns(patterns, projector.bits));
+    check_period(&settings, settings.period_ns, timing, shortest_ns).is_ok()
 }

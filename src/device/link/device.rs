@@ -4,7 +4,7 @@ use super::frame_socket::{FrameSocket, Tcp};
 use super::history::History;
 use super::notice::Notice;
 use super::pace::Pace;
-use super::pty::Pty;
+use super::pty::{Pty, point};
 use super::render_thread::RenderThread;
 use super::run_dir::{CAMERA, CONTROL, RunDir, SERVICE};
 use super::server::Server;
@@ -13,7 +13,8 @@ use super::shared_scene::SharedScene;
 use super::slowdown::Slowdown;
 use super::tap::{Recording, Tap};
 use super::timeline::Seat;
-use super::usb::{Binding, Nodes};
+use super::usb::Nodes;
+use super::usb::export::UsbLink;
 use super::video::VideoOutput;
 use crate::Device;
 use phasmid_core::error::{Error, Result};
@@ -22,9 +23,7 @@ use phasmid_protocol::Endpoints;
 use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::record::Observer;
 use std::future::Future;
-use std::net::SocketAddr;
 use std::num::NonZeroUsize;
-use std::path::Path;
 use std::time::Duration;
 
 /// A device to be served.
@@ -97,18 +96,6 @@ impl ServedDevice {
             device,
         }
     }
-}
-
-/// A device's USB side.
-pub struct UsbLink {
-    /// The server's side of the USB device.
-    pub binding: Binding,
-    /// Address at which the USB/IP server listens.
-    pub listen: SocketAddr,
-    /// Address from which it can be attached: `usb:HOST:PORT/BUSID`.
-    pub address: String,
-    /// Device nodes that this machine's kernel has created for it.
-    pub nodes: Nodes,
 }
 
 /// Serves a device from a run directory, in a tokio runtime, until `shutdown` completes. `wall`
@@ -241,9 +228,4 @@ fn too_slow(label: &str, factor: f64, v4l2: bool) -> String {
          out; use {clock}fewer pixels or a smaller scene (`phasmid plan` states the costs); reported \
          only once"
     )
-}
-
-/// Points the control link to a pty.
-pub(super) fn point(control: &Path, pty: &Pty) -> Result<()> {
-    std::os::unix::fs::symlink(pty.path(), control).map_err(|e| Error::io(control, e))
 }

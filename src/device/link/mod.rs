@@ -29,13 +29,14 @@ mod video;
 #[path = "without_video.rs"]
 mod video;
 
-pub use device::{ServedDevice, UsbLink, serve};
+pub use device::{ServedDevice, serve};
 pub use frame_socket::Tcp;
 pub use notice::Notice;
 pub use replay::{Outcome, Replay, replay};
 pub use run_dir::RunDir;
-pub use serving::{CameraNode, RecordingFile, ServeOptions, Serving, UsbServing, monotonic};
+pub use serving::{CameraNode, RecordingFile, ServeOptions, Serving, monotonic};
 pub use shared_scene::SharedScene;
 pub use tap::Recording;
 pub use timeline::{Seat, Timeline};
+pub use usb::export::{UsbLink, UsbServing};
 pub use video::VideoOutput;

@@ -265,6 +265,11 @@ async fn watch_stirs(watch: Option<&AsyncFd<OwnedFd>>) -> std::io::Result<()> {
     }
 }
 
+/// Points the control link to a pty.
+pub(super) fn point(control: &Path, pty: &Pty) -> Result<()> {
+    std::os::unix::fs::symlink(pty.path(), control).map_err(|e| Error::io(control, e))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,12 +1,11 @@
 //! The event loop that serves a device: commands in, replies and frames out, in device time. It
 //! runs on one thread; rendering has its own.
 
-use super::device::point;
 use super::frame_socket::FrameSocket;
 use super::history::History;
 use super::notice::Notice;
 use super::pace::Pace;
-use super::pty::{Event, Pty};
+use super::pty::{Event, Pty, point};
 use super::render_thread::{RenderThread, Rendered};
 use super::run_dir::CAMERA;
 use super::service::ServiceSocket;

@@ -1,6 +1,5 @@
 //! A device that is served on threads of its own, also from a program with an event loop.
 
-use super::UsbLink;
 use super::device::{ServedDevice, serve};
 use super::frame_socket::Tcp;
 use super::notice::Notice;
@@ -8,7 +7,8 @@ use super::run_dir::RunDir;
 use super::shared_scene::SharedScene;
 use super::tap::Recording;
 use super::timeline::Timeline;
-use super::usb::{Binding, export};
+use super::usb::Binding;
+use super::usb::export::{UsbLink, UsbServing, export};
 use super::video::VideoOutput;
 use crate::Device;
 use phasmid_core::error::{Error, Result};
@@ -17,7 +17,6 @@ use phasmid_protocol::Endpoints;
 use phasmid_protocol::record::Observer;
 use phasmid_protocol::service::ClockPace;
 use std::hash::{BuildHasher, RandomState};
-use std::net::{Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::mpsc;
@@ -36,25 +35,6 @@ pub enum CameraNode {
     Any,
     /// The v4l2loopback node of this path.
     At(PathBuf),
-}
-
-/// The USB device as which a served device is exported over USB/IP.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct UsbServing {
-    /// Address at which it can be attached. USB/IP has no authentication.
-    pub listen: SocketAddr,
-    /// Also attach it to this machine's own kernel, which needs its permission.
-    pub attach: bool,
-}
-
-impl Default for UsbServing {
-    /// Returns a free port of the loopback interface, without attaching the device.
-    fn default() -> Self {
-        Self {
-            listen: (Ipv4Addr::LOCALHOST, 0).into(),
-            attach: false,
-        }
-    }
 }
 
 /// A file that records every byte and frame of a served device with its time, for `phasmid replay` and
@@ -108,6 +88,17 @@ impl Default for ServeOptions {
     }
 }
 
+impl Device {
+    /// Serves the device on threads of its own, until the result is dropped.
+    ///
+    /// # Errors
+    /// Returns an error if the run directory cannot be used, or if the system refuses a port, a socket,
+    /// a V4L2 node or a USB device.
+    pub fn serve(self, options: &ServeOptions) -> Result<Serving> {
+        Serving::of(self, options)
+    }
+}
+
 /// A device that is being served, until this value is dropped.
 #[must_use = "the device is served only as long as this value exists"]
 #[derive(Debug)]
@@ -120,7 +111,7 @@ pub struct Serving {
 
 impl Serving {
     /// Serves a device, alone on its timeline.
-    pub(crate) fn of(mut device: Device, options: &ServeOptions) -> Result<Self> {
+    fn of(mut device: Device, options: &ServeOptions) -> Result<Self> {
         // A request to end calls in memory does not concern the served device.
         device.renderer.renew_stop();
         // A device that was used in memory goes on at its time.

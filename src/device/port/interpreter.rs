@@ -1,7 +1,6 @@
 //! Executes messages of a dialect one after the other: parses them, runs them on the firmware and
 //! replies.
 
-use super::Message;
 use crate::Firmware;
 use crate::firmware::{Before, Done};
 use phasmid_protocol::dialect::{Asked, Cut, Cutter, Dialect, Direction, WireError};
@@ -11,6 +10,24 @@ use std::sync::Arc;
 
 /// Maximum number of queued requests.
 const MAX_REQUESTS: usize = 64;
+
+/// A message of the device to its client.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Message {
+    /// The bytes on the wire.
+    pub bytes: Vec<u8>,
+    /// The received line, or the command name of the received packet, that it answers; `None` for
+    /// an unsolicited message.
+    pub to: Option<String>,
+}
+
+/// Returns a message that answers nothing.
+pub(super) fn unasked(bytes: Vec<u8>) -> Message {
+    Message {
+        bytes,
+        ..Message::default()
+    }
+}
 
 /// A message of the dialect that has not been answered yet.
 #[derive(Debug)]
@@ -84,7 +101,7 @@ impl Interpreter {
 
     fn message(&mut self, message: &[u8], firmware: &mut Firmware, now_ns: u64) {
         if self.dialect.echo() {
-            self.said.push(super::unasked(self.dialect.echoed(message)));
+            self.said.push(unasked(self.dialect.echoed(message)));
         }
         let line = || String::from_utf8_lossy(message).trim_end().to_owned();
         let asked = match self.dialect.asked(message) {

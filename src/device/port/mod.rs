@@ -9,22 +9,14 @@ mod interpreter;
 #[cfg(test)]
 mod tests;
 
+pub use interpreter::Message;
+
 use super::Firmware;
-use interpreter::Interpreter;
+use interpreter::{Interpreter, unasked};
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::dialect::{Dialect, Event};
 use std::collections::VecDeque;
 use std::sync::Arc;
-
-/// A message of the device to its client.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Message {
-    /// The bytes on the wire.
-    pub bytes: Vec<u8>,
-    /// The received line, or the command name of the received packet, that it answers; `None` for
-    /// an unsolicited message.
-    pub to: Option<String>,
-}
 
 /// The device side of a dialect. The default speaks SCPI and sends nothing unsolicited.
 #[derive(Debug, Default)]
@@ -144,12 +136,5 @@ impl Port {
             Some(interpreter) => interpreter.input_stalled(),
             None => firmware.input_stalled(),
         }
-    }
-}
-
-fn unasked(bytes: Vec<u8>) -> Message {
-    Message {
-        bytes,
-        ..Message::default()
     }
 }

@@ -1,18 +1,50 @@
 //! Computes the position of the patient and the state of the beam from the captures of a scan.
 
 use super::span::Span;
-use super::{TOLERANCE_MM, TrackOptions};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::Capture;
 use phasmid_geometry::Pose;
 use phasmid_profile::RigPlace;
 use phasmid_sgrt::{
-    Answers, Beam, Follower, Hold, Measured, MotionFit, MotionState, POINTS, Planned, Quantity,
-    Reading, RigidFit, ScanWarning, Sight,
+    Answers, Beam, Follower, Hold, HoldRules, Measured, MotionFit, MotionState, POINTS, Planned,
+    Quantity, Reading, RigidFit, ScanWarning, Sight,
 };
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::time::{Duration, Instant};
+
+/// Allowed tolerances of the tumour's position, in millimetres.
+pub(crate) const TOLERANCE_MM: RangeInclusive<f64> = 0.001..=1000.0;
+
+/// How a patient is tracked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackOptions {
+    /// Maximum distance of the tumour from its planned position in millimetres, 0.001 to 1000. Beyond
+    /// it the beam is held.
+    pub tolerance_mm: f64,
+    /// Number of scans, 1 or more; `None` to track until the caller ends it.
+    pub scans: Option<u64>,
+    /// Time of the device's clock after which tracking ends, above zero: the last scan is the first
+    /// whose [`Tracked::time`] is at least this long after that of the first scan. Counted by the
+    /// host's clock if the links carry no times. `None` for no limit.
+    pub duration: Option<Duration>,
+    /// When the beam is held, and when it comes on again.
+    pub rules: HoldRules,
+}
+
+impl Default for TrackOptions {
+    /// Returns options for a tolerance of 5 mm, an unlimited number of scans, no limit of time and the
+    /// default rules.
+    fn default() -> Self {
+        Self {
+            tolerance_mm: 5.0,
+            scans: None,
+            duration: None,
+            rules: HoldRules::default(),
+        }
+    }
+}
 
 /// The result of one scan by all pods.
 ///
@@ -301,12 +333,13 @@ impl<'a> Tracker<'a> {
     ) -> Result<()> {
         let begin = Instant::now();
         let most = POINTS / self.pods.len();
-        let sight = &mut self.pods[pod].1;
+        let (name, sight) = &mut self.pods[pod];
         let doubt = sight.measure(capture, identified, &mut gathered.measured, most)?;
-        gathered
-            .reading
-            .warnings
-            .extend(doubt.map(ScanWarning::from));
+        let rejected = doubt.map(|why| ScanWarning::Rejected {
+            pod: name.clone(),
+            why,
+        });
+        gathered.reading.warnings.extend(rejected);
         gathered.decoding += begin.elapsed();
         gathered.span.take(&capture.frames);
         gathered.arrived = gathered.arrived.max(Some(arrived));

@@ -1,7 +1,6 @@
 //! Checks whether a board in a given pose is visible to the camera and illuminated by the
 //! projector.
 
-use super::Wanted;
 use crate::{Board, MARKERS, Pose, Rig, View};
 use glam::{DMat2, DVec2, DVec3};
 
@@ -36,7 +35,8 @@ pub(super) struct Fit<'a> {
 }
 
 impl Fit<'_> {
-    pub(super) fn check(&self, wanted: &Wanted) -> Result<(), Flaw> {
+    /// Checks all. `least_dot_px` is the minimum length of the minor axis of a dot's image in pixels.
+    pub(super) fn check(&self, least_dot_px: f64) -> Result<(), Flaw> {
         for (name, view) in [
             ("camera", &self.rig.camera),
             ("projector", &self.rig.projector),
@@ -44,7 +44,7 @@ impl Fit<'_> {
             self.check_turned(name, view)?;
         }
         // Size comes before visibility because it needs fewer points.
-        self.check_size(wanted)?;
+        self.check_size(least_dot_px)?;
         self.check_whole()
     }
 
@@ -141,7 +141,7 @@ impl Fit<'_> {
     }
 
     /// Checks that dots or squares are large enough in the camera's image.
-    fn check_size(&self, wanted: &Wanted) -> Result<(), Flaw> {
+    fn check_size(&self, least_dot_px: f64) -> Result<(), Flaw> {
         let [columns, rows] = self.board.grid();
         let middle_and_ends = |of: u32| [0, of / 2, of - 1];
         let places = middle_and_ends(rows)
@@ -153,7 +153,7 @@ impl Fit<'_> {
             .filter_map(|at| self.least_scale(at))
             .fold(f64::INFINITY, f64::min);
         let (what, side_mm, least) = match *self.board {
-            Board::Dots { dot_mm, .. } => ("dots", dot_mm, wanted.least_dot_px),
+            Board::Dots { dot_mm, .. } => ("dots", dot_mm, least_dot_px),
             Board::Chess { pitch_mm, .. } => ("squares", pitch_mm, LEAST_SQUARE_PX),
         };
         let px = scale * side_mm;

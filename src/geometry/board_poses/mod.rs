@@ -194,7 +194,7 @@ fn placed(
                     rig,
                     rig_from_board: rig.camera.rig_from_view * camera_from_board,
                 };
-                match fit.check(wanted) {
+                match fit.check(wanted.least_dot_px) {
                     Ok(()) => return Ok(fit.rig_from_board),
                     Err(flaw) => last = Some(flaw),
                 }

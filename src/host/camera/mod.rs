@@ -18,12 +18,26 @@ pub use intake::Intake;
 pub use memory::MemoryCamera;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub use node::explain_device;
-pub use open::{CameraDriver, open_camera};
+pub use open::open_camera;
 pub use socket::SocketCamera;
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
 use std::time::Duration;
+
+/// How to capture the frames of a V4L2 device.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum CameraDriver {
+    /// Chosen by the formats the device offers: `V4l` for GREY, Y10, Y10P, Y12, Y12P and Y16, else
+    /// `Nokhwa`.
+    #[default]
+    Auto,
+    /// The V4L2 buffer queue: GREY, Y10, Y10P, Y12, Y12P, Y16 and YUYV, with the driver's
+    /// timestamps.
+    V4l,
+    /// The nokhwa library: YUYV and MJPG, the formats of webcams.
+    Nokhwa,
+}
 
 /// A source of frames.
 pub trait Camera {

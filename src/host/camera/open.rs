@@ -1,27 +1,13 @@
 //! Opens a camera by its address.
 
 use super::socket::SocketCamera;
-use super::{Camera, Intake, node};
+use super::{Camera, CameraDriver, Intake, node};
 use phasmid_core::error::{Error, Result};
 use std::time::Duration;
 
 /// Valid addresses, for messages.
 const ALLOWED: &str = "/dev/videoN, socket:PATH or tcp:HOST:PORT; \
      a USB device is camera and port at once: --device usb:HOST:PORT";
-
-/// How to capture the frames of a V4L2 device.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum CameraDriver {
-    /// Chosen by the formats the device offers: `V4l` for GREY, Y10, Y10P, Y12, Y12P and Y16, else
-    /// `Nokhwa`.
-    #[default]
-    Auto,
-    /// The V4L2 buffer queue: GREY, Y10, Y10P, Y12, Y12P, Y16 and YUYV, with the driver's
-    /// timestamps.
-    V4l,
-    /// The nokhwa library: YUYV and MJPG, the formats of webcams.
-    Nokhwa,
-}
 
 /// Opens a camera by its address. Waits for a V4L2 device that has no format yet because no
 /// producer streams into it.

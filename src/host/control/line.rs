@@ -1,10 +1,12 @@
 //! Queries in a dialect described by a file, one at a time, on an unreliable line.
 
+use super::conversation::Values;
 use crate::CommandPort;
 use crate::deadline::Deadline;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::dialect::{Cut, Cutter, Dialect, Direction, Event, Reply, Value};
 use phasmid_protocol::printable;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Number of times a query is sent while it is unanswered or refused; the attempts share the
@@ -19,9 +21,6 @@ const QUIET: Duration = Duration::from_millis(50);
 /// Maximum number of bytes to accept while waiting for one answer.
 const MAX_BYTES: usize = 16 << 20;
 
-/// Values of an answer, each with its name in the file.
-pub(super) type Values = Vec<(String, Value)>;
-
 /// Result of a query.
 enum Outcome {
     Done(Values),
@@ -35,7 +34,7 @@ enum Outcome {
 /// A line to a device that speaks a dialect.
 pub(super) struct Line<P> {
     port: P,
-    dialect: Dialect,
+    dialect: Arc<Dialect>,
     cutter: Cutter,
     timeout: Duration,
     /// Sequence number of the last query.
@@ -50,7 +49,7 @@ pub(super) struct Line<P> {
 }
 
 impl<P: CommandPort> Line<P> {
-    pub(super) fn new(port: P, dialect: Dialect, timeout: Duration) -> Self {
+    pub(super) fn new(port: P, dialect: Arc<Dialect>, timeout: Duration) -> Self {
         Self {
             cutter: dialect.cutter(Direction::ToHost),
             port,

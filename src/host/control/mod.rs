@@ -6,64 +6,57 @@
 //! run ([`Control::prepare`], [`Control::confirm`]), and data without a checksum is read until two
 //! readings agree.
 
+mod conversation;
 mod line;
+mod marked;
 mod scpi;
-mod spoken;
 #[cfg(test)]
 mod tests;
 
 use super::{CommandPort, Instrument};
+use conversation::{Conversation, TRIES, Values, agreed};
+use marked::Marked;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::wording::did_you_mean;
-use phasmid_protocol::dialect::Dialect;
+use phasmid_protocol::dialect::{Dialect, Operation, Value};
+use phasmid_protocol::printable;
+use phasmid_protocol::scpi::{Param, parse};
 use scpi::Scpi;
-use spoken::Spoken;
-use std::fmt::Display;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Number of times that a lost device is searched for in one scan.
 pub(super) const RECOVERIES: u32 = 2;
-/// Maximum number of readings, two of which must agree.
-const READINGS: usize = 5;
-/// Number of times that settings are read back if they differ from what was set.
-const TRIES: u32 = 3;
+/// The operation that reports the selected sequence.
+const SELECTED: &str = "selected";
 
 /// The control port of a device.
-pub(super) enum Control<P> {
-    /// SCPI.
-    Scpi(Box<Scpi<P>>),
-    /// A dialect from a file.
-    Spoken(Box<Spoken<P>>),
+pub(super) struct Control<P> {
+    dialect: Arc<Dialect>,
+    talk: Talk<P>,
 }
 
-/// The device's settings as it reports them: pairs of query and answer.
+/// The conversation, by the framing of the dialect.
+enum Talk<P> {
+    Scpi(Box<Scpi<P>>),
+    Marked(Box<Marked<P>>),
+}
+
+/// The device's settings as it reports them: pairs of the setting's name in the dialect and the
+/// answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Settings(Vec<(String, String)>);
 
 impl Settings {
-    /// Returns the first setting that has changed: the query, the answer now, and the earlier
-    /// answer.
+    /// Returns the first setting that has changed: its name, the answer now (empty if there is none
+    /// any more), and the earlier answer.
     fn change<'a>(&'a self, before: &'a Self) -> Option<(&'a str, &'a str, &'a str)> {
-        let both = self.0.iter().zip(&before.0);
-        both.filter(|(now, then)| now != then)
-            .map(|(now, then)| (now.0.as_str(), now.1.as_str(), then.1.as_str()))
-            .next()
+        before.0.iter().find_map(|(what, then)| {
+            let now = self.0.iter().find(|(name, _)| name == what);
+            let now = now.map_or("", |(_, word)| word);
+            (now != then).then_some((what.as_str(), now, then.as_str()))
+        })
     }
-}
-
-/// Reads until two readings agree.
-fn agreed<T: PartialEq>(place: impl Display, mut read: impl FnMut() -> Result<T>) -> Result<T> {
-    let mut readings = Vec::with_capacity(READINGS);
-    while readings.len() < READINGS {
-        let reading = read()?;
-        if readings.contains(&reading) {
-            return Ok(reading);
-        }
-        readings.push(reading);
-    }
-    Err(Error::device(format!(
-        "{place}: {READINGS} readings, no two of which agree"
-    )))
 }
 
 /// Strips the quotes from a sequence name, giving the form used to select it: a dialect may pass on
@@ -73,13 +66,19 @@ fn unquoted(name: &str) -> String {
     inside.map_or_else(|| name.to_owned(), |inside| inside.replace("\"\"", "\""))
 }
 
-/// Error for a sequence that cannot be selected because the dialect has no command for it.
-fn no_words(name: &str, dialect: &str) -> Error {
-    Error::input(
-        format!("--sequence {name}"),
-        format!("dialect {dialect} cannot select a sequence"),
-        "no --sequence, to use the selected one",
-    )
+/// Returns the names in a list: strings in quotes, or words separated by commas.
+fn names(list: &str) -> Vec<String> {
+    if !list.starts_with('"') {
+        return list.split(',').map(|name| name.trim().to_owned()).collect();
+    }
+    let units = parse(format!("LIST {list}").as_bytes()).units;
+    let params = units.into_iter().flat_map(|unit| unit.params);
+    params
+        .filter_map(|param| match param {
+            Param::Text(name) => Some(name),
+            _ => None,
+        })
+        .collect()
 }
 
 /// Combines a failure with the error of the subsequent search for the device.
@@ -87,43 +86,42 @@ pub(super) fn both(error: &Error, then: &Error) -> Error {
     Error::device(format!("{error}; then: {then}"))
 }
 
-macro_rules! each {
-    ($self:ident, $control:ident => $call:expr) => {
-        match $self {
-            Control::Scpi($control) => $call,
-            Control::Spoken($control) => $call,
-        }
-    };
-}
-
 impl<P: CommandPort> Control<P> {
-    /// Opens the conversation; `timeout` bounds every wait.
+    /// Opens the conversation, in SCPI without a dialect; `timeout` bounds every wait.
     ///
     /// # Errors
     /// Returns an error if the port is gone, or if no device on it speaks the dialect.
     pub(super) fn open(port: P, dialect: Option<Dialect>, timeout: Duration) -> Result<Self> {
-        if let Some(dialect) = &dialect
-            && let Some(operation) = dialect.host().needed().next()
-        {
+        let dialect = Arc::new(match dialect {
+            Some(dialect) => dialect,
+            None => Dialect::load("scpi")?,
+        });
+        if let Some(operation) = dialect.host().needed().next() {
             return Err(Error::input(
                 format!("dialect {}: [host]", dialect.name()),
                 format!("no {operation}, which a scan needs"),
                 format!("{operation} = {{ steps = [...] }}"),
             ));
         }
-        Ok(match dialect {
-            Some(dialect) if !dialect.is_scpi() => {
-                Self::Spoken(Box::new(Spoken::open(port, dialect, timeout)?))
-            }
-            scpi => Self::Scpi(Box::new(Scpi::open(port, scpi, timeout)?)),
-        })
+        let talk = match dialect.is_scpi() {
+            true => Talk::Scpi(Box::new(Scpi::open(port, dialect.clone(), timeout)?)),
+            false => Talk::Marked(Box::new(Marked::open(port, dialect.clone(), timeout)?)),
+        };
+        Ok(Self { dialect, talk })
+    }
+
+    fn talk(&mut self) -> &mut (dyn Conversation + '_) {
+        match &mut self.talk {
+            Talk::Scpi(scpi) => &mut **scpi,
+            Talk::Marked(marked) => &mut **marked,
+        }
     }
 
     /// Returns the instrument if the device speaks SCPI.
     pub(super) fn instrument(&mut self) -> Option<&mut Instrument<P>> {
-        match self {
-            Self::Scpi(scpi) => Some(scpi.instrument()),
-            Self::Spoken(_) => None,
+        match &mut self.talk {
+            Talk::Scpi(scpi) => Some(scpi.instrument()),
+            Talk::Marked(_) => None,
         }
     }
 
@@ -132,7 +130,7 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// Returns an error if the device does not come back within the timeout.
     pub(super) fn recover(&mut self) -> Result<()> {
-        each!(self, control => control.recover())
+        self.talk().recover()
     }
 
     /// Performs an action, and repeats it after a failure once contact with the device is restored.
@@ -152,18 +150,83 @@ impl<P: CommandPort> Control<P> {
         }
     }
 
+    /// Returns the port and an operation's last command, for messages; `what` is the operation or
+    /// setting.
+    fn place(&mut self, what: &str) -> String {
+        let dialect = self.dialect.clone();
+        let host = dialect.host();
+        let steps = host.get(what).or_else(|| host.setting(what));
+        let last = steps.and_then(|operation| operation.steps.last());
+        self.talk().place(last.map_or(what, |step| &step.command))
+    }
+
+    /// Performs the steps of an operation; `None` if the device does not know one of them.
+    fn steps(&mut self, operation: &Operation, inputs: &[(&str, Value)]) -> Result<Option<Values>> {
+        let mut values = Values::new();
+        for step in &operation.steps {
+            match self.talk().ask(&step.command, &step.args(inputs)?)? {
+                Some(more) => values.extend(more),
+                None => return Ok(None),
+            }
+        }
+        Ok(Some(values))
+    }
+
+    /// Performs an operation without a result; does nothing if the dialect does not define it.
+    fn order(&mut self, operation: &str, inputs: &[(&str, Value)]) -> Result<()> {
+        match self.dialect.clone().host().get(operation) {
+            Some(operation) => self.steps(operation, inputs).map(drop),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns an operation's result; `None` if the dialect does not define it, or the device does
+    /// not know it. An answer of several lines is incomplete if one of them is missing, and is
+    /// queried again.
+    fn result(&mut self, operation: &Operation) -> Result<Option<Value>> {
+        for _ in 0..TRIES {
+            let Some(values) = self.steps(operation, &[])? else {
+                return Ok(None);
+            };
+            if let Some(value) = operation.result(&values) {
+                return Ok(Some(value));
+            }
+            self.talk().hush()?;
+        }
+        let last = operation.steps.last();
+        let place = self.talk().place(last.map_or("", |step| &step.command));
+        Err(Error::device(format!("{place}: the answer is incomplete")))
+    }
+
+    fn value(&mut self, operation: &str) -> Result<Option<Value>> {
+        match self.dialect.clone().host().get(operation) {
+            Some(operation) => self.result(operation),
+            None => Ok(None),
+        }
+    }
+
+    /// Returns an operation's result as text without control characters.
+    fn word(&mut self, operation: &str) -> Result<Option<String>> {
+        let value = self.value(operation)?;
+        Ok(value.map(|value| printable(&value.to_string())))
+    }
+
+    /// Returns an operation's result once two readings agree.
+    fn sure(&mut self, operation: &str) -> Result<Option<String>> {
+        let place = self.place(operation);
+        agreed(place, || self.word(operation))
+    }
+
     /// Returns the device's identity: manufacturer, model, serial number, version. If its dialect
     /// has no command for that, returns the name of the dialect.
     ///
     /// Returns an error if the device does not identify itself.
     pub(super) fn identify(&mut self) -> Result<String> {
-        let (idn, question) =
-            each!(self, control => (control.identify()?, control.place("identify")));
-        let Some(idn) = idn else {
-            let spoken = each!(self, control => control.language());
-            return Ok(format!("a device that speaks {spoken}"));
+        let Some(idn) = self.sure("identify")? else {
+            return Ok(format!("a device that speaks {}", self.language()));
         };
         if idn.split(',').count() < 4 {
+            let question = self.place("identify");
             return Err(Error::device(format!(
                 "{question} was answered with {idn:?}, expected manufacturer,model,serial,version"
             )));
@@ -171,12 +234,19 @@ impl<P: CommandPort> Control<P> {
         Ok(idn)
     }
 
+    fn language(&self) -> &str {
+        match self.dialect.name() {
+            "scpi" => "SCPI",
+            name => name,
+        }
+    }
+
     /// Returns the current trigger source, if the device reports it.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
     pub(super) fn source(&mut self) -> Result<Option<String>> {
-        each!(self, control => control.source())
+        self.sure("source")
     }
 
     /// Makes the device expose only when it is triggered.
@@ -184,7 +254,7 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
     pub(super) fn quiet(&mut self) -> Result<()> {
-        each!(self, control => control.quiet())
+        self.order("quiet", &[])
     }
 
     /// Restores the trigger source that was found.
@@ -196,7 +266,7 @@ impl<P: CommandPort> Control<P> {
         if source.is_empty() || !source.chars().all(|c| c.is_ascii_alphanumeric()) {
             return Ok(());
         }
-        each!(self, control => control.restore(source))
+        self.order("restore", &[("source", Value::from(source))])
     }
 
     /// Prepares a run of a sequence (of the selected one if `sequence` is `None`), and reads the
@@ -206,19 +276,70 @@ impl<P: CommandPort> Control<P> {
     /// Returns an error if the device refuses, does not keep a setting, or does not have the
     /// sequence.
     pub(super) fn prepare(&mut self, sequence: Option<&str>) -> Result<Settings> {
-        each!(self, control => control.begin())?;
-        each!(self, control => control.quiet())?;
-        each!(self, control => control.light_on())?;
+        self.talk().begin()?;
+        self.quiet()?;
+        self.order("light_on", &[])?;
         if let Some(name) = sequence {
             self.select(name)?;
         }
-        each!(self, control => control.ready(sequence))
+        self.ready(sequence)
+    }
+
+    /// Reads the settings back and checks them against what was set.
+    fn ready(&mut self, sequence: Option<&str>) -> Result<Settings> {
+        let mut tries = 1;
+        loop {
+            let settings = self.settings()?;
+            let dialect = self.dialect.clone();
+            let wrong = settings.0.iter().find(|(what, word)| match sequence {
+                Some(name) if what == SELECTED => word != name,
+                _ => !dialect.host().allows(what, word),
+            });
+            match wrong {
+                None if self.talk().restarted()? => return Err(self.reset()),
+                None => return Ok(settings),
+                Some((what, word)) if tries == TRIES => {
+                    return Err(Error::device(format!(
+                        "{} says {word:?}, which is not what was set: the device was reset, or \
+                         another program controls it",
+                        self.place(what)
+                    )));
+                }
+                Some(_) => tries += 1,
+            }
+        }
+    }
+
+    fn reset(&mut self) -> Error {
+        let info = self.talk().info();
+        Error::device(format!(
+            "{info}: the device was reset, or another program controls it"
+        ))
+    }
+
+    /// Queries the settings that the device reports: the sequence, the trigger source, and those
+    /// in the table `settings` of the dialect's file.
+    fn settings(&mut self) -> Result<Settings> {
+        let mut settings = Vec::new();
+        for (name, operation) in self.dialect.clone().host().settings() {
+            if let Some(value) = self.result(operation)? {
+                let word = printable(&value.to_string());
+                let word = if name == SELECTED {
+                    unquoted(&word)
+                } else {
+                    word
+                };
+                settings.push((name.to_owned(), word));
+            }
+        }
+        Ok(Settings(settings))
     }
 
     /// Returns the name of the selected sequence from settings, in the form that [`Self::prepare`]
     /// takes.
     pub(super) fn selected(&self, settings: &Settings) -> Option<String> {
-        each!(self, control => control.selected(settings))
+        let (_, name) = settings.0.iter().find(|(what, _)| what == SELECTED)?;
+        Some(name.clone())
     }
 
     /// Returns the name of the currently selected sequence, if the device reports it.
@@ -226,8 +347,7 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
     pub(super) fn selection(&mut self) -> Result<Option<String>> {
-        let settings = each!(self, control => control.settings())?;
-        Ok(self.selected(&settings))
+        Ok(self.word(SELECTED)?.map(|name| unquoted(&name)))
     }
 
     /// Selects a sequence.
@@ -235,21 +355,30 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// Returns an error if the port fails, the device refuses, or it does not have the sequence.
     pub(super) fn select(&mut self, name: &str) -> Result<()> {
-        let refused = match each!(self, control => control.select(name)) {
+        let place = || format!("--sequence {name}");
+        if self.dialect.host().get("select").is_none() {
+            return Err(Error::input(
+                place(),
+                format!("dialect {} cannot select a sequence", self.language()),
+                "no --sequence, to use the selected one",
+            ));
+        }
+        let refused = match self.order("select", &[("name", Value::from(name))]) {
             Ok(()) => return Ok(()),
             Err(error) => error,
         };
         // A name that the device does not have is the user's mistake. Any other failure, including
         // that the device does not list its sequences, is a fault between host and device.
-        let Ok(Some(names)) = each!(self, control => control.list()) else {
+        let Ok(Some(list)) = self.word("list") else {
             return Err(refused);
         };
+        let names = names(&list);
         if names.is_empty() || names.iter().any(|known| known == name) {
             return Err(refused);
         }
         let hint = did_you_mean(name, names.iter().map(String::as_str));
         Err(Error::input(
-            format!("--sequence {name}"),
+            place(),
             format!("not a sequence of the device{hint}"),
             names.join(", "),
         ))
@@ -261,9 +390,7 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// Returns an error if the port fails, the device refuses, or the readings do not agree.
     pub(super) fn manifest(&mut self) -> Result<Option<(String, String)>> {
-        let place = each!(self, control => control.place("manifest"));
-        let text = each!(self, control => control.manifest())?;
-        Ok(text.map(|text| (text, place)))
+        self.document("manifest")
     }
 
     /// Reads the device's calibration, in the same form as [`Self::manifest`].
@@ -271,9 +398,29 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// Same as [`Self::manifest`].
     pub(super) fn calibration(&mut self) -> Result<Option<(String, String)>> {
-        let place = each!(self, control => control.place("calibration"));
-        let text = each!(self, control => control.calibration())?;
-        Ok(text.map(|text| (text, place)))
+        self.document("calibration")
+    }
+
+    /// Reads a text that contains measurement data, in which a number with one wrong digit is still
+    /// a number: either the dialect's chunk checksum guards it, or two readings must agree.
+    fn document(&mut self, operation: &str) -> Result<Option<(String, String)>> {
+        let place = self.place(operation);
+        let dialect = self.dialect.clone();
+        let mut steps = dialect.host().get(operation).map(|o| o.steps.iter());
+        let in_pieces = steps
+            .as_mut()
+            .is_some_and(|steps| steps.any(|step| dialect.chunk(&step.command).is_some()));
+        let value = match in_pieces {
+            true => self.value(operation)?,
+            false => agreed(&place, || self.value(operation))?,
+        };
+        let Some(value) = value else {
+            return Ok(None);
+        };
+        match value.text() {
+            Some(text) => Ok(Some((text.to_owned(), place))),
+            None => Err(Error::device(format!("{place}: the answer is not UTF-8"))),
+        }
     }
 
     /// Waits until the last frame of an earlier run has left the device, if the device can report
@@ -282,7 +429,7 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
     pub(super) fn settle(&mut self) -> Result<()> {
-        each!(self, control => control.settle())
+        self.order("complete", &[])
     }
 
     /// Arms the device at the first pattern, whatever its state.
@@ -290,7 +437,7 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
     pub(super) fn arm(&mut self) -> Result<()> {
-        each!(self, control => control.arm())
+        self.order("arm", &[])
     }
 
     /// Triggers once, without confirmation: the frames show whether the trigger arrived.
@@ -298,7 +445,12 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
     pub(super) fn trigger(&mut self) -> Result<()> {
-        each!(self, control => control.trigger())
+        let dialect = self.dialect.clone();
+        let trigger = dialect.host().get("trigger");
+        for step in trigger.iter().flat_map(|operation| &operation.steps) {
+            self.talk().send(&step.command, &step.args(&[])?)?;
+        }
+        Ok(())
     }
 
     /// Reads the device's errors after a run.
@@ -306,7 +458,16 @@ impl<P: CommandPort> Control<P> {
     /// # Errors
     /// Returns the errors that the device reports.
     pub(super) fn complaints(&mut self) -> Result<()> {
-        each!(self, control => control.complaints())
+        if let Talk::Scpi(scpi) = &mut self.talk {
+            return scpi.complaints();
+        }
+        match self.word("errors")? {
+            Some(words) if !["", "0"].contains(&&words[..]) => Err(Error::device(format!(
+                "{} says {words}",
+                self.place("errors")
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Checks after a run that all settings are unchanged. A device that was power-cycled or
@@ -317,20 +478,20 @@ impl<P: CommandPort> Control<P> {
     pub(super) fn confirm(&mut self, before: &Settings) -> Result<()> {
         let mut tries = 1;
         loop {
-            let now = each!(self, control => control.settings())?;
-            let Some((what, word, earlier)) = now.change(before) else {
-                return Ok(());
-            };
-            // A corrupted answer differs the next time, so ask again; events are reported only
-            // once.
-            if tries == TRIES || what == scpi::EVENTS {
-                let place = each!(self, control => control.info());
-                return Err(Error::device(format!(
-                    "{place}: {what} says {word:?} after the run and said {earlier:?} before it: \
-                     the device was reset, or another program controls it"
-                )));
+            let now = self.settings()?;
+            match now.change(before) {
+                None if self.talk().restarted()? => return Err(self.reset()),
+                None => return Ok(()),
+                // A corrupted answer differs the next time, so ask again.
+                Some((what, word, earlier)) if tries == TRIES => {
+                    return Err(Error::device(format!(
+                        "{} says {word:?} after the run and said {earlier:?} before it: the \
+                         device was reset, or another program controls it",
+                        self.place(what)
+                    )));
+                }
+                Some(_) => tries += 1,
             }
-            tries += 1;
         }
     }
 }

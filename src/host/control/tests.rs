@@ -16,6 +16,8 @@ struct Device {
     lamp: bool,
     events: u8,
     enabled: u8,
+    /// A query was not understood.
+    unknown: bool,
     /// Number of queries for which an answer was due.
     asked: u32,
 }
@@ -28,6 +30,7 @@ impl Device {
             lamp: true,
             events: 128,
             enabled: 0,
+            unknown: false,
             asked: 0,
         }
     }
@@ -69,9 +72,15 @@ impl Device {
                 "INIT:CONT?" => "0".into(),
                 "PROJ:POW?" => u8::from(self.lamp).to_string(),
                 "*ESR?" => std::mem::take(&mut self.events).to_string(),
-                "SYST:ERR?" => "0,\"No error\"".into(),
+                "SYST:ERR?" => match std::mem::take(&mut self.unknown) {
+                    true => "-113,\"Undefined header\"".into(),
+                    false => "0,\"No error\"".into(),
+                },
                 "SEQ:DATA?" => format!("#2{}{MANIFEST}", MANIFEST.len()),
-                _ => break,
+                _ => {
+                    self.unknown = true;
+                    break;
+                }
             };
             answers.push(answer);
         }
@@ -182,7 +191,7 @@ fn readings_that_never_agree_are_reported() {
 #[test]
 fn no_flipped_bit_prepares_another_run() {
     for to_device in [true, false] {
-        for nth in 2..6 {
+        for nth in 2..14 {
             for bit in 0..8 * 60 {
                 let struck = Rc::new(RefCell::new(0));
                 let count = struck.clone();
@@ -262,6 +271,28 @@ fn unknown_sequence_is_a_usage_error() {
     let error = control.prepare(Some("z")).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
     assert!(error.to_string().ends_with("expected a, c"), "{error}");
+}
+
+#[test]
+fn names_in_lists_may_contain_commas() {
+    assert_eq!(names("\"a\"\"b\",\"c, d\""), ["a\"b", "c, d"]);
+    assert_eq!(names("a, b c"), ["a", "b c"]);
+}
+
+/// A setting that the device does not know is not read back; the others are.
+#[test]
+fn unknown_settings_are_left_out() {
+    let (mut control, device) = behind(
+        |bytes, _| {
+            let line = String::from_utf8_lossy(bytes);
+            line.replace("TRIG:MODE?", "NONE?").into_bytes()
+        },
+        |reply, _| reply,
+    );
+    let settings = control.prepare(Some("c")).unwrap();
+    device.borrow_mut().lamp = false;
+    let message = control.confirm(&settings).unwrap_err().to_string();
+    assert!(message.contains("PROJ:POW? says \"0\""), "{message}");
 }
 
 const DIALECTS: [&str; 2] = ["okline", "dlpc350"];

@@ -1,20 +1,27 @@
-//! Queries matched to their answers. SCPI does not number messages, and a line may lose, delay,
+//! A conversation: its start, its queries, and the answers matched to them. SCPI does not number messages, and a line may lose, delay,
 //! duplicate or corrupt data. Therefore each query begins with `*ESE n;*ESE?;`, and its answer with
 //! `n;`. Any IEEE 488.2 instrument stores that number (11.5.1.3), which has no other use over a
 //! serial line. An answer to another query, or one that nobody asked for, has another number.
 
-use super::Instrument;
 use crate::CommandPort;
 use crate::deadline::Deadline;
-use phasmid_core::error::Result;
+use phasmid_core::error::{Error, Result};
 use phasmid_protocol::scpi::{self, BlockPrefix, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
 use std::time::{Duration, Instant};
 
 /// Number of times that a query is sent while no answer comes; the attempts share the timeout.
-pub(super) const ATTEMPTS: u32 = 3;
+const ATTEMPTS: u32 = 3;
 /// Time to wait for a valid answer after an invalid line.
 const GRACE: Duration = Duration::from_millis(250);
 
+/// First value that `*ESE` is set to and queried for when a conversation starts: any IEEE 488.2
+/// instrument answers `85;0`, and nothing else does. Each further attempt uses the next number.
+const FIRST_MARK: u8 = 85;
+const LAST_MARK: u8 = 125;
+/// Maximum duration of an attempt, which is also limited to a third of the timeout. It is longer
+/// than a device waits for the rest of a block that an earlier client broke off; the first attempt
+/// is lost in that block.
+const ASK_AGAIN: Duration = Duration::from_millis(1500);
 /// A device's answer to a query.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Answer {
@@ -47,7 +54,153 @@ enum Head {
     Other,
 }
 
+/// A conversation with an instrument.
+pub struct Instrument<P> {
+    pub(super) port: P,
+    pub(super) timeout: Duration,
+    /// Received bytes that have not been processed yet.
+    received: Vec<u8>,
+    /// The number of the last query.
+    tag: u8,
+    /// The port has failed.
+    gone: bool,
+    /// The start of the last line that was not an answer.
+    pub(super) junk: Vec<u8>,
+    /// Messages that the device sends unprompted at power-on.
+    chatter: Vec<Vec<u8>>,
+}
+
 impl<P: CommandPort> Instrument<P> {
+    /// Starts a conversation: terminates an unfinished line, clears the status, and skips
+    /// everything in transit until the answer to a query that nobody else sends. `timeout` bounds
+    /// this wait and every later one.
+    ///
+    /// # Errors
+    /// Returns an error if the port is gone, or if nothing on it answers as IEEE 488.2 requires.
+    pub fn open(port: P, timeout: Duration) -> Result<Self> {
+        Self::open_chatty(port, Vec::new(), timeout)
+    }
+
+    /// [`Self::open`] for a device that sends the messages in `chatter`, in any number and order,
+    /// at power-on: they are neither answers nor signs of a corrupted one.
+    ///
+    /// # Errors
+    /// Same as [`Self::open`].
+    pub fn open_chatty(port: P, chatter: Vec<Vec<u8>>, timeout: Duration) -> Result<Self> {
+        let mut instrument = Self::new(port, timeout);
+        instrument.chatter = chatter;
+        instrument.find("\n*CLS\n")?;
+        Ok(instrument)
+    }
+
+    pub(super) fn new(port: P, timeout: Duration) -> Self {
+        Self {
+            port,
+            timeout,
+            received: Vec::new(),
+            tag: 0,
+            gone: false,
+            junk: Vec::new(),
+            chatter: Vec::new(),
+        }
+    }
+
+    /// Restores contact with a device that was silent or gone: reopens the port if it cannot be
+    /// written to, aborts whatever the device waits for, and starts as [`Self::open`] does. The
+    /// device's status is kept, because it may show what happened.
+    ///
+    /// # Errors
+    /// Same as [`Self::open`], and an error if the port does not come back within the timeout.
+    pub fn recover(&mut self) -> Result<()> {
+        // Alone on its line, ABOR takes effect even if the device is waiting for a trigger.
+        self.find("\nABOR\n")
+    }
+
+    /// Performs the greeting; if the port is gone, reopens it and tries once more.
+    fn find(&mut self, first: &str) -> Result<()> {
+        self.gone = false;
+        match self.greet(first) {
+            Err(_) if self.gone => {
+                self.port.reopen(self.timeout)?;
+                self.greet(first)
+            }
+            done => done,
+        }
+    }
+
+    /// Sends `first`, and queries until the answer arrives that belongs to this query alone.
+    fn greet(&mut self, first: &str) -> Result<()> {
+        self.received.clear();
+        let mut left = self.timeout;
+        let mut buffer = [0; 4096];
+        let mut seen = Vec::new();
+        for mark in FIRST_MARK..=LAST_MARK {
+            let query = format!("*ESE {mark};*ESE?;*ESE 0;*ESE?");
+            self.send(format!("{first}{query}").as_bytes())?;
+            let answer = format!("{mark};0");
+            let begin = Instant::now();
+            let again = left.min(ASK_AGAIN).min(self.timeout / ATTEMPTS);
+            let mut deadline = Deadline::new(again);
+            loop {
+                let len = self.receive(&mut deadline, &mut buffer)?;
+                seen.extend_from_slice(&buffer[..len]);
+                if seen.ends_with(b"\n") && seen.trim_ascii_end().ends_with(answer.as_bytes()) {
+                    return Ok(());
+                }
+                // Only the end is examined.
+                if seen.len() > 2 * buffer.len() {
+                    seen.drain(..seen.len() - buffer.len());
+                }
+                if len == 0 || begin.elapsed() > again {
+                    break;
+                }
+            }
+            left = left.saturating_sub(again);
+            // Three thirds may not add up exactly to the whole.
+            if left < self.timeout / 100 {
+                break;
+            }
+        }
+        let last = &seen[seen.len() - seen.len().min(40)..];
+        Err(self.failure(format!(
+            "no answer to *ESE? within {} s (last received: \"{}\"): is it a SCPI instrument? If \
+             not, choose its language with --dialect",
+            self.timeout.as_secs_f64(),
+            last.escape_ascii()
+        )))
+    }
+
+    /// Returns the port's path, for messages.
+    pub fn info(&self) -> &str {
+        self.port.info()
+    }
+
+    pub(super) fn failure(&self, what: impl std::fmt::Display) -> Error {
+        Error::device(format!("{}: {what}", self.info()))
+    }
+
+    /// Sends a command once, without waiting for anything.
+    ///
+    /// # Errors
+    /// Returns an error if the port is gone or accepts no data.
+    pub fn tell(&mut self, order: &str) -> Result<()> {
+        self.send(order.as_bytes())
+    }
+
+    pub(crate) fn send(&mut self, line: &[u8]) -> Result<()> {
+        let mut line = line.to_vec();
+        line.push(b'\n');
+        let sent = self.port.send(&line, self.timeout);
+        self.gone |= sent.is_err();
+        sent
+    }
+
+    fn receive(&mut self, deadline: &mut Deadline, buffer: &mut [u8]) -> Result<usize> {
+        let received = deadline.receive(&mut self.port, buffer);
+        self.gone |= received.is_err();
+        received
+    }
+
     /// Sends a query, and repeats it while no answer with its number comes; returns `None` if none
     /// comes within the timeout. The device may therefore execute it more than once.
     ///

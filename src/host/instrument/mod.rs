@@ -7,22 +7,15 @@ mod exchange;
 #[cfg(test)]
 mod tests;
 
+pub use exchange::Instrument;
+
 use super::CommandPort;
-use super::deadline::Deadline;
-use exchange::{ATTEMPTS, Answer};
+use exchange::Answer;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::printable;
 use phasmid_protocol::scpi;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-/// First value that `*ESE` is set to and queried for when a conversation starts: any IEEE 488.2
-/// instrument answers `85;0`, and nothing else does. Each further attempt uses the next number.
-const FIRST_MARK: u8 = 85;
-const LAST_MARK: u8 = 125;
-/// Maximum duration of an attempt, which is also limited to a third of the timeout. It is longer
-/// than a device waits for the rest of a block that an earlier client broke off; the first attempt
-/// is lost in that block.
-const ASK_AGAIN: Duration = Duration::from_millis(1500);
 /// Maximum number of errors read from a device's queue at a time.
 const MAX_ERRORS: usize = 64;
 /// Number of errors shown in a message; the others are only counted.
@@ -37,153 +30,7 @@ const UNDEFINED_HEADER: i32 = -113;
 /// SCPI error number for a calibration that failed: the device has none.
 const CALIBRATION_FAILED: i32 = -340;
 
-/// A conversation with an instrument.
-pub struct Instrument<P> {
-    port: P,
-    timeout: Duration,
-    /// Received bytes that have not been processed yet.
-    received: Vec<u8>,
-    /// The number of the last query.
-    tag: u8,
-    /// The port has failed.
-    gone: bool,
-    /// The start of the last line that was not an answer.
-    junk: Vec<u8>,
-    /// Messages that the device sends unprompted at power-on.
-    chatter: Vec<Vec<u8>>,
-}
-
 impl<P: CommandPort> Instrument<P> {
-    /// Starts a conversation: terminates an unfinished line, clears the status, and skips
-    /// everything in transit until the answer to a query that nobody else sends. `timeout` bounds
-    /// this wait and every later one.
-    ///
-    /// # Errors
-    /// Returns an error if the port is gone, or if nothing on it answers as IEEE 488.2 requires.
-    pub fn open(port: P, timeout: Duration) -> Result<Self> {
-        Self::open_chatty(port, Vec::new(), timeout)
-    }
-
-    /// [`Self::open`] for a device that sends the messages in `chatter`, in any number and order,
-    /// at power-on: they are neither answers nor signs of a corrupted one.
-    ///
-    /// # Errors
-    /// Same as [`Self::open`].
-    pub fn open_chatty(port: P, chatter: Vec<Vec<u8>>, timeout: Duration) -> Result<Self> {
-        let mut instrument = Self::new(port, timeout);
-        instrument.chatter = chatter;
-        instrument.find("\n*CLS\n")?;
-        Ok(instrument)
-    }
-
-    fn new(port: P, timeout: Duration) -> Self {
-        Self {
-            port,
-            timeout,
-            received: Vec::new(),
-            tag: 0,
-            gone: false,
-            junk: Vec::new(),
-            chatter: Vec::new(),
-        }
-    }
-
-    /// Restores contact with a device that was silent or gone: reopens the port if it cannot be
-    /// written to, aborts whatever the device waits for, and starts as [`Self::open`] does. The
-    /// device's status is kept, because it may show what happened.
-    ///
-    /// # Errors
-    /// Same as [`Self::open`], and an error if the port does not come back within the timeout.
-    pub fn recover(&mut self) -> Result<()> {
-        // Alone on its line, ABOR takes effect even if the device is waiting for a trigger.
-        self.find("\nABOR\n")
-    }
-
-    /// Performs the greeting; if the port is gone, reopens it and tries once more.
-    fn find(&mut self, first: &str) -> Result<()> {
-        self.gone = false;
-        match self.greet(first) {
-            Err(_) if self.gone => {
-                self.port.reopen(self.timeout)?;
-                self.greet(first)
-            }
-            done => done,
-        }
-    }
-
-    /// Sends `first`, and queries until the answer arrives that belongs to this query alone.
-    fn greet(&mut self, first: &str) -> Result<()> {
-        self.received.clear();
-        let mut left = self.timeout;
-        let mut buffer = [0; 4096];
-        let mut seen = Vec::new();
-        for mark in FIRST_MARK..=LAST_MARK {
-            let query = format!("*ESE {mark};*ESE?;*ESE 0;*ESE?");
-            self.send(format!("{first}{query}").as_bytes())?;
-            let answer = format!("{mark};0");
-            let begin = Instant::now();
-            let again = left.min(ASK_AGAIN).min(self.timeout / ATTEMPTS);
-            let mut deadline = Deadline::new(again);
-            loop {
-                let len = self.receive(&mut deadline, &mut buffer)?;
-                seen.extend_from_slice(&buffer[..len]);
-                if seen.ends_with(b"\n") && seen.trim_ascii_end().ends_with(answer.as_bytes()) {
-                    return Ok(());
-                }
-                // Only the end is examined.
-                if seen.len() > 2 * buffer.len() {
-                    seen.drain(..seen.len() - buffer.len());
-                }
-                if len == 0 || begin.elapsed() > again {
-                    break;
-                }
-            }
-            left = left.saturating_sub(again);
-            // Three thirds may not add up exactly to the whole.
-            if left < self.timeout / 100 {
-                break;
-            }
-        }
-        let last = &seen[seen.len() - seen.len().min(40)..];
-        Err(self.failure(format!(
-            "no answer to *ESE? within {} s (last received: \"{}\"): is it a SCPI instrument? If \
-             not, choose its language with --dialect",
-            self.timeout.as_secs_f64(),
-            last.escape_ascii()
-        )))
-    }
-
-    /// Returns the port's path, for messages.
-    pub fn info(&self) -> &str {
-        self.port.info()
-    }
-
-    fn failure(&self, what: impl std::fmt::Display) -> Error {
-        Error::device(format!("{}: {what}", self.info()))
-    }
-
-    /// Sends a command once, without waiting for anything.
-    ///
-    /// # Errors
-    /// Returns an error if the port is gone or accepts no data.
-    pub fn tell(&mut self, order: &str) -> Result<()> {
-        self.send(order.as_bytes())
-    }
-
-    pub(super) fn send(&mut self, line: &[u8]) -> Result<()> {
-        let mut line = line.to_vec();
-        line.push(b'\n');
-        let sent = self.port.send(&line, self.timeout);
-        self.gone |= sent.is_err();
-        sent
-    }
-
-    fn receive(&mut self, deadline: &mut Deadline, buffer: &mut [u8]) -> Result<usize> {
-        let received = deadline.receive(&mut self.port, buffer);
-        self.gone |= received.is_err();
-        received
-    }
-
     /// Sends a command and checks that the device accepted it. If no answer comes or the device
     /// refuses, the command is sent again, so it must be safe to execute twice.
     ///
@@ -249,7 +96,8 @@ impl<P: CommandPort> Instrument<P> {
     }
 
     /// Sends a query whose answer `read` parses; `context` names it in messages. The query is
-    /// repeated if the answer is missing or `read` rejects it.
+    /// repeated if the answer is missing or `read` rejects it. `None` if the device does not know
+    /// the query or could not be calibrated.
     ///
     /// # Errors
     /// Same as [`Self::query`].
@@ -258,14 +106,10 @@ impl<P: CommandPort> Instrument<P> {
         context: &str,
         line: &[u8],
         read: impl Fn(&[u8]) -> Option<T>,
-    ) -> Result<T> {
-        self.again(|instrument| match instrument.exchange(line)? {
-            None => Err(instrument.silence(context)),
-            Some(Answer::Void) => Ok(Err(instrument.refusal(context)?.1)),
-            Some(Answer::Said(reply)) => {
-                let read = read(&reply);
-                Ok(read.ok_or_else(|| instrument.garbage(context, &reply)))
-            }
+    ) -> Result<Option<T>> {
+        self.optional(context, line, |instrument, reply| {
+            let read = read(&reply);
+            read.ok_or_else(|| instrument.garbage(context, &reply))
         })
     }
 
@@ -301,7 +145,9 @@ impl<P: CommandPort> Instrument<P> {
     /// # Errors
     /// Same as [`Self::query`].
     pub fn query_optional(&mut self, query: &str) -> Result<Option<String>> {
-        self.optional(query, |instrument, reply| instrument.text(query, reply))
+        self.optional(query, query.as_bytes(), |instrument, reply| {
+            instrument.text(query, reply)
+        })
     }
 
     /// Queries a block; returns `None` if the device does not know the query or could not be
@@ -311,21 +157,24 @@ impl<P: CommandPort> Instrument<P> {
     /// Returns an error if no answer comes in time, the answer is not a block, or the device
     /// reports any other error.
     pub fn query_block(&mut self, query: &str) -> Result<Option<Vec<u8>>> {
-        self.optional(query, |instrument, reply| match scpi::split_block(&reply) {
-            Some((content, [])) => Ok(content.to_vec()),
-            _ => Err(instrument.garbage(query, &reply)),
+        self.ask(query, query.as_bytes(), |reply| {
+            match scpi::split_block(reply) {
+                Some((content, [])) => Some(content.to_vec()),
+                _ => None,
+            }
         })
     }
 
     fn optional<T>(
         &mut self,
         query: &str,
+        line: &[u8],
         read: impl Fn(&Self, Vec<u8>) -> Result<T>,
     ) -> Result<Option<T>> {
         // Requires two such refusals, because a device also refuses a query that was corrupted on the
         // way as unknown.
         let mut unknown = 0;
-        self.again(|instrument| match instrument.exchange(query.as_bytes())? {
+        self.again(|instrument| match instrument.exchange(line)? {
             None => Err(instrument.silence(query)),
             Some(Answer::Void) => {
                 let (number, error) = instrument.refusal(query)?;

@@ -1,5 +1,6 @@
 use super::super::MemoryPort;
 use super::*;
+use std::time::Duration;
 
 const SHORT: Duration = Duration::from_millis(30);
 const LONG: Duration = Duration::from_secs(60);

@@ -199,7 +199,7 @@ impl Connection {
         };
         drop(writer);
         // Part of a command may have been sent, so nothing can follow it.
-        self.close(super::replies::reason(&error));
+        self.close(reason(&error));
         Err(self.error())
     }
 
@@ -262,4 +262,16 @@ fn empty_packets(submit: &Submit) -> Vec<u8> {
 /// Returns the time left until a deadline.
 pub(super) fn left(deadline: Instant) -> Duration {
     deadline.saturating_duration_since(Instant::now())
+}
+
+/// Describes what a socket error means for the device.
+pub(super) fn reason(error: &io::Error) -> String {
+    use io::ErrorKind as Kind;
+    match error.kind() {
+        Kind::UnexpectedEof | Kind::ConnectionReset | Kind::BrokenPipe => {
+            "the device disconnected".to_owned()
+        }
+        Kind::WouldBlock | Kind::TimedOut => "the server accepts no more commands".to_owned(),
+        _ => error.to_string(),
+    }
 }

@@ -1,6 +1,6 @@
 //! The thread that reads a connection and hands each reply to its receiver.
 
-use super::connection::{Connection, Done, Pending, lock};
+use super::connection::{Connection, Done, Pending, lock, reason};
 use super::inlet::Inlet;
 use phasmid_protocol::usb::usbip::{HEADER_LEN, PACKET_LEN, Packet, Reply, status};
 use std::io::{self, Read};
@@ -134,16 +134,4 @@ fn read_packets(inlet: &mut impl Read, count: u32, len: usize) -> io::Result<Vec
         )));
     }
     Ok(packets)
-}
-
-/// Describes what a socket error means for the device.
-pub(super) fn reason(error: &io::Error) -> String {
-    use io::ErrorKind as Kind;
-    match error.kind() {
-        Kind::UnexpectedEof | Kind::ConnectionReset | Kind::BrokenPipe => {
-            "the device disconnected".to_owned()
-        }
-        Kind::WouldBlock | Kind::TimedOut => "the server accepts no more commands".to_owned(),
-        _ => error.to_string(),
-    }
 }

@@ -54,7 +54,7 @@ fn patients_match_surveys_and_literature() {
 
         // The whole tumour is in the lung; since tissue moves with it, this holds at every phase.
         let organs = phantom.modes.organs();
-        assert_eq!(organs.out_of_lobe(p.tumour.lobe, &phantom.tumour), None);
+        assert_eq!(phantom.tumour.out_of_lobe(p.tumour.lobe, organs), None);
 
         // Front of the abdomen: 1 to 20 mm; tumours within 30 mm, in upper lobes within 8.
         let front = |h: f64| {

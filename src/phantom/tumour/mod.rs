@@ -8,7 +8,7 @@ mod sphere;
 mod tests;
 
 use super::organs::Organs;
-use super::parameters::Patient;
+use super::parameters::{Lobe, Patient};
 use super::random::Draws;
 use glam::DVec3;
 use icosphere::icosphere;
@@ -119,6 +119,19 @@ impl Shape {
             return length - 1.35 * self.radius_mm;
         }
         length - self.radius(if length > 0.0 { off / length } else { DVec3::Z })
+    }
+
+    /// Describes how the tumour lies outside its lobe or the lungs; `None` if it does not.
+    pub(super) fn out_of_lobe(&self, lobe: Lobe, organs: &Organs) -> Option<String> {
+        let found = organs.lobe(self.centre());
+        if found != Some(lobe) {
+            return Some(match found {
+                Some(other) => format!("a tumour centred in another lobe ({other:?})"),
+                None => "a tumour centred outside the lungs".to_owned(),
+            });
+        }
+        let out = (self.surface().map(|x| organs.lungs(x))).fold(f64::MIN, f64::max);
+        (out > 0.0).then(|| format!("a tumour that extends {out:.1} mm out of the lung"))
     }
 
     /// Returns the surface as a closed mesh of 20 * 4^level outward triangles.

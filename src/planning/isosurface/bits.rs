@@ -1,6 +1,7 @@
 //! Inside/outside bitmap of a volume, with a border of outside voxels.
 
 use crate::volume::{Volume, Voxels};
+use phasmid_core::error::Error;
 use rayon::prelude::*;
 
 /// One bit per voxel, in rows along i, with a border of outside voxels. Voxel (i, j, k) of the
@@ -67,4 +68,13 @@ pub(super) fn highest(volume: &Volume) -> f32 {
         Voxels::I16(v) => v.iter().copied().max().map_or(0.0, f32::from),
         Voxels::F32(v) => v.iter().copied().fold(f32::NEG_INFINITY, f32::max),
     }
+}
+
+/// Error for a volume with unreasonably many components.
+pub(super) fn ragged(found: String, place: &str) -> Error {
+    Error::input(
+        place,
+        found,
+        "a surface of solid parts, not noise: smooth the volume, or choose another level",
+    )
 }

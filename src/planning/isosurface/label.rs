@@ -1,8 +1,7 @@
 //! Connected components of face-adjacent voxels by run-length labelling: keeps the largest and
 //! fills its cavities.
 
-use super::bits::Bits;
-use super::ragged;
+use super::bits::{Bits, ragged};
 use phasmid_core::error::Result;
 use std::ops::Range;
 

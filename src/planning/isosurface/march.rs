@@ -1,7 +1,6 @@
 //! Converts the bitmap to vertices and triangles, parallel over slices.
 
-use super::bits::Bits;
-use super::ragged;
+use super::bits::{Bits, ragged};
 use super::table::{TRIANGLES, edge};
 use crate::volume::Volume;
 use glam::DVec3;

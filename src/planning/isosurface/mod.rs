@@ -72,12 +72,3 @@ pub fn isosurface(volume: &Volume, level: f64, parts: Parts, place: &str) -> Res
     }
     march::mesh(volume, level, &bits, place)
 }
-
-/// Error for a volume with unreasonably many components.
-fn ragged(found: String, place: &str) -> Error {
-    Error::input(
-        place,
-        found,
-        "a surface of solid parts, not noise: smooth the volume, or choose another level",
-    )
-}

@@ -5,19 +5,11 @@
 //! checksum, garbage that looks like a header swallows bytes of the following packet; the client
 //! must then retry.
 
+use super::command::LineEnds;
 use super::packet::{Extent, Layout};
-use super::{LineEnds, WireError};
+use super::value::{Direction, WireError};
 use crate::scpi::{ErrorCode, Framer, Framing};
 use std::sync::Arc;
-
-/// Direction of a stream.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Direction {
-    /// Host to device.
-    ToDevice,
-    /// Device to host.
-    ToHost,
-}
 
 /// Output of a cutter.
 #[derive(Debug, Clone, PartialEq, Eq)]

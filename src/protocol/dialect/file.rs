@@ -23,6 +23,8 @@ pub(super) struct File {
     pub(super) events: BTreeMap<String, String>,
     #[serde(default)]
     pub(super) host: BTreeMap<String, OperationFile>,
+    #[serde(default)]
+    pub(super) settings: BTreeMap<String, OperationFile>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -227,6 +229,8 @@ pub(super) struct BootFile {
 pub(super) struct OperationFile {
     pub(super) steps: Vec<StepFile>,
     pub(super) result: Option<String>,
+    #[serde(default)]
+    pub(super) allowed: Vec<String>,
 }
 
 #[derive(Debug, Clone, Deserialize)]

@@ -17,11 +17,11 @@
 //!
 #![doc = include_str!("guide.md")]
 
-mod builtin;
 mod check;
 mod checksum;
 mod command;
 mod cutter;
+mod definition;
 mod device;
 mod field;
 mod file;
@@ -36,30 +36,21 @@ mod uses;
 mod value;
 mod word;
 
-pub use cutter::{Cut, Cutter, Direction};
+pub use cutter::{Cut, Cutter};
+pub use definition::Dialect;
 pub use uses::{Chunk, Gather, HostUse, MAX_CHUNKED_BYTES, Operation, Step};
-pub use value::{Asked, Boot, Event, Head, Reply, Value, WireError};
+pub use value::{Asked, Boot, Direction, Event, Head, Reply, Value, WireError};
 
-use command::{Command, Errors, Framing, LineEnds};
-use phasmid_core::error::Result;
+use phasmid_core::error::{Error, Result};
 use phasmid_core::source::TomlSource;
-use template::Template;
+use std::path::Path;
 
-/// A validated dialect.
-#[derive(Debug, Clone)]
-pub struct Dialect {
-    name: String,
-    description: String,
-    framing: Framing,
-    echo: bool,
-    commands: Vec<Command>,
-    errors: Option<Errors>,
-    events: Vec<(Event, Template)>,
-    boot: Vec<Boot>,
-    host: HostUse,
-    /// Examples of the firmware's messages, each with its location in the file.
-    runs: Vec<(String, String)>,
-}
+/// Name and text of each built-in dialect.
+const DIALECTS: [(&str, &str); 3] = [
+    ("scpi", phasmid_device_profiles::DIALECTS_SCPI),
+    ("dlpc350", phasmid_device_profiles::DIALECTS_DLPC350),
+    ("okline", phasmid_device_profiles::DIALECTS_OKLINE),
+];
 
 impl Dialect {
     /// Loads a built-in dialect by its name, or else a file by its path.
@@ -68,7 +59,7 @@ impl Dialect {
     /// Returns an error if the name is neither built in nor a file, if the file cannot be read, or
     /// if [`Self::parse`] fails.
     pub fn load(name_or_path: &str) -> Result<Self> {
-        Self::from_source(&builtin::source(name_or_path)?)
+        Self::from_source(&source(name_or_path)?)
     }
 
     /// Makes the path of a dialect file absolute, and returns a built-in name unchanged.
@@ -109,136 +100,29 @@ impl Dialect {
 
     /// Returns the names of the built-in dialects.
     pub fn names() -> impl Iterator<Item = &'static str> {
-        builtin::DIALECTS.iter().map(|(name, _)| *name)
+        DIALECTS.iter().map(|(name, _)| *name)
     }
 
     /// Returns the text of a built-in dialect's file.
     pub fn text(name: &str) -> Option<&'static str> {
-        let found = builtin::DIALECTS.iter().find(|(known, _)| *known == name);
+        let found = DIALECTS.iter().find(|(known, _)| *known == name);
         found.map(|(_, text)| *text)
     }
+}
 
-    /// Returns the name used to select it.
-    pub fn name(&self) -> &str {
-        &self.name
+/// Loads a built-in dialect or a file.
+fn source(name_or_path: &str) -> Result<TomlSource> {
+    if let Some((name, text)) = DIALECTS.iter().find(|(name, _)| *name == name_or_path) {
+        return Ok(TomlSource::new(text, &format!("built-in dialect {name}")));
     }
-
-    /// Returns the one-line description for listings.
-    pub fn description(&self) -> &str {
-        &self.description
+    let path = Path::new(name_or_path);
+    if !path.is_file() {
+        let names: Vec<_> = DIALECTS.iter().map(|(name, _)| *name).collect();
+        return Err(Error::input(
+            format!("dialect {name_or_path:?}"),
+            "neither a built-in name nor a file",
+            format!("{} or the path of a TOML file", names.join(", ")),
+        ));
     }
-
-    /// Returns whether it is the device's native grammar (IEEE 488.2), so that messages pass
-    /// through unchanged.
-    pub fn is_scpi(&self) -> bool {
-        matches!(self.framing, Framing::Scpi(_))
-    }
-
-    /// Returns a description of the message framing.
-    pub fn framing(&self) -> String {
-        match &self.framing {
-            Framing::Scpi(_) => "SCPI".to_owned(),
-            Framing::Line(ends) => format!("lines of up to {} bytes", ends.max),
-            Framing::Packet(layout) => match layout.size {
-                Some(size) => format!("packets of {size} bytes"),
-                None => format!("packets of up to {} bytes", layout.max),
-            },
-        }
-    }
-
-    /// Returns whether messages are packets, which need 8-bit bytes.
-    pub fn is_binary(&self) -> bool {
-        matches!(self.framing, Framing::Packet(_))
-    }
-
-    /// Returns whether messages have a sequence number that replies repeat.
-    pub fn has_sequence(&self) -> bool {
-        matches!(&self.framing, Framing::Packet(layout) if layout.sequence.is_some())
-    }
-
-    /// Returns whether damaged messages can be detected.
-    pub fn has_checksum(&self) -> bool {
-        matches!(&self.framing, Framing::Packet(layout) if layout.checksum.is_some())
-    }
-
-    /// Returns every `runs` message of the file with examples of its arguments, covering all
-    /// choices, and its location in the file (`FILE:LINE: field`), so that a caller with the
-    /// device's command table can check that these commands exist.
-    pub fn all_runs(&self) -> &[(String, String)] {
-        &self.runs
-    }
-
-    /// Creates a cutter for one direction.
-    pub fn cutter(&self, direction: Direction) -> Cutter {
-        match &self.framing {
-            Framing::Scpi(_) => Cutter::scpi(),
-            Framing::Line(ends) => Cutter::lines(ends.clone(), direction),
-            Framing::Packet(layout) => Cutter::packets(layout.clone(), direction),
-        }
-    }
-
-    /// Returns whether the device echoes what it receives: see [`Self::echoed`].
-    pub fn echo(&self) -> bool {
-        self.echo
-    }
-
-    /// Returns the echo of a received line, including its line end.
-    pub fn echoed(&self, message: &[u8]) -> Vec<u8> {
-        match &self.framing {
-            Framing::Scpi(ends) | Framing::Line(ends) => {
-                [message, ends.to_host.as_bytes()].concat()
-            }
-            Framing::Packet(_) => message.to_vec(),
-        }
-    }
-
-    /// Returns the messages after power-on, in time order.
-    pub fn boot(&self) -> &[Boot] {
-        &self.boot
-    }
-
-    /// Returns the host's operations.
-    pub fn host(&self) -> &HostUse {
-        &self.host
-    }
-
-    /// Returns whether another dialect performs an operation with the same messages, regardless of
-    /// command names.
-    pub fn does_alike(&self, other: &Self, operation: &str) -> bool {
-        let words = |dialect: &Self| {
-            let operation = dialect.host.get(operation)?;
-            let commands = operation.steps.iter().map(|step| {
-                let command = dialect.command(&step.command).cloned();
-                command.map(|command| (command, step.args.clone()))
-            });
-            let mut commands: Vec<_> = commands.collect::<Option<_>>()?;
-            for (command, _) in &mut commands {
-                command.name.clear();
-            }
-            Some((commands, operation.result.clone()))
-        };
-        words(self) == words(other)
-    }
-
-    /// Returns the names of the commands.
-    pub fn commands(&self) -> impl Iterator<Item = &str> {
-        self.commands.iter().map(|command| command.name.as_str())
-    }
-
-    /// Returns how a command's long answer is read in pieces; `None` if it comes in one message.
-    pub fn chunk(&self, command: &str) -> Option<&Chunk> {
-        self.command(command)?.chunk.as_ref()
-    }
-
-    /// Returns whether the device answers a command; SCPI answers only queries.
-    pub fn is_answered(&self, command: &str) -> bool {
-        match (&self.framing, self.command(command)) {
-            (Framing::Packet(_), found) => found.is_some(),
-            (_, found) => found.is_some_and(|command| !command.reply.is_empty()),
-        }
-    }
-
-    fn command(&self, name: &str) -> Option<&Command> {
-        self.commands.iter().find(|command| command.name == name)
-    }
+    TomlSource::read(path)
 }

@@ -9,29 +9,34 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HostUse {
     pub(super) operations: BTreeMap<String, Operation>,
+    /// Further settings that are read back.
+    pub(super) settings: BTreeMap<String, Operation>,
 }
 
-/// Names of the operations with their inputs.
-pub(super) const OPERATIONS: [(&str, &[&str]); 18] = [
-    ("identify", &[]),
-    ("list", &[]),
-    ("select", &["name"]),
-    ("selected", &[]),
-    ("manifest", &[]),
-    ("calibration", &[]),
-    ("source", &[]),
-    ("quiet", &[]),
-    ("restore", &["source"]),
-    ("light_on", &[]),
-    ("arm", &[]),
-    ("trigger", &[]),
-    ("complete", &[]),
-    ("exposure", &["exposure"]),
-    ("last_id", &[]),
-    ("errors", &[]),
-    ("mark", &["mark"]),
-    ("marked", &[]),
+/// Each operation: its name, its inputs, whether it has a result.
+pub(super) const OPERATIONS: [(&str, &[&str], bool); 18] = [
+    ("identify", &[], true),
+    ("list", &[], true),
+    ("select", &["name"], false),
+    ("selected", &[], true),
+    ("manifest", &[], true),
+    ("calibration", &[], true),
+    ("source", &[], true),
+    ("quiet", &[], false),
+    ("restore", &["source"], false),
+    ("light_on", &[], false),
+    ("arm", &[], false),
+    ("trigger", &[], false),
+    ("complete", &[], false),
+    ("exposure", &["exposure"], false),
+    ("last_id", &[], true),
+    ("errors", &[], true),
+    ("mark", &["mark"], false),
+    ("marked", &[], true),
 ];
+
+/// Operations that report a setting, in the order in which they are queried.
+pub(super) const REPORTS: [&str; 2] = ["selected", "source"];
 
 /// Operations required for a scan.
 const NEEDED: [&str; 1] = ["trigger"];
@@ -42,9 +47,30 @@ impl HostUse {
         self.operations.get(operation)
     }
 
+    /// Returns the settings that are read back before and after a run, each with its query: the
+    /// operations `selected` and `source`, and the entries of the file's table `settings`.
+    pub fn settings(&self) -> impl Iterator<Item = (&str, &Operation)> {
+        let reports = REPORTS.into_iter();
+        let reports = reports.filter_map(|name| Some((name, self.get(name)?)));
+        let further = self.settings.iter();
+        reports.chain(further.map(|(name, operation)| (name.as_str(), operation)))
+    }
+
+    /// Returns the query of a setting; `None` if the dialect lacks it.
+    pub fn setting(&self, name: &str) -> Option<&Operation> {
+        self.settings()
+            .find_map(|(known, operation)| (known == name).then_some(operation))
+    }
+
+    /// Returns whether a setting may have a value before a run.
+    pub fn allows(&self, setting: &str, value: &str) -> bool {
+        let allowed = self.setting(setting).map_or(&[][..], |s| &s.allowed);
+        allowed.is_empty() || allowed.iter().any(|word| word.eq_ignore_ascii_case(value))
+    }
+
     /// Returns the names of the operations that the dialect supports.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
-        let all = OPERATIONS.iter().map(|(name, _)| *name);
+        let all = OPERATIONS.iter().map(|(name, ..)| *name);
         all.filter(|name| self.operations.contains_key(*name))
     }
 
@@ -55,7 +81,7 @@ impl HostUse {
 
     /// Returns the names of missing operations.
     pub fn missing(&self) -> impl Iterator<Item = &'static str> {
-        let all = OPERATIONS.iter().map(|(name, _)| *name);
+        let all = OPERATIONS.iter().map(|(name, ..)| *name);
         all.filter(|name| !self.operations.contains_key(*name))
     }
 }
@@ -67,6 +93,8 @@ pub struct Operation {
     pub steps: Vec<Step>,
     /// Template of the result, with `{value}` placeholders for values of the answers.
     pub(super) result: Option<String>,
+    /// Permitted results of a setting before a run; empty if all are.
+    pub(super) allowed: Vec<String>,
 }
 
 impl Operation {
@@ -241,7 +269,7 @@ mod tests {
     #[test]
     fn the_guide_has_all_operations() {
         let rows = || include_str!("guide.md").lines();
-        for (name, inputs) in OPERATIONS {
+        for (name, inputs, _) in OPERATIONS {
             let row = rows().find(|row| row.starts_with(&format!("| {name} |")));
             let row = row.unwrap_or_else(|| panic!("no row for {name}"));
             for input in inputs {

@@ -3,6 +3,15 @@
 use crate::scpi::{DeviceError, ErrorCode};
 use std::fmt::{self, Display};
 
+/// Direction of a stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// Host to device.
+    ToDevice,
+    /// Device to host.
+    ToHost,
+}
+
 /// A value of an argument or a reply, in base units: seconds, decibels, 1 for 100 %.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {

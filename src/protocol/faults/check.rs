@@ -1,69 +1,12 @@
-//! Checks of a fault schedule.
+//! Checks of a fault: constraints that the types do not enforce.
 
-use super::{Fault, MAX_FAULTS, Schedule, Side, What};
-use phasmid_core::error::Result;
-use phasmid_core::source::TomlSource;
+use super::fault::Fault;
+use super::kind::{Flaw, Side, What};
 use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
-use toml::{Table, Value};
+use toml::Value;
 
-/// A problem with a fault.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{field}: {found}; expected {allowed}")]
-pub struct Flaw {
-    /// The field, such as `when.nth`.
-    pub field: String,
-    /// Value found.
-    pub found: String,
-    /// Allowed values.
-    pub allowed: String,
-}
-
-impl Flaw {
-    pub(super) fn new(field: &str, found: impl Display, allowed: impl Display) -> Self {
-        Self {
-            field: field.to_owned(),
-            found: found.to_string(),
-            allowed: allowed.to_string(),
-        }
-    }
-}
-
-pub(super) fn schedule(written: Schedule<Table>, source: &TomlSource) -> Result<Schedule> {
-    if written.fault.len() > MAX_FAULTS {
-        let found = format!("{} faults", written.fault.len());
-        return Err(source.violation("fault", found, format!("up to {MAX_FAULTS}")));
-    }
-    let faults = written.fault.into_iter().enumerate().map(|(i, fault)| {
-        let fault = fault.read().and_then(|fault| fault.check().map(|()| fault));
-        fault.map_err(|flaw| {
-            let field = format!("fault[{i}].{}", flaw.field);
-            source.violation(&field, flaw.found, flaw.allowed)
-        })
-    });
-    Ok(Schedule {
-        seed: written.seed,
-        fault: faults.collect::<Result<_>>()?,
-    })
-}
-
-/// Rejects faults for unknown devices, which could never occur.
-pub(super) fn devices(schedule: &Schedule, names: &[&str], source: &TomlSource) -> Result<()> {
-    for (i, fault) in schedule.fault.iter().enumerate() {
-        fault.check_device(names).map_err(|flaw| {
-            let field = format!("fault[{i}].{}", flaw.field);
-            source.violation(&field, flaw.found, flaw.allowed)
-        })?;
-    }
-    Ok(())
-}
-
-fn that(
-    ok: bool,
-    field: &str,
-    found: impl Display,
-    allowed: impl Display,
-) -> std::result::Result<(), Flaw> {
+fn that(ok: bool, field: &str, found: impl Display, allowed: impl Display) -> Result<(), Flaw> {
     match ok {
         true => Ok(()),
         false => Err(Flaw::new(field, found, allowed)),
@@ -74,7 +17,7 @@ fn within<T: PartialOrd + Debug + Copy>(
     field: &str,
     value: Option<T>,
     range: RangeInclusive<T>,
-) -> std::result::Result<(), Flaw> {
+) -> Result<(), Flaw> {
     let Some(value) = value else {
         return Ok(());
     };
@@ -92,7 +35,7 @@ impl Fault {
     ///
     /// # Errors
     /// Returns the first invalid field.
-    pub fn check(&self) -> std::result::Result<(), Flaw> {
+    pub fn check(&self) -> Result<(), Flaw> {
         self.check_parameters()?;
         self.check_side()?;
         within("times", self.times, 1..=u64::MAX)?;
@@ -103,7 +46,7 @@ impl Fault {
     ///
     /// # Errors
     /// Returns an error for the field `device` if it is not.
-    pub fn check_device(&self, names: &[&str]) -> std::result::Result<(), Flaw> {
+    pub fn check_device(&self, names: &[&str]) -> Result<(), Flaw> {
         let there = names.iter().any(|name| self.concerns(name));
         let device = self.device.as_deref().unwrap_or_default();
         let allowed = match names {
@@ -118,7 +61,7 @@ impl Fault {
         )
     }
 
-    fn check_parameters(&self) -> std::result::Result<(), Flaw> {
+    fn check_parameters(&self) -> Result<(), Flaw> {
         let kind = self.what.kind();
         for (parameter, (name, value)) in kind.parameters.iter().zip(self.what.values()) {
             let number = match value {
@@ -148,7 +91,7 @@ impl Fault {
         }
     }
 
-    fn check_side(&self) -> std::result::Result<(), Flaw> {
+    fn check_side(&self) -> Result<(), Flaw> {
         let kind = self.what.kind();
         if let Some(side) = self.on {
             let name = |side: Side| match side {
@@ -172,7 +115,7 @@ impl Fault {
         )
     }
 
-    fn check_when(&self) -> std::result::Result<(), Flaw> {
+    fn check_when(&self) -> Result<(), Flaw> {
         let when = &self.when;
         within("when.nth", when.nth, 1..=u64::MAX)?;
         within("when.every", when.every, 1..=u64::MAX)?;

@@ -1,9 +1,8 @@
 //! Kinds of faults: one list of what goes wrong, with the parameters of each kind, their defaults and
-//! their limits.
+//! their limits; and [`Flaw`], the problem that a check finds.
 
-use super::Direction;
-use super::check::Flaw;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de, ser::SerializeMap};
+use std::fmt::Display;
 use toml::{Table, Value};
 
 /// Unit that a fault's conditions count.
@@ -15,6 +14,18 @@ pub enum Side {
     Camera,
     /// Messages on the control port.
     Port,
+}
+
+/// Direction of bytes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Direction {
+    /// From the client to the device.
+    ToDevice,
+    /// From the device to the client.
+    #[default]
+    ToHost,
 }
 
 /// A parameter of a kind of fault.
@@ -45,6 +56,28 @@ pub struct Kind {
     pub parameters: &'static [Parameter],
     /// The fault with the default of each parameter.
     pub what: What,
+}
+
+/// A problem with a fault.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{field}: {found}; expected {allowed}")]
+pub struct Flaw {
+    /// The field, such as `when.nth`.
+    pub field: String,
+    /// Value found.
+    pub found: String,
+    /// Allowed values.
+    pub allowed: String,
+}
+
+impl Flaw {
+    pub(super) fn new(field: &str, found: impl Display, allowed: impl Display) -> Self {
+        Self {
+            field: field.to_owned(),
+            found: found.to_string(),
+            allowed: allowed.to_string(),
+        }
+    }
 }
 
 macro_rules! kinds {

@@ -51,8 +51,8 @@ fn a_fault_for_a_device_that_is_not_there_is_refused_with_its_line() {
         "bad-day.toml",
     );
     let schedule = Schedule::from_source(&source).unwrap();
-    check::devices(&schedule, &["left", "right"], &source).unwrap();
-    let refused = check::devices(&schedule, &["left", "middle"], &source);
+    check_devices(&schedule, &["left", "right"], &source).unwrap();
+    let refused = check_devices(&schedule, &["left", "middle"], &source);
     let words = "bad-day.toml:5: fault[1].device: \"right\"; expected left, middle";
     assert_eq!(refused.unwrap_err().to_string(), words);
 }

@@ -1,16 +1,8 @@
-//! Matching of headers and words against SCPI notation: capitals are the short form, and brackets
+//! Matching of headers against SCPI notation: capitals are the short form, and brackets
 //! enclose optional parts, as in `TRIGger[:SEQuence][:IMMediate]`.
 
+use super::param::keyword_matches;
 use super::parse::{Node, Unit};
-
-/// Returns whether an upper-case word is the short or the long form of a keyword such as
-/// `SOFTware`.
-pub fn keyword_matches(pattern: &str, word: &str) -> bool {
-    let short = pattern
-        .find(|c: char| c.is_ascii_lowercase())
-        .map_or(pattern, |end| &pattern[..end]);
-    word == short || word.eq_ignore_ascii_case(pattern)
-}
 
 /// Result of comparing a unit's header with a pattern.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -19,6 +19,6 @@ pub use block::{
 };
 pub use error::{DeviceError, ErrorCode};
 pub use framing::{Framer, Framing, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
-pub use header::{HeaderMatch, keyword_matches, match_header};
-pub use param::{Args, Number, Param, Quantity, quote};
+pub use header::{HeaderMatch, match_header};
+pub use param::{Args, Number, Param, Quantity, keyword_matches, quote};
 pub use parse::{Node, Program, Unit, parse};

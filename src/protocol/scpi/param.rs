@@ -1,7 +1,7 @@
-//! Parameter types and their extraction by commands, with the standard's error for each mismatch.
+//! Parameter types and their extraction by commands, with the standard's error for each mismatch. Words are
+//! matched against keywords in SCPI notation, whose capitals are the short form.
 
 use super::error::{DeviceError, ErrorCode};
-use super::header::keyword_matches;
 
 /// One parameter as written in the message.
 #[derive(Debug, Clone, PartialEq)]
@@ -214,6 +214,15 @@ impl<'a> Args<'a> {
             Some(_) => Err(ErrorCode::ParameterNotAllowed.into()),
         }
     }
+}
+
+/// Returns whether an upper-case word is the short or the long form of a keyword such as
+/// `SOFTware`.
+pub fn keyword_matches(pattern: &str, word: &str) -> bool {
+    let short = pattern
+        .find(|c: char| c.is_ascii_lowercase())
+        .map_or(pattern, |end| &pattern[..end]);
+    word == short || word.eq_ignore_ascii_case(pattern)
 }
 
 fn unwanted(param: &Param) -> DeviceError {

@@ -1,6 +1,5 @@
 //! Internal state of a device as reported over the service channel.
 
-use super::Reply;
 use crate::faults::{Fault, Struck};
 use phasmid_pattern::Pattern;
 use serde::{Deserialize, Serialize};
@@ -186,19 +185,6 @@ pub struct SequenceAbout {
     pub name: String,
     /// Its manifest, in TOML.
     pub manifest: String,
-}
-
-impl SequenceAbout {
-    /// Returns the note that a recording keeps of a sequence and of the calibration, in TOML: what the service
-    /// channel answers about both, in one line.
-    pub fn to_note(&self, calibration: Option<String>) -> String {
-        let reply = Reply {
-            sequence: Some(self.clone()),
-            calibration,
-            ..Reply::default()
-        };
-        reply.to_line().trim_end().to_owned()
-    }
 }
 
 /// A term of image formation.

@@ -11,10 +11,9 @@ pub use about::{
     PatientAbout, PlaceAbout, SequenceAbout, Shown, StandingFault, TermAbout,
 };
 pub use maps::{Maps, ask, call};
+pub use parse::InvalidRequest;
 pub use reply::Reply;
-pub use request::{
-    Action, Every, InvalidRequest, Item, Placement, Request, Step, TermChoice, Which,
-};
+pub use request::{Action, Every, Item, Placement, Request, Step, TermChoice, Which};
 
 /// Maximum request line length in bytes.
 pub const MAX_LINE: usize = 4096;

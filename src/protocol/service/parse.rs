@@ -1,26 +1,40 @@
 //! Parses requests. Errors state what was found and what is allowed, both for malformed JSON and
-//! for JSON of the wrong shape.
-
-mod fields;
-mod once;
+//! for JSON of the wrong shape, in which no object may have a name twice.
 
 use super::about::ClockPace;
 use super::request::{Action, Every, Item, Placement, Request, Step, TermChoice, Which};
 use crate::faults::{Fault, When};
-use fields::fields;
-use once::Once;
-use serde_json::{Value, json};
+use phasmid_core::wording::found_and_expected;
+use serde::Deserialize;
+use serde::de::{DeserializeOwned, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
+use serde_json::{Map, Value, json};
+use std::fmt;
 
 /// Names of requests.
 const REQUESTS: &str = "get, objects_at_ns, truth_at_ns, truth_of_frame, do, place, set, term, clock, fault, clear_faults";
 /// Maximum number of characters of the input that an error shows.
 const SHOWN: usize = 60;
 
+/// Why a line is not a valid request: what was found, and what is expected.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct InvalidRequest(String);
+
+impl Request {
+    /// Parses a request line.
+    ///
+    /// # Errors
+    /// Returns an error, worded for the reply, if the line is not a valid request.
+    pub fn parse(line: &[u8]) -> Result<Self, InvalidRequest> {
+        request(line).map_err(InvalidRequest)
+    }
+}
+
 /// Parses a line.
 ///
 /// # Errors
 /// Returns an error, worded for the reply, if the line is not a valid request.
-pub(super) fn request(line: &[u8]) -> Result<Request, String> {
+fn request(line: &[u8]) -> Result<Request, String> {
     let Once(value) = serde_json::from_slice(line).map_err(|e| {
         let words = e.to_string();
         match words.contains("; expected ") {
@@ -145,6 +159,50 @@ fn fault(place: &str, value: Value) -> Result<Fault, String> {
     })
 }
 
+/// Parses an object. `whole` is a valid object: to find the invalid field, each field in turn is
+/// inserted alone into it.
+fn fields<T: DeserializeOwned>(
+    place: &str,
+    value: Value,
+    whole: &Value,
+    needed: &str,
+) -> Result<T, String> {
+    let Value::Object(given) = &value else {
+        return refusal(place, &value, &format!("an object with {needed}"));
+    };
+    let given = given.clone();
+    let error = match serde_json::from_value(value) {
+        Ok(read) => return Ok(read),
+        Err(error) => reworded(&error),
+    };
+    for (name, field) in given {
+        let mut probe = whole.clone();
+        probe[&name] = field;
+        if let Err(error) = serde_json::from_value::<T>(probe) {
+            let words = reworded(&error);
+            return Err(match words.starts_with("unknown field") {
+                true => format!("{place}: {words}"),
+                false => format!("{place}.{name}: {words}"),
+            });
+        }
+    }
+    Err(format!("{place}: {error}; expected {needed}"))
+}
+
+/// Rewords an error of serde like all other errors.
+fn reworded(error: &serde_json::Error) -> String {
+    let (found, expected) = found_and_expected(&error.to_string(), "");
+    let found = ["invalid type: ", "invalid value: ", "invalid length "]
+        .iter()
+        .find_map(|start| found.strip_prefix(start))
+        .unwrap_or(&found)
+        .to_owned();
+    match expected.as_str() {
+        "" => found,
+        _ => format!("{}; expected {expected}", shortened(found)),
+    }
+}
+
 /// Formats a value as JSON, truncated if it is long.
 fn found(value: &Value) -> String {
     shortened(value.to_string())
@@ -154,6 +212,70 @@ fn shortened(text: String) -> String {
     match text.char_indices().nth(SHOWN) {
         None => text,
         Some((at, _)) => format!("{}...", &text[..at]),
+    }
+}
+
+/// A value whose objects have no name twice: serde_json would take the last one.
+struct Once(Value);
+
+impl<'de> Deserialize<'de> for Once {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        from.deserialize_any(OnceVisitor).map(Self)
+    }
+}
+
+struct OnceVisitor;
+
+impl<'de> Visitor<'de> for OnceVisitor {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("JSON")
+    }
+
+    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
+        Ok(Value::Bool(value))
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_unit<E>(self) -> Result<Value, E> {
+        Ok(Value::Null)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Value, A::Error> {
+        let mut values = Vec::new();
+        while let Some(Once(value)) = list.next_element()? {
+            values.push(value);
+        }
+        Ok(Value::Array(values))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
+        let mut map = Map::new();
+        while let Some(name) = entries.next_key::<String>()? {
+            let Once(value) = entries.next_value()?;
+            if map.contains_key(&name) {
+                let name = shortened(name);
+                return Err(A::Error::custom(format!("{name} twice; expected once")));
+            }
+            map.insert(name, value);
+        }
+        Ok(Value::Object(map))
     }
 }
 

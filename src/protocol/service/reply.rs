@@ -1,4 +1,4 @@
-//! The header line of a reply.
+//! The header line of a reply, and the note of a recording in the same form.
 
 use super::about::{
     Clock, DeviceAbout, FaultsAbout, FrameAbout, Objects, SequenceAbout, TermAbout,
@@ -112,6 +112,19 @@ impl Reply {
 
     fn bytes_per_pixel(&self) -> u64 {
         4 * self.maps.len() as u64 + u64::from(self.flags)
+    }
+}
+
+impl SequenceAbout {
+    /// Returns the note that a recording keeps of a sequence and of the calibration, in TOML: what the service
+    /// channel answers about both, in one line.
+    pub fn to_note(&self, calibration: Option<String>) -> String {
+        let reply = Reply {
+            sequence: Some(self.clone()),
+            calibration,
+            ..Reply::default()
+        };
+        reply.to_line().trim_end().to_owned()
     }
 }
 

@@ -139,20 +139,7 @@ pub enum Every {
     All,
 }
 
-/// Why a line is not a valid request: what was found, and what is expected.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct InvalidRequest(String);
-
 impl Request {
-    /// Parses a request line.
-    ///
-    /// # Errors
-    /// Returns an error, worded for the reply, if the line is not a valid request.
-    pub fn parse(line: &[u8]) -> Result<Self, InvalidRequest> {
-        super::parse::request(line).map_err(InvalidRequest)
-    }
-
     /// Serializes the request, including its newline.
     pub fn to_line(&self) -> String {
         let mut line = serde_json::to_string(self).expect("words and numbers");

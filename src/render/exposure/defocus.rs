@@ -1,8 +1,8 @@
 //! Projector defocus: blur width at each point as a function of depth.
 
-use super::super::shade::Shaded;
 use super::bell::Bell;
 use super::soft::Soft;
+use crate::scene::Shaded;
 use glam::DVec3;
 use phasmid_geometry::raycast::LANES;
 use phasmid_profile::Projector;

@@ -7,10 +7,11 @@
 //! this is accurate to about 4 of 255 levels for a fringe and 7 for Gray code; along diagonals it is
 //! coarser.
 
-use super::super::buffer::{GeometryBuffer, Mixed};
-use super::super::skin::{Component, SkinMaps};
+use super::super::skin::Component;
 use super::blend::Spread;
+use super::buffer::{GeometryBuffer, Mixed};
 use super::image_table::ImageTable;
+use super::skin_maps::SkinMaps;
 
 /// Weights of the three squares, and their squared half widths over the variance.
 const SQUARES: [(f32, f32); 3] = [

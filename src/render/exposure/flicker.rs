@@ -1,6 +1,6 @@
 //! Mains flicker: light modulated at twice the mains frequency, integrated over an exposure.
 
-use super::super::buffer::GeometryBuffer;
+use super::buffer::GeometryBuffer;
 use phasmid_profile as profile;
 use std::f64::consts::PI;
 

@@ -1,8 +1,8 @@
 //! Exposure pass of indirect light: averages a pattern over the ray hits of each gather point and
 //! interpolates the result over the pixels.
 
-use super::super::interreflection::{BLOCK, InterreflectionMap};
 use super::image_table::ImageTable;
+use super::indirect_map::{BLOCK, InterreflectionMap};
 use super::pass::Table;
 use super::row_table::RowTable;
 use phasmid_core::simd::widest;

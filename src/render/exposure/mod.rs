@@ -1,45 +1,60 @@
-//! The exposure pass: the projector's light at each pixel.
+//! The exposure pass: the projector's light at each pixel, from the maps of the geometry pass; and
+//! the light sources and lenses that both passes use.
 //!
 //! | module | contents |
 //! | --- | --- |
 //! | `pass` | the pass over pixels and mixed pixels |
+//! | `buffer` | maps over the pixels, filled by the geometry pass |
 //! | `levels` | pattern levels to light: response curve, contrast ratio |
 //! | `row_table` | averages of patterns that vary along one axis |
 //! | `image_table` | averages of image patterns |
 //! | `kernel` | averages of row patterns under blur, as weights of pattern pixels |
 //! | `bell`, `soft`, `blend` | a footprint convolved with one or several Gaussians |
+//! | `skin_maps` | light on skin at each pixel |
 //! | `diffused` | image patterns on skin |
 //! | `defocus` | width of the projector's blur |
 //! | `flicker` | mains flicker |
-//! | `indirect` | interreflection |
+//! | `lamps` | light sources other than the projector |
+//! | `indirect_map`, `indirect` | interreflection |
 //! | `resolution` | resolution limit of fringes |
+//! | `shade` | the projector's light at points of surfaces |
 //! | `vignetting` | vignetting, applied in the geometry pass |
 
 mod bell;
 mod blend;
+mod buffer;
 mod defocus;
 mod diffused;
 mod flicker;
 mod image_table;
 mod indirect;
+mod indirect_map;
 mod kernel;
+mod lamps;
 mod levels;
 mod pass;
 mod resolution;
 mod row_table;
+mod shade;
+mod skin_maps;
 mod soft;
 mod vignetting;
 
 pub(super) use bell::{Bell, density, distribution};
+#[cfg(test)]
 pub(super) use blend::Spread;
-pub(super) use defocus::Defocus;
+pub(super) use buffer::{Band, GeometryBuffer, Mixed};
 pub(super) use flicker::{Flicker, add as add_flicker, with as with_flicker};
 pub(super) use image_table::ImageTable;
 pub(super) use indirect::Indirect;
-pub(super) use kernel::{Blurred, HeldRow, Kernels};
+pub(super) use indirect_map::{BLOCK, Gathering, InterreflectionMap};
+pub(super) use kernel::HeldRow;
+pub(super) use lamps::{Lamp, LampShape};
 pub(super) use pass::{Table, mixed, run};
 pub(super) use resolution::is_resolved;
 pub(super) use row_table::RowTable;
+pub(super) use shade::Optics;
+pub(super) use skin_maps::SkinMaps;
 #[cfg(test)]
 pub(super) use soft::Soft;
 pub(super) use vignetting::Falloff;

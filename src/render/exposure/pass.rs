@@ -3,8 +3,8 @@
 //! A pattern that varies along one axis is averaged exactly by its [`RowTable`] and, where the
 //! projector is out of focus, by kernels on its [`HeldRow`]; an image by its [`ImageTable`].
 
-use super::super::buffer::GeometryBuffer;
 use super::super::{Plan, Term};
+use super::buffer::GeometryBuffer;
 use super::image_table::ImageTable;
 use super::kernel::{HeldRow, Kernels};
 use super::levels::Curve;

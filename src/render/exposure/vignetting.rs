@@ -1,6 +1,6 @@
 //! Vignetting: factors applied to the light in the geometry pass.
 
-use super::super::shade::Shaded;
+use crate::scene::Shaded;
 use glam::{DVec2, DVec3};
 use phasmid_geometry::Lens;
 use phasmid_geometry::raycast::LANES;

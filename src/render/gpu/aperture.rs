@@ -1,7 +1,6 @@
 //! Tables of pupil points and rotations for `aperture.wgsl`, so that the samples match the CPU's.
 
-use crate::aperture::Aperture;
-use crate::sampled::{pupil_index, turn};
+use crate::transport::{Aperture, pupil_index, turn};
 use glam::DVec2;
 use phasmid_geometry::raycast::LANES;
 

@@ -1,26 +1,18 @@
 //! Compares electrons of whole frames from the GPU's exposure pass with the CPU's. Both use the
 //! CPU's geometry maps, so that only the exposure differs.
 
-use super::Shown;
 use super::exposure::Exposure;
-use super::{Engine, maps, skin, upload, upload_mixed};
-use crate::aperture::Aperture;
-use crate::buffer::GeometryBuffer;
-use crate::exposure::{Spread, Table};
-use crate::geometry::{self, Rays};
-use crate::renderer::ideal_points;
+use super::{Engine, Shown, maps, skin, upload, upload_mixed};
+use crate::exposure::{GeometryBuffer, Optics, Spread, Table};
+use crate::pattern_image::PatternImage;
+use crate::plan::Needs;
+use crate::scene::{World, Worlds};
 use crate::schedule::Schedule;
-use crate::shade::Optics;
+use crate::shot::{Shot, Showing, Shutter};
 use crate::skin::Mixture;
-use crate::term::Needs;
 use crate::timetable::Timetable;
-use crate::world::World;
-use crate::worlds::Worlds;
+use crate::transport::{Aperture, Rays, geometry, ideal_points};
 use crate::{Options, Plan, Term};
-use crate::{
-    pattern_image::PatternImage,
-    shot::{Shot, Showing, Shutter},
-};
 use phasmid_pattern::{Axis, Pattern};
 use phasmid_profile::{Focus, Profile, Response, Scene};
 use std::sync::Arc;
@@ -361,7 +353,7 @@ fn exposes_pixels_of_many_samples_like_the_cpu() {
     };
     let setup = Setup::new(SOLIDS, deep, options);
     let groups =
-        |m: &[crate::buffer::Mixed]| m.chunk_by(|a, b| a.pixel == b.pixel).all(|g| g.len() == 4);
+        |m: &[crate::exposure::Mixed]| m.chunk_by(|a, b| a.pixel == b.pixel).all(|g| g.len() == 4);
     assert!(groups(&setup.map.mixed));
     setup.check("64 samples", 0.01);
 }

@@ -1,8 +1,7 @@
 //! Detects scenes that exceed f32 precision and must be rendered on the CPU.
 
-use crate::lamps::LampShape;
-use crate::shade::Optics;
-use crate::world::{Placed, World};
+use crate::exposure::{LampShape, Optics};
+use crate::scene::{Placed, World};
 use glam::DVec2;
 use phasmid_geometry::{Lens, Solid};
 

@@ -6,7 +6,8 @@
 //! the GPU's maximum buffer size is an error.
 
 use super::{Engine, EntryPoint, grid, maps};
-use crate::interreflection::{Gathering, Hemisphere};
+use crate::exposure::Gathering;
+use crate::transport::interreflection::Hemisphere;
 use crate::{Plan, Term};
 use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::{Error, Result};

@@ -14,11 +14,9 @@ mod tables;
 mod tests;
 
 use super::Engine;
-use crate::animation::Blend;
-use crate::lamps::{Lamp, LampShape};
-use crate::shade::Optics;
-use crate::worlds::Worlds;
-use pack::Packer;
+use crate::exposure::{Lamp, LampShape, Optics};
+use crate::scene::Worlds;
+use pack::{Deforming, Packer};
 
 /// Space for the lamps in front of the material values.
 const LAMPS: usize = 32 * 8;
@@ -29,16 +27,6 @@ pub(crate) struct Materials {
     /// Number of shapes kept per deforming mesh; 0 before the first upload.
     shapes: usize,
     deforming: Vec<Deforming>,
-}
-
-/// The smooth normals of a mesh in one of its shapes.
-struct Deforming {
-    object: u16,
-    shape: usize,
-    /// Offset of the normals among the material values.
-    at: u32,
-    /// Shape currently uploaded.
-    blend: Option<Blend>,
 }
 
 impl Materials {

@@ -5,7 +5,7 @@ use super::Engine;
 #[cfg(test)]
 use super::maps::words;
 #[cfg(test)]
-use crate::buffer::Mixed;
+use crate::exposure::Mixed;
 use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::{Error, Result};
 

@@ -1,8 +1,7 @@
 //! Parameters that convert geometry to electrons, in the layout of `optics.wgsl`.
 
 use super::Engine;
-use crate::exposure::Falloff;
-use crate::shade::Optics;
+use crate::exposure::{Falloff, Optics};
 use bytemuck::{Pod, Zeroable};
 use phasmid_geometry::Lens;
 

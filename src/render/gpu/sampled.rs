@@ -3,10 +3,10 @@
 use super::engine::Commands;
 use super::mixed::{self, Room};
 use super::{Engine, EntryPoint, aperture, grid};
-use crate::aperture::Aperture;
+use crate::exposure::Optics;
 use crate::material::Materials;
-use crate::shade::Optics;
-use crate::worlds::Worlds;
+use crate::scene::Worlds;
+use crate::transport::Aperture;
 use crate::{Options, Plan, Term};
 use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::Result;

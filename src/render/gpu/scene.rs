@@ -8,10 +8,7 @@
 //! by shaders has not been measured; the CPU's would still be needed for the materials.
 
 use super::Engine;
-use crate::animation::Blend;
-use crate::tree::{Frame, Tree};
-use crate::world::{Placed, World};
-use crate::worlds::Worlds;
+use crate::scene::{Blend, Frame, Placed, Tree, World, Worlds};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use phasmid_geometry::{Pose, Solid};

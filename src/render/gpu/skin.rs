@@ -1,4 +1,5 @@
-//! Skin on the GPU: tissues of a scene, entry point and spread of light. Twin of `skin/maps.rs`.
+//! Skin on the GPU: tissues of a scene, entry point and spread of light. Twin of
+//! `exposure/skin_maps.rs` and `transport/skin.rs`.
 
 use super::{Commands, Engine, EntryPoint, grid};
 use crate::Plan;

@@ -1,11 +1,9 @@
 //! Compares the shaders' averages of patterns under many footprints with the CPU's.
 
-use super::Shown;
 use super::exposure::{bell, packed};
 use super::tables::Tables;
-use super::{Engine, EntryPoint};
-use crate::buffer::{GeometryBuffer, Mixed};
-use crate::exposure::{self, Table};
+use super::{Engine, EntryPoint, Shown};
+use crate::exposure::{self, GeometryBuffer, Mixed, Table};
 use crate::pattern_image::PatternImage;
 use crate::shot::Shot;
 use crate::timetable::Timetable;

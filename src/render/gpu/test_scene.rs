@@ -2,15 +2,11 @@
 
 use super::sampled::Sampler;
 use super::{Engine, geometry as gpu, materials, optics, scene, skin, upload};
-use crate::aperture::Aperture;
-use crate::buffer::GeometryBuffer;
-use crate::geometry::{self, Rays};
-use crate::renderer::ideal_points;
-use crate::shade::Optics;
-use crate::term::Needs;
-use crate::world::World;
-use crate::worlds::Worlds;
-use crate::{Options, Plan, Term, interreflection};
+use crate::exposure::{Gathering, GeometryBuffer, Optics};
+use crate::plan::Needs;
+use crate::scene::{World, Worlds};
+use crate::transport::{Aperture, Rays, geometry, ideal_points, interreflection};
+use crate::{Options, Plan, Term};
 use glam::DVec2;
 use phasmid_profile::{Profile, Scene};
 use std::path::Path;
@@ -24,7 +20,7 @@ pub(super) struct TestScene {
     table: Option<Vec<DVec2>>,
     pub(super) map: GeometryBuffer,
     /// Interreflection settings of the scene.
-    pub(super) wanted: Option<interreflection::Gathering>,
+    pub(super) wanted: Option<Gathering>,
 }
 
 impl TestScene {

@@ -2,7 +2,7 @@
 
 use super::Engine;
 use super::maps::{reserve_maps, words};
-use crate::buffer::GeometryBuffer;
+use crate::exposure::GeometryBuffer;
 use crate::{Plan, Term};
 
 /// Uploads the geometry maps. Missing values are written as 0, not NaN.

@@ -2,7 +2,7 @@
 
 use super::Engine;
 use super::mixed::MixedSample;
-use crate::buffer::{GeometryBuffer, Mixed};
+use crate::exposure::{GeometryBuffer, Mixed};
 
 impl MixedSample {
     fn new(mixed: &Mixed, k: usize) -> Self {

@@ -3,9 +3,8 @@
 
 use super::lay::Lay;
 use super::printed::Printed;
-use super::spot::Spot;
+use super::spot::{Spot, barycentric, shares};
 use super::texture::Texture;
-use super::{barycentric, shares};
 use glam::DVec2;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Board, Mesh, Pose};
@@ -58,7 +57,7 @@ impl Map {
 
     /// Returns the mean over a spot's footprint, with the object at rest. `index` is the triangle's
     /// index within the object.
-    pub(super) fn albedo(&self, index: usize, spot: &Spot) -> f64 {
+    pub(crate) fn albedo(&self, index: usize, spot: &Spot) -> f64 {
         match self {
             Self::Image(image) => image.albedo(index, spot),
             Self::Board(printed) => printed.albedo(spot),
@@ -67,7 +66,7 @@ impl Map {
 
     /// Returns whether a footprint with this mean lies on an outline, where the variation of light
     /// within the footprint matters. Only for boards, whose outlines are measured.
-    pub(super) fn is_edge(&self, mean: f64) -> bool {
+    pub(crate) fn is_edge(&self, mean: f64) -> bool {
         match self {
             Self::Image(_) => false,
             Self::Board(printed) => {

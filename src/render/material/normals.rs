@@ -1,9 +1,11 @@
 //! Smooth normals of a mesh, which approximate the surface it was tessellated from. Highlights need
 //! them: a flat facet would shine as a whole or not at all.
 
-use super::super::mixed::COS_CREASE;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
+
+/// Triangles of one mesh whose normals are closer than 15 degrees form one smooth surface.
+pub(crate) const COS_CREASE: f32 = 0.965_925_8;
 
 /// Adjacency of triangles at vertices.
 pub(crate) struct Smoother {

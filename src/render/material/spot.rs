@@ -1,6 +1,5 @@
-//! A spot on a surface seen by a pixel, at which materials are evaluated.
+//! A spot on a surface seen by a pixel, at which materials are evaluated, and barycentric weights.
 
-use super::{barycentric, shares};
 use glam::DVec3;
 use phasmid_geometry::Pose;
 
@@ -40,6 +39,29 @@ impl Spot {
             sides: self.sides.map(|side| blend(shares(now, side))),
         }
     }
+}
+
+/// Weights of a triangle's corners at a point of its plane, not negative.
+pub(crate) fn barycentric(corners: [DVec3; 3], point: DVec3) -> [f64; 3] {
+    let raw = shares(corners, point - corners[0]);
+    let raw = [1.0 + raw[0], raw[1], raw[2]].map(|w| w.max(0.0));
+    let sum: f64 = raw.iter().sum();
+    if sum > 0.0 {
+        raw.map(|w| w / sum)
+    } else {
+        [1.0, 0.0, 0.0]
+    }
+}
+
+/// Returns the change of the barycentric weights over a step in the triangle's plane; NaN if it is
+/// degenerate.
+pub(super) fn shares([a, b, c]: [DVec3; 3], step: DVec3) -> [f64; 3] {
+    let (e1, e2) = (b - a, c - a);
+    let normal = e1.cross(e2);
+    let area2 = normal.length_squared();
+    let second = step.cross(e2).dot(normal) / area2;
+    let third = e1.cross(step).dot(normal) / area2;
+    [-second - third, second, third]
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! Changing the scene at run time.
 
 use super::Renderer;
-use crate::shade::Optics;
-use crate::term::Needs;
-use crate::world::World;
-use crate::worlds::Worlds;
+use crate::exposure::Optics;
+use crate::plan::Needs;
+use crate::scene::{World, Worlds};
 use crate::{Backend, Plan, Term, gpu};
 use phasmid_core::error::{Error, Result};
 use phasmid_profile::Scene;

@@ -2,8 +2,8 @@
 
 use super::Renderer;
 use crate::Term;
-use crate::buffer::GeometryBuffer;
-use crate::interreflection::{Gathering, Trial};
+use crate::exposure::{Gathering, GeometryBuffer};
+use crate::transport::interreflection::Trial;
 use serde::Serialize;
 
 /// Settings of interreflection with their errors, in percent of a pixel's light under full white.

@@ -1,13 +1,12 @@
 //! Pending frames: a GPU has several in flight, the CPU renders each immediately.
 
-use super::{Passes, Renderer};
+use super::Renderer;
 use crate::Backend;
-use crate::gpu::{self, Adapter, Gpu, PassTime, Shown, Ticket, View};
+use crate::gpu::{self, Adapter, PassTime, Passes, Shown, Ticket, View};
 use crate::shot::Shot;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Maximum number of times a frame is rendered again with more capacity. If nothing has moved, the
 /// size needed by the first attempt suffices for the next.
@@ -20,59 +19,6 @@ enum State {
     Done(Frame),
     /// Being rendered by the GPU.
     Coming(Ticket, Box<Shot>),
-}
-
-/// Status of the requested GPU, and notes about the scene.
-#[derive(Default)]
-pub(super) struct News {
-    /// Notice not yet reported.
-    text: Option<String>,
-    /// Failure of an explicitly requested GPU.
-    failed: Option<String>,
-}
-
-impl News {
-    /// Appends notes to the notice.
-    pub(super) fn add(&mut self, notes: &[String]) {
-        let all: Vec<String> = self
-            .text
-            .take()
-            .into_iter()
-            .chain(notes.iter().cloned())
-            .collect();
-        self.text = (!all.is_empty()).then(|| all.join("; "));
-    }
-}
-
-/// Opens the GPU for a backend, or returns the reason for falling back to the CPU.
-///
-/// # Errors
-/// Returns an error if a GPU was explicitly requested and there is none.
-pub(super) fn open(
-    backend: Backend,
-    fits: impl Fn() -> Result<(), String>,
-    (pixels, samples): (u64, u64),
-) -> Result<(Option<Box<Passes>>, News)> {
-    let whole = |gpu: Arc<Gpu>| gpu.holds(pixels, samples).map(|()| gpu);
-    let opened = match backend {
-        Backend::Cpu => return Ok((None, News::default())),
-        Backend::Gpu => fits()
-            .map_err(|why| Error::input("--backend gpu", why, "--backend cpu for this scene"))
-            .and_then(|()| Gpu::open(true))
-            .and_then(whole),
-        Backend::Auto => fits()
-            .map_err(Error::device)
-            .and_then(|()| Gpu::open(false))
-            .and_then(whole),
-    };
-    match opened {
-        Ok(gpu) => Ok((Some(Box::new(Passes::new(gpu))), News::default())),
-        Err(e) if backend == Backend::Auto => {
-            let text = Some(format!("rendering on the CPU: {e}"));
-            Ok((None, News { text, failed: None }))
-        }
-        Err(e) => Err(e),
-    }
 }
 
 impl Renderer {
@@ -218,6 +164,7 @@ mod tests {
     use crate::Options;
     use crate::pattern_image::PatternImage;
     use phasmid_profile::{Profile, Scene};
+    use std::sync::Arc;
 
     fn renderer(backend: Backend) -> Result<Renderer> {
         let profile = Profile::load("webcam-grey").unwrap();
@@ -334,16 +281,5 @@ mod tests {
             assert!(notice.contains(removed), "{notice}");
             assert_eq!(renderer.worlds.any().triangle_count(), 1);
         }
-    }
-
-    #[test]
-    fn scene_beyond_f32_is_rendered_on_the_cpu() {
-        let why = || Err("the scene reaches far".to_owned());
-        let (gpu, mut news) = open(Backend::Auto, why, (1, 1)).unwrap();
-        assert!(gpu.is_none());
-        assert!(news.text.take().unwrap().contains("the scene reaches far"));
-        let refused = open(Backend::Gpu, why, (1, 1)).err().unwrap();
-        assert_eq!(refused.exit_code(), 2);
-        assert!(refused.to_string().contains("the scene reaches far"));
     }
 }

@@ -3,19 +3,9 @@
 
 use super::Renderer;
 use crate::Term;
-use crate::schedule::Schedule;
-use crate::shot::Shot;
-use crate::shot::Shutter;
-use crate::world::World;
-use crate::worlds::Moment;
-
-/// Light of a shot's pixels.
-pub(super) enum Light {
-    /// Schedule that computes the light from the current geometry.
-    Scheduled(Schedule),
-    /// Mean electrons of the pixels, summed over instants.
-    Summed(Vec<f32>),
-}
+use crate::scene::{Moment, World};
+use crate::schedule::Light;
+use crate::shot::{Shot, Shutter};
 
 /// If nothing moves by more than this fraction of a pixel during an exposure, one instant is used.
 /// For fringes with a period of ten pixels the neglected loss of modulation is 3e-4.

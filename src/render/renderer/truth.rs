@@ -1,11 +1,13 @@
 //! Ground truth of frames.
 
-use super::time::{Light, middle_ns};
+use super::time::middle_ns;
 use super::{Renderer, exposure};
-use crate::Term;
-use crate::material::Patch;
-use crate::world::{Surface, World};
-use crate::{shot::Shot, truth, truth::Truth};
+use crate::scene::{Surface, World};
+use crate::schedule::Light;
+use crate::shot::Shot;
+use crate::transport::Patch;
+use crate::truth::Truth;
+use crate::{Term, truth};
 use glam::DVec3;
 use phasmid_pattern::{Axis, Pattern, finest_fringe};
 use rayon::prelude::*;

@@ -1,7 +1,6 @@
 //! The isolated sensor model, exposed to known signals pixel by pixel.
 
-use super::super::plan::Plan;
-use super::super::term::Term;
+use super::super::term::{Plan, Term};
 use super::Sensor;
 use phasmid_profile::Sensor as Parameters;
 

@@ -3,8 +3,7 @@
 //! `tissue` is diffusion theory: diffuse reflectance, contrast of a pattern by spatial frequency,
 //! and shift of oblique light. `mixture` approximates the contrast by a sum of Gaussians, which the
 //! kernels of the exposure pass combine with the projector's defocus. `preset` holds the
-//! Fitzpatrick skin classes, `blood` the absorption of blood. `maps` holds the results of the
-//! geometry pass.
+//! Fitzpatrick skin classes, `blood` the absorption of blood.
 //!
 //! A scene without skin incurs no cost. With skin, the geometry pass computes a kernel for each
 //! pixel of lit skin, which takes some microseconds each. A kernel takes four bytes per projector
@@ -17,13 +16,11 @@
 //! projector's field, of shadows or of the object is neglected, as is the spread of lamp light.
 
 mod blood;
-mod maps;
 mod mixture;
 mod preset;
 mod tissue;
 
 use glam::DVec3;
-pub(super) use maps::{Samples, SkinMaps, into_sample};
 pub(super) use mixture::MOST;
 pub use mixture::{Component, Mixture};
 use phasmid_geometry::{Pose, View};
@@ -46,7 +43,7 @@ pub(super) struct SkinMaterial {
 pub(super) struct Skins {
     /// Tissue of each object, or [`NONE`].
     of: Vec<u16>,
-    materials: Arc<[SkinMaterial]>,
+    pub(super) materials: Arc<[SkinMaterial]>,
     projector: View,
     projector_from_rig: Pose,
 }
@@ -122,7 +119,7 @@ impl Skins {
 
     /// Returns the subsurface transport at a point of an object with its unit normal, both in the
     /// rig's frame.
-    fn at(&self, object: u16, point: DVec3, normal: DVec3) -> Option<Scatter> {
+    pub(super) fn at(&self, object: u16, point: DVec3, normal: DVec3) -> Option<Scatter> {
         let tissue = self.of[usize::from(object)];
         let material = self.materials.get(usize::from(tissue))?;
         // Direction along the surface; its length is the sine of the angle of incidence.

@@ -2,9 +2,8 @@
 //! contains what trials write for the document.
 
 use super::csv;
-use super::row::{Row, Rows};
+use super::row::Row;
 use super::settings::Settings;
-use super::trial::Trial;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::file;
 use phasmid_core::new_file::{is_unfinished, replace};
@@ -242,23 +241,6 @@ impl Writer {
         let written = self.file.write_all(text.as_bytes());
         written.map_err(|e| Error::io(&self.path, e))
     }
-}
-
-/// Returns the rows of complete trials, in the order of the trials. A trial is complete if all its rows are
-/// present.
-pub(super) fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
-    let mut all = Vec::new();
-    for trial in trials {
-        let of: Vec<&Row> = rows
-            .iter()
-            .filter(|row| row.get("trial") == trial.key)
-            .collect();
-        let parts = of.first().map_or(0, |row| row.value("parts") as usize);
-        if parts > 0 && of.len() == parts {
-            all.extend(of.into_iter().cloned());
-        }
-    }
-    Rows { all }
 }
 
 impl About {

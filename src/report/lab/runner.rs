@@ -2,9 +2,9 @@
 
 use super::Study;
 use super::document::{Block, Document};
-use super::folder::{About, Folder, Writer, whole};
+use super::folder::{About, Folder, Writer};
 use super::page::page;
-use super::row::Row;
+use super::row::{Row, Rows};
 use super::settings::{Settings, Surroundings};
 use super::trial::{Context, Trial};
 use phasmid_core::Stop;
@@ -246,6 +246,23 @@ fn trials(study: &dyn Study, settings: &Settings) -> Result<Vec<Trial>> {
         trials.retain(|trial| trial.key.starts_with(&prefix));
     }
     Ok(trials)
+}
+
+/// Returns the rows of complete trials, in the order of the trials. A trial is complete if all its rows are
+/// present.
+fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
+    let mut all = Vec::new();
+    for trial in trials {
+        let of: Vec<&Row> = rows
+            .iter()
+            .filter(|row| row.get("trial") == trial.key)
+            .collect();
+        let parts = of.first().map_or(0, |row| row.value("parts") as usize);
+        if parts > 0 && of.len() == parts {
+            all.extend(of.into_iter().cloned());
+        }
+    }
+    Rows { all }
 }
 
 fn columns(study: &dyn Study) -> Vec<&'static str> {

@@ -1,11 +1,30 @@
 //! Principal components by the method of snapshots (from the matrix of the snapshots' inner
 //! products).
 
-use super::ModelOptions;
 use glam::{DVec3, Vec3};
 use nalgebra::DMatrix;
 use phasmid_core::error::{Error, Result};
 use rayon::prelude::*;
+
+/// Settings for choosing components.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ModelOptions {
+    /// Fraction of the variance over the phases that the kept components must explain, 0 to 1. It is
+    /// near 1 because a lag of a tenth of a breath between skin and tumour is less than a hundredth
+    /// of the variance, yet millimetres of the tumour.
+    pub energy: f64,
+    /// Maximum number of components, 1 to 6.
+    pub most: usize,
+}
+
+impl Default for ModelOptions {
+    fn default() -> Self {
+        Self {
+            energy: 0.999,
+            most: 4,
+        }
+    }
+}
 
 /// Mean and modes of one part (skin or tumour) of the snapshot vector.
 pub(super) struct Field {

@@ -17,6 +17,8 @@ mod left_out;
 #[cfg(test)]
 mod tests;
 
+pub use components::ModelOptions;
+
 use components::components;
 use glam::{DVec3, Vec3};
 use phasmid_core::error::{Error, Result};
@@ -34,26 +36,6 @@ pub struct Snapshots {
     pub skin: Vec<Vec<Vec3>>,
     /// Displacements of the tumour's vertices.
     pub tumour: Vec<Vec<Vec3>>,
-}
-
-/// Settings for choosing components.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ModelOptions {
-    /// Fraction of the variance over the phases that the kept components must explain, 0 to 1. It is
-    /// near 1 because a lag of a tenth of a breath between skin and tumour is less than a hundredth
-    /// of the variance, yet millimetres of the tumour.
-    pub energy: f64,
-    /// Maximum number of components, 1 to 6.
-    pub most: usize,
-}
-
-impl Default for ModelOptions {
-    fn default() -> Self {
-        Self {
-            energy: 0.999,
-            most: 4,
-        }
-    }
 }
 
 /// A motion model.

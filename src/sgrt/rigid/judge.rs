@@ -1,12 +1,47 @@
-//! Covariance and warnings of the final pose.
+//! The tracked pose with its covariance and warnings.
 
 use super::super::six::SixDof;
 use super::super::surface::Reference;
 use super::super::warning::{Lost, Warning};
 use super::rows::Row;
 use super::step::{Step, belief};
-use super::{Freedom, RigidFit, RigidOptions};
+use super::{Freedom, RigidOptions};
+use nalgebra::Matrix6;
 use phasmid_geometry::Pose;
+
+/// A tracked pose with its uncertainty.
+#[derive(Debug, Clone)]
+pub struct RigidFit {
+    /// Maps reference coordinates to room coordinates.
+    pub room_from_reference: Pose,
+    /// The same pose as six numbers.
+    pub six: SixDof,
+    /// Covariance of the isocentre's position (mm) and of the rotation vector (rad), both along the
+    /// room's axes. Undetermined motions have the standard deviation [`RigidOptions::range_mm`].
+    pub covariance: Matrix6<f64>,
+    /// Number of the six motions that are determined.
+    pub determined: usize,
+    /// Reasons to doubt the result; empty if there are none.
+    pub warnings: Vec<Warning>,
+    /// Number of points with non-zero weight.
+    pub points: usize,
+    /// Fraction of the region's area that is measured.
+    pub coverage: f64,
+    /// RMS distance of the points with non-zero weight to their tangent planes, in millimetres.
+    pub rms_mm: f64,
+    /// Scale of the residuals in units of their standard deviations.
+    pub spread: f64,
+    /// Number of steps taken.
+    pub iterations: usize,
+}
+
+impl RigidFit {
+    /// Returns the standard deviations of the six numbers, in the order of
+    /// [`six::NAMES`](crate::six::NAMES), in millimetres and degrees.
+    pub fn deviations(&self) -> [f64; 6] {
+        self.six.deviations(&self.covariance)
+    }
+}
 
 pub(super) fn lost(rows: &[Row], options: &RigidOptions) -> Lost {
     let found = rows.iter().filter(|r| r.counts()).count();

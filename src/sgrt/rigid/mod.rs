@@ -19,7 +19,7 @@
 //! | `modes` | which motions the shape determines |
 //! | `step` | one Gauss-Newton step |
 //! | `search` | the search for start poses far from the planned one |
-//! | `judge` | covariance and warnings of the final pose |
+//! | `judge` | the tracked pose with its covariance and warnings |
 //! | `freedom` | undetermined motions as shifts and turns |
 //! | `options` | the settings |
 
@@ -36,17 +36,16 @@ mod tests;
 
 pub use freedom::Freedom;
 pub(super) use freedom::shape;
+pub use judge::RigidFit;
 pub use options::RigidOptions;
 pub use search::Start;
 
 use super::measured::Measured;
 use super::robust::Spread;
-use super::six::SixDof;
 use super::surface::Reference;
 use super::warning::{Lost, Warning};
 use glam::DVec3;
 use judge::{judged, lost};
-use nalgebra::Matrix6;
 use phasmid_geometry::Pose;
 use rows::{Limits, update};
 use search::{disagreement, starts};
@@ -58,40 +57,6 @@ const COARSE_MM: f64 = 0.3;
 const RIVAL: f64 = 1.15;
 /// Poses closer than this, in millimetres, count as the same solution.
 const SAME_MM: f64 = 2.0;
-
-/// A tracked pose with its uncertainty.
-#[derive(Debug, Clone)]
-pub struct RigidFit {
-    /// Maps reference coordinates to room coordinates.
-    pub room_from_reference: Pose,
-    /// The same pose as six numbers.
-    pub six: SixDof,
-    /// Covariance of the isocentre's position (mm) and of the rotation vector (rad), both along the
-    /// room's axes. Undetermined motions have the standard deviation [`RigidOptions::range_mm`].
-    pub covariance: Matrix6<f64>,
-    /// Number of the six motions that are determined.
-    pub determined: usize,
-    /// Reasons to doubt the result; empty if there are none.
-    pub warnings: Vec<Warning>,
-    /// Number of points with non-zero weight.
-    pub points: usize,
-    /// Fraction of the region's area that is measured.
-    pub coverage: f64,
-    /// RMS distance of the points with non-zero weight to their tangent planes, in millimetres.
-    pub rms_mm: f64,
-    /// Scale of the residuals in units of their standard deviations.
-    pub spread: f64,
-    /// Number of steps taken.
-    pub iterations: usize,
-}
-
-impl RigidFit {
-    /// Returns the standard deviations of the six numbers, in the order of [`super::six::NAMES`], in
-    /// millimetres and degrees.
-    pub fn deviations(&self) -> [f64; 6] {
-        self.six.deviations(&self.covariance)
-    }
-}
 
 /// Finds the pose of the reference in the room from a scan.
 ///

@@ -5,7 +5,7 @@
 //! sweeping method for Eikonal equations", 2005; P. Danielsson, "Euclidean distance mapping", 1980).
 //! Finally each cell walks from its triangle to the one closest to its own centre.
 
-use super::Reference;
+use super::facet::Facet;
 use glam::{DVec3, IVec3, UVec3};
 use rayon::prelude::*;
 
@@ -35,8 +35,14 @@ impl Hints {
         }
     }
 
-    /// Builds the grid over a box around the reference; the box must not be flat.
-    pub(super) fn new(reference: &Reference, lo: DVec3, hi: DVec3) -> Self {
+    /// Builds the grid over a box around the surface; the box must not be flat. `walk` finds, from a
+    /// triangle, the closest one to a point.
+    pub(super) fn new(
+        facets: &[Facet],
+        walk: impl Fn(DVec3, u32) -> u32 + Sync,
+        lo: DVec3,
+        hi: DVec3,
+    ) -> Self {
         let sides = hi - lo;
         let cell = FINEST_MM.max((sides.element_product() / MOST).cbrt());
         let size = (sides / cell).ceil().max(DVec3::ONE).as_uvec3();
@@ -47,7 +53,7 @@ impl Hints {
             triangles: vec![NONE; (size.x * size.y * size.z) as usize],
         };
         let mut distances = vec![f64::INFINITY; hints.triangles.len()];
-        for (i, facet) in reference.facets.iter().enumerate() {
+        for (i, facet) in facets.iter().enumerate() {
             let [a, b, c] = facet.corners;
             let at = hints.cell((a + b + c) / 3.0);
             let index = hints.index(at);
@@ -57,7 +63,7 @@ impl Hints {
             }
         }
         for sweep in 0..8 {
-            hints.sweep(reference, &mut distances, sweep);
+            hints.sweep(facets, &mut distances, sweep);
         }
         let mut triangles = std::mem::take(&mut hints.triangles);
         let row = size.x as usize;
@@ -68,7 +74,7 @@ impl Hints {
                 let (y, z) = (k as u32 % size.y, k as u32 / size.y);
                 for (x, triangle) in row.iter_mut().enumerate() {
                     let centre = hints.centre(UVec3::new(x as u32, y, z));
-                    *triangle = reference.walk(centre, *triangle).0;
+                    *triangle = walk(centre, *triangle);
                 }
             });
         hints.triangles = triangles;
@@ -76,7 +82,7 @@ impl Hints {
     }
 
     /// One pass over all cells, forwards or backwards along each axis by the bits of `direction`.
-    fn sweep(&mut self, reference: &Reference, distances: &mut [f64], direction: u32) {
+    fn sweep(&mut self, facets: &[Facet], distances: &mut [f64], direction: u32) {
         let size = self.size.as_ivec3();
         let against = [1, 2, 4].map(|bit| direction & bit != 0);
         let along = |k: i32, axis: usize| match against[axis] {
@@ -99,7 +105,7 @@ impl Hints {
                         if known == NONE || known == self.triangles[index] {
                             continue;
                         }
-                        let found = reference.facets[known as usize].nearest(centre);
+                        let found = facets[known as usize].nearest(centre);
                         if found.distance_squared < distances[index] {
                             self.triangles[index] = known;
                             distances[index] = found.distance_squared;

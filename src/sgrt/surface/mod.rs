@@ -131,7 +131,8 @@ impl Reference {
             facets,
             inside,
         };
-        reference.hints = Hints::new(&reference, lo - BAND_MM, hi + BAND_MM);
+        let walk = |p, triangle| reference.walk(p, triangle).0;
+        reference.hints = Hints::new(&reference.facets, walk, lo - BAND_MM, hi + BAND_MM);
         Ok(reference)
     }
 

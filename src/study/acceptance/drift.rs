@@ -1,7 +1,7 @@
 //! An hour before a still patient: the light fades, the pods warm, the sensors are noisy.
 
-use super::Effort;
 use super::answer::{DEVIATIONS, ERRORS, answered, part, rms, shift_mm, track, worst};
+use super::effort::Effort;
 use super::subject::{Body, Subject};
 use crate::clinic::Pods;
 use phasmid_core::error::Result;

@@ -1,8 +1,8 @@
 //! The frame that the pods share: pods that are not built as drawn and do not stand where they were
 //! hung, calibrated by a board and located by another.
 
-use super::Effort;
 use super::answer::{answered, doubted, part, rms, shift_mm, track, turn_deg, worst};
+use super::effort::Effort;
 use super::known::BAR;
 use super::subject::{Body, Subject, everywhere, time_ns};
 use crate::boards::{seen_in, shown_to};

@@ -1,7 +1,7 @@
 //! Pods that do not see the patient: behind the linac's head, or left out.
 
-use super::Effort;
 use super::answer::{ERRORS, answered, part, rms, shift_mm, track, turn_deg, worst};
+use super::effort::Effort;
 use super::known::TOLERANCE;
 use super::subject::{Body, Subject};
 use crate::clinic::Pods;

@@ -1,7 +1,7 @@
 //! Beam-hold: from a jump of the couch to the scan that tells of it, in device time.
 
-use super::Effort;
 use super::answer::{part, track, worst};
+use super::effort::Effort;
 use super::subject::{Body, Subject};
 use crate::clinic::Pods;
 use phasmid_core::error::Result;

@@ -1,9 +1,9 @@
 //! Known shifts and turns of the couch, and what the tracker makes of them.
 
-use super::Effort;
 use super::answer::{
     DEVIATIONS, ERRORS, answered, doubted, part, rms, shift_mm, since, track, turn_deg, worst,
 };
+use super::effort::Effort;
 use super::subject::{Body, Subject, time_ns};
 use crate::clinic::Pods;
 use phasmid_core::error::Result;

@@ -1,7 +1,8 @@
 //! From motion to answer: device time of a scan by three pods, and the host's time that is measured.
 
 use super::answer::part;
-use super::{Effort, hold};
+use super::effort::Effort;
+use super::hold;
 use crate::clinic::{InRoom, Pod, Pods};
 use crate::timing::quantile;
 use phasmid_core::error::Result;

@@ -1,7 +1,7 @@
 //! Bodies whose shape does not determine all motions: flat, sphere, cylinder.
 
-use super::Effort;
 use super::answer::{answered, part, track, worst};
+use super::effort::Effort;
 use super::known::BAR;
 use super::subject::{Body, Subject, time_ns};
 use crate::clinic::Pods;

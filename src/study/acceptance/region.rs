@@ -1,9 +1,9 @@
 //! Size of the region of interest: spheres about the isocentre.
 
-use super::Effort;
 use super::answer::{
     DEVIATIONS, ERRORS, answered, doubted, part, rms, shift_mm, track, turn_deg, worst,
 };
+use super::effort::Effort;
 use super::known::TOLERANCE;
 use super::subject::{Body, Subject, everywhere, time_ns};
 use crate::clinic::Pods;

@@ -1,7 +1,7 @@
 //! Skin tones: the same patient of each class of Fitzpatrick's scale.
 
-use super::Effort;
 use super::answer::{answered, part, rms, shift_mm, since, track, turn_deg, worst};
+use super::effort::Effort;
 use super::known::TOLERANCE;
 use super::subject::{Body, Subject, everywhere, time_ns};
 use crate::clinic::Pods;

@@ -1,10 +1,9 @@
 //! A calibration from twenty poses of the paper's board of dots, and a scan with what it found.
 
 use super::bench::{around_trapezoid, bench, surface, trapezoid};
-use super::figures::Target;
+use super::figures::{Target, of, three};
 use super::published::REPROJECTION_PX;
 use super::scan::Scan;
-use super::{of, three};
 use crate::boards::shown_to;
 use crate::calibration::Truth;
 use phasmid_calibrate::rig::{Calibration, Missed, Task, Unusable, calibrate};

@@ -1,11 +1,10 @@
 //! The trapezoid at five distances: triangulation, and the paper's formula with f0 held and anew.
 
 use super::bench::{DIMMED, around_trapezoid, bench, plane, surface, trapezoid};
-use super::figures::Target;
+use super::figures::{Target, of, percent, three};
 use super::formula::{MEASURED_AT_MM, mean_over_base, mean_over_section, with_f0_held};
 use super::published::DISTANCES;
 use super::scan::{Scan, with_f0_of};
-use super::{of, percent, three};
 use phasmid_core::error::Result;
 use phasmid_report::lab::{
     Block, Chart, Check, Context, Figure, Row, Rows, Section, Series, SeriesStyle, Settings, Table,

@@ -1,11 +1,12 @@
-//! Errors of a measured surface as the paper reports them: MAE, CMAE, HD, MDTA.
+//! Errors of a measured surface as the paper reports them: MAE, CMAE, HD, MDTA; and how tables read and
+//! write them.
 
 use glam::{DVec2, DVec3};
 use phasmid_core::error::Result;
 use phasmid_geometry::{Cloud, Mesh, MeshTree, Neighbours, Rig};
 use phasmid_measure::{Directed, GROSS_MM, Stated, Surface, lit_and_seen};
 use phasmid_render::truth::Truth;
-use phasmid_report::lab::Row;
+use phasmid_report::lab::{Row, Rows};
 use rayon::prelude::*;
 
 /// Points tried over the area of the true surface.
@@ -263,6 +264,26 @@ fn gross_kinds<'a>(pixels: impl Iterator<Item = &'a usize>, truth: &Truth) -> [u
         counts[kind] += 1;
     }
     counts
+}
+
+/// The rows of trials whose keys begin so.
+pub(super) fn of<'a>(rows: &'a Rows, trials: &'a str) -> impl Iterator<Item = &'a Row> {
+    let all = rows.all.iter();
+    all.filter(move |row| row.get("trial").starts_with(trials))
+}
+
+/// A number in three figures.
+pub(super) fn three(value: f64) -> String {
+    phasmid_report::plot::figures(value, 3)
+}
+
+/// A share in per cent, to a hundredth of it.
+pub(super) fn percent(share: f64) -> String {
+    if share.is_finite() {
+        format!("{:.2}", 100.0 * share + 0.0)
+    } else {
+        "-".to_owned()
+    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! Grey profiles along one line at each distance.
 
 use super::bench::{DIMMED, around_trapezoid, bench, surface, trapezoid};
-use super::figures::Target;
+use super::figures::{Target, of, three};
 use super::published::DISTANCES;
 use super::scan::Scan;
-use super::{of, three};
 use phasmid_core::error::{Error, Result};
 use phasmid_report::lab::{
     Block, Chart, Context, Figure, Folder, Row, Rows, Section, Series, SeriesStyle, Settings,

@@ -1,10 +1,9 @@
 //! Light of 0.5, 1 and 2 with ambient light, saturation and halo.
 
 use super::bench::{around_trapezoid, bench, surface, trapezoid};
-use super::figures::Target;
+use super::figures::{Target, of, percent, three};
 use super::published::LIGHT;
 use super::scan::Scan;
-use super::{of, percent, three};
 use phasmid_calibrate::height::Mapping;
 use phasmid_core::error::Result;
 use phasmid_pattern::{Axis, Pattern};

@@ -22,7 +22,7 @@ mod words;
 
 use figures::Figures;
 use phasmid_core::error::Result;
-use phasmid_report::lab::{Document, Folder, Row, Rows, Settings, Study, Trial};
+use phasmid_report::lab::{Document, Folder, Rows, Settings, Study, Trial};
 
 /// The study.
 pub struct Paper;
@@ -108,25 +108,5 @@ impl Study for Paper {
                 words::trends(),
             ],
         })
-    }
-}
-
-/// The rows of trials whose keys begin so.
-fn of<'a>(rows: &'a Rows, trials: &'a str) -> impl Iterator<Item = &'a Row> {
-    let all = rows.all.iter();
-    all.filter(move |row| row.get("trial").starts_with(trials))
-}
-
-/// A number in three figures.
-fn three(value: f64) -> String {
-    phasmid_report::plot::figures(value, 3)
-}
-
-/// A share in per cent, to a hundredth of it.
-fn percent(share: f64) -> String {
-    if share.is_finite() {
-        format!("{:.2}", 100.0 * share + 0.0)
-    } else {
-        "-".to_owned()
     }
 }

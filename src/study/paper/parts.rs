@@ -1,11 +1,10 @@
 //! Parts of the trapezoid: rim and centre, cut at a height of 70 mm, and foot, cut at 20 mm.
 
 use super::bench::{around_trapezoid, bench, of_object, surface, trapezoid};
-use super::figures::Target;
+use super::figures::{Target, of, percent, three};
 use super::formula::TOP_MM;
 use super::published::PARTS;
 use super::scan::Scan;
-use super::{of, percent, three};
 use glam::DVec3;
 use phasmid_core::error::Result;
 use phasmid_measure::Directed;

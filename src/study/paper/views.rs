@@ -1,10 +1,9 @@
 //! The torso from the left, from the right and from the feet.
 
 use super::bench::{View, around_torso, bench, surface, torso};
-use super::figures::Target;
+use super::figures::{Target, of, percent, three};
 use super::published::VIEWS;
 use super::scan::Scan;
-use super::{of, percent, three};
 use phasmid_core::error::Result;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 

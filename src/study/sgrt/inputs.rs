@@ -11,6 +11,9 @@ use phasmid_render::Term;
 use phasmid_render::truth::Truth;
 use phasmid_sgrt::{Measured, POINTS, Region};
 
+/// Columns and rows of the pods' cameras, which see the same as the profile's: half of its pixels a
+/// side, for the tracker takes ten thousand points of a scan either way.
+pub(super) const SIZE_PX: [u32; 2] = [320, 240];
 /// Deviation that the tracker is told of points that have no noise, in millimetres.
 const IDEAL_SIGMA_MM: f64 = 0.1;
 /// The paper's noise, in millimetres along each axis.

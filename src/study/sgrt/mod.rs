@@ -12,7 +12,6 @@ mod inputs;
 mod paired;
 mod path;
 mod pictures;
-mod published;
 mod tables;
 mod terms;
 mod trial;
@@ -20,7 +19,7 @@ mod words;
 
 use phasmid_core::error::Result;
 use phasmid_phantom::patient_names;
-use phasmid_report::lab::{Block, Document, Folder, Row, Rows, Section, Settings, Study, Trial};
+use phasmid_report::lab::{Block, Document, Folder, Rows, Section, Settings, Study, Trial};
 
 /// The study.
 pub struct Sgrt;
@@ -33,10 +32,6 @@ struct Effort {
     /// Scans over the breath that is followed.
     path: usize,
 }
-
-/// Columns and rows of the pods' cameras, which see the same as the profile's: half of its pixels a
-/// side, for the tracker takes ten thousand points of a scan either way.
-const SIZE_PX: [u32; 2] = [320, 240];
 
 impl Effort {
     fn of(settings: &Settings) -> Self {
@@ -110,12 +105,12 @@ impl Study for Sgrt {
                 // Noise of their own.
                 let seed = settings.seed.wrapping_add(16 * i as u64);
                 Trial::new(format!("patient/{name}"), seed, move |context| {
-                    trial::follow(context, name, effort)
+                    trial::follow(context, name, effort.moments)
                 })
             })
             .collect();
         trials.push(pictures::trial(settings, PICTURED));
-        trials.push(path::trial(settings, PICTURED, effort));
+        trials.push(path::trial(settings, PICTURED, effort.path));
         Ok(trials)
     }
 
@@ -153,14 +148,4 @@ impl Study for Sgrt {
             ],
         })
     }
-}
-
-/// Rows of one input; of one patient where a name is given.
-fn of<'a>(
-    rows: &'a Rows,
-    input: &'a str,
-    patient: Option<&'a str>,
-) -> impl Iterator<Item = &'a Row> {
-    rows.with("input", input)
-        .filter(move |row| patient.is_none_or(|name| row.get("patient") == name))
 }

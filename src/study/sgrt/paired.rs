@@ -1,7 +1,6 @@
 //! Means of patients and of differences between pairs of inputs, with intervals.
 
-use super::of;
-use phasmid_report::lab::Rows;
+use phasmid_report::lab::{Row, Rows};
 
 /// Two-sided 95 % points of Student's distribution with 1 to 14 degrees of freedom (any table).
 const STUDENT: [f64; 14] = [
@@ -38,6 +37,16 @@ impl Spread {
             half: student * deviation / n.sqrt(),
         }
     }
+}
+
+/// Rows of one input; of one patient where a name is given.
+pub(super) fn of<'a>(
+    rows: &'a Rows,
+    input: &'a str,
+    patient: Option<&'a str>,
+) -> impl Iterator<Item = &'a Row> {
+    rows.with("input", input)
+        .filter(move |row| patient.is_none_or(|name| row.get("patient") == name))
 }
 
 /// A column's values of one patient with one input, moment by moment.

@@ -1,6 +1,7 @@
 //! One patient over a breath, scan after scan: where the tumour was and where it was said to be.
 
-use super::{Effort, SIZE_PX, of};
+use super::inputs::SIZE_PX;
+use super::paired::of;
 use crate::clinic::{InRoom, Pods, binned};
 use glam::DVec3;
 use phasmid_core::error::Result;
@@ -21,13 +22,14 @@ const AXES: [(&str, &str); 3] = [
     ("up (VRT)", "z_mm"),
 ];
 
-pub(super) fn trial(settings: &Settings, patient: &'static str, effort: Effort) -> Trial {
+/// The trial, with `scans` scans over the breath.
+pub(super) fn trial(settings: &Settings, patient: &'static str, scans: usize) -> Trial {
     Trial::new("path", settings.seed, move |context| {
-        follow(context, patient, effort)
+        follow(context, patient, scans)
     })
 }
 
-fn follow(context: &Context<'_>, patient: &str, effort: Effort) -> Result<Vec<Row>> {
+fn follow(context: &Context<'_>, patient: &str, scans: usize) -> Result<Vec<Row>> {
     let scratch = context.folder.place("planning-path")?;
     let room = InRoom::new(patient, &Region::chest(), &scratch)?;
     let planned = &room.planned;
@@ -36,7 +38,7 @@ fn follow(context: &Context<'_>, patient: &str, effort: Effort) -> Result<Vec<Ro
     let mut pods = Pods::new(&room.scene, context.seed, &|profile| {
         binned(profile, SIZE_PX)
     })?;
-    let step_s = room.phantom.patient().breathing.period_s / effort.path as f64;
+    let step_s = room.phantom.patient().breathing.period_s / scans as f64;
     let row = |input: &str, time_s: f64, place: DVec3| {
         let row = Row::new().text("patient", patient).text("input", input);
         let row = row.number("time_s", time_s);
@@ -44,12 +46,12 @@ fn follow(context: &Context<'_>, patient: &str, effort: Effort) -> Result<Vec<Ro
         axes.fold(row, |row, ((_, column), v)| row.number(column, v))
     };
     let mut rows = Vec::new();
-    for i in 0..=effort.path * BETWEEN {
+    for i in 0..=scans * BETWEEN {
         let time_s = BEGIN_S + i as f64 * step_s / BETWEEN as f64;
         rows.push(row("way", time_s, room.at((time_s * 1e9) as u64).tumour_mm));
     }
     let mut state = MotionState::mean(&planned.model);
-    for i in 0..=effort.path {
+    for i in 0..=scans {
         let start_ns = ((BEGIN_S + i as f64 * step_s) * 1e9) as u64;
         let scan = pods.scan(start_ns, false)?;
         let middle_s = (start_ns + pods.duration_ns() / 2) as f64 * 1e-9;

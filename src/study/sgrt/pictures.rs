@@ -1,6 +1,6 @@
 //! A patient under fringes, the scanned surface and its error.
 
-use super::SIZE_PX;
+use super::inputs::SIZE_PX;
 use crate::clinic::{InRoom, Pods, binned};
 use crate::report::overview;
 use image::{GrayImage, ImageFormat};

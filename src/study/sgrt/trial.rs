@@ -1,7 +1,6 @@
 //! One patient: scans at moments spread over the breathing, and what the tracker makes of each.
 
-use super::inputs::{Input, Scanners, Skin};
-use super::{Effort, SIZE_PX};
+use super::inputs::{Input, SIZE_PX, Scanners, Skin};
 use crate::clinic::{InRoom, Moment};
 use crate::draws::Draws;
 use phasmid_core::error::Result;
@@ -15,11 +14,11 @@ const BEGIN_S: f64 = 60.0;
 /// Breaths from one moment to the next: none sees the same part of a breath as another.
 const BREATHS: f64 = 3.17;
 
-/// Follows a patient, and gives a row for each moment and input.
+/// Follows a patient, and gives a row for each moment and each input.
 ///
 /// # Errors
 /// A patient that is none, and what the system refuses.
-pub(super) fn follow(context: &Context<'_>, name: &str, effort: Effort) -> Result<Vec<Row>> {
+pub(super) fn follow(context: &Context<'_>, name: &str, moments: usize) -> Result<Vec<Row>> {
     let scratch = context.folder.place(&format!("planning-{name}"))?;
     let room = InRoom::new(name, &Region::chest(), &scratch)?;
     let planned = &room.planned;
@@ -29,7 +28,7 @@ pub(super) fn follow(context: &Context<'_>, name: &str, effort: Effort) -> Resul
     let duration_ns = scanners.duration_ns();
     let apart_s = room.phantom.patient().breathing.period_s * BREATHS;
     let mut rows = Vec::new();
-    for k in 0..effort.moments {
+    for k in 0..moments {
         let start_ns = ((BEGIN_S + k as f64 * apart_s) * 1e9) as u64;
         let moment = room.at(start_ns + duration_ns / 2);
         let late = room.at(start_ns + duration_ns);

@@ -2,7 +2,8 @@
 //! mode `STEP`, which exposes the next pattern; time runs from before the command is written until
 //! the camera has given the frame with that pattern.
 
-use super::links::{Talk, bytes, in_turns, over, patterns, profile, row};
+use super::links::{bytes, in_turns, patterns, profile, row};
+use super::talk::{Talk, over};
 use crate::timing::{Stopwatch, quantile};
 use phasmid_core::error::Result;
 use phasmid_profile::Scene;

@@ -10,6 +10,7 @@ pub mod pairs;
 mod passes;
 #[cfg(target_os = "linux")]
 mod served;
+mod talk;
 mod throughput;
 
 use phasmid_core::error::Result;

@@ -5,7 +5,7 @@ use super::cases::lit_all_over;
 use super::passes::bench;
 use crate::scanned::Stage;
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Decoded, Held, Options as DecodeOptions};
+use phasmid_decode::{Decoded, Held, Known, Options as DecodeOptions, check_sequence};
 use phasmid_profile::{Focus, Profile, Scene};
 use phasmid_render::Options;
 use phasmid_report::lab::{Context, Row, Settings, Trial};
@@ -13,8 +13,9 @@ use std::hint::black_box;
 use std::rc::Rc;
 
 /// What is compared with decoding without it.
-pub const PAIRS: [&str; 5] = [
+pub const PAIRS: [&str; 6] = [
     "consistency of single pixels",
+    "consistency of pixels and frames",
     "weighted steps",
     "held pixels, corrected",
     "held pixels, smooth prior",
@@ -43,28 +44,32 @@ pub struct Pair {
 pub fn pair(name: &str, profile: &Profile) -> Result<Pair> {
     let usual = DecodeOptions::default();
     let [without, with] = match PAIRS.iter().position(|known| *known == name) {
-        Some(0) => [false, true].map(|consistency| DecodeOptions {
+        Some(0 | 1) => [false, true].map(|consistency| DecodeOptions {
             consistency,
             ..usual
         }),
-        Some(1) => [false, true].map(|weighted| DecodeOptions { weighted, ..usual }),
-        Some(3) => [Held::Off, Held::Smooth].map(|held| DecodeOptions { held, ..usual }),
+        Some(2) => [false, true].map(|weighted| DecodeOptions { weighted, ..usual }),
+        Some(4) => [Held::Off, Held::Smooth].map(|held| DecodeOptions { held, ..usual }),
         Some(_) => [Held::Off, Held::Correct].map(|held| DecodeOptions { held, ..usual }),
         None => return Err(Error::input("pair", name, PAIRS.join(", "))),
     };
     let mut profile = lit_all_over(profile);
-    if name == PAIRS[4] {
+    if name == PAIRS[5] {
         profile.projector.focus = Some(BLURRED);
         profile.camera.exposure_us *= DIM;
     }
     let mut stage = Stage::new(&profile, &Scene::load("plane")?, 1, Options::default())?;
     let scanned = Rc::new(stage.scan(0)?);
-    let work = |options| -> Result<Box<dyn FnMut()>> {
+    let work = |options, checked: bool| -> Result<Box<dyn FnMut()>> {
         let scanned = scanned.clone();
         let decoder = scanned.decoder(options)?;
         decoder.decode(&scanned.images)?;
         let mut out = Decoded::default();
         Ok(Box::new(move || {
+            if checked {
+                let known = Known::new(false, scanned.calibration.as_ref());
+                let _ = black_box(check_sequence(&scanned.manifest, &scanned.images, known));
+            }
             // It has been decoded before, so it is again.
             let _ = black_box(decoder.decode_into(&scanned.images, &mut out));
             black_box(&out);
@@ -72,7 +77,7 @@ pub fn pair(name: &str, profile: &Profile) -> Result<Pair> {
     };
     Ok(Pair {
         pixels: scanned.images[0].samples().len(),
-        works: [work(without)?, work(with)?],
+        works: [work(without, false)?, work(with, name == PAIRS[1])?],
     })
 }
 

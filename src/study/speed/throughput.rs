@@ -3,7 +3,8 @@
 //! no noise and a plane before it, so that a frame takes little to render; what is left of that is
 //! the row of the device in memory.
 
-use super::links::{Link, TIMEOUT, Talk, bytes, in_turns, over, patterns, profile, row};
+use super::links::{Link, bytes, in_turns, patterns, profile, row};
+use super::talk::{TIMEOUT, Talk, over};
 use crate::timing::{Spread, Stopwatch};
 use phasmid_core::error::{Error, Result};
 use phasmid_profile::Scene;

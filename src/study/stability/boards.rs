@@ -1,7 +1,6 @@
 //! Calibrations that hardly determine a rig, or not at all.
 
-use super::case::Case;
-use super::sweep::{Group, Sweep};
+use super::case::{Case, Group, Sweep};
 use crate::draws::Draws;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use phasmid_calibrate::board::{Lit, Sighting};

@@ -1,6 +1,30 @@
-//! One case: what was asked of the program at its limit, and what came of it.
+//! Sweeps, that is cases along one ratio of scales with one oracle, and one case: what was asked of the
+//! program at its limit, and what came of it.
 
-use phasmid_report::lab::{Check, Row};
+use phasmid_core::error::Result;
+use phasmid_report::lab::{Check, Context, Row};
+
+/// Cases with one oracle.
+pub(super) struct Sweep {
+    /// Names its trial.
+    pub(super) key: &'static str,
+    pub(super) title: &'static str,
+    /// What the answer is held against, and what first-order analysis allows.
+    pub(super) oracle: &'static str,
+    /// What the ratio is, with its unit.
+    pub(super) ratio: &'static str,
+    /// What the error is, with its unit.
+    pub(super) error: &'static str,
+    /// Errors are those of rounding in f64, whose last digits differ from machine to machine.
+    pub(super) rounding: bool,
+    pub(super) cases: fn(&Context<'_>) -> Result<Vec<Case>>,
+}
+
+/// Sweeps that belong together.
+pub(super) struct Group {
+    pub(super) title: &'static str,
+    pub(super) sweeps: &'static [Sweep],
+}
 
 /// What came of a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,6 @@
 //! Tables, charts and checks of the study, from its rows alone.
 
-use super::case::checks;
-use super::sweep::{GROUPS, Group, Sweep};
+use super::case::{Group, Sweep, checks};
 use phasmid_report::lab::{
     Block, Chart, Document, Figure, Row, Rows, Section, Series, SeriesStyle, Table,
 };
@@ -18,9 +17,9 @@ const WORDS: &str = "Each case has an oracle: a closed form, or f64 by a path of
     Near two pixels a period a third of the pixels is left out, those on an edge of the code, and \
     none is wrong.";
 
-pub(super) fn document(rows: &Rows) -> Document {
-    let mut sections = vec![overview(rows)];
-    sections.extend(GROUPS.iter().map(|group| section(group, rows)));
+pub(super) fn document(rows: &Rows, groups: &[Group]) -> Document {
+    let mut sections = vec![overview(rows, groups)];
+    sections.extend(groups.iter().map(|group| section(group, rows)));
     Document {
         title: "Stability at the extremes".to_owned(),
         sections,
@@ -28,7 +27,7 @@ pub(super) fn document(rows: &Rows) -> Document {
 }
 
 /// One line a sweep.
-fn overview(rows: &Rows) -> Section {
+fn overview(rows: &Rows, groups: &[Group]) -> Section {
     let caption = "Cases that gave an answer within the error that first-order analysis allows \
         (held), that gave none and said so (refused), and that did neither (failed). The ratio is a \
         condition number or a ratio of scales, from the first to the last case; the worst error is \
@@ -44,7 +43,7 @@ fn overview(rows: &Rows) -> Section {
         "worst error / allowed",
     ];
     let mut table = Table::new("stability", caption, &header);
-    for sweep in GROUPS.iter().flat_map(|group| group.sweeps) {
+    for sweep in groups.iter().flat_map(|group| group.sweeps) {
         let of: Vec<&Row> = rows.of(sweep.key).collect();
         let count = |outcome: &str| of.iter().filter(|r| r.get("outcome") == outcome).count();
         let ratios = of.iter().map(|row| row.value("ratio"));
@@ -75,18 +74,18 @@ fn overview(rows: &Rows) -> Section {
         blocks: vec![
             Block::Words(WORDS.to_owned()),
             Block::Table(table),
-            Block::Table(breaks(rows)),
+            Block::Table(breaks(rows, groups)),
         ],
     }
 }
 
 /// Where sweeps begin to give no answer, and what the program says there.
-fn breaks(rows: &Rows) -> Table {
+fn breaks(rows: &Rows, groups: &[Group]) -> Table {
     let caption = "Where methods break: the first case of each sweep without an answer, the last one \
         with an answer before it, and what the program says.";
     let header = ["sweep", "last answer", "first refusal", "says"];
     let mut table = Table::new("stability-breaks", caption, &header);
-    for sweep in GROUPS.iter().flat_map(|group| group.sweeps) {
+    for sweep in groups.iter().flat_map(|group| group.sweeps) {
         let mut held = "-";
         for row in rows.of(sweep.key) {
             if row.get("outcome") != "refused" {

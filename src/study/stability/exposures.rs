@@ -1,10 +1,9 @@
 //! Exposures over seven decades: the signal, and its noise.
 
-use super::case::Case;
+use super::case::{Case, Group, Sweep};
 use super::light::duration;
 use super::rays::EPS_F32;
 use super::scenes::{scene, small};
-use super::sweep::{Group, Sweep};
 use crate::scanned::levels;
 use phasmid_core::error::Result;
 use phasmid_profile::{Profile, Scene};

@@ -1,8 +1,7 @@
 //! Lenses that bend so much that their image folds over, and their inverse up to there.
 
-use super::case::{Case, worse};
+use super::case::{Case, Group, Sweep, worse};
 use super::rays::EPS;
-use super::sweep::{Group, Sweep};
 use glam::DVec2;
 use phasmid_geometry::{Lens, Rig};
 use phasmid_profile::Profile;

@@ -1,9 +1,8 @@
 //! Grey levels: faint, few, too bright, none.
 
-use super::case::Case;
+use super::case::{Case, Group, Sweep};
 use super::stack::{Stack, bound, equal, f32_floor, gray, references, rounding_gain, sweep};
 use super::steps::{GROSS, judged};
-use super::sweep::{Group, Sweep};
 use phasmid_core::error::Result;
 use phasmid_report::lab::Context;
 use std::f64::consts::TAU;

@@ -1,7 +1,6 @@
 //! The light source: time constants a billion apart, and exposures over seven decades.
 
-use super::case::Case;
-use super::sweep::{Group, Sweep};
+use super::case::{Case, Group, Sweep};
 use phasmid_core::statistics::gauss_legendre;
 use phasmid_profile::{Droop, Led, Profile};
 use phasmid_render::led::{Model, Source, State};

@@ -1,9 +1,8 @@
 //! Degenerate meshes: slivers, twins, triangles without area, holes.
 
-use super::case::Case;
+use super::case::{Case, Group, Sweep};
 use super::rays::{EPS, EPS_F32};
 use super::scenes::{KEPT, Plane, pixels, scene, small};
-use super::sweep::{Group, Sweep};
 use glam::{DVec2, DVec3};
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Mesh, MeshTree, Pose, ply};

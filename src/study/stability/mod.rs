@@ -7,7 +7,6 @@
 //! allowed, or when there is no answer and the program says so; a wrong answer without a word fails,
 //! and so does none without one.
 
-mod bent;
 mod boards;
 mod case;
 mod document;
@@ -17,18 +16,30 @@ mod levels;
 mod light;
 mod meshes;
 mod orders;
-mod parallel;
 mod rays;
 mod repeats;
 mod scenes;
 mod stack;
 mod steps;
-mod sweep;
 
-use case::Case;
+use case::{Case, Group, Sweep};
 use phasmid_core::error::Result;
 use phasmid_report::lab::{Context, Document, Folder, Row, Rows, Settings, Study, Trial};
-use sweep::{GROUPS, Sweep};
+
+/// All sweeps, in the order of the report.
+const GROUPS: &[Group] = &[
+    rays::GROUP,
+    scenes::GROUP,
+    lenses::GROUP,
+    steps::GROUP,
+    levels::GROUP,
+    orders::GROUP,
+    meshes::GROUP,
+    boards::GROUP,
+    light::GROUP,
+    exposures::GROUP,
+    repeats::GROUP,
+];
 
 /// The study.
 pub struct Stability;
@@ -54,7 +65,7 @@ impl Study for Stability {
     }
 
     fn document(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Document> {
-        Ok(document::document(rows))
+        Ok(document::document(rows, GROUPS))
     }
 }
 

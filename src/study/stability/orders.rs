@@ -1,12 +1,11 @@
 //! Whole periods where they change: at the wraps, at the edges of the code, and where two periods
 //! hardly differ.
 
-use super::case::Case;
+use super::case::{Case, Group, Sweep};
 use super::stack::{
     EXTENT, Stack, Tally, WIDTH, equal, f32_floor, finest_bit, gray, references, rounding_gain,
     sweep,
 };
-use super::sweep::{Group, Sweep};
 use phasmid_core::error::Result;
 use phasmid_decode::Options;
 use phasmid_pattern::Pattern;

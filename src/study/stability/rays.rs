@@ -1,9 +1,6 @@
-//! Triangulation where rays are nearly parallel, near, far, or do not meet.
+//! Triangulation where rays are nearly parallel, near, far, or do not meet, and where lenses bend.
 
-use super::bent;
-use super::case::{Case, worse};
-use super::parallel;
-use super::sweep::{Group, Sweep};
+use super::case::{Case, Group, Sweep, worse};
 use crate::draws::Draws;
 use glam::{DVec2, DVec3};
 use phasmid_core::error::Result;
@@ -15,10 +12,10 @@ use phasmid_report::lab::Context;
 pub(super) const EPS: f64 = f64::EPSILON / 2.0;
 pub(super) const EPS_F32: f64 = f32::EPSILON as f64 / 2.0;
 /// Roundings between a coordinate and a depth, here and in the program, counted generously.
-pub(super) const ROUNDINGS: f64 = 16.0;
-pub(super) const WIDTH: usize = 64;
+const ROUNDINGS: f64 = 16.0;
+const WIDTH: usize = 64;
 /// What the program says of a depth that the parallax does not tell.
-pub(super) const NO_DEPTH: &str = "no depth (NaN)";
+const NO_DEPTH: &str = "no depth (NaN)";
 
 pub(super) const GROUP: Group = Group {
     title: "Triangulation",
@@ -78,7 +75,7 @@ pub(super) const GROUP: Group = Group {
             ratio: "shift in px",
             error: "depth error over depth",
             rounding: true,
-            cases: |_| bent::distorted(),
+            cases: |_| distorted(),
         },
         Sweep {
             key: "parallel",
@@ -87,13 +84,13 @@ pub(super) const GROUP: Group = Group {
             ratio: "distance over baseline",
             error: "depth error in mm",
             rounding: false,
-            cases: |_| parallel::parallel(),
+            cases: |_| parallel(),
         },
     ],
 };
 
 /// A camera and a projector without distortion, `baseline_mm` apart, the projector turned a little.
-pub(super) fn rig(baseline_mm: f64, turn_deg: DVec3) -> Rig {
+fn rig(baseline_mm: f64, turn_deg: DVec3) -> Rig {
     let view = |width_px, focal, principal_px, rig_from_view| View {
         lens: Lens {
             width_px,
@@ -285,4 +282,126 @@ fn far() -> Vec<Case> {
             }
         })
         .to_vec()
+}
+
+/// Depth by both coordinates, and by columns alone, where a projector's lens bends.
+fn distorted() -> Result<Vec<Case>> {
+    let one = |k1: f64| {
+        let mut rig = rig(400.0, DVec3::new(1.0, -18.0, 2.0));
+        rig.projector.lens.distortion = [k1, 0.1 * k1.abs(), 1e-3 * k1, -2e-3 * k1, 0.0];
+        rig.projector.lens.height_px = 768;
+        rig.projector.lens.principal_px.y = 383.5;
+        let triangulator = Triangulator::new(&rig, WIDTH, 48)?;
+        let (mut worst, mut shift, mut lit, mut none) = ((0.0, f64::INFINITY), 0.0_f64, 0, 0);
+        for distance in [300.0, 1e3, 3e3, 1e4, 1e5] {
+            for i in 0..WIDTH * 48 {
+                let at = DVec2::new((i % WIDTH) as f64, (i / WIDTH) as f64);
+                let ray = rig.camera.lens.ray(at);
+                let depth = distance / (1.0 + 0.2 * ray.x - 0.1 * ray.y);
+                let seen = |depth: f64| rig.projector.project(ray * depth);
+                let ends = [1.0 - 1e-5, 1.0 + 1e-5].map(|by| seen(depth * by));
+                let (Some(px), [Some(low), Some(high)]) = (seen(depth), ends) else {
+                    continue;
+                };
+                let lens = &rig.projector.lens;
+                if !lens.contains(px) {
+                    continue;
+                }
+                lit += 1;
+                let ideal = Lens {
+                    distortion: [0.0; 5],
+                    ..*lens
+                };
+                let way = rig.projector.rig_from_view.inverse().point(ray * depth);
+                shift = ideal
+                    .project(way)
+                    .map_or(shift, |ideal| shift.max((ideal - px).length()));
+                let both = [px.x, px.y].map(|px| Some(Measured { px, sigma: 1e-6 }));
+                let slope = 2e-5 * depth / (high - low).x.abs();
+                // With a known point the first decides; rows may say less.
+                let allowed = ROUNDINGS * EPS * (1.0 + slope * 4000.0 / depth);
+                for y in [both[1], None] {
+                    let Some((found, _)) = triangulator.depth(at, both[0], y) else {
+                        none += 1;
+                        continue;
+                    };
+                    let error = (found - depth).abs() / depth;
+                    worse(&mut worst, error, allowed);
+                }
+            }
+        }
+        let name = format!("k1 = {k1}");
+        let case = Case::held(name, shift, worst.0, worst.1);
+        Ok(case.kept(1.0 - f64::from(none) / f64::from((2 * lit).max(1)), 0.999))
+    };
+    [-1e-6, -0.1, -0.5, -1.0, 0.5, 2.0, 10.0]
+        .into_iter()
+        .map(one)
+        .collect()
+}
+
+/// The plane of the projector's column against a ray of the camera: without turn, a coordinate whose
+/// ideal is the ray's own never meets it.
+fn parallel() -> Result<Vec<Case>> {
+    let mut rig = rig(400.0, DVec3::ZERO);
+    rig.projector.rig_from_view.translation_mm = DVec3::new(400.0, 0.0, 0.0);
+    let triangulator = Triangulator::new(&rig, WIDTH, 48)?;
+    // x = 0.125, exact in binary, so that parallel is parallel.
+    let at = DVec2::new(31.5 + 0.125 * 60.0, 23.5);
+    let px = |distance: f64| 511.5 + 1500.0 * (0.125 - 400.0 / distance);
+    let depth = |px: f64, sigma: f64| triangulator.depth(at, Some(Measured { px, sigma }), None);
+    let silent = |found: Option<(f64, f64)>| match found {
+        None => NO_DEPTH.to_owned(),
+        Some((depth, _)) => format!("a depth of {depth} mm"),
+    };
+    let mut cases = Vec::new();
+    for ratio in [1e2, 1e4, 1e6, 1e8, 1e10] {
+        let truth = 400.0 * ratio;
+        let name = format!("parallel but for {:e} rad", 1.0 / ratio);
+        let found = depth(px(truth), 0.0).map_or(f64::NAN, |(depth, _)| (depth - truth).abs());
+        let slope = truth * truth / (400.0 * 1500.0);
+        cases.push(Case::held(
+            name,
+            ratio,
+            found,
+            ROUNDINGS * EPS * 700.0 * slope,
+        ));
+    }
+    for (name, ratio, coordinate, sigma) in [
+        (
+            "parallel but for 1e-6 rad, coordinate known to 1e-3 px",
+            1e6,
+            px(4e8),
+            1e-3,
+        ),
+        ("parallel", f64::INFINITY, 511.5 + 1500.0 * 0.125, 0.0),
+        (
+            "parallel, coordinate known to 1e-3 px",
+            f64::INFINITY,
+            511.5 + 1500.0 * 0.125,
+            1e-3,
+        ),
+        ("meet 1 mm behind the lens", 0.0025, px(-1.0), 1e-3),
+        ("meet 1 km behind the lens", 2500.0, px(-1e6), 1e-3),
+        ("a coordinate that is no number", f64::NAN, f64::NAN, 1e-3),
+        ("a coordinate without an end", f64::NAN, f64::INFINITY, 1e-3),
+    ] {
+        let says = silent(depth(coordinate, sigma));
+        cases.push(Case::refused(name, ratio, &says, NO_DEPTH));
+        let (mut z, mut sd) = ([0.0f32; WIDTH], [0.0f32; WIDTH]);
+        let x = CoordinateRow {
+            px: &[coordinate as f32; WIDTH],
+            sigma: &[sigma as f32; WIDTH],
+        };
+        // The row's pixel at which the ray is the same: its x is exact in f32 as well.
+        triangulator.row(23, Some(x), None, &mut z, &mut sd);
+        let says = silent((!z[39].is_nan()).then_some((f64::from(z[39]), 0.0)));
+        cases.push(Case::refused(
+            format!("{name}, in f32"),
+            ratio,
+            &says,
+            NO_DEPTH,
+        ));
+    }
+    Ok(cases)
 }

@@ -1,10 +1,9 @@
 //! A billion frames: counters, keys of the noise, device time.
 
-use super::case::Case;
+use super::case::{Case, Group, Sweep};
 use super::exposures::{SURE, fine, white, white_plane};
 use super::rays::EPS_F32;
 use super::scenes::small;
-use super::sweep::{Group, Sweep};
 use crate::scanned::levels;
 use phasmid_core::error::Result;
 use phasmid_render::Renderer;

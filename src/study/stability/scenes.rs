@@ -1,9 +1,8 @@
 //! Rendered scenes: far from the origin, near and far, edge-on; the fast path in f32 and the
 //! reference path in f64 against closed forms.
 
-use super::case::{Case, worse};
+use super::case::{Case, Group, Sweep, worse};
 use super::rays::{EPS, EPS_F32};
-use super::sweep::{Group, Sweep};
 use glam::{DVec2, DVec3};
 use phasmid_core::error::Result;
 use phasmid_profile::{Profile, Scene};

@@ -1,12 +1,11 @@
 //! Phase steps: how many, how unequal, of which period.
 
-use super::case::Case;
+use super::case::{Case, Group, Sweep};
 use super::rays::EPS_F32;
 use super::stack::{
     EXTENT, Stack, Tally, bound, equal, f32_floor, fringes, gray, manifest, references,
     rounding_gain, sweep,
 };
-use super::sweep::{Group, Sweep};
 use glam::{DMat3, DVec3};
 use phasmid_core::error::Result;
 use phasmid_decode::Options;

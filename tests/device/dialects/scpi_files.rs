@@ -149,7 +149,10 @@ fn refusals_and_unknown_sequences_are_reported() {
     let lamp = other().replace("LASER {state}", "LASER:NO {state}");
     let (captured, _) = scan(Some(parse(&lamp)), true, None);
     let words = captured.unwrap_err().to_string();
-    assert!(words.contains("the device refuses lamp: -"), "{words}");
+    assert!(
+        words.contains("the device refuses LASER:NO ON: -"),
+        "{words}"
+    );
 }
 
 #[test]

@@ -24,7 +24,7 @@ mod step;
 #[cfg(test)]
 mod tests;
 
-use crate::board::find::check;
+use crate::board::not_found::check;
 use crate::board::{BoardImage, NotFound, Seen};
 use blobs::Blob;
 use known::{Dot, Dots};

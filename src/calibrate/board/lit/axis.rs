@@ -2,11 +2,10 @@
 //!
 //! The first iterations use biweights, which tolerate a third of wrong pixels. Later ones give
 //! equal trust to all pixels within five standard deviations and exclude the rest. With normal
-//! noise this is least squares, whose covariance is known.
+//! noise this is least squares, whose covariance is known. `Unread` says why a point has no fit.
 
 use super::super::smooth::Smooth;
 use super::cell::Sample;
-use super::unread::Unread;
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_core::statistics::{biweight, median, normal_scale};
 
@@ -22,6 +21,24 @@ const UNEVEN: f64 = 4.0;
 const MISFIT: f64 = 25.0;
 /// Number of reweighting iterations, then of trimming iterations.
 const ROUNDS: [usize; 2] = [5, 3];
+
+/// Reason why a point has no projector coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
+#[non_exhaustive]
+pub enum Unread {
+    /// The sequence does not resolve both axes, or the board has too few points.
+    #[error("without both of the projector's coordinates, or with too few of the board's points")]
+    Unresolved,
+    /// Fewer than 12 pixels around the point were decoded.
+    #[error("with fewer than 12 decoded pixels around them")]
+    FewPixels,
+    /// The decoded pixels lie on one side of the point only.
+    #[error("with decoded pixels on one side of them only")]
+    OneSided,
+    /// The decoded coordinates do not lie on a plane.
+    #[error("around which the decoded coordinates contradict each other")]
+    Scattered,
+}
 
 /// A plane over camera pixels, with the covariance of its coefficients.
 #[derive(Debug, Clone, PartialEq)]

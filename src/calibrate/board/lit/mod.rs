@@ -1,8 +1,7 @@
 //! Projector coordinates at a board's points, from the decoded phase around each.
 //!
 //! - `cell`: selects the decoded pixels around a point.
-//! - `axis`: fits one projector coordinate around a point.
-//! - `unread`: reasons why a point has no projector coordinates.
+//! - `axis`: fits one projector coordinate around a point, or says why there is none.
 //!
 //! The map from camera pixels to projector pixels on a plane is a homography plus the distortion of
 //! two lenses, so one smooth map (`Smooth`) predicts a whole pose to a fraction of a pixel. The
@@ -22,9 +21,8 @@
 
 mod axis;
 mod cell;
-mod unread;
 
-pub use unread::{Unread, unread};
+pub use axis::Unread;
 
 use super::smooth::Smooth;
 use super::{Lit, Seen};
@@ -119,6 +117,31 @@ fn light(samples: &[Vec<Sample>]) -> Option<Smooth> {
         .map(|s| (s.at, DVec2::from(s.value)))
         .collect();
     Smooth::fit(&pairs, LIGHT_DEGREE)
+}
+
+/// Summarises how many points have no coordinates, and for which reasons, in one sentence. Returns
+/// `None` if all points have coordinates.
+pub fn unread<'a>(
+    fits: impl Iterator<Item = &'a Result<LocalFit, Unread>> + Clone,
+) -> Option<String> {
+    let mut reasons: Vec<Unread> = fits
+        .clone()
+        .filter_map(|f| f.as_ref().err())
+        .copied()
+        .collect();
+    reasons.sort_unstable();
+    let each: Vec<String> = reasons
+        .chunk_by(|a, b| a == b)
+        .map(|same| format!("{} {}", same.len(), same[0]))
+        .collect();
+    (!each.is_empty()).then(|| {
+        format!(
+            "{} of {} points have no projector coordinates: {}",
+            reasons.len(),
+            fits.count(),
+            each.join(", ")
+        )
+    })
 }
 
 #[cfg(test)]

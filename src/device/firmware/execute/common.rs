@@ -1,8 +1,9 @@
 //! The common commands of IEEE 488.2, `STATus`, `SYSTem`, `CALibration` and `DIAGnostic`.
 
 use super::{Answer, say};
+use crate::firmware::Firmware;
+use crate::firmware::pending::Block;
 use crate::firmware::table::Command;
-use crate::firmware::{Block, Firmware};
 use phasmid_protocol::scpi::{Args, ErrorCode, Quantity, Unit, encode_block};
 use phasmid_protocol::usb::cdc::LineCoding;
 

@@ -1,9 +1,9 @@
 //! `SEQuence`: stored, defined and selected sequences.
 
 use super::setting::{Setting, numeric};
-use super::{Answer, MAX_TIME_S, check_period, say};
+use super::{Answer, MAX_TIME_S, say};
 use crate::firmware::Firmware;
-use crate::firmware::settings::{Settings, from_seconds, seconds};
+use crate::firmware::settings::{Settings, check_period, from_seconds, seconds};
 use crate::firmware::table::Command;
 use phasmid_protocol::scpi::{Args, ErrorCode, Number, Quantity, Unit, encode_block, quote};
 

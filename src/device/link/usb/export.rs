@@ -1,7 +1,6 @@
 //! Exports USB devices over USB/IP, and attaches them to this machine's kernel.
 
 use super::{Binding, Nodes, Port, UsbServer, attach};
-use crate::link::{UsbLink, UsbServing};
 use phasmid_core::error::Result;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
@@ -9,6 +8,37 @@ use std::time::Duration;
 /// Maximum time for drivers to create the nodes of an attached device.
 const NODES: Duration = Duration::from_secs(10);
 const POLL: Duration = Duration::from_millis(20);
+
+/// The USB device as which a served device is exported over USB/IP.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UsbServing {
+    /// Address at which it can be attached. USB/IP has no authentication.
+    pub listen: SocketAddr,
+    /// Also attach it to this machine's own kernel, which needs its permission.
+    pub attach: bool,
+}
+
+impl Default for UsbServing {
+    /// Returns a free port of the loopback interface, without attaching the device.
+    fn default() -> Self {
+        Self {
+            listen: (Ipv4Addr::LOCALHOST, 0).into(),
+            attach: false,
+        }
+    }
+}
+
+/// A device's USB side.
+pub struct UsbLink {
+    /// The server's side of the USB device.
+    pub binding: Binding,
+    /// Address at which the USB/IP server listens.
+    pub listen: SocketAddr,
+    /// Address from which it can be attached: `usb:HOST:PORT/BUSID`.
+    pub address: String,
+    /// Device nodes that this machine's kernel has created for it.
+    pub nodes: Nodes,
+}
 
 /// Serves USB devices, inside a tokio runtime and as long as that exists. Returns their links in
 /// order; of devices that are attached to this machine's kernel with the nodes that its drivers have

@@ -22,7 +22,7 @@ mod connection;
 mod descriptors;
 mod device;
 mod events;
-mod export;
+pub(super) mod export;
 mod fault;
 mod function;
 mod outgoing;

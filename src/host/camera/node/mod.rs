@@ -5,29 +5,17 @@ mod v4l2;
 mod v4l2_error;
 mod webcam;
 
+pub(super) use unplugged::open;
 pub use v4l2_error::explain as explain_device;
 
 use super::{Camera, CameraDriver, Intake};
 use phasmid_core::error::Result;
 use std::time::Duration;
-use unplugged::PluggedCamera;
-
-/// Opens a V4L2 device.
-///
-/// # Errors
-/// Same as [`super::open_camera`].
-pub(super) fn open(
-    address: &str,
-    capture: CameraDriver,
-    timeout: Duration,
-) -> Result<Box<dyn Camera + Send>> {
-    PluggedCamera::open(address, capture, timeout)
-}
 
 /// Opens a V4L2 device, which cannot be found again after it was unplugged.
 ///
 /// # Errors
-/// Same as [`open`].
+/// Same as [`super::open_camera`].
 fn open_node(
     address: &str,
     capture: CameraDriver,

@@ -8,7 +8,7 @@ use phasmid_protocol::Frame;
 use std::time::{Duration, Instant};
 
 /// A camera and the USB device that it belongs to.
-pub(super) struct PluggedCamera {
+struct PluggedCamera {
     /// `None` once the camera is gone: an open node would keep its name occupied, and the device
     /// would come back under another one.
     camera: Option<Box<dyn Camera + Send>>,
@@ -21,29 +21,27 @@ pub(super) struct PluggedCamera {
     identifies: bool,
 }
 
-impl PluggedCamera {
-    /// Opens a camera. If it belongs to a USB device, it can be found again after being unplugged.
-    ///
-    /// # Errors
-    /// Same as [`open_node`].
-    pub(super) fn open(
-        address: &str,
-        how: CameraDriver,
-        timeout: Duration,
-    ) -> Result<Box<dyn Camera + Send>> {
-        let camera = open_node(address, how, timeout)?;
-        Ok(match Plug::of("video4linux", address) {
-            None => camera,
-            Some(plug) => Box::new(Self {
-                identifies: camera.identifies(),
-                camera: Some(camera),
-                plug,
-                how,
-                given: address.to_owned(),
-                address: address.to_owned(),
-            }),
-        })
-    }
+/// Opens a V4L2 device. If it belongs to a USB device, it can be found again after being unplugged.
+///
+/// # Errors
+/// Same as [`crate::open_camera`].
+pub(in crate::camera) fn open(
+    address: &str,
+    how: CameraDriver,
+    timeout: Duration,
+) -> Result<Box<dyn Camera + Send>> {
+    let camera = open_node(address, how, timeout)?;
+    Ok(match Plug::of("video4linux", address) {
+        None => camera,
+        Some(plug) => Box::new(PluggedCamera {
+            identifies: camera.identifies(),
+            camera: Some(camera),
+            plug,
+            how,
+            given: address.to_owned(),
+            address: address.to_owned(),
+        }),
+    })
 }
 
 impl Camera for PluggedCamera {

@@ -1,7 +1,7 @@
 //! Checks of commands: requests, firmware messages and replies.
 
-use super::Check;
 use super::fields::fields;
+use super::reading::Check;
 use crate::dialect::Value;
 use crate::dialect::command::{Command, Framing};
 use crate::dialect::field::{Field, Kind};

@@ -1,6 +1,6 @@
 //! Checks of arguments and values.
 
-use super::Check;
+use super::reading::Check;
 use crate::dialect::Value;
 use crate::dialect::command::Framing;
 use crate::dialect::field::{Field, Kind, Unit};
@@ -88,8 +88,8 @@ fn field(
         big,
     };
     if let Some(value) = &file.constant {
-        let value = super::host::literal(check, &at("constant"), value)?;
-        let wrong = super::host::sendable(&field, &value);
+        let value = literal(check, &at("constant"), value)?;
+        let wrong = sendable(&field, &value);
         check.that(
             wrong.is_none(),
             &at("constant"),
@@ -198,4 +198,20 @@ pub(super) fn number_or_text(value: &toml::Value) -> Option<Value> {
         toml::Value::String(text) => Some(Value::Text(text.clone())),
         _ => None,
     }
+}
+
+pub(super) fn sendable(field: &Field, value: &Value) -> Option<String> {
+    let sent = match field.kind.in_packets() && !field.kind.in_lines() {
+        true => field.to_packet(value, &mut Vec::new()).err(),
+        false => field.to_line(value).err(),
+    };
+    sent.map(|error| error.to_string())
+}
+
+/// Converts a number or a text to a value.
+pub(super) fn literal(check: &Check<'_>, path: &str, value: &toml::Value) -> Result<Value> {
+    number_or_text(value).ok_or_else(|| {
+        let found = value.type_str();
+        check.source.violation(path, found, "a number or a text")
+    })
 }

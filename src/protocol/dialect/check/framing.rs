@@ -1,6 +1,6 @@
 //! Checks of message framing.
 
-use super::Check;
+use super::reading::Check;
 use crate::dialect::command::{Framing, LineEnds};
 use crate::dialect::file::{Endian, FramingKind, LineFile, PacketFile};
 use crate::dialect::packet::Layout;

@@ -1,10 +1,11 @@
 //! Checks of the host's operations.
 
-use super::Check;
-use super::fields::number_or_text;
+use super::fields::{literal, sendable};
+use super::reading::Check;
 use crate::dialect::command::Command;
 use crate::dialect::field::Field;
-use crate::dialect::uses::{Argument, OPERATIONS};
+use crate::dialect::file::OperationFile;
+use crate::dialect::uses::{Argument, OPERATIONS, REPORTS};
 use crate::dialect::{HostUse, Operation, Step, Value};
 use phasmid_core::error::Result;
 
@@ -14,49 +15,90 @@ pub(super) fn host(check: &Check<'_>, commands: &[Command]) -> Result<HostUse> {
     let mut host = HostUse::default();
     for (name, file) in &check.file.host {
         let path = format!("host.{name}");
-        let known = OPERATIONS.iter().find(|(known, _)| known == name);
-        let Some((_, inputs)) = known else {
-            let names: Vec<_> = OPERATIONS.iter().map(|(name, _)| *name).collect();
+        let known = OPERATIONS.iter().find(|(known, ..)| known == name);
+        let Some((_, inputs, has_result)) = known else {
+            let names: Vec<_> = OPERATIONS.iter().map(|(name, ..)| *name).collect();
             let found = "an unknown operation";
             return Err(check.source.violation(&path, found, names.join(", ")));
         };
         check.that(
-            (1..=MAX_STEPS).contains(&file.steps.len()),
-            &format!("{path}.steps"),
-            format!("{} steps", file.steps.len()),
-            format!("1 to {MAX_STEPS}"),
+            file.allowed.is_empty() || REPORTS.contains(&name.as_str()),
+            &format!("{path}.allowed"),
+            "an operation that reports no setting",
+            format!("no values, or one of {}", REPORTS.join(", ")),
         )?;
-        let mut steps = Vec::with_capacity(file.steps.len());
-        let mut values: Vec<&str> = Vec::new();
-        for (at, step) in file.steps.iter().enumerate() {
-            let path = format!("{path}.steps[{at}]");
-            let command = commands.iter().find(|command| command.name == step.command);
-            let Some(command) = command else {
-                let found = format!("{:?}", step.command);
-                let place = format!("{path}.command");
-                let allowed = "the name of a command of this file";
-                return Err(check.source.violation(&place, found, allowed));
-            };
-            values.extend(command.values.iter().map(|value| value.name.as_str()));
-            let args = arguments(check, &path, command, &step.args, inputs)?;
-            steps.push(Step {
-                command: step.command.clone(),
-                args,
-            });
-        }
-        if let Some(result) = &file.result {
-            let field = format!("{path}.result");
-            let template = check.template(&field, result)?;
-            values.dedup();
-            check.names(&field, &template, &values)?;
-        }
-        let operation = Operation {
-            steps,
-            result: file.result.clone(),
-        };
+        with_result(check, &path, file, *has_result)?;
+        let operation = operation(check, &path, file, inputs, commands)?;
         host.operations.insert(name.clone(), operation);
     }
+    for (name, file) in &check.file.settings {
+        let path = format!("settings.{name}");
+        check.name(&path, name, &['-'])?;
+        check.that(
+            !OPERATIONS.iter().any(|(known, ..)| known == name),
+            &path,
+            "the name of an operation",
+            format!("another name, or host.{name}"),
+        )?;
+        with_result(check, &path, file, true)?;
+        let operation = operation(check, &path, file, &[], commands)?;
+        host.settings.insert(name.clone(), operation);
+    }
     Ok(host)
+}
+
+/// Checks that an operation has a result if it reports something.
+fn with_result(check: &Check<'_>, path: &str, file: &OperationFile, wanted: bool) -> Result<()> {
+    check.that(
+        file.result.is_some() || !wanted,
+        &format!("{path}.result"),
+        "no result",
+        "a text with values of the replies, in braces",
+    )
+}
+
+fn operation(
+    check: &Check<'_>,
+    path: &str,
+    file: &OperationFile,
+    inputs: &[&str],
+    commands: &[Command],
+) -> Result<Operation> {
+    check.that(
+        (1..=MAX_STEPS).contains(&file.steps.len()),
+        &format!("{path}.steps"),
+        format!("{} steps", file.steps.len()),
+        format!("1 to {MAX_STEPS}"),
+    )?;
+    let mut steps = Vec::with_capacity(file.steps.len());
+    let mut values: Vec<&str> = Vec::new();
+    for (at, step) in file.steps.iter().enumerate() {
+        let path = format!("{path}.steps[{at}]");
+        let command = commands.iter().find(|command| command.name == step.command);
+        let Some(command) = command else {
+            let found = format!("{:?}", step.command);
+            let place = format!("{path}.command");
+            let allowed = "the name of a command of this file";
+            return Err(check.source.violation(&place, found, allowed));
+        };
+        values.extend(command.values.iter().map(|value| value.name.as_str()));
+        let args = arguments(check, &path, command, &step.args, inputs)?;
+        steps.push(Step {
+            command: step.command.clone(),
+            args,
+        });
+    }
+    if let Some(result) = &file.result {
+        let field = format!("{path}.result");
+        let template = check.template(&field, result)?;
+        values.dedup();
+        check.names(&field, &template, &values)?;
+    }
+    Ok(Operation {
+        steps,
+        result: file.result.clone(),
+        allowed: file.allowed.clone(),
+    })
 }
 
 fn arguments(
@@ -110,20 +152,4 @@ fn arguments(
         format!("all arguments of {}", command.name),
     )?;
     Ok(args)
-}
-
-pub(super) fn sendable(field: &Field, value: &Value) -> Option<String> {
-    let sent = match field.kind.in_packets() && !field.kind.in_lines() {
-        true => field.to_packet(value, &mut Vec::new()).err(),
-        false => field.to_line(value).err(),
-    };
-    sent.map(|error| error.to_string())
-}
-
-/// Converts a number or a text to a value.
-pub(super) fn literal(check: &Check<'_>, path: &str, value: &toml::Value) -> Result<Value> {
-    number_or_text(value).ok_or_else(|| {
-        let found = value.type_str();
-        check.source.violation(path, found, "a number or a text")
-    })
 }

@@ -4,6 +4,7 @@ mod commands;
 mod fields;
 mod framing;
 mod host;
+mod reading;
 mod unasked;
 
 use super::Dialect;
@@ -12,86 +13,9 @@ use super::field::Field;
 use super::file::File;
 use super::overlap::{Fielded, overlap};
 use super::template::Template;
-use phasmid_core::error::{Error, Result};
+use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
-use std::fmt::Display;
-
-/// Maximum template length.
-const MAX_TEMPLATE: usize = 200;
-
-/// A file being checked.
-struct Check<'a> {
-    source: &'a TomlSource,
-    file: &'a File,
-}
-
-impl Check<'_> {
-    fn that(
-        &self,
-        ok: bool,
-        field: &str,
-        found: impl Display,
-        allowed: impl Display,
-    ) -> Result<()> {
-        if ok {
-            Ok(())
-        } else {
-            Err(self.source.violation(field, found, allowed))
-        }
-    }
-
-    /// Checks that a name consists of letters, digits, underscores and the characters in `more`.
-    fn name(&self, field: &str, name: &str, more: &[char]) -> Result<()> {
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || more.contains(&c);
-        self.that(
-            (1..=64).contains(&name.len()) && name.chars().all(plain),
-            field,
-            format!("{name:?}"),
-            more.iter()
-                .fold("1 to 64 letters, digits, '_'".to_owned(), |all, c| {
-                    format!("{all}, '{c}'")
-                }),
-        )
-    }
-
-    fn template(&self, field: &str, text: &str) -> Result<Template> {
-        self.that(
-            text.len() <= MAX_TEMPLATE,
-            field,
-            format!("{} bytes", text.len()),
-            format!("{MAX_TEMPLATE} bytes"),
-        )?;
-        Template::parse(text).map_err(|wrong| {
-            let allowed = "text with {name} in it, {{ and }} for braces";
-            self.source.violation(field, wrong, allowed)
-        })
-    }
-
-    /// Checks that every name in a template is one of `known` and occurs at most once.
-    fn names(&self, field: &str, template: &Template, known: &[&str]) -> Result<()> {
-        let names: Vec<_> = template.names().collect();
-        for (at, name) in names.iter().enumerate() {
-            self.that(
-                known.contains(name) && !names[..at].contains(name),
-                field,
-                format!("{{{name}}}"),
-                match known {
-                    [] => "no {name}".to_owned(),
-                    known => format!("once each: {}", known.join(", ")),
-                },
-            )?;
-        }
-        Ok(())
-    }
-
-    /// Returns the location of a field, for messages.
-    fn place(&self, field: &str) -> String {
-        match self.source.violation(field, "", "") {
-            Error::Input { place, .. } => place,
-            other => other.to_string(),
-        }
-    }
-}
+use reading::Check;
 
 /// Checks a file.
 pub(super) fn dialect(file: &File, source: &TomlSource) -> Result<Dialect> {

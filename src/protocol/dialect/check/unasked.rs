@@ -1,7 +1,7 @@
 //! Checks of refusals and unsolicited messages.
 
-use super::Check;
 use super::commands::is_error_number;
+use super::reading::Check;
 use crate::dialect::command::{Errors, Framing};
 use crate::dialect::file::ErrorFile;
 use crate::dialect::template::Template;

@@ -189,8 +189,27 @@ fn errors_in_line_dialects_name_place_and_remedy() {
         ),
         ("result = \"{names}\"", "result = \"{name}\"", "{name}"),
         ("light_on = {", "light_off = {", "an unknown operation"),
+        (
+            "result = \"{names}\"",
+            "result = \"{names}\", allowed = [\"a\"]",
+            "no values, or one of selected, source",
+        ),
     ];
     assert_refused("okline", &cases);
+    let cases = [
+        ("lamp = {", "light_on = {", "another name, or host.light_on"),
+        (
+            "result = \"{state}\", allowed",
+            "allowed",
+            "settings.continuous.result",
+        ),
+        (
+            "trigger_mode = {",
+            "\"trigger mode\" = {",
+            "letters, digits",
+        ),
+    ];
+    assert_refused("scpi", &cases);
 }
 
 #[test]

@@ -152,7 +152,10 @@ fn scpi_answers_are_read() {
             .collect::<Vec<_>>(),
         other => panic!("{command}: {other:?}"),
     };
-    assert_eq!(done("list?", b"\"a\",\"b c\""), [Value::from("a,b c")]);
+    assert_eq!(
+        done("list?", b"\"a\",\"b c\""),
+        [Value::from("\"a\",\"b c\"")]
+    );
     assert_eq!(done("selected?", b"\"a\"\"b\""), [Value::from("a\"b")]);
     assert_eq!(
         done("manifest?", b"#15a\nb\"#"),

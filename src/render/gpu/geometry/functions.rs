@@ -2,7 +2,7 @@
 
 use super::super::{Engine, optics};
 use super::tests::{Case, SOLIDS, moving, small};
-use crate::world::{Surface, World};
+use crate::scene::{Surface, World};
 use glam::{DVec2, DVec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
 use phasmid_geometry::{Lens, Solid};

@@ -1,16 +1,12 @@
 //! Compares the geometry pass on the GPU with the CPU's, for every pixel of every scene.
 
 use super::super::{Engine, materials, optics, scene, upload};
-use crate::aperture::Aperture;
-use crate::buffer::GeometryBuffer;
-use crate::geometry::{self as cpu, Rays};
-use crate::renderer::ideal_points;
-use crate::shade::Optics;
+use crate::exposure::{GeometryBuffer, Optics};
+use crate::plan::Needs;
+use crate::scene::{Moment, Surface, World, Worlds};
 use crate::shot::Shutter;
-use crate::term::Needs;
+use crate::transport::{Aperture, Rays, geometry as cpu, ideal_points};
 use crate::truth::Truth;
-use crate::world::{Surface, World};
-use crate::worlds::{Moment, Worlds};
 use crate::{Options, Plan, Term};
 use glam::DVec3;
 use phasmid_geometry::shapes::{Torso, torso};

@@ -1,8 +1,9 @@
 //! Compares indirect light on the GPU with the CPU's.
 
-use super::super::{Engine, maps, test_scene::TestScene};
+use super::super::test_scene::TestScene;
+use super::super::{Engine, maps};
 use super::{Params, Point, disc};
-use crate::interreflection::Hemisphere;
+use crate::transport::interreflection::Hemisphere;
 use glam::{DVec2, DVec3, Vec3};
 use phasmid_geometry::{Mesh, ply};
 use std::f64::consts::TAU;

@@ -1,10 +1,10 @@
 //! Compares maps of scenes with textures, vertex colours, highlights and lamps with the CPU's.
 
-use crate::buffer::GeometryBuffer;
+use crate::exposure::GeometryBuffer;
 use crate::gpu::Engine;
 use crate::gpu::geometry::tests::{Case, at_silhouette, small};
+use crate::scene::World;
 use crate::truth::Truth;
-use crate::world::World;
 use glam::DVec3;
 use phasmid_geometry::shapes::{Torso, torso};
 use phasmid_profile::{Focus, Profile, Scene, Vignetting};

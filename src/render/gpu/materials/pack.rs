@@ -1,9 +1,8 @@
 //! Packs the materials of objects into contiguous buffers.
 
-use super::{Deforming, tables};
-use crate::instance::Instance;
+use super::tables;
 use crate::material::{Ggx, ImageMap, Lay, Map, Material, Place, Printed, Texture};
-use crate::world::{Surface, World};
+use crate::scene::{Blend, Instance, Surface, World};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use phasmid_geometry::Board;
@@ -42,6 +41,16 @@ pub(super) struct Packed {
     size_mm: [f32; 2],
     board: [f32; 4],
     own_from_there: [[f32; 4]; 3],
+}
+
+/// The smooth normals of a mesh in one of its shapes.
+pub(super) struct Deforming {
+    pub(super) object: u16,
+    pub(super) shape: usize,
+    /// Offset of the normals among the material values.
+    pub(super) at: u32,
+    /// Shape currently uploaded.
+    pub(super) blend: Option<Blend>,
 }
 
 /// Buffers being filled.

@@ -1,10 +1,10 @@
 //! Compares the material shaders' functions with the CPU's on many inputs, including extremes.
 
 use super::{pack, tables};
-use crate::exposure::{Bell, Soft};
+use crate::exposure::{Bell, Optics, Soft};
 use crate::gpu::{self, Engine};
 use crate::material::{Ggx, Lay, Texture};
-use crate::shade::{Optics, Shaded};
+use crate::scene::Shaded;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3Swizzles};
 use phasmid_profile::{Focus, Profile, Scene, Vignetting};
 use std::f32::consts::TAU;

@@ -2,6 +2,7 @@
 
 mod shapes;
 
+use super::super::six::SixDof;
 use super::super::surface::Region;
 use super::super::testing::{Random, is_front, moved, patient, scan, sphere};
 use super::*;

@@ -1,6 +1,7 @@
-//! Frames against the reference path: tables, and the plot that they share with the GPU's.
+//! Frames of the processor and of the GPU against the reference path: tables, and the plot that both
+//! share.
 
-use super::{figure, of_bound, percent, um, with_spread, words};
+use super::cells::{figure, of_bound, percent, um, with_spread, words};
 use crate::work_precision::pareto::front;
 use crate::work_precision::row::spread;
 use phasmid_report::lab::{Block, Check, Figure, Row, Section, Series, SeriesStyle, Table};
@@ -26,7 +27,7 @@ pub(super) fn sections(frames: &[&Row], gpu: &[&Row], bound_um: f64) -> [Section
     let plot = plot(&all, &best);
     let (of_processor, of_gpu) = best.split_at(frames.len());
     let processor = processor(frames, of_processor, plot, bound_um);
-    [processor, super::gpu::section(gpu, of_gpu, bound_um)]
+    [processor, of_adapter(gpu, of_gpu, bound_um)]
 }
 
 fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Section {
@@ -149,4 +150,53 @@ fn plot(all: &[&Row], best: &[bool]) -> Figure {
         ["time of a pixel of a frame, ns", "RMSE, mm"],
         series,
     )
+}
+
+/// All of it is of the adapter at hand, and so in a table of times.
+fn of_adapter(gpu: &[&Row], best: &[bool], bound_um: f64) -> Section {
+    let mut table = Table::new(
+        "work-precision-gpu",
+        "The same frames by the GPU: a frame's time is from its order to its bytes; * is on the Pareto \
+         front of the processor's frames and these.",
+        &[
+            "adapter",
+            "rays",
+            "smooth, RMSE um",
+            "of noise bound, %",
+            "edges, RMSE um",
+            "ns/px",
+            "",
+        ],
+    )
+    .timed();
+    let mut blocks = Vec::new();
+    // Rows without figures have no place on the front.
+    let mut best = best.iter();
+    for row in gpu {
+        if !row.get("note").is_empty() {
+            let why = format!("The GPU's rows are left out: {}.", row.get("note"));
+            blocks.push(Block::Words(why));
+            continue;
+        }
+        table.row([
+            row.get("adapter").to_owned(),
+            row.get("samples").to_owned(),
+            um(row.value("inlier_rmse_mm")),
+            of_bound(row, bound_um),
+            um(row.value("crease_rmse_mm")),
+            with_spread(spread(row, "ns"), 3),
+            match best.next() {
+                Some(true) => "*",
+                _ => "",
+            }
+            .to_owned(),
+        ]);
+    }
+    if !table.rows.is_empty() {
+        blocks.push(Block::Table(table));
+    }
+    Section {
+        title: "The processor and the GPU".to_owned(),
+        blocks,
+    }
 }

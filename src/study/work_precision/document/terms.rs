@@ -1,6 +1,6 @@
 //! Terms of image formation, each left out once: tables and the plot.
 
-use super::{figure, of_bound, percent, um, with_spread, words};
+use super::cells::{figure, of_bound, percent, um, with_spread, words};
 use crate::work_precision::row::spread;
 use phasmid_report::lab::{Block, Check, Row, Section, Series, SeriesStyle, Table};
 use phasmid_report::plot::figures;

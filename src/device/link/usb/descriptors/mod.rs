@@ -3,13 +3,10 @@
 //! Four interfaces in two functions: video control and streaming (UVC 1.1), and the serial port's
 //! communications and data interface (CDC-ACM).
 
-mod configuration;
-mod serial;
 mod streaming;
 mod video_control;
 
-use configuration::{Draft, TO_HOST};
-use phasmid_profile::{Profile, Speed, Transfer};
+use phasmid_profile::{Profile, Speed, Transfer, Usb};
 use phasmid_protocol::PixelFormat;
 use phasmid_protocol::usb::descriptor::{class, kind, string};
 use phasmid_protocol::usb::uvc;
@@ -33,6 +30,14 @@ pub(super) const NOTIFY_IN: u8 = 2;
 pub(super) const SERIAL_IN: u8 = 3;
 /// Endpoint for serial data to the device.
 pub(super) const SERIAL_OUT: u8 = 3;
+
+/// Direction bit of an endpoint address: device to host.
+const TO_HOST: u8 = 0x80;
+/// Endpoint attributes.
+const BULK: u8 = 2;
+const INTERRUPT: u8 = 3;
+/// Isochronous endpoint with asynchronous synchronisation.
+const ISOCHRONOUS: u8 = 5;
 
 /// Addresses of all endpoints except the control endpoint, with the direction in bit 7.
 pub(super) const ENDPOINTS: [u8; 4] = [
@@ -222,4 +227,117 @@ fn bos() -> Vec<u8> {
     let total = (5 + extension.len() + speed.len()) as u16;
     let [low, high] = total.to_le_bytes();
     [&[5, kind::BOS, low, high, 2][..], &extension, &speed].concat()
+}
+
+/// Input for the descriptors.
+#[derive(Clone, Copy)]
+struct Draft {
+    usb: Usb,
+    super_speed: bool,
+    /// Maximum packet size of a bulk endpoint.
+    packet: u16,
+}
+
+impl Draft {
+    /// The configuration descriptor with all its subordinate descriptors.
+    fn configuration(&self, modes: &[Mode], intervals: &[u32]) -> Vec<u8> {
+        let body = [
+            association(VIDEO_CONTROL, [class::VIDEO, 3, 0], 4),
+            self.video_control(),
+            self.video_streaming(modes, intervals),
+            association(SERIAL_CONTROL, [class::COMMUNICATIONS, 2, 1], 5),
+            self.serial(),
+        ]
+        .concat();
+        let step = if self.super_speed { 8 } else { 2 };
+        let power = self.usb.max_power_ma.div_ceil(step).min(255) as u8;
+        let [low, high] = (9 + body.len() as u16).to_le_bytes();
+        // Attributes: bus powered; bit 7 is always set.
+        let head = [
+            9,
+            kind::CONFIGURATION,
+            low,
+            high,
+            INTERFACES,
+            1,
+            0,
+            0x80,
+            power,
+        ];
+        [&head[..], &body].concat()
+    }
+
+    fn serial(&self) -> Vec<u8> {
+        let call = [5, kind::CS_INTERFACE, 1, 0, SERIAL_DATA];
+        // Line coding and control lines; break.
+        let abilities = [4, kind::CS_INTERFACE, 2, 0x06];
+        let union = [5, kind::CS_INTERFACE, 6, SERIAL_CONTROL, SERIAL_DATA];
+        // 16 ms: an exponent of microframes (2^(8-1) x 125 us), but milliseconds at full speed.
+        let every = if self.packet == FULL_SPEED_PACKET {
+            16
+        } else {
+            8
+        };
+        let notify = self.endpoint(TO_HOST | NOTIFY_IN, INTERRUPT, 16, every, 0);
+        [
+            // Abstract control model with AT commands: the class that drivers look for.
+            interface(SERIAL_CONTROL, 0, 1, [class::COMMUNICATIONS, 2, 1], 5),
+            // CDC 1.10.
+            vec![5, kind::CS_INTERFACE, 0, 0x10, 0x01],
+            call.to_vec(),
+            abilities.to_vec(),
+            union.to_vec(),
+            notify,
+            interface(SERIAL_DATA, 0, 2, [class::CDC_DATA, 0, 0], 0),
+            self.endpoint(TO_HOST | SERIAL_IN, BULK, self.packet, 0, 0),
+            self.endpoint(SERIAL_OUT, BULK, self.packet, 0, 0),
+        ]
+        .concat()
+    }
+
+    /// An endpoint descriptor, with its companion at SuperSpeed.
+    fn endpoint(&self, address: u8, kind_of: u8, packet: u16, interval: u8, burst: u8) -> Vec<u8> {
+        let [low, high] = packet.to_le_bytes();
+        let mut bytes = vec![7, kind::ENDPOINT, address, kind_of, low, high, interval];
+        if self.super_speed {
+            let periodic = kind_of != BULK;
+            let each = if periodic {
+                packet * (u16::from(burst) + 1)
+            } else {
+                0
+            };
+            let [low, high] = each.to_le_bytes();
+            bytes.extend([6, kind::ENDPOINT_COMPANION, burst, 0, low, high]);
+        }
+        bytes
+    }
+}
+
+fn association(first: u8, [class, subclass, protocol]: [u8; 3], name: u8) -> Vec<u8> {
+    vec![
+        8,
+        kind::INTERFACE_ASSOCIATION,
+        first,
+        2,
+        class,
+        subclass,
+        protocol,
+        name,
+    ]
+}
+
+/// An interface descriptor for one alternate setting.
+fn interface(number: u8, setting: u8, endpoints: u8, class: [u8; 3], name: u8) -> Vec<u8> {
+    let [class, subclass, protocol] = class;
+    vec![
+        9,
+        kind::INTERFACE,
+        number,
+        setting,
+        endpoints,
+        class,
+        subclass,
+        protocol,
+        name,
+    ]
 }

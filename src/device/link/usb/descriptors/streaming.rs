@@ -1,8 +1,10 @@
 //! The video streaming interface: formats, frames, and the endpoint that carries them.
 
-use super::configuration::{BULK, Draft, ISOCHRONOUS, TO_HOST, interface};
 use super::video_control::OUTPUT_TERMINAL;
-use super::{FULL_SPEED_PACKET, Mode, VIDEO_IN, VIDEO_STREAMING};
+use super::{
+    BULK, Draft, FULL_SPEED_PACKET, ISOCHRONOUS, Mode, TO_HOST, VIDEO_IN, VIDEO_STREAMING,
+    interface,
+};
 use phasmid_profile::Transfer;
 use phasmid_protocol::usb::descriptor::{class, kind, video};
 use phasmid_protocol::usb::uvc;

@@ -1,8 +1,9 @@
 //! The video control interface: a camera terminal with exposure, a processing unit with gain, and
 //! an output terminal.
 
-use super::configuration::{Draft, interface};
-use super::{CAMERA_TERMINAL, CLOCK_HZ, PROCESSING_UNIT, VIDEO_CONTROL, VIDEO_STREAMING};
+use super::{
+    CAMERA_TERMINAL, CLOCK_HZ, Draft, PROCESSING_UNIT, VIDEO_CONTROL, VIDEO_STREAMING, interface,
+};
 use phasmid_protocol::usb::descriptor::{class, kind, video};
 
 /// Entity that is the source of the stream.

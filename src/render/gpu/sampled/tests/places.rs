@@ -3,8 +3,7 @@
 use super::super::super::{Engine, EntryPoint};
 use super::Case;
 use crate::Plan;
-use crate::aperture::widened;
-use crate::sampled::{offset, pupil_index, turn};
+use crate::transport::{offset, pupil_index, turn, widened};
 use phasmid_profile::{Profile, Scene};
 
 /// A small image with the given focus distance in millimetres.

@@ -1,0 +1,77 @@
+//! The option `--held`, and warnings and errors of commands that decode.
+
+use phasmid_core::error::{Error, Result};
+use phasmid_decode::{Held, Known, check_sequence, doubt_of_fringes};
+use phasmid_pattern::{Image, Manifest};
+use std::path::Path;
+
+/// Treatment of the error due to held projector pixels.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub(super) enum HeldArg {
+    /// Neither state nor correct it
+    Off,
+    /// State it without changing the coordinates
+    State,
+    /// Correct each pixel using its own coordinate alone, and state what remains
+    Correct,
+    /// Correct it with the smooth surface around each pixel: far better below one projector pixel per
+    /// camera pixel, but up to half of the amplitude of ripples of 6 to 12 pixels is lost there
+    Smooth,
+}
+
+impl From<HeldArg> for Held {
+    fn from(how: HeldArg) -> Self {
+        match how {
+            HeldArg::Off => Self::Off,
+            HeldArg::State => Self::State,
+            HeldArg::Correct => Self::Correct,
+            HeldArg::Smooth => Self::Smooth,
+        }
+    }
+}
+
+/// Checks whether the images follow their sequence. Prints and returns the
+/// reason for doubt, if any. By default this is only a warning, because a projector with a nonlinear
+/// response suffices to cause it.
+///
+/// # Errors
+/// With `strict`, returns the reason as an error.
+pub(super) fn doubt(
+    place: &Path,
+    manifest: &Manifest,
+    images: &[Image],
+    strict: bool,
+) -> Result<Option<String>> {
+    let of_sequence = check_sequence(manifest, images, Known::default()).err();
+    let Some(why) = of_sequence.or_else(|| doubt_of_fringes(manifest, images)) else {
+        return Ok(None);
+    };
+    let why = why.to_string();
+    if strict {
+        let expected = "pictures of this sequence in its order";
+        return Err(Error::input(place.display(), why, expected));
+    }
+    eprintln!("phasmid: {}: {why}", place.display());
+    Ok(Some(why))
+}
+
+/// Replaces the place `calibration` of an error by the file's path.
+pub(super) fn name_calibration(error: Error, calibration: Option<&Path>) -> Error {
+    match (error, calibration) {
+        (
+            Error::Input {
+                place,
+                found,
+                expected,
+            },
+            Some(path),
+        ) => {
+            let place = match place.strip_prefix("calibration: ") {
+                Some(field) => format!("{}: {field}", path.display()),
+                None => place,
+            };
+            Error::input(place, found, expected)
+        }
+        (other, _) => other,
+    }
+}

@@ -1,0 +1,266 @@
+//! Output of the geometry pass: one value per pixel and quantity.
+
+use super::indirect_map::InterreflectionMap;
+use super::kernel::{Blurred, Kernels};
+use super::skin_maps::{Samples, SkinMaps};
+use crate::scene::Surface;
+use crate::{Plan, Term};
+use phasmid_pattern::Axis;
+
+/// Maps over the camera's pixels in row-major order, and the samples of mixed pixels.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct GeometryBuffer {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    /// Projector coordinate of the pixel's centre, in pixels; NaN if missing.
+    pub(crate) x: Vec<f32>,
+    pub(crate) y: Vec<f32>,
+    /// Derivatives of x with respect to camera column and row; empty when no pattern varies along
+    /// x.
+    pub(crate) x_slope: Vec<[f32; 2]>,
+    /// Derivatives of y; empty when no pattern varies along y.
+    pub(crate) y_slope: Vec<[f32; 2]>,
+    /// Electrons per second under full white; 0 where unlit.
+    pub(crate) projected: Vec<f32>,
+    /// Electrons per second of ambient light.
+    pub(crate) ambient: Vec<f32>,
+    /// Flicker amplitude of the ambient light in electrons per second; empty when all light is
+    /// steady.
+    pub(crate) flickering: Vec<f32>,
+    /// One bit per lamp, set if it lights the pixel's centre; empty without lamps.
+    pub(crate) lamps: Vec<u32>,
+    /// Depth z in the camera's frame in millimetres; NaN where no surface is visible.
+    pub(crate) depth: Vec<f32>,
+    /// Surface seen by the pixel's centre.
+    pub(crate) surface: Vec<u32>,
+    /// Unit normal of that surface, facing the camera.
+    pub(crate) normal: Vec<[f32; 3]>,
+    /// Standard deviation of the projector's blur along x in projector pixels; empty without
+    /// defocus.
+    pub(crate) blur: Vec<f32>,
+    /// Blur along y over blur along x, less 1: 0 if projector pixels are square.
+    pub(crate) blur_stretch: f32,
+    /// Electrons per second for 1 W/m^2 of uniform ambient light; empty without interreflection.
+    pub(crate) evenly: Vec<f32>,
+    /// Indirect light between surfaces; empty without interreflection.
+    pub(crate) interreflection: InterreflectionMap,
+    /// Weights of the pattern's columns (x) and rows (y) under blur: for each pixel, then for the
+    /// sixteen samples of each mixed pixel. `None` without defocus and skin, or if no pattern
+    /// varies along that axis.
+    pub(crate) kernels: [Option<Kernels>; 2],
+    /// Entry point and spread of light under skin; `None` without skin.
+    pub(crate) skin: Option<SkinMaps>,
+    /// Flags such as `Truth::SEEN`.
+    pub(crate) flags: Vec<u8>,
+    /// Samples of the mixed pixels, whose footprint covers more than one surface, in pixel order.
+    pub(crate) mixed: Vec<Mixed>,
+}
+
+/// Sixteen samples of a mixed pixel's footprint. A pixel with more samples has several consecutive
+/// entries, whose electrons are summed.
+#[derive(Debug, Clone)]
+pub(crate) struct Mixed {
+    /// Row-major pixel index.
+    pub(crate) pixel: u32,
+    pub(crate) x: [f32; 16],
+    pub(crate) y: [f32; 16],
+    pub(crate) x_slope: [[f32; 2]; 16],
+    pub(crate) y_slope: [[f32; 2]; 16],
+    /// Electrons per second under full white, 0 for unlit samples.
+    pub(crate) projected: [f32; 16],
+    /// Electrons per second of ambient light, averaged.
+    pub(crate) ambient: f32,
+    /// Flicker amplitude of the ambient light in electrons per second, averaged.
+    pub(crate) flickering: f32,
+    /// Blur of each sample, as in the maps; 0 without defocus.
+    pub(crate) blur: [f32; 16],
+    /// Subsurface spread at each sample; `None` if no sample is skin.
+    pub(crate) skin: Option<Box<Samples>>,
+}
+
+impl Mixed {
+    /// Creates an entry whose samples see no surface.
+    pub(crate) fn new(pixel: u32) -> Self {
+        Self {
+            pixel,
+            x: [0.0; 16],
+            y: [0.0; 16],
+            x_slope: [[0.0; 2]; 16],
+            y_slope: [[0.0; 2]; 16],
+            projected: [0.0; 16],
+            ambient: 0.0,
+            flickering: 0.0,
+            blur: [0.0; 16],
+            skin: None,
+        }
+    }
+}
+
+/// A band of rows of the maps, for one task.
+pub(crate) struct Band<'a> {
+    pub(crate) first_row: usize,
+    /// Rows of a band; the last one may have fewer.
+    pub(crate) rows: usize,
+    pub(crate) x: &'a mut [f32],
+    pub(crate) y: &'a mut [f32],
+    pub(crate) x_slope: &'a mut [[f32; 2]],
+    pub(crate) y_slope: &'a mut [[f32; 2]],
+    pub(crate) projected: &'a mut [f32],
+    pub(crate) ambient: &'a mut [f32],
+    pub(crate) flickering: &'a mut [f32],
+    pub(crate) lamps: &'a mut [u32],
+    pub(crate) depth: &'a mut [f32],
+    pub(crate) surface: &'a mut [u32],
+    pub(crate) normal: &'a mut [[f32; 3]],
+    pub(crate) blur: &'a mut [f32],
+    pub(crate) evenly: &'a mut [f32],
+    pub(crate) flags: &'a mut [u8],
+}
+
+impl GeometryBuffer {
+    /// Resizes the maps and allocates those the plan needs, overwriting previous contents.
+    pub(crate) fn resize(&mut self, width: usize, height: usize, plan: &Plan) {
+        let n = width * height;
+        (self.width, self.height) = (width, height);
+        self.x.resize(n, f32::NAN);
+        self.y.resize(n, f32::NAN);
+        self.x_slope
+            .resize(if plan.has(Term::FootprintX) { n } else { 0 }, [0.0; 2]);
+        self.y_slope
+            .resize(if plan.has(Term::FootprintY) { n } else { 0 }, [0.0; 2]);
+        self.projected.resize(n, 0.0);
+        self.ambient.resize(n, 0.0);
+        self.flickering
+            .resize(if plan.has(Term::Flicker) { n } else { 0 }, 0.0);
+        self.lamps
+            .resize(if plan.has(Term::Lights) { n } else { 0 }, 0);
+        self.depth.resize(n, f32::NAN);
+        self.surface.resize(n, Surface::NONE.0);
+        self.normal.resize(n, [0.0; 3]);
+        self.blur.resize(
+            if plan.has(Term::ProjectorDefocus) {
+                n
+            } else {
+                0
+            },
+            0.0,
+        );
+        let bounces = plan.has(Term::Interreflection);
+        self.evenly.resize(if bounces { n } else { 0 }, 0.0);
+        self.interreflection = InterreflectionMap::default();
+        self.kernels = [None, None];
+        self.skin = None;
+        self.flags.resize(n, 0);
+        self.mixed.clear();
+    }
+
+    /// Splits the maps into bands of `rows` rows.
+    pub(crate) fn bands(&mut self, rows: usize) -> Vec<Band<'_>> {
+        let n = rows * self.width;
+        let (mut xs, mut ys) = (self.x_slope.chunks_mut(n), self.y_slope.chunks_mut(n));
+        let mut y = self.y.chunks_mut(n);
+        let mut projected = self.projected.chunks_mut(n);
+        let mut ambient = self.ambient.chunks_mut(n);
+        let mut flickering = self.flickering.chunks_mut(n);
+        let mut lamps = self.lamps.chunks_mut(n);
+        let mut depth = self.depth.chunks_mut(n);
+        let mut surface = self.surface.chunks_mut(n);
+        let mut normal = self.normal.chunks_mut(n);
+        let mut blur = self.blur.chunks_mut(n);
+        let mut evenly = self.evenly.chunks_mut(n);
+        let mut flags = self.flags.chunks_mut(n);
+        let same = "all maps have one length";
+        self.x
+            .chunks_mut(n)
+            .enumerate()
+            .map(|(i, x)| Band {
+                first_row: i * rows,
+                rows,
+                x,
+                y: y.next().expect(same),
+                x_slope: xs.next().unwrap_or_default(),
+                y_slope: ys.next().unwrap_or_default(),
+                projected: projected.next().expect(same),
+                ambient: ambient.next().expect(same),
+                flickering: flickering.next().unwrap_or_default(),
+                lamps: lamps.next().unwrap_or_default(),
+                depth: depth.next().expect(same),
+                surface: surface.next().expect(same),
+                normal: normal.next().expect(same),
+                blur: blur.next().unwrap_or_default(),
+                evenly: evenly.next().unwrap_or_default(),
+                flags: flags.next().expect(same),
+            })
+            .collect()
+    }
+}
+
+impl GeometryBuffer {
+    /// Returns the projector's blur along x and y, for its blur along x.
+    pub(crate) fn blur_along(&self, blur: f32) -> [f32; 2] {
+        [blur, blur * (1.0 + self.blur_stretch)]
+    }
+
+    /// Returns the projector coordinate along an axis from which each pixel's light comes.
+    pub(crate) fn lit_from(&self, axis: Axis) -> &[f32] {
+        match (&self.skin, axis) {
+            (Some(skin), Axis::X) => &skin.from[0],
+            (Some(skin), Axis::Y) => &skin.from[1],
+            (None, Axis::X) => &self.x,
+            (None, Axis::Y) => &self.y,
+        }
+    }
+
+    /// Computes the blur kernels the plan needs, for a pattern of `size` columns and rows.
+    pub(crate) fn blur_footprints(&mut self, size: [usize; 2], plan: &Plan) {
+        if !plan.has(Term::ProjectorDefocus) && !plan.has(Term::Subsurface) {
+            return;
+        }
+        let n = self.x.len();
+        let axes = [
+            (Term::FootprintX, self.lit_from(Axis::X), &self.x_slope),
+            (Term::FootprintY, self.lit_from(Axis::Y), &self.y_slope),
+        ];
+        let of_mixed = |axis: usize, i: usize| {
+            let (mixed, k) = (&self.mixed[i / 16], i % 16);
+            let (x, slope) = match axis {
+                0 => (mixed.x[k], mixed.x_slope[k]),
+                _ => (mixed.y[k], mixed.y_slope[k]),
+            };
+            let lit = mixed.projected[k] > 0.0;
+            let sigma = if lit {
+                self.blur_along(mixed.blur[k])[axis]
+            } else {
+                0.0
+            };
+            let samples = mixed.skin.as_ref().filter(|_| lit);
+            let skin = self.skin.as_ref().zip(samples);
+            Blurred {
+                x,
+                slope,
+                sigma,
+                spread: skin.and_then(|(skin, samples)| skin.sample(samples, k, axis)),
+            }
+        };
+        let kernels = std::array::from_fn(|axis| {
+            let (term, x, slope) = axes[axis];
+            plan.has(term).then(|| {
+                Kernels::new(n + 16 * self.mixed.len(), size[axis], |i| {
+                    if i >= n {
+                        return of_mixed(axis, i - n);
+                    }
+                    let lit = self.projected[i] > 0.0;
+                    let blur = self.blur.get(i).filter(|_| lit).copied().unwrap_or(0.0);
+                    let skin = self.skin.as_ref();
+                    Blurred {
+                        x: x[i],
+                        slope: slope[i],
+                        sigma: self.blur_along(blur)[axis],
+                        spread: skin.and_then(|skin| skin.spread(i, axis)),
+                    }
+                })
+            })
+        });
+        self.kernels = kernels;
+    }
+}

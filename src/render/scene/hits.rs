@@ -1,0 +1,115 @@
+//! The ends of sixteen rays: the surfaces that they hit, and the samples of light there.
+
+use glam::DVec3;
+use phasmid_geometry::raycast::LANES;
+
+/// Occluders beyond this fraction of a shadow ray touch the point at its end rather than shade it:
+/// 1 nm at 1 m, far above the error of f64.
+pub(super) const SHADOW_END: f64 = 1.0 - 1e-9;
+/// Start offset of parallel shadow rays, relative to the point's distance from the rig, so that the
+/// f32 error of a neighbouring triangle (about 1e-7 of that distance) does not shade the point: 10
+/// um at 1 m.
+pub(super) const OFF_POINT: f32 = 1e-5;
+
+/// One f64 per lane.
+pub(crate) type Wide = [f64; LANES];
+
+/// Index of a smooth piece of surface: a triangle, or a facet of a solid. Indices are unique within
+/// the world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Surface(pub(crate) u32);
+
+impl Surface {
+    /// No surface.
+    pub(crate) const NONE: Self = Self(u32::MAX);
+}
+
+/// Hits of sixteen camera rays.
+pub(crate) struct Hits {
+    /// Ray parameter, which is the depth for directions with z = 1; infinite without a hit.
+    pub(crate) t: Wide,
+    /// Unit normals on the rays' side, one array per component.
+    pub(crate) normal: [Wide; 3],
+    pub(crate) surface: [Surface; LANES],
+}
+
+impl Hits {
+    pub(super) fn none() -> Self {
+        Self {
+            t: [f64::INFINITY; LANES],
+            normal: [[0.0; LANES]; 3],
+            surface: [Surface::NONE; LANES],
+        }
+    }
+
+    pub(crate) fn is_hit(&self, lane: usize) -> bool {
+        self.surface[lane] != Surface::NONE
+    }
+
+    pub(crate) fn normal(&self, lane: usize) -> DVec3 {
+        DVec3::from_array(std::array::from_fn(|axis| self.normal[axis][lane]))
+    }
+
+    /// Records a hit, with its normal flipped to the ray's side.
+    pub(super) fn set(
+        &mut self,
+        lane: usize,
+        t: f64,
+        normal: DVec3,
+        direction: DVec3,
+        surface: Surface,
+    ) {
+        let normal = if normal.dot(direction) > 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        self.t[lane] = t;
+        for axis in 0..3 {
+            self.normal[axis][lane] = normal[axis];
+        }
+        self.surface[lane] = surface;
+    }
+
+    /// Replaces each hit by the hit of `other` if that is nearer.
+    pub(super) fn take_nearer(&mut self, other: &Self) {
+        for lane in 0..LANES {
+            if other.t[lane] < self.t[lane] {
+                self.t[lane] = other.t[lane];
+                self.surface[lane] = other.surface[lane];
+                for axis in 0..3 {
+                    self.normal[axis][lane] = other.normal[axis][lane];
+                }
+            }
+        }
+    }
+}
+
+/// Samples of the surfaces that sixteen rays hit; lanes without a hit hold NaN and false.
+pub(crate) struct Shaded {
+    /// Points relative to the rays' origin, along the rig's axes, in millimetres; one array per
+    /// component.
+    pub(crate) point: [Wide; 3],
+    /// Projector pixel that lights the point.
+    pub(crate) px: [Wide; 2],
+    /// Derivatives of the projector pixel with respect to the camera pixel: `[projector
+    /// axis][camera axis]`.
+    pub(crate) footprint: [[Wide; 2]; 2],
+    /// Electrons per second under full white, ignoring shadows.
+    pub(crate) projected: Wide,
+    /// Electrons per second of ambient light.
+    pub(crate) ambient: Wide,
+    /// Amplitude, in electrons per second, of the flicker of ambient light and lamps about its
+    /// mean.
+    pub(crate) flickering: Wide,
+    /// Electrons per second under 1 W/m^2 of uniform light from all directions; 0 if the plan
+    /// disables interreflection.
+    pub(crate) evenly: Wide,
+    /// Bit mask of the lamps that light the sample.
+    pub(crate) lamps: [u32; LANES],
+    /// Whether the projector can light it, ignoring shadows: it is in the field and faces the
+    /// projector.
+    pub(crate) reachable: [bool; LANES],
+    /// Whether both rays are within 80 degrees of the normal.
+    pub(crate) square: [bool; LANES],
+}

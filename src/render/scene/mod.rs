@@ -1,0 +1,29 @@
+//! The scene as rays see it: surfaces at an instant, or as each row of a frame sees them.
+//!
+//! | module | contents |
+//! | --- | --- |
+//! | `animation` | object poses and shapes over time |
+//! | `hits` | surfaces that sixteen rays hit, and samples of light there |
+//! | `instance` | moving and deforming meshes |
+//! | `shape` | shapes as solids or meshes |
+//! | `tree` | bounding volume hierarchy in its own frame |
+//! | `triangle` | triangle surfaces |
+//! | `world` | surfaces at an instant |
+//! | `worlds` | surfaces over an exposure |
+
+mod animation;
+mod hits;
+mod instance;
+mod shape;
+mod tree;
+mod triangle;
+mod world;
+mod worlds;
+
+pub(super) use animation::Blend;
+pub(super) use hits::{Hits, Shaded, Surface, Wide};
+pub(super) use instance::Instance;
+pub(super) use shape::mesh;
+pub(super) use tree::{Frame, Tree};
+pub(super) use world::{Placed, World};
+pub(super) use worlds::{Layout, Moment, TILE, Worlds};

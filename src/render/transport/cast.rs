@@ -1,0 +1,71 @@
+//! Casts sixteen camera rays: finds the surfaces that they hit, and the light there.
+
+use super::rays::Bundle;
+use super::reflect;
+use crate::exposure::Optics;
+use crate::scene::{Hits, Shaded, Surface, World};
+use crate::{Plan, Term};
+use glam::DVec3;
+use phasmid_geometry::raycast::{LANES, Scratch};
+
+/// Sixteen cast rays with their hits and shading.
+pub(super) struct Cast {
+    /// Origin of the rays: a point of the camera's pupil.
+    pub(super) origin: DVec3,
+    pub(super) hits: Hits,
+    pub(super) shaded: Shaded,
+    /// Lanes lit by the projector.
+    pub(super) lit: [bool; LANES],
+}
+
+/// Casts sixteen camera rays, and the shadow rays they need.
+pub(super) fn cast(
+    world: &World,
+    optics: &Optics,
+    plan: &Plan,
+    bundle: &Bundle,
+    scratch: &mut Scratch,
+) -> Cast {
+    let (origin, directions) = (bundle.origin, &bundle.directions);
+    let hits = world.nearest(origin, directions, &bundle.used, scratch);
+    let mut shaded = optics.shade(plan, origin, directions, &hits, world);
+    // Skip shadow rays to points outside the projector's reach.
+    let mut lit: [bool; LANES] =
+        std::array::from_fn(|lane| hits.is_hit(lane) && shaded.reachable[lane]);
+    if plan.has(Term::Shadows) && lit.contains(&true) {
+        let points: [Option<(DVec3, Surface)>; LANES] = std::array::from_fn(|lane| {
+            let point = DVec3::from_array(shaded.point.map(|axis| axis[lane]));
+            lit[lane].then_some((origin + point, hits.surface[lane]))
+        });
+        let blocked = world.blocked(optics.projector.center(), &points, scratch);
+        for lane in 0..LANES {
+            lit[lane] &= !blocked[lane];
+        }
+    }
+    if reflect::is_needed(plan) {
+        let rays = reflect::Rays {
+            world,
+            optics,
+            plan,
+            bundle,
+            hits: &hits,
+        };
+        reflect::apply(&rays, &mut shaded, scratch);
+    }
+    if plan.has(Term::CameraVignetting) {
+        optics.dim_seen(directions, &mut shaded);
+    }
+    Cast {
+        origin,
+        hits,
+        shaded,
+        lit,
+    }
+}
+
+impl Cast {
+    /// Returns the hit point of a lane's ray, relative to its origin.
+    pub(super) fn point(&self, lane: usize) -> DVec3 {
+        DVec3::from_array(std::array::from_fn(|axis| self.shaded.point[axis][lane]))
+    }
+}

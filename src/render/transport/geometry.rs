@@ -1,0 +1,174 @@
+//! Geometry pass: computes, once per camera and scene state, what each pixel sees, the projector
+//! coordinate of its light and how much light arrives.
+
+use super::aperture::Aperture;
+use super::cast::{Cast, cast};
+use super::rays::{Bundle, Rays};
+use super::sampled::Sampler;
+use super::{interreflection, mixed};
+use crate::exposure::{Band, GeometryBuffer, Optics, SkinMaps};
+use crate::scene::{Layout, World, Worlds};
+use crate::truth::Truth;
+use crate::{Options, Plan, Term};
+use glam::DVec3;
+use phasmid_geometry::raycast::{LANES, Scratch};
+use rayon::prelude::*;
+
+/// Fills the buffer: first every pixel's centre, then the samples of pixels not represented by
+/// their centre, which it flags as creases.
+pub(crate) fn run(
+    worlds: &Worlds,
+    optics: &Optics,
+    rays: &Rays<'_>,
+    plan: &Plan,
+    options: Options,
+    aperture: Aperture,
+    buffer: &mut GeometryBuffer,
+) {
+    let lens = &optics.camera.lens;
+    let (width, height) = (lens.width_px as usize, lens.height_px as usize);
+    buffer.resize(width, height, plan);
+    buffer.blur_stretch = (optics.defocus.aspect - 1.0) as f32;
+    let rows = worlds.rows_together();
+    buffer
+        .bands(rows)
+        .into_par_iter()
+        .for_each_init(Scratch::default, |scratch, mut band| {
+            if worlds.stop.is_asked() {
+                return;
+            }
+            let world = &worlds.at(band.first_row);
+            for column in (0..width).step_by(LANES / rows) {
+                tile(world, optics, rays, plan, &mut band, column, scratch);
+            }
+        });
+    if worlds.stop.is_asked() {
+        return;
+    }
+    let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
+    let sampler = Sampler {
+        worlds,
+        optics,
+        rays,
+        plan,
+        aperture,
+        side: options.side(depth_of_field),
+    };
+    buffer.mixed = match sampler.side {
+        1 => mixed::run(worlds, optics, rays, plan, buffer, &[]),
+        2 => mixed::run(worlds, optics, rays, plan, buffer, &sampler.uneven(buffer)),
+        _ => sampler.gather(buffer),
+    };
+    for mixed in &buffer.mixed {
+        buffer.flags[mixed.pixel as usize] |= Truth::CREASE;
+    }
+    if plan.has(Term::DepthOfField) {
+        aperture.widen(buffer);
+    }
+    if plan.has(Term::Subsurface) {
+        buffer.skin = Some(SkinMaps::new(buffer, rays, optics, worlds.any()));
+    }
+    if plan.has(Term::Interreflection) {
+        interreflection::run(worlds, rays, plan, buffer);
+    }
+    let pattern_image = &optics.projector.lens;
+    let size = [
+        pattern_image.width_px as usize,
+        pattern_image.height_px as usize,
+    ];
+    buffer.blur_footprints(size, plan);
+}
+
+fn tile(
+    world: &World,
+    optics: &Optics,
+    rays: &Rays<'_>,
+    plan: &Plan,
+    band: &mut Band<'_>,
+    column: usize,
+    scratch: &mut Scratch,
+) {
+    let width = rays.width;
+    let rows = band.x.len() / width;
+    let layout = Layout::of(band.rows);
+    let place = |lane: usize| {
+        let (right, down) = layout.place(lane);
+        (column + right, down)
+    };
+    let used: [bool; LANES] = std::array::from_fn(|lane| {
+        let (u, v) = place(lane);
+        u < width && v < rows
+    });
+    let directions = std::array::from_fn(|lane| {
+        let (u, v) = place(lane);
+        // Lanes outside the image repeat a border pixel, which keeps the packet coherent.
+        rays.center(u.min(width - 1), band.first_row + v.min(rows - 1))
+    });
+    let bundle = Bundle {
+        origin: DVec3::ZERO,
+        directions,
+        used,
+        cell: 1.0,
+    };
+    let cast = cast(world, optics, plan, &bundle, scratch);
+    for lane in (0..LANES).filter(|&lane| used[lane]) {
+        let (u, v) = place(lane);
+        write(band, v * width + u, optics, &cast, lane);
+    }
+}
+
+#[inline(always)]
+fn write(band: &mut Band<'_>, i: usize, optics: &Optics, cast: &Cast, lane: usize) {
+    let (hits, shaded, lit) = (&cast.hits, &cast.shaded, cast.lit[lane]);
+    band.surface[i] = hits.surface[lane].0;
+    if !hits.is_hit(lane) {
+        (band.x[i], band.y[i], band.depth[i]) = (f32::NAN, f32::NAN, f32::NAN);
+        (band.projected[i], band.ambient[i], band.flags[i]) = (0.0, 0.0, 0);
+        if let Some(kept) = band.flickering.get_mut(i) {
+            *kept = 0.0;
+        }
+        if let Some(kept) = band.lamps.get_mut(i) {
+            *kept = 0;
+        }
+        if let Some(kept) = band.evenly.get_mut(i) {
+            *kept = 0.0;
+        }
+        return;
+    }
+    let slope = |axis: usize| shaded.footprint[axis].map(|by| by[lane] as f32);
+    band.x[i] = shaded.px[0][lane] as f32;
+    band.y[i] = shaded.px[1][lane] as f32;
+    if let Some(kept) = band.x_slope.get_mut(i) {
+        *kept = slope(0);
+    }
+    if let Some(kept) = band.y_slope.get_mut(i) {
+        *kept = slope(1);
+    }
+    if let Some(kept) = band.blur.get_mut(i) {
+        *kept = optics.blur_px(cast.origin + cast.point(lane));
+    }
+    band.projected[i] = if lit {
+        shaded.projected[lane] as f32
+    } else {
+        0.0
+    };
+    band.ambient[i] = shaded.ambient[lane] as f32;
+    if let Some(kept) = band.flickering.get_mut(i) {
+        *kept = shaded.flickering[lane] as f32;
+    }
+    if let Some(kept) = band.lamps.get_mut(i) {
+        *kept = shaded.lamps[lane];
+    }
+    if let Some(kept) = band.evenly.get_mut(i) {
+        *kept = shaded.evenly[lane] as f32;
+    }
+    band.depth[i] = shaded.point[2][lane] as f32;
+    band.normal[i] = hits.normal.map(|axis| axis[lane] as f32);
+    band.flags[i] = Truth::SEEN
+        | if lit { Truth::LIT } else { 0 }
+        | if shaded.square[lane] {
+            Truth::SQUARE
+        } else {
+            0
+        };
+}

@@ -1,0 +1,71 @@
+//! Where the light seen at pixels entered the skin: fills the skin maps in the geometry pass.
+
+use super::cast::Cast;
+use super::rays::Rays;
+use crate::exposure::{GeometryBuffer, Mixed, Optics, SkinMaps};
+use crate::scene::{Surface, World};
+use crate::skin::NONE;
+use crate::truth::Truth;
+use glam::DVec3;
+use rayon::prelude::*;
+
+impl SkinMaps {
+    /// Computes the maps at all pixel centres, whose rays start at the rig's origin.
+    pub(super) fn new(
+        map: &GeometryBuffer,
+        rays: &Rays<'_>,
+        optics: &Optics,
+        world: &World,
+    ) -> Self {
+        let mut maps = Self {
+            from: [map.x.clone(), map.y.clone()],
+            px_per_mm: vec![[0.0; 2]; map.x.len()],
+            tissue: vec![NONE; map.x.len()],
+            materials: optics.skins.materials.clone(),
+        };
+        let [x, y] = &mut maps.from;
+        let width = map.width;
+        (x.par_chunks_mut(width), y.par_chunks_mut(width))
+            .into_par_iter()
+            .zip(maps.px_per_mm.par_chunks_mut(width))
+            .zip(maps.tissue.par_chunks_mut(width))
+            .enumerate()
+            .for_each(|(row, (((x, y), px_per_mm), tissue))| {
+                for column in 0..width {
+                    let i = row * width + column;
+                    if map.flags[i] & Truth::LIT == 0 {
+                        continue;
+                    }
+                    let point = rays.center(column, row) * f64::from(map.depth[i]);
+                    let normal = DVec3::from_array(map.normal[i].map(f64::from));
+                    let object = world.object(Surface(map.surface[i]));
+                    if let Some(scatter) = optics.skins.at(object, point, normal) {
+                        x[column] += scatter.shift_px[0];
+                        y[column] += scatter.shift_px[1];
+                        px_per_mm[column] = scatter.px_per_mm;
+                        tissue[column] = scatter.tissue;
+                    }
+                }
+            });
+        maps
+    }
+}
+
+/// Applies skin transport to the `k`th sample of a mixed pixel, a lit point.
+pub(super) fn into_sample(
+    world: &World,
+    optics: &Optics,
+    cast: &Cast,
+    lane: usize,
+    (mixed, k): (&mut Mixed, usize),
+) {
+    let object = world.object(cast.hits.surface[lane]);
+    let (point, normal) = (cast.origin + cast.point(lane), cast.hits.normal(lane));
+    if let Some(scatter) = optics.skins.at(object, point, normal) {
+        mixed.x[k] += scatter.shift_px[0];
+        mixed.y[k] += scatter.shift_px[1];
+        let samples = mixed.skin.get_or_insert_default();
+        samples.px_per_mm[k] = scatter.px_per_mm;
+        samples.tissue[k] = scatter.tissue;
+    }
+}
