@@ -130,7 +130,7 @@ fn dot_center(board: Board, cell: vec2i) -> vec2f {
     return (vec2f(cell) - 0.5 * (board.grid - 1.0)) * board.pitch;
 }
 
-// Radius of a dot. The positions of the markers must match geometry/board/points.rs.
+// Radius of a dot. The positions of the markers must match geometry/board/kind.rs.
 fn dot_radius(board: Board, cell: vec2i) -> f32 {
     let place = cell - vec2i(board.grid) / 2;
     let is_marker = all(place == vec2i(0, 0)) || all(place == vec2i(2, 0))

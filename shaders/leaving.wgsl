@@ -1,6 +1,6 @@
 // needs: world
 // Nearest surface along rays that leave a point of a surface in any direction. Twin of
-// `raycast/leaving.rs` and `world/leaving.rs`.
+// `raycast/leaving.rs` and `World::leaving` in `scene/world.rs`.
 
 // Triangles extend beyond their edges by this fraction of their sides.
 const OVERLAP: f32 = 1e-6;

@@ -1,6 +1,6 @@
 // needs: materials, there, texture, laid, board
 //
-// Twin of `Material::factor` in transport/reflect.rs, of material/map.rs, material/printed.rs and
+// Twin of `Material::factor` in transport/reflect.rs, of material/map.rs and
 // material/spot.rs: the factor that vertex colours, a texture or a board's ink apply to an object's
 // albedo.
 //

@@ -1,6 +1,6 @@
 // needs: plan, material_values
 //
-// Twin of exposure/soft.rs: a footprint's trapezoid under a Gaussian blur.
+// Twin of `Soft` in exposure/bell.rs: a footprint's trapezoid under a Gaussian blur.
 //
 // The CPU takes second differences of the second antiderivative of the normal distribution, which
 // would cancel in f32. Here only the change due to blur is looked up: g(z) = phi(z) - z Phi(-z),

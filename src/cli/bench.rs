@@ -1,9 +1,8 @@
 //! `phasmid bench`: frame rates of this machine's CPU and GPU, for a static scene and with the
 //! geometry pass in every frame, and the time of each pass.
 
-use super::backend::Choice;
+use super::options::{BackendArg, SetArgs};
 use super::output::step;
-use super::set::SetArgs;
 use phasmid_core::error::Result;
 use phasmid_device::{Device, Firmware};
 use phasmid_profile::{Profile, Scene};
@@ -39,8 +38,8 @@ pub struct Args {
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: u32,
     /// Which backend to time besides the CPU; cpu times the CPU alone
-    #[arg(long, value_enum, default_value_t = Choice::Auto)]
-    backend: Choice,
+    #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
+    backend: BackendArg,
     /// Print the results as JSON
     #[arg(long)]
     json: bool,
@@ -170,7 +169,7 @@ impl Subject<'_> {
 
     /// Returns the GPU's results, or the reason why a requested GPU was not timed.
     fn gpu(&self) -> Result<(Option<Run>, Option<String>)> {
-        if self.args.backend == Choice::Cpu {
+        if self.args.backend == BackendArg::Cpu {
             return Ok((None, None));
         }
         let mut renderer = self.renderer(self.args.backend.into())?;

@@ -4,24 +4,20 @@
 //!
 //! | module | contents |
 //! | --- | --- |
-//! | `backend` | `--backend`, where the render passes run |
 //! | `board_args` | options that describe a calibration board |
 //! | `decoding` | `--held`, and warnings and errors about decoding |
-//! | `emulated` | messages about an emulated device |
 //! | `help` | groups of commands, completions, man pages |
 //! | `interrupt` | Ctrl-C and TERM during a capture |
 //! | `method` | `--method`, from projector coordinates to points |
-//! | `output` | standard output and standard error |
+//! | `options` | `--set`, `--backend`, and options with three numbers |
+//! | `output` | standard output and standard error, and messages about an emulated device |
 //! | `pods` | options that select the pods of a station, and their scans |
 //! | `progress` | progress on a terminal, with the remaining time |
-//! | `set` | `--set`, fields of the profile and of the scene |
-//! | `vector` | options with three numbers |
 //! | `without_link` | stand-in for commands that need Linux |
 
 #[macro_use]
 mod output;
 
-mod backend;
 mod bench;
 mod board;
 mod board_args;
@@ -37,13 +33,12 @@ mod demo;
 mod dialect;
 #[cfg(target_os = "linux")]
 mod doctor;
-#[cfg(target_os = "linux")]
-mod emulated;
 mod faults;
 mod help;
 mod interrupt;
 mod locate;
 mod method;
+mod options;
 mod patient;
 mod plan;
 mod pods;
@@ -60,10 +55,8 @@ mod schema;
 mod sequence;
 #[cfg(target_os = "linux")]
 mod serve;
-mod set;
 mod study;
 mod track;
-mod vector;
 #[cfg(not(target_os = "linux"))]
 mod without_link;
 #[cfg(not(target_os = "linux"))]

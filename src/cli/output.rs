@@ -1,7 +1,9 @@
 //! Writing to standard output and standard error: macros that replace the standard ones, and messages that
-//! several commands print.
+//! several commands print, also about emulated devices.
 
 use phasmid_core::error::{Error, Result};
+#[cfg(target_os = "linux")]
+use phasmid_device::{Device, link::Notice};
 
 /// Prints to standard output. If the reader has closed the pipe, as in `phasmid doctor | head`, the
 /// program ends with status 0.
@@ -67,4 +69,30 @@ pub(super) fn step(what: &str) {
     if std::io::stderr().is_terminal() {
         eprintln!("{what} ...");
     }
+}
+
+/// Prints where a device renders, and why it has no factory calibration if it has none. `label` is the
+/// profile as given.
+///
+/// # Errors
+/// Returns an error if the requested backend is not available.
+#[cfg(target_os = "linux")]
+pub(super) fn tell(label: &str, device: &mut Device) -> Result<()> {
+    if let Some(news) = device.renderer.news()? {
+        eprintln!("phasmid: {label}: {news}");
+    }
+    if let Some(adapter) = device.renderer.adapter() {
+        let (name, kind, driver) = (&adapter.name, adapter.kind, &adapter.driver);
+        eprintln!("phasmid: {label}: rendering on a GPU, {kind}: {name} ({driver})");
+    }
+    if let Err(why) = device.machine.firmware().factory_calibration() {
+        eprintln!("phasmid: {why}; CALibration:DATA? answers with an error");
+    }
+    Ok(())
+}
+
+/// Returns the receiver of a served device's messages that prints them.
+#[cfg(target_os = "linux")]
+pub(super) fn printed() -> Notice {
+    Notice::new(|message| eprintln!("phasmid: {message}"))
 }

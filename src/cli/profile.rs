@@ -1,6 +1,6 @@
 //! `phasmid profile`: lists and prints the built-in profiles and checks profile files.
 
-use super::set::SetArgs;
+use super::options::SetArgs;
 use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
 use phasmid_decode::Plan;

@@ -1,6 +1,6 @@
 //! `phasmid replay`: serves a device that behaves as recorded.
 
-use super::emulated::printed;
+use super::output::printed;
 use super::record;
 use super::serve::{Shutdown, check_run_dir, default_run_dir, runtime, tcp};
 use phasmid_core::error::{Error, Result};

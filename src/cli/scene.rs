@@ -1,6 +1,6 @@
 //! `phasmid scene`: lists and prints the built-in scenes and checks scene files.
 
-use super::set::SetArgs;
+use super::options::SetArgs;
 use phasmid_core::error::Result;
 use phasmid_geometry::Mesh;
 use phasmid_profile::{Scene, Shape, scene_names};

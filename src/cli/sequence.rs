@@ -1,6 +1,6 @@
 //! `phasmid sequence`: lists the sequences of a profile, and the frames of one.
 
-use super::set::SetArgs;
+use super::options::SetArgs;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::source::TomlSource;
 use phasmid_pattern::{Manifest, Pattern};

@@ -4,9 +4,8 @@
 //!
 //! | module | contents |
 //! | --- | --- |
-//! | `bench` | a whole device in memory, stepped by function calls |
+//! | `bench` | a whole device in memory, stepped by function calls, in time that jumps instead of waiting |
 //! | `builder` | assembles a device |
-//! | `clock` | device time that jumps instead of waiting |
 //! | [`faults`] | faults on messages, frames and the whole device |
 //! | [`firmware`] | commands, trigger system, sequences, status registers |
 //! | `link` (Linux) | pseudo-terminal, sockets, V4L2 (feature `v4l2`), USB/IP and the service channel |
@@ -19,7 +18,6 @@
 
 mod bench;
 mod builder;
-mod clock;
 pub mod faults;
 pub mod firmware;
 #[cfg(target_os = "linux")]
@@ -36,9 +34,8 @@ mod roi;
 
 mod sink;
 
-pub use bench::Bench;
+pub use bench::{Bench, VirtualClock};
 pub use builder::{Device, DeviceBuilder};
-pub use clock::VirtualClock;
 pub use firmware::{CameraControls, Firmware, State, UserSequence};
 pub use line::SerialLine;
 pub use machine::Machine;

@@ -7,21 +7,19 @@
 //!
 //! | file | contents |
 //! | --- | --- |
-//! | `basics` | pty and run directory |
+//! | `links` | pty, run directory, virtual USB host controller and the drivers |
 //! | `v4l2` | the kernel module v4l2loopback, its nodes, and the installed files |
-//! | `usb` | the virtual USB host controller and the drivers |
 //! | `vulkan` | Vulkan loader, drivers and render nodes |
 //! | `machine` | the examined machine |
 //! | `report` | the results as text and JSON |
 //! | `shipped` | the system files that Phasmid ships |
 
-mod basics;
+mod links;
 mod machine;
 mod report;
 mod shipped;
 #[cfg(all(test, feature = "gpu", feature = "v4l2"))]
 mod tests;
-mod usb;
 #[cfg(feature = "v4l2")]
 mod v4l2;
 #[cfg(not(feature = "v4l2"))]
@@ -36,9 +34,9 @@ pub use v4l2::is_forgotten;
 
 /// Runs all checks.
 pub fn examine(machine: &Machine) -> Report {
-    let mut checks = basics::checks(machine);
+    let mut checks = links::ports(machine);
     checks.extend(v4l2::checks(machine));
-    checks.extend(usb::checks(machine));
+    checks.extend(links::usb(machine));
     checks.extend(vulkan::checks(machine));
     Report {
         kernel: machine.release.clone(),

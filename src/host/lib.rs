@@ -10,37 +10,33 @@
 //! | module | contents |
 //! | --- | --- |
 //! | `camera` | cameras by address: V4L2 devices, webcams, frame sockets, memory |
-//! | `clock` | the system's monotonic clock |
 //! | `control` | a device's control port, in SCPI or in a dialect from a file |
 //! | `instrument` | SCPI instrument behind a command port |
-//! | `local` | Unix domain sockets, where the system has them |
-//! | `deadline` | bounded waits and retries |
 //! | `plug` | finds the nodes of a USB device again after it was unplugged |
 //! | `port` | command ports: serial ports and memory |
 //! | `record` | recording of the traffic between host and device |
 //! | `scanner` | runs a sequence and captures its frames |
-//! | `tcp` | TCP connections to `HOST:PORT`, and the token for them |
+//! | `sockets` | Unix domain sockets where the system has them, TCP connections and their token |
+//! | `time` | the system's monotonic clock, bounded waits and retries |
 //! | [`usb`] | USB devices over USB/IP, without a kernel driver |
 
 mod camera;
-mod clock;
 mod control;
-mod deadline;
 mod instrument;
-mod local;
 mod plug;
 mod port;
 mod record;
 mod scanner;
-mod tcp;
+mod sockets;
+mod time;
 
 pub mod usb;
 
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub use camera::explain_device;
 pub use camera::{Camera, CameraDriver, Intake, MemoryCamera, SocketCamera, open_camera};
-pub use clock::monotonic_ns;
 pub use instrument::Instrument;
 pub use port::{CommandPort, MemoryPort, SerialPort};
 pub use record::{RecordedCamera, RecordedPort, Tape};
 pub use scanner::{Flow, Progress, ScanOptions, Scanner, scan_free_running};
+pub use time::monotonic_ns;

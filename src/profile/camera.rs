@@ -1,6 +1,7 @@
 //! Camera of a profile: optics, timing and output format.
 
-use super::{Glare, PIXEL_ASPECT, Sensor, Vignetting, distortion, vignetting};
+use super::lens::{check_distortion, check_glare};
+use super::{Glare, PIXEL_ASPECT, Sensor, Vignetting, vignetting};
 use glam::DVec2;
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
@@ -191,7 +192,7 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
         )?;
     }
     if let Some(glare) = c.glare {
-        super::glare::check(glare, check)?;
+        check_glare(glare, check)?;
     }
     let [shortest, longest] = c.exposure_range_us;
     check.all_within("camera.exposure_range_us", &[shortest, longest], 0.1..=60e6)?;
@@ -214,7 +215,7 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
         format!("{pixels} pixels in all"),
         "up to 67108864 pixels",
     )?;
-    distortion::check(&c.view().lens, "camera.distortion", check)?;
+    check_distortion(&c.view().lens, "camera.distortion", check)?;
     vignetting::check(&c.vignetting, &c.view().lens, "camera.vignetting", check)?;
     check.that(
         shortest <= longest,

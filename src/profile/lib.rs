@@ -11,12 +11,10 @@
 //! | `camera_response` | response curve from linear to frame digital numbers |
 //! | `control` | control port: dialect and serial settings |
 //! | `device` | a complete device profile |
-//! | `distortion` | check of lens distortion |
 //! | `factory_rig` | rig that a device reports |
-//! | `focus` | focus distance and aperture of a lens |
-//! | `glare` | veiling glare of the camera lens |
 //! | `interreflection` | indirect light between surfaces |
 //! | `led` | rise time and thermal droop of the light source |
+//! | `lens` | focus, veiling glare, and the check of lens distortion |
 //! | `light` | lamps, ambient light and mains flicker |
 //! | `motion` | keyframed motion and deformation |
 //! | `object` | shapes, poses and surfaces of a scene |
@@ -29,7 +27,6 @@
 //! | `sequence` | pattern sequences |
 //! | `settings` | settings on top of a profile or a scene |
 //! | `station` | several devices that observe one scene |
-//! | `surface` | specular reflection |
 //! | `timing` | display timing of a DLP projector |
 //! | `usb` | USB enumeration |
 //! | `vignetting` | light falloff towards the edge of the field |
@@ -41,15 +38,11 @@ mod camera_response;
 
 mod control;
 mod device;
-mod distortion;
 mod factory_rig;
 
-mod focus;
-mod glare;
-#[cfg(test)]
-mod hidden_pods;
 mod interreflection;
 mod led;
+mod lens;
 mod light;
 mod motion;
 mod object;
@@ -64,7 +57,6 @@ mod sequence;
 mod settings;
 
 mod station;
-mod surface;
 mod timing;
 mod usb;
 pub mod vignetting;
@@ -78,13 +70,12 @@ pub use camera::Camera;
 pub use camera_response::CameraResponse;
 pub use control::{Control, Parity, Places};
 pub use device::{Identity, Profile};
-pub use focus::Focus;
-pub use glare::Glare;
 pub use interreflection::Interreflection;
 pub use led::{Droop, Led};
+pub use lens::{Focus, Glare};
 pub use light::{Ambient, Flicker, Light};
 pub use motion::{Deform, Keyframe, MeshKeyframe, Motion};
-pub use object::{Object, Shape};
+pub use object::{Object, Shape, Specular};
 pub use phasmid_core::source::{Setting, TomlSource};
 pub use phasmid_phantom::tissue::Skin;
 pub use projector::Projector;
@@ -96,7 +87,6 @@ pub use sensor::Sensor;
 pub use sequence::Sequence;
 pub use settings::Settings;
 pub use station::{Configuration, MAX_DEVICES, Station, StationDevice};
-pub use surface::Specular;
 pub use timing::Timing;
 pub use usb::{DsrUse, RtsUse, Speed, Transfer, Usb};
 pub use vignetting::Vignetting;

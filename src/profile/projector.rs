@@ -1,7 +1,8 @@
 //! Projector of a profile: an inverse camera and its light.
 
+use super::lens::{check_distortion, check_focus};
 use super::{Focus, Led, PIXEL_ASPECT, Response, Timing, Vignetting};
-use super::{distortion, focus, led, response, timing, vignetting};
+use super::{led, response, timing, vignetting};
 use glam::{DVec2, DVec3};
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
@@ -132,7 +133,7 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
         check.within("projector.contrast_ratio", ratio, 1.0..=1e9)?;
     }
     if let Some(f) = &p.focus {
-        focus::check(f, "projector.focus", check)?;
+        check_focus(f, "projector.focus", check)?;
     }
     if let Some(curve) = &p.response {
         check.section(|check| response::check(curve, "projector.response", check));
@@ -151,6 +152,6 @@ pub(super) fn check(p: &Projector, check: &Check<'_>) -> Result<()> {
         format!("{baseline} mm from the camera (zero baseline)"),
         "at least 0.001 mm",
     )?;
-    distortion::check(&p.view().lens, "projector.distortion", check)?;
+    check_distortion(&p.view().lens, "projector.distortion", check)?;
     vignetting::check(&p.vignetting, &p.view().lens, "projector.vignetting", check)
 }

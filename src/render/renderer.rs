@@ -14,7 +14,7 @@ mod truth;
 pub use indirect::IndirectLight;
 pub use pending::Pending;
 
-use super::exposure::{self, GeometryBuffer, Optics, Table};
+use super::exposure::{GeometryBuffer, Optics, Table};
 use super::gpu::{self, Passes};
 use super::plan::Needs;
 use super::schedule::{Light, Schedule};

@@ -2,14 +2,12 @@
 //! ([`ALL`]) whose tables and plots anyone can make again.
 
 pub mod acceptance;
-mod all;
 pub mod boards;
 pub mod calibration;
 pub mod clinic;
 pub mod desk;
 mod draws;
 pub mod faults;
-
 pub mod noise;
 pub mod paper;
 pub mod report;
@@ -22,4 +20,22 @@ pub mod stability;
 pub mod timing;
 pub mod work_precision;
 
-pub use all::ALL;
+use acceptance::Acceptance;
+use noise::Noise;
+use paper::Paper;
+use phasmid_report::lab::Study;
+use sgrt::Sgrt;
+use speed::Speed;
+use stability::Stability;
+use work_precision::WorkPrecision;
+
+/// All studies, in the order in which a report has them.
+pub const ALL: &[&dyn Study] = &[
+    &Paper,
+    &WorkPrecision,
+    &Stability,
+    &Noise,
+    &Speed,
+    &Sgrt,
+    &Acceptance,
+];

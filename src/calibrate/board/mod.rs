@@ -4,7 +4,7 @@
 //! - `dots`, `chess`: locate and measure the board's points.
 //! - `lit`: projector coordinates at those points; `smooth` is a robust fit for it.
 //! - `bias`: offset between the centroid of an imaged dot and the image of its centre.
-//! - `sighting`: measured points; `not_found`: reasons for a failed search.
+//! - `sighting`: measured points, and reasons for a failed search.
 //! - `draw`: image of the result, for inspection.
 
 pub mod bias;
@@ -13,14 +13,12 @@ pub mod dots;
 mod draw;
 mod image;
 pub mod lit;
-mod not_found;
 mod sighting;
 mod smooth;
 
 pub use draw::draw;
 pub use image::BoardImage;
-pub use not_found::NotFound;
-pub use sighting::{Lit, Seen, Sighting};
+pub use sighting::{Lit, NotFound, Seen, Sighting};
 
 use phasmid_core::Stop;
 use phasmid_geometry::Board;

@@ -9,18 +9,17 @@
 //! | --- | --- |
 //! | `folder` | the folder and its check |
 //! | `about` | origin of the calibration, file names of images |
-//! | `points`, `poses`, `covariance` | CSV tables |
+//! | `boards`, `covariance` | CSV tables |
 //! | `summary` | figures for the screen and `summary.json` |
 //! | `page` | `report.html` |
 //! | `number` | formatting of numbers and names |
 
 mod about;
+mod boards;
 mod covariance;
 mod folder;
 mod number;
 mod page;
-mod points;
-mod poses;
 mod summary;
 #[cfg(test)]
 mod tests;
@@ -44,9 +43,11 @@ pub fn write(folder: &Path, calibration: &Calibration, about: &About) -> Result<
     let summary = Summary::new(calibration, about);
     let [page, points, poses, parameters, covariance, rig, figures] = FILES;
     let solution = &calibration.solution;
-    replace(&folder.join(points), |out| points::write(calibration, out))?;
+    replace(&folder.join(points), |out| {
+        boards::write_points(calibration, out)
+    })?;
     replace(&folder.join(poses), |out| {
-        poses::write(calibration, about, out)
+        boards::write_poses(calibration, about, out)
     })?;
     replace(&folder.join(parameters), |out| {
         covariance::write_parameters(solution, out)

@@ -13,22 +13,19 @@
 //! - `look`: decodes and detects one pose
 //! - `poses`: the poses of a calibration
 //! - `sight`: detection in one pose
-//! - `rounds`: the calibration loop
-//! - `place`: the loop for one board with a known rig
-//! - `checks`: comparison with the nominal rig
+//! - `rounds`: the calibration loop, with a comparison with the nominal rig; the loop for one board
+//!   with a known rig
+//! - `unusable`: reasons why a pose cannot be used
 
-mod checks;
 mod look;
-mod place;
 mod poses;
 mod rounds;
 mod sight;
 mod unusable;
 
 pub use look::{Looked, look, look_at_photograph, look_with_stop};
-pub use place::place;
 pub use poses::{Gathering, Poses};
-pub use rounds::calibrate;
+pub use rounds::{calibrate, place};
 pub use sight::{PoseData, sight};
 pub use unusable::Unusable;
 

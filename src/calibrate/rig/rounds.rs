@@ -1,20 +1,22 @@
-//! Alternates between solving and correcting the dot positions until they converge.
+//! Alternates between solving and correcting the dot positions until they converge: [`calibrate`]
+//! for a rig, [`place`] for one board with a known rig. The result of [`calibrate`] is compared with
+//! the device's nominal rig: a wrong board size scales every length, which the calibration data
+//! alone cannot reveal.
 
-use super::checks::against_nominal;
 use super::{Calibration, Missed, PoseData, Task};
 use crate::board::Seen;
 use crate::board::bias::of_disc;
 use crate::board::lit::unread;
-use crate::solve::{Solution, Unsolved, solve_with_stop};
+use crate::solve::{self, Placed, Solution, Unsolved, solve_with_stop};
 use glam::DVec2;
 use phasmid_core::Stop;
-use phasmid_geometry::{Board, Lens, Pose};
+use phasmid_geometry::{Board, Lens, Pose, Rig, View};
 
 /// Points that move less than this have converged: a thousandth of the precision of a dot's centre.
-pub(super) const STAYS_PX: f64 = 1e-5;
+const STAYS_PX: f64 = 1e-5;
 /// Maximum number of rounds. The bias depends only weakly on lens and poses, so three are enough; a
 /// pose that is used in one round and excluded in the next could take more.
-pub(super) const ROUNDS: usize = 6;
+const ROUNDS: usize = 6;
 
 /// Solves for the rig from its poses. `missed` lists the poses without a board, for the report.
 ///
@@ -78,6 +80,25 @@ pub fn calibrate(
     }
 }
 
+/// Computes the pose of a board, with dot positions corrected for their bias.
+///
+/// # Errors
+/// Returns an error in the cases of [`solve::place`].
+pub fn place(board: &Board, pose: &PoseData, rig: &Rig) -> Result<Placed, Unsolved> {
+    let mut biases = vec![DVec2::ZERO; pose.seen.len()];
+    let mut round = 1;
+    loop {
+        let placed = solve::place(board, &pose.sightings(&biases), rig)?;
+        let before = biases.clone();
+        let at = &placed.pose.camera_from_board;
+        update(&mut biases, board, &rig.camera.lens, at, &pose.seen);
+        if round == ROUNDS || largest(before.iter().zip(&biases)) <= STAYS_PX {
+            return Ok(placed);
+        }
+        round += 1;
+    }
+}
+
 /// Adds the reasons for missing projector coordinates to an `Unlit` error.
 fn with_reasons(why: Unsolved, poses: &[PoseData]) -> Unsolved {
     match (why, unread(poses.iter().flat_map(|pose| &pose.fits))) {
@@ -124,7 +145,7 @@ fn biases_of(
 }
 
 /// Updates the biases of one pose's points.
-pub(super) fn update(
+fn update(
     biases: &mut [DVec2],
     board: &Board,
     lens: &Lens,
@@ -141,6 +162,46 @@ pub(super) fn update(
 }
 
 /// Largest distance between paired points.
-pub(super) fn largest<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVec2)>) -> f64 {
+fn largest<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVec2)>) -> f64 {
     pairs.map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max)
+}
+
+/// Accepted ratio of calibrated to nominal values: how far a real rig may differ from its design.
+const ALLOWED: std::ops::RangeInclusive<f64> = 0.9..=1.1;
+
+/// Returns warnings about baseline and focal lengths that differ from nominal by more than the
+/// tolerance.
+fn against_nominal(rig: &Rig, nominal: &Rig) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let baseline = |rig: &Rig| (rig.projector.center() - rig.camera.center()).length();
+    let (found, wanted) = (baseline(rig), baseline(nominal));
+    let factor = found / wanted;
+    if !ALLOWED.contains(&factor) {
+        warnings.push(format!(
+            "the baseline is {found:.2} mm, {factor:.3} times the nominal {wanted:.2} mm (0.9 to \
+             1.1 are usual): a board whose real pitch is {:.3} times the specified one would cause \
+             this",
+            1.0 / factor
+        ));
+    }
+    for (name, found, wanted) in [
+        ("camera", &rig.camera, &nominal.camera),
+        ("projector", &rig.projector, &nominal.projector),
+    ] {
+        warnings.extend(focal_lengths(name, found, wanted));
+    }
+    warnings
+}
+
+fn focal_lengths(name: &str, found: &View, wanted: &View) -> Option<String> {
+    let (found, wanted) = (found.lens.focal_px, wanted.lens.focal_px);
+    let factor = found / wanted;
+    let usual = ALLOWED.contains(&factor.x) && ALLOWED.contains(&factor.y);
+    (!usual).then(|| {
+        format!(
+            "the {name}'s focal lengths are {:.1} and {:.1} px, {:.3} and {:.3} times the nominal \
+             ones (0.9 to 1.1 are usual): another lens or zoom, or poses that do not determine them",
+            found.x, found.y, factor.x, factor.y
+        )
+    })
 }

@@ -1,8 +1,7 @@
 //! Options of `phasmid calibrate`.
 
-use crate::cli::backend;
 use crate::cli::board_args::BoardArgs;
-use crate::cli::set::SetArgs;
+use crate::cli::options::{BackendArg, SetArgs};
 use phasmid_calibrate::solve::Coefficients;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -71,8 +70,8 @@ pub(crate) struct Args {
     )]
     pub(super) samples: u32,
     /// Where the render passes run
-    #[arg(long, value_enum, default_value_t = backend::Choice::Cpu, conflicts_with = "captures")]
-    pub(super) backend: backend::Choice,
+    #[arg(long, value_enum, default_value_t = BackendArg::Cpu, conflicts_with = "captures")]
+    pub(super) backend: BackendArg,
     /// Keep the frames of each pose in the folder captures, as `phasmid scan` writes them
     #[arg(long, conflicts_with = "captures")]
     pub(super) keep_captures: bool,

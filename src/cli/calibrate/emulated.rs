@@ -3,10 +3,9 @@
 
 use super::args::Args;
 use super::folder::CAPTURES;
-use super::scene::scene;
 use super::session::{Gathered, Session};
-use crate::cli::emulated::{printed, tell};
 use crate::cli::interrupt::{check, flow, interrupted, remove_run_dir_at_exit};
+use crate::cli::output::{printed, tell};
 use crate::cli::scan::blame_dialect;
 use crate::facade::connected;
 use crate::{ScanOptions, Scanner};
@@ -17,7 +16,7 @@ use phasmid_device::Device;
 use phasmid_device::link::{ServeOptions, Serving};
 use phasmid_geometry::board_poses::{Wanted, poses};
 use phasmid_geometry::{Board, Pose, Rig};
-use phasmid_profile::Profile;
+use phasmid_profile::{Profile, Scene};
 use phasmid_protocol::service::{ClockPace, Placement, Request, ask};
 use phasmid_render::Options as RenderOptions;
 use std::ops::RangeInclusive;
@@ -27,6 +26,12 @@ use std::time::Duration;
 
 /// Timeout for a reply or a frame. The first frame waits until the scene is prepared.
 const TIMEOUT: Duration = Duration::from_secs(30);
+
+/// Reflectance of the paper. The exposure of the built-in devices is set so that a white wall at 1 m
+/// fills three quarters of the full well, and a board comes as near as 700 mm.
+const PAPER: f64 = 0.45;
+/// Ambient irradiance in W/m^2, as in the built-in scenes.
+const AMBIENT_W_M2: f64 = 0.02;
 
 /// Allowed range of `--max-tilt-deg`. Boards that are all parallel do not determine the calibration;
 /// at steeper tilts a board is hardly visible.
@@ -288,9 +293,30 @@ fn render_options(args: &Args) -> RenderOptions {
     }
 }
 
+/// Returns the scene with a board in a pose.
+///
+/// # Errors
+/// Returns an error if the board or the pose is not one of a scene.
+fn scene(board: &Board, rig_from_board: &Pose) -> Result<Scene> {
+    Scene::parse(&scene_text(board, rig_from_board), "board")
+}
+
+fn scene_text(board: &Board, rig_from_board: &Pose) -> String {
+    let (position, rotation) = rig_from_board.to_xyz_deg();
+    let board = toml::Value::try_from(board).expect("numbers and words");
+    format!(
+        "name = \"board\"\ndescription = \"A calibration board\"\n\n\
+         [ambient]\nirradiance_w_m2 = {AMBIENT_W_M2}\n\n\
+         [[object]]\nposition_mm = {:?}\nrotation_deg = {:?}\nalbedo = {PAPER}\n\
+         shape = {{ kind = \"board\", board = {board} }}\n",
+        position, rotation
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use phasmid_pattern::{Manifest, ProjectorSize};
 
     fn nothing() -> Capture {
@@ -338,5 +364,18 @@ mod tests {
         let (taken, outcome) = run(&[3], true);
         assert_eq!(taken, [(0, true), (1, true), (2, true)]);
         assert!(outcome.is_err());
+    }
+
+    #[test]
+    fn scene_holds_board_and_pose() {
+        let at = Pose::from_xyz_deg(DVec3::new(1.5, -2e-7, 1000.0), DVec3::new(20.0, -31.5, 7.0));
+        for board in [Board::DOTS.scaled(4.0), Board::CHESS] {
+            let scene = scene(&board, &at).unwrap();
+            assert_eq!(scene.object.len(), 1);
+            let placed = scene.rig_from_object(&scene.object[0]);
+            let off = (placed.rotation - at.rotation).to_cols_array();
+            assert!(off.iter().all(|o| o.abs() < 1e-14));
+            assert_eq!(placed.translation_mm, at.translation_mm);
+        }
     }
 }

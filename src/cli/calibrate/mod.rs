@@ -6,8 +6,6 @@ mod captures;
 #[cfg(target_os = "linux")]
 mod emulated;
 mod folder;
-#[cfg(target_os = "linux")]
-mod scene;
 mod session;
 #[cfg(not(target_os = "linux"))]
 mod without_device;

@@ -1,6 +1,6 @@
 //! `phasmid patient import`: makes a planning folder from a CT, displacement fields and a tumour.
 
-use crate::cli::vector::vector;
+use crate::cli::options::vector;
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 use phasmid_planning::import::{Import, Imported};

@@ -3,7 +3,7 @@
 
 mod measure;
 
-use crate::cli::set::SetArgs;
+use crate::cli::options::SetArgs;
 use measure::{PassCost, TermCost, costs};
 use phasmid_core::error::Result;
 use phasmid_device::Device;

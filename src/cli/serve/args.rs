@@ -1,8 +1,7 @@
 //! Options of `phasmid serve`.
 
 use super::usb::{UsbHow, listen_address};
-use crate::cli::backend::Choice;
-use crate::cli::set::SetArgs;
+use crate::cli::options::{BackendArg, SetArgs};
 use phasmid_core::error::Result;
 use phasmid_device::link::Tcp;
 use phasmid_protocol::admission::Token;
@@ -65,8 +64,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub(super) time_samples: u32,
     /// Where the render passes run.
-    #[arg(long, value_enum, default_value_t = Choice::Cpu)]
-    pub(super) backend: Choice,
+    #[arg(long, value_enum, default_value_t = BackendArg::Cpu)]
+    pub(super) backend: BackendArg,
     /// Render without sensor noise.
     #[arg(long)]
     pub(super) no_noise: bool,

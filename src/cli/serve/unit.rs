@@ -3,7 +3,7 @@
 use super::args::{Args, tcp};
 use super::asked::Asked;
 use super::video::open_video;
-use crate::cli::emulated::{printed, tell};
+use crate::cli::output::{printed, tell};
 use crate::cli::record::unix_s;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::stream;

@@ -212,6 +212,9 @@ export class World {
 
   async lookAtFaults() {
     const { faults } = await this.service({ get: "faults" });
+    if ($("fault-what").options.length === 0) {
+      $("fault-what").replaceChildren(...faults.kinds.map((kind) => new Option(kind)));
+    }
     const standing = faults.standing.map(({ id, struck, fault: { what, when, times } }) => {
       const limit = times === undefined ? "" : ` of ${times}`;
       return [`${id}: ${what}`, `${when ? `${JSON.stringify(when)}; ` : ""}${struck}${limit} times`];

@@ -1,9 +1,11 @@
 //! Finds where messages to the device end, in any dialect, and which command each one is.
 
-use super::log;
 use phasmid_protocol::dialect::{Cut, Cutter, Dialect, Direction};
 use phasmid_protocol::scpi::{Framer, Framing};
 use std::sync::Arc;
+
+/// Maximum number of bytes of a command that are kept.
+const COMMAND_BYTES: usize = 256;
 
 /// Follows the bytes of a line.
 #[derive(Debug, Default)]
@@ -30,7 +32,7 @@ impl Listener {
         match &mut self.dialect {
             None => self.framer.push(&[byte], &mut |framing| {
                 ended = Some(match framing {
-                    Framing::Message(message) => log::command(&message),
+                    Framing::Message(message) => command(&message),
                     Framing::Dropped(_) => String::new(),
                 });
             }),
@@ -40,7 +42,7 @@ impl Listener {
                         let asked = dialect.asked(&message);
                         asked.map_or(String::new(), |asked| asked.command)
                     }
-                    Cut::Message(message) => log::command(&message),
+                    Cut::Message(message) => command(&message),
                     Cut::Dropped(_) => String::new(),
                 });
             }),
@@ -72,4 +74,11 @@ impl Listener {
             cutter.reset();
         }
     }
+}
+
+/// Returns a message as text, with invalid UTF-8 marked and truncated to [`COMMAND_BYTES`].
+fn command(message: &[u8]) -> String {
+    let end = message.len().min(COMMAND_BYTES);
+    let text = String::from_utf8_lossy(&message[..end]);
+    text.trim().to_owned()
 }

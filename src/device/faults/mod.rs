@@ -11,7 +11,6 @@ mod chance;
 mod frame;
 mod held;
 mod listener;
-mod log;
 mod port;
 #[cfg(test)]
 mod tests;
@@ -23,7 +22,6 @@ use armed::{Armed, Event, Way};
 use chance::{Chance, Draws};
 use held::Held;
 use listener::Listener;
-use log::Log;
 use phasmid_protocol::Frame;
 use phasmid_protocol::faults::{Fault, Flaw, MAX_FAULTS, Schedule, Struck, What};
 use std::collections::VecDeque;
@@ -33,6 +31,8 @@ use std::sync::Arc;
 const MAX_FRAME_BYTES: usize = 256 << 20;
 /// Maximum size of replies waiting behind a delayed one, in bytes.
 const MAX_REPLY_BYTES: usize = 4 << 20;
+/// Number of log entries kept; older ones are only counted.
+const REMEMBERED: usize = 4096;
 
 /// Milliseconds in nanoseconds.
 fn ns(ms: f64) -> u64 {
@@ -264,5 +264,30 @@ impl Faults {
             effects.push(effect);
         }
         effects
+    }
+}
+
+/// The latest faults that have struck, and their total number.
+#[derive(Debug, Clone, Default)]
+struct Log {
+    latest: VecDeque<Struck>,
+    total: u64,
+}
+
+impl Log {
+    fn push(&mut self, struck: Struck) {
+        if self.latest.len() == REMEMBERED {
+            self.latest.pop_front();
+        }
+        self.latest.push_back(struck);
+        self.total += 1;
+    }
+
+    fn latest(&self) -> impl DoubleEndedIterator<Item = &Struck> {
+        self.latest.iter()
+    }
+
+    fn total(&self) -> u64 {
+        self.total
     }
 }

@@ -8,7 +8,7 @@
 //! [`pattern::Manifest`]: phasmid_pattern::Manifest
 //! [`geometry::Rig`]: phasmid_geometry::Rig
 
-mod controls;
+mod direct;
 mod execute;
 mod exposing;
 mod memory;
@@ -16,19 +16,16 @@ mod messages;
 mod pending;
 mod settings;
 mod shining;
-mod shown;
 mod status;
 mod table;
 #[cfg(test)]
 mod tests;
 mod trigger;
-mod undo;
 
-pub use controls::CameraControls;
+pub use direct::{Before, CameraControls};
 pub use memory::UserSequence;
 pub use pending::{Answered, Done};
 pub use trigger::State;
-pub use undo::Before;
 
 use super::projection::Planes;
 use super::{Exposure, PatternImage, StreamSink};

@@ -8,6 +8,7 @@ use super::timeline::{Stepped, UnderWay};
 use crate::{State, Truth};
 use phasmid_core::error::Result;
 use phasmid_core::source::Setting;
+use phasmid_protocol::faults::Kind;
 use phasmid_protocol::service::{
     Action, DeviceAbout, Every, FaultsAbout, Item, MAX_STRUCK, Reply, Request, StandingFault, Step,
     TermAbout, Which,
@@ -311,6 +312,7 @@ impl Server {
         let mut struck: Vec<_> = latest.collect();
         struck.reverse();
         FaultsAbout {
+            kinds: Kind::ALL.iter().map(|kind| kind.name.to_owned()).collect(),
             standing: faults
                 .standing()
                 .map(|standing| StandingFault {

@@ -1,8 +1,8 @@
 //! Starts serving a device: opens its ports and sockets and enters the event loop.
 
+use super::Notice;
 use super::frame_socket::{FrameSocket, Tcp};
 use super::history::History;
-use super::notice::Notice;
 use super::pace::Pace;
 use super::pty::{Pty, point};
 use super::render_thread::RenderThread;

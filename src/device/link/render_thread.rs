@@ -1,7 +1,7 @@
 //! Renders on a separate thread: rendering uses all cores for milliseconds, and the ports must stay
 //! responsive. Jobs run in order.
 
-use super::notice::Notice;
+use super::Notice;
 use super::shared_scene::Change;
 use crate::{Exposure, Renderer, Shot, Truth};
 use phasmid_core::Stop;

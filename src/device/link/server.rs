@@ -1,9 +1,9 @@
 //! The event loop that serves a device: commands in, replies and frames out, in device time. It
 //! runs on one thread; rendering has its own.
 
+use super::Notice;
 use super::frame_socket::FrameSocket;
 use super::history::History;
-use super::notice::Notice;
 use super::pace::Pace;
 use super::pty::{Event, Pty, point};
 use super::render_thread::{RenderThread, Rendered};

@@ -1,8 +1,8 @@
 //! A device that is served on threads of its own, also from a program with an event loop.
 
+use super::Notice;
 use super::device::{ServedDevice, serve};
 use super::frame_socket::Tcp;
-use super::notice::Notice;
 use super::run_dir::RunDir;
 use super::shared_scene::SharedScene;
 use super::tap::Recording;

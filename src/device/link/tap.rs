@@ -1,6 +1,6 @@
 //! Records the traffic between a served device and its clients, and shows it to an observer, if requested.
 
-use super::notice::Notice;
+use super::Notice;
 use crate::Firmware;
 use crate::faults::Faults;
 use phasmid_core::error::Result;

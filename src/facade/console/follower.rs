@@ -1,10 +1,10 @@
-//! Finds the scans among the frames of a served device, and shows them.
+//! Finds the scans among the frames of a served device, shows them, and passes viewers' requests to its
+//! service channel.
 
 use super::ScanViews;
 use super::calibrator::let_calibrate;
-use super::service::ServiceOperator;
 use crate::facade::ask_service;
-use phasmid_console::{Sequence, Source};
+use phasmid_console::{self as console, Operator, Sequence, Source};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Capture, FrameInfo};
 use phasmid_geometry::Rig;
@@ -12,6 +12,7 @@ use phasmid_pattern::Manifest;
 use phasmid_protocol::Frame;
 use phasmid_protocol::record::{Event, Observer};
 use phasmid_protocol::service::{Item, Request};
+use serde_json::Value;
 use std::fmt;
 use std::mem::take;
 use std::path::{Path, PathBuf};
@@ -268,6 +269,41 @@ pub(super) fn views(run: &[Arc<Frame>], sequence: &Sequence) -> Result<ScanViews
         Some(name) => views.named(name),
         None => views,
     })
+}
+
+/// Answers requests of the kind `service`.
+struct ServiceOperator {
+    /// Path of the service channel.
+    service: PathBuf,
+}
+
+impl Operator for ServiceOperator {
+    fn answers(&self) -> &'static [&'static str] {
+        &["service"]
+    }
+
+    fn answer(&self, request: &console::Request) -> Result<Value> {
+        match request {
+            console::Request::Service(request) => answer(&self.service, request),
+            _ => Err(Error::device(
+                "this device takes requests for its service channel only",
+            )),
+        }
+    }
+}
+
+/// Asks a device, and returns its answer without the maps.
+pub(super) fn answer(service: &Path, request: &Value) -> Result<Value> {
+    let line = format!("{request}\n");
+    let request = Request::parse(line.as_bytes());
+    let request = request.map_err(|e| Error::device(e.to_string()))?;
+    if let Request::Get(Item::Truth) | Request::TruthAt(_) | Request::TruthOfFrame(_) = request {
+        return Err(Error::device(
+            "a console does not pass maps on; ask the service channel itself",
+        ));
+    }
+    let (reply, _) = ask_service(service, &request)?;
+    serde_json::to_value(reply).map_err(Error::device)
 }
 
 #[cfg(test)]

@@ -6,8 +6,7 @@
 //! | `calibrator` | calibrates a scanner from the scans that are shown |
 //! | `room_views` | the views of a patient who is tracked |
 //! | `operate` | a scanner that scans and talks as viewers ask |
-//! | `service` | passes requests to a service channel |
-//! | `follower` | finds and decodes the scans of a served device, whoever makes them |
+//! | `follower` | finds and decodes the scans of a served device, and passes requests to its service channel |
 //! | `playback` | plays the recordings of a folder |
 //! | `recording` | an open recording with random access |
 
@@ -18,7 +17,6 @@ mod playback;
 mod recording;
 mod room_views;
 mod scan_views;
-mod service;
 
 pub use follower::Follower;
 pub use operate::operate;

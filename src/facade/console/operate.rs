@@ -1,7 +1,7 @@
 //! A scanner that is operated from a console.
 
 use super::calibrator::let_calibrate;
-use super::service::answer;
+use super::follower::answer;
 use super::{Follower, ScanViews};
 use crate::facade::{ScanOptions, Scanner, dialect_of, service_of, watch_camera};
 use phasmid_console::{Operator, Request, Run, Sequence, Source};

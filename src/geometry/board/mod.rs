@@ -9,7 +9,5 @@ mod check;
 mod ink;
 mod kind;
 mod parallelogram;
-mod points;
 
-pub use kind::Board;
-pub use points::MARKERS;
+pub use kind::{Board, MARKERS};

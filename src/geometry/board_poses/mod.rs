@@ -8,17 +8,16 @@
 //! board is visible and illuminated. If no position works, for example because distant tilted dots
 //! are too small, the tilt is reduced.
 //!
-//! - `draw`: the sequence of numbers that poses are drawn from
-//! - `fit`: whether a board is visible and illuminated in a pose
+//! `fit` tests whether a board is visible and illuminated in a pose.
 
-mod draw;
 mod fit;
+#[cfg(test)]
+mod tests;
 
 use crate::{Board, Pose, Rig};
 use fit::{Fit, Flaw};
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_core::error::{Error, Result};
-
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -111,7 +110,7 @@ fn check(wanted: &Wanted) -> Result<()> {
 }
 
 fn pose(board: &Board, rig: &Rig, wanted: &Wanted, distance: f64, index: usize) -> Result<Pose> {
-    let [u, v, around, tilt, reach, roll] = draw::numbers(wanted.seed, index);
+    let [u, v, around, tilt, reach, roll] = numbers(wanted.seed, index);
     let between = |[low, high]: [f64; 2], share: f64| low + (high - low) * share;
     let drawn = Drawn {
         share: DVec2::new(u, v),
@@ -244,5 +243,33 @@ fn filling_mm(board: &Board, rig: &Rig) -> f64 {
     (2.0 * board.pitch_mm() * wide.max(high)).clamp(1.0, 1e6)
 }
 
-#[cfg(test)]
-mod tests;
+/// Numbers per pose: column and row aimed at, direction and size of the tilt, distance, roll.
+const NUMBERS: usize = 6;
+
+/// Returns pose `index` of a sequence, each number in [0, 1). This is the additive recurrence whose
+/// steps are the powers of 1 / phi, where phi is the root of x^7 = x + 1 (Roberts, "The
+/// unreasonable effectiveness of quasirandom sequences", 2018). The seed determines its start.
+fn numbers(seed: u64, index: usize) -> [f64; NUMBERS] {
+    let mut phi = 1.5_f64;
+    for _ in 0..50 {
+        phi = (1.0 + phi).powf(1.0 / (NUMBERS as f64 + 1.0));
+    }
+    std::array::from_fn(|i| {
+        let start = shift(seed, i as u64);
+        (start + (index as f64 + 1.0) * phi.powi(-(i as i32 + 1))).fract()
+    })
+}
+
+/// Pseudorandom number in [0, 1) from a seed: SplitMix64 (Steele, Lea, Flood, "Fast splittable
+/// pseudorandom number generators", OOPSLA 2014).
+fn shift(seed: u64, number: u64) -> f64 {
+    let step = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut z = seed
+        .wrapping_add(number.wrapping_mul(step.rotate_left(17)))
+        .wrapping_add(step);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^= z >> 31;
+    // Keep 53 bits, the precision of f64.
+    (z >> 11) as f64 / (1u64 << 53) as f64
+}

@@ -193,3 +193,23 @@ fn optical_axes_meet_at_the_aimed_distance() {
     let filling = filling_mm(&Board::DOTS.scaled(4.0), &rig);
     assert!((100.0..2000.0).contains(&filling), "{filling}");
 }
+
+#[test]
+fn few_numbers_are_spread_and_many_are_uniform() {
+    for seed in 0..20 {
+        let drawn: Vec<_> = (0..20).map(|i| numbers(seed, i)).collect();
+        for number in 0..NUMBERS {
+            let quarter = |q: f64| {
+                let inside = |d: &&[f64; NUMBERS]| (q..q + 0.25).contains(&d[number]);
+                drawn.iter().filter(inside).count()
+            };
+            let counts = [0.0, 0.25, 0.5, 0.75].map(quarter);
+            assert_eq!(counts.iter().sum::<usize>(), 20);
+            assert!(counts.iter().all(|c| (2..=8).contains(c)), "{counts:?}");
+        }
+    }
+    let mean = (0..10_000).map(|i| numbers(3, i)[5]).sum::<f64>() / 10_000.0;
+    assert!((mean - 0.5).abs() < 1e-2, "{mean}");
+    assert_ne!(numbers(1, 0), numbers(2, 0));
+    assert_eq!(numbers(1, 7), numbers(1, 7));
+}

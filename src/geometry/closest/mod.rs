@@ -5,19 +5,16 @@
 //! computed in f64. Ground truth is measured with this module, so it shares no code with the
 //! renderer.
 
-mod node;
-mod segment;
 #[cfg(test)]
 mod tests;
 mod triangle;
 
 use super::Mesh;
-use glam::DVec3;
-use node::{Node, outwards};
+use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::{Boundable, BvhBuildParams};
 use rayon::prelude::*;
-use triangle::closest_on_triangle;
+use triangle::{closest_on_triangle, crossing};
 
 /// A mesh and its search tree.
 pub struct MeshTree {
@@ -145,5 +142,95 @@ impl MeshTree {
                 normal: (b - a).cross(c - a).normalize_or_zero(),
             }
         })
+    }
+}
+
+/// A node of the hierarchy.
+struct Node {
+    lo: [f32; 3],
+    hi: [f32; 3],
+    /// Index of the first of two children, or of the leaf's first triangle.
+    first: u32,
+    /// Number of triangles of a leaf; 0 for an inner node.
+    count: u32,
+}
+
+impl Node {
+    /// Squared distance from a point to the box; 0 inside.
+    #[inline]
+    fn distance_squared(&self, p: DVec3) -> f64 {
+        let (lo, hi) = (widened(self.lo), widened(self.hi));
+        (lo - p).max(p - hi).max(DVec3::ZERO).length_squared()
+    }
+
+    /// Returns whether a ray passes through the box between the distances `near` and `far`;
+    /// `inverse` is the componentwise inverse of its direction.
+    #[inline]
+    fn meets(&self, from: DVec3, inverse: DVec3, near: f64, far: f64) -> bool {
+        let a = (widened(self.lo) - from) * inverse;
+        let b = (widened(self.hi) - from) * inverse;
+        // A relative slack covers the rounding of the products.
+        let enter = a.min(b).max_element().max(near);
+        let leave = a.max(b).min_element().min(far);
+        enter <= leave + 1e-12 * leave.abs()
+    }
+}
+
+#[inline]
+fn widened(v: [f32; 3]) -> DVec3 {
+    DVec3::from_array(v.map(f64::from))
+}
+
+/// Rounds each coordinate to the nearest f32 at or beyond it, in the direction of `step`.
+fn outwards(v: DVec3, beyond: fn(&f64, &f64) -> bool, step: fn(f32) -> f32) -> Vec3A {
+    Vec3A::from_array(v.to_array().map(|x| {
+        let rounded = x as f32;
+        if beyond(&x, &f64::from(rounded)) {
+            step(rounded)
+        } else {
+            rounded
+        }
+    }))
+}
+
+impl MeshTree {
+    /// Returns whether the mesh crosses the segment from `from` to `to`. `margin_mm` is left out at
+    /// both ends, so that the surface on which an end lies does not count.
+    pub fn blocks(&self, from: DVec3, to: DVec3, margin_mm: f64) -> bool {
+        let length = (to - from).length();
+        // A segment of zero or NaN length crosses nothing.
+        if self.nodes.is_empty() || length.is_nan() || length <= 2.0 * margin_mm {
+            return false;
+        }
+        let direction = (to - from) / length;
+        // A zero component would give 0 x infinity = NaN for a box face that the origin touches.
+        let inverse = DVec3::from_array(direction.to_array().map(|d| {
+            if d.abs() > 1e-300 {
+                1.0 / d
+            } else {
+                1e300_f64.copysign(d)
+            }
+        }));
+        let (near, far) = (margin_mm, length - margin_mm);
+        let mut stack = Vec::with_capacity(64);
+        stack.push(0_u32);
+        while let Some(index) = stack.pop() {
+            let node = &self.nodes[index as usize];
+            if !node.meets(from, inverse, near, far) {
+                continue;
+            }
+            if node.count == 0 {
+                stack.extend([node.first + 1, node.first]);
+                continue;
+            }
+            let leaf = node.first as usize..(node.first + node.count) as usize;
+            if self.corners[leaf]
+                .iter()
+                .any(|t| crossing(from, direction, t).is_some_and(|t| t > near && t < far))
+            {
+                return true;
+            }
+        }
+        false
     }
 }

@@ -1,11 +1,11 @@
-//! Cameras by address: `socket:PATH`, `tcp:HOST:PORT`, `/dev/videoN` or a link to one under `/dev`.
+//! Cameras by address: `socket:PATH`, `tcp:HOST:PORT`, `/dev/videoN` or a link to one under `/dev`;
+//! and a camera in memory.
 //!
 //! Every camera opened here returns GREY or Y16, whatever its own format, without the embedded data
 //! line (`intake`). There are two ways to read a V4L2 device (`node`): `v4l` for monochrome cameras,
 //! frame by frame as the driver delivers them, and `nokhwa` for the formats of webcams.
 
 mod intake;
-mod memory;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 mod node;
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
@@ -15,14 +15,15 @@ mod open;
 mod socket;
 
 pub use intake::Intake;
-pub use memory::MemoryCamera;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
-pub use node::explain_device;
+pub use node::explain as explain_device;
 pub use open::open_camera;
 pub use socket::SocketCamera;
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// How to capture the frames of a V4L2 device.
@@ -105,5 +106,32 @@ impl<C: Camera + ?Sized> Camera for Box<C> {
 
     fn reopen(&mut self, timeout: Duration) -> Result<()> {
         (**self).reopen(timeout)
+    }
+}
+
+/// An in-memory camera: it returns the frames that are put into its queue, and never waits.
+#[derive(Debug, Clone, Default)]
+pub struct MemoryCamera {
+    queue: Arc<Mutex<VecDeque<Frame>>>,
+}
+
+impl MemoryCamera {
+    /// Puts a frame into the queue.
+    pub fn put(&self, frame: Frame) {
+        self.queue
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push_back(frame);
+    }
+}
+
+impl Camera for MemoryCamera {
+    fn info(&self) -> &str {
+        "memory camera"
+    }
+
+    fn next_frame(&mut self, _timeout: Duration) -> Result<Option<Frame>> {
+        let mut queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(queue.pop_front())
     }
 }

@@ -1,8 +1,7 @@
 //! A camera behind a frame socket.
 
 use super::Camera;
-use crate::local::UnixStream;
-use crate::tcp;
+use crate::sockets::{self, UnixStream};
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::admission::{ADMITTED, MAX_LINE, REFUSED, TOKEN_REQUIRED, Token};
 use phasmid_protocol::wire::FrameDecoder;
@@ -111,8 +110,8 @@ impl SocketCamera {
                 "tcp:HOST:PORT, the port a number from 0 to 65535",
             ));
         };
-        let token = tcp::token()?;
-        let stream = tcp::connect(host, timeout, place)?;
+        let token = sockets::token()?;
+        let stream = sockets::connect(host, timeout, place)?;
         let mut camera = Self::new(Stream::Tcp(stream), address);
         if let Some(token) = token {
             camera.present(&token, timeout)?;
@@ -154,7 +153,7 @@ impl SocketCamera {
                          --tcp-token does not answer: unset {} for it",
                         self.address,
                         timeout.as_secs_f64(),
-                        tcp::TOKEN_FILE
+                        sockets::TOKEN_FILE
                     )));
                 }
             }
@@ -247,7 +246,7 @@ impl Camera for SocketCamera {
                         "{}: the device requires a token, found none; expected {} to name the file \
                          of its --tcp-token",
                         self.address,
-                        tcp::TOKEN_FILE
+                        sockets::TOKEN_FILE
                     )));
                 }
             }

@@ -2,7 +2,7 @@
 
 use super::conversation::Values;
 use crate::CommandPort;
-use crate::deadline::Deadline;
+use crate::time::Deadline;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::dialect::{Cut, Cutter, Dialect, Direction, Event, Reply, Value};
 use phasmid_protocol::printable;

@@ -4,7 +4,7 @@
 //! serial line. An answer to another query, or one that nobody asked for, has another number.
 
 use crate::CommandPort;
-use crate::deadline::Deadline;
+use crate::time::Deadline;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::scpi::{self, BlockPrefix, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
 use std::time::{Duration, Instant};

@@ -2,8 +2,8 @@
 
 use super::CommandPort;
 use super::line::Line;
-use crate::deadline::again;
 use crate::plug::Plug;
+use crate::time::again;
 use phasmid_core::error::{Error, Result};
 use std::io::ErrorKind;
 use std::time::Duration;

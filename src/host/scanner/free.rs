@@ -3,7 +3,7 @@
 use super::run::{Wanted, collect, next_frame, unpacked};
 use super::{Fault, Flow, Progress, Watch, twice};
 use crate::Camera;
-use crate::clock::monotonic_ns;
+use crate::time::monotonic_ns;
 use phasmid_core::error::Result;
 use phasmid_decode::{Capture, Known, check_sequence};
 use phasmid_pattern::Manifest;

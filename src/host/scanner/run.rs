@@ -2,8 +2,8 @@
 
 use super::judge::{judge, judge_counted};
 use super::{Fault, Progress, Scanner, Watch, report};
-use crate::clock::monotonic_ns;
 use crate::control::Settings;
+use crate::time::monotonic_ns;
 use crate::{Camera, CommandPort};
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{FrameInfo, Known, check_sequence};

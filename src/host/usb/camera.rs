@@ -12,7 +12,7 @@ use super::negotiation::{Carrier, agree};
 use super::transfer::transfer_like;
 use super::video::{VideoFunction, VideoMode};
 use crate::Camera;
-use crate::clock::monotonic_ns;
+use crate::time::monotonic_ns;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
 use phasmid_protocol::usb::usbip::{Submit, status};

@@ -1,7 +1,7 @@
 //! The USB/IP exchange with a server before a device is imported.
 
 use super::connection::left;
-use crate::tcp;
+use crate::sockets;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::printable;
 use phasmid_protocol::usb::usbip::{DeviceInfo, OPERATION_LEN, Operation, Outcome};
@@ -21,7 +21,7 @@ impl Talk {
     /// address as shown in messages.
     pub(super) fn connect(host: &str, timeout: Duration, place: &str) -> Result<Self> {
         let deadline = Instant::now() + timeout;
-        let stream = tcp::connect(host, timeout, place)?;
+        let stream = sockets::connect(host, timeout, place)?;
         stream
             .set_write_timeout(Some(timeout.max(Duration::from_millis(1))))
             .map_err(|e| Error::io(place, e))?;

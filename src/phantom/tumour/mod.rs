@@ -2,7 +2,6 @@
 //! harmonics of degrees 2 to 5 with random coefficients. Its volume is exactly that of a
 //! ball with the diameter that the patient's parameters give.
 
-mod icosphere;
 mod sphere;
 #[cfg(test)]
 mod tests;
@@ -11,10 +10,9 @@ use super::organs::Organs;
 use super::parameters::{Lobe, Patient};
 use super::random::Draws;
 use glam::DVec3;
-use icosphere::icosphere;
 use phasmid_core::statistics::gauss_legendre;
 use phasmid_geometry::Mesh;
-use sphere::{RADIAL, directions, harmonics};
+use sphere::{RADIAL, directions, harmonics, icosphere};
 use std::f64::consts::PI;
 
 /// Degrees of the harmonics.

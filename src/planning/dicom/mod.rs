@@ -6,7 +6,6 @@
 //! bytes claims so, and overflows the stack on nested sequences.
 
 mod element;
-mod folder;
 mod phases;
 mod reference;
 mod slice;
@@ -20,7 +19,7 @@ pub use reference::read_reference;
 
 use super::volume::Volume;
 use phasmid_core::error::{Error, Result};
-use slice::Slice;
+use slice::{Slice, slices};
 use stack::Stack;
 use std::path::Path;
 
@@ -33,7 +32,7 @@ use std::path::Path;
 /// orientation; or if slices are duplicated, missing, unevenly spaced or not stacked along their
 /// normal (a tilted gantry).
 pub fn read_series(folder: &Path) -> Result<Volume> {
-    let slices = folder::slices(folder)?;
+    let slices = slices(folder)?;
     let first = &slices[0];
     if let Some(other) = slices.iter().find(|slice| slice.series != first.series) {
         return Err(Error::input(

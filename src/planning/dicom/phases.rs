@@ -1,7 +1,6 @@
 //! The phases of a 4D-CT.
 
-use super::folder;
-use super::slice::Slice;
+use super::slice::{Slice, slices};
 use super::sorted::Sorted;
 use super::stack::Stack;
 use crate::volume::{Grid, Volume};
@@ -30,7 +29,7 @@ impl Phases {
     /// than two phases, two with the same percentage, or phases with different grids or frames of
     /// reference.
     pub fn open(folder: &Path) -> Result<Self> {
-        let sorted = Sorted::of(folder::slices(folder)?)?;
+        let sorted = Sorted::of(slices(folder)?)?;
         let left_out = sorted.left_out();
         if sorted.phases.len() < 2 {
             let found = match (sorted.phases.first(), &left_out[..]) {

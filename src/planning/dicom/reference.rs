@@ -1,7 +1,6 @@
 //! Finds and reads the CT of one phase.
 
-use super::folder;
-use super::slice::Slice;
+use super::slice::{Slice, slices};
 use super::sorted::Sorted;
 use super::stack::Stack;
 use crate::volume::Volume;
@@ -20,7 +19,7 @@ const NOMINAL: f64 = 0.5;
 /// Returns the errors of [`super::read_series`], and an error if there are several series without a
 /// phase, if a 4D-CT lacks the phase, or if the images of a single series state another phase.
 pub fn read_reference(folder: &Path, percent: f64) -> Result<(Volume, String)> {
-    let sorted = Sorted::of(folder::slices(folder)?)?;
+    let sorted = Sorted::of(slices(folder)?)?;
     let slices = chosen(sorted, percent, folder)?;
     let title = slices[0].title();
     Ok((Stack::of(slices)?.volume()?, title))

@@ -14,7 +14,6 @@
 
 mod ct;
 mod fields;
-mod inside;
 #[cfg(test)]
 mod tests;
 mod tumour;
@@ -30,7 +29,7 @@ use phasmid_core::new_file::check_folder;
 use phasmid_core::output_folder::OutputFolder;
 use phasmid_geometry::{Mesh, ply};
 use std::path::{Path, PathBuf};
-use tumour::Tumour;
+use tumour::{Tumour, outside};
 
 /// Minimum skin motion over all phases, in millimetres; below it the fields contain no breathing.
 const LEAST_MOTION_MM: f64 = 0.1;
@@ -191,7 +190,7 @@ impl Import {
 
     /// Rejects a tumour that is not inside the body.
     fn in_body(&self, tumour: &Tumour, skin: &Mesh) -> Result<()> {
-        let outside = inside::outside(&tumour.mesh.vertices, skin);
+        let outside = outside(&tumour.mesh.vertices, skin);
         let Some(&first) = outside.first() else {
             return Ok(());
         };

@@ -1,8 +1,10 @@
-//! The tumour: a mesh, or the surface of a mask.
+//! The tumour: a mesh, or the surface of a mask; and a test which of its points a closed surface, the
+//! skin, encloses.
 
 use crate::isosurface::{Parts, isosurface};
 use crate::metaimage;
 use crate::planning::fit::{Moments, closed};
+use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Mesh, extension};
 use std::path::Path;
@@ -57,4 +59,59 @@ fn of_mask(path: &Path, place: &str) -> Result<Mesh> {
         return Err(Error::input(place, "no voxel of the tumour", allowed));
     }
     isosurface(&mask, MIDWAY, Parts::All, place)
+}
+
+/// Returns the indices of the points outside a closed surface: those from which a ray along x
+/// crosses it an even number of times. Points on the surface may count as either.
+pub(super) fn outside(points: &[DVec3], surface: &Mesh) -> Vec<usize> {
+    // Sort the points by z, so that each triangle is tested only against the few in its z range.
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    order.sort_by(|&a, &b| points[a].z.total_cmp(&points[b].z));
+    let mut within = vec![false; points.len()];
+    for (number, triangle) in surface.triangles.iter().enumerate() {
+        let corners = surface.corners(number);
+        let [a, b, c] = corners;
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        let first = order.partition_point(|&n| points[n].z < low.z);
+        for &n in &order[first..] {
+            let p = points[n];
+            if p.z > high.z {
+                break;
+            }
+            let beside = low.y <= p.y && p.y <= high.y && p.x < high.x;
+            if beside && crosses(corners, *triangle, p) {
+                within[n] ^= true;
+            }
+        }
+    }
+    (0..points.len()).filter(|&n| !within[n]).collect()
+}
+
+/// Returns whether the ray along x from a point crosses a triangle.
+fn crosses(corners: [DVec3; 3], indices: [u32; 3], p: DVec3) -> bool {
+    let mut inside = false;
+    for side in 0..3 {
+        let ends = [side, (side + 1) % 3];
+        // Use the same edge direction for both triangles of an edge, so that a ray crosses exactly
+        // one of them.
+        let turned = indices[ends[0]] > indices[ends[1]];
+        let [u, v] = [usize::from(turned), usize::from(!turned)].map(|end| corners[ends[end]]);
+        if (u.z > p.z) != (v.z > p.z) {
+            let y = u.y + (v.y - u.y) * (p.z - u.z) / (v.z - u.z);
+            inside ^= p.y < y;
+        }
+    }
+    if !inside {
+        return false;
+    }
+    let [a, b, c] = corners;
+    let normal = (b - a).cross(c - a);
+    let along = normal.y * (p.y - a.y) + normal.z * (p.z - a.z);
+    // For a triangle parallel to the ray, use its centroid.
+    let x = if normal.x == 0.0 {
+        (a.x + b.x + c.x) / 3.0
+    } else {
+        a.x - along / normal.x
+    };
+    p.x < x
 }

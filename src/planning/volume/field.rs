@@ -1,7 +1,6 @@
 //! Displacement fields: one vector per voxel.
 
-use super::grid::{Grid, listed};
-use super::trilinear::cell;
+use super::grid::{Grid, cell, listed};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 

@@ -5,7 +5,6 @@ mod grid;
 mod scalar;
 #[cfg(test)]
 mod tests;
-mod trilinear;
 
 pub use field::Field;
 pub use grid::Grid;

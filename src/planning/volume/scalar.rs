@@ -1,7 +1,6 @@
 //! Scalar volumes: Hounsfield units, or any other single value per voxel.
 
-use super::grid::Grid;
-use super::trilinear::cell;
+use super::grid::{Grid, cell};
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 

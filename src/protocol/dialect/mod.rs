@@ -34,7 +34,6 @@ mod template;
 mod tests;
 mod uses;
 mod value;
-mod word;
 
 pub use cutter::{Cut, Cutter};
 pub use definition::Dialect;

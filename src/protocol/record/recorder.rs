@@ -1,12 +1,15 @@
-//! Writes a recording on its own thread, so that the caller never waits for the disk.
+//! Writes a recording to a file, or to memory in tests and fuzzing, on its own thread, so that the
+//! caller never waits for the disk.
 //!
 //! The write queue is bounded. If the disk is too slow or full, the recording ends with a record
 //! that gives the reason, if there is space for one, and with one notice; the recorded session
 //! continues.
 
-use super::{About, Channel, Event, MAX_BYTES, Store, encode_head, encode_record};
+use super::{About, Channel, Event, MAX_BYTES, encode_head, encode_record};
 use phasmid_core::error::{Error, Result};
 use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{self, Seek, SeekFrom, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
@@ -232,5 +235,28 @@ impl<S: Store> Writer<S> {
         if self.store.cut_back(self.len).is_ok() {
             let _ = self.write(time_ns, Channel::Recording, &cut);
         }
+    }
+}
+
+/// Takes a recording, and can be cut back to its last whole record.
+pub trait Store: Write + Send {
+    /// Truncates it to the first `len` bytes.
+    ///
+    /// # Errors
+    /// Returns an error if the system call fails.
+    fn cut_back(&mut self, len: u64) -> io::Result<()>;
+}
+
+impl Store for File {
+    fn cut_back(&mut self, len: u64) -> io::Result<()> {
+        self.set_len(len)?;
+        self.seek(SeekFrom::Start(len)).map(drop)
+    }
+}
+
+impl Store for Vec<u8> {
+    fn cut_back(&mut self, len: u64) -> io::Result<()> {
+        self.truncate(usize::try_from(len).unwrap_or(usize::MAX));
+        Ok(())
     }
 }

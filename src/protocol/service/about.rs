@@ -203,6 +203,8 @@ pub struct TermAbout {
 /// Faults of a device.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FaultsAbout {
+    /// Names of the faults that a request can add.
+    pub kinds: Vec<String>,
     /// Active faults, including those that have reached their maximum number of occurrences.
     pub standing: Vec<StandingFault>,
     /// Total number of fault occurrences since power-on.

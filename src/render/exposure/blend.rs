@@ -2,7 +2,7 @@
 
 use super::super::skin::{MOST, Mixture};
 use super::bell::Bell;
-use super::soft::Soft;
+use super::bell::Soft;
 
 /// Subsurface spread along one pattern axis.
 #[derive(Debug, Clone, Copy)]

@@ -1,7 +1,7 @@
 //! Projector defocus: blur width at each point as a function of depth.
 
 use super::bell::Bell;
-use super::soft::Soft;
+use super::bell::Soft;
 use crate::scene::Shaded;
 use glam::DVec3;
 use phasmid_geometry::raycast::LANES;

@@ -9,14 +9,13 @@
 //! | `row_table` | averages of patterns that vary along one axis |
 //! | `image_table` | averages of image patterns |
 //! | `kernel` | averages of row patterns under blur, as weights of pattern pixels |
-//! | `bell`, `soft`, `blend` | a footprint convolved with one or several Gaussians |
+//! | `bell`, `blend` | a footprint convolved with one or several Gaussians |
 //! | `skin_maps` | light on skin at each pixel |
 //! | `diffused` | image patterns on skin |
 //! | `defocus` | width of the projector's blur |
 //! | `flicker` | mains flicker |
 //! | `lamps` | light sources other than the projector |
 //! | `indirect_map`, `indirect` | interreflection |
-//! | `resolution` | resolution limit of fringes |
 //! | `shade` | the projector's light at points of surfaces |
 //! | `vignetting` | vignetting, applied in the geometry pass |
 
@@ -33,13 +32,13 @@ mod kernel;
 mod lamps;
 mod levels;
 mod pass;
-mod resolution;
 mod row_table;
 mod shade;
 mod skin_maps;
-mod soft;
 mod vignetting;
 
+#[cfg(test)]
+pub(super) use bell::Soft;
 pub(super) use bell::{Bell, density, distribution};
 #[cfg(test)]
 pub(super) use blend::Spread;
@@ -51,10 +50,7 @@ pub(super) use indirect_map::{BLOCK, Gathering, InterreflectionMap};
 pub(super) use kernel::HeldRow;
 pub(super) use lamps::{Lamp, LampShape};
 pub(super) use pass::{Table, mixed, run};
-pub(super) use resolution::is_resolved;
 pub(super) use row_table::RowTable;
 pub(super) use shade::Optics;
 pub(super) use skin_maps::SkinMaps;
-#[cfg(test)]
-pub(super) use soft::Soft;
 pub(super) use vignetting::Falloff;

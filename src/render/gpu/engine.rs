@@ -387,6 +387,12 @@ impl Engine {
     }
 }
 
+/// Reads the first `count` elements of a buffer.
+pub(crate) fn words<T: bytemuck::Pod>(engine: &Engine, name: &str, count: u64) -> Result<Vec<T>> {
+    let bytes = engine.read_back(name, 0..count * size_of::<T>() as u64)?;
+    Ok(bytemuck::pod_collect_to_vec(&bytes))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,7 @@
 //! CPU's geometry maps, so that only the exposure differs.
 
 use super::exposure::Exposure;
-use super::{Engine, Shown, maps, skin, upload, upload_mixed};
+use super::{Engine, Shown, engine, skin, upload};
 use crate::exposure::{GeometryBuffer, Optics, Spread, Table};
 use crate::pattern_image::PatternImage;
 use crate::plan::Needs;
@@ -142,7 +142,7 @@ impl Setup {
 
     fn upload(&self, engine: &mut Engine) {
         upload::maps(engine, &self.map);
-        upload_mixed::mixed(engine, &self.map);
+        upload::mixed(engine, &self.map);
         skin::write(engine, &self.optics.skins);
         self.upload_skin(engine);
         if self.plan.has(Term::Interreflection) {
@@ -205,7 +205,7 @@ impl Setup {
             exposure.run(engine, &mut commands, &shown).unwrap();
             engine.submit(commands);
         }
-        maps::words(engine, "electrons", self.map.x.len() as u64).unwrap()
+        engine::words(engine, "electrons", self.map.x.len() as u64).unwrap()
     }
 
     fn shot(&self) -> Shot {

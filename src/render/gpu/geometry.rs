@@ -1,6 +1,12 @@
-//! Runs the geometry pass on the GPU: `geometry.wgsl`.
+//! Runs the geometry pass on the GPU, `geometry.wgsl`, and allocates its maps: `maps_in.wgsl` and
+//! `maps_out.wgsl`.
 
-use super::{Commands, Engine, EntryPoint, grid, maps};
+#[cfg(test)]
+mod functions;
+#[cfg(test)]
+pub(super) mod tests;
+
+use super::{Commands, Engine, EntryPoint, grid};
 use crate::{Plan, Term};
 use glam::DVec2;
 use phasmid_core::error::Result;
@@ -31,7 +37,7 @@ pub(crate) fn run(
     camera: &Lens,
 ) -> Result<()> {
     let (width, height) = (camera.width_px as usize, camera.height_px as usize);
-    maps::reserve_maps(engine, width * height);
+    reserve_maps(engine, width * height);
     let tiles = width.div_ceil(SIDE) * height.div_ceil(SIDE);
     let stage = EntryPoint::new("geometry", "main", &of_geometry(plan));
     engine.run(commands, &stage, grid(tiles * SIDE * SIDE))
@@ -49,7 +55,21 @@ fn of_geometry(plan: &Plan) -> Plan {
     geometry
 }
 
-#[cfg(test)]
-mod functions;
-#[cfg(test)]
-pub(super) mod tests;
+/// Allocates the maps for `pixels` pixels.
+pub(crate) fn reserve_maps(engine: &mut Engine, pixels: usize) {
+    let pixels = pixels as u64;
+    for (name, bytes) in [
+        ("place", 8),
+        ("slopes", 16),
+        ("light", 8),
+        ("seen", 16),
+        ("surface", 4),
+        ("marks", 4),
+        ("lamp_bits", 4),
+        ("flickering", 4),
+        ("blur", 4),
+        ("evenly", 4),
+    ] {
+        engine.reserve(name, pixels * bytes);
+    }
+}

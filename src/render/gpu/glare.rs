@@ -115,7 +115,7 @@ fn pack(axis: &Axis, k: usize, params: &mut Size, tables: &mut Vec<u32>) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::maps;
+    use super::super::engine;
     use super::*;
     use crate::glare;
 
@@ -153,7 +153,7 @@ mod tests {
             gpu.run(&mut engine, &mut commands, &Plan::default())
                 .unwrap();
             engine.submit(commands);
-            let after: Vec<f32> = maps::words(&engine, "electrons", before.len() as u64).unwrap();
+            let after: Vec<f32> = engine::words(&engine, "electrons", before.len() as u64).unwrap();
             let sum = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>();
             let lost = (sum(&after) / sum(&before) - 1.0).abs();
             let off = |(a, b): (&f32, &f32)| (a - b).abs() / a;

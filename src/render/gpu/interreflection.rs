@@ -5,7 +5,7 @@
 //! cannot be interpolated, take about 40 MB per axis for a camera of 1138 x 489 pixels. Exceeding
 //! the GPU's maximum buffer size is an error.
 
-use super::{Engine, EntryPoint, grid, maps};
+use super::{Engine, EntryPoint, engine, grid};
 use crate::exposure::Gathering;
 use crate::transport::interreflection::Hemisphere;
 use crate::{Plan, Term};
@@ -74,7 +74,7 @@ pub(crate) fn run(
     let mut params = Params::new(wanted, size);
     let pixels = size[0] * size[1];
     shares(engine, &params, plan)?;
-    params.points = maps::words::<u32>(engine, "interreflection_count", 1)?[0];
+    params.points = engine::words::<u32>(engine, "interreflection_count", 1)?[0];
     reserve(engine, &params, plan)?;
     engine.write("interreflection_params", bytemuck::bytes_of(&params));
     engine.write(

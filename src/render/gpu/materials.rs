@@ -9,7 +9,6 @@ mod board_tests;
 #[cfg(test)]
 mod map_tests;
 mod pack;
-mod tables;
 #[cfg(test)]
 mod tests;
 
@@ -54,7 +53,7 @@ impl Materials {
     fn begin(&mut self, engine: &mut Engine, optics: &Optics, worlds: &Worlds) {
         let mut values: Vec<f32> = optics.lamps.iter().flat_map(lamp).collect();
         values.resize(LAMPS, 0.0);
-        values.extend(tables::soft());
+        values.extend(pack::soft());
         let mut packer = Packer::new(values);
         packer.objects(worlds.steps());
         engine.write("materials", bytemuck::cast_slice(&packer.materials));

@@ -3,7 +3,7 @@
 
 use super::Engine;
 #[cfg(test)]
-use super::maps::words;
+use super::engine::words;
 #[cfg(test)]
 use crate::exposure::Mixed;
 use bytemuck::{Pod, Zeroable};

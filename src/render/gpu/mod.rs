@@ -11,15 +11,13 @@
 //! | `passes` | all passes of one renderer |
 //! | `fits` | check whether f32 suffices for a scene |
 //! | `scene`, `materials`, `optics` | the scene in shader layout |
-//! | `geometry`, `sampled`, `mixed`, `aperture` | geometry pass: pixel centres, then samples |
-//! | `maps` | output maps of the geometry pass |
+//! | `geometry`, `sampled`, `mixed` | geometry pass with its maps: pixel centres, then samples |
 //! | `interreflection`, `skin` | indirect light; subsurface scattering |
 //! | `exposure`, `tables` | exposure pass, from pattern tables |
 //! | `glare` | veiling glare |
 //! | `sensor`, `frames` | sensor pass; readback of frames |
-//! | `test_scene`, `upload`, `upload_mixed` | CPU maps uploaded to test single passes |
+//! | `test_scene`, `upload` | CPU maps uploaded to test single passes |
 
-mod aperture;
 mod device;
 mod engine;
 mod entry_point;
@@ -31,7 +29,6 @@ mod frames;
 mod geometry;
 mod glare;
 mod interreflection;
-mod maps;
 mod materials;
 mod mixed;
 mod optics;
@@ -52,8 +49,6 @@ mod test_scene;
 mod timing;
 #[cfg(test)]
 mod upload;
-#[cfg(test)]
-mod upload_mixed;
 
 pub use super::gpu_data::{Adapter, PassTime};
 pub(super) use super::gpu_data::{Shown, View};

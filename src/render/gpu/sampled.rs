@@ -1,15 +1,21 @@
-//! Passes that sample pixels with several rays: mixed pixels, or all of them.
+//! Passes that sample pixels with several rays: mixed pixels, or all of them; and tables of pupil
+//! points and rotations for `aperture.wgsl`, so that the samples match the CPU\'s.
+
+#[cfg(test)]
+mod tests;
 
 use super::engine::Commands;
 use super::mixed::{self, Room};
-use super::{Engine, EntryPoint, aperture, grid};
+use super::{Engine, EntryPoint, grid};
 use crate::exposure::Optics;
 use crate::material::Materials;
 use crate::scene::Worlds;
-use crate::transport::Aperture;
+use crate::transport::{Aperture, pupil_index, turn};
 use crate::{Options, Plan, Term};
 use bytemuck::{Pod, Zeroable};
+use glam::DVec2;
 use phasmid_core::error::Result;
+use phasmid_geometry::raycast::LANES;
 
 /// Twin of `Sampling` in `sampling.wgsl`, without its tables.
 #[repr(C)]
@@ -102,8 +108,8 @@ impl Sampler {
 
     fn write(&mut self, engine: &mut Engine) {
         let size = self.data.size.map(|n| n as usize);
-        let turns = aperture::turns(size.into(), self.data.rows as usize);
-        let points = aperture::points(&self.aperture, self.side);
+        let turns = turns(size.into(), self.data.rows as usize);
+        let points = points(&self.aperture, self.side);
         let pairs: Vec<[f32; 2]> = points.chain(turns).collect();
         self.data.varies = pairs.len() as u32;
         self.data.room = self.room.heads as u32;
@@ -181,5 +187,18 @@ fn varies(materials: &Materials) -> Vec<[u32; 2]> {
     varies
 }
 
-#[cfg(test)]
-mod tests;
+/// Returns the pupil points for `side` x `side` samples, in sample order.
+fn points(aperture: &Aperture, side: usize) -> impl Iterator<Item = [f32; 2]> {
+    let count = side * side;
+    (0..count).map(move |k| {
+        let point = aperture.point(pupil_index(k, count), count, 0.0);
+        point.truncate().as_vec2().to_array()
+    })
+}
+
+/// Returns cosine and sine of the rotation of each tile of sixteen pixels; `rows` rows share a
+/// packet.
+fn turns((width, height): (usize, usize), rows: usize) -> impl Iterator<Item = [f32; 2]> {
+    let tiles = width.div_ceil(LANES / rows) * height.div_ceil(rows);
+    (0..tiles).map(|tile| DVec2::from_angle(turn(tile)).as_vec2().to_array())
+}

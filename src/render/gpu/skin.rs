@@ -54,7 +54,7 @@ pub(crate) fn run(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{maps, test_scene::TestScene};
+    use super::super::{engine, test_scene::TestScene};
     use super::*;
     use std::path::Path;
 
@@ -95,7 +95,8 @@ mod tests {
             let pixels = bench.map.x.len();
             run(&mut engine, &mut commands, &bench.plan, pixels).unwrap();
             engine.submit(commands);
-            let found: Vec<UnderSkin> = maps::words(&engine, "under_skin", pixels as u64).unwrap();
+            let found: Vec<UnderSkin> =
+                engine::words(&engine, "under_skin", pixels as u64).unwrap();
             let skin = bench.map.skin.as_ref().unwrap();
             let (mut place, mut spread, mut count) = (0.0f32, 0.0f32, [0; 2]);
             for (i, found) in found.iter().enumerate() {
@@ -123,9 +124,9 @@ mod tests {
         let bench = TestScene::new(SKINS, Path::new(""), |_| {});
         let mut engine = bench.engine();
         bench.see_mixed(&mut engine);
-        let count = maps::words::<u32>(&engine, "mixed_count", 1).unwrap()[0] as usize;
-        let heads: Vec<[u32; 4]> = maps::words(&engine, "mixed_heads", count as u64).unwrap();
-        let all: Vec<UnderSkin> = maps::words(&engine, "mixed_skin", 16 * count as u64).unwrap();
+        let count = engine::words::<u32>(&engine, "mixed_count", 1).unwrap()[0] as usize;
+        let heads: Vec<[u32; 4]> = engine::words(&engine, "mixed_heads", count as u64).unwrap();
+        let all: Vec<UnderSkin> = engine::words(&engine, "mixed_skin", 16 * count as u64).unwrap();
         let (mut worst, mut samples, mut missing) = ([0.0f32; 2], 0, 0);
         for mixed in &bench.map.mixed {
             let Some(skin) = &mixed.skin else { continue };

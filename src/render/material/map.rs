@@ -2,10 +2,9 @@
 //! shape, or a board's ink.
 
 use super::lay::Lay;
-use super::printed::Printed;
 use super::spot::{Spot, barycentric, shares};
 use super::texture::Texture;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Board, Mesh, Pose};
 use phasmid_profile::{Object, Scene};
@@ -138,5 +137,35 @@ impl ImageMap {
             }
         };
         self.texture.average(at, across, down)
+    }
+}
+
+/// A board printed on the side facing -z in the object's own frame.
+pub(crate) struct Printed {
+    /// Scaled as the object is.
+    pub(crate) board: Board,
+    /// Factor on the albedo where there is ink.
+    pub(crate) ink: f64,
+    pub(crate) object_from_rig: Pose,
+}
+
+impl Printed {
+    fn new(board: Board, ink: f64, scene: &Scene, object: &Object) -> Self {
+        Self {
+            board: board.scaled(object.scale),
+            ink,
+            object_from_rig: scene.rig_from_object(object).inverse(),
+        }
+    }
+
+    /// Returns the mean over a spot's footprint in the rest frame.
+    fn albedo(&self, spot: &Spot) -> f64 {
+        let own = |v: DVec3| self.object_from_rig.direction(v);
+        if !(own(spot.normal).z < 0.0) {
+            return 1.0;
+        }
+        let at = self.object_from_rig.point(spot.point).truncate();
+        let [across, down] = spot.sides.map(|side| own(side).truncate());
+        1.0 - (1.0 - self.ink) * self.board.ink(at, across, down)
     }
 }

@@ -7,7 +7,6 @@
 //! | `map` | spatially varying albedo: texture or board |
 //! | `texture` | averages of a texture over footprints |
 //! | `lay` | mapping of a texture onto a shape |
-//! | `printed` | ink of calibration boards |
 //! | `normals` | smooth normals of meshes |
 //! | `spot` | the footprint of a pixel on a surface, and barycentric weights |
 
@@ -15,7 +14,6 @@ mod ggx;
 mod lay;
 mod map;
 mod normals;
-mod printed;
 mod spot;
 mod texture;
 
@@ -24,12 +22,11 @@ use super::{Plan, Term};
 pub(super) use ggx::Ggx;
 use glam::{DVec3, Vec3};
 pub(super) use lay::Lay;
-pub(super) use map::{ImageMap, Map, Place};
+pub(super) use map::{ImageMap, Map, Place, Printed};
 pub(super) use normals::{COS_CREASE, Smoother};
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Mesh;
 use phasmid_profile::{Object, Scene, Shape, Specular};
-pub(super) use printed::Printed;
 pub(super) use spot::{Spot, barycentric};
 use std::path::PathBuf;
 use std::sync::Arc;

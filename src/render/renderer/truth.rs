@@ -1,7 +1,7 @@
-//! Ground truth of frames.
+//! Ground truth of frames, and the resolution limit of fringes.
 
+use super::Renderer;
 use super::time::middle_ns;
-use super::{Renderer, exposure};
 use crate::scene::{Surface, World};
 use crate::schedule::Light;
 use crate::shot::Shot;
@@ -11,6 +11,7 @@ use crate::{Term, truth};
 use glam::DVec3;
 use phasmid_pattern::{Axis, Pattern, finest_fringe};
 use rayon::prelude::*;
+use std::f64::consts::PI;
 
 impl Renderer {
     /// Returns the ground truth of a sequence's frames: geometry, and mean and modulation of its
@@ -167,7 +168,7 @@ impl Renderer {
             let under = skin.map_or(1.0, |skin| skin.contrast(i, axis as usize, period));
             let resolved = slope
                 .get(i)
-                .is_none_or(|slope| exposure::is_resolved(*slope, blur, under, period));
+                .is_none_or(|slope| is_resolved(*slope, blur, under, period));
             if !resolved {
                 *flags |= Truth::UNRESOLVED;
             }
@@ -211,15 +212,38 @@ fn finest_fringes(sequence: &[(Pattern, Shot)]) -> Vec<(f64, &Shot)> {
         .collect()
 }
 
+/// Minimum remaining contrast of a resolved fringe.
+const LEAST: f64 = 0.05;
+
+/// Returns whether a fringe of `period` projector pixels is resolved under a footprint with
+/// derivatives `slope` and a blur of standard deviation `sigma` (projector pixels), where skin
+/// leaves the fraction `under` of its contrast.
+///
+/// The two boxes of the footprint attenuate the contrast by sinc(a/P) sinc(b/P), which is 0 for a
+/// box of one period and negative beyond; the Gaussian by exp(-2 pi^2 sigma^2 / P^2).
+fn is_resolved(slope: [f32; 2], sigma: f32, under: f64, period: f64) -> bool {
+    let [a, b] = slope.map(|s| f64::from(s.abs()) / period);
+    let sigma = f64::from(sigma) / period;
+    let sinc = |w: f64| {
+        if w > 0.0 {
+            (PI * w).sin() / (PI * w)
+        } else {
+            1.0
+        }
+    };
+    let left = under * sinc(a) * sinc(b) * (-2.0 * (PI * sigma).powi(2)).exp();
+    a < 1.0 && b < 1.0 && left >= LEAST
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use phasmid_profile::{Profile, Scene};
 
     const SCENE: &str = "name = \"s\"\ndescription = \"\"\n\
-        [[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0.0, 0.0, 1000.0]\nalbedo = 0.25\n\
-        [[object]]\nshape = { kind = \"sphere\", radius_mm = 60.0 }\n\
-        position_mm = [0.0, 0.0, 900.0]\nalbedo = 0.75\n";
+    [[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0.0, 0.0, 1000.0]\nalbedo = 0.25\n\
+    [[object]]\nshape = { kind = \"sphere\", radius_mm = 60.0 }\n\
+    position_mm = [0.0, 0.0, 900.0]\nalbedo = 0.75\n";
 
     #[test]
     fn surface_maps_agree_with_the_scene_and_its_light() {
@@ -252,5 +276,25 @@ mod tests {
         }
         assert!(pixels[0] > 100_000 && pixels[1] > 5000, "{pixels:?}");
         assert!(truth.noise_dn.iter().all(|dn| dn.is_nan()), "no fringes");
+    }
+
+    #[test]
+    fn fringes_down_to_one_period_a_pixel_are_resolved() {
+        assert!(is_resolved([4.35, 0.0], 0.0, 1.0, 16.0));
+        assert!(is_resolved([-7.6, 0.0], 0.0, 1.0, 16.0), "2.1 px a period");
+        assert!(
+            !is_resolved([16.0, 0.0], 0.0, 1.0, 16.0) && !is_resolved([0.0, 22.9], 0.0, 1.0, 16.0)
+        );
+        assert!(
+            !is_resolved([0.0, 40.0], 0.0, 1.0, 16.0),
+            "contrast is back, upright"
+        );
+        // exp(-2 pi^2 (6.24/16)^2) = 0.0497.
+        assert!(
+            is_resolved([0.1, 0.0], 6.2, 1.0, 16.0) && !is_resolved([0.1, 0.0], 6.24, 1.0, 16.0)
+        );
+        assert!(is_resolved([0.1, 0.0], 0.0, 0.051, 16.0));
+        assert!(!is_resolved([0.1, 0.0], 0.0, 0.049, 16.0));
+        assert!(!is_resolved([f32::NAN, 0.0], 0.0, 1.0, 16.0));
     }
 }

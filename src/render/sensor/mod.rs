@@ -1,6 +1,7 @@
 //! The sensor pass: converts mean electrons to digital numbers by the linear model of EMVA 1288
 //! release 4.0 (section 2): pixel sensitivity, dark current, shot noise, full well, read noise,
-//! pixel offset, system gain, black level, converter, and the non-linear response, if any.
+//! pixel offset, system gain, black level, converter, and the non-linear response, if any. Also its
+//! parameters for the GPU pass, and its output for given signals.
 //!
 //! | module | contents |
 //! | --- | --- |
@@ -10,21 +11,16 @@
 //! | `fixed` | PRNU and DSNU |
 //! | `bloom` | blooming |
 //! | `response` | non-linear response |
-//! | `numbers` | parameters for the GPU pass |
-//! | `alone` | the sensor model on given signals |
 
-mod alone;
 pub(super) mod bloom;
 mod elementary;
 mod fixed;
 mod noise;
 mod normal;
-mod numbers;
 mod philox;
 mod poisson;
 mod response;
 
-pub use alone::read_out;
 pub(super) use fixed::FixedPattern;
 
 use super::{Plan, Term};
@@ -227,9 +223,67 @@ fn quantise_words_body(linear: &Linear, electrons: &[f32], out: &mut [u8]) {
     }
 }
 
+/// All parameters of [`Sensor`] except its fixed pattern.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Numbers {
+    /// Seed and noise id.
+    pub(crate) key: [u64; 2],
+    pub(crate) read_noise_e: f32,
+    pub(crate) full_well_e: f32,
+    /// Mean from which shot and read noise are drawn separately; infinite if they never are.
+    pub(crate) apart_from_e: f32,
+    pub(crate) dark_e: f32,
+    pub(crate) gain_dn_per_e: f32,
+    pub(crate) black_dn: f32,
+    pub(crate) full_scale_dn: f32,
+    /// Exponent of the response; 1 if it is linear.
+    pub(crate) exponent: f32,
+    /// Whether a pixel takes two bytes.
+    pub(crate) wide: bool,
+}
+
+impl Sensor<'_> {
+    /// Returns the parameters; terms that the plan disables get neutral values.
+    pub(crate) fn numbers(&self) -> Numbers {
+        let noise = self.noise.as_ref();
+        Numbers {
+            key: noise.map_or([0; 2], |n| n.key),
+            read_noise_e: noise.map_or(0.0, |n| n.read_noise_e),
+            full_well_e: self.linear.full_well_e,
+            apart_from_e: noise.map_or(f32::INFINITY, |n| n.apart_from_e),
+            dark_e: self.dark_e.unwrap_or(0.0),
+            gain_dn_per_e: self.linear.gain_dn_per_e,
+            black_dn: self.linear.black_dn,
+            full_scale_dn: self.linear.full_scale_dn,
+            exponent: self.response.as_ref().map_or(1.0, |r| r.exponent),
+            wide: self.wide,
+        }
+    }
+}
+
+/// Returns a sensor's output at base gain for given mean signals in digital numbers. Models shot
+/// noise, read noise, full well, converter and response, without dark current and fixed-pattern
+/// noise. The output has two bytes per pixel, little-endian, if the sensor has more than 8 bits.
+/// `seed` and `noise_id` seed the noise as they do for a frame.
+pub fn read_out(sensor: &Parameters, [seed, noise_id]: [u64; 2], mean_dn: &[f32]) -> Vec<u8> {
+    let mut plan = Plan::default();
+    plan.set(Term::Noise, !sensor.noiseless);
+    plan.set(Term::CameraResponse, sensor.response.is_bent());
+    let chain = Sensor::new(sensor, &plan, (0.0, 0.0), (seed, noise_id), None);
+    let (gain, black) = (sensor.gain_dn_per_e, sensor.black_level_dn);
+    let mut electrons: Vec<f32> = mean_dn
+        .iter()
+        .map(|&dn| ((f64::from(dn) - black) / gain).max(0.0) as f32)
+        .collect();
+    let mut out = vec![0; mean_dn.len() * sensor.native_format().bytes_per_pixel()];
+    chain.read(0, &mut electrons, &mut out);
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use phasmid_profile::Profile;
 
     #[test]
     fn saturation_and_black_clip_at_the_converters_ends() {
@@ -247,5 +301,22 @@ mod tests {
         let mut out = [0; 8];
         quantise_words(&linear, &[-9.0, 0.4, 1000.6, 1e9], &mut out);
         assert_eq!(out, [0, 0, 4, 0, 0xed, 0x03, 0xff, 0xff]);
+    }
+
+    /// Mean and variance of flat fields match the noise model.
+    #[test]
+    fn noise_of_flat_fields_matches_the_model() {
+        let sensor = Profile::load("pmp-bench").unwrap().camera.sensor;
+        let model = sensor.noise_model(0.0, 0.0);
+        for (id, mean) in [20.0f32, 90.3, 180.7].into_iter().enumerate() {
+            let levels = read_out(&sensor, [1, id as u64], &[mean; 100_000]);
+            let n = levels.len() as f64;
+            let found = levels.iter().map(|&l| f64::from(l)).sum::<f64>() / n;
+            let squares: f64 = levels.iter().map(|&l| (f64::from(l) - found).powi(2)).sum();
+            let expected = model.variance_dn2(mean.into());
+            assert!((found - f64::from(mean)).abs() < 4.0 * (expected / n).sqrt());
+            // The relative standard error of a variance from n values is sqrt(2 / n).
+            assert!((squares / n / expected - 1.0).abs() < 4.0 * (2.0 / n).sqrt());
+        }
     }
 }

@@ -1,7 +1,6 @@
 //! Formats tables as Markdown that is also readable on a terminal.
 
-use super::check::Check;
-use super::document::{Block, Document, Table};
+use super::document::{Block, Check, Document, Table};
 use crate::plot::figures;
 
 impl Table {

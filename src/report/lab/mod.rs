@@ -13,12 +13,11 @@
 //! | `row`, `csv` | rows of results, and their lines in `rows.csv` |
 //! | `folder` | the folder of a study |
 //! | `runner` | runs trials and writes the document's files |
-//! | `document`, `check` | the document: text, tables, figures, images, checks |
+//! | `document` | the document: text, tables, figures, images, checks |
 //! | `chart`, `labels` | charts and the names of their points |
 //! | `markdown`, `page` | the document as Markdown and as HTML |
 
 mod chart;
-mod check;
 mod csv;
 mod document;
 mod folder;
@@ -31,8 +30,7 @@ mod settings;
 mod trial;
 
 pub use chart::{Chart, Series, SeriesStyle};
-pub use check::Check;
-pub use document::{Block, Document, Figure, Image, Section, Table};
+pub use document::{Block, Check, Document, Figure, Image, Section, Table};
 pub use folder::Folder;
 pub use page::page;
 pub use row::{Row, Rows};

@@ -13,24 +13,20 @@
 
 mod axis;
 mod bars;
-mod cells;
 mod histogram;
 mod marks;
 mod panel;
 mod quiver;
 mod sheet;
-mod style;
 mod text;
 mod ticks;
 
 pub use axis::{Axis, Scale};
 pub use bars::{bars, room_for_names};
-pub use cells::cells;
 pub use histogram::Histogram;
-pub use marks::{curve, dots, spans};
+pub use marks::{cells, curve, dots, spans};
 pub use panel::{Panel, ROOM};
 pub use quiver::{Arrow, quiver};
-pub use sheet::{Anchor, Sheet};
-pub use style::{PAGE_STYLE, STYLE};
+pub use sheet::{Anchor, PAGE_STYLE, STYLE, Sheet};
 pub use text::{escaped, figures};
 pub(crate) use ticks::linear as linear_ticks;

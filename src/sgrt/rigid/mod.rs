@@ -17,16 +17,14 @@
 //! | `rows` | one equation per measured point |
 //! | `sums` | the normal equations |
 //! | `modes` | which motions the shape determines |
-//! | `step` | one Gauss-Newton step |
+//! | `step` | the settings, and one Gauss-Newton step |
 //! | `search` | the search for start poses far from the planned one |
 //! | `judge` | the tracked pose with its covariance and warnings |
 //! | `freedom` | undetermined motions as shifts and turns |
-//! | `options` | the settings |
 
 mod freedom;
 mod judge;
 mod modes;
-mod options;
 mod rows;
 mod search;
 mod step;
@@ -37,8 +35,8 @@ mod tests;
 pub use freedom::Freedom;
 pub(super) use freedom::shape;
 pub use judge::RigidFit;
-pub use options::RigidOptions;
 pub use search::Start;
+pub use step::RigidOptions;
 
 use super::measured::Measured;
 use super::robust::Spread;

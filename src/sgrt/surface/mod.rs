@@ -16,16 +16,12 @@
 //! | `facet` | closest point of one triangle |
 //! | `hints` | the grid of start triangles |
 //! | `topology` | adjacency of triangles |
-//! | `normals` | vertex normals and their uncertainty |
-//! | `bend` | curvature, and the bias that noise causes on curved surfaces |
-//! | `patches` | coverage of the region |
-//! | `region` | the region of interest |
+//! | `normals` | vertex normals and their uncertainty; curvature, and the bias that noise causes |
+//! | `region` | the region of interest and its coverage |
 
-mod bend;
 mod facet;
 mod hints;
 mod normals;
-mod patches;
 mod region;
 #[cfg(test)]
 mod tests;
@@ -33,13 +29,13 @@ mod topology;
 
 pub use region::Region;
 
-use bend::Bend;
 use facet::{Facet, Feature, Nearest};
 use glam::DVec3;
 use hints::Hints;
-use patches::Patches;
+use normals::Bend;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Mesh;
+use region::Patches;
 use topology::{BORDER, Topology};
 
 /// Margin of the grid of start triangles around the mesh, in millimetres: the largest set-up error of

@@ -13,6 +13,12 @@ use phasmid_report::lab::{
 };
 use phasmid_sgrt::{POINTS, Region, SixDof, six};
 
+/// The words above the tables.
+const WORDS: &str = "Fading light dims the fringes and moves no phase. What moves a \
+    scanner in clinics is heat: as an example the beam between camera and projector of each pod, of \
+    aluminium, grows by 5 K, to which the calibration is blind. Both are examples of ours, as is how fast \
+    they go.";
+
 /// A pixel whose scans spread by more, in millimetres, is a gross error.
 const GROSS_MM: f64 = phasmid_measure::GROSS_MM;
 /// A light-emitting diode of a projector: junction, board and heat sink cost a quarter of its light
@@ -252,7 +258,7 @@ fn spread(rows: &[&Row], k: usize) -> f64 {
 }
 
 pub(super) fn section(rows: &Rows) -> Section {
-    let mut blocks = vec![Block::Words(super::words::DRIFT.to_owned())];
+    let mut blocks = vec![Block::Words(WORDS.to_owned())];
     if !of(rows, "light").is_empty() {
         blocks.extend([
             Block::Table(hour(rows)),

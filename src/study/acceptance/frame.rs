@@ -16,6 +16,13 @@ use phasmid_profile::{Profile, RigPlace, Scene, Shape};
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{POINTS, Reference, Region, SixDof};
 
+/// The words above the tables.
+const WORDS: &str = "In all other sections pods are what their profile says and stand where \
+    the station says. Here each is built with errors of its own (projector and focal length) and hangs a \
+    millimetre or so from its place. A board in many poses calibrates each pod, as `phasmid calibrate` \
+    does; a board at the isocentre, seen by all of them, tells where each stands, as `phasmid locate` does. \
+    What is left is beside what it would be without either, and beside pods that are known exactly.";
+
 /// The room with the board by which pods are located.
 const BOARD_ROOM: &str = "treatment-room-board";
 /// What each pod is not as it was drawn (ours: what mechanics leaves): the projector's place in
@@ -225,7 +232,7 @@ fn of<'a>(rows: &'a Rows, case: &'a str) -> impl Iterator<Item = &'a Row> + Clon
 }
 
 pub(super) fn section(rows: &Rows) -> Section {
-    let mut blocks = vec![Block::Words(super::words::FRAME.to_owned())];
+    let mut blocks = vec![Block::Words(WORDS.to_owned())];
     if part(rows, "frame").next().is_some() {
         blocks.push(Block::Table(table(rows)));
         blocks.push(Block::Checks(checks(rows)));

@@ -9,6 +9,11 @@ use phasmid_core::error::Result;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{POINTS, Region, SixDof};
 
+/// The words above the tables.
+const WORDS: &str = "The head of the linac rotates about the couch's axis; under the couch, \
+    at 180 degrees, it hides nothing. The pod over the foot end is never hidden from the isocentre. At \
+    some angles the head takes from a pod the far side of the chest only.";
+
 /// The gantry angle in degrees at which the head is under the couch, so that it hides nothing.
 const AWAY_DEG: f64 = 180.0;
 /// Names of the pods in the order of their turns, and of the columns of their points.
@@ -103,7 +108,7 @@ pub(super) fn largest_mm(rows: &Rows) -> f64 {
 }
 
 pub(super) fn section(rows: &Rows) -> Section {
-    let mut blocks = vec![Block::Words(super::words::HIDDEN.to_owned())];
+    let mut blocks = vec![Block::Words(WORDS.to_owned())];
     if let Some((whole, fewer)) = all(rows) {
         blocks.push(Block::Table(table(whole, &fewer)));
         blocks.push(Block::Checks(checks(whole, &fewer)));

@@ -11,6 +11,11 @@ use phasmid_sgrt::{
     Beam, Hold, HoldRules, POINTS, Quantity, Reading, RigidOptions, ScanWarning, Start, track_rigid,
 };
 
+/// The words above the tables.
+const WORDS: &str = "The projectors take turns, so that a jump in the middle of a scan is \
+    seen by the pods that come after it, and only the next scan has it whole. How soon the beam is held \
+    depends on when in a scan the patient moves.";
+
 /// The jump upwards and the tolerance, in millimetres.
 const JUMP_MM: f64 = 5.0;
 const TOLERANCE_MM: f64 = 2.0;
@@ -151,10 +156,7 @@ pub(super) fn section(rows: &Rows) -> Section {
             row.get("case").to_owned(),
         ]);
     }
-    let mut blocks = vec![
-        Block::Words(super::words::HOLD.to_owned()),
-        Block::Table(table),
-    ];
+    let mut blocks = vec![Block::Words(WORDS.to_owned()), Block::Table(table)];
     let mut periods = part(rows, "hold").map(|row| row.value("period_ms"));
     if let Some(period_ms) = periods.next() {
         // The next whole scan after the one in which it jumps sees all of it.

@@ -13,6 +13,12 @@ use phasmid_report::lab::{
 };
 use phasmid_sgrt::{POINTS, SixDof, six};
 
+/// The words above the tables.
+const WORDS: &str = "The torso is opaque, as phantoms are. The patient holds the breath at \
+    the reference phase; light goes into the skin, and what comes out of it elsewhere shifts what is measured by some \
+    tenths of a millimetre, so that against the planned surface there is an error that is the same in all \
+    scans. Against a surface that the scanner has captured itself it cancels.";
+
 /// What the tracker has to keep of a still torso: millimetres of its place, degrees of its angles.
 pub(super) const BAR: [f64; 2] = [0.1, 0.05];
 /// What a clinic tolerates.
@@ -144,7 +150,7 @@ pub(super) fn section(rows: &Rows) -> Section {
     Section {
         title: "Known displacements of the couch".to_owned(),
         blocks: vec![
-            Block::Words(super::words::KNOWN.to_owned()),
+            Block::Words(WORDS.to_owned()),
             Block::Table(table),
             Block::Table(directions(rows)),
             Block::Figure(figure(rows)),

@@ -10,6 +10,16 @@ use phasmid_decode::Capture;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{Follower, Measured, POINTS, Region, Sight};
 
+/// The words above the tables.
+const WORDS: &str = "Latency is device time, in which the emulated device tells it, plus \
+    the host's time, which is measured. A patient breathes before pods of full resolution; each scan is \
+    tracked from the answer to the one before, rigidly and by the motion model, by what `phasmid track` \
+    uses: the frames are held against their sequence, and of the pixels every second of every second row \
+    is decoded, which leaves several times the points that are fitted. The frames of a pod are looked at \
+    while the next one scans, so that only the last one's are left when the last frame has come; what a \
+    host takes for all of a scan says how many it keeps up with. Frames are in memory: what a link takes to \
+    carry them is in the study `speed`. The quick form runs beside other tests, and is not held to times.";
+
 /// Milliseconds that the host may take from the last frame to the pose, and for each scan in a row.
 const HOST_MS: f64 = 250.0;
 const SUSTAINED_MS: f64 = 90.0;
@@ -103,7 +113,7 @@ fn sorted(rows: &Rows, column: &str) -> Vec<f64> {
 }
 
 pub(super) fn section(rows: &Rows, settings: &Settings) -> Section {
-    let mut blocks = vec![Block::Words(super::words::LATENCY.to_owned())];
+    let mut blocks = vec![Block::Words(WORDS.to_owned())];
     if part(rows, "latency").next().is_some() {
         blocks.push(Block::Table(table(rows)));
         blocks.push(Block::Checks(checks(rows, settings)));

@@ -16,12 +16,10 @@ mod hold;
 mod known;
 mod latency;
 mod phantoms;
-mod published;
 mod region;
 mod subject;
 mod summary;
 mod tones;
-mod words;
 
 use phasmid_core::error::Result;
 use phasmid_report::lab::{Document, Folder, Rows, Settings, Study, Trial};

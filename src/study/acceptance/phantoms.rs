@@ -11,6 +11,12 @@ use phasmid_geometry::Pose;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{POINTS, Reference, RigidFit, SixDof};
 
+/// The words above the tables.
+const WORDS: &str = "A flat board slides and turns in its plane, a sphere turns about its \
+    centre, a cylinder slides along its axis and turns about it, and no surface scanner sees it. An \
+    answer that does not say so is wrong, whatever its figures. What the shape does determine has to be \
+    right all the same.";
+
 /// The bodies, and the motions that leave each as it is.
 const BODIES: [(Body, &str); 3] = [
     (Body::Flat, "LAT LNG yaw"),
@@ -150,7 +156,7 @@ pub(super) fn section(rows: &Rows) -> Section {
     Section {
         title: "Flat, sphere and cylinder".to_owned(),
         blocks: vec![
-            Block::Words(super::words::PHANTOMS.to_owned()),
+            Block::Words(WORDS.to_owned()),
             Block::Table(table),
             Block::Checks(checks(rows)),
         ],

@@ -14,6 +14,11 @@ use phasmid_report::lab::{
 };
 use phasmid_sgrt::{POINTS, Reference, Region, SixDof};
 
+/// The words above the tables.
+const WORDS: &str = "A small region is flat: shifts along it and turns about axes in it are \
+    poorly known or not at all, and the tracker has to say so. The deviations beside the errors are those \
+    of noise; what `phasmid track` adds to them for light in the skin is not in them.";
+
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let effort = Effort::of(settings);
     vec![Trial::new(
@@ -89,7 +94,7 @@ fn both(rows: &[&Row], first: usize) -> [f64; 2] {
 }
 
 pub(super) fn section(rows: &Rows) -> Section {
-    let mut blocks = vec![Block::Words(super::words::REGION.to_owned())];
+    let mut blocks = vec![Block::Words(WORDS.to_owned())];
     if !radii(rows).is_empty() {
         blocks.extend([
             Block::Table(table(rows)),

@@ -9,6 +9,10 @@ use phasmid_core::error::Result;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{POINTS, SixDof};
 
+/// The words above the tables.
+const WORDS: &str = "Dark skin returns less light: more noise, fewer points. It also lets \
+    less light come back from below, so that the error which all scans share need not grow with it.";
+
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let effort = Effort::of(settings);
     let one = |&class: &u8| {
@@ -99,10 +103,7 @@ pub(super) fn section(rows: &Rows) -> Section {
             format!("{:.3}", worst(of(rows, class, "first").map(shift_mm))),
         ]);
     }
-    let mut blocks = vec![
-        Block::Words(super::words::TONES.to_owned()),
-        Block::Table(table),
-    ];
+    let mut blocks = vec![Block::Words(WORDS.to_owned()), Block::Table(table)];
     let [place, angle] = worst_of_all(rows);
     if part(rows, "tones").next().is_some() {
         blocks.push(Block::Checks(vec![

@@ -10,7 +10,6 @@ mod document;
 mod frames;
 mod held;
 mod needs;
-mod pareto;
 mod phase;
 mod rig;
 mod row;

@@ -341,7 +341,7 @@ fn port_without_a_scpi_device_is_reported() {
         (
             true,
             b"0,\"No error\"\n",
-            "expected manufacturer,model,serial,version",
+            "TRIG:SOUR? was answered with \"0,\\\"No error\\\"\", which is not an answer to it",
         ),
     ] {
         let port = MemoryPort::new(move |bytes: &[u8]| {

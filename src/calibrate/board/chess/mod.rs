@@ -24,7 +24,7 @@ mod saddles;
 #[cfg(test)]
 mod tests;
 
-use super::not_found::check;
+use super::sighting::check;
 use super::{BoardImage, NotFound, Seen};
 use blur::Blur;
 use fit::{Corner, Guess, fit};

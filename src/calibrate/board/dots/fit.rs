@@ -11,9 +11,8 @@
 //! function with a = b = 4, c = 8), so that dirt does not shift the dot. From then on the standard
 //! deviation is estimated from the residuals, but is never below the predicted one.
 
-use super::coverage::{self, Cell};
-use super::ellipse::{Ellipse, Window};
-use super::step::Steps;
+use super::coverage::{self, Cell, Steps};
+use super::find::{Ellipse, Window};
 use glam::{DMat2, DVec2};
 use nalgebra::{SMatrix, SVector};
 use phasmid_core::statistics::{MEDIAN_OF_NORMAL, median};

@@ -1,13 +1,15 @@
-//! Rejects unreliable dots, and boards that do not match the specified one.
+//! Judges measured dots and the board they form: rejects unreliable dots and boards that do not
+//! match the specified one, and searches for missed dots where their neighbours predict them.
 
-use super::ellipse::Ellipse;
-use super::known::{Dot, Dots};
-use super::lattice::Cell;
+use super::find::Ellipse;
+use super::lattice::{Cell, Dot, Dots};
 use super::measure::Measure;
 use crate::board::{BoardImage, NotFound};
 use glam::DVec2;
 use phasmid_core::statistics::finite_median;
 use phasmid_geometry::Board;
+use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 /// Minimum fraction of the information on a dot's centre that must lie in usable pixels.
 const TOLD: f64 = 0.8;
@@ -210,5 +212,43 @@ impl Judge<'_> {
                 level.is_some_and(|&level| f64::from(level) > LIT * paper)
             });
         Some(lit)
+    }
+}
+
+/// Adds dots next to known ones until no more are found.
+pub(super) fn complete(measure: &Measure, judge: &Judge, dots: &mut Dots) {
+    let mut tried = BTreeSet::new();
+    loop {
+        let open: Vec<(Cell, Ellipse)> = dots
+            .board
+            .indices()
+            .map(|[column, row]| [column as i32, row as i32])
+            .filter(|cell| !dots.known.contains_key(cell) && !tried.contains(cell))
+            .filter_map(|cell| {
+                let place = dots.place(cell)?;
+                let start = dots.outline(cell, place.at)?;
+                judge.fits_in(&start).then_some((cell, start))
+            })
+            .collect();
+        if open.is_empty() {
+            return;
+        }
+        let found: Vec<Option<Dot>> = open
+            .par_iter()
+            .map(|&(cell, start)| {
+                let dot = measure.try_at(dots, cell, start)?;
+                judge.accepts(dots, cell, &dot).then_some(dot)
+            })
+            .collect();
+        for ((cell, _), dot) in open.iter().zip(found) {
+            match dot {
+                Some(dot) => {
+                    dots.known.insert(*cell, dot);
+                }
+                None => {
+                    tried.insert(*cell);
+                }
+            }
+        }
     }
 }

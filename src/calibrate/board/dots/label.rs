@@ -1,8 +1,7 @@
 //! Identifies a grid's markers and, from them, the board's orientation.
 
-use super::blobs::Blob;
-use super::known;
-use super::lattice::{Cell, Grid, typical};
+use super::find::Blob;
+use super::lattice::{Cell, Grid, index, typical};
 use crate::board::NotFound;
 use phasmid_geometry::{Board, MARKERS};
 use std::collections::BTreeSet;
@@ -144,6 +143,6 @@ fn agrees(board: &Board, grid: &Grid, large: &[Cell], labels: &Labels) -> bool {
     let agreeing = markers.iter().filter(|cell| large.contains(cell)).count();
     let within = large
         .iter()
-        .filter(|&&cell| known::index(board, labels.index(cell)).is_some());
+        .filter(|&&cell| index(board, labels.index(cell)).is_some());
     agreeing >= ENOUGH && agreeing == seen.count() && agreeing == within.count()
 }

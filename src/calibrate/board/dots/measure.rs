@@ -1,11 +1,9 @@
 //! Measures dots: first estimates the image's blur and contrast from a sample, then fits every dot.
 
-use super::coverage::{self, Cell as Covered};
-use super::ellipse::{Ellipse, Window};
+use super::coverage::{self, Cell as Covered, Steps};
+use super::find::{Ellipse, Window};
 use super::fit::{Fit, Known, Patch, fit};
-use super::known::{Dot, Dots};
-use super::lattice::Cell;
-use super::step::Steps;
+use super::lattice::{Cell, Dot, Dots};
 use crate::board::BoardImage;
 use phasmid_core::statistics::finite_median;
 use rayon::prelude::*;

@@ -1,35 +1,31 @@
 //! Finds a dot board in an image and measures its dots.
 //!
-//! - `blobs`: finds dark blobs, the candidate dots.
-//! - `lattice`: arranges blobs into grids.
+//! In this order:
+//!
+//! - `find`: finds dark blobs, the candidate dots, and their ellipses.
+//! - `lattice`: arranges blobs into grids; holds the dots found so far and predicts others.
 //! - `label`: identifies the large dots (markers) of a grid, which give the board's orientation.
-//! - `known`: holds the dots found so far.
-//! - `measure`: estimates the image's blur and contrast, then fits every dot.
-//! - `fit`, `coverage`, `ellipse`, `step`: area model of a dot, which gives its centroid and
-//!   outline to a hundredth of a pixel or better.
-//! - `complete`: searches for missed dots at the positions their neighbours predict.
-//! - `judge`: rejects unreliable dots, and boards that do not match the specified one.
+//! - `measure`: estimates the image's blur and contrast, then fits every dot. `fit` fits the area
+//!   model of one dot, which gives its centroid and outline to a hundredth of a pixel or better;
+//!   `coverage` computes the area of each pixel that a dot covers.
+//! - `judge`: searches for missed dots; rejects unreliable dots, and boards that do not match the
+//!   specified one.
 
-mod blobs;
-mod complete;
 mod coverage;
-mod ellipse;
+mod find;
 mod fit;
 mod judge;
-mod known;
 mod label;
 mod lattice;
 mod measure;
-mod step;
 #[cfg(test)]
 mod tests;
 
-use crate::board::not_found::check;
+use crate::board::sighting::check;
 use crate::board::{BoardImage, NotFound, Seen};
-use blobs::Blob;
-use known::{Dot, Dots};
+use find::Blob;
 use label::Labels;
-use lattice::Grid;
+use lattice::{Dot, Dots, Grid};
 use phasmid_core::Stop;
 use phasmid_geometry::Board;
 use std::collections::BTreeMap;
@@ -96,7 +92,7 @@ pub(crate) fn search(
             continue;
         }
         check(stop)?;
-        let blobs = blobs::find(image, side, part);
+        let blobs = find::find(image, side, part);
         most_blobs = most_blobs.max(blobs.len());
         if blobs.len() < LEAST {
             continue;
@@ -145,7 +141,7 @@ fn seen(
     let mut beyond = Vec::new();
     for (&cell, &k) in grid {
         let cell = labels.index(cell);
-        if known::index(board, cell).is_none() {
+        if lattice::index(board, cell).is_none() {
             beyond.push(cell);
         }
         let dot = Dot {
@@ -163,7 +159,7 @@ fn seen(
     let judge = judge::Judge::new(&measure, &dots);
     judge::proportions(&dots)?;
     judge.sift(&mut dots);
-    complete::complete(&measure, &judge, &mut dots);
+    judge::complete(&measure, &judge, &mut dots);
     judge::extent(&dots, &judge)?;
     // Blur under a light gradient shifts an image: with blur variance s and relative light gradient
     // g, it appears at a distance of s g from its position under even light. The pixel's box adds

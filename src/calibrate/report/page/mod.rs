@@ -4,20 +4,15 @@
 //! | File | Section |
 //! | --- | --- |
 //! | `head` | key figures |
-//! | `errors` | error of each pose |
-//! | `residuals`, `whitened` | residual vectors, whitened residuals |
+//! | `residuals`, `whitened` | error of each pose and residual vectors, whitened residuals |
 //! | `stage` | drawing of rig and boards |
 //! | `coverage` | coverage of the images |
 //! | `tables` | parameters and poses |
-//! | `images` | images of the detected boards |
-//! | `spots`, `normal`, `html` | points of all poses, normal distribution, HTML elements |
+//! | `spots`, `html` | points of all poses, HTML elements |
 
 mod coverage;
-mod errors;
-mod figures;
 mod head;
 mod html;
-mod normal;
 mod residuals;
 mod spots;
 mod stage;
@@ -27,7 +22,8 @@ mod whitened;
 use super::about::About;
 use super::summary::Summary;
 use crate::rig::Calibration;
-use phasmid_report::plot::{PAGE_STYLE, STYLE};
+use html::address;
+use phasmid_report::plot::{PAGE_STYLE, STYLE, escaped};
 
 /// The whole page.
 pub(super) fn page(calibration: &Calibration, about: &About, summary: &Summary) -> String {
@@ -36,7 +32,7 @@ pub(super) fn page(calibration: &Calibration, about: &About, summary: &Summary) 
     let solution = &calibration.solution;
     let sections = [
         ("Figures", head::head(summary)),
-        ("Error of each pose", errors::errors(solution)),
+        ("Error of each pose", residuals::errors(solution)),
         (
             "Residuals over the images",
             residuals::residuals(solution, &camera, &projector),
@@ -52,7 +48,7 @@ pub(super) fn page(calibration: &Calibration, about: &About, summary: &Summary) 
         ),
         ("Parameters", tables::parameters(solution)),
         ("Table of poses", tables::poses(solution, about)),
-        ("What was found", figures::images(about)),
+        ("What was found", images(about)),
     ];
     let title = "Calibration of a camera and a projector";
     let mut out = format!(
@@ -65,4 +61,19 @@ pub(super) fn page(calibration: &Calibration, about: &About, summary: &Summary) 
     }
     out.push_str("</body>\n</html>\n");
     out
+}
+
+/// Images of the detected boards, stored beside the page.
+fn images(about: &About) -> String {
+    about
+        .images
+        .iter()
+        .map(|(pose, file)| {
+            let (pose, file) = (escaped(pose), address(file));
+            format!(
+                "<figure><a href=\"{file}\"><img src=\"{file}\" alt=\"{pose}\" loading=\"lazy\"/>\
+                 </a><figcaption>{pose}</figcaption></figure>\n"
+            )
+        })
+        .collect()
 }

@@ -1,8 +1,11 @@
-//! Tests that the covariance is right: errors over many seeds are as large as it predicts.
+//! Tests that the covariance is right: errors over many seeds are as large as it predicts, and it
+//! agrees with the covariance predicted from the geometry.
 
 use super::super::{Choice, Coefficients, Solution, chi_square_below, chi_square_bound, solve};
-use super::scene::Scene;
-use phasmid_geometry::Board;
+use super::scene::{Scene, rig};
+use glam::DMat2;
+use phasmid_geometry::parameters::{PARAMETERS, RIG};
+use phasmid_geometry::{Board, Covariance};
 
 const NONE: Choice = Choice {
     camera: Coefficients::Fixed([false; 5]),
@@ -111,4 +114,48 @@ fn understated_noise_is_estimated() {
     // The estimated factors add an uncertainty of a few per cent.
     let ratio = squares / unknowns as f64;
     assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+}
+
+#[test]
+fn predicted_covariance_is_that_of_the_solution() {
+    let corner_px = 0.05;
+    for (device, coefficients) in [("pmp-bench", [false; 5]), ("pmp-real", [true; 5])] {
+        let scene = Scene {
+            rig: rig(device),
+            ..Scene::bench(8, 3)
+        };
+        let mut poses = scene.sightings(None);
+        for sighting in poses.iter_mut().flat_map(|pose| &mut pose.sightings) {
+            let covariance = DMat2::IDENTITY * (corner_px * corner_px);
+            sighting.camera_covariance = covariance;
+            if let Some(lit) = &mut sighting.projector {
+                lit.covariance = covariance;
+            }
+        }
+        let fixed = Coefficients::Fixed(coefficients);
+        let choice = Choice {
+            camera: fixed,
+            projector: fixed,
+            robust: false,
+        };
+        let [camera, projector] = scene.sizes();
+        let found = solve(&scene.board, &poses, camera, projector, &choice).unwrap();
+        let found = found.rig.covariance.unwrap();
+        let predicted = Covariance::of_calibration(
+            &scene.rig,
+            &scene.board,
+            &scene.boards,
+            corner_px,
+            found.estimated(),
+        )
+        .unwrap();
+        for i in (0..RIG).filter(|i| found.estimated()[*i]) {
+            for j in 0..=i {
+                let scale = (predicted.of(i, i) * predicted.of(j, j)).sqrt();
+                let off = (found.of(i, j) - predicted.of(i, j)).abs();
+                let names = [PARAMETERS[i].0, PARAMETERS[j].0];
+                assert!(off <= 1e-4 * scale, "{device} {names:?}: {off} of {scale}");
+            }
+        }
+    }
 }

@@ -4,7 +4,6 @@ mod exact;
 mod honest;
 mod outliers;
 mod place;
-mod prediction;
 mod scene;
 mod stiff;
 mod stop;

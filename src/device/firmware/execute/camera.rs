@@ -1,6 +1,6 @@
 //! `CAMera`: exposure, gain, format, region and frame interval.
 
-use super::setting::{Setting, numeric};
+use super::form::{Setting, numeric};
 use super::{Answer, MAX_TIME_S, say};
 use crate::Roi;
 use crate::firmware::Firmware;

@@ -5,7 +5,6 @@ mod common;
 mod form;
 mod projector;
 mod sequence;
-mod setting;
 mod trigger;
 
 use super::settings::{Settings, check_period};

@@ -1,6 +1,6 @@
 //! `PROJector`: the lamp, its current, and the pattern shown while free-running.
 
-use super::setting::{Setting, numeric};
+use super::form::{Setting, numeric};
 use super::{Answer, MAX_TIME_S, say};
 use crate::firmware::Firmware;
 use crate::firmware::settings::{Settings, Shown, from_seconds, seconds};

@@ -1,6 +1,6 @@
 //! `SEQuence`: stored, defined and selected sequences.
 
-use super::setting::{Setting, numeric};
+use super::form::{Setting, numeric};
 use super::{Answer, MAX_TIME_S, say};
 use crate::firmware::Firmware;
 use crate::firmware::settings::{Settings, check_period, from_seconds, seconds};

@@ -1,6 +1,6 @@
 //! `TRIGger`, `INITiate` and `ABORt`.
 
-use super::setting::{Setting, numeric};
+use super::form::{Setting, numeric};
 use super::{Answer, MAX_TIME_S, say};
 use crate::firmware::Firmware;
 use crate::firmware::settings::{Mode, Source, from_seconds, seconds};

@@ -1,7 +1,6 @@
 //! The firmware in virtual time, as a client of the control port sees it.
 
 mod commands;
-mod completion;
 mod documentation;
 mod rolling;
 mod sequences;

@@ -8,8 +8,8 @@ mod player;
 
 pub use player::Outcome;
 
+use super::Notice;
 use super::frame_socket::Tcp;
-use super::notice::Notice;
 use super::pty::Event;
 use super::run_dir::RunDir;
 use ends::Ends;

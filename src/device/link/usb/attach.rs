@@ -1,9 +1,8 @@
 //! Attaches a device to the local kernel: one end of a socket pair goes to `vhci_hcd` through its
 //! sysfs files, so that no USB/IP tools are needed.
 
-use super::attached::Attached;
 use super::connection;
-use super::device::UsbDevice;
+use super::device::{Attached, UsbDevice};
 use super::vhci::Port;
 use phasmid_core::error::{Error, Result};
 use std::os::fd::AsRawFd;

@@ -1,8 +1,7 @@
 //! A host's connection after it has imported a device: reads commands, has the session execute
 //! them, and writes its replies, many at a time.
 
-use super::attached::Attached;
-use super::device::UsbDevice;
+use super::device::{Attached, UsbDevice};
 use super::outgoing::Outgoing;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::usb::usbip::{Command, HEADER_LEN, PACKET_LEN, Packet};

@@ -1,4 +1,4 @@
-//! The handle through which firmware and connection share a device.
+//! The handle through which firmware and connection share a device, and its exclusive use by a host.
 
 use super::descriptors::{Descriptors, INTERFACES, Mode};
 use super::function::Function;
@@ -242,5 +242,34 @@ impl UsbDevice {
     /// Unplugs the device, even while attached; `false` plugs it in again.
     pub fn unplug(&self, out: bool) {
         self.with(|session| session.unplugged = out);
+    }
+}
+
+/// A device attached to a host; dropping it detaches the device, however the connection ends.
+pub(super) struct Attached(UsbDevice);
+
+impl Attached {
+    /// Attaches a device.
+    ///
+    /// # Errors
+    /// Returns an error if another host has the device or too many events wait for the firmware.
+    pub(super) fn take(device: &UsbDevice) -> Result<Self> {
+        if device.with(Session::attach) {
+            Ok(Self(device.clone()))
+        } else {
+            Err(Error::device(
+                "USB: device busy: attached elsewhere or not ready",
+            ))
+        }
+    }
+
+    pub(super) fn device(&self) -> &UsbDevice {
+        &self.0
+    }
+}
+
+impl Drop for Attached {
+    fn drop(&mut self) {
+        self.0.with(Session::detach);
     }
 }

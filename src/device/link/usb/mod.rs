@@ -6,24 +6,21 @@
 //! | `session` | the device as a state machine: commands and frames in, replies and events out |
 //! | `function` | requests on the control endpoint |
 //! | `descriptors` | the USB descriptors |
-//! | `video`, `serial` | the endpoints of camera and serial port |
+//! | `video`, `serial` | the endpoints of camera and serial port; injected faults of frames |
 //! | `outgoing`, `events` | queues to the host and to the firmware |
 //! | `connection`, `server` | a session over a socket; the USB/IP listener |
 //! | `export` | serves devices over USB/IP, attached to the local kernel if wanted |
 //! | `attach`, `vhci` | attachment to the local kernel |
-//! | `attached`, `device` | exclusive use by a host; the shared handle |
+//! | `device` | the shared handle; exclusive use by a host |
 //! | `binding` | the connection between firmware and USB device |
-//! | `fault` | injected faults |
 
 mod attach;
-mod attached;
 mod binding;
 mod connection;
 mod descriptors;
 mod device;
 mod events;
 pub(super) mod export;
-mod fault;
 mod function;
 mod outgoing;
 mod serial;
@@ -37,9 +34,9 @@ pub use binding::Binding;
 pub(super) use binding::PortEvent;
 pub use device::UsbDevice;
 pub use export::export;
-pub use fault::Fault;
 pub use server::UsbServer;
 pub use vhci::{Nodes, Port};
+pub use video::Fault;
 
 use phasmid_protocol::usb::cdc::{HostLines, LineCoding};
 use phasmid_protocol::usb::uvc::Negotiation;

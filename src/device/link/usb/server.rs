@@ -1,8 +1,7 @@
 //! The listener from which hosts import devices, as with `usbip attach`.
 
-use super::attached::Attached;
 use super::connection;
-use super::device::UsbDevice;
+use super::device::{Attached, UsbDevice};
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::usb::usbip::{BUS_ID_LEN, OPERATION_LEN, Operation, Outcome, text};
 use rustix::net::sockopt;

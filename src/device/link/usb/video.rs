@@ -1,7 +1,7 @@
 //! The camera's endpoint: queues of transfers waiting for frames and of frames waiting for
-//! transfers.
+//! transfers, and the faults that can be injected. Each fault affects the next frame only. To unplug the
+//! device, see [`super::UsbDevice::unplug`].
 
-use super::fault::{Fault, Faults};
 use super::outgoing::Outgoing;
 use phasmid_protocol::Frame;
 use phasmid_protocol::usb::usbip::{Packet, Submit, status};
@@ -18,6 +18,43 @@ const MAX_FREE_FRAMES: usize = 8;
 const MAX_BYTES: usize = 256 << 20;
 /// Duration of an isochronous packet: one microframe.
 const PACKET_TIME: Duration = Duration::from_micros(125);
+
+/// One fault of one frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// The endpoint halts before the frame. The host has to clear it, which ends a bulk stream and
+    /// discards the queued frames.
+    Stall,
+    /// The frame's payload headers have the error bit set; uvcvideo then flags the buffer.
+    PayloadError,
+    /// The frame ends after half its bytes.
+    ShortFrame,
+    /// The frame identifier bit (FID), which toggles with each frame, does not toggle.
+    FrozenFid,
+    /// The frame starts this much later.
+    Slow(Duration),
+}
+
+/// Queued faults; the first applies to the next frame.
+#[derive(Debug, Default)]
+pub(super) struct Faults {
+    waiting: VecDeque<Fault>,
+}
+
+impl Faults {
+    /// Maximum number of queued faults; further ones are ignored.
+    const MAX: usize = 1024;
+
+    pub(super) fn push(&mut self, fault: Fault) {
+        if self.waiting.len() < Self::MAX {
+            self.waiting.push_back(fault);
+        }
+    }
+
+    pub(super) fn next(&mut self) -> Option<Fault> {
+        self.waiting.pop_front()
+    }
+}
 
 /// A pending transfer.
 struct Waiting {

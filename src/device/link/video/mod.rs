@@ -9,15 +9,5 @@ mod candidates;
 mod open;
 mod output;
 
+pub(super) use output::Put;
 pub use output::VideoOutput;
-
-/// Result of writing a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Put {
-    /// Readers can get it.
-    Done,
-    /// It was exposed before the stream format changed: no reader can get it any more.
-    Outdated,
-    /// The node did not accept it.
-    Lost,
-}

@@ -1,6 +1,5 @@
 //! Writes frames to a loopback node for as long as it exists.
 
-use super::Put;
 use super::candidates::{first_free, nodes};
 use super::open::Open;
 use crate::{Stream, StreamSink};
@@ -11,6 +10,17 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+
+/// Result of writing a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::link) enum Put {
+    /// Readers can get it.
+    Done,
+    /// It was exposed before the stream format changed: no reader can get it any more.
+    Outdated,
+    /// The node did not accept it.
+    Lost,
+}
 
 /// A loopback node that receives the device's frames. Clones refer to the same node: the firmware
 /// asks it before the stream format changes, and the event loop writes the frames.

@@ -1,30 +1,47 @@
-//! V4L2 devices, by the paths of their nodes.
+//! V4L2 devices, by the paths of their nodes. Explains their errors, with a remedy where one is known.
 
 mod unplugged;
 mod v4l2;
-mod v4l2_error;
 mod webcam;
 
 pub(super) use unplugged::open;
-pub use v4l2_error::explain as explain_device;
 
 use super::{Camera, CameraDriver, Intake};
-use phasmid_core::error::Result;
-use std::time::Duration;
+use phasmid_core::error::Error;
+use std::io;
 
-/// Opens a V4L2 device, which cannot be found again after it was unplugged.
-///
-/// # Errors
-/// Same as [`super::open_camera`].
-fn open_node(
-    address: &str,
-    capture: CameraDriver,
-    timeout: Duration,
-) -> Result<Box<dyn Camera + Send>> {
-    let found = v4l2::find(address, capture, timeout)?;
-    Ok(if found.is_webcam() {
-        Box::new(Intake::new(webcam::WebcamCamera::open(found)?))
-    } else {
-        Box::new(Intake::new(v4l2::V4l2Camera::start(found, timeout)?))
-    })
+const EIO: i32 = 5;
+const EACCES: i32 = 13;
+const EBUSY: i32 = 16;
+const ENODEV: i32 = 19;
+const ENXIO: i32 = 6;
+const EINVAL: i32 = 22;
+const ENOTTY: i32 = 25;
+
+/// Describes a system error of the device at `address` that occurred while `doing` something.
+pub fn explain(address: &str, doing: &str, error: io::Error) -> Error {
+    let place = format!("--camera {address}");
+    let remedy = match error.raw_os_error() {
+        _ if error.kind() == io::ErrorKind::NotFound => {
+            return Error::input(
+                place,
+                "no such device",
+                "an existing V4L2 device; `phasmid doctor` lists them",
+            );
+        }
+        Some(EACCES) => {
+            "you may not open it; join its group (usually `sudo usermod -aG video $USER`, then log \
+             in again); `phasmid doctor` says more"
+        }
+        Some(EBUSY) => {
+            "another program uses it (v4l2loopback 0.14 and later allows one reader at a time); \
+             close that one"
+        }
+        Some(ENODEV | ENXIO) => "the device disconnected",
+        Some(ENOTTY) => {
+            return Error::input(place, "no V4L2 device", "a camera such as /dev/video0");
+        }
+        _ => return Error::device(format!("{place}: {doing}: {error}")),
+    };
+    Error::device(format!("{place}: {doing}: {error}: {remedy}"))
 }

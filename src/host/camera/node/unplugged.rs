@@ -1,8 +1,8 @@
-//! A camera of a USB device, which may be unplugged and come back under another name.
+//! Opens V4L2 devices. The camera of a USB device may be unplugged and come back under another name.
 
-use super::{Camera, CameraDriver, open_node};
-use crate::deadline::again;
+use super::{Camera, CameraDriver, Intake, v4l2, webcam};
 use crate::plug::Plug;
+use crate::time::again;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
 use std::time::{Duration, Instant};
@@ -41,6 +41,23 @@ pub(in crate::camera) fn open(
             given: address.to_owned(),
             address: address.to_owned(),
         }),
+    })
+}
+
+/// Opens a V4L2 device, which cannot be found again after it was unplugged.
+///
+/// # Errors
+/// Same as [`crate::open_camera`].
+fn open_node(
+    address: &str,
+    capture: CameraDriver,
+    timeout: Duration,
+) -> Result<Box<dyn Camera + Send>> {
+    let found = v4l2::find(address, capture, timeout)?;
+    Ok(if found.is_webcam() {
+        Box::new(Intake::new(webcam::WebcamCamera::open(found)?))
+    } else {
+        Box::new(Intake::new(v4l2::V4l2Camera::start(found, timeout)?))
     })
 }
 

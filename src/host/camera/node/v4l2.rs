@@ -4,8 +4,7 @@
 //! bits, as V4L2 defines them; Y10P and Y12P are the packed formats of MIPI CSI-2. Both times of a
 //! frame are the driver's timestamp.
 
-use super::v4l2_error::{EINVAL, EIO, ENOTTY, explain};
-use super::{Camera, CameraDriver};
+use super::{Camera, CameraDriver, EINVAL, EIO, ENOTTY, explain};
 use phasmid_core::error::{Error, Result};
 use phasmid_pattern::MAX_SIDE_PX;
 use phasmid_protocol::{Frame, PixelFormat, printable};

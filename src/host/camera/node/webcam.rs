@@ -9,10 +9,9 @@
 //! JPEG image ends at its own end marker. Both times of a frame are when it was taken from the
 //! driver, on the system's monotonic clock: an upper bound on its time of exposure.
 
-use super::Camera;
 use super::v4l2::{Found, name};
-use super::v4l2_error::explain;
-use crate::clock::monotonic_ns;
+use super::{Camera, explain};
+use crate::time::monotonic_ns;
 use image::{ImageFormat, ImageReader, Limits};
 use nokhwa::utils::{
     CameraFormat, CameraIndex, FrameFormat, RequestedFormat, RequestedFormatType, Resolution,

@@ -158,7 +158,7 @@ fn finds_points_outside_a_closed_surface() {
         let index = [n % 21, n / 21 % 21, n / 441].map(|x| x as f64);
         points.push(lattice.point(DVec3::from_array(index)));
     }
-    let outside = inside::outside(&points, &surface);
+    let outside = tumour::outside(&points, &surface);
     let wanted: Vec<usize> = (0..points.len())
         .filter(|&n| (points[n] - CENTRE).length() > 13.0)
         .collect();

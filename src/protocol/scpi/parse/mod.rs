@@ -1,15 +1,13 @@
 //! Parses a program message into its units (IEEE 488.2 chapter 7, SCPI-1999 volume 1 chapter 6).
 //! The result depends only on the message's bytes.
 
-mod cursor;
 mod data;
 #[cfg(test)]
 mod tests;
 
 use super::error::{DeviceError, ErrorCode};
 use super::param::Param;
-use cursor::{Cursor, ascii};
-use data::params;
+use data::{Cursor, ascii, params};
 
 /// Maximum mnemonic length (IEEE 488.2, 7.6.1.4.1).
 const MAX_MNEMONIC: usize = 12;

@@ -8,17 +8,14 @@
 mod command;
 mod device;
 mod operation;
-mod packet;
 mod reply;
-pub mod status;
 #[cfg(test)]
 mod tests;
 mod words;
 
-pub use command::{Command, Submit};
+pub use command::{Command, PACKET_LEN, Packet, Submit};
 pub use device::{BUS_ID_LEN, DEVICE_LEN, DeviceInfo, bus_id_bytes, text};
 pub use operation::{OPERATION_LEN, Operation, Outcome};
-pub use packet::{PACKET_LEN, Packet};
 pub use reply::Reply;
 
 /// Default port of USB/IP servers.
@@ -32,3 +29,16 @@ pub const MAX_PACKETS: u32 = 1024;
 
 /// Packet count of transfers that are not isochronous.
 const NO_PACKETS: u32 = u32::MAX;
+
+pub mod status {
+    //! Transfer status: negated Linux error numbers.
+
+    /// Success.
+    pub const OK: i32 = 0;
+    /// EPIPE: the endpoint is halted, or the request is unsupported.
+    pub const STALL: i32 = -32;
+    /// ECONNRESET: cancelled before it completed.
+    pub const UNLINKED: i32 = -104;
+    /// EOVERFLOW: more bytes than the host has room for.
+    pub const OVERFLOW: i32 = -75;
+}

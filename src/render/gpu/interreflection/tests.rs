@@ -1,7 +1,7 @@
 //! Compares indirect light on the GPU with the CPU's.
 
 use super::super::test_scene::TestScene;
-use super::super::{Engine, maps};
+use super::super::{Engine, engine};
 use super::{Params, Point, disc};
 use crate::transport::interreflection::Hemisphere;
 use glam::{DVec2, DVec3, Vec3};
@@ -54,9 +54,9 @@ fn pixels_are_interpolated_from_the_points_that_the_cpu_takes() {
     let params = Params::new(wanted, size);
     super::shares(&mut engine, &params, &bench.plan).unwrap();
     let pixels = cpu.first.len() as u64;
-    let points = maps::words::<u32>(&engine, "interreflection_count", 1).unwrap()[0];
-    let first: Vec<u32> = maps::words(&engine, "interreflection_first", pixels).unwrap();
-    let shares: Vec<[f32; 4]> = maps::words(&engine, "interreflection_shares", pixels).unwrap();
+    let points = engine::words::<u32>(&engine, "interreflection_count", 1).unwrap()[0];
+    let first: Vec<u32> = engine::words(&engine, "interreflection_first", pixels).unwrap();
+    let shares: Vec<[f32; 4]> = engine::words(&engine, "interreflection_shares", pixels).unwrap();
     let (mut differ, mut worst, mut alone) = (0, 0.0f32, Vec::new());
     for i in 0..first.len() {
         let [a, b] = [cpu.first[i], first[i]].map(|f| f.min(params.on_grid()));
@@ -152,12 +152,13 @@ fn check(name: &str, bench: &mut TestScene) {
     super::run(&mut engine, wanted, &plan, size).unwrap();
     let pixels = map.x.len() as u64;
     let params = Params::new(wanted, size);
-    let count = maps::words::<u32>(&engine, "interreflection_count", 1).unwrap()[0];
-    let points: Vec<Point> = maps::words(&engine, "interreflection_points", count.into()).unwrap();
-    let first: Vec<u32> = maps::words(&engine, "interreflection_first", pixels).unwrap();
-    let shares: Vec<[f32; 4]> = maps::words(&engine, "interreflection_shares", pixels).unwrap();
-    let light: Vec<[f32; 2]> = maps::words(&engine, "light", pixels).unwrap();
-    let flickering: Vec<f32> = maps::words(&engine, "flickering", pixels).unwrap();
+    let count = engine::words::<u32>(&engine, "interreflection_count", 1).unwrap()[0];
+    let points: Vec<Point> =
+        engine::words(&engine, "interreflection_points", count.into()).unwrap();
+    let first: Vec<u32> = engine::words(&engine, "interreflection_first", pixels).unwrap();
+    let shares: Vec<[f32; 4]> = engine::words(&engine, "interreflection_shares", pixels).unwrap();
+    let light: Vec<[f32; 2]> = engine::words(&engine, "light", pixels).unwrap();
+    let flickering: Vec<f32> = engine::words(&engine, "flickering", pixels).unwrap();
     let columns = params.places[0] as usize;
     let white = |pixel: usize| -> f32 {
         let first = first[pixel] as usize;
@@ -245,7 +246,7 @@ fn check(name: &str, bench: &mut TestScene) {
 }
 
 fn ray_words(engine: &Engine, name: &str, points: u32, samples: u32) -> Vec<[f32; 4]> {
-    maps::words(engine, name, u64::from(points) * u64::from(samples)).unwrap()
+    engine::words(engine, name, u64::from(points) * u64::from(samples)).unwrap()
 }
 
 #[test]

@@ -1,12 +1,12 @@
-//! Packs the materials of objects into contiguous buffers.
+//! Packs the materials of objects into contiguous buffers, with lookup tables for functions that
+//! shaders do not compute.
 
-use super::tables;
+use crate::exposure::{density, distribution};
 use crate::material::{Ggx, ImageMap, Lay, Map, Material, Place, Printed, Texture};
 use crate::scene::{Blend, Instance, Surface, World};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
-use phasmid_geometry::Board;
-use phasmid_geometry::Pose;
+use phasmid_geometry::{Board, Pose};
 use std::sync::Arc;
 
 /// Marks an absent offset.
@@ -159,7 +159,7 @@ impl Packer {
     ) {
         let texture = &image.texture;
         packed.sums = self.texture(texture);
-        packed.mean = tables::mean(texture);
+        packed.mean = mean(texture);
         (packed.width, packed.height) = (texture.width as u32, texture.height as u32);
         match &image.place {
             Place::Corners(uv) => {
@@ -194,7 +194,7 @@ impl Packer {
         if let Some((_, at)) = self.lobes.iter().find(|(had, _)| Arc::ptr_eq(had, ggx)) {
             return *at;
         }
-        let at = self.put(tables::lobe(ggx));
+        let at = self.put(lobe(ggx));
         self.lobes.push((ggx.clone(), at));
         at
     }
@@ -208,7 +208,7 @@ impl Packer {
             return *at;
         }
         let at = self.sums.len() as u32;
-        self.sums.extend(tables::sums(texture));
+        self.sums.extend(sums(texture));
         self.textures.push((texture.clone(), at));
         at
     }
@@ -258,4 +258,46 @@ fn rows(pose: &Pose) -> [[f32; 4]; 3] {
         let row = rotation.col(i).extend(pose.translation_mm[i]);
         row.as_vec4().to_array()
     })
+}
+
+/// Entries per unit of the table of `soft.wgsl`, and its upper end.
+const FINE: usize = 16;
+const END: usize = 6;
+/// Texel sums are stored as integers in units of one over this.
+const UNITS: f64 = (1u64 << 30) as f64;
+
+/// The table of `soft.wgsl`: H(z), g(z) and Phi(-z) at each place.
+///
+/// g(z) = phi(z) - z Phi(-z) is the amount by which blur raises the foot of a ramp, and H(z) is its
+/// integral from 0, 1/4 - ((z^2 + 1) Phi(-z) - z phi(z)) / 2.
+pub(super) fn soft() -> impl Iterator<Item = f32> {
+    (0..=END * FINE).flat_map(|i| {
+        let z = i as f64 / FINE as f64;
+        let (tail, density) = (distribution(-z), density(z));
+        let integral = 0.25 - ((z * z + 1.0) * tail - z * density) / 2.0;
+        [integral, density - z * tail, tail].map(|v| v as f32)
+    })
+}
+
+/// A material in the layout of `ggx.wgsl`.
+pub(super) fn lobe(ggx: &Ggx) -> impl Iterator<Item = f32> {
+    let head = [ggx.f0, ggx.alpha, ggx.coupling, 0.0];
+    head.into_iter()
+        .chain(ggx.reflected.iter().copied())
+        .map(|v| v as f32)
+}
+
+/// Fixed-point texel sums, low word first. Differences of f64 sums are accurate to 2^-28, and both
+/// are exact if all sums are multiples of the unit.
+pub(super) fn sums(texture: &Texture) -> impl Iterator<Item = [u32; 2]> {
+    texture.sums.iter().map(|&sum| {
+        let whole = (sum * UNITS).round() as u64;
+        [whole as u32, (whole >> 32) as u32]
+    })
+}
+
+/// Returns the mean of a whole texture.
+pub(super) fn mean(texture: &Texture) -> f32 {
+    let texels = (texture.width * texture.height) as f64;
+    texture.sums.last().map_or(0.0, |sum| (sum / texels) as f32)
 }

@@ -1,6 +1,6 @@
 //! Compares the material shaders' functions with the CPU's on many inputs, including extremes.
 
-use super::{pack, tables};
+use super::pack;
 use crate::exposure::{Bell, Optics, Soft};
 use crate::gpu::{self, Engine};
 use crate::material::{Ggx, Lay, Texture};
@@ -67,7 +67,7 @@ fn gpu_materials_reflect_as_on_the_cpu() {
         .iter()
         .map(|ggx| {
             let at = values.len() as u32;
-            values.extend(tables::lobe(ggx));
+            values.extend(pack::lobe(ggx));
             at
         })
         .collect();
@@ -162,7 +162,7 @@ fn gpu_textures_are_averaged_as_on_the_cpu() {
         .iter()
         .map(|texture| {
             let at = sums.len() as u32;
-            sums.extend(tables::sums(texture));
+            sums.extend(pack::sums(texture));
             at
         })
         .collect();
@@ -198,7 +198,7 @@ fn gpu_textures_are_averaged_as_on_the_cpu() {
     for &(t, uv, across, down, _) in &cases {
         let texture = &textures[t];
         input.extend([places[t], texture.width as u32, texture.height as u32]);
-        input.push(tables::mean(texture).to_bits());
+        input.push(pack::mean(texture).to_bits());
         for v in [uv, across, down] {
             input.extend(bits(&v.to_array()));
         }
@@ -256,7 +256,7 @@ fn gpu_borders_are_as_soft_as_on_the_cpu() {
         cases.push((slope, sigma, e));
     }
     let mut values = vec![0.0f32; super::LAMPS];
-    values.extend(tables::soft());
+    values.extend(pack::soft());
     let input: Vec<u32> = cases
         .iter()
         .flat_map(|&(slope, sigma, e)| [slope[0], slope[1], sigma, e].map(f32::to_bits))
@@ -395,7 +395,7 @@ fn gpu_lenses_dim_as_on_the_cpu() {
         })
         .collect();
     let mut values = vec![0.0f32; super::LAMPS];
-    values.extend(tables::soft());
+    values.extend(pack::soft());
     let mut engine = Engine::for_tests();
     engine.write("material_values", bytemuck::cast_slice(&values));
     gpu::optics::write(&mut engine, &optics);

@@ -1,8 +1,7 @@
 //! Frames of the processor and of the GPU against the reference path: tables, and the plot that both
 //! share.
 
-use super::cells::{figure, of_bound, percent, um, with_spread, words};
-use crate::work_precision::pareto::front;
+use super::cells::{figure, front, of_bound, percent, um, with_spread, words};
 use crate::work_precision::row::spread;
 use phasmid_report::lab::{Block, Check, Figure, Row, Section, Series, SeriesStyle, Table};
 use phasmid_report::plot::figures;

@@ -2,8 +2,7 @@
 //! an accuracy, counted in pixels that are exposed and read), the cheapest setting for an accuracy, the
 //! plot.
 
-use super::cells::{figure, percent, um, with_spread, words};
-use crate::work_precision::pareto::front;
+use super::cells::{figure, front, percent, um, with_spread, words};
 use crate::work_precision::row::spread;
 use phasmid_report::lab::{
     Block, Check, Figure, Row, Section, Series, SeriesStyle, Settings, Table,
