@@ -100,6 +100,10 @@ fn describe(dialect: &Dialect) {
     println!("  framing     {}", dialect.framing());
     println!("  commands    {}", dialect.commands().count());
     println!("  host can    {}", operations.join(", "));
+    let settings: Vec<_> = dialect.host().settings().map(|(name, _)| name).collect();
+    if !settings.is_empty() {
+        println!("  reads back  {}", settings.join(", "));
+    }
     if !missing.is_empty() {
         println!("  host cannot {}", missing.join(", "));
     }
