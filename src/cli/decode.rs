@@ -105,7 +105,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let decoder = Decoder::new(&manifest, width, height, rig.as_ref(), options)
         .map_err(|e| name_calibration(name_file(e, &args.manifest), args.calibration.as_deref()))?;
     let mut decoded = decoder.decode(&images)?;
-    let doubt = doubt(&args.manifest, &manifest, &images, args.strict)?;
+    let doubt = doubt(
+        &args.manifest,
+        &manifest,
+        &images,
+        rig.as_ref(),
+        args.strict,
+    )?;
     args.method.apply(&decoder, &mut decoded, options)?;
     let files = manifest
         .frame

@@ -2,6 +2,7 @@
 
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Held, Known, check_sequence, doubt_of_fringes};
+use phasmid_geometry::Rig;
 use phasmid_pattern::{Image, Manifest};
 use std::path::Path;
 
@@ -30,7 +31,7 @@ impl From<HeldArg> for Held {
     }
 }
 
-/// Checks whether the images follow their sequence. Prints and returns the
+/// Checks whether the images follow their sequence, by the noise of a calibration if there is one. Prints and returns the
 /// reason for doubt, if any. By default this is only a warning, because a projector with a nonlinear
 /// response suffices to cause it.
 ///
@@ -40,9 +41,10 @@ pub(super) fn doubt(
     place: &Path,
     manifest: &Manifest,
     images: &[Image],
+    calibration: Option<&Rig>,
     strict: bool,
 ) -> Result<Option<String>> {
-    let of_sequence = check_sequence(manifest, images, Known::default()).err();
+    let of_sequence = check_sequence(manifest, images, Known::new(false, calibration)).err();
     let Some(why) = of_sequence.or_else(|| doubt_of_fringes(manifest, images)) else {
         return Ok(None);
     };

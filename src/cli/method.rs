@@ -240,7 +240,7 @@ impl Reference {
             let [width, height] = Image::common_size(&images)?;
             let decoder = Decoder::new(&manifest, width, height, Some(rig), options)?;
             let decoded = decoder.decode(&images)?;
-            doubt(folder, &manifest, &images, false)?;
+            doubt(folder, &manifest, &images, Some(rig), false)?;
             Ok(decoded)
         };
         let decoded = read().map_err(|e: Error| e.at("--reference"))?;

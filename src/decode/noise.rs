@@ -59,11 +59,11 @@ pub fn estimate_noise(plan: &Plan, images: &[ImageView<'_>]) -> Option<NoiseMode
         sources.at(&|frame| sample(frame, i), ceiling, &mut estimates);
     }
     let rounding = step(images, stride).powi(2) / 12.0;
-    let (s0, gain) = transfer_line(estimates, rounding)?;
+    let (black, s0, gain) = transfer_line(estimates, rounding)?;
     Some(NoiseModel {
         gain_dn_per_e: gain,
         read_noise_dn: (s0 - 1.0 / 12.0).max(0.0).sqrt(),
-        black_level_dn: 0.0,
+        black_level_dn: black,
         saturation_dn: full_scale,
     })
 }
@@ -201,9 +201,10 @@ fn annihilator(set: &FringeSet) -> Option<(Vec<usize>, DMatrix<f64>, f64)> {
     None
 }
 
-/// Fits s0 and K of variance = s0 + K mean; `rounding` is the variance of rounding, the lower bound
-/// of s0.
-fn transfer_line(mut estimates: Vec<Estimate>, rounding: f64) -> Option<(f64, f64)> {
+/// Fits s0 and K of variance = s0 + K (mean - black); `rounding` is the variance of rounding, the lower
+/// bound of s0. The black level shows only where the line through all would fall below that bound before
+/// the darkest mean; it is 0 otherwise, and part of s0.
+fn transfer_line(mut estimates: Vec<Estimate>, rounding: f64) -> Option<(f64, f64, f64)> {
     if estimates.len() < 100 {
         return None;
     }
@@ -223,14 +224,18 @@ fn transfer_line(mut estimates: Vec<Estimate>, rounding: f64) -> Option<(f64, f6
     let xy = sum(&|b| (b.mean - x) * (b.variance - y));
     let gain = if xx > 0.0 { (xy / xx).max(0.0) } else { 0.0 };
     let s0 = y - gain * x;
-    if s0 < rounding {
-        // The line through the rounding variance at zero light.
-        let xx = sum(&|b| b.mean.powi(2));
-        let xy = sum(&|b| b.mean * (b.variance - rounding));
-        let gain = if xx > 0.0 { (xy / xx).max(0.0) } else { 0.0 };
-        return Some((rounding, gain));
+    if s0 >= rounding {
+        return Some((0.0, s0, gain));
     }
-    Some((s0, gain))
+    let darkest = bins.first().map_or(0.0, |bin| bin.mean);
+    let black = match gain > 0.0 {
+        true => ((rounding - s0) / gain).clamp(0.0, darkest),
+        false => 0.0,
+    };
+    let xx = sum(&|b| (b.mean - black).powi(2));
+    let xy = sum(&|b| (b.mean - black) * (b.variance - rounding));
+    let gain = if xx > 0.0 { (xy / xx).max(0.0) } else { 0.0 };
+    Some((black, rounding, gain))
 }
 
 /// Splits estimates, ordered by mean, into bins of about equal width with a minimum number each.

@@ -11,6 +11,9 @@ use std::f64::consts::TAU;
 /// bits have a larger one.
 pub const MODEL_ERROR: f64 = 0.0025;
 
+/// Part of the response to what has the check's own form from which on a harmonic counts.
+const RESPONDS: f32 = 0.1;
+
 /// The camera's noise model in the form that a row kernel needs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RowNoise {
@@ -46,16 +49,13 @@ pub(super) enum Check {
     Tied,
 }
 
-/// The kinds of [`Check`] as const parameters of the kernels.
-pub(super) const UNCHECKED: u8 = Check::None as u8;
-pub(super) const OWN: u8 = Check::Own as u8;
-pub(super) const TIED: u8 = Check::Tied as u8;
-
 /// The coefficients of a [`FringeSet`] in f32.
 #[derive(Debug, Clone)]
 pub(super) struct SetKernel {
     pub(super) period: f32,
     pub(super) frames: Vec<usize>,
+    /// Phase of each step in radians.
+    phases: Vec<f64>,
     /// Weights of each frame in A, C, S and the check; the check's are zero if the set has none.
     pub(super) weights: Vec<[f32; 4]>,
     /// The consistency check of the set.
@@ -81,6 +81,7 @@ impl SetKernel {
         Self {
             period: set.period_px as f32,
             frames: set.frames.clone(),
+            phases: set.phases.clone(),
             weights: set
                 .weights
                 .iter()
@@ -139,6 +140,20 @@ impl SetKernel {
             _ => w[3],
         };
         self.weights.iter().map(weight).collect()
+    }
+
+    /// Whether the check responds to the second and to the third harmonic of the fringe.
+    pub(super) fn check_responds(&self) -> [bool; 2] {
+        let weights = self.check_weights();
+        let most: f32 = weights.iter().map(|w| w.abs()).sum();
+        [2.0, 3.0].map(|order| {
+            let turn = |(c, s): (f32, f32), (w, t): (&f32, &f64)| {
+                let (sin, cos) = ((order * t) as f32).sin_cos();
+                (c + w * cos, s + w * sin)
+            };
+            let (c, s) = weights.iter().zip(&self.phases).fold((0.0, 0.0), turn);
+            c.hypot(s) > RESPONDS * most
+        })
     }
 
     /// The check of a tied set from its `mean` and the sum of all sets' means, `all`.

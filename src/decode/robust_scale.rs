@@ -3,15 +3,15 @@
 //! Four or more steps leave a residual ([`FringeSet::check`](super::FringeSet::check)). A set of
 //! three steps on an axis with several sets is checked by the difference of its mean from that of
 //! the others. Residuals contain more than noise: a flickering lamp leaves a fraction of the light
-//! and of the fringe itself, and a response curve leaves its second harmonic with four steps and
-//! its third harmonic in the mean of three. Each is the same fraction everywhere, so a fit over the
-//! capture determines and removes them; damage to one pixel of one frame remains. The remainder is
+//! and of the fringe itself, and a response curve leaves its second harmonic with four steps, the
+//! third in six and in the mean of three, and both with five. Each is the same fraction everywhere, so
+//! a fit over the capture determines and removes them; damage to one pixel of one frame remains. The remainder is
 //! compared with the camera's noise and the error of the model of a sample, or with the remainder of
 //! most pixels if that is larger.
 
 use super::deviation;
 use super::options::Options;
-use super::phase::{Check, MODEL_ERROR, OWN, RowNoise, SetKernel, TIED};
+use super::phase::{Check, MODEL_ERROR, RowNoise, SetKernel};
 use super::sample::Sample;
 use super::steps::FringeSet;
 use nalgebra::{SMatrix, SVector};
@@ -24,11 +24,13 @@ const PIXELS: usize = 4000;
 const FEWEST: usize = 50;
 /// Maximum residual in standard deviations; noise exceeds it in 6 of 100,000 pixels.
 const SIGMAS: f64 = 4.0;
-/// Maximum fraction of a harmonic by which blur changes it between parts of the image.
+/// Maximum fraction of the harmonics by which blur changes it between parts of the image.
 const BLURRED: f64 = 0.75;
-/// Number of fitted terms: the light, both components of the fringe, and both of one of its
-/// harmonics.
-const TERMS: usize = 5;
+/// Number of fitted terms: the light, and both components of the fringe and of its second and third
+/// harmonics, as far as a set responds to these.
+const TERMS: usize = 7;
+/// Added to the normal equations in parts of their trace: terms that do not take part get no coefficient.
+const RIDGE: f64 = 1e-12;
 /// Iterations of the robust fit.
 const ROUNDS: usize = 4;
 /// Residual in standard deviations above which a pixel is down-weighted in the fit.
@@ -53,6 +55,8 @@ pub(super) struct Shared {
     /// Length of the mean phasor of the pixels: near 1 if all have about the same phase, so that the parts
     /// cannot be told apart.
     lopsided: f32,
+    /// Number of pixels that tell.
+    pub(super) pixels: usize,
 }
 
 impl Shared {
@@ -100,6 +104,8 @@ pub(super) struct RobustScale {
     pub(super) harmonic: f32,
     /// See [`Shared::lopsided`].
     lopsided: f32,
+    /// See [`Shared::pixels`].
+    pixels: usize,
 }
 
 impl Default for RobustScale {
@@ -111,6 +117,7 @@ impl Default for RobustScale {
             modulation: 0.0,
             harmonic: 0.0,
             lopsided: 1.0,
+            pixels: 0,
         }
     }
 }
@@ -140,6 +147,13 @@ impl RobustScale {
             return Self::default();
         };
         let row = RowNoise::new(noise);
+        let [second, third] = set.check_responds();
+        let used = |mut terms: [f32; TERMS]| {
+            for (term, used) in terms[3..].iter_mut().zip([second, second, third, third]) {
+                *term *= f32::from(u8::from(used));
+            }
+            terms
+        };
         let (mut pixels, mut harmonics) = (Vec::new(), Vec::new());
         // Odd, so that the samples do not all fall into one image column.
         let stride = (frames[*first].len() / PIXELS) | 1;
@@ -153,17 +167,14 @@ impl RobustScale {
                 continue;
             }
             harmonics.push(set.harmonic([c, s], a, sample));
-            let (check, terms) = match set.check {
+            let check = match set.check {
                 Check::None => continue,
-                Check::Tied => {
-                    let all = sets.iter().map(|set| set.solve(sample)[0]).sum();
-                    (set.tied(a, all), terms::<TIED>(light, c, s, b))
-                }
-                _ => (own, terms::<OWN>(light, c, s, b)),
+                Check::Own => own,
+                Check::Tied => set.tied(a, sets.iter().map(|set| set.solve(sample)[0]).sum()),
             };
             let sigma = f64::from(expected(light, b, row).max(1e-6).sqrt());
             pixels.push(Pixel {
-                terms: terms.map(f64::from).into(),
+                terms: used(terms(light, c, s, b)).map(f64::from).into(),
                 check: f64::from(check),
                 sigma,
                 left: f64::from(check) / sigma,
@@ -199,9 +210,11 @@ impl RobustScale {
         Self {
             terms: fitted.map(|v| v as f32).into(),
             deviations: (SIGMAS * scale.max(1.0)) as f32,
-            modulation: (BLURRED * fitted[3].hypot(fitted[4])) as f32,
+            modulation: (BLURRED * (fitted[3].hypot(fitted[4]) + fitted[5].hypot(fitted[6])))
+                as f32,
             harmonic,
             lopsided: lopsided as f32,
+            pixels: pixels.len(),
         }
     }
 
@@ -214,14 +227,15 @@ impl RobustScale {
             weights: set.check_weights(),
             scale,
             lopsided: self.lopsided,
+            pixels: self.pixels,
         })
     }
 
     /// Returns the typical part of a pixel's residual, given its mean above black, both components
     /// of its fringe and their modulation, all in DN.
     #[inline(always)]
-    pub(super) fn part<const CHECK: u8>(&self, light: f32, c: f32, s: f32, modulation: f32) -> f32 {
-        let terms = terms::<CHECK>(light, c, s, modulation);
+    pub(super) fn part(&self, light: f32, c: f32, s: f32, modulation: f32) -> f32 {
+        let terms = terms(light, c, s, modulation);
         let mut sum = 0.0;
         for (part, term) in self.terms.iter().zip(terms) {
             sum += part * term;
@@ -245,13 +259,11 @@ fn expected(light: f32, modulation: f32, noise: RowNoise) -> f32 {
 }
 
 #[inline(always)]
-fn terms<const CHECK: u8>(light: f32, c: f32, s: f32, modulation: f32) -> [f32; TERMS] {
+fn terms(light: f32, c: f32, s: f32, modulation: f32) -> [f32; TERMS] {
     let (cos, sin) = (c / modulation, s / modulation);
-    let harmonic = match CHECK {
-        TIED => [(4.0 * cos * cos - 3.0) * c, (3.0 - 4.0 * sin * sin) * s],
-        _ => [cos * c - sin * s, 2.0 * cos * s],
-    };
-    [light, c, s, harmonic[0], harmonic[1]]
+    let second = [cos * c - sin * s, 2.0 * cos * s];
+    let third = [(4.0 * cos * cos - 3.0) * c, (3.0 - 4.0 * sin * sin) * s];
+    [light, c, s, second[0], second[1], third[0], third[1]]
 }
 
 /// Least-squares fit of the terms; pixels far off in the last iteration are down-weighted.
@@ -264,6 +276,7 @@ fn fit(pixels: &[Pixel], scale: f64) -> Option<SVector<f64, TERMS>> {
         normal += pixel.terms * pixel.terms.transpose() * weight;
         right += pixel.terms * (pixel.check * weight);
     }
+    normal += SMatrix::identity() * (RIDGE * normal.trace());
     normal.cholesky().map(|c| c.solve(&right))
 }
 

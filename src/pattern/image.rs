@@ -200,9 +200,11 @@ impl Image {
     #[must_use]
     pub fn columns(&self, every: usize) -> Self {
         fn of<T: Copy>(samples: &[T], width: usize, every: usize) -> Vec<T> {
-            let rows = samples.chunks_exact(width.max(1));
-            rows.flat_map(|row| row.iter().step_by(every).copied())
-                .collect()
+            let mut kept = Vec::with_capacity(samples.len() / every + samples.len() / width.max(1));
+            for row in samples.chunks_exact(width.max(1)) {
+                kept.extend(row.iter().step_by(every));
+            }
+            kept
         }
         let every = every.max(1);
         Self {

@@ -78,9 +78,10 @@ fn one(folder: &Path, name: &str, board: &Board) -> Result<Looked> {
     };
     let plan = Plan::new(&manifest).map_err(|e| e.at(file.display()))?;
     let images = load_frames(&manifest, &plan, folder)?;
+    let known = Known::new(false, nominal.as_ref());
     let looked =
         look(board, name, &manifest, &images, nominal).map_err(|e| e.at(folder.display()))?;
-    check_sequence(&manifest, &images, Known::default()).map_err(|why| {
+    check_sequence(&manifest, &images, known).map_err(|why| {
         Error::input(
             folder.display(),
             why,

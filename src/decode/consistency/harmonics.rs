@@ -16,10 +16,11 @@
 //! cover all bit planes of a DMD.
 
 use super::FrameDoubt;
-use super::sample::{Sample, full_scale};
+use super::sample::Sample;
 use crate::FringeSet;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use phasmid_pattern::Image;
+use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// The largest error of phase in radians of four and more steps that is believed: a projector of gamma
@@ -84,7 +85,7 @@ impl Bent {
 
 /// The sets of a capture whose phases are off by more than is worth telling.
 pub(super) fn of_capture(sample: &Sample, frames: &[Image]) -> Vec<Bent> {
-    let full = f64::from(full_scale(frames));
+    let full = f64::from(sample.full);
     let sets = sample.plan.axes.iter().flat_map(|axis| &axis.sets);
     let bent = |set: &FringeSet| {
         if !set.steps_are_equal() {
@@ -131,12 +132,10 @@ fn phase_error(
     let noise_dn = sample.usual_noise_dn();
     let least = LEAST_DN.max(LEAST_SIGMAS * noise_dn);
     let n = set.phases.len() as f64;
-    let mut normal = Matrix2::zeros();
-    let mut right = Vector2::zeros();
-    let (mut shown, mut square, mut pixels) = (0.0, 0.0, 0usize);
-    let mut samples = Vec::new();
-    for line in 0..LINES.min(across) {
-        let line = (2 * line + 1) * across / (2 * LINES.min(across));
+    let lines = LINES.min(across);
+    let of_line = |line: usize| {
+        let line = (2 * line + 1) * across / (2 * lines);
+        let mut samples = Vec::with_capacity(set.frames.len());
         let mut phase = |at: usize| {
             let pixel = if rows {
                 line * width + at
@@ -144,34 +143,29 @@ fn phase_error(
                 at * width + line
             };
             samples.clear();
-            samples.extend(
-                set.frames
-                    .iter()
-                    .map(|f| f64::from(frames[*f].value(pixel))),
-            );
+            let values = set.frames.iter().map(|f| frames[*f].value(pixel));
+            samples.extend(values.map(f64::from));
             let [_, c, s] = set.solve(&samples);
-            let lit = c.hypot(s) >= least && samples.iter().all(|v| *v < full);
+            let lit = c * c + s * s >= least * least && samples.iter().all(|v| *v < full);
             lit.then(|| s.atan2(c) + set.phases[0])
         };
         let phases: Vec<Option<f64>> = (0..length).map(&mut phase).collect();
+        let mut sums = Sums::default();
         for three in phases.windows(3) {
-            let &[Some(before), Some(here), Some(after)] = three else {
-                continue;
-            };
-            let (rise, next) = (wrapped(here - before), wrapped(after - here));
-            let grows = 0.5 * (rise + next);
-            if grows.abs() > MOST_RAD.0 || (next - rise).abs() > MOST_RAD.1 {
-                continue;
+            if let &[Some(before), Some(here), Some(after)] = three {
+                sums.add([before, here, after], n);
             }
-            let left = -2.0 * (1.0 - (n * grows).cos());
-            let row = left * Vector2::new((n * here).cos(), (n * here).sin());
-            normal += row * row.transpose();
-            right += row * (next - rise);
-            shown += left * left;
-            square += (next - rise).powi(2);
-            pixels += 1;
         }
-    }
+        sums
+    };
+    let of_lines: Vec<Sums> = (0..lines).into_par_iter().map(of_line).collect();
+    let Sums {
+        normal,
+        right,
+        shown,
+        square,
+        pixels,
+    } = of_lines.into_iter().fold(Sums::default(), Sums::and);
     if pixels < FEWEST || shown < LEAST_SHOWN * pixels as f64 {
         return None;
     }
@@ -180,6 +174,46 @@ fn phase_error(
     let variance = (square - error.dot(&right)).max(0.0) / pixels as f64;
     let most = inverse.symmetric_eigenvalues().max();
     Some((error.norm(), (variance * most).sqrt()))
+}
+
+/// Sums over pixels of the least squares of a and b, by second differences of the phase.
+#[derive(Default)]
+struct Sums {
+    normal: Matrix2<f64>,
+    right: Vector2<f64>,
+    /// What second differences leave of the error, squared.
+    shown: f64,
+    /// Second differences, squared.
+    square: f64,
+    pixels: usize,
+}
+
+impl Sums {
+    /// Adds three neighbours of a surface that have these phases, with N steps.
+    fn add(&mut self, [before, here, after]: [f64; 3], n: f64) {
+        let (rise, next) = (wrapped(here - before), wrapped(after - here));
+        let grows = 0.5 * (rise + next);
+        if grows.abs() > MOST_RAD.0 || (next - rise).abs() > MOST_RAD.1 {
+            return;
+        }
+        let left = -2.0 * (1.0 - (n * grows).cos());
+        let row = left * Vector2::new((n * here).cos(), (n * here).sin());
+        self.normal += row * row.transpose();
+        self.right += row * (next - rise);
+        self.shown += left * left;
+        self.square += (next - rise).powi(2);
+        self.pixels += 1;
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            normal: self.normal + other.normal,
+            right: self.right + other.right,
+            shown: self.shown + other.shown,
+            square: self.square + other.square,
+            pixels: self.pixels + other.pixels,
+        }
+    }
 }
 
 /// How far the modulation follows N times the phase, in parts of it.

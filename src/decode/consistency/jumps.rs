@@ -5,9 +5,10 @@
 //! another pattern, they are far apart. At steps in depth several bits change at once, and those say
 //! nothing.
 
-use super::sample::{Sample, full_scale};
+use super::sample::Sample;
 use crate::plan::{AxisPlan, Plan};
 use phasmid_pattern::{Image, gray_decode};
+use rayon::prelude::*;
 
 /// Lines along the rows and down the columns that are looked at.
 const LINES: usize = 32;
@@ -26,42 +27,76 @@ pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan, frames: &[Image]) -> b
     let (Some(code), Some(first)) = (&axis.gray, frames.first()) else {
         return false;
     };
-    // Edges of each bit: between neighbouring cells, and others.
-    let mut edges = vec![[0usize; 2]; code.bits.len()];
-    // Changes of one bit and of several. A code without fringes may be finer than the camera resolves: most
-    // changes are then of several.
-    let mut changes = [0usize; 2];
     let (width, height) = (first.width(), first.height());
-    let full = f64::from(full_scale(frames));
+    let full = f64::from(sample.full);
     let least = CONTRAST * sample.usual_noise_dn();
     let map = sample.decoded.axis(axis.axis);
     let unused = map.map_or(0, |map| map.unused_bits);
     let word = |pixel: usize| word(&sample.plan, axis, unused, frames, pixel, [least, full]);
-    for (length, across, step, stride) in [(width, height, 1, width), (height, width, width, 1)] {
-        let lines = LINES.min(across);
-        for line in 0..lines {
-            let start = (2 * line + 1) * across / (2 * lines) * stride;
-            let mut before: Option<(usize, u64)> = None;
-            for i in 0..length {
-                let Some(now) = word(start + i * step) else {
-                    continue;
-                };
-                let near = before.filter(|(place, then)| i - place <= APART && *then != now);
-                if let Some((_, then)) = near {
-                    let changed = now ^ then;
-                    changes[usize::from(changed.count_ones() > 1)] += 1;
-                    if changed.count_ones() == 1 {
-                        let apart = gray_decode(now).abs_diff(gray_decode(then));
-                        edges[changed.trailing_zeros() as usize][usize::from(apart > 1)] += 1;
-                    }
-                }
-                before = Some((i, now));
+    let none = || Changes {
+        of_bits: vec![[0; 2]; code.bits.len()],
+        of_words: [0; 2],
+    };
+    let count = |length: usize, start: usize, step: usize| {
+        let mut found = none();
+        let mut before: Option<(usize, u64)> = None;
+        for i in 0..length {
+            let Some(now) = word(start + i * step) else {
+                continue;
+            };
+            if let Some((_, then)) = before.filter(|(place, _)| i - place <= APART) {
+                found.add(then, now);
             }
+            before = Some((i, now));
+        }
+        found
+    };
+    let ways = [(width, height, 1, width), (height, width, width, 1)].into_par_iter();
+    let of_lines = ways.flat_map(|(length, across, step, stride)| {
+        let lines = LINES.min(across);
+        let start = move |line| (2 * line + 1) * across / (2 * lines) * stride;
+        let lines = (0..lines).into_par_iter();
+        lines.map(move |line| count(length, start(line), step))
+    });
+    let Changes { of_bits, of_words } = of_lines.reduce(none, Changes::and);
+    let told = |[near, far]: &[usize; 2]| near + far >= FEWEST && far > near;
+    // A code without fringes may be finer than the camera resolves: most changes are then of several bits.
+    let resolved = !axis.sets.is_empty() || of_words[0] > of_words[1];
+    resolved && of_bits.iter().any(told)
+}
+
+/// Changes of the code between neighbours.
+struct Changes {
+    /// Of each bit alone: those between cells next to each other, and others.
+    of_bits: Vec<[usize; 2]>,
+    /// Of one bit, and of several.
+    of_words: [usize; 2],
+}
+
+impl Changes {
+    fn add(&mut self, then: u64, now: u64) {
+        let changed = now ^ then;
+        match changed.count_ones() {
+            0 => {}
+            1 => {
+                let apart = gray_decode(now).abs_diff(gray_decode(then));
+                self.of_bits[changed.trailing_zeros() as usize][usize::from(apart > 1)] += 1;
+                self.of_words[0] += 1;
+            }
+            _ => self.of_words[1] += 1,
         }
     }
-    let told = |[near, far]: &[usize; 2]| near + far >= FEWEST && far > near;
-    let resolved = !axis.sets.is_empty() || changes[0] > changes[1];
-    resolved && edges.iter().any(told)
+
+    fn and(mut self, other: Self) -> Self {
+        let sum = |to: &mut [usize; 2], from: [usize; 2]| {
+            to[0] += from[0];
+            to[1] += from[1];
+        };
+        let bits = self.of_bits.iter_mut().zip(other.of_bits);
+        bits.for_each(|(to, from)| sum(to, from));
+        sum(&mut self.of_words, other.of_words);
+        self
+    }
 }
 
 /// The code word of a pixel without its `unused` finest bits, if each bit is clear; contrasts are at least

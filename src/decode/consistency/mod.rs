@@ -260,7 +260,7 @@ fn axis_follows(
     let largest = known().max_by(|(_, a), (_, b)| a.difference().total_cmp(&b.difference()));
     if let Some((set, shared)) = largest
         && shared.difference() > LIGHT
-        && count.all >= FEWEST
+        && shared.pixels >= FEWEST
     {
         return Err(exchanged().unwrap_or_else(|| {
             let (step, part) = shared.step(set);

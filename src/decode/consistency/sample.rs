@@ -8,6 +8,7 @@ use crate::{Decoder, Held, Options, Plan, deviation, estimate_noise};
 use phasmid_core::statistics::median;
 use phasmid_geometry::NoiseModel;
 use phasmid_pattern::{Axis, Image, Manifest};
+use rayon::prelude::*;
 use std::ops::RangeInclusive;
 
 /// Fewest pixels that tell a property of all.
@@ -20,8 +21,12 @@ const THIN: usize = 3;
 const KNOWN: f64 = 2.0;
 /// Part of the light of the brightest frame from which on one is bright.
 const BRIGHTEST: f64 = 0.6;
-/// Rows that tell the noise of a frame.
+/// Rows that tell the noise of a frame,
 const ROWS: usize = 12;
+/// by so many pixels at most, about,
+const SMOOTH: usize = 6_000;
+/// that are so bright in some frame, in parts of what the brightest hundredth are.
+const LIT: f64 = 0.25;
 /// Pixels that are decoded, about,
 const PIXELS: usize = 25_000;
 /// and columns, at least.
@@ -44,6 +49,8 @@ pub(super) struct Sample {
     plain: Vec<bool>,
     /// Pixels at the camera's full scale in some frame.
     saturated: Vec<bool>,
+    /// The camera's full scale in DN, if pixels reach it.
+    pub(super) full: f32,
 }
 
 /// Pixels whose frames could contradict each other, and those whose do.
@@ -72,7 +79,7 @@ impl Sample {
         let first = frames.first()?;
         let every =
             (first.width() * first.height() / PIXELS).clamp(1, first.width().div_ceil(COLUMNS));
-        let frames: Vec<Image> = frames.iter().map(|f| f.columns(every)).collect();
+        let frames: Vec<Image> = frames.par_iter().map(|f| f.columns(every)).collect();
         let [width, height] = Image::common_size(&frames).ok()?;
         let options = Options {
             noise: Some(noise_of(&plan, &frames, light, smooth, noise)),
@@ -85,9 +92,8 @@ impl Sample {
         let decoded = decoder.decode(&frames).ok()?;
         let full = full_scale(&frames);
         let pixels = 0..width * height;
-        let saturated: Vec<bool> = pixels
-            .map(|i| frames.iter().any(|frame| f32::from(frame.value(i)) >= full))
-            .collect();
+        let is_full = |i| frames.iter().any(|frame| f32::from(frame.value(i)) >= full);
+        let saturated: Vec<bool> = pixels.map(|i| full.is_finite() && is_full(i)).collect();
         let lights = lights(&plan, &frames);
         let mut plain = plain(&lights, width);
         for (plain, saturated) in plain.iter_mut().zip(&saturated) {
@@ -101,6 +107,7 @@ impl Sample {
             every,
             plain,
             saturated,
+            full,
         })
     }
 
@@ -281,27 +288,21 @@ fn noise_of(
     }
 }
 
-/// The light of bright frames in DN, and the noise by second differences along rows: a line through a dark
-/// smooth frame and the smoothest bright one.
+/// The light of bright frames in DN, and the noise by fourth differences along rows, both of lit pixels: a
+/// line through a dark smooth frame and the smoothest bright one.
 fn smoothness(frames: &[Image]) -> (f64, NoiseModel) {
+    let lit = lit(frames);
     let of_frame = |frame: &Image| {
-        let (width, height) = (frame.width(), frame.height());
-        let (mut steps, mut lights) = (Vec::new(), Vec::new());
-        for row in (0..height).step_by((height / ROWS).max(1)) {
-            let at = |i: usize| f64::from(frame.value(row * width + i));
-            for i in 1..width.saturating_sub(1) {
-                steps.push((at(i - 1) - 2.0 * at(i) + at(i + 1)).abs());
-                lights.push(at(i));
-            }
-        }
-        let Some(light) = median(&mut lights) else {
-            return (0.0, 1.0);
-        };
-        // A difference 1, -2, 1 has 6 times the variance of a sample.
-        let deviation = deviation::of_most(&mut steps, 1.0, 0.7) / 6f64.sqrt();
-        (light, deviation * deviation)
+        let at = |i: usize| f64::from(frame.value(i));
+        let mut lights: Vec<f64> = lit.iter().map(|i| at(*i)).collect();
+        let step = |i: &usize| at(i - 2) + at(i + 2) - 4.0 * (at(i - 1) + at(i + 1)) + 6.0 * at(*i);
+        let mut steps: Vec<f64> = lit.iter().map(|i| step(i).abs()).collect();
+        let light = median(&mut lights)?;
+        // A difference 1, -4, 6, -4, 1 has 70 times the variance of a sample.
+        let deviation = deviation::of_most(&mut steps, 3.0, 2.0) / 70f64.sqrt();
+        Some((light, deviation * deviation))
     };
-    let mut found: Vec<(f64, f64)> = frames.iter().map(of_frame).collect();
+    let mut found: Vec<(f64, f64)> = frames.par_iter().filter_map(of_frame).collect();
     found.sort_by(|a, b| a.1.total_cmp(&b.1));
     let brightest = found.iter().map(|(light, _)| *light).fold(0.0, f64::max);
     let (dark, low) = found.get(found.len() / 4).copied().unwrap_or((0.0, 1.0));
@@ -324,9 +325,32 @@ fn smoothness(frames: &[Image]) -> (f64, NoiseModel) {
     (light, noise)
 }
 
+/// Pixels of some rows, not the two at either end, that are lit in some frame: unlit ones have less noise, and in
+/// most captures there are more of them.
+fn lit(frames: &[Image]) -> Vec<usize> {
+    let Some(first) = frames.first() else {
+        return Vec::new();
+    };
+    let (width, height) = (first.width(), first.height());
+    let rows = (0..height).step_by((height / ROWS).max(1));
+    let every = (width * ROWS / SMOOTH).max(1);
+    let pixels = rows.flat_map(|row| {
+        (2..width.saturating_sub(2))
+            .step_by(every)
+            .map(move |i| row * width + i)
+    });
+    let most = |i: usize| frames.iter().map(|frame| frame.value(i)).max().unwrap_or(0);
+    let pixels: Vec<(usize, u16)> = pixels.map(|i| (i, most(i))).collect();
+    let mut sorted: Vec<u16> = pixels.iter().map(|(_, most)| *most).collect();
+    sorted.sort_unstable();
+    let bright = sorted.get(sorted.len() * 99 / 100).copied().unwrap_or(0);
+    let is_lit = |(_, most): &(usize, u16)| LIT * f64::from(bright) <= f64::from(*most);
+    pixels.into_iter().filter(is_lit).map(|(i, _)| i).collect()
+}
+
 /// The greatest sample, where it is the full scale of 8 to 16 bits, at either end of a word; else
 /// infinity.
-pub(super) fn full_scale(frames: &[Image]) -> f32 {
+fn full_scale(frames: &[Image]) -> f32 {
     let greatest = |frame: &Image| (0..frame.samples().len()).map(|i| frame.value(i)).max();
     let top = frames.iter().filter_map(greatest).max().unwrap_or(0);
     let ones = top.count_ones();

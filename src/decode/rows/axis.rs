@@ -6,7 +6,7 @@ use super::job::{AxisKernel, AxisOut, Job, Scratch, clear};
 use crate::gray::GrayRow;
 use crate::maps::Verdict;
 use crate::order::{Ensemble, GrayJoin};
-use crate::phase::{Check, OWN, SetKernel, TIED, UNCHECKED};
+use crate::phase::{Check, SetKernel};
 use crate::robust_scale::RobustScale;
 use crate::sample::Sample;
 
@@ -49,9 +49,8 @@ pub(super) fn axis_row<'f, T: Sample>(
     }
     for ((set, k), robust_scale) in sets.iter_mut().zip(&kernel.sets).zip(robust_scale) {
         match k.check {
-            Check::None => set.finish::<UNCHECKED>(k, job.noise, robust_scale),
-            Check::Own => set.finish::<OWN>(k, job.noise, robust_scale),
-            Check::Tied => set.finish::<TIED>(k, job.noise, robust_scale),
+            Check::None => set.finish::<false>(k, job.noise, robust_scale),
+            Check::Own | Check::Tied => set.finish::<true>(k, job.noise, robust_scale),
         }
     }
     gray_row(job, kernel, row, scratch);

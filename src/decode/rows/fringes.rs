@@ -1,7 +1,7 @@
 //! Row kernels for the least squares of a fringe set: mean, modulation, wrapped coordinate and its
 //! variance, in f32, with a layout that vectorises.
 
-use crate::phase::{Check, RowNoise, SetKernel, UNCHECKED};
+use crate::phase::{Check, RowNoise, SetKernel};
 use crate::robust_scale::RobustScale;
 use crate::sample::Sample;
 use crate::turns::turns;
@@ -126,7 +126,7 @@ impl SetRow {
     /// [v(A) (C^2 Gss - 2 C S Gcs + S^2 Gcc) + K (third-order terms of C and S) - K H B^3] / B^4
     /// with H the harmonics' part ([`SetKernel::harmonic`]), which the capture's pixels have in common.
     #[inline(always)]
-    pub(super) fn finish<const CHECK: u8>(
+    pub(super) fn finish<const CHECKED: bool>(
         &mut self,
         kernel: &SetKernel,
         noise: RowNoise,
@@ -150,8 +150,8 @@ impl SetRow {
                 // A lower bound for pixels whose mean and modulation contradict the noise model.
                 let sum = (even + odd - harmonic * b2 * m[i]).max(0.1 * even);
                 var[i] = kernel.per_phase * sum / (b2 * b2);
-                if CHECK != UNCHECKED {
-                    check[i] -= robust_scale.part::<CHECK>(mean[i] - noise.black, c, s, m[i]);
+                if CHECKED {
+                    check[i] -= robust_scale.part(mean[i] - noise.black, c, s, m[i]);
                 }
                 let x = kernel.period * turns(s, c);
                 w[i] = if x >= kernel.period { 0.0 } else { x };
@@ -171,8 +171,8 @@ impl SetRow {
             let [shift, factor] = weighted::correction([c / b, s / b], b, half_swing, sums, third);
             var[i] = kernel.per_phase * factor * variance * gcc / (b * b);
             m[i] = b;
-            if CHECK != UNCHECKED {
-                check[i] -= robust_scale.part::<CHECK>(mean[i] - noise.black, c, s, b);
+            if CHECKED {
+                check[i] -= robust_scale.part(mean[i] - noise.black, c, s, b);
             }
             let x = kernel.period * turns(s, c) + per_radian * shift;
             let x = if x < 0.0 { x + kernel.period } else { x };

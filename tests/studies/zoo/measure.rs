@@ -39,6 +39,8 @@ pub struct Measured {
     pub bias: [f64; 2],
     /// The decoder's notes.
     pub notes: Vec<String>,
+    /// Finding of the host's checks of the frames.
+    pub checked: Result<(), FrameDoubt>,
 }
 
 /// A scan of a scene with noise, decoded with the exact calibration.
@@ -84,7 +86,8 @@ impl Scan {
         let decoder = Decoder::new(&manifest, w, h, Some(&rig), options).unwrap();
         Self {
             decoded: decoder.decode(&images).unwrap(),
-            checked: check_sequence(&manifest, &images, Known::default()),
+            checked: check_sequence(&manifest, &images, Known::default())
+                .and_then(|()| check_sequence(&manifest, &images, Known::new(false, Some(&rig)))),
             manifest,
             rig,
             truth,
@@ -99,7 +102,7 @@ pub fn measure(device: &Device, seed: u64) -> Measured {
         rig,
         truth,
         decoded,
-        ..
+        checked,
     } = Scan::new(&device.profile, &device.scene, seed, Options::default());
     let fringe = finest_fringe(manifest.frame.iter().map(|f| &f.pattern));
     let (axis, period) = fringe.unwrap();
@@ -120,7 +123,10 @@ pub fn measure(device: &Device, seed: u64) -> Measured {
         let not = Truth::CREASE | Truth::SATURATED | Truth::UNRESOLVED;
         truth.flags[i] & (wanted | not) == wanted && b > ABOVE_THRESHOLD * threshold
     };
-    tally(&decoded, &truth, period, is_wanted)
+    Measured {
+        checked,
+        ..tally(&decoded, &truth, period, is_wanted)
+    }
 }
 
 /// A point of the scan.
@@ -192,6 +198,7 @@ fn tally(
             bias(&points, |p| (p.x / period).rem_euclid(1.0)),
         ],
         notes: decoded.notes.clone(),
+        checked: Ok(()),
     }
 }
 

@@ -38,6 +38,7 @@ fn missed(m: &Measured) -> Vec<&'static str> {
         (part(1), "ratio by w"),
         (part(2), "ratio by modulation"),
         (m.beyond <= BEYOND, "beyond five deviations"),
+        (m.checked.is_ok(), "frames are not refused"),
     ]
     .into_iter()
     .filter_map(|(holds, bar)| (!holds).then_some(bar))
@@ -57,9 +58,13 @@ fn hold(seeds: Range<u64>, known: &[u64]) {
             device.label,
             missed.join(", ")
         );
+        if let Err(doubt) = &measured.checked {
+            println!("    {doubt}");
+        }
         match (missed.is_empty(), measured.notes.is_empty()) {
             (true, _) => (),
-            _ if known.contains(&seed) => (),
+            _ if known.contains(&seed) && measured.checked.is_ok() => (),
+            _ if measured.checked.is_err() => failed.push(seed),
             (false, true) => failed.push(seed),
             (false, false) => warned.push(seed),
         }
