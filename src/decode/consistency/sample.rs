@@ -289,15 +289,17 @@ fn noise_of(
 }
 
 /// The light of bright frames in DN, and the noise by fourth differences along rows, both of lit pixels: a
-/// line through a dark smooth frame and the smoothest bright one.
+/// line through the smoothest frame and the smoothest bright one.
 fn smoothness(frames: &[Image]) -> (f64, NoiseModel) {
     let lit = lit(frames);
+    // Of a frame, the half that is brighter: the other half of a code is dark.
     let of_frame = |frame: &Image| {
         let at = |i: usize| f64::from(frame.value(i));
-        let mut lights: Vec<f64> = lit.iter().map(|i| at(*i)).collect();
+        let middle = median(&mut lit.iter().map(|i| at(*i)).collect::<Vec<_>>())?;
+        let bright = || lit.iter().filter(|i| at(**i) >= middle);
+        let light = median(&mut bright().map(|i| at(*i)).collect::<Vec<_>>())?;
         let step = |i: &usize| at(i - 2) + at(i + 2) - 4.0 * (at(i - 1) + at(i + 1)) + 6.0 * at(*i);
-        let mut steps: Vec<f64> = lit.iter().map(|i| step(i).abs()).collect();
-        let light = median(&mut lights)?;
+        let mut steps: Vec<f64> = bright().map(|i| step(i).abs()).collect();
         // A difference 1, -4, 6, -4, 1 has 70 times the variance of a sample.
         let deviation = deviation::of_most(&mut steps, 3.0, 2.0) / 70f64.sqrt();
         Some((light, deviation * deviation))
@@ -305,7 +307,7 @@ fn smoothness(frames: &[Image]) -> (f64, NoiseModel) {
     let mut found: Vec<(f64, f64)> = frames.par_iter().filter_map(of_frame).collect();
     found.sort_by(|a, b| a.1.total_cmp(&b.1));
     let brightest = found.iter().map(|(light, _)| *light).fold(0.0, f64::max);
-    let (dark, low) = found.get(found.len() / 4).copied().unwrap_or((0.0, 1.0));
+    let (dark, low) = found.first().copied().unwrap_or((0.0, 1.0));
     let mut bright = found
         .iter()
         .filter(|(light, _)| *light >= BRIGHTEST * brightest);
@@ -325,8 +327,8 @@ fn smoothness(frames: &[Image]) -> (f64, NoiseModel) {
     (light, noise)
 }
 
-/// Pixels of some rows, not the two at either end, that are lit in some frame: unlit ones have less noise, and in
-/// most captures there are more of them.
+/// Pixels of some rows, not the two at either end, that are lit in some frame: unlit ones have less noise,
+/// and in most captures there are more of them.
 fn lit(frames: &[Image]) -> Vec<usize> {
     let Some(first) = frames.first() else {
         return Vec::new();
