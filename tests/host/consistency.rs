@@ -212,7 +212,7 @@ fn every_fault_is_found(name: &str) {
     }
 }
 
-/// What the check says of frames that the link does not identify, without a calibration and with one.
+/// Findings of the check in frames that the link does not identify, without a calibration and with one.
 fn refused(captured: &Capture) -> [Result<(), FrameDoubt>; 2] {
     [None, captured.calibration.as_ref()].map(|calibration| {
         let known = Known::new(false, calibration);

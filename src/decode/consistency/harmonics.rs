@@ -181,9 +181,9 @@ fn phase_error(
 struct Sums {
     normal: Matrix2<f64>,
     right: Vector2<f64>,
-    /// What second differences leave of the error, squared.
+    /// Squares of the parts of the error that second differences show.
     shown: f64,
-    /// Second differences, squared.
+    /// Squares of the second differences.
     square: f64,
     pixels: usize,
 }

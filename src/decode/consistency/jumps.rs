@@ -65,11 +65,11 @@ pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan, frames: &[Image]) -> b
     resolved && of_bits.iter().any(told)
 }
 
-/// Changes of the code between neighbours.
+/// Number of changes of the code between neighbours.
 struct Changes {
-    /// Of each bit alone: those between cells next to each other, and others.
+    /// Changes of each bit alone: [between cells next to each other, others].
     of_bits: Vec<[usize; 2]>,
-    /// Of one bit, and of several.
+    /// Changes of [one bit, several bits].
     of_words: [usize; 2],
 }
 

@@ -11,19 +11,19 @@
 //!
 //! | statistic | sound captures | limit |
 //! | --- | --- | --- |
-//! | part of the pixels whose steps, sets or code contradict each other | at most 0.0011 | [`RATE`], and beyond it what chance adds |
-//! | scale of the residuals, in standard deviations of noise and model error | at most 2.1 | [`SCALE`] |
+//! | part of the pixels whose steps, sets or code contradict each other | at most 0.0017 | [`RATE`], and beyond it what chance adds |
+//! | scale of the residuals, in standard deviations of noise and model error | at most 1.1 | [`SCALE`] |
 //! | light that a set's steps differ by, in units of its residual | at most 0.05 | [`LIGHT`] |
 //! | mean of fringes, between black and white | at least 0.36 | [`DARK`] |
 //! | error of the phase that follows the phase | at most 0.06 rad | `harmonics::LARGEST_RAD` |
 //!
-//! The second column was measured on captures of random and built-in devices, their calibrations and
-//! photographs of a physical scanner; the book's page on the faults matrix names the commands. Counts are
+//! The second column was measured on captures of 400 random devices and of built-in ones; captures of a
+//! physical scanner and of calibrations pass too. The book's page on the faults matrix names the commands. Counts are
 //! refused where chance exceeds them once in ten thousand scans of a capture at the limit.
 //!
 //! **Noise** that is estimated from the same frames normalises itself: damage that most pixels have alike
 //! raises it. It is therefore taken from the calibration if there is one, and otherwise the smaller of
-//! that of the residuals and that of neighbouring pixels in the smoothest frames.
+//! that of the residuals and that of neighbouring pixels in the smoothest frames, where they are lit.
 //!
 //! **What a sequence can show.** N steps of a set leave N - 3 residuals. Four or more show that one of
 //! them is wrong in each pixel, of which sets of three are only held against the mean of the other sets of

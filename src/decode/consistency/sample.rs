@@ -21,12 +21,14 @@ const THIN: usize = 3;
 const KNOWN: f64 = 2.0;
 /// Part of the light of the brightest frame from which on one is bright.
 const BRIGHTEST: f64 = 0.6;
-/// Rows that tell the noise of a frame,
+/// Rows that tell the noise of a frame.
 const ROWS: usize = 12;
-/// by so many pixels at most, about,
+/// Approximate number of pixels in these rows.
 const SMOOTH: usize = 6_000;
-/// that are so bright in some frame, in parts of what the brightest hundredth are.
+/// Minimum light of a lit pixel in its brightest frame, as a part of that of the brightest hundredth.
 const LIT: f64 = 0.25;
+/// Minimum light of a bright pixel of a frame, as a part of that of the brightest tenth.
+const BRIGHT_PART: f64 = 0.5;
 /// Pixels that are decoded, about,
 const PIXELS: usize = 25_000;
 /// and columns, at least.
@@ -292,11 +294,13 @@ fn noise_of(
 /// line through the smoothest frame and the smoothest bright one.
 fn smoothness(frames: &[Image]) -> (f64, NoiseModel) {
     let lit = lit(frames);
-    // Of a frame, the half that is brighter: the other half of a code is dark.
+    // Only bright pixels of a frame: a part of each code and fringe is dark.
     let of_frame = |frame: &Image| {
         let at = |i: usize| f64::from(frame.value(i));
-        let middle = median(&mut lit.iter().map(|i| at(*i)).collect::<Vec<_>>())?;
-        let bright = || lit.iter().filter(|i| at(**i) >= middle);
+        let mut lights: Vec<f64> = lit.iter().map(|i| at(*i)).collect();
+        lights.sort_unstable_by(f64::total_cmp);
+        let high = *lights.get(lights.len() * 9 / 10)?;
+        let bright = || lit.iter().filter(|i| at(**i) >= BRIGHT_PART * high);
         let light = median(&mut bright().map(|i| at(*i)).collect::<Vec<_>>())?;
         let step = |i: &usize| at(i - 2) + at(i + 2) - 4.0 * (at(i - 1) + at(i + 1)) + 6.0 * at(*i);
         let mut steps: Vec<f64> = bright().map(|i| step(i).abs()).collect();
