@@ -59,7 +59,25 @@ impl Armed {
                 direction: Direction::ToDevice,
                 ..
             } => Way::ToDevice,
-            _ => Way::ToHost,
+            What::BitErrors {
+                direction: Direction::ToHost,
+                ..
+            }
+            | What::NoReply
+            | What::LateReply { .. }
+            | What::ReplyTwice
+            | What::GarbageBefore { .. }
+            | What::GarbageInside { .. } => Way::ToHost,
+            What::Dropped
+            | What::Repeated
+            | What::Late { .. }
+            | What::Swapped { .. }
+            | What::Torn { .. }
+            | What::RowsMissing { .. }
+            | What::BitsFlipped { .. }
+            | What::Dark
+            | What::WrongPattern { .. }
+            | What::PartialExposure { .. } => Way::Camera,
         }
     }
 

@@ -96,8 +96,20 @@ impl Faults {
                 What::BitsFlipped { count } => {
                     frame::bits_flipped(&mut Arc::make_mut(&mut frame).data, count, &mut draws);
                 }
-                // All other effects are applied elsewhere.
-                _ => {}
+                // Applied to the exposure.
+                What::Dark
+                | What::WrongPattern { .. }
+                | What::PartialExposure { .. }
+                | What::Disconnect { .. }
+                | What::Reset => {}
+                // Effects on the port.
+                What::Nak
+                | What::BitErrors { .. }
+                | What::NoReply
+                | What::LateReply { .. }
+                | What::ReplyTwice
+                | What::GarbageBefore { .. }
+                | What::GarbageInside { .. } => {}
             }
         }
         if copies == 0 {

@@ -20,7 +20,6 @@ use phasmid_core::error::{Error, Result};
 use phasmid_core::wording::did_you_mean;
 use phasmid_protocol::dialect::{Dialect, Operation, Value};
 use phasmid_protocol::printable;
-use phasmid_protocol::scpi::{Param, parse};
 use scpi::Scpi;
 use std::sync::Arc;
 use std::time::Duration;
@@ -66,19 +65,21 @@ fn unquoted(name: &str) -> String {
     inside.map_or_else(|| name.to_owned(), |inside| inside.replace("\"\"", "\""))
 }
 
-/// Returns the names in a list: strings in quotes, or words separated by commas.
+/// Returns the names in a list, separated by commas; those in quotes may contain commas, and quotes twice.
 fn names(list: &str) -> Vec<String> {
-    if !list.starts_with('"') {
-        return list.split(',').map(|name| name.trim().to_owned()).collect();
-    }
-    let units = parse(format!("LIST {list}").as_bytes()).units;
-    let params = units.into_iter().flat_map(|unit| unit.params);
-    params
-        .filter_map(|param| match param {
-            Param::Text(name) => Some(name),
-            _ => None,
-        })
-        .collect()
+    let mut quoted = false;
+    let items = list.split(|c| {
+        quoted ^= c == '"';
+        c == ',' && !quoted
+    });
+    let name = |item: &str| {
+        let item = item.trim();
+        let inner = item
+            .strip_prefix('"')
+            .and_then(|rest| rest.strip_suffix('"'));
+        inner.map_or_else(|| item.to_owned(), |inner| inner.replace("\"\"", "\""))
+    };
+    items.map(name).collect()
 }
 
 /// Combines a failure with the error of the subsequent search for the device.

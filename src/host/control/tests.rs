@@ -277,6 +277,7 @@ fn unknown_sequence_is_a_usage_error() {
 fn names_in_lists_may_contain_commas() {
     assert_eq!(names("\"a\"\"b\",\"c, d\""), ["a\"b", "c, d"]);
     assert_eq!(names("a, b c"), ["a", "b c"]);
+    assert_eq!(names("a, \"b, c\",d"), ["a", "b, c", "d"]);
 }
 
 /// A setting that the device does not know is not read back; the others are.
