@@ -91,8 +91,7 @@ pub(super) fn of_capture(sample: &Sample, frames: &[Image]) -> Vec<Bent> {
         if !set.steps_are_equal() {
             return None;
         }
-        let lines = [true, false].into_iter();
-        let by_phase = lines.filter_map(|rows| phase_error(set, frames, rows, sample, full));
+        let by_phase = phase_error(set, frames, sample, full);
         let by_phase = by_phase.map(|(error, deviation)| (error, error - SIGMAS * deviation));
         let by_phase = by_phase.filter(|(_, least)| *least > WORTH_RAD);
         let refused = set.frames.len() >= REFUSED_STEPS;
@@ -113,16 +112,37 @@ pub(super) fn of_capture(sample: &Sample, frames: &[Image]) -> Vec<Bent> {
     sets.filter_map(bent).collect()
 }
 
-/// The amplitude of the error of phase and its standard deviation, in radians, from lines along the rows or
-/// down the columns; none where too few pixels would show it.
+/// The amplitude of the error of phase and its standard deviation, in radians, from lines along the rows and
+/// down the columns, as far as the phase grows there; none where too few pixels would show it.
 fn phase_error(
     set: &FringeSet,
     frames: &[Image],
-    rows: bool,
     sample: &Sample,
     full: f64,
 ) -> Option<(f64, f64)> {
     let first = frames.first()?;
+    let lines = [true, false].map(|rows| along_lines(set, frames, first, rows, sample, full));
+    let shown = lines.into_iter().filter(Sums::is_shown);
+    let all = shown.fold(Sums::default(), Sums::and);
+    if all.pixels < FEWEST {
+        return None;
+    }
+    let inverse = all.normal.try_inverse()?;
+    let error = inverse * all.right;
+    let variance = (all.square - error.dot(&all.right)).max(0.0) / all.pixels as f64;
+    let most = inverse.symmetric_eigenvalues().max();
+    Some((error.norm(), (variance * most).sqrt()))
+}
+
+/// The sums over lines along the rows or down the columns.
+fn along_lines(
+    set: &FringeSet,
+    frames: &[Image],
+    first: &Image,
+    rows: bool,
+    sample: &Sample,
+    full: f64,
+) -> Sums {
     let (width, height) = (first.width(), first.height());
     let (length, across) = if rows {
         (width, height)
@@ -159,21 +179,7 @@ fn phase_error(
         sums
     };
     let of_lines: Vec<Sums> = (0..lines).into_par_iter().map(of_line).collect();
-    let Sums {
-        normal,
-        right,
-        shown,
-        square,
-        pixels,
-    } = of_lines.into_iter().fold(Sums::default(), Sums::and);
-    if pixels < FEWEST || shown < LEAST_SHOWN * pixels as f64 {
-        return None;
-    }
-    let inverse = normal.try_inverse()?;
-    let error = inverse * right;
-    let variance = (square - error.dot(&right)).max(0.0) / pixels as f64;
-    let most = inverse.symmetric_eigenvalues().max();
-    Some((error.norm(), (variance * most).sqrt()))
+    of_lines.into_iter().fold(Sums::default(), Sums::and)
 }
 
 /// Sums over pixels of the least squares of a and b, by second differences of the phase.
@@ -203,6 +209,11 @@ impl Sums {
         self.shown += left * left;
         self.square += (next - rise).powi(2);
         self.pixels += 1;
+    }
+
+    /// Whether second differences show the error at all.
+    fn is_shown(&self) -> bool {
+        self.shown >= LEAST_SHOWN * self.pixels as f64
     }
 
     fn and(self, other: Self) -> Self {
