@@ -57,6 +57,8 @@ pub(super) struct Shared {
     lopsided: f32,
     /// Number of pixels that tell.
     pub(super) pixels: usize,
+    /// Scale before what they have in common is taken off.
+    pub(super) before: f32,
 }
 
 impl Shared {
@@ -106,6 +108,8 @@ pub(super) struct RobustScale {
     lopsided: f32,
     /// See [`Shared::pixels`].
     pixels: usize,
+    /// See [`Shared::before`].
+    before: f32,
 }
 
 impl Default for RobustScale {
@@ -118,6 +122,7 @@ impl Default for RobustScale {
             harmonic: 0.0,
             lopsided: 1.0,
             pixels: 0,
+            before: 0.0,
         }
     }
 }
@@ -196,7 +201,8 @@ impl RobustScale {
         });
         let lopsided = phasors.sum::<SVector<f64, 2>>().norm() / pixels.len() as f64;
         let mut fitted = SVector::zeros();
-        let mut scale = deviation(&pixels);
+        let before = deviation(&pixels);
+        let mut scale = before;
         for _ in 0..ROUNDS {
             let Some(found) = fit(&pixels, scale) else {
                 break;
@@ -215,6 +221,7 @@ impl RobustScale {
             harmonic,
             lopsided: lopsided as f32,
             pixels: pixels.len(),
+            before: before as f32,
         }
     }
 
@@ -228,6 +235,7 @@ impl RobustScale {
             scale,
             lopsided: self.lopsided,
             pixels: self.pixels,
+            before: self.before,
         })
     }
 

@@ -44,8 +44,10 @@ const FEWEST_MODULATED: usize = 1000;
 const LEAST_DN: f64 = 3.0;
 /// and in deviations of the noise.
 const LEAST_SIGMAS: f64 = 4.0;
-/// Least contrast of white and black in deviations of the noise.
+/// Least contrast of white and black in deviations of the noise,
 const CONTRAST: f64 = 10.0;
+/// and in DN: the rounding of fewer follows the phase.
+const CONTRAST_DN: f64 = 12.0;
 /// Part of the usual pixel's modulation from which on one is looked at, for blur takes the rest, and up
 /// to which it is believed.
 const USUAL: std::ops::Range<f64> = 0.5..2.0;
@@ -234,7 +236,8 @@ fn ripple(set: &FringeSet, sample: &Sample) -> Option<f64> {
     // Modulation in parts of half the contrast, and phase.
     let told = |i: usize| {
         let contrast = sample.value(white, i) - sample.value(black, i);
-        let is_bright = !sample.is_saturated(i) && contrast >= CONTRAST * sample.noise_dn(i);
+        let is_bright =
+            !sample.is_saturated(i) && contrast >= CONTRAST_DN.max(CONTRAST * sample.noise_dn(i));
         is_bright.then(|| {
             let samples: Vec<f64> = set.frames.iter().map(|k| sample.value(*k, i)).collect();
             let [_, c, s] = set.solve(&samples);

@@ -68,6 +68,9 @@ const SCALE: f32 = 3.0;
 /// Largest difference of the light of a set's steps, as it shows in the residual: one of four steps with
 /// 0.92 of the light of the others, one of three with 0.9.
 const LIGHT: f32 = 0.055;
+/// Scale of residuals before their common part is taken off, in parts of that after it, from which on the
+/// common part explains them.
+const EXPLAINED: f32 = 10.0;
 /// Least mean of fringes between black and white: that of a projector of gamma 2.2 is 0.36.
 const DARK: f64 = 0.28;
 /// Contrast of white and black in standard deviations of noise from which on it tells the mean.
@@ -248,7 +251,11 @@ fn axis_follows(
         sets.clone()
             .filter_map(|(set, shared)| Some((set, shared.as_ref()?)))
     };
-    if let Some((set, _)) = known().find(|(_, shared)| shared.scale > SCALE) {
+    // Light explains the residuals of a step that is dark as a whole, but for a rest that is large too.
+    let explained =
+        |shared: &Shared| shared.difference() > LIGHT && shared.before > EXPLAINED * shared.scale;
+    let is_odd = |shared: &Shared| shared.scale > SCALE && !explained(shared);
+    if let Some((set, _)) = known().find(|(_, shared)| is_odd(shared)) {
         return Err(exchanged().unwrap_or_else(|| FrameDoubt::Contradictory {
             axis: axis.axis,
             share: count.share(),

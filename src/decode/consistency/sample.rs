@@ -291,7 +291,7 @@ fn noise_of(
 }
 
 /// The light of bright frames in DN, and the noise by fourth differences along rows, both of lit pixels: a
-/// line through a smooth frame and the smoothest bright one.
+/// line through the smoothest frame and the smoothest bright one.
 fn smoothness(frames: &[Image]) -> (f64, NoiseModel) {
     let lit = lit(frames);
     // Only bright pixels of a frame: a part of each code and fringe is dark.
@@ -311,9 +311,7 @@ fn smoothness(frames: &[Image]) -> (f64, NoiseModel) {
     let mut found: Vec<(f64, f64)> = frames.par_iter().filter_map(of_frame).collect();
     found.sort_by(|a, b| a.1.total_cmp(&b.1));
     let brightest = found.iter().map(|(light, _)| *light).fold(0.0, f64::max);
-    // Not the very smoothest: a frame that is damaged may be without noise.
-    let dark = found.get(1).or(found.first());
-    let (dark, low) = dark.copied().unwrap_or((0.0, 1.0));
+    let (dark, low) = found.first().copied().unwrap_or((0.0, 1.0));
     let mut bright = found
         .iter()
         .filter(|(light, _)| *light >= BRIGHTEST * brightest);
