@@ -251,7 +251,7 @@ fn axis_follows(
         sets.clone()
             .filter_map(|(set, shared)| Some((set, shared.as_ref()?)))
     };
-    // Light explains the residuals of a step that is dark as a whole, but for a rest that is large too.
+    // The light of a step that is dark as a whole explains its residuals, although their rest is large too.
     let explained =
         |shared: &Shared| shared.difference() > LIGHT && shared.before > EXPLAINED * shared.scale;
     let is_odd = |shared: &Shared| shared.scale > SCALE && !explained(shared);
