@@ -1,8 +1,11 @@
 //! `phasmid study`: runs a study, or lists the studies.
 
 use super::progress::ProgressLine;
+use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
-use phasmid_report::lab::{Settings, Study, Surroundings, run as run_study};
+use phasmid_report::lab::{
+    Settings, Shard, Study, Surroundings, join, run as run_study, run_shard,
+};
 use phasmid_study::ALL;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -10,7 +13,9 @@ use std::time::{Instant, UNIX_EPOCH};
 
 /// Run a study, and write rows in CSV, tables, plots, and one page that shows them
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  phasmid study noise --quick --out noise")]
+#[command(
+    after_help = "Examples:\n  phasmid study noise --quick --out noise\n  phasmid study noise --shard 1/2 --out noise-1\n  phasmid study noise --join noise-1 noise-2 --out noise"
+)]
 pub struct Args {
     /// Study to run; without a name, the studies are listed
     #[arg(requires = "out")]
@@ -31,6 +36,13 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 1)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: u16,
+    /// Run only the I-th of N equal parts of the trials, for example on N machines with a folder each;
+    /// --join makes the report of all
+    #[arg(long, value_name = "I/N", requires = "name", conflicts_with = "join")]
+    shard: Option<Shard>,
+    /// Take over the rows of these folders of shards before the remaining trials run
+    #[arg(long, value_name = "DIR", requires = "name", num_args = 1..)]
+    join: Vec<PathBuf>,
 }
 
 /// Runs the command. `program` is the file with this library's code, if it is known.
@@ -59,6 +71,16 @@ pub(super) fn run(args: &Args, program: Option<&Path>) -> Result<()> {
         line.show(done, all);
         line.remark(trial.to_owned());
     };
+    if let Some(shard) = args.shard {
+        let stop = Stop::default();
+        run_shard(study, out, &settings, &around, shard, &progress, &stop)?;
+        drop(line);
+        println!("{}: rows.csv of a shard", out.display());
+        return Ok(());
+    }
+    if !args.join.is_empty() {
+        join(study, out, &settings, &revision, &args.join)?;
+    }
     let document = run_study(study, out, &settings, &around, &progress)?;
     drop(line);
     print!("{}", document.screen());

@@ -7,7 +7,9 @@ use crate::plot::Sheet;
 pub struct Document {
     /// The heading.
     pub title: String,
-    /// Content below the heading.
+    /// The question, in one sentence.
+    pub asked: String,
+    /// Content below the question and the verdict.
     pub sections: Vec<Section>,
 }
 
@@ -94,6 +96,25 @@ impl Document {
             _ => None,
         });
         of.flatten()
+    }
+
+    /// Returns in one sentence whether the checks hold; `None` without checks.
+    pub fn verdict(&self) -> Option<String> {
+        let all = self.checks().count();
+        let failed = self.checks().filter(|check| !check.passed()).count();
+        match (all, failed) {
+            (0, _) => None,
+            (1, 0) => Some("The check passed.".to_owned()),
+            (_, 0) => Some(format!("All {all} checks passed.")),
+            _ => Some(format!("{failed} of {all} checks FAILED.")),
+        }
+    }
+
+    /// Returns all checks, failed ones first.
+    pub(super) fn by_verdict(&self) -> Vec<Check> {
+        let (passed, failed): (Vec<&Check>, Vec<&Check>) =
+            self.checks().partition(|check| check.passed());
+        failed.into_iter().chain(passed).cloned().collect()
     }
 }
 

@@ -56,14 +56,7 @@ impl Folder {
         };
         let known = path.join(ABOUT);
         if known.exists() {
-            let found = folder.about()?;
-            if !found.is_of(about) {
-                return Err(Error::input(
-                    place(),
-                    described(&found),
-                    format!("{}, to go on with it, or another folder", described(about)),
-                ));
-            }
+            folder.about()?.expect(about, &place())?;
             folder.lock()?;
             return Ok(folder);
         }
@@ -219,6 +212,25 @@ impl Folder {
         replace(&self.place(name)?, |out| out.write_all(bytes))
     }
 
+    /// Copies the files that trials have written to another folder, but overwrites none.
+    pub(super) fn take_files(&self, other: &Self) -> Result<()> {
+        let from = other.files();
+        if !from.is_dir() {
+            return Ok(());
+        }
+        for entry in fs::read_dir(&from).map_err(|e| Error::io(&from, e))? {
+            let entry = entry.map_err(|e| Error::io(&from, e))?;
+            let name = entry.file_name();
+            let (Some(name), false) = (name.to_str(), is_unfinished(&name)) else {
+                continue;
+            };
+            if !self.place(name)?.exists() {
+                self.leave(name, &other.left(name)?)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Reads a file that a trial has written.
     ///
     /// # Errors
@@ -244,6 +256,18 @@ impl Writer {
 }
 
 impl About {
+    /// Refuses a folder of another study, other settings or another program.
+    pub(super) fn expect(&self, wanted: &Self, place: &str) -> Result<()> {
+        match self.is_of(wanted) {
+            true => Ok(()),
+            false => Err(Error::input(
+                place,
+                described(self),
+                format!("{}, to go on with it, or another folder", described(wanted)),
+            )),
+        }
+    }
+
     /// Whether rows of both may be in one file. Programs with equal checksums are the same, even if their
     /// commits differ: a copy, or another user, may not know the commit.
     fn is_of(&self, other: &Self) -> bool {

@@ -43,19 +43,23 @@ impl Table {
 }
 
 impl Document {
-    /// Returns tables and checks in Markdown. Without `times`, omits checks and tables of measured
-    /// times, so that a second run gives the same text.
+    /// Returns the question, the verdict with all checks, and the tables in Markdown. Without `times`,
+    /// only the tables without measured times, so that a second run gives the same text.
     pub fn markdown(&self, times: bool) -> String {
         let mut out = format!("# {}\n", self.title);
+        if times {
+            out += &format!("\n{}\n", self.asked);
+            if let Some(verdict) = self.verdict() {
+                let checks = checks_table(&self.by_verdict()).markdown();
+                out += &format!("\n**{verdict}**\n\n{checks}");
+            }
+        }
         for section in &self.sections {
             let mut body = String::new();
             for block in &section.blocks {
                 match block {
-                    Block::Table(table) if times || !table.timed => {
+                    Block::Table(table) if !table.rows.is_empty() && (times || !table.timed) => {
                         body += &format!("\n{}\n\n{}", table.caption, table.markdown());
-                    }
-                    Block::Checks(checks) if times && !checks.is_empty() => {
-                        body += &format!("\n{}", checks_table(checks).markdown());
                     }
                     _ => {}
                 }
@@ -71,17 +75,18 @@ impl Document {
     /// checks.
     pub fn screen(&self) -> String {
         let mut out = format!("# {}\n", self.title);
-        for table in self.tables().filter(|table| !table.detail) {
+        let is_shown = |table: &&Table| !table.detail && !table.rows.is_empty();
+        for table in self.tables().filter(is_shown) {
             out += &format!("\n{}\n\n{}", table.caption, table.markdown());
         }
-        let (passed, failed): (Vec<&Check>, Vec<&Check>) =
-            self.checks().partition(|check| check.passed());
+        let all = self.checks().count();
+        let failed = self.checks().filter(|check| !check.passed());
+        let failed: Vec<Check> = failed.cloned().collect();
         if !failed.is_empty() {
-            let failed: Vec<Check> = failed.into_iter().cloned().collect();
             out += &format!("\n{}", checks_table(&failed).markdown());
         }
-        let all = self.checks().count();
-        out + &format!("\n{} of {all} checks passed\n", passed.len())
+        let passed = all - failed.len();
+        out + &format!("\n{passed} of {all} checks passed\n")
     }
 }
 

@@ -1,8 +1,8 @@
 //! The framework of all studies: trials that run once and whose results are stored at once, and the
 //! tables, plots and page made from the stored results.
 //!
-//! A [`Study`] lists its [`Trial`]s, which are independent of each other, and makes a [`Document`] from
-//! their rows. [`run()`] runs the trials that are not in the folder yet, each on all cores or several
+//! A [`Study`] lists its [`Trial`]s, which are independent of each other, and makes the sections of a
+//! [`Document`] from their rows. [`run()`] runs the trials that are not in the folder yet, each on all cores or several
 //! in parallel, and appends their [`Row`]s to `rows.csv`. So an interrupted study continues where it
 //! stopped, and a [`Document`] can be rebuilt from its folder at any time ([`read()`]). A document gets
 //! its rows in the order in which the study lists its trials, regardless of the order in which they end.
@@ -13,6 +13,7 @@
 //! | `row`, `csv` | rows of results, and their lines in `rows.csv` |
 //! | `folder` | the folder of a study |
 //! | `runner` | runs trials and writes the document's files |
+//! | `shard` | parts of a study that run in folders of their own, and are joined |
 //! | `document` | the document: text, tables, figures, images, checks |
 //! | `chart`, `labels` | charts and the names of their points |
 //! | `markdown`, `page` | the document as Markdown and as HTML |
@@ -27,6 +28,7 @@ mod page;
 mod row;
 mod runner;
 mod settings;
+mod shard;
 mod trial;
 
 pub use chart::{Chart, Series, SeriesStyle};
@@ -34,8 +36,9 @@ pub use document::{Block, Check, Document, Figure, Image, Section, Table};
 pub use folder::Folder;
 pub use page::page;
 pub use row::{Row, Rows};
-pub use runner::{Progress, read, run, run_with_stop, write};
+pub use runner::{Progress, read, run, run_shard, run_with_stop, write};
 pub use settings::{Settings, Surroundings};
+pub use shard::{Shard, join};
 pub use trial::{Context, Trial};
 
 use phasmid_core::error::Result;
@@ -45,8 +48,11 @@ pub trait Study: Sync {
     /// Returns its name on the command line and in `study.json`.
     fn name(&self) -> &'static str;
 
-    /// Describes it in one sentence.
+    /// Describes it in one sentence: what is asked.
     fn about(&self) -> &'static str;
+
+    /// Returns the heading of its document.
+    fn title(&self) -> &'static str;
 
     /// Returns the columns of its rows, except the columns common to all studies ([`Row::COMMON`]).
     fn columns(&self) -> &'static [&'static str];
@@ -68,7 +74,7 @@ pub trait Study: Sync {
     ///
     /// # Errors
     /// Returns an error if a file cannot be read or rows lack required values.
-    fn document(&self, rows: &Rows, folder: &Folder, settings: &Settings) -> Result<Document>;
+    fn sections(&self, rows: &Rows, folder: &Folder, settings: &Settings) -> Result<Vec<Section>>;
 }
 
 #[cfg(test)]

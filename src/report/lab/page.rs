@@ -1,13 +1,13 @@
 //! Writes a self-contained HTML page, without scripts or external resources.
 
-use super::document::{Block, Document, Image, Table};
+use super::document::{Block, Check, Document, Image, Table};
 use super::folder::Folder;
 use super::markdown::checks_table;
 use crate::plot::{PAGE_STYLE, STYLE, escaped};
 use phasmid_core::error::{Error, Result};
 
 /// Returns a page of one study, or of several with a table of contents. Each part has the folder with
-/// its images, and a line that says how it was made.
+/// its images, and a line that says how it was made. It begins with the question and the verdict.
 ///
 /// # Errors
 /// Returns an error if an image cannot be read.
@@ -20,9 +20,11 @@ pub fn page(title: &str, parts: &[(Document, &Folder, String)]) -> Result<String
     );
     if parts.len() > 1 {
         let entries = parts.iter().enumerate().map(|(i, (document, ..))| {
+            let verdict = document.verdict().unwrap_or_default();
             format!(
-                "<li><a href=\"#part{i}\">{}</a></li>\n",
-                escaped(&document.title)
+                "<li><a href=\"#part{i}\">{}</a> {}</li>\n",
+                escaped(&document.title),
+                escaped(&verdict)
             )
         });
         out += &format!("<ul>\n{}</ul>\n", entries.collect::<String>());
@@ -31,6 +33,8 @@ pub fn page(title: &str, parts: &[(Document, &Folder, String)]) -> Result<String
         if parts.len() > 1 {
             out += &format!("<h1 id=\"part{i}\">{}</h1>\n", escaped(&document.title));
         }
+        out += &format!("<p>{}</p>\n", escaped(&document.asked));
+        out += &of_checks(document);
         out += &format!("<p class=\"note\">{}</p>\n", escaped(made));
         for section in &document.sections {
             out += &format!("<section>\n<h2>{}</h2>\n", escaped(&section.title));
@@ -46,8 +50,10 @@ pub fn page(title: &str, parts: &[(Document, &Folder, String)]) -> Result<String
 fn html(block: &Block, folder: &Folder) -> Result<String> {
     Ok(match block {
         Block::Words(words) => format!("<p>{}</p>\n", escaped(words)),
+        Block::Table(table) if table.rows.is_empty() => String::new(),
         Block::Table(table) => of_table(table),
-        Block::Checks(checks) => of_table(&checks_table(checks)),
+        // At the top of the document.
+        Block::Checks(_) => String::new(),
         Block::Figure(figure) => {
             let element = figure.sheet.clone().into_element(&figure.caption);
             let caption = escaped(&figure.caption);
@@ -55,6 +61,22 @@ fn html(block: &Block, folder: &Folder) -> Result<String> {
         }
         Block::Image(image) => of_image(image, folder)?,
     })
+}
+
+/// Returns the verdict, and the checks, which are folded if all have passed.
+fn of_checks(document: &Document) -> String {
+    let Some(verdict) = document.verdict() else {
+        return String::new();
+    };
+    let open = match document.checks().all(Check::passed) {
+        true => "",
+        false => " open",
+    };
+    let table = of_table(&checks_table(&document.by_verdict()));
+    format!(
+        "<details{open}><summary><b>{}</b></summary>\n{table}</details>\n",
+        escaped(&verdict)
+    )
 }
 
 fn of_table(table: &Table) -> String {

@@ -10,9 +10,11 @@ pub struct Row {
 impl Row {
     /// The first columns of the rows of all studies: the trial, the index of the row in the trial and
     /// the trial's number of rows, its seed, the backend (`cpu` or `gpu`), the GPU adapter, the
-    /// program's revision, the number of threads, and the trial's duration in seconds.
-    pub const COMMON: [&str; 9] = [
-        "trial", "part", "parts", "seed", "backend", "adapter", "revision", "threads", "seconds",
+    /// program's version and revision, the machine's architecture and system, the number of threads,
+    /// and the trial's duration in seconds.
+    pub const COMMON: [&str; 11] = [
+        "trial", "part", "parts", "seed", "backend", "adapter", "version", "revision", "target",
+        "threads", "seconds",
     ];
 
     /// Makes a row without values.

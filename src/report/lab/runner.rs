@@ -6,10 +6,12 @@ use super::folder::{About, Folder, Writer};
 use super::page::page;
 use super::row::{Row, Rows};
 use super::settings::{Settings, Surroundings};
+use super::shard::Shard;
 use super::trial::{Context, Trial};
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use std::collections::HashSet;
+use std::env::consts::{ARCH, OS};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -46,6 +48,42 @@ pub fn run_with_stop(
     progress: Progress<'_>,
     stop: &Stop,
 ) -> Result<Document> {
+    let all = Shard::default();
+    let (folder, trials) = run_trials(study, path, settings, around, all, progress, stop)?;
+    let rows = whole(folder.rows(&columns(study))?, &trials);
+    let document = document(study, &rows, &folder, settings)?;
+    let made = made(&about(study, settings, around.revision));
+    write(&document, &folder, &made)?;
+    Ok(document)
+}
+
+/// Runs only the trials of a shard, and makes no document: [`join`](super::join()) takes their rows over
+/// to the folder of the whole study.
+///
+/// # Errors
+/// Returns the errors of [`run_with_stop`].
+pub fn run_shard(
+    study: &dyn Study,
+    path: &Path,
+    settings: &Settings,
+    around: &Surroundings<'_>,
+    shard: Shard,
+    progress: Progress<'_>,
+    stop: &Stop,
+) -> Result<()> {
+    run_trials(study, path, settings, around, shard, progress, stop).map(|_| ())
+}
+
+/// Runs the trials of a shard that are not in the folder. Returns the folder and the trials of all shards.
+fn run_trials(
+    study: &dyn Study,
+    path: &Path,
+    settings: &Settings,
+    around: &Surroundings<'_>,
+    shard: Shard,
+    progress: Progress<'_>,
+    stop: &Stop,
+) -> Result<(Folder, Vec<Trial>)> {
     stop.check()?;
     let trials = trials(study, settings)?;
     let folder = Folder::begin(path, &about(study, settings, around.revision))?;
@@ -53,10 +91,11 @@ pub fn run_with_stop(
     let columns = columns(study);
     let done = whole(folder.rows(&columns)?, &trials);
     let known: HashSet<&str> = done.all.iter().map(|row| row.get("trial")).collect();
-    let left: Vec<&Trial> = trials
-        .iter()
-        .filter(|t| !known.contains(t.key.as_str()))
-        .collect();
+    let of_shard = trials.iter().enumerate().filter(|(i, _)| shard.has(*i));
+    let of_shard: Vec<&Trial> = of_shard.map(|(_, trial)| trial).collect();
+    let is_left = |trial: &&Trial| !known.contains(trial.key.as_str());
+    let left: Vec<&Trial> = of_shard.iter().copied().filter(is_left).collect();
+    let before = of_shard.len() - left.len();
     let writer = folder.writer(&columns, &done.all)?;
     let runner = Runner {
         settings,
@@ -64,18 +103,27 @@ pub fn run_with_stop(
         folder: &folder,
         columns: &columns,
         writer: Mutex::new(writer),
-        done: AtomicUsize::new(known.len()),
-        all: trials.len(),
+        done: AtomicUsize::new(before),
+        all: of_shard.len(),
         progress,
         stop,
     };
-    progress(known.len(), trials.len(), "");
+    progress(before, of_shard.len(), "");
     runner.run(&left)?;
-    let rows = whole(folder.rows(&columns)?, &trials);
-    let document = study.document(&rows, &folder, settings)?;
-    let made = made(&about(study, settings, around.revision));
-    write(&document, &folder, &made)?;
-    Ok(document)
+    Ok((folder, trials))
+}
+
+fn document(
+    study: &dyn Study,
+    rows: &Rows,
+    folder: &Folder,
+    settings: &Settings,
+) -> Result<Document> {
+    Ok(Document {
+        title: study.title().to_owned(),
+        asked: study.about().to_owned(),
+        sections: study.sections(rows, folder, settings)?,
+    })
 }
 
 /// Makes the document of a finished study from its folder. Also returns the folder, and a line that says
@@ -101,7 +149,7 @@ pub fn read(studies: &[&dyn Study], path: &Path) -> Result<(Document, Folder, St
             "a study that has run to its end: run it again, and it goes on where it was",
         ));
     }
-    let document = study.document(&rows, &folder, &about.settings)?;
+    let document = document(*study, &rows, &folder, &about.settings)?;
     Ok((document, folder, made(&about)))
 }
 
@@ -224,14 +272,16 @@ impl Runner<'_> {
             .number("parts", of.1 as f64)
             .text("seed", &trial.seed.to_string())
             .text("backend", &backend)
+            .text("version", env!("CARGO_PKG_VERSION"))
             .text("revision", self.around.revision)
+            .text("target", &format!("{}-{}", ARCH, OS))
             .number("threads", rayon::current_num_threads() as f64)
             .number("seconds", (seconds * 1e6).round() * 1e-6)
     }
 }
 
 /// Returns all trials, or only the trials of the requested part.
-fn trials(study: &dyn Study, settings: &Settings) -> Result<Vec<Trial>> {
+pub(super) fn trials(study: &dyn Study, settings: &Settings) -> Result<Vec<Trial>> {
     let mut trials = study.trials(settings)?;
     if let Some(only) = &settings.only {
         let parts = study.parts();
@@ -250,7 +300,7 @@ fn trials(study: &dyn Study, settings: &Settings) -> Result<Vec<Trial>> {
 
 /// Returns the rows of complete trials, in the order of the trials. A trial is complete if all its rows are
 /// present.
-fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
+pub(super) fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
     let mut all = Vec::new();
     for trial in trials {
         let of: Vec<&Row> = rows
@@ -265,7 +315,7 @@ fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
     Rows { all }
 }
 
-fn columns(study: &dyn Study) -> Vec<&'static str> {
+pub(super) fn columns(study: &dyn Study) -> Vec<&'static str> {
     Row::COMMON.iter().chain(study.columns()).copied().collect()
 }
 
@@ -277,7 +327,7 @@ fn distinct(trials: &[Trial]) {
     }
 }
 
-fn about(study: &dyn Study, settings: &Settings, revision: &str) -> About {
+pub(super) fn about(study: &dyn Study, settings: &Settings, revision: &str) -> About {
     About {
         made_by: concat!("phasmid study ", env!("CARGO_PKG_VERSION")).to_owned(),
         study: study.name().to_owned(),

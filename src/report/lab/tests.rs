@@ -7,7 +7,9 @@ use phasmid_core::error::Error;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+/// Number of trials that have run with the seed [`COUNTED`].
 static RUNS: AtomicUsize = AtomicUsize::new(0);
+const COUNTED: u64 = 5;
 
 /// A study that computes squares of numbers, and may fail at one of them.
 struct Squares {
@@ -20,7 +22,11 @@ impl Study for Squares {
     }
 
     fn about(&self) -> &'static str {
-        "Squares."
+        "Are these squares?"
+    }
+
+    fn title(&self) -> &'static str {
+        "Squares"
     }
 
     fn columns(&self) -> &'static [&'static str] {
@@ -29,12 +35,13 @@ impl Study for Squares {
 
     fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
         let fails_at = self.fails_at;
+        let counted = usize::from(settings.seed == COUNTED);
         let one = |i: usize| {
             Trial::new(format!("x={i}"), settings.seed, move |_| {
                 if fails_at == Some(i) {
                     return Err(Error::device("no square"));
                 }
-                RUNS.fetch_add(1, Ordering::Relaxed);
+                RUNS.fetch_add(counted, Ordering::Relaxed);
                 let row = |x: f64| Row::new().number("x", x).number("square", x * x);
                 let x = i as f64 + 0.1;
                 Ok(vec![row(x).text("word", "a, \"b\"\nc"), row(-x)])
@@ -43,22 +50,21 @@ impl Study for Squares {
         Ok((0..20).map(one).collect())
     }
 
-    fn document(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Document> {
+    fn sections(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Vec<Section>> {
         let mut table = Table::new("squares", "Squares", &["x", "square"]);
         for row in &rows.all {
             assert_eq!(row.value("square"), row.value("x").powi(2));
             table.row([row.get("x"), row.get("square")]);
         }
         assert_eq!(rows.of("x=3").next().unwrap().get("word"), "a, \"b\" c");
+        let empty = Table::new("empty", "No rows", &["x"]);
         let blocks = vec![
             Block::Table(table),
+            Block::Table(empty),
             Block::Checks(vec![Check::at_most("x", 1.0, 2.0)]),
         ];
         let title = "All".to_owned();
-        Ok(Document {
-            title: "Squares".into(),
-            sections: vec![Section { title, blocks }],
-        })
+        Ok(vec![Section { title, blocks }])
     }
 }
 
@@ -145,6 +151,112 @@ fn interrupted_study_resumes() {
     assert!(error.contains("rows.csv, line 4"), "{error}");
 }
 
+#[test]
+fn report_begins_with_question_and_verdict_and_omits_empty_tables() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("study");
+    let mut document = go(None, &path, 1, 7).unwrap();
+    let page = |name: &str| std::fs::read_to_string(path.join(name)).unwrap();
+    let begins = |text: &str, words: [&str; 3]| {
+        let places = words.map(|word| text.find(word).unwrap_or_else(|| panic!("{word}: {text}")));
+        assert!(places.is_sorted(), "{text}");
+    };
+    begins(
+        &page("tables.md"),
+        ["Are these squares?", "The check passed.", "## All"],
+    );
+    begins(
+        &page("report.html"),
+        [
+            "Are these squares?",
+            "<details><summary><b>The check",
+            "<h2>All",
+        ],
+    );
+    for text in [page("tables.md"), page("report.html"), document.screen()] {
+        assert!(
+            text.contains("Squares") && !text.contains("No rows"),
+            "{text}"
+        );
+    }
+    let more = vec![Block::Checks(vec![Check::at_most("y", 3.0, 2.0)])];
+    let title = "More".to_owned();
+    document.sections.push(Section {
+        title,
+        blocks: more,
+    });
+    let text = document.markdown(true);
+    begins(&text, ["1 of 2 checks FAILED.", "| y ", "| x "]);
+    let (folder, _) = Folder::open(&path).unwrap();
+    let html = super::page("t", &[(document, &folder, String::new())]).unwrap();
+    assert!(html.contains("<details open>"), "{html}");
+}
+
+#[test]
+fn joined_shards_equal_a_single_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    let settings = |seed| Settings {
+        quick: true,
+        seed,
+        only: None,
+    };
+    let around = Surroundings {
+        clock: &|| Duration::ZERO,
+        jobs: 1,
+        revision: "r",
+    };
+    let study = Squares { fails_at: None };
+    let shards = ["1/3", "2/3", "3/3"].map(|text| {
+        let shard: Shard = text.parse().unwrap();
+        let path = at(&text.replace('/', "-"));
+        run_shard(
+            &study,
+            &path,
+            &settings(7),
+            &around,
+            shard,
+            &|_, _, _| {},
+            &Stop::default(),
+        )
+        .unwrap();
+        assert!(!path.join("tables.md").exists());
+        path
+    });
+    let lines = |path: &std::path::Path| {
+        let rows = std::fs::read_to_string(path.join("rows.csv")).unwrap();
+        rows.lines().count()
+    };
+    // A header, and two rows a trial.
+    assert_eq!(shards.each_ref().map(|path| lines(path)), [15, 15, 13]);
+    let of_others = join(&study, &at("all"), &settings(6), "r", &shards)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        of_others.contains("1-3") && of_others.contains("seed 7"),
+        "{of_others}"
+    );
+    assert!(!at("all").exists());
+    // Missing trials are run; shards may be joined again.
+    for some in [&shards[..2], &shards[1..]] {
+        join(&study, &at("all"), &settings(7), "r", some).unwrap();
+    }
+    assert_eq!(lines(&at("all")), 41);
+    let whole = go(None, &at("single"), 1, 7).unwrap();
+    let joined = go(None, &at("all"), 1, 7).unwrap();
+    assert_eq!(joined.markdown(true), whole.markdown(true));
+    let rows = |name| std::fs::read_to_string(at(name).join("rows.csv")).unwrap();
+    let sorted = |text: String| {
+        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+        lines.sort();
+        lines
+    };
+    assert_eq!(sorted(rows("all")), sorted(rows("single")));
+    for text in ["0/3", "4/3", "1", "1/0", "-1/2", "1/2/3", "1/100000"] {
+        assert!(text.parse::<Shard>().is_err(), "{text}");
+    }
+}
+
 /// A study of six trials. The third one asks the study to end, if it is to be ended.
 struct Ends {
     ends: bool,
@@ -157,6 +269,10 @@ impl Study for Ends {
 
     fn about(&self) -> &'static str {
         "Ends early."
+    }
+
+    fn title(&self) -> &'static str {
+        "Ends"
     }
 
     fn columns(&self) -> &'static [&'static str] {
@@ -178,12 +294,9 @@ impl Study for Ends {
         Ok((0..6).map(one).collect())
     }
 
-    fn document(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Document> {
+    fn sections(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Vec<Section>> {
         assert_eq!(rows.all.len(), 6);
-        Ok(Document {
-            title: "Ends".into(),
-            sections: Vec::new(),
-        })
+        Ok(Vec::new())
     }
 }
 

@@ -22,7 +22,7 @@ mod summary;
 mod tones;
 
 use phasmid_core::error::Result;
-use phasmid_report::lab::{Document, Folder, Rows, Settings, Study, Trial};
+use phasmid_report::lab::{Folder, Rows, Section, Settings, Study, Trial};
 
 /// The study.
 pub struct Acceptance;
@@ -34,6 +34,10 @@ impl Study for Acceptance {
 
     fn about(&self) -> &'static str {
         "What a clinic measures of a surface-guidance system before it relies on it."
+    }
+
+    fn title(&self) -> &'static str {
+        "Acceptance of a surface-guidance system"
     }
 
     fn columns(&self) -> &'static [&'static str] {
@@ -103,21 +107,18 @@ impl Study for Acceptance {
         Ok(all.into_iter().flatten().collect())
     }
 
-    fn document(&self, rows: &Rows, _: &Folder, settings: &Settings) -> Result<Document> {
-        Ok(Document {
-            title: "Acceptance of a surface-guidance system".to_owned(),
-            sections: vec![
-                summary::section(rows),
-                known::section(rows),
-                frame::section(rows),
-                drift::section(rows),
-                hidden::section(rows),
-                phantoms::section(rows),
-                region::section(rows),
-                tones::section(rows),
-                hold::section(rows),
-                latency::section(rows, settings),
-            ],
-        })
+    fn sections(&self, rows: &Rows, _: &Folder, settings: &Settings) -> Result<Vec<Section>> {
+        Ok(vec![
+            summary::section(rows),
+            known::section(rows),
+            frame::section(rows),
+            drift::section(rows),
+            hidden::section(rows),
+            phantoms::section(rows),
+            region::section(rows),
+            tones::section(rows),
+            hold::section(rows),
+            latency::section(rows, settings),
+        ])
     }
 }

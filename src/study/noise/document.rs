@@ -2,31 +2,26 @@
 
 use super::bound::{floor_of_many, rounded};
 use super::tables::{self, WHITE_FROM_DN, bench, of, signal_to_noise, spoken_of, values};
-use phasmid_report::lab::{
-    Block, Chart, Check, Document, Figure, Row, Rows, Section, Series, SeriesStyle,
-};
+use phasmid_report::lab::{Block, Chart, Check, Figure, Row, Rows, Section, Series, SeriesStyle};
 
 /// By how much errors may exceed the bound.
 const ABOVE_BOUND: f64 = 1.05;
 /// The number of steps of the paper and of the tables that hold one.
 const STEPS: f64 = 12.0;
 
-/// The document of all rows.
-pub(super) fn of_rows(rows: &Rows) -> Document {
+/// The sections of all rows.
+pub(super) fn of_rows(rows: &Rows) -> Vec<Section> {
     let section = |title: &str, blocks| Section {
         title: title.to_owned(),
         blocks,
     };
-    Document {
-        title: "Noise of phase and depth beside its bounds".to_owned(),
-        sections: vec![
-            section("Even noise: least squares and rounding", even(rows)),
-            section("Even noise: inliers, gross errors, coverage", mask(rows)),
-            section("Shot noise: what weights win", shot(rows)),
-            section("Depth", depth(rows)),
-            section("Checks", vec![Block::Checks(checks(rows))]),
-        ],
-    }
+    vec![
+        section("Even noise: least squares and rounding", even(rows)),
+        section("Even noise: inliers, gross errors, coverage", mask(rows)),
+        section("Shot noise: what weights win", shot(rows)),
+        section("Depth", depth(rows)),
+        section("Checks", vec![Block::Checks(checks(rows))]),
+    ]
 }
 
 fn even(rows: &Rows) -> Vec<Block> {

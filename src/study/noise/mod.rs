@@ -14,7 +14,7 @@ mod stack;
 mod tables;
 
 use phasmid_core::error::Result;
-use phasmid_report::lab::{Document, Folder, Row, Rows, Settings, Study, Trial};
+use phasmid_report::lab::{Folder, Row, Rows, Section, Settings, Study, Trial};
 
 /// The study.
 pub struct Noise;
@@ -26,6 +26,10 @@ impl Study for Noise {
 
     fn about(&self) -> &'static str {
         "phase and depth noise beside the bounds that the sensor's noise sets"
+    }
+
+    fn title(&self) -> &'static str {
+        "Noise of phase and depth beside its bounds"
     }
 
     fn columns(&self) -> &'static [&'static str] {
@@ -97,7 +101,7 @@ impl Study for Noise {
         Ok(trials)
     }
 
-    fn document(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Document> {
+    fn sections(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Vec<Section>> {
         Ok(document::of_rows(rows))
     }
 }

@@ -21,7 +21,7 @@ mod views;
 
 use figures::Figures;
 use phasmid_core::error::Result;
-use phasmid_report::lab::{Block, Document, Folder, Rows, Section, Settings, Study, Trial};
+use phasmid_report::lab::{Block, Folder, Rows, Section, Settings, Study, Trial};
 
 /// The study.
 pub struct Paper;
@@ -77,6 +77,10 @@ impl Study for Paper {
         "The paper's experiments on the paper's rig, with the paper's figures beside ours."
     }
 
+    fn title(&self) -> &'static str {
+        "The paper's experiments"
+    }
+
     fn columns(&self) -> &'static [&'static str] {
         &ALL_COLUMNS
     }
@@ -92,21 +96,18 @@ impl Study for Paper {
         Ok(all)
     }
 
-    fn document(&self, rows: &Rows, folder: &Folder, settings: &Settings) -> Result<Document> {
-        Ok(Document {
-            title: "The paper's experiments".to_owned(),
-            sections: vec![
-                bench_section(settings),
-                pictures::section(),
-                distances::section(rows),
-                parts::section(rows),
-                views::section(rows),
-                light::section(rows),
-                grey::section(rows, folder)?,
-                calibration::section(rows),
-                trends(),
-            ],
-        })
+    fn sections(&self, rows: &Rows, folder: &Folder, settings: &Settings) -> Result<Vec<Section>> {
+        Ok(vec![
+            bench_section(settings),
+            pictures::section(),
+            distances::section(rows),
+            parts::section(rows),
+            views::section(rows),
+            light::section(rows),
+            grey::section(rows, folder)?,
+            calibration::section(rows),
+            trends(),
+        ])
     }
 }
 

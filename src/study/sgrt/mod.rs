@@ -18,7 +18,7 @@ mod trial;
 
 use phasmid_core::error::Result;
 use phasmid_phantom::patient_names;
-use phasmid_report::lab::{Block, Document, Folder, Rows, Section, Settings, Study, Trial};
+use phasmid_report::lab::{Block, Folder, Rows, Section, Settings, Study, Trial};
 
 /// The study.
 pub struct Sgrt;
@@ -65,7 +65,11 @@ impl Study for Sgrt {
     }
 
     fn about(&self) -> &'static str {
-        "A tumour followed through the skin of fifteen patients, with ideal skins and scanned ones."
+        "A tumour followed through the skin of fifteen patients, two in the quick form, with ideal skins and scanned ones."
+    }
+
+    fn title(&self) -> &'static str {
+        "Surface-guided radiotherapy: a tumour followed through the skin"
     }
 
     fn columns(&self) -> &'static [&'static str] {
@@ -113,43 +117,41 @@ impl Study for Sgrt {
         Ok(trials)
     }
 
-    fn document(&self, rows: &Rows, _: &Folder, settings: &Settings) -> Result<Document> {
+    fn sections(&self, rows: &Rows, _: &Folder, settings: &Settings) -> Result<Vec<Section>> {
         let names = patients(settings);
         let blocks = |mut blocks: Vec<Block>, more: Vec<Block>| {
             blocks.extend(more);
             blocks
         };
-        Ok(Document {
-            title: "Surface-guided radiotherapy: a tumour followed through the skin".to_owned(),
-            sections: vec![
-                Section {
-                    title: "What is compared".to_owned(),
-                    blocks: vec![Block::Words(COMPARED.to_owned())],
-                },
-                Section {
-                    title: "What is seen".to_owned(),
-                    blocks: vec![pictures::block(), path::block(rows)],
-                },
-                Section {
-                    title: "Position and shape of the tumour".to_owned(),
-                    blocks: blocks(
-                        vec![Block::Words(POSITION.to_owned())],
-                        tables::blocks(rows, &names),
-                    ),
-                },
-                Section {
-                    title: "What ideal skins hide".to_owned(),
-                    blocks: blocks(
-                        vec![Block::Words(TERMS.to_owned())],
-                        terms::blocks(rows, &names),
-                    ),
-                },
-            ],
-        })
+        Ok(vec![
+            Section {
+                title: "What is compared".to_owned(),
+                blocks: vec![Block::Words(format!("{} {COMPARED}", names.len()))],
+            },
+            Section {
+                title: "What is seen".to_owned(),
+                blocks: vec![pictures::block(), path::block(rows)],
+            },
+            Section {
+                title: "Position and shape of the tumour".to_owned(),
+                blocks: blocks(
+                    vec![Block::Words(POSITION.to_owned())],
+                    tables::blocks(rows, &names),
+                ),
+            },
+            Section {
+                title: "What ideal skins hide".to_owned(),
+                blocks: blocks(
+                    vec![Block::Words(TERMS.to_owned())],
+                    terms::blocks(rows, &names),
+                ),
+            },
+        ])
     }
 }
 
-const COMPARED: &str = "Fifteen generated patients lie on the couch on the day of \
+/// Begins with the number of patients.
+const COMPARED: &str = "generated patients lie on the couch on the day of \
     treatment: set up by hand some millimetres and degrees off, breathing deeper or shallower than at \
     planning, drifting. The tracker knows the planning folder only: the skin, the tumour and ten \
     displacement fields of one breathing cycle. Three skins go into the same tracker: points of the true \

@@ -3,16 +3,13 @@
 
 use crate::speed::links::Link;
 use phasmid_report::lab::{
-    Block, Chart, Check, Document, Figure, Row, Rows, Section, Series, SeriesStyle, Table,
+    Block, Chart, Check, Figure, Row, Rows, Section, Series, SeriesStyle, Table,
 };
 use phasmid_report::plot::figures;
 
-/// All of it.
-pub fn document(rows: &Rows) -> Document {
-    Document {
-        title: "Speed".to_owned(),
-        sections: vec![passes(rows), options(rows), links(rows)],
-    }
+/// All sections.
+pub fn sections(rows: &Rows) -> Vec<Section> {
+    vec![passes(rows), options(rows), links(rows)]
 }
 
 fn passes(rows: &Rows) -> Section {

@@ -14,7 +14,7 @@ mod talk;
 mod throughput;
 
 use phasmid_core::error::Result;
-use phasmid_report::lab::{Document, Folder, Rows, Settings, Study, Trial};
+use phasmid_report::lab::{Folder, Rows, Section, Settings, Study, Trial};
 
 /// The study.
 pub struct Speed;
@@ -26,6 +26,10 @@ impl Study for Speed {
 
     fn about(&self) -> &'static str {
         "Rates of every pass beside a memory copy, latency and frames a second over each link"
+    }
+
+    fn title(&self) -> &'static str {
+        "Speed"
     }
 
     fn columns(&self) -> &'static [&'static str] {
@@ -63,7 +67,7 @@ impl Study for Speed {
         Ok(trials)
     }
 
-    fn document(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Document> {
-        Ok(document::document(rows))
+    fn sections(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Vec<Section>> {
+        Ok(document::sections(rows))
     }
 }

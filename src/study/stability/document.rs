@@ -1,9 +1,7 @@
 //! Tables, charts and checks of the study, from its rows alone.
 
 use super::case::{Group, Sweep, checks};
-use phasmid_report::lab::{
-    Block, Chart, Document, Figure, Row, Rows, Section, Series, SeriesStyle, Table,
-};
+use phasmid_report::lab::{Block, Chart, Figure, Row, Rows, Section, Series, SeriesStyle, Table};
 use phasmid_report::plot::figures;
 
 /// Fewest cases that make a chart.
@@ -17,13 +15,10 @@ const WORDS: &str = "Each case has an oracle: a closed form, or f64 by a path of
     Near two pixels a period a third of the pixels is left out, those on an edge of the code, and \
     none is wrong.";
 
-pub(super) fn document(rows: &Rows, groups: &[Group]) -> Document {
+pub(super) fn sections(rows: &Rows, groups: &[Group]) -> Vec<Section> {
     let mut sections = vec![overview(rows, groups)];
     sections.extend(groups.iter().map(|group| section(group, rows)));
-    Document {
-        title: "Stability at the extremes".to_owned(),
-        sections,
-    }
+    sections
 }
 
 /// One line a sweep.

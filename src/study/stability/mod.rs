@@ -24,7 +24,7 @@ mod steps;
 
 use case::{Case, Group, Sweep};
 use phasmid_core::error::Result;
-use phasmid_report::lab::{Context, Document, Folder, Row, Rows, Settings, Study, Trial};
+use phasmid_report::lab::{Context, Folder, Row, Rows, Section, Settings, Study, Trial};
 
 /// All sweeps, in the order of the report.
 const GROUPS: &[Group] = &[
@@ -53,6 +53,10 @@ impl Study for Stability {
         "Stiff and extreme cases against closed forms: where each method holds, and what it says where it breaks."
     }
 
+    fn title(&self) -> &'static str {
+        "Stability at the extremes"
+    }
+
     fn columns(&self) -> &'static [&'static str] {
         &Case::COLUMNS
     }
@@ -64,8 +68,8 @@ impl Study for Stability {
             .collect())
     }
 
-    fn document(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Document> {
-        Ok(document::document(rows, GROUPS))
+    fn sections(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Vec<Section>> {
+        Ok(document::sections(rows, GROUPS))
     }
 }
 

@@ -19,7 +19,7 @@ mod terms;
 pub use needs::{CHECKS, checks, need};
 
 use phasmid_core::error::Result;
-use phasmid_report::lab::{Document, Folder, Rows, Settings, Study, Trial};
+use phasmid_report::lab::{Folder, Rows, Section, Settings, Study, Trial};
 
 /// The study.
 pub struct WorkPrecision;
@@ -31,6 +31,10 @@ impl Study for WorkPrecision {
 
     fn about(&self) -> &'static str {
         "Error against run time: steps, resolution, samples, filtering, arithmetic, every term"
+    }
+
+    fn title(&self) -> &'static str {
+        "Error against run time"
     }
 
     fn columns(&self) -> &'static [&'static str] {
@@ -48,7 +52,7 @@ impl Study for WorkPrecision {
         Ok(trials)
     }
 
-    fn document(&self, rows: &Rows, _: &Folder, settings: &Settings) -> Result<Document> {
-        Ok(document::document(rows, settings))
+    fn sections(&self, rows: &Rows, _: &Folder, settings: &Settings) -> Result<Vec<Section>> {
+        Ok(document::sections(rows, settings))
     }
 }

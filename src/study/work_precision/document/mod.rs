@@ -5,10 +5,10 @@ mod frames;
 mod scans;
 mod terms;
 
-use phasmid_report::lab::{Document, Row, Rows, Settings};
+use phasmid_report::lab::{Row, Rows, Section, Settings};
 
-/// All of it.
-pub fn document(rows: &Rows, settings: &Settings) -> Document {
+/// All sections.
+pub fn sections(rows: &Rows, settings: &Settings) -> Vec<Section> {
     let group = |name| rows.with("group", name).collect::<Vec<&Row>>();
     let [scans, frames, gpu, terms] = ["scan", "frames", "gpu", "term"].map(group);
     let bound_um = bound_um(&scans);
@@ -23,10 +23,7 @@ pub fn document(rows: &Rows, settings: &Settings) -> Document {
     if !terms.is_empty() {
         sections.push(terms::section(&terms, bound_um));
     }
-    Document {
-        title: "Error against run time".to_owned(),
-        sections,
-    }
+    sections
 }
 
 /// The noise bound of twelve steps at the bench's resolution, which figures without noise are held

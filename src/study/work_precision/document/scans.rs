@@ -168,14 +168,17 @@ fn cheapest(scans: &[&Row]) -> Table {
     table
 }
 
-fn scan_figure(scans: &[&Row], best: &[bool]) -> Figure {
+fn scan_figure(all: &[&Row], best: &[bool]) -> Figure {
     let point = |row: &Row| (scan_s(row) * 1e3, row.value("inlier_rmse_mm"));
     let mut scales: Vec<&str> = Vec::new();
-    for row in scans {
+    for row in all {
         if !scales.contains(&row.get("scale")) {
             scales.push(row.get("scale"));
         }
     }
+    // Settings that cannot be on the front are drawn apart.
+    let (scans, unsound): (Vec<&Row>, Vec<&Row>) = all.iter().partition(|row| is_sound(row));
+    let scans = scans.as_slice();
     let single = |row: &&&Row| row.get("samples") == "1";
     let mut series: Vec<Series> = scales
         .iter()
@@ -215,13 +218,24 @@ fn scan_figure(scans: &[&Row], best: &[bool]) -> Figure {
         SeriesStyle::Dashed,
         bounds,
     ));
-    let on = scans.iter().zip(best).filter(|(_, best)| **best);
+    let on = all.iter().zip(best).filter(|(_, best)| **best);
     let mut on: Vec<(f64, f64)> = on.map(|(row, _)| point(row)).collect();
     on.sort_by(|a, b| a.0.total_cmp(&b.0));
     series.push(Series::new("Pareto front", SeriesStyle::Dashed, on));
+    let mut out = Series::new(
+        "excluded: gross or few points",
+        SeriesStyle::Dots,
+        unsound.iter().map(|row| point(row)),
+    );
+    out.tips = unsound
+        .iter()
+        .map(|row| scan_name(row).join(", "))
+        .collect();
+    series.push(out);
     figure(
         "work-precision-scans",
-        "Error of scans with noise against the time to render and decode them.",
+        "Error of scans with noise against the time to render and decode them. Excluded from the front are \
+         settings with more than 1 % of gross errors or less than 90 % of the surface.",
         ["time of a scan, ms", "inlier RMSE, mm"],
         series,
     )
