@@ -31,9 +31,9 @@ impl From<HeldArg> for Held {
     }
 }
 
-/// Checks whether the images follow their sequence, by the noise of a calibration if there is one. Prints and returns the
-/// reason for doubt, if any. By default this is only a warning, because a projector with a nonlinear
-/// response suffices to cause it.
+/// Checks whether the images follow their sequence, by the noise of a calibration if there is one. Prints
+/// and returns the reason for doubt, if any. By default this is only a warning, because a projector with a
+/// nonlinear response suffices to cause it.
 ///
 /// # Errors
 /// With `strict`, returns the reason as an error.
@@ -44,8 +44,9 @@ pub(super) fn doubt(
     calibration: Option<&Rig>,
     strict: bool,
 ) -> Result<Option<String>> {
-    let of_sequence = check_sequence(manifest, images, Known::new(false, calibration)).err();
-    let Some(why) = of_sequence.or_else(|| doubt_of_fringes(manifest, images)) else {
+    let known = Known::new(false, calibration);
+    let of_sequence = check_sequence(manifest, images, known).err();
+    let Some(why) = of_sequence.or_else(|| doubt_of_fringes(manifest, images, known)) else {
         return Ok(None);
     };
     let why = why.to_string();

@@ -12,8 +12,8 @@ use phasmid_calibrate::files::read_rig;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{self, check_folder};
 use phasmid_decode::{
-    CALIBRATION_FILE, Capture, MANIFEST_FILE, Options, Summary, check_modulation, output_names,
-    write_outputs,
+    CALIBRATION_FILE, Capture, Known, MANIFEST_FILE, Options, Summary, check_modulation,
+    doubt_of_fringes, output_names, write_outputs,
 };
 use phasmid_geometry::Rig;
 use phasmid_host::usb::UsbAddress;
@@ -268,7 +268,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
     };
     truth.map_err(|e| e.at(format!("--truth (capture kept in {})", args.out.display())))?;
-    let doubt = phasmid_decode::doubt_of_fringes(&captured.manifest, &captured.images);
+    let known = Known::new(false, captured.calibration.as_ref());
+    let doubt = doubt_of_fringes(&captured.manifest, &captured.images, known);
     let doubt = doubt.map(|doubt| doubt.to_string());
     if let Some(why) = &doubt {
         eprintln!("phasmid: {address}: {why}");

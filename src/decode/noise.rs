@@ -4,7 +4,7 @@
 //! to white plus black whatever the bit, and more steps than unknowns leave a residual. If there are
 //! enough steps, harmonics of the fringe are removed from the residual, because the projector's
 //! response curve causes them. The variances as a function of the mean give a photon-transfer line,
-//! variance = s0 + K mean (EMVA 1288 release 4.0, section 6).
+//! variance = s0 + K (mean - black level) (EMVA 1288 release 4.0, section 6).
 //!
 //! Pixels are binned by mean, outliers are removed from each bin, and the line is fitted to the
 //! bins by weighted least squares. Two precautions matter for a board in a dark room. Bins have
@@ -15,7 +15,7 @@
 
 use super::plan::Plan;
 use super::steps::FringeSet;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use phasmid_geometry::NoiseModel;
 use phasmid_pattern::{ImageView, SamplesView};
 
@@ -102,7 +102,7 @@ fn step(images: &[ImageView<'_>], stride: usize) -> f64 {
 /// Sources of redundancy. Sums of complements are preferred, because only noise affects them.
 enum Sources {
     Sums(Vec<(usize, usize)>),
-    Residuals(Vec<(Vec<usize>, DMatrix<f64>, f64)>),
+    Residuals(Vec<Residual>),
     Means(Vec<FringeSet>),
 }
 
@@ -115,7 +115,7 @@ impl Sources {
             return Self::Sums(sums);
         }
         let sets: Vec<&FringeSet> = plan.axes.iter().flat_map(|a| &a.sets).collect();
-        let residuals: Vec<_> = sets.iter().filter_map(|set| annihilator(set)).collect();
+        let residuals: Vec<_> = sets.iter().filter_map(|set| residual(set)).collect();
         if !residuals.is_empty() {
             return Self::Residuals(residuals);
         }
@@ -143,16 +143,22 @@ impl Sources {
                 });
             }
             Self::Residuals(sets) => {
-                for (frames, project, freedom) in sets {
-                    let values: Vec<f64> = frames.iter().map(|&f| sample(f)).collect();
+                let mut values = Vec::new();
+                for Residual { frames, basis } in sets {
+                    values.clear();
+                    values.extend(frames.iter().map(|&f| sample(f)));
                     if values.iter().any(|&v| v > ceiling) {
                         continue;
                     }
-                    let values = DVector::from_vec(values);
+                    let along = |vector: &Vec<f64>| {
+                        let products = vector.iter().zip(&values).map(|(a, b)| a * b);
+                        products.sum::<f64>().powi(2)
+                    };
+                    let freedom = basis.len() as f64;
                     out.push(Estimate {
-                        mean: values.mean(),
-                        variance: (project * &values).norm_squared() / freedom,
-                        freedom: *freedom,
+                        mean: values.iter().sum::<f64>() / values.len() as f64,
+                        variance: basis.iter().map(along).sum::<f64>() / freedom,
+                        freedom,
                     });
                 }
             }
@@ -174,8 +180,14 @@ impl Sources {
     }
 }
 
-/// Frames, projection onto the residual of a fringe with harmonics, and its rank.
-fn annihilator(set: &FringeSet) -> Option<(Vec<usize>, DMatrix<f64>, f64)> {
+/// The residual of a fringe with harmonics.
+struct Residual {
+    frames: Vec<usize>,
+    /// Orthonormal vectors over the frames.
+    basis: Vec<Vec<f64>>,
+}
+
+fn residual(set: &FringeSet) -> Option<Residual> {
     let n = set.phases.len();
     // At most three harmonics, as long as at least one degree of freedom in four remains.
     for harmonics in (1..=3usize.min(n.saturating_sub(2) / 2)).rev() {
@@ -189,21 +201,29 @@ fn annihilator(set: &FringeSet) -> Option<(Vec<usize>, DMatrix<f64>, f64)> {
                 (order * set.phases[i]).sin()
             }
         });
-        let freedom = n as f64 - basis.ncols() as f64;
         let normal = basis.transpose() * &basis;
-        if freedom < 1.0 || normal.symmetric_eigenvalues().min() < 1e-6 * n as f64 {
+        if basis.ncols() >= n || normal.symmetric_eigenvalues().min() < 1e-6 * n as f64 {
             continue;
         }
         let inverse = normal.try_inverse()?;
         let project = DMatrix::identity(n, n) - &basis * inverse * basis.transpose();
-        return Some((set.frames.clone(), project, freedom));
+        // The eigenvalues along the residual are 1, all others 0.
+        let eigen = project.symmetric_eigen();
+        let vectors = eigen.eigenvectors.column_iter().zip(&eigen.eigenvalues);
+        let along = vectors.filter(|(_, value)| **value > 0.5);
+        return Some(Residual {
+            frames: set.frames.clone(),
+            basis: along
+                .map(|(vector, _)| vector.iter().copied().collect())
+                .collect(),
+        });
     }
     None
 }
 
 /// Fits s0 and K of variance = s0 + K (mean - black); `rounding` is the variance of rounding, the lower
 /// bound of s0. The black level shows only where the line through all would fall below that bound before
-/// the darkest mean; it is 0 otherwise, and part of s0.
+/// the darkest mean, if that is positive; it is 0 otherwise, and part of s0.
 fn transfer_line(mut estimates: Vec<Estimate>, rounding: f64) -> Option<(f64, f64, f64)> {
     if estimates.len() < 100 {
         return None;
@@ -229,7 +249,7 @@ fn transfer_line(mut estimates: Vec<Estimate>, rounding: f64) -> Option<(f64, f6
     }
     let darkest = bins.first().map_or(0.0, |bin| bin.mean);
     let black = match gain > 0.0 {
-        true => ((rounding - s0) / gain).clamp(0.0, darkest),
+        true => ((rounding - s0) / gain).clamp(0.0, darkest.max(0.0)),
         false => 0.0,
     };
     let xx = sum(&|b| (b.mean - black).powi(2));
@@ -289,4 +309,25 @@ fn robust_variance(bin: &[Estimate]) -> Option<f64> {
         variance = sum / freedom;
     }
     Some(variance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_below_zero_have_no_black_level() {
+        // Means of unequal steps may be negative where only one of them has light.
+        let estimate = |i: u32| {
+            let mean = 0.03 * f64::from(i) - 12.0;
+            Estimate {
+                mean,
+                variance: (0.4 * (mean - 30.0)).max(0.08),
+                freedom: 1.0,
+            }
+        };
+        let (black, s0, gain) = transfer_line((0..4000).map(estimate).collect(), 0.08).unwrap();
+        assert_eq!((black, s0), (0.0, 0.08));
+        assert!((0.01..0.4).contains(&gain), "{gain}");
+    }
 }

@@ -24,7 +24,7 @@ const PIXELS: usize = 4000;
 const FEWEST: usize = 50;
 /// Maximum residual in standard deviations; noise exceeds it in 6 of 100,000 pixels.
 const SIGMAS: f64 = 4.0;
-/// Maximum fraction of the harmonics by which blur changes it between parts of the image.
+/// Maximum fraction of the harmonics by which blur changes them between parts of the image.
 const BLURRED: f64 = 0.75;
 /// Number of fitted terms: the light, and both components of the fringe and of its second and third
 /// harmonics, as far as a set responds to these.
@@ -35,6 +35,8 @@ const RIDGE: f64 = 1e-12;
 const ROUNDS: usize = 4;
 /// Residual in standard deviations above which a pixel is down-weighted in the fit.
 const BENT: f64 = 2.0;
+/// Standard errors that three terms together exceed in one of 60,000 captures.
+const CERTAIN: f32 = 5.0;
 /// Mean phasor of the pixels above which coarse fringes do not tell the light of their steps.
 const LOPSIDED: f32 = 0.7;
 /// Lower bound of the robust scale, as a fraction of noise and model error.
@@ -52,19 +54,37 @@ pub(super) struct Shared {
     weights: Vec<f32>,
     /// Scale of the rest, in standard deviations of noise and model error.
     pub(super) scale: f32,
+    fit: Fit,
+}
+
+/// How well the pixels of a capture tell the light of steps.
+#[derive(Debug, Clone, Copy, Default)]
+struct Fit {
     /// Length of the mean phasor of the pixels: near 1 if all have about the same phase, so that the parts
     /// cannot be told apart.
     lopsided: f32,
-    /// Number of pixels that tell.
-    pub(super) pixels: usize,
-    /// Scale before what they have in common is taken off.
-    pub(super) before: f32,
+    /// Standard error of each part of [`Shared::light`].
+    light_error: f32,
+    /// Scale of the residuals before what they have in common is taken off.
+    before: f32,
 }
 
 impl Shared {
+    /// Whether steps differ in their light by more than a `limit` in units of the residual and than chance
+    /// explains.
+    pub(super) fn differs_by(&self, limit: f32) -> bool {
+        self.difference() > limit.max(CERTAIN * self.fit.light_error)
+    }
+
+    /// Whether what they have in common takes off all but one in `factor` of the scale.
+    pub(super) fn explains(&self, factor: f32) -> bool {
+        self.fit.before > factor * self.scale
+    }
+
     /// How much steps differ in their light, in units of the residual, as far as the pixels' phases show it.
     pub(super) fn difference(&self) -> f32 {
-        if self.lopsided > LOPSIDED {
+        let lopsided = self.fit.lopsided;
+        if lopsided > LOPSIDED {
             return 0.0;
         }
         let size = self
@@ -73,7 +93,7 @@ impl Shared {
             .map(|part| part * part)
             .sum::<f32>()
             .sqrt();
-        size * (1.0 - self.lopsided * self.lopsided)
+        size * (1.0 - lopsided * lopsided)
     }
 
     /// The step that alone explains the difference best, and its light in parts of the others'.
@@ -104,12 +124,7 @@ pub(super) struct RobustScale {
     modulation: f32,
     /// Median of the set's [`SetKernel::harmonic`] over pixels.
     pub(super) harmonic: f32,
-    /// See [`Shared::lopsided`].
-    lopsided: f32,
-    /// See [`Shared::pixels`].
-    pixels: usize,
-    /// See [`Shared::before`].
-    before: f32,
+    fit: Fit,
 }
 
 impl Default for RobustScale {
@@ -120,9 +135,7 @@ impl Default for RobustScale {
             deviations: f32::INFINITY,
             modulation: 0.0,
             harmonic: 0.0,
-            lopsided: 1.0,
-            pixels: 0,
-            before: 0.0,
+            fit: Fit::default(),
         }
     }
 }
@@ -200,14 +213,14 @@ impl RobustScale {
             SVector::from([c, s]) / c.hypot(s).max(1e-9)
         });
         let lopsided = phasors.sum::<SVector<f64, 2>>().norm() / pixels.len() as f64;
-        let mut fitted = SVector::zeros();
+        let (mut fitted, mut light_error) = (SVector::zeros(), f64::INFINITY);
         let before = deviation(&pixels);
         let mut scale = before;
         for _ in 0..ROUNDS {
-            let Some(found) = fit(&pixels, scale) else {
+            let Some((terms, error)) = fit(&pixels, scale) else {
                 break;
             };
-            fitted = found;
+            (fitted, light_error) = (terms, error);
             for pixel in &mut pixels {
                 pixel.left = (pixel.check - fitted.dot(&pixel.terms)) / pixel.sigma;
             }
@@ -219,9 +232,11 @@ impl RobustScale {
             modulation: (BLURRED * (fitted[3].hypot(fitted[4]) + fitted[5].hypot(fitted[6])))
                 as f32,
             harmonic,
-            lopsided: lopsided as f32,
-            pixels: pixels.len(),
-            before: before as f32,
+            fit: Fit {
+                lopsided: lopsided as f32,
+                light_error: (scale * light_error) as f32,
+                before: before as f32,
+            },
         }
     }
 
@@ -233,9 +248,7 @@ impl RobustScale {
             light: [light, c, s],
             weights: set.check_weights(),
             scale,
-            lopsided: self.lopsided,
-            pixels: self.pixels,
-            before: self.before,
+            fit: self.fit,
         })
     }
 
@@ -274,8 +287,9 @@ fn terms(light: f32, c: f32, s: f32, modulation: f32) -> [f32; TERMS] {
     [light, c, s, second[0], second[1], third[0], third[1]]
 }
 
-/// Least-squares fit of the terms; pixels far off in the last iteration are down-weighted.
-fn fit(pixels: &[Pixel], scale: f64) -> Option<SVector<f64, TERMS>> {
+/// Least-squares fit of the terms; pixels far off in the last iteration are down-weighted. Also returns the
+/// standard error of the first three, for remainders with a scale of 1.
+fn fit(pixels: &[Pixel], scale: f64) -> Option<(SVector<f64, TERMS>, f64)> {
     let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
     let mut right = SVector::<f64, TERMS>::zeros();
     for pixel in pixels {
@@ -285,7 +299,9 @@ fn fit(pixels: &[Pixel], scale: f64) -> Option<SVector<f64, TERMS>> {
         right += pixel.terms * (pixel.check * weight);
     }
     normal += SMatrix::identity() * (RIDGE * normal.trace());
-    normal.cholesky().map(|c| c.solve(&right))
+    let factors = normal.cholesky()?;
+    let variance = factors.inverse().diagonal().rows(0, 3).mean();
+    Some((factors.solve(&right), variance.sqrt()))
 }
 
 /// Robust scale of the remainders, in standard deviations of noise and model error.

@@ -15,7 +15,7 @@ pub use tracker::{SkinPose, TrackOptions, Tracked, Tracker, TumourPosition};
 
 use super::Scanner;
 use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Capture, FrameDoubt, doubt_of_fringes};
+use phasmid_decode::{Capture, FrameDoubt, Known, doubt_of_fringes};
 use phasmid_host::{Flow, Progress};
 use phasmid_profile::RigPlace;
 use phasmid_sgrt::{Beam, Measured, MotionState, Planned};
@@ -275,8 +275,9 @@ fn follow(
                 identified,
                 arrived,
             } = taken;
+            let known = Known::new(identified, capture.calibration.as_ref());
             if tracker.scans() == 0
-                && let Some(why) = doubt_of_fringes(&capture.manifest, &capture.images)
+                && let Some(why) = doubt_of_fringes(&capture.manifest, &capture.images, known)
             {
                 let (pod, why) = (tracker.name(pod), &why);
                 if progress(TrackProgress::Doubtful { pod, why }).is_break() {

@@ -2,8 +2,7 @@
 //! the images alone, and an intact capture is never reported as doubtful.
 
 use phasmid::decode::{
-    Capture, FrameDoubt, Known, Options, check_modulation, check_sequence,
-    doubt_of_fringes as doubt,
+    Capture, FrameDoubt, Known, Options, check_modulation, check_sequence, doubt_of_fringes,
 };
 use phasmid::emulator::{Device, FrameSink};
 use phasmid::error::Error;
@@ -18,6 +17,11 @@ const SHORT: Duration = Duration::from_millis(20);
 
 /// Changes that the link from the device to the camera makes to the frames of a run.
 type Change = fn(Vec<Frame>) -> Vec<Frame>;
+
+/// The doubt of the fringes of a capture.
+fn doubt(captured: &Capture) -> Option<FrameDoubt> {
+    doubt_of_fringes(&captured.manifest, &captured.images, Known::default())
+}
 
 /// A link whose frames carry no pattern identity; the frames of the first `bad_runs` runs are
 /// changed.
@@ -289,7 +293,7 @@ fn sound_captures_in_any_light_and_by_any_response_are_not_doubted() {
                     Ok(captured) => {
                         seen += 1;
                         if gamma == 1.0 {
-                            assert_eq!(doubt(&captured.manifest, &captured.images), None, "{what}");
+                            assert_eq!(doubt(&captured), None, "{what}");
                         }
                     }
                     // Saturation is reported as such, not as damage.
@@ -601,8 +605,7 @@ fn partial_bit_planes_are_doubted_or_give_the_same_surface() {
             short.camera.exposure_us = exposure_us;
             let captured = scan(&short, scene, |frames| frames, 0).ok();
             // Doubtful captures count as detected, too.
-            let captured =
-                captured.filter(|captured| doubt(&captured.manifest, &captured.images).is_none());
+            let captured = captured.filter(|captured| doubt(captured).is_none());
             let Some(depth) = captured.as_ref().and_then(depths) else {
                 continue;
             };
@@ -846,7 +849,7 @@ fn sets_of_three_steps_are_checked_against_each_other() {
         let found = check_sequence(&captured.manifest, &captured.images, Known::default());
         assert_eq!(found, Ok(()), "{light} of the light, gamma {gamma}");
         // Three steps alias the second harmonic onto the fringe.
-        let bent = match doubt(&captured.manifest, &captured.images) {
+        let bent = match doubt(&captured) {
             Some(FrameDoubt::NotSinusoidal { frames, .. }) => frames.end() - frames.start() == 2,
             _ => false,
         };

@@ -16,10 +16,10 @@
 //! cover all bit planes of a DMD.
 
 use super::FrameDoubt;
+use super::pixels::Line;
 use super::sample::Sample;
 use crate::FringeSet;
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
-use phasmid_pattern::Image;
+use nalgebra::{Complex, Matrix2, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -45,9 +45,9 @@ const LEAST_DN: f64 = 3.0;
 /// and in deviations of the noise.
 const LEAST_SIGMAS: f64 = 4.0;
 /// Least contrast of white and black in deviations of the noise,
-const CONTRAST: f64 = 10.0;
+const CONTRAST: f32 = 10.0;
 /// and in DN: the rounding of fewer follows the phase.
-const CONTRAST_DN: f64 = 12.0;
+const CONTRAST_DN: f32 = 12.0;
 /// Part of the usual pixel's modulation from which on one is looked at, for blur takes the rest, and up
 /// to which it is believed.
 const USUAL: std::ops::Range<f64> = 0.5..2.0;
@@ -86,14 +86,13 @@ impl Bent {
 }
 
 /// The sets of a capture whose phases are off by more than is worth telling.
-pub(super) fn of_capture(sample: &Sample, frames: &[Image]) -> Vec<Bent> {
-    let full = f64::from(sample.full);
+pub(super) fn of_capture(sample: &Sample) -> Vec<Bent> {
     let sets = sample.plan.axes.iter().flat_map(|axis| &axis.sets);
     let bent = |set: &FringeSet| {
         if !set.steps_are_equal() {
             return None;
         }
-        let by_phase = phase_error(set, frames, sample, full);
+        let by_phase = phase_error(set, sample);
         let by_phase = by_phase.map(|(error, deviation)| (error, error - SIGMAS * deviation));
         let by_phase = by_phase.filter(|(_, least)| *least > WORTH_RAD);
         let refused = set.frames.len() >= REFUSED_STEPS;
@@ -116,14 +115,8 @@ pub(super) fn of_capture(sample: &Sample, frames: &[Image]) -> Vec<Bent> {
 
 /// The amplitude of the error of phase and its standard deviation, in radians, from lines along the rows and
 /// down the columns, as far as the phase grows there; none where too few pixels would show it.
-fn phase_error(
-    set: &FringeSet,
-    frames: &[Image],
-    sample: &Sample,
-    full: f64,
-) -> Option<(f64, f64)> {
-    let first = frames.first()?;
-    let lines = [true, false].map(|rows| along_lines(set, frames, first, rows, sample, full));
+fn phase_error(set: &FringeSet, sample: &Sample) -> Option<(f64, f64)> {
+    let lines = [true, false].map(|rows| along_lines(set, sample, rows));
     let shown = lines.into_iter().filter(Sums::is_shown);
     let all = shown.fold(Sums::default(), Sums::and);
     if all.pixels < FEWEST {
@@ -137,41 +130,21 @@ fn phase_error(
 }
 
 /// The sums over lines along the rows or down the columns.
-fn along_lines(
-    set: &FringeSet,
-    frames: &[Image],
-    first: &Image,
-    rows: bool,
-    sample: &Sample,
-    full: f64,
-) -> Sums {
-    let (width, height) = (first.width(), first.height());
-    let (length, across) = if rows {
-        (width, height)
-    } else {
-        (height, width)
+fn along_lines(set: &FringeSet, sample: &Sample, rows: bool) -> Sums {
+    let pixels = if rows { &sample.rows } else { &sample.columns };
+    let Some(fringes) = pixels.fringes(set) else {
+        return Sums::default();
     };
-    let noise_dn = sample.usual_noise_dn();
-    let least = LEAST_DN.max(LEAST_SIGMAS * noise_dn);
+    let saturated = pixels.saturated_in(set.frames.iter().copied());
+    let least = LEAST_DN.max(LEAST_SIGMAS * sample.usual_noise_dn());
     let n = set.phases.len() as f64;
-    let lines = LINES.min(across);
-    let of_line = |line: usize| {
-        let line = (2 * line + 1) * across / (2 * lines);
-        let mut samples = Vec::with_capacity(set.frames.len());
-        let mut phase = |at: usize| {
-            let pixel = if rows {
-                line * width + at
-            } else {
-                at * width + line
-            };
-            samples.clear();
-            let values = set.frames.iter().map(|f| frames[*f].value(pixel));
-            samples.extend(values.map(f64::from));
-            let [_, c, s] = set.solve(&samples);
-            let lit = c * c + s * s >= least * least && samples.iter().all(|v| *v < full);
-            lit.then(|| s.atan2(c) + set.phases[0])
-        };
-        let phases: Vec<Option<f64>> = (0..length).map(&mut phase).collect();
+    let phase = |pixel: usize| {
+        let [c, s] = fringes.at(pixel);
+        let is_lit = c * c + s * s >= least * least && !saturated[pixel];
+        is_lit.then(|| s.atan2(c))
+    };
+    let of_line = |line: &Line| {
+        let phases: Vec<Option<f64>> = line.pixels().map(phase).collect();
         let mut sums = Sums::default();
         for three in phases.windows(3) {
             if let &[Some(before), Some(here), Some(after)] = three {
@@ -180,7 +153,8 @@ fn along_lines(
         }
         sums
     };
-    let of_lines: Vec<Sums> = (0..lines).into_par_iter().map(of_line).collect();
+    let lines = pixels.lines(rows, LINES);
+    let of_lines: Vec<Sums> = lines.par_iter().map(of_line).collect();
     of_lines.into_iter().fold(Sums::default(), Sums::and)
 }
 
@@ -205,7 +179,8 @@ impl Sums {
             return;
         }
         let left = -2.0 * (1.0 - (n * grows).cos());
-        let row = left * Vector2::new((n * here).cos(), (n * here).sin());
+        let (sin, cos) = (n * here).sin_cos();
+        let row = left * Vector2::new(cos, sin);
         self.normal += row * row.transpose();
         self.right += row * (next - rise);
         self.shown += left * left;
@@ -232,31 +207,35 @@ impl Sums {
 /// How far the modulation follows N times the phase, in parts of it.
 fn ripple(set: &FringeSet, sample: &Sample) -> Option<f64> {
     let (white, black) = sample.plan.references()?;
-    let n = set.phases.len() as f64;
-    // Modulation in parts of half the contrast, and phase.
+    let n = set.phases.len() as u32;
+    let pixels = &sample.columns;
+    let [white, black] = [white, black].map(|frame| pixels.frame(frame));
+    let fringes = pixels.fringes(set)?;
+    // Modulation in parts of half the contrast, and fringe.
     let told = |i: usize| {
-        let contrast = sample.value(white, i) - sample.value(black, i);
+        let contrast = white[i] - black[i];
         let is_bright =
-            !sample.is_saturated(i) && contrast >= CONTRAST_DN.max(CONTRAST * sample.noise_dn(i));
+            !pixels.is_saturated(i) && contrast >= CONTRAST_DN.max(CONTRAST * sample.noise_dn[i]);
         is_bright.then(|| {
-            let samples: Vec<f64> = set.frames.iter().map(|k| sample.value(*k, i)).collect();
-            let [_, c, s] = set.solve(&samples);
-            (2.0 * c.hypot(s) / contrast, s.atan2(c) + set.phases[0])
+            let [c, s] = fringes.at(i);
+            let modulation = (c * c + s * s).sqrt();
+            let fringe = Complex::new(c, s) / modulation.max(f64::MIN_POSITIVE);
+            (2.0 * modulation / f64::from(contrast), fringe)
         })
     };
-    let mut told: Vec<(f64, f64)> = (0..sample.pixels()).filter_map(told).collect();
+    let mut told: Vec<(f64, Complex<f64>)> = (0..pixels.len()).filter_map(told).collect();
     if told.len() < FEWEST_MODULATED {
         return None;
     }
     let middle = told.len() / 2;
-    let by_modulation = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0);
+    let by_modulation = |a: &(f64, _), b: &(f64, _)| a.0.total_cmp(&b.0);
     let usual = told.select_nth_unstable_by(middle, by_modulation).1.0;
     told.retain(|(modulation, _)| USUAL.contains(&(modulation / usual)));
     let mut normal = Matrix3::zeros();
     let mut right = Vector3::zeros();
-    for (modulation, phase) in told {
-        let turns = n * phase;
-        let row = Vector3::new(1.0, turns.cos(), turns.sin());
+    for (modulation, fringe) in told {
+        let turns = fringe.powu(n);
+        let row = Vector3::new(1.0, turns.re, turns.im);
         normal += row * row.transpose();
         right += row * modulation;
     }
@@ -264,7 +243,13 @@ fn ripple(set: &FringeSet, sample: &Sample) -> Option<f64> {
     Some(fitted[1].hypot(fitted[2]) / fitted[0])
 }
 
-/// An angle between -pi and pi.
-fn wrapped(angle: f64) -> f64 {
-    (angle + PI).rem_euclid(TAU) - PI
+/// A difference of two angles between -pi and pi, in that range too.
+fn wrapped(difference: f64) -> f64 {
+    if difference < -PI {
+        difference + TAU
+    } else if difference > PI {
+        difference - TAU
+    } else {
+        difference
+    }
 }

@@ -5,43 +5,40 @@
 //! another pattern, they are far apart. At steps in depth several bits change at once, and those say
 //! nothing.
 
+use super::pixels::{Line, Pixels};
 use super::sample::Sample;
 use crate::plan::{AxisPlan, Plan};
-use phasmid_pattern::{Image, gray_decode};
+use phasmid_pattern::gray_decode;
 use rayon::prelude::*;
 
 /// Lines along the rows and down the columns that are looked at.
 const LINES: usize = 32;
 /// Part of the contrast that makes a bit clear.
-const CLEAR: f64 = 0.25;
+const CLEAR: f32 = 0.25;
 /// Contrast in standard deviations of noise, at least.
 const CONTRAST: f64 = 14.0;
 /// Pixels that may lie between neighbours: those on an edge are not clear.
 const APART: usize = 4;
-
 /// Edges of a bit that tell.
 const FEWEST: usize = 12;
 
 /// Whether most edges of some bit of an axis lie between cells that are not next to each other.
-pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan, frames: &[Image]) -> bool {
-    let (Some(code), Some(first)) = (&axis.gray, frames.first()) else {
+pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan) -> bool {
+    let Some(code) = &axis.gray else {
         return false;
     };
-    let (width, height) = (first.width(), first.height());
-    let full = f64::from(sample.full);
-    let least = CONTRAST * sample.usual_noise_dn();
+    let least = (CONTRAST * sample.usual_noise_dn()) as f32;
     let map = sample.decoded.axis(axis.axis);
     let unused = map.map_or(0, |map| map.unused_bits);
-    let word = |pixel: usize| word(&sample.plan, axis, unused, frames, pixel, [least, full]);
     let none = || Changes {
         of_bits: vec![[0; 2]; code.bits.len()],
         of_words: [0; 2],
     };
-    let count = |length: usize, start: usize, step: usize| {
+    let count = |words: &[Option<u64>], line: &Line| {
         let mut found = none();
         let mut before: Option<(usize, u64)> = None;
-        for i in 0..length {
-            let Some(now) = word(start + i * step) else {
+        for (i, pixel) in line.pixels().enumerate() {
+            let Some(now) = words[pixel] else {
                 continue;
             };
             if let Some((_, then)) = before.filter(|(place, _)| i - place <= APART) {
@@ -51,14 +48,14 @@ pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan, frames: &[Image]) -> b
         }
         found
     };
-    let ways = [(width, height, 1, width), (height, width, width, 1)].into_par_iter();
-    let of_lines = ways.flat_map(|(length, across, step, stride)| {
-        let lines = LINES.min(across);
-        let start = move |line| (2 * line + 1) * across / (2 * lines) * stride;
-        let lines = (0..lines).into_par_iter();
-        lines.map(move |line| count(length, start(line), step))
+    let ways = [(&sample.rows, true), (&sample.columns, false)].into_par_iter();
+    let of_ways = ways.map(|(pixels, along_rows)| {
+        let words = words(&sample.plan, axis, unused, pixels, least);
+        let lines = pixels.lines(along_rows, LINES);
+        let of_lines = lines.iter().map(|line| count(&words, line));
+        of_lines.fold(none(), Changes::and)
     });
-    let Changes { of_bits, of_words } = of_lines.reduce(none, Changes::and);
+    let Changes { of_bits, of_words } = of_ways.reduce(none, Changes::and);
     let told = |[near, far]: &[usize; 2]| near + far >= FEWEST && far > near;
     // A code without fringes may be finer than the camera resolves: most changes are then of several bits.
     let resolved = !axis.sets.is_empty() || of_words[0] > of_words[1];
@@ -99,51 +96,68 @@ impl Changes {
     }
 }
 
-/// The code word of a pixel without its `unused` finest bits, if each bit is clear; contrasts are at least
-/// `least` and samples below `full`, in DN.
-fn word(
+/// The code words of pixels without their `unused` finest bits, where each bit is clear; contrasts are at
+/// least `least`, in DN.
+fn words(
     plan: &Plan,
     axis: &AxisPlan,
     unused: usize,
-    frames: &[Image],
-    pixel: usize,
-    [least, full]: [f64; 2],
-) -> Option<u64> {
-    let value = |frame: usize| f64::from(frames[frame].value(pixel));
+    pixels: &Pixels,
+    least: f32,
+) -> Vec<Option<u64>> {
     // White and black, or else the fringes, tell the middle and half of the contrast.
-    let light = || match (plan.references(), axis.sets.first()) {
+    let light = match (plan.references(), axis.sets.first()) {
         (Some((white, black)), _) => {
-            let (white, black) = (value(white), value(black));
-            (white < full).then_some((0.5 * (white + black), 0.5 * (white - black)))
+            let [white, black] = [white, black].map(|frame| pixels.frame(frame));
+            let middle = zipped(white, black, |white, black| 0.5 * (white + black));
+            let half = zipped(white, black, |white, black| 0.5 * (white - black));
+            Some((middle, half, pixels.saturated_in(plan.white)))
         }
-        (None, Some(set)) => {
-            let samples: Vec<f64> = set.frames.iter().map(|k| value(*k)).collect();
-            let [mean, c, s] = set.solve(&samples);
-            samples
-                .iter()
-                .all(|v| *v < full)
-                .then(|| (mean, c.hypot(s)))
-        }
+        (None, Some(set)) => pixels.fringes(set).map(|fringes| {
+            let half = zipped(&fringes.cos, &fringes.sin, |c, s| (c * c + s * s).sqrt());
+            let saturated = pixels.saturated_in(set.frames.iter().copied());
+            (fringes.mean.clone(), half, saturated)
+        }),
         (None, None) => None,
     };
-    let light = light();
-    let mut word = 0;
+    let mut words = vec![0u64; pixels.len()];
+    let mut clear: Vec<bool> = match &light {
+        Some((_, half, saturated)) => {
+            let lit = half.iter().zip(saturated);
+            lit.map(|(half, saturated)| 2.0 * half >= least && !saturated)
+                .collect()
+        }
+        None => vec![true; pixels.len()],
+    };
     let bits = axis.gray.iter().flat_map(|code| &code.bits).skip(unused);
     for (place, bit) in bits.enumerate() {
-        let (contrast, half) = match (bit.plain, bit.inverse, light) {
-            (Some(plain), Some(inverse), _) => {
-                let [plain, inverse] = [plain, inverse].map(value);
-                let half = light.map_or(0.5 * (plain - inverse).abs(), |(_, half)| half);
-                (0.5 * (plain - inverse), half)
-            }
-            (Some(plain), None, Some((middle, half))) => (value(plain) - middle, half),
-            (None, Some(inverse), Some((middle, half))) => (middle - value(inverse), half),
-            _ => return None,
+        let [plain, inverse] = [bit.plain, bit.inverse].map(|k| k.map(|k| pixels.frame(k)));
+        let contrast = match (plain, inverse, &light) {
+            (Some(plain), Some(inverse), _) => zipped(plain, inverse, |p, i| 0.5 * (p - i)),
+            (Some(plain), None, Some((middle, ..))) => zipped(plain, middle, |p, m| p - m),
+            (None, Some(inverse), Some((middle, ..))) => zipped(inverse, middle, |i, m| m - i),
+            _ => return vec![None; pixels.len()],
         };
-        if 2.0 * half < least || contrast.abs() < CLEAR * half {
-            return None;
+        match &light {
+            Some((_, half, _)) => {
+                for (clear, (contrast, half)) in clear.iter_mut().zip(contrast.iter().zip(half)) {
+                    *clear &= contrast.abs() >= CLEAR * half;
+                }
+            }
+            None => {
+                for (clear, contrast) in clear.iter_mut().zip(&contrast) {
+                    *clear &= 2.0 * contrast.abs() >= least;
+                }
+            }
         }
-        word |= u64::from(contrast > 0.0) << place;
+        for (word, contrast) in words.iter_mut().zip(&contrast) {
+            *word |= u64::from(*contrast > 0.0) << place;
+        }
     }
-    Some(word)
+    let words = words.into_iter().zip(clear);
+    words.map(|(word, clear)| clear.then_some(word)).collect()
+}
+
+fn zipped(a: &[f32], b: &[f32], of: impl Fn(f32, f32) -> f32) -> Vec<f32> {
+    a.iter().zip(b).map(|(a, b)| of(*a, *b)).collect()
 }

@@ -3,11 +3,12 @@
 //! **Model.** A pixel sees one place of the projector. It has one mean and, in each fringe set, one
 //! contrast (blur takes more of fine fringes), and all patterns of an axis agree on one coordinate. What
 //! real cameras and projectors add is estimated from the capture, not flagged: the light of a step and of
-//! the fringe in it (a lamp that flickers), and the second or third harmonic (a response curve), each the
+//! the fringe in it (a lamp that flickers), and the second and third harmonics (a response curve), each the
 //! same part everywhere (`robust_scale`). Pixels on the edges of stripes and surfaces may see two places
 //! and are left out, and so are those in which noise makes a fringe order uncertain.
 //!
-//! **Statistics**, of about 25,000 pixels from all rows, as the decoder itself decodes them:
+//! **Statistics**, of about 25,000 pixels from all rows, as the decoder itself decodes them (scale and light of
+//! 4,000 of them; jumps of the code and errors of phase also of some whole rows):
 //!
 //! | statistic | sound captures | limit |
 //! | --- | --- | --- |
@@ -40,8 +41,10 @@
 //! orders uncertain, wrong bits.
 
 mod frame_doubt;
+mod frame_noise;
 mod harmonics;
 mod jumps;
+mod pixels;
 mod sample;
 #[cfg(test)]
 mod tests;
@@ -74,7 +77,7 @@ const EXPLAINED: f32 = 10.0;
 /// Least mean of fringes between black and white: that of a projector of gamma 2.2 is 0.36.
 const DARK: f64 = 0.28;
 /// Contrast of white and black in standard deviations of noise from which on it tells the mean.
-const CONTRAST: f64 = 20.0;
+const CONTRAST: f32 = 20.0;
 /// Least part of the pixels that have to be lit to tell anything,
 const LEAST_LIT: f64 = 1e-3;
 /// below which other things in front of the camera may be.
@@ -137,12 +140,16 @@ pub fn check_sequence(
     if share < LEAST_LIT || (share < FEW_LIT && 2.0 * valid < share) {
         return Ok(());
     }
-    let bent = harmonics::of_capture(&sample, frames);
+    let jumps = || {
+        let axes = sample.plan.axes.iter();
+        axes.map(|axis| jumps::has_jumps(&sample, axis)).collect()
+    };
+    let (bent, jumps): (_, Vec<bool>) = rayon::join(|| harmonics::of_capture(&sample), jumps);
     let worst = bent.iter().find(|bent| bent.is_refused());
     let is_bent = bent.iter().any(|bent| bent.is_believed());
-    let shared = sample.shared();
-    for (axis, shared) in sample.plan.axes.iter().zip(&shared) {
-        if let Err(doubt) = axis_follows(manifest, frames, &sample, axis, shared, is_bent) {
+    let axes = sample.plan.axes.iter().zip(&sample.shared).zip(jumps);
+    for ((axis, shared), jumps) in axes {
+        if let Err(doubt) = axis_follows(manifest, &sample, axis, shared, is_bent, jumps) {
             return Err(match worst {
                 Some(worst) if matches!(doubt, FrameDoubt::Contradictory { .. }) => worst.doubt(),
                 _ => doubt,
@@ -153,13 +160,13 @@ pub fn check_sequence(
 }
 
 /// What a user should know of frames that follow their sequence: fringes that are not sinusoidal, so that
-/// the error of a point depends on its place in a fringe. Frames as for [`check_sequence`].
-pub fn doubt_of_fringes(manifest: &Manifest, frames: &[Image]) -> Option<FrameDoubt> {
+/// the error of a point depends on its place in a fringe. Arguments as for [`check_sequence`].
+pub fn doubt_of_fringes(manifest: &Manifest, frames: &[Image], known: Known) -> Option<FrameDoubt> {
     if frames.len() != manifest.frame.len() || frames.iter().any(Image::is_empty) {
         return None;
     }
-    let sample = Sample::new(manifest, frames, None)?;
-    let bent = harmonics::of_capture(&sample, frames);
+    let sample = Sample::new(manifest, frames, known.noise)?;
+    let bent = harmonics::of_capture(&sample);
     bent.first().map(|bent| bent.doubt())
 }
 
@@ -225,11 +232,11 @@ impl Lit {
 /// Whether the frames of one axis agree; with harmonics in the fringes, orders may be wrong of themselves.
 fn axis_follows(
     manifest: &Manifest,
-    frames: &[Image],
     sample: &Sample,
     axis: &AxisPlan,
     shared: &[Option<Shared>],
     bent: bool,
+    jumps: bool,
 ) -> Result<(), FrameDoubt> {
     let Some(map) = sample.decoded.axis(axis.axis) else {
         return Ok(());
@@ -252,8 +259,7 @@ fn axis_follows(
             .filter_map(|(set, shared)| Some((set, shared.as_ref()?)))
     };
     // The light of a step that is dark as a whole explains its residuals, although their rest is large too.
-    let explained =
-        |shared: &Shared| shared.difference() > LIGHT && shared.before > EXPLAINED * shared.scale;
+    let explained = |shared: &Shared| shared.differs_by(LIGHT) && shared.explains(EXPLAINED);
     let is_odd = |shared: &Shared| shared.scale > SCALE && !explained(shared);
     if let Some((set, _)) = known().find(|(_, shared)| is_odd(shared)) {
         return Err(exchanged().unwrap_or_else(|| FrameDoubt::Contradictory {
@@ -266,8 +272,7 @@ fn axis_follows(
     // A bad step of one set also changes what the others are compared with, but less.
     let largest = known().max_by(|(_, a), (_, b)| a.difference().total_cmp(&b.difference()));
     if let Some((set, shared)) = largest
-        && shared.difference() > LIGHT
-        && shared.pixels >= FEWEST
+        && shared.differs_by(LIGHT)
     {
         return Err(exchanged().unwrap_or_else(|| {
             let (step, part) = shared.step(set);
@@ -277,7 +282,7 @@ fn axis_follows(
             }
         }));
     }
-    match is_too_many(count, rate) || jumps::has_jumps(sample, axis, frames) {
+    match is_too_many(count, rate) || jumps {
         false => Ok(()),
         true => Err(exchanged().unwrap_or_else(|| FrameDoubt::Contradictory {
             axis: axis.axis,
@@ -315,19 +320,20 @@ fn has_half_cells(axis: &AxisPlan) -> bool {
 fn dark_fringes(sample: &Sample, axis: &AxisPlan) -> Option<FrameDoubt> {
     let (white, black) = sample.plan.references()?;
     let map = sample.decoded.axis(axis.axis)?;
+    let [white, black] = [white, black].map(|frame| sample.columns.frame(frame));
     axis.sets.iter().find_map(|set| {
+        let means = &sample.columns.fringes(set)?.mean;
         let part = |i: usize| {
-            let [white, black] = [white, black].map(|frame| sample.value(frame, i));
-            let samples: Vec<f64> = set.frames.iter().map(|k| sample.value(*k, i)).collect();
-            let is_bright = white - black >= CONTRAST * sample.noise_dn(i);
-            is_bright.then(|| (set.solve(&samples)[0] - black) / (white - black))
+            let contrast = white[i] - black[i];
+            let is_bright =
+                !sample.columns.is_saturated(i) && contrast >= CONTRAST * sample.noise_dn[i];
+            is_bright.then(|| (means[i] - black[i]) / contrast)
         };
-        let bright = (0..map.verdict.len()).filter(|i| !sample.is_saturated(*i));
-        let mut parts: Vec<f64> = bright.filter_map(part).collect();
+        let mut parts: Vec<f32> = (0..map.verdict.len()).filter_map(part).collect();
         if parts.len() < FEWEST {
             return None;
         }
-        let mean = median(&mut parts)?;
+        let mean = f64::from(median(&mut parts)?);
         (mean < DARK).then(|| FrameDoubt::Dark {
             frames: range(&set.frames),
             part: 2.0 * mean,

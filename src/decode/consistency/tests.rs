@@ -148,6 +148,28 @@ fn the_light_of_a_step_is_named() {
 }
 
 #[test]
+fn a_dark_step_is_told_if_little_is_lit() {
+    for lit in [16, 40] {
+        for (part, is_told) in [(1.0, false), (0.5, true), (0.0, true)] {
+            let told = found(&four_steps(), |frames| {
+                for (k, frame) in frames.iter_mut().enumerate() {
+                    let part = if k == 3 { part } else { 1.0 };
+                    for (i, v) in samples(frame).iter_mut().enumerate() {
+                        let light = if i % SIZE.0 < lit {
+                            f64::from(*v) - 12.0
+                        } else {
+                            0.0
+                        };
+                        *v = (12.0 + part * light + noise(i * 64 + k)).round() as u8;
+                    }
+                }
+            });
+            assert_eq!(told.is_err(), is_told, "{lit} columns, {part}: {told:?}");
+        }
+    }
+}
+
+#[test]
 fn a_torn_frame_is_told_with_its_rows() {
     let row = 100;
     for torn in [0, 2, 6] {
@@ -189,13 +211,13 @@ fn flipped_bits_are_told_from_a_hundredth_of_the_pixels_on() {
 #[test]
 fn fringes_that_a_response_curve_bends_are_doubted() {
     let (manifest, frames) = captured(&three_sets(), |level| level.powf(1.8));
-    let told = doubt_of_fringes(&manifest, &frames);
+    let told = doubt_of_fringes(&manifest, &frames, Known::default());
     assert!(
         matches!(told, Some(FrameDoubt::NotSinusoidal { .. })),
         "{told:?}"
     );
     let (manifest, frames) = captured(&three_sets(), |level| level);
-    assert_eq!(doubt_of_fringes(&manifest, &frames), None);
+    assert_eq!(doubt_of_fringes(&manifest, &frames, Known::default()), None);
 }
 
 #[test]

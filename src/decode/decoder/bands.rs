@@ -7,19 +7,20 @@ use crate::robust_scale::{RobustScale, Shared};
 use crate::rows::{AxisKernel, AxisOut, BAND, Job, Scratch, decode_row};
 use crate::sample::{Sample, typed};
 use crate::unresolved::{UnresolvedBits, unresolved_bits};
+use phasmid_core::error::Result;
 use phasmid_geometry::NoiseModel;
-use phasmid_pattern::ImageView;
+use phasmid_pattern::{Image, ImageView};
 use rayon::prelude::*;
 
 impl Decoder {
-    /// Decodes all rows (pass 1).
+    /// Decodes all rows (pass 1). Returns the typical residual of each set, by axis.
     pub(super) fn rows<T: Sample>(
         &self,
         images: &[ImageView<'_>],
         noise: &NoiseModel,
         [saturation, range]: [f32; 2],
         out: &mut Decoded,
-    ) {
+    ) -> Vec<Vec<RobustScale>> {
         let frames: Vec<&[T]> = typed(images);
         let robust_scale = self.robust_scales(&frames, noise, saturation);
         let mut job = Job {
@@ -40,7 +41,7 @@ impl Decoder {
         let of_axis = |kernel| unresolved_bits(&job, kernel, out.axis(kernel.axis)?);
         let found: Vec<_> = self.kernels.iter().filter_map(of_axis).collect();
         if found.is_empty() {
-            return;
+            return robust_scale;
         }
         for bits in &found {
             job.unused_bits[bits.axis as usize] = bits.count;
@@ -61,33 +62,23 @@ impl Decoder {
             }
             self.pass(&job, out);
         }
+        robust_scale
     }
 
-    /// What the residuals of each set have in common, by axis, of images in the plan's order.
-    pub(crate) fn shared_residuals(
+    /// Decodes images, and returns what the residuals of each set have in common, by axis.
+    pub(crate) fn decode_with_shared(
         &self,
-        images: &[ImageView<'_>],
-        noise: &NoiseModel,
-    ) -> Vec<Vec<Option<Shared>>> {
-        match images.iter().any(|image| image.bits() == 16) {
-            false => self.shared_of::<u8>(images, noise),
-            true => self.shared_of::<u16>(images, noise),
-        }
-    }
-
-    fn shared_of<T: Sample>(
-        &self,
-        images: &[ImageView<'_>],
-        noise: &NoiseModel,
-    ) -> Vec<Vec<Option<Shared>>> {
-        let frames: Vec<&[T]> = typed(images);
-        let scales = self.robust_scales(&frames, noise, noise.saturation_dn as f32);
-        let axes = self.kernels.iter().zip(&scales);
-        axes.map(|(kernel, scales)| {
+        images: &[Image],
+    ) -> Result<(Decoded, Vec<Vec<Option<Shared>>>)> {
+        let views: Vec<_> = images.iter().map(Image::view).collect();
+        let mut decoded = Decoded::default();
+        let scales = self.decode_with_scales(&views, &mut decoded)?;
+        let of_axis = |(kernel, scales): (&AxisKernel, &Vec<RobustScale>)| {
             let sets = kernel.sets.iter().zip(scales);
             sets.map(|(set, scale)| scale.shared(set)).collect()
-        })
-        .collect()
+        };
+        let shared = self.kernels.iter().zip(&scales).map(of_axis).collect();
+        Ok((decoded, shared))
     }
 
     /// The typical residual of each set, by axis.
@@ -100,9 +91,9 @@ impl Decoder {
         let of_axis = |kernel: &AxisKernel| {
             let sets = &kernel.sets;
             let of = |set| RobustScale::of(sets, set, frames, noise, saturation, &self.options);
-            sets.iter().map(of).collect()
+            sets.par_iter().map(of).collect()
         };
-        self.kernels.iter().map(of_axis).collect()
+        self.kernels.par_iter().map(of_axis).collect()
     }
 
     /// Decodes all rows once.

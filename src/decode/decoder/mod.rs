@@ -14,6 +14,7 @@ use super::noise::estimate_noise;
 use super::options::Options;
 use super::phase::SetKernel;
 use super::plan::{Order, Plan};
+use super::robust_scale::RobustScale;
 use super::rows::{AxisKernel, BAND, triangulate_row};
 use super::unwrap::unwrap;
 use crate::triangulate::{CoordinateRow, Triangulator};
@@ -32,7 +33,7 @@ pub struct Decoder {
     height: usize,
     options: Options,
     kernels: Vec<AxisKernel>,
-    /// Tables of the error due to held projector pixels; of an axis with fringes, x first.
+    /// Tables of the error due to held projector pixels, where it is stated; of an axis with fringes, x first.
     held: [Option<held::Table>; 2],
     triangulator: Option<Triangulator>,
     noise: Option<NoiseModel>,
@@ -98,7 +99,8 @@ impl Decoder {
             options,
             kernels,
             held: [Axis::X, Axis::Y].map(|axis| {
-                let set = plan.axis(axis)?.sets.first()?;
+                let set = plan.axis(axis).filter(|_| options.held != Held::Off)?;
+                let set = set.sets.first()?;
                 Some(held::Table::new(set.period_px, set.rounding_px() as f32))
             }),
             triangulator,
@@ -159,6 +161,15 @@ impl Decoder {
     /// # Errors
     /// Returns the errors of [`Self::decode`].
     pub fn decode_views(&self, images: &[ImageView<'_>], out: &mut Decoded) -> Result<()> {
+        self.decode_with_scales(images, out).map(drop)
+    }
+
+    /// Like [`Self::decode_views`], and returns the typical residual of each set, by axis.
+    fn decode_with_scales(
+        &self,
+        images: &[ImageView<'_>],
+        out: &mut Decoded,
+    ) -> Result<Vec<Vec<RobustScale>>> {
         let deep = self.check(images)?;
         let full_scale: f32 = if deep { 65535.0 } else { 255.0 };
         self.shape(out);
@@ -191,13 +202,14 @@ impl Decoder {
         out.notes.extend(self.unweighted(&noise));
         let saturation = noise.saturation_dn.min(f64::from(full_scale)) as f32;
         let range = (saturation - noise.black_level_dn as f32).max(1.0);
-        match deep {
+        let scales = match deep {
             false => self.rows::<u8>(images, &noise, [saturation, range], out),
             true => self.rows::<u16>(images, &noise, [saturation, range], out),
-        }
+        };
         self.stop.check()?;
         self.finish(LightNoise::new(&noise, range), out);
-        self.stop.check()
+        self.stop.check()?;
+        Ok(scales)
     }
 
     /// The reason why steps are not weighted although the options ask for it.
@@ -278,7 +290,7 @@ impl Decoder {
     fn finish(&self, light: LightNoise, out: &mut Decoded) {
         let held = [Axis::X, Axis::Y].map(|axis| {
             let table = self.held[axis as usize].as_ref()?;
-            let map = out.axis(axis).filter(|_| self.options.held != Held::Off)?;
+            let map = out.axis(axis)?;
             let size = [self.width, self.height];
             held::Footprints::new(map, size, self.spacing, table)
         });

@@ -1,0 +1,120 @@
+//! The noise of the frames of a capture.
+
+use super::pixels::{Line, Pixels};
+use crate::{Plan, deviation, estimate_noise};
+use phasmid_core::statistics::median;
+use phasmid_geometry::NoiseModel;
+use phasmid_pattern::Image;
+use rayon::prelude::*;
+
+/// Standard deviations of a calibration's noise up to which frames may have more.
+const KNOWN: f64 = 2.0;
+/// Part of the light of the brightest frame from which on one is bright.
+const BRIGHTEST: f64 = 0.6;
+/// Pixels from one to the next that tell the noise by redundancy.
+const THIN: usize = 3;
+/// Rows that tell the noise of a frame.
+const ROWS: usize = 16;
+/// Approximate number of pixels in these rows.
+const SMOOTH: usize = 3_000;
+/// Minimum light of a lit pixel in its brightest frame, as a part of that of the brightest hundredth.
+const LIT: f32 = 0.25;
+/// Minimum light of a bright pixel of a frame, as a part of that of the brightest tenth.
+const BRIGHT_PART: f32 = 0.5;
+
+/// The noise of frames, given by some columns and some rows: that which they contradict each other by, or if
+/// it is smaller, that of neighbouring pixels in the smoothest frames. Damage raises the first, texture the
+/// second. What is `known` is believed if they do not have more, up to [`KNOWN`] times as much.
+pub(super) fn noise_of(
+    plan: &Plan,
+    columns: &[Image],
+    rows: &Pixels,
+    full: f64,
+    known: Option<NoiseModel>,
+) -> NoiseModel {
+    let estimate = || {
+        let thin: Vec<Image> = columns.iter().map(|f| f.thinned(THIN)).collect();
+        estimate_noise(plan, &thin.iter().map(Image::view).collect::<Vec<_>>())
+    };
+    let ((light, smooth), estimated) = rayon::join(|| smoothness(rows, full), estimate);
+    let found = match estimated {
+        Some(noise) if noise.variance_dn2(light) <= smooth.variance_dn2(light) => noise,
+        _ => smooth,
+    };
+    let Some(known) = known else {
+        return found;
+    };
+    let more = found.variance_dn2(light) / known.variance_dn2(light).max(1e-9);
+    let factor = more.clamp(1.0, KNOWN * KNOWN);
+    NoiseModel {
+        gain_dn_per_e: known.gain_dn_per_e * factor,
+        read_noise_dn: known.read_noise_dn * factor.sqrt(),
+        ..known
+    }
+}
+
+/// The light of bright frames in DN, and the noise by fourth differences along rows, both of lit pixels: a
+/// line through the smoothest frame and the smoothest bright one. `full` is the largest value of a sample.
+fn smoothness(rows: &Pixels, full: f64) -> (f64, NoiseModel) {
+    let lit = lit(rows);
+    // Only bright pixels of a frame: a part of each code and fringe is dark.
+    let of_frame = |frame: &Vec<f32>| {
+        let mut lights: Vec<f32> = lit.iter().map(|i| frame[*i]).collect();
+        let tenth = lights.len() * 9 / 10;
+        if lights.is_empty() {
+            return None;
+        }
+        let high = *lights.select_nth_unstable_by(tenth, f32::total_cmp).1;
+        let is_bright = |i: &&usize| frame[**i] >= BRIGHT_PART * high;
+        let bright: Vec<usize> = lit.iter().filter(is_bright).copied().collect();
+        let light = median(&mut bright.iter().map(|i| frame[*i]).collect::<Vec<_>>())?;
+        let step = |i: &usize| {
+            let [a, b, c, d, e] = [i - 2, i - 1, *i, i + 1, i + 2].map(|i| frame[i]);
+            f64::from((a + e - 4.0 * (b + d) + 6.0 * c).abs())
+        };
+        let mut steps: Vec<f64> = bright.iter().map(step).collect();
+        // A difference 1, -4, 6, -4, 1 has 70 times the variance of a sample.
+        let deviation = deviation::of_most(&mut steps, 3.0, 2.0) / 70f64.sqrt();
+        Some((f64::from(light), deviation * deviation))
+    };
+    let mut found: Vec<(f64, f64)> = rows.frames().par_iter().filter_map(of_frame).collect();
+    found.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let brightest = found.iter().map(|(light, _)| *light).fold(0.0, f64::max);
+    let (dark, low) = found.first().copied().unwrap_or((0.0, 1.0));
+    let mut bright = found
+        .iter()
+        .filter(|(light, _)| *light >= BRIGHTEST * brightest);
+    let (light, high) = bright.next().copied().unwrap_or((dark, low));
+    let gain = ((high - low) / (light - dark).max(1.0)).max(0.0);
+    let noise = NoiseModel {
+        gain_dn_per_e: gain,
+        read_noise_dn: (low - gain * dark).max(0.25 * low).sqrt(),
+        black_level_dn: 0.0,
+        saturation_dn: full,
+    };
+    (light, noise)
+}
+
+/// Pixels of some rows, not the two at either end, that are lit in some frame: unlit ones have less noise,
+/// and in most captures there are more of them.
+fn lit(rows: &Pixels) -> Vec<usize> {
+    let every = (rows.width * ROWS / SMOOTH).max(1);
+    let lines = rows.lines(true, ROWS);
+    let inner = |line: &Line| {
+        let pixels = line.pixels().take(rows.width.saturating_sub(2));
+        pixels.skip(2).step_by(every).collect::<Vec<_>>()
+    };
+    let pixels: Vec<usize> = lines.iter().flat_map(inner).collect();
+    let mut most = vec![0.0f32; pixels.len()];
+    for frame in rows.frames() {
+        for (most, pixel) in most.iter_mut().zip(&pixels) {
+            *most = most.max(frame[*pixel]);
+        }
+    }
+    let mut sorted = most.clone();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let bright = sorted.get(sorted.len() * 99 / 100).copied().unwrap_or(0.0);
+    let pixels = pixels.into_iter().zip(most);
+    let lit = pixels.filter(|(_, most)| LIT * bright <= *most);
+    lit.map(|(pixel, _)| pixel).collect()
+}
