@@ -2,10 +2,11 @@
 //! tables, plots and page made from the stored results.
 //!
 //! A [`Study`] lists its [`Trial`]s, which are independent of each other, and makes the sections of a
-//! [`Document`] from their rows. [`run()`] runs the trials that are not in the folder yet, each on all cores or several
-//! in parallel, and appends their [`Row`]s to `rows.csv`. So an interrupted study continues where it
-//! stopped, and a [`Document`] can be rebuilt from its folder at any time ([`read()`]). A document gets
-//! its rows in the order in which the study lists its trials, regardless of the order in which they end.
+//! [`Document`] from their rows. [`run()`] runs the trials that are not in the folder yet, each on all
+//! cores or several in parallel, and appends their [`Row`]s to `rows.csv`. So an interrupted study
+//! continues where it stopped, and a [`Document`] can be rebuilt from its folder at any time ([`read()`]).
+//! A document gets its rows in the order in which the study lists its trials, regardless of the order in
+//! which they end.
 //!
 //! | file | contents |
 //! | --- | --- |
@@ -13,7 +14,7 @@
 //! | `row`, `csv` | rows of results, and their lines in `rows.csv` |
 //! | `folder` | the folder of a study |
 //! | `runner` | runs trials and writes the document's files |
-//! | `shard` | parts of a study that run in folders of their own, and are joined |
+//! | `shard`, `join` | parts of a study that run in folders of their own, and are joined |
 //! | `document` | the document: text, tables, figures, images, checks |
 //! | `chart`, `labels` | charts and the names of their points |
 //! | `markdown`, `page` | the document as Markdown and as HTML |
@@ -22,6 +23,7 @@ mod chart;
 mod csv;
 mod document;
 mod folder;
+mod join;
 mod labels;
 mod markdown;
 mod page;
@@ -34,11 +36,12 @@ mod trial;
 pub use chart::{Chart, Series, SeriesStyle};
 pub use document::{Block, Check, Document, Figure, Image, Section, Table};
 pub use folder::Folder;
+pub use join::join;
 pub use page::page;
 pub use row::{Row, Rows};
 pub use runner::{Progress, read, run, run_shard, run_with_stop, write};
 pub use settings::{Settings, Surroundings};
-pub use shard::{Shard, join};
+pub use shard::Shard;
 pub use trial::{Context, Trial};
 
 use phasmid_core::error::Result;

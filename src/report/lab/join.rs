@@ -1,0 +1,44 @@
+//! Joins shards in one folder.
+
+use super::Study;
+use super::folder::Folder;
+use super::row::Row;
+use super::runner::{about, columns, trials, whole};
+use super::settings::Settings;
+use phasmid_core::error::Result;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// Takes over the rows and files of shards to the folder of the whole study, in which
+/// [`run`](super::run()) then runs what is missing and makes the document. The folders of the shards are not changed.
+///
+/// # Errors
+/// Returns an error if a folder belongs to another study, other settings or another program, or if a file
+/// cannot be read or written.
+pub fn join(
+    study: &dyn Study,
+    path: &Path,
+    settings: &Settings,
+    revision: &str,
+    shards: &[PathBuf],
+) -> Result<()> {
+    let trials = trials(study, settings)?;
+    let about = about(study, settings, revision);
+    let columns = columns(study);
+    let mut read = Vec::new();
+    for path in shards {
+        let (folder, found) = Folder::open(path)?;
+        found.expect(&about, &path.display().to_string())?;
+        read.push((folder.rows(&columns)?, folder));
+    }
+    let target = Folder::begin(path, &about)?;
+    let mut rows = whole(target.rows(&columns)?, &trials).all;
+    for (of_shard, folder) in read {
+        let known: HashSet<String> = rows.iter().map(|row| row.get("trial").to_owned()).collect();
+        let is_new = |row: &Row| !known.contains(row.get("trial"));
+        let new = whole(of_shard, &trials).all.into_iter().filter(is_new);
+        rows.extend(new);
+        target.take_files(&folder)?;
+    }
+    target.writer(&columns, &rows).map(|_| ())
+}
