@@ -119,8 +119,16 @@ test("a fault that is injected on the page is listed, and the host reacts", asyn
   await page.click("#fault-form button:not([type])");
   await text(page, "#faults-standing", /dropped.*"nth":5.*0 of 1 times/);
   await panel(page, "scan");
+  // A fast second run replaces the status before a poll sees it.
+  await page.evaluate(() => {
+    const status = document.querySelector("#scan-status");
+    globalThis.said = [];
+    const note = () => globalThis.said.push(status.textContent);
+    new MutationObserver(note).observe(status, { childList: true, characterData: true, subtree: true });
+  });
   await page.click("#scan-once");
-  await text(page, "#scan-status", /scanning again: pattern 4 is missing/);
+  const said = () => page.evaluate(() => globalThis.said.join("\n"));
+  await until(async () => /scanning again: pattern 4 is missing/.test(await said()));
   await text(page, "#result-pixel", /^\d+ points$/);
   await panel(page, "faults");
   await text(page, "#faults-struck", /dropped/);
