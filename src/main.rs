@@ -9,6 +9,7 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     let launcher = Launcher {
         program: std::env::current_exe().ok(),
+        ..Launcher::default()
     };
     ExitCode::from(cli::main(std::env::args_os(), &launcher))
 }

@@ -12,6 +12,7 @@ use std::path::PathBuf;
 pub fn run(py: Python<'_>, arguments: Vec<OsString>, program: PathBuf) -> u8 {
     let launcher = Launcher {
         program: Some(program),
+        ..Launcher::default()
     };
     py.detach(|| cli::main(arguments, &launcher))
 }

@@ -1,26 +1,33 @@
 //! `phasmid bench`: frame rates of this machine's CPU and GPU, for a static scene and with the
-//! geometry pass in every frame, and the time of each pass.
+//! geometry pass in every frame, the time of each pass and of decoding, and the speed of the links.
 
 use super::options::{BackendArg, SetArgs};
 use super::output::step;
 use phasmid_core::error::Result;
+use phasmid_decode::{Decoded, Known, Options as DecodeOptions, check_sequence};
 use phasmid_device::{Device, Firmware};
 use phasmid_profile::{Profile, Scene};
 use phasmid_render::{Adapter, Backend, Options, Pass, PassTime, Term};
 use phasmid_render::{Renderer, shot::Shot};
 use phasmid_report::stopwatch::{ROUND_S, Stopwatch};
+use phasmid_study::links::{self, LinkSpeeds};
+use phasmid_study::scanned::Stage;
 use phasmid_study::timing::Timing;
 use serde::Serialize;
 use std::collections::VecDeque;
 use std::hint::black_box;
 use std::time::Instant;
 
+/// Maximum number of rounds of decoding; they also end after [`ROUND_S`].
+const ROUNDS: usize = 20;
 /// Maximum number of frames in which a GPU's passes are timed; timing also ends after [`ROUND_S`].
 const TIMED: usize = 20;
 
-/// Measure how many frames per second the CPU and the GPU of this machine render
+/// Measure how many frames per second this machine renders, decodes and sends over each link
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  phasmid bench --profile dlp-evm --scene plane")]
+#[command(
+    after_help = "Examples:\n  phasmid bench --profile dlp-evm --scene plane\n  phasmid bench --links"
+)]
 pub struct Args {
     /// Device profile: a built-in name or a TOML file
     #[arg(long, default_value = "pmp-bench")]
@@ -40,6 +47,9 @@ pub struct Args {
     /// Which backend to time besides the CPU; cpu times the CPU alone
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
+    /// Measure the links instead: latency from trigger to frame and frames per second over each link, with the device pmp-bench
+    #[arg(long, conflicts_with_all = ["profile", "scene", "set", "samples", "backend"])]
+    links: bool,
     /// Print the results as JSON
     #[arg(long)]
     json: bool,
@@ -62,6 +72,10 @@ struct Report<'a> {
     runs: Vec<Run>,
     /// Why no GPU was timed; `None` if one was timed or none was requested.
     without_gpu: Option<String>,
+    /// Times of decoding a scan of the sequence on the CPU, per frame of the sequence.
+    decoding: Vec<PassRow>,
+    /// Why decoding was not timed.
+    without_decoding: Option<String>,
 }
 
 /// Results of one backend.
@@ -108,14 +122,24 @@ struct Subject<'a> {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
+    let begin = Instant::now();
+    let clock = || begin.elapsed();
+    let watch = Stopwatch::new(&clock);
+    if args.links {
+        step("timing the links");
+        let speeds = links::measure(args.frames as usize, watch)?;
+        if args.json {
+            print_json(&speeds);
+        } else {
+            print_links(&speeds);
+        }
+        return Ok(());
+    }
     let (profile, scene) = args.set.load(&args.profile, &args.scene)?;
     let sequence = Firmware::new(&profile, &[])?.selected_sequence();
     let camera = &profile.camera;
     let pixels = camera.width_px as usize * camera.height_px as usize;
     let frame_bytes = pixels * camera.sensor.native_format().bytes_per_pixel();
-    let begin = Instant::now();
-    let clock = || begin.elapsed();
-    let watch = Stopwatch::new(&clock);
     let subject = Subject {
         args,
         profile: &profile,
@@ -130,6 +154,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut cpu = subject.renderer(Backend::Cpu)?;
     let mut runs = vec![time_cpu(&mut cpu, &subject)];
     runs.extend(gpu);
+    step("timing the decoder");
+    let (decoding, without_decoding) = match subject.decoding() {
+        Ok(rows) => (rows, None),
+        Err(e) => (Vec::new(), Some(e.to_string())),
+    };
     let report = Report {
         profile: &args.profile,
         scene: &args.scene,
@@ -142,10 +171,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
         copy_us: subject.copy * 1e6,
         runs,
         without_gpu,
+        decoding,
+        without_decoding,
     };
     if args.json {
-        let json = serde_json::to_string_pretty(&report).expect("numbers and strings");
-        println!("{json}");
+        print_json(&report);
     } else {
         print_tables(&report);
     }
@@ -184,6 +214,44 @@ impl Subject<'_> {
             Some(failed) => Ok((None, Some(failed))),
             None => Ok((Some(run), None)),
         }
+    }
+
+    /// Returns the times of decoding and of the checks before it.
+    fn decoding(&self) -> Result<Vec<PassRow>> {
+        let options = Options {
+            samples: self.args.samples,
+            ..Options::default()
+        };
+        let scanned = Stage::new(self.profile, self.scene, 1, options)?.scan(0)?;
+        let decoder = scanned.decoder(DecodeOptions::default())?;
+        // Fails for sequences that cannot be decoded, before anything is timed.
+        decoder.decode(&scanned.images)?;
+        let known = Known::new(false, scanned.calibration.as_ref());
+        let (mut maps, mut points) = (Decoded::default(), Vec::new());
+        let decode = || {
+            let _ = black_box(decoder.decode_into(&scanned.images, &mut maps));
+        };
+        let decode_s = self.watch.spread(ROUNDS, ROUND_S, decode).low;
+        let check = || {
+            let _ = black_box(check_sequence(&scanned.manifest, &scanned.images, known));
+        };
+        let check_s = self.watch.spread(ROUNDS, ROUND_S, check).low;
+        let triangulate = || {
+            decoder.points_into(&maps, &mut points);
+            black_box(&points);
+        };
+        let points_s = self.watch.spread(ROUNDS, ROUND_S, triangulate).low;
+        let frames = scanned.images.len() as f64;
+        let row = |pass: &str, seconds: f64| PassRow {
+            pass: pass.to_owned(),
+            runs_per_frame: 1.0 / frames,
+            us_per_frame: seconds * 1e6 / frames,
+        };
+        Ok(vec![
+            row("decoding to depths", decode_s),
+            row("checks of the frames", check_s),
+            row("points", points_s),
+        ])
     }
 }
 
@@ -275,6 +343,40 @@ fn frames(renderer: &mut Renderer, shots: &[Shot], count: usize, moving: bool) {
     }
 }
 
+fn print_json(report: &impl Serialize) {
+    let json = serde_json::to_string_pretty(report).expect("numbers and strings");
+    println!("{json}");
+}
+
+/// Prints the speed of the links as a table.
+fn print_links(speeds: &LinkSpeeds) {
+    println!(
+        "{:<22}{:>11}{:>11}{:>11}{:>11}{:>9}{:>9}{:>8}",
+        "", "least ms", "median ms", "99 % ms", "frames/s", "MB/s", "x copy", "lost %"
+    );
+    for link in &speeds.links {
+        let name = link.link;
+        let Some(found) = &link.figures else {
+            println!("{name:<22}{}", link.lacks.as_deref().unwrap_or_default());
+            continue;
+        };
+        let [least, median, late, _] = found.latency_us.map(|us| us * 1e-3);
+        let rate = found.frames_per_s[1];
+        println!(
+            "{name:<22}{least:>11.2}{median:>11.2}{late:>11.2}{rate:>11.1}{:>9.0}{:>9.1}{:>8.1}",
+            rate * speeds.frame_bytes as f64 * 1e-6,
+            1e6 / rate / speeds.copy_us,
+            100.0 * found.lost as f64 / found.frames as f64
+        );
+    }
+    println!(
+        "\nms: from the trigger's command to the complete frame at the host, rendering included; \
+         frames/s: of whole sequences; x copy: time per frame over a memory copy of its {} bytes, \
+         {:.1} us.",
+        speeds.frame_bytes, speeds.copy_us
+    );
+}
+
 /// Prints the results as tables.
 fn print_tables(report: &Report<'_>) {
     println!(
@@ -324,6 +426,15 @@ fn print_tables(report: &Report<'_>) {
                 run.backend
             );
         }
+    }
+    for row in &report.decoding {
+        println!(
+            "{:<8}{:<28}{:>8.2}{:>12.1}",
+            "cpu", row.pass, row.runs_per_frame, row.us_per_frame
+        );
+    }
+    if let Some(why) = &report.without_decoding {
+        println!("no decoding: {why}");
     }
     println!(
         "\nmoving: with the geometry pass in every frame, as are the passes' times; x copy: over a \

@@ -36,6 +36,7 @@ mod doctor;
 mod faults;
 mod help;
 mod interrupt;
+mod launcher;
 mod locate;
 mod method;
 mod options;
@@ -63,11 +64,11 @@ mod without_link;
 use {without_link as demo, without_link as doctor, without_link as replay, without_link as serve};
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+pub use launcher::Launcher;
 use output::{STANDARD_OUTPUT, unheard};
 use phasmid_core::error::{Error, Result};
 use std::ffi::OsString;
 use std::io::Write;
-use std::path::PathBuf;
 
 /// The `phasmid` program.
 #[derive(Debug, Parser)]
@@ -109,14 +110,6 @@ enum Command {
     Schema(schema::Args),
     Completions(help::CompletionsArgs),
     Man(help::ManArgs),
-}
-
-/// Facts that the command line cannot find out when it runs as a library.
-#[derive(Debug, Clone, Default)]
-pub struct Launcher {
-    /// File with this library's code: the program, or the module that another program has loaded. A
-    /// study records its checksum.
-    pub program: Option<PathBuf>,
 }
 
 /// Runs a command and returns the exit status: 0 for success, 1 for a failure of a device or the system,
@@ -197,8 +190,8 @@ fn dispatch(command: Command, launcher: &Launcher) -> Result<()> {
         Command::Board(args) => board::run(&args),
         Command::Doctor(args) => doctor::run(&args),
         Command::Faults(args) => faults::run(&args),
-        Command::Study(args) => study::run(&args, launcher.program.as_deref()),
-        Command::Report(args) => report::run(&args),
+        Command::Study(args) => study::run(&args, launcher),
+        Command::Report(args) => report::run(&args, launcher),
         #[cfg(feature = "console")]
         Command::Console(args) => console::run(&args),
         #[cfg(feature = "schema")]

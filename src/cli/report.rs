@@ -1,9 +1,9 @@
 //! `phasmid report`: joins studies into one page.
 
+use super::launcher::Launcher;
 use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file;
 use phasmid_report::lab::{page, read};
-use phasmid_study::ALL;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -22,9 +22,10 @@ pub struct Args {
     force: bool,
 }
 
-pub(super) fn run(args: &Args) -> Result<()> {
+pub(super) fn run(args: &Args, launcher: &Launcher) -> Result<()> {
     new_file::check(&args.out, args.force)?;
-    let read: Result<Vec<_>> = args.studies.iter().map(|path| read(ALL, path)).collect();
+    let known = launcher.all_studies();
+    let read: Result<Vec<_>> = args.studies.iter().map(|path| read(&known, path)).collect();
     let read = read?;
     let parts: Vec<_> = read
         .iter()

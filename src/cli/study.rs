@@ -1,12 +1,12 @@
 //! `phasmid study`: runs a study, or lists the studies.
 
+use super::launcher::Launcher;
 use super::progress::ProgressLine;
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
 use phasmid_report::lab::{
     Settings, Shard, Study, Surroundings, join, run as run_study, run_shard,
 };
-use phasmid_study::ALL;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Instant, UNIX_EPOCH};
@@ -14,7 +14,7 @@ use std::time::{Instant, UNIX_EPOCH};
 /// Run a study, and write rows in CSV, tables, plots, and one page that shows them
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  phasmid study noise --quick --out noise\n  phasmid study noise --shard 1/2 --out noise-1\n  phasmid study noise --join noise-1 noise-2 --out noise"
+    after_help = "Examples:\n  phasmid study noise --quick --out noise\n  phasmid study noise --shard 1/2 --out noise-1\n  phasmid study noise --shard 2/2 --out noise-2\n  phasmid study noise --join noise-1 noise-2 --out noise-all"
 )]
 pub struct Args {
     /// Study to run; without a name, the studies are listed
@@ -45,22 +45,23 @@ pub struct Args {
     join: Vec<PathBuf>,
 }
 
-/// Runs the command. `program` is the file with this library's code, if it is known.
-pub(super) fn run(args: &Args, program: Option<&Path>) -> Result<()> {
+/// Runs the command.
+pub(super) fn run(args: &Args, launcher: &Launcher) -> Result<()> {
+    let known = launcher.all_studies();
     let (Some(name), Some(out)) = (&args.name, &args.out) else {
-        for study in ALL {
+        for study in known {
             println!("{:<16}{}", study.name(), study.about());
         }
         return Ok(());
     };
-    let study = find(name)?;
+    let study = find(&known, name)?;
     let settings = Settings {
         quick: args.quick,
         seed: args.seed,
         only: args.only.clone(),
     };
     let begin = Instant::now();
-    let revision = revision(program);
+    let revision = revision(launcher.program.as_deref());
     let around = Surroundings {
         clock: &|| begin.elapsed(),
         jobs: usize::from(args.jobs),
@@ -79,7 +80,11 @@ pub(super) fn run(args: &Args, program: Option<&Path>) -> Result<()> {
         return Ok(());
     }
     if !args.join.is_empty() {
-        join(study, out, &settings, &revision, &args.join)?;
+        let [done, all] = join(study, out, &settings, &revision, &args.join)?;
+        println!(
+            "{done} of {all} trials joined; the remaining {} run now",
+            all - done
+        );
     }
     let document = run_study(study, out, &settings, &around, &progress)?;
     drop(line);
@@ -101,10 +106,10 @@ pub(super) fn run(args: &Args, program: Option<&Path>) -> Result<()> {
     )))
 }
 
-fn find(name: &str) -> Result<&'static dyn Study> {
-    let found = ALL.iter().find(|study| study.name() == name);
+fn find(known: &[&'static dyn Study], name: &str) -> Result<&'static dyn Study> {
+    let found = known.iter().find(|study| study.name() == name);
     found.copied().ok_or_else(|| {
-        let names: Vec<&str> = ALL.iter().map(|study| study.name()).collect();
+        let names: Vec<&str> = known.iter().map(|study| study.name()).collect();
         Error::input("study", name, names.join(", "))
     })
 }

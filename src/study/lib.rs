@@ -8,6 +8,7 @@ pub mod clinic;
 pub mod desk;
 mod draws;
 pub mod faults;
+pub mod links;
 pub mod noise;
 pub mod paper;
 pub mod report;
@@ -15,7 +16,6 @@ pub mod sampling;
 pub mod scanned;
 pub mod score;
 pub mod sgrt;
-pub mod speed;
 pub mod stability;
 pub mod timing;
 pub mod work_precision;
@@ -25,7 +25,6 @@ use noise::Noise;
 use paper::Paper;
 use phasmid_report::lab::Study;
 use sgrt::Sgrt;
-use speed::Speed;
 use stability::Stability;
 use work_precision::WorkPrecision;
 
@@ -35,7 +34,6 @@ pub const ALL: &[&dyn Study] = &[
     &WorkPrecision,
     &Stability,
     &Noise,
-    &Speed,
     &Sgrt,
     &Acceptance,
 ];

@@ -1,13 +1,15 @@
 //! Measures the rate of each pass relative to a memory copy of the same bytes in the same run: this
-//! ratio varies less between machines and over time than the rate itself. Uses the cases of
-//! `phasmid study speed`. Finally measures the cost of the decoder's options, as ratios to decoding
-//! without them.
+//! ratio varies less between machines and over time than the rate itself. Finally measures the cost of
+//! the decoder's options, as ratios to decoding without them.
 //!
 //! `cargo bench` runs all; `cargo bench -- geometry` runs those whose name contains a word.
 
+mod cases;
+mod pairs;
+
+use cases::{NAMES, case};
+use pairs::{PAIRS, pair};
 use phasmid::profile::Profile;
-use phasmid::study::speed::cases::{NAMES, case};
-use phasmid::study::speed::pairs::{PAIRS, pair};
 use phasmid::study::timing::Stopwatch;
 use std::time::Instant;
 

@@ -1,60 +1,41 @@
-//! Compares every study in its quick form, and in full form those that measure no times, with their
-//! snapshots.
+//! Compares every study with its snapshot: the quick forms by default, the full forms in a lane of
+//! `.ci/run --whole`.
 
-mod common;
 mod faults_matrix;
-mod links;
+mod snapshot;
 mod zoo;
 
-use common::{quick, whole};
+use phasmid::study::ALL;
+use snapshot::{quick, whole};
 
-#[test]
-fn paper() {
-    quick("paper");
+macro_rules! studies {
+    ($($test:ident: $name:literal),* $(,)?) => {
+        $(#[test]
+        fn $test() {
+            quick($name);
+        })*
+
+        #[test]
+        fn every_study_is_compared() {
+            let names: Vec<_> = ALL.iter().map(|study| study.name()).collect();
+            assert_eq!(names, [$($name),*]);
+        }
+    };
 }
 
-#[test]
-fn work_precision() {
-    quick("work-precision");
-}
-
-#[test]
-fn stability() {
-    quick("stability");
-}
-
-#[test]
-fn noise() {
-    quick("noise");
-}
-
-#[test]
-fn speed() {
-    quick("speed");
-}
-
-#[test]
-fn sgrt() {
-    quick("sgrt");
-}
-
-#[test]
-fn acceptance() {
-    quick("acceptance");
+studies! {
+    paper: "paper",
+    work_precision: "work-precision",
+    stability: "stability",
+    noise: "noise",
+    sgrt: "sgrt",
+    acceptance: "acceptance",
 }
 
 #[test]
 #[ignore = "takes minutes; a lane of `.ci/run --whole` does it"]
 fn whole_forms() {
-    for name in [
-        "paper",
-        "stability",
-        "noise",
-        "sgrt",
-        "acceptance",
-        "work-precision",
-        "speed",
-    ] {
-        whole(name);
+    for study in ALL {
+        whole(study.name());
     }
 }

@@ -120,17 +120,23 @@ fn words(
         }),
         (None, None) => None,
     };
+    let bits = || {
+        axis.gray
+            .iter()
+            .flat_map(|code| code.bits.iter().skip(unused))
+    };
+    // A bit with its complement is known although white is saturated.
+    let complements = bits().all(|bit| bit.plain.is_some() && bit.inverse.is_some());
     let mut words = vec![0u64; pixels.len()];
     let mut clear: Vec<bool> = match &light {
         Some((_, half, saturated)) => {
             let lit = half.iter().zip(saturated);
-            lit.map(|(half, saturated)| 2.0 * half >= least && !saturated)
+            lit.map(|(half, saturated)| 2.0 * half >= least && (complements || !saturated))
                 .collect()
         }
         None => vec![true; pixels.len()],
     };
-    let bits = axis.gray.iter().flat_map(|code| &code.bits).skip(unused);
-    for (place, bit) in bits.enumerate() {
+    for (place, bit) in bits().enumerate() {
         let [plain, inverse] = [bit.plain, bit.inverse].map(|k| k.map(|k| pixels.frame(k)));
         let contrast = match (plain, inverse, &light) {
             (Some(plain), Some(inverse), _) => zipped(plain, inverse, |p, i| 0.5 * (p - i)),

@@ -14,7 +14,7 @@
 //! | --- | --- | --- |
 //! | part of the pixels whose steps, sets or code contradict each other | at most 0.0017 | [`RATE`], and beyond it what chance adds |
 //! | scale of the residuals, in standard deviations of noise and model error | at most 1.1 | [`SCALE`] |
-//! | light that a set's steps differ by, in units of its residual | at most 0.05 | [`LIGHT`] |
+//! | light that a set's steps differ by, in units of its residual | at most 0.05 | [`LIGHT`], and beyond it what chance adds |
 //! | mean of fringes, between black and white | at least 0.36 | [`DARK`] |
 //! | error of the phase that follows the phase | at most 0.06 rad | `harmonics::LARGEST_RAD` |
 //!
@@ -270,9 +270,9 @@ fn axis_follows(
         }));
     }
     // A bad step of one set also changes what the others are compared with, but less.
-    let largest = known().max_by(|(_, a), (_, b)| a.difference().total_cmp(&b.difference()));
-    if let Some((set, shared)) = largest
-        && shared.differs_by(LIGHT)
+    let uneven = known().filter(|(_, shared)| shared.differs_by(LIGHT));
+    if let Some((set, shared)) =
+        uneven.max_by(|(_, a), (_, b)| a.difference().total_cmp(&b.difference()))
     {
         return Err(exchanged().unwrap_or_else(|| {
             let (step, part) = shared.step(set);

@@ -61,15 +61,14 @@ impl Count {
 }
 
 impl Sample {
-    /// Decodes some pixels of frames of one size, none of them empty; `None` where that is not possible.
+    /// Decodes some pixels of frames; `None` if they differ in size, are empty or cannot be decoded.
     pub(super) fn new(
         manifest: &Manifest,
         frames: &[Image],
         noise: Option<NoiseModel>,
     ) -> Option<Self> {
         let plan = Plan::new(manifest).ok()?;
-        let first = frames.first()?;
-        let (width, height) = (first.width(), first.height());
+        let [width, height] = Image::common_size(frames).ok()?;
         let every = (width * height / PIXELS).clamp(1, width.div_ceil(COLUMNS));
         let lines = ROWS.min(height);
         let some: Vec<usize> = (0..lines)

@@ -121,6 +121,28 @@ fn exchanged_frames_are_named() {
 }
 
 #[test]
+fn exchanged_bits_of_an_overexposed_code_with_complements_are_told() {
+    let bit = |bit: usize, inverted: bool| {
+        format!(
+            "[[frame]]\npattern = {{ kind = \"gray\", axis = \"x\", cell_px = 8, bits = 6, bit = {bit}, inverted = {inverted} }}\n"
+        )
+    };
+    let bits = [false, true].map(|inverted| (0..6).map(|i| bit(i, inverted)).collect::<String>());
+    let ends =
+        ["white", "black"].map(|kind| format!("[[frame]]\npattern = {{ kind = \"{kind}\" }}\n"));
+    let (manifest, mut frames) = captured(&(bits.concat() + &ends.concat()), |level| 2.5 * level);
+    assert_eq!(samples(&mut frames[12]).iter().min(), Some(&255));
+    let checked = |frames: &[Image]| check_sequence(&manifest, frames, Known::default());
+    assert_eq!(checked(&frames), Ok(()));
+    frames.swap(1, 3);
+    frames.swap(7, 9);
+    assert!(checked(&frames).is_err());
+    // Frames of different sizes have no verdict here.
+    frames[3] = Image::new(10, 10, vec![0u8; 100]).unwrap();
+    assert!(check_modulation(&manifest, &frames).is_ok());
+}
+
+#[test]
 fn the_light_of_a_step_is_named() {
     for (patterns, steps) in [(four_steps(), 4), (three_sets(), 3)] {
         for frame in 0..steps {

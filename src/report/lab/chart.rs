@@ -1,5 +1,6 @@
 //! Draws charts of several series on two axes, with a legend.
 
+use super::document::Figure;
 use super::labels;
 use crate::plot::{Anchor, Axis, Panel, ROOM, Sheet, curve, dots, spans};
 use glam::DVec2;
@@ -20,6 +21,8 @@ pub enum SeriesStyle {
     Dots,
     /// Both its points and a line through them.
     Both,
+    /// Its points as red rings: results that are left out.
+    Rings,
 }
 
 /// One series.
@@ -84,6 +87,15 @@ pub struct Chart {
 }
 
 impl Chart {
+    /// Returns the chart as a figure of a document.
+    pub fn figure(&self, name: &str, caption: impl Into<String>) -> Figure {
+        Figure {
+            name: name.to_owned(),
+            caption: caption.into(),
+            sheet: self.sheet(),
+        }
+    }
+
     /// Draws the chart. Colours repeat after eight unpaired series. The legend omits series without a point in the
     /// panel.
     pub fn sheet(&self) -> Sheet {
@@ -101,7 +113,7 @@ impl Chart {
         let mut named = 0.0;
         let mut colours = 0;
         for (i, series) in self.series.iter().enumerate() {
-            if i > 0 && !series.paired {
+            if i > 0 && !series.paired && series.style != SeriesStyle::Rings {
                 colours += 1;
             }
             if !series.points.iter().any(|p| panel.inside(*p).is_some()) {
@@ -114,28 +126,27 @@ impl Chart {
                 ""
             };
             let class = format!("{colour}{dash}");
-            if series.style != SeriesStyle::Dots {
+            let line = !matches!(series.style, SeriesStyle::Dots | SeriesStyle::Rings);
+            let dot = match series.style {
+                SeriesStyle::Dots | SeriesStyle::Both => Some(format!("fill {colour}")),
+                SeriesStyle::Rings => Some("ring".to_owned()),
+                SeriesStyle::Line | SeriesStyle::Dashed => None,
+            };
+            if line {
                 curve(&mut sheet, &panel, &class, &series.points);
             }
-            if matches!(series.style, SeriesStyle::Dots | SeriesStyle::Both) {
-                dots(
-                    &mut sheet,
-                    &panel,
-                    &colour,
-                    3.0,
-                    &series.points,
-                    &series.tips,
-                );
+            if let Some(class) = &dot {
+                dots(&mut sheet, &panel, class, 3.0, &series.points, &series.tips);
             }
             spans(&mut sheet, &panel, &colour, &series.spans);
             let at = DVec2::new(ROOM.x + SIZE.x + 14.0, HEADING + 10.0 + 20.0 * named);
             named += 1.0;
             let end = at + DVec2::new(22.0, 0.0);
-            if series.style != SeriesStyle::Dots {
+            if line {
                 sheet.polyline(&format!("line {class}"), &[at, end], false, None);
             }
-            if matches!(series.style, SeriesStyle::Dots | SeriesStyle::Both) {
-                sheet.disc(&format!("fill {colour}"), (at + end) / 2.0, 3.0, None);
+            if let Some(class) = &dot {
+                sheet.disc(class, (at + end) / 2.0, 3.0, None);
             }
             let words = end + DVec2::new(6.0, 4.0);
             sheet.text("", words, Anchor::Start, &series.name);

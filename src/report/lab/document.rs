@@ -1,6 +1,7 @@
 //! The document of a study: text, tables, plots, images and checks.
 
-use crate::plot::Sheet;
+use super::row::Row;
+use crate::plot::{Sheet, figures};
 
 /// The result of a study, from which pages and tables are made.
 #[derive(Debug, Clone)]
@@ -91,11 +92,7 @@ impl Document {
 
     /// Returns its checks.
     pub fn checks(&self) -> impl Iterator<Item = &Check> {
-        let of = self.blocks().filter_map(|block| match block {
-            Block::Checks(checks) => Some(checks),
-            _ => None,
-        });
-        of.flatten()
+        self.sections.iter().flat_map(checks_of)
     }
 
     /// Returns in one sentence whether the checks hold; `None` without checks.
@@ -110,12 +107,31 @@ impl Document {
         }
     }
 
-    /// Returns all checks, failed ones first.
-    pub(super) fn by_verdict(&self) -> Vec<Check> {
-        let (passed, failed): (Vec<&Check>, Vec<&Check>) =
-            self.checks().partition(|check| check.passed());
-        failed.into_iter().chain(passed).cloned().collect()
+    /// Returns all checks, each with the heading of its section, failed ones first.
+    pub(super) fn by_verdict(&self) -> Vec<(&str, &Check)> {
+        let of_section = |section| checks_of(section).map(|check| (section.title.as_str(), check));
+        let mut all: Vec<_> = self.sections.iter().flat_map(of_section).collect();
+        all.sort_by_key(|(_, check)| check.passed());
+        all
     }
+}
+
+impl Section {
+    /// Makes a section.
+    pub fn new(title: &str, blocks: Vec<Block>) -> Self {
+        Self {
+            title: title.to_owned(),
+            blocks,
+        }
+    }
+}
+
+fn checks_of(section: &Section) -> impl Iterator<Item = &Check> {
+    let of = section.blocks.iter().filter_map(|block| match block {
+        Block::Checks(checks) => Some(checks),
+        _ => None,
+    });
+    of.flatten()
 }
 
 impl Table {
@@ -129,6 +145,25 @@ impl Table {
             timed: false,
             detail: false,
         }
+    }
+
+    /// Makes a table with a line for each of `rows`. A column has a header, the name of the value, and its
+    /// number of significant figures, or 0 for text.
+    pub fn of<'a>(
+        name: &str,
+        caption: impl Into<String>,
+        rows: impl IntoIterator<Item = &'a Row>,
+        columns: &[(&str, &str, usize)],
+    ) -> Self {
+        let header: Vec<&str> = columns.iter().map(|(header, ..)| *header).collect();
+        let mut table = Self::new(name, caption, &header);
+        for row in rows {
+            table.row(columns.iter().map(|&(_, value, digits)| match digits {
+                0 => row.get(value).to_owned(),
+                _ => figures(row.value(value), digits),
+            }));
+        }
+        table
     }
 
     /// Adds a row.

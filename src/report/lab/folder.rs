@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 const ABOUT: &str = "study.json";
-const ROWS: &str = "rows.csv";
+pub(super) const ROWS: &str = "rows.csv";
 const FILES: &str = "files";
 /// Maximum size of a file that is read; more than any study writes.
 const MOST_BYTES: u64 = 256 << 20;
@@ -220,6 +220,10 @@ impl Folder {
         }
         for entry in fs::read_dir(&from).map_err(|e| Error::io(&from, e))? {
             let entry = entry.map_err(|e| Error::io(&from, e))?;
+            // A folder belongs to a trial that has not ended.
+            if !entry.file_type().is_ok_and(|kind| kind.is_file()) {
+                continue;
+            }
             let name = entry.file_name();
             let (Some(name), false) = (name.to_str(), is_unfinished(&name)) else {
                 continue;

@@ -1,27 +1,28 @@
 //! Joins shards in one folder.
 
 use super::Study;
-use super::folder::Folder;
+use super::folder::{Folder, ROWS};
 use super::row::Row;
 use super::runner::{about, columns, trials, whole};
 use super::settings::Settings;
-use phasmid_core::error::Result;
+use phasmid_core::error::{Error, Result};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Takes over the rows and files of shards to the folder of the whole study, in which
-/// [`run`](super::run()) then runs what is missing and makes the document. The folders of the shards are not changed.
+/// [`run`](super::run()) then runs what is missing and makes the document. The folders of the shards are not
+/// changed. Returns the number of trials whose rows are there, and the number of all trials.
 ///
 /// # Errors
-/// Returns an error if a folder belongs to another study, other settings or another program, or if a file
-/// cannot be read or written.
+/// Returns an error if a folder belongs to another study, other settings or another program, or has no
+/// rows, or if a file cannot be read or written.
 pub fn join(
     study: &dyn Study,
     path: &Path,
     settings: &Settings,
     revision: &str,
     shards: &[PathBuf],
-) -> Result<()> {
+) -> Result<[usize; 2]> {
     let trials = trials(study, settings)?;
     let about = about(study, settings, revision);
     let columns = columns(study);
@@ -29,6 +30,14 @@ pub fn join(
     for path in shards {
         let (folder, found) = Folder::open(path)?;
         found.expect(&about, &path.display().to_string())?;
+        if !path.join(ROWS).is_file() {
+            let place = path.display();
+            return Err(Error::input(
+                place,
+                format!("no {ROWS}"),
+                "the folder of a shard",
+            ));
+        }
         read.push((folder.rows(&columns)?, folder));
     }
     let target = Folder::begin(path, &about)?;
@@ -40,5 +49,7 @@ pub fn join(
         rows.extend(new);
         target.take_files(&folder)?;
     }
-    target.writer(&columns, &rows).map(|_| ())
+    let done: HashSet<&str> = rows.iter().map(|row| row.get("trial")).collect();
+    target.writer(&columns, &rows)?;
+    Ok([done.len(), trials.len()])
 }

@@ -80,8 +80,8 @@ impl Document {
             out += &format!("\n{}\n\n{}", table.caption, table.markdown());
         }
         let all = self.checks().count();
-        let failed = self.checks().filter(|check| !check.passed());
-        let failed: Vec<Check> = failed.cloned().collect();
+        let mut failed = self.by_verdict();
+        failed.retain(|(_, check)| !check.passed());
         if !failed.is_empty() {
             out += &format!("\n{}", checks_table(&failed).markdown());
         }
@@ -90,12 +90,13 @@ impl Document {
     }
 }
 
-/// Returns the checks as a table.
-pub(super) fn checks_table(checks: &[Check]) -> Table {
-    let mut table = Table::new("", "", &["check", "found", "at most", ""]);
-    for check in checks {
+/// Returns the checks, each with the heading of its section, as a table.
+pub(super) fn checks_table(checks: &[(&str, &Check)]) -> Table {
+    let mut table = Table::new("", "", &["section", "check", "found", "at most", ""]);
+    for (section, check) in checks {
         let verdict = if check.passed() { "passed" } else { "FAILED" };
         table.row([
+            (*section).to_owned(),
             check.what.clone(),
             figures(check.found, 4),
             figures(check.allowed, 4),

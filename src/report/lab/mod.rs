@@ -54,8 +54,10 @@ pub trait Study: Sync {
     /// Describes it in one sentence: what is asked.
     fn about(&self) -> &'static str;
 
-    /// Returns the heading of its document.
-    fn title(&self) -> &'static str;
+    /// Returns the heading of its document, by default its name.
+    fn title(&self) -> &'static str {
+        self.name()
+    }
 
     /// Returns the columns of its rows, except the columns common to all studies ([`Row::COMMON`]).
     fn columns(&self) -> &'static [&'static str];

@@ -37,11 +37,15 @@ pub fn page(title: &str, parts: &[(Document, &Folder, String)]) -> Result<String
         out += &of_checks(document);
         out += &format!("<p class=\"note\">{}</p>\n", escaped(made));
         for section in &document.sections {
-            out += &format!("<section>\n<h2>{}</h2>\n", escaped(&section.title));
-            for block in &section.blocks {
-                out += &html(block, folder)?;
+            let body: Result<String> = section
+                .blocks
+                .iter()
+                .map(|block| html(block, folder))
+                .collect();
+            let (title, body) = (escaped(&section.title), body?);
+            if !body.is_empty() {
+                out += &format!("<section>\n<h2>{title}</h2>\n{body}</section>\n");
             }
-            out += "</section>\n";
         }
     }
     Ok(out + "</body>\n</html>\n")

@@ -186,7 +186,7 @@ fn report_begins_with_question_and_verdict_and_omits_empty_tables() {
         blocks: more,
     });
     let text = document.markdown(true);
-    begins(&text, ["1 of 2 checks FAILED.", "| y ", "| x "]);
+    begins(&text, ["1 of 2 checks FAILED.", " y |", " x |"]);
     let (folder, _) = Folder::open(&path).unwrap();
     let html = super::page("t", &[(document, &folder, String::new())]).unwrap();
     assert!(html.contains("<details open>"), "{html}");
@@ -237,11 +237,24 @@ fn joined_shards_equal_a_single_run() {
         "{of_others}"
     );
     assert!(!at("all").exists());
-    // Missing trials are run; shards may be joined again.
-    for some in [&shards[..2], &shards[1..]] {
-        join(&study, &at("all"), &settings(7), "r", some).unwrap();
+    // Files of trials are copied, but not the folders of trials that have not ended.
+    std::fs::create_dir_all(shards[0].join("files/unfinished")).unwrap();
+    std::fs::write(shards[0].join("files/figure.txt"), "3").unwrap();
+    // Shards may be joined one after the other.
+    for (some, joined) in [(&shards[..2], 14), (&shards[1..], 20)] {
+        let found = join(&study, &at("all"), &settings(7), "r", some).unwrap();
+        assert_eq!(found, [joined, 20]);
     }
     assert_eq!(lines(&at("all")), 41);
+    assert!(at("all").join("files/figure.txt").is_file());
+    assert!(!at("all").join("files/unfinished").exists());
+    // The remaining trials are run.
+    join(&study, &at("some"), &settings(7), "r", &shards[..2]).unwrap();
+    go(None, &at("some"), 1, 7).unwrap();
+    assert_eq!(lines(&at("some")), 41);
+    std::fs::remove_file(shards[2].join("rows.csv")).unwrap();
+    let lost = join(&study, &at("lost"), &settings(7), "r", &shards).unwrap_err();
+    assert!(lost.to_string().contains("no rows.csv"), "{lost}");
     let whole = go(None, &at("single"), 1, 7).unwrap();
     let joined = go(None, &at("all"), 1, 7).unwrap();
     assert_eq!(joined.markdown(true), whole.markdown(true));

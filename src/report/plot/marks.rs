@@ -15,7 +15,8 @@ pub fn curve(sheet: &mut Sheet, panel: &Panel, class: &str, points: &[DVec2]) {
     }
 }
 
-/// Draws a disc at every point in the panel, with the tooltip that `tips` has for it, if any.
+/// Draws a disc at every point in the panel, of class `fill` or `ring`, with the tooltip that `tips` has for it, if
+/// any.
 pub fn dots(
     sheet: &mut Sheet,
     panel: &Panel,
@@ -27,7 +28,7 @@ pub fn dots(
     for (i, point) in points.iter().enumerate() {
         if let Some(at) = panel.inside(*point) {
             let tip = tips.get(i).map(String::as_str);
-            sheet.disc(&format!("fill {class}"), at, radius, tip);
+            sheet.disc(class, at, radius, tip);
         }
     }
 }
@@ -107,7 +108,14 @@ mod tests {
     fn dots_and_spans_stay_inside() {
         let mut sheet = Sheet::new(100.0, 100.0);
         let points = [DVec2::splat(5.0), DVec2::splat(50.0)];
-        dots(&mut sheet, &panel(), "c1", 2.0, &points, &["mid".into()]);
+        dots(
+            &mut sheet,
+            &panel(),
+            "fill c1",
+            2.0,
+            &points,
+            &["mid".into()],
+        );
         spans(
             &mut sheet,
             &panel(),

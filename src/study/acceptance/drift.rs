@@ -267,10 +267,7 @@ pub(super) fn section(rows: &Rows) -> Section {
             Block::Checks(checks(rows)),
         ]);
     }
-    Section {
-        title: "An hour".to_owned(),
-        blocks,
-    }
+    Section::new("An hour", blocks)
 }
 
 fn hour(rows: &Rows) -> Table {
@@ -344,12 +341,10 @@ fn figure(rows: &Rows) -> Figure {
         log: [false, false],
         series: series.into(),
     };
-    Figure {
-        name: "acceptance-drift".to_owned(),
-        caption: "How far the tracked place of a still patient has gone since the first scan."
-            .to_owned(),
-        sheet: chart.sheet(),
-    }
+    chart.figure(
+        "acceptance-drift",
+        "How far the tracked place of a still patient has gone since the first scan.",
+    )
 }
 
 fn checks(rows: &Rows) -> Vec<Check> {

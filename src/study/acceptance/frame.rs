@@ -237,10 +237,7 @@ pub(super) fn section(rows: &Rows) -> Section {
         blocks.push(Block::Table(table(rows)));
         blocks.push(Block::Checks(checks(rows)));
     }
-    Section {
-        title: "The frame that the pods share".to_owned(),
-        blocks,
-    }
+    Section::new("The frame that the pods share", blocks)
 }
 
 fn table(rows: &Rows) -> Table {
@@ -277,7 +274,7 @@ fn checks(rows: &Rows) -> Vec<Check> {
             BAR[0],
         ),
         Check::at_most(
-            "worst error of the angles likewise, in degrees",
+            "worst error of the angles by pods that boards have calibrated and located, in degrees",
             worst(by_boards.map(turn_deg)),
             BAR[1],
         ),

@@ -113,10 +113,7 @@ pub(super) fn section(rows: &Rows) -> Section {
         blocks.push(Block::Table(table(whole, &fewer)));
         blocks.push(Block::Checks(checks(whole, &fewer)));
     }
-    Section {
-        title: "Pods that are hidden".to_owned(),
-        blocks,
-    }
+    Section::new("Pods that are hidden", blocks)
 }
 
 fn table(whole: &Row, fewer: &[&Row]) -> Table {

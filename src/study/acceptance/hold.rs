@@ -166,8 +166,5 @@ pub(super) fn section(rows: &Rows) -> Section {
             2.0 * period_ms,
         )]));
     }
-    Section {
-        title: "Beam-hold".to_owned(),
-        blocks,
-    }
+    Section::new("Beam-hold", blocks)
 }

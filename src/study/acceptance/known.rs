@@ -147,16 +147,16 @@ pub(super) fn section(rows: &Rows) -> Section {
             ]);
         }
     }
-    Section {
-        title: "Known displacements of the couch".to_owned(),
-        blocks: vec![
+    Section::new(
+        "Known displacements of the couch",
+        vec![
             Block::Words(WORDS.to_owned()),
             Block::Table(table),
             Block::Table(directions(rows)),
             Block::Figure(figure(rows)),
             Block::Checks(checks(rows)),
         ],
-    }
+    )
 }
 
 /// The six directions apart, and what the tracker expects of itself.
@@ -212,11 +212,10 @@ fn figure(rows: &Rows) -> Figure {
         log: [false, false],
         series: series.collect(),
     };
-    Figure {
-        name: "acceptance-known".to_owned(),
-        caption: "Measured less true shift along the direction of the shift.".to_owned(),
-        sheet: chart.sheet(),
-    }
+    chart.figure(
+        "acceptance-known",
+        "Measured less true shift along the direction of the shift.",
+    )
 }
 
 fn checks(rows: &Rows) -> Vec<Check> {

@@ -18,7 +18,7 @@ const WORDS: &str = "Latency is device time, in which the emulated device tells 
     is decoded, which leaves several times the points that are fitted. The frames of a pod are looked at \
     while the next one scans, so that only the last one's are left when the last frame has come; what a \
     host takes for all of a scan says how many it keeps up with. Frames are in memory: what a link takes to \
-    carry them is in the study `speed`. The quick form runs beside other tests, and is not held to times.";
+    carry them is printed by `phasmid bench --links`. The quick form runs beside other tests, and is not held to times.";
 
 /// Milliseconds that the host may take from the last frame to the pose, and for each scan in a row.
 const HOST_MS: f64 = 250.0;
@@ -118,10 +118,7 @@ pub(super) fn section(rows: &Rows, settings: &Settings) -> Section {
         blocks.push(Block::Table(table(rows)));
         blocks.push(Block::Checks(checks(rows, settings)));
     }
-    Section {
-        title: "Latency".to_owned(),
-        blocks,
-    }
+    Section::new("Latency", blocks)
 }
 
 fn table(rows: &Rows) -> Table {

@@ -153,14 +153,14 @@ pub(super) fn section(rows: &Rows) -> Section {
             format!("{:.4}", worst(all.map(|row| row.value("axis_deg")))),
         ]);
     }
-    Section {
-        title: "Flat, sphere and cylinder".to_owned(),
-        blocks: vec![
+    Section::new(
+        "Flat, sphere and cylinder",
+        vec![
             Block::Words(WORDS.to_owned()),
             Block::Table(table),
             Block::Checks(checks(rows)),
         ],
-    }
+    )
 }
 
 fn silent<'a>(rows: impl Iterator<Item = &'a Row>) -> usize {

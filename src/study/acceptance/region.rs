@@ -102,10 +102,7 @@ pub(super) fn section(rows: &Rows) -> Section {
             Block::Checks(checks(rows)),
         ]);
     }
-    Section {
-        title: "Size of the region of interest".to_owned(),
-        blocks,
-    }
+    Section::new("Size of the region of interest", blocks)
 }
 
 fn table(rows: &Rows) -> Table {
@@ -159,14 +156,11 @@ fn figure(rows: &Rows) -> Figure {
         log: [true, true],
         series: series.into(),
     };
-    Figure {
-        name: "acceptance-region".to_owned(),
-        caption:
-            "RMS error of the tracked place by the area of the region, and the deviation that \
-                  the tracker predicts."
-                .to_owned(),
-        sheet: chart.sheet(),
-    }
+    chart.figure(
+        "acceptance-region",
+        "RMS error of the tracked place by the area of the region, and the deviation that \
+                  the tracker predicts.",
+    )
 }
 
 /// Whatever the size, an answer is good enough or comes with a warning.

@@ -15,10 +15,10 @@ const WORDS: &str = "A clinic accepts a surface-guidance system by phantoms on a
     and ways of measuring; they stand beside ours for their size.";
 
 pub(super) fn section(rows: &Rows) -> Section {
-    Section {
-        title: "Summary".to_owned(),
-        blocks: vec![Block::Words(WORDS.to_owned()), Block::Table(table(rows))],
-    }
+    Section::new(
+        "Summary",
+        vec![Block::Words(WORDS.to_owned()), Block::Table(table(rows))],
+    )
 }
 
 fn table(rows: &Rows) -> Table {

@@ -119,8 +119,5 @@ pub(super) fn section(rows: &Rows) -> Section {
             ),
         ]));
     }
-    Section {
-        title: "Skin tones".to_owned(),
-        blocks,
-    }
+    Section::new("Skin tones", blocks)
 }

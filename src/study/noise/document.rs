@@ -2,7 +2,7 @@
 
 use super::bound::{floor_of_many, rounded};
 use super::tables::{self, WHITE_FROM_DN, bench, of, signal_to_noise, spoken_of, values};
-use phasmid_report::lab::{Block, Chart, Check, Figure, Row, Rows, Section, Series, SeriesStyle};
+use phasmid_report::lab::{Block, Chart, Check, Row, Rows, Section, Series, SeriesStyle};
 
 /// By how much errors may exceed the bound.
 const ABOVE_BOUND: f64 = 1.05;
@@ -11,10 +11,7 @@ const STEPS: f64 = 12.0;
 
 /// The sections of all rows.
 pub(super) fn of_rows(rows: &Rows) -> Vec<Section> {
-    let section = |title: &str, blocks| Section {
-        title: title.to_owned(),
-        blocks,
-    };
+    let section = |title: &str, blocks| Section::new(title, blocks);
     vec![
         section("Even noise: least squares and rounding", even(rows)),
         section("Even noise: inliers, gross errors, coverage", mask(rows)),
@@ -130,11 +127,7 @@ fn depth(rows: &Rows) -> Vec<Block> {
 }
 
 fn figure(name: &str, caption: &str, chart: Chart) -> Block {
-    Block::Figure(Figure {
-        name: name.to_owned(),
-        caption: caption.to_owned(),
-        sheet: chart.sheet(),
-    })
+    Block::Figure(chart.figure(name, caption))
 }
 
 /// One modulation, error over bound by steps, a series for each noise below the white and one above.

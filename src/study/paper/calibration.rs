@@ -215,14 +215,14 @@ pub(super) fn section(rows: &Rows) -> Section {
             paper,
         )
     });
-    Section {
-        title: "Calibration".to_owned(),
-        blocks: vec![
+    Section::new(
+        "Calibration",
+        vec![
             Block::Words(WORDS.to_owned()),
             Block::Table(table),
             Block::Checks(checks.into()),
         ],
-    }
+    )
 }
 
 /// A difference in two figures, which are all that other machines repeat, and what it is of.

@@ -7,8 +7,7 @@ use super::published::DISTANCES;
 use super::scan::{Scan, with_f0_of};
 use phasmid_core::error::Result;
 use phasmid_report::lab::{
-    Block, Chart, Check, Context, Figure, Row, Rows, Section, Series, SeriesStyle, Settings, Table,
-    Trial,
+    Block, Chart, Check, Context, Row, Rows, Section, Series, SeriesStyle, Settings, Table, Trial,
 };
 use phasmid_report::plot::figures;
 
@@ -91,21 +90,17 @@ pub(super) fn section(rows: &Rows) -> Section {
     let blocks = vec![
         Block::Words(WORDS.to_owned()),
         Block::Table(means(rows)),
-        Block::Figure(Figure {
-            name: "paper-distances".to_owned(),
-            caption: "Mean absolute error of the trapezoid over its distance".to_owned(),
-            sheet: chart(rows).sheet(),
-        }),
+        Block::Figure(chart(rows).figure(
+            "paper-distances",
+            "Mean absolute error of the trapezoid over its distance",
+        )),
         Block::Words(TREND.to_owned()),
         Block::Table(distances(rows)),
         Block::Words(FLOOR.to_owned()),
         Block::Table(apart(rows)),
         Block::Checks(checks(rows)),
     ];
-    Section {
-        title: "Distances".to_owned(),
-        blocks,
-    }
+    Section::new("Distances", blocks)
 }
 
 const WORDS: &str = "The trapezoid (200 mm base, 100 mm top, 80 mm high) stands on the reference \

@@ -6,8 +6,7 @@ use super::published::DISTANCES;
 use super::scan::Scan;
 use phasmid_core::error::{Error, Result};
 use phasmid_report::lab::{
-    Block, Chart, Context, Figure, Folder, Row, Rows, Section, Series, SeriesStyle, Settings,
-    Table, Trial,
+    Block, Chart, Context, Folder, Row, Rows, Section, Series, SeriesStyle, Settings, Table, Trial,
 };
 
 /// Columns to either side of the middle that the chart shows: four fringes, as five curves of more
@@ -95,20 +94,18 @@ pub(super) fn section(rows: &Rows, folder: &Folder) -> Result<Section> {
         log: [false, false],
         series,
     };
-    let figure = Figure {
-        name: "paper-grey".to_owned(),
-        caption: "Grey levels across the top of the trapezoid in the first frame at each distance"
-            .to_owned(),
-        sheet: chart.sheet(),
-    };
-    Ok(Section {
-        title: "Grey profiles".to_owned(),
-        blocks: vec![
+    let figure = chart.figure(
+        "paper-grey",
+        "Grey levels across the top of the trapezoid in the first frame at each distance",
+    );
+    Ok(Section::new(
+        "Grey profiles",
+        vec![
             Block::Words(WORDS.to_owned()),
             Block::Figure(figure),
             Block::Table(table),
         ],
-    })
+    ))
 }
 
 fn levels(folder: &Folder, name: &str) -> Result<Vec<f64>> {

@@ -207,14 +207,14 @@ pub(super) fn section(rows: &Rows) -> Section {
             ]);
         }
     }
-    Section {
-        title: "Light".to_owned(),
-        blocks: vec![
+    Section::new(
+        "Light",
+        vec![
             Block::Words(WORDS.to_owned()),
             Block::Table(table),
             Block::Words(TREND.to_owned()),
         ],
-    }
+    )
 }
 
 const WORDS: &str = "Light 1 is the bench's own projector: white on an albedo of 0.8 at 1000 mm \

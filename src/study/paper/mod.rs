@@ -117,10 +117,7 @@ fn bench_section(settings: &Settings) -> Section {
     if settings.quick {
         blocks.push(Block::Words(QUICK.to_owned()));
     }
-    Section {
-        title: "The bench".to_owned(),
-        blocks,
-    }
+    Section::new("The bench", blocks)
 }
 
 const BENCH: &str = "Wu et al., \"Virtual 3D surface imaging system for the validation of tumor \

@@ -99,10 +99,10 @@ pub(super) fn section(rows: &Rows) -> Section {
             format!("{}", value("points")),
         ]);
     }
-    Section {
-        title: "Parts".to_owned(),
-        blocks: vec![Block::Words(WORDS.to_owned()), Block::Table(table)],
-    }
+    Section::new(
+        "Parts",
+        vec![Block::Words(WORDS.to_owned()), Block::Table(table)],
+    )
 }
 
 const WORDS: &str = "What the paper cuts off at Z = 70 mm is read as the top (80 mm) with the upper \

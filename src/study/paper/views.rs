@@ -84,16 +84,16 @@ pub(super) fn section(rows: &Rows) -> Section {
             percent(value("coverage")),
         ]);
     }
-    Section {
-        title: "Views".to_owned(),
-        blocks: vec![
+    Section::new(
+        "Views",
+        vec![
             Block::Words(WORDS.to_owned()),
             Block::Table(table),
             Block::Words(GROSS.to_owned()),
             Block::Table(gross(rows)),
             Block::Checks(checks(rows)),
         ],
-    }
+    )
 }
 
 /// The gross errors by what the ray through the pixel's middle meets.

@@ -124,14 +124,11 @@ impl Study for Sgrt {
             blocks
         };
         Ok(vec![
-            Section {
-                title: "What is compared".to_owned(),
-                blocks: vec![Block::Words(format!("{} {COMPARED}", names.len()))],
-            },
-            Section {
-                title: "What is seen".to_owned(),
-                blocks: vec![pictures::block(), path::block(rows)],
-            },
+            Section::new(
+                "What is compared",
+                vec![Block::Words(format!("{} {COMPARED}", names.len()))],
+            ),
+            Section::new("What is seen", vec![pictures::block(), path::block(rows)]),
             Section {
                 title: "Position and shape of the tumour".to_owned(),
                 blocks: blocks(

@@ -6,9 +6,7 @@ use crate::clinic::{InRoom, Pods, binned};
 use glam::DVec3;
 use phasmid_core::error::Result;
 use phasmid_geometry::Pose;
-use phasmid_report::lab::{
-    Block, Chart, Context, Figure, Row, Rows, Series, SeriesStyle, Settings, Trial,
-};
+use phasmid_report::lab::{Block, Chart, Context, Row, Rows, Series, SeriesStyle, Settings, Trial};
 use phasmid_sgrt::{FitOptions, MotionState, MotionTracker, POINTS, Region};
 
 /// Device time of the first scan in seconds.
@@ -86,11 +84,6 @@ pub(super) fn block(rows: &Rows) -> Block {
         log: [false, false],
         series,
     };
-    Block::Figure(Figure {
-        name: "sgrt-path".to_owned(),
-        caption: "One patient over a breath: where the tumour is (lines), and where the tracker says \
-                  that it is from each scan of the three pods (dots), set at the middle of the scan."
-            .to_owned(),
-        sheet: chart.sheet(),
-    })
+    Block::Figure(chart.figure("sgrt-path", "One patient over a breath: where the tumour is (lines), and where the tracker says \
+                  that it is from each scan of the three pods (dots), set at the middle of the scan."))
 }

@@ -141,13 +141,11 @@ fn figure(rows: &Rows, patients: &[&str]) -> Figure {
         log: [false, false],
         series: series.into(),
     };
-    Figure {
-        name: "sgrt-position".to_owned(),
-        caption: "Each moment of each patient: how far the tumour was from where it had been \
-                  planned, and how far from where it was said to be."
-            .to_owned(),
-        sheet: chart.sheet(),
-    }
+    chart.figure(
+        "sgrt-position",
+        "Each moment of each patient: how far the tumour was from where it had been \
+                  planned, and how far from where it was said to be.",
+    )
 }
 
 /// Error over what was said of it, RMS over all moments.

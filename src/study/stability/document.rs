@@ -64,14 +64,14 @@ fn overview(rows: &Rows, groups: &[Group]) -> Section {
             },
         ]);
     }
-    Section {
-        title: "All sweeps".to_owned(),
-        blocks: vec![
+    Section::new(
+        "All sweeps",
+        vec![
             Block::Words(WORDS.to_owned()),
             Block::Table(table),
             Block::Table(breaks(rows, groups)),
         ],
-    }
+    )
 }
 
 /// Where sweeps begin to give no answer, and what the program says there.
@@ -191,12 +191,11 @@ fn figure(sweep: &Sweep, rows: &[&Row]) -> Option<Figure> {
             Series::new("allowed", SeriesStyle::Dashed, sorted),
         ],
     };
-    Some(Figure {
-        name: format!("stability-{}", sweep.key),
-        caption: format!(
+    Some(chart.figure(
+        &format!("stability-{}", sweep.key),
+        format!(
             "{}: error found and allowed over {}.",
             sweep.title, sweep.ratio
         ),
-        sheet: chart.sheet(),
-    })
+    ))
 }

@@ -80,7 +80,6 @@ pages_run! {
     patients: "docs/src/guides/patients.md", [];
     time: "docs/src/concepts/time.md", ["evm/summary.json"];
     studies: "docs/src/studies/index.md", [];
-    speed: "docs/src/studies/speed.md", [];
 }
 
 #[test]

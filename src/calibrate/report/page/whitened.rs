@@ -91,7 +91,7 @@ fn quantiles(sheet: &mut Sheet, left: f64, class: &str, values: &[f64]) {
         "c2",
         &[DVec2::splat(-ends), DVec2::splat(ends)],
     );
-    dots(sheet, &panel, class, 3.0, &points, &[]);
+    dots(sheet, &panel, &format!("fill {class}"), 3.0, &points, &[]);
 }
 
 /// Pairs of quantiles (normal, data) at every quarter of a standard deviation, as long as at least

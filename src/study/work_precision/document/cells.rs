@@ -42,11 +42,7 @@ pub(super) fn figure(name: &str, caption: &str, axes: [&str; 2], series: Vec<Ser
         log: [true; 2],
         series,
     };
-    Figure {
-        name: name.to_owned(),
-        caption: caption.to_owned(),
-        sheet: chart.sheet(),
-    }
+    chart.figure(name, caption)
 }
 
 /// Whether each of some settings, by cost and error, is on the Pareto front: none other costs no more

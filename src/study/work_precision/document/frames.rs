@@ -101,16 +101,16 @@ fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Sec
             MOST_OF_BOUND,
         )
     });
-    Section {
-        title: "Frames".to_owned(),
-        blocks: vec![
+    Section::new(
+        "Frames",
+        vec![
             words(about),
             Block::Table(errors),
             Block::Table(times),
             Block::Figure(plot),
             Block::Checks(check.into_iter().collect()),
         ],
-    }
+    )
 }
 
 /// All of them by time and error, and the front.
@@ -194,8 +194,5 @@ fn of_adapter(gpu: &[&Row], best: &[bool], bound_um: f64) -> Section {
     if !table.rows.is_empty() {
         blocks.push(Block::Table(table));
     }
-    Section {
-        title: "The processor and the GPU".to_owned(),
-        blocks,
-    }
+    Section::new("The processor and the GPU", blocks)
 }

@@ -104,9 +104,9 @@ pub(super) fn section(scans: &[&Row], settings: &Settings) -> Section {
                  thousandths of them, and nothing would be left only where it spans a whole number. \
                  The closed form of each pixel's footprint gives them (held pixels), and taken off \
                  pixel by pixel it leaves the bound.";
-    Section {
-        title: "Scans".to_owned(),
-        blocks: vec![
+    Section::new(
+        "Scans",
+        vec![
             words(about),
             Block::Table(errors),
             Block::Table(by_steps(scans)),
@@ -116,7 +116,7 @@ pub(super) fn section(scans: &[&Row], settings: &Settings) -> Section {
             Block::Figure(scan_figure(scans, &best)),
             Block::Checks(scan_checks(scans, settings)),
         ],
-    }
+    )
 }
 
 /// Whether a setting measures enough, and little of it grossly wrong, to be chosen at all.
@@ -224,7 +224,7 @@ fn scan_figure(all: &[&Row], best: &[bool]) -> Figure {
     series.push(Series::new("Pareto front", SeriesStyle::Dashed, on));
     let mut out = Series::new(
         "excluded: gross or few points",
-        SeriesStyle::Dots,
+        SeriesStyle::Rings,
         unsound.iter().map(|row| point(row)),
     );
     out.tips = unsound

@@ -92,9 +92,9 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
         ],
         series.collect(),
     );
-    Section {
-        title: "Terms".to_owned(),
-        blocks: vec![
+    Section::new(
+        "Terms",
+        vec![
             words(&about),
             Block::Table(errors),
             Block::Table(times),
@@ -112,7 +112,7 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
                 ),
             ]),
         ],
-    }
+    )
 }
 
 fn saved(row: &Row) -> f64 {

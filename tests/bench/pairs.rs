@@ -2,13 +2,12 @@
 //! that holds on any machine.
 
 use super::cases::lit_all_over;
-use super::passes::bench;
-use crate::scanned::Stage;
-use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Decoded, Held, Known, Options as DecodeOptions, check_sequence};
-use phasmid_profile::{Focus, Profile, Scene};
-use phasmid_render::Options;
-use phasmid_report::lab::{Context, Row, Settings, Trial};
+use phasmid::decode::{Decoded, Held, Known, Options as DecodeOptions, check_sequence};
+use phasmid::emulator::render::Options;
+use phasmid::error::{Error, Result};
+use phasmid::profile::Scene;
+use phasmid::profile::{Focus, Profile};
+use phasmid::study::scanned::Stage;
 use std::hint::black_box;
 use std::rc::Rc;
 
@@ -31,8 +30,6 @@ const DIM: f64 = 0.2;
 
 /// Decoding to depths without an option and with it.
 pub struct Pair {
-    /// Pixels.
-    pub pixels: usize,
     /// Does it without, and with.
     pub works: [Box<dyn FnMut()>; 2],
 }
@@ -76,29 +73,6 @@ pub fn pair(name: &str, profile: &Profile) -> Result<Pair> {
         }))
     };
     Ok(Pair {
-        pixels: scanned.images[0].samples().len(),
         works: [work(without, false)?, work(with, name == PAIRS[1])?],
     })
-}
-
-/// A trial for each pair.
-pub fn trials(settings: &Settings) -> Vec<Trial> {
-    let trial = |name: &'static str| {
-        let key = format!("pair/{}", name.replace(' ', "-"));
-        Trial::new(key, settings.seed, move |ctx| run(ctx, name)).alone()
-    };
-    PAIRS.into_iter().map(trial).collect()
-}
-
-fn run(ctx: &Context<'_>, name: &str) -> Result<Vec<Row>> {
-    let mut pair = pair(name, &bench(ctx.settings)?)?;
-    let enough_s = if ctx.settings.quick { 0.2 } else { 3.0 };
-    let [without, with] = ctx.stopwatch().in_turns(enough_s, &mut pair.works);
-    let row = Row::new()
-        .text("group", "pair")
-        .text("name", name)
-        .number("pixels", pair.pixels as f64)
-        .number("without_us", without * 1e6)
-        .number("pass_us", with * 1e6);
-    Ok(vec![row])
 }

@@ -1,22 +1,19 @@
 //! The passes that are timed, each with what it works on and the bytes that it touches.
 
-use crate::scanned::Stage;
-use phasmid_core::error::{Error, Result};
-use phasmid_decode::{Decoded, Options as DecodeOptions};
-use phasmid_device::Device;
-use phasmid_geometry::raycast::Bvh;
-use phasmid_geometry::{Mesh, ply, shapes};
-use phasmid_profile::{Deform, Focus, Interreflection, Keyframe, MeshKeyframe, Motion};
-use phasmid_profile::{Profile, Scene};
-use phasmid_render::{Options, Renderer};
-use phasmid_render::{pattern_image::PatternImage, shot::Shot};
+use phasmid::decode::{Decoded, Options as DecodeOptions};
+use phasmid::emulator::Device;
+use phasmid::emulator::render::{Options, Renderer, pattern_image::PatternImage, shot::Shot};
+use phasmid::error::{Error, Result};
+use phasmid::geometry::raycast::Bvh;
+use phasmid::geometry::{Mesh, ply, shapes};
+use phasmid::profile::Scene;
+use phasmid::profile::{Deform, Focus, Interreflection, Keyframe, MeshKeyframe, Motion, Profile};
+use phasmid::study::scanned::Stage;
 use std::hint::black_box;
 use std::path::Path;
 
 /// One pass on one scene.
 pub struct Case {
-    /// What is timed.
-    pub name: String,
     /// How often the work does it on each of the pixels.
     pub count: usize,
     /// Pixels, or triangles.
@@ -85,7 +82,6 @@ pub fn case(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
             };
             let mut setup = Setup::of(&profile, &scene, options)?;
             Ok(Case {
-                name: name.to_owned(),
                 count: 1,
                 pixels: sized(&setup),
                 bytes_per_pixel: GEOMETRY_BYTES * samples as usize,
@@ -95,13 +91,12 @@ pub fn case(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
                 }),
             })
         }
-        "exposure + sensor" => frames(name, (scene, how), profile),
+        "exposure + sensor" => frames((scene, how), profile),
         "frame of 4 instants" => moving(name, profile, folder),
         "refit" => {
             let mesh = torso();
             let mut tree = Bvh::build(&mesh.vertices, &mesh.triangles).ordered();
             Ok(Case {
-                name: name.to_owned(),
                 count: 1,
                 pixels: mesh.triangles.len(),
                 bytes_per_pixel: 100,
@@ -124,7 +119,7 @@ fn scene_of(name: &str, how: &str) -> Result<Scene> {
 }
 
 /// A plane as large as the camera sees, lit all over.
-pub(super) fn lit_all_over(profile: &Profile) -> Profile {
+pub fn lit_all_over(profile: &Profile) -> Profile {
     let mut wide = profile.clone();
     wide.projector.throw_ratio = 0.5;
     wide.projector.lens_shift_px = [384.0, 0.0];
@@ -132,7 +127,7 @@ pub(super) fn lit_all_over(profile: &Profile) -> Profile {
     wide
 }
 
-fn frames(name: &str, (scene, how): (&str, &str), profile: &Profile) -> Result<Case> {
+fn frames((scene, how): (&str, &str), profile: &Profile) -> Result<Case> {
     let mut profile = profile.clone();
     let mut bytes = FRAME_BYTES;
     if how == "defocus" {
@@ -169,7 +164,6 @@ fn frames(name: &str, (scene, how): (&str, &str), profile: &Profile) -> Result<C
     }
     let mut id = 0;
     Ok(Case {
-        name: name.to_owned(),
         count: setup.shots.len(),
         pixels: setup.renderer.pixel_count(),
         bytes_per_pixel: bytes,
@@ -231,7 +225,6 @@ fn moving(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
     let mut setup = Setup::of(profile, &scene, Options::default())?;
     let mut shot = setup.shots[0].clone();
     Ok(Case {
-        name: name.to_owned(),
         count: 1,
         pixels: setup.renderer.pixel_count(),
         bytes_per_pixel: GEOMETRY_BYTES * 4,
@@ -257,7 +250,6 @@ fn decode(name: &str, profile: &Profile) -> Result<Case> {
     let mut out = Decoded::default();
     let mut points = Vec::new();
     Ok(Case {
-        name: name.to_owned(),
         count: 1,
         pixels: scanned.images[0].samples().len(),
         bytes_per_pixel: scanned.images.len(),

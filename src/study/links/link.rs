@@ -1,0 +1,46 @@
+//! The links.
+
+/// How commands and frames travel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Link {
+    /// The device is called.
+    Memory,
+    /// A pty and the frame socket.
+    Socket,
+    /// A pty and TCP on the loopback interface.
+    Tcp,
+    /// USB/IP on the loopback interface, with the host's own drivers.
+    UsbIp,
+    /// A pty and a node of v4l2loopback.
+    Video,
+    /// USB/IP to this machine's kernel, whose `uvcvideo` and `cdc_acm` make nodes of it.
+    Kernel,
+}
+
+/// In the order of the table.
+pub(super) const LINKS: [Link; 6] = [
+    Link::Memory,
+    Link::Socket,
+    Link::Tcp,
+    Link::UsbIp,
+    Link::Video,
+    Link::Kernel,
+];
+
+impl Link {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Memory => "in memory",
+            Self::Socket => "pty and frame socket",
+            Self::Tcp => "pty and TCP",
+            Self::UsbIp => "USB/IP",
+            Self::Video => "pty and V4L2",
+            Self::Kernel => "USB of the kernel",
+        }
+    }
+
+    /// Whether frames that the host does not take in time are overwritten.
+    pub(super) fn overwrites(self) -> bool {
+        self == Self::Video
+    }
+}
