@@ -231,16 +231,16 @@ impl Subject<'_> {
         let decode = || {
             let _ = black_box(decoder.decode_into(&scanned.images, &mut maps));
         };
-        let decode_s = self.watch.spread(ROUNDS, ROUND_S, decode).low;
+        let decode_s = self.watch.fastest(ROUNDS, ROUND_S, decode);
         let check = || {
             let _ = black_box(check_sequence(&scanned.manifest, &scanned.images, known));
         };
-        let check_s = self.watch.spread(ROUNDS, ROUND_S, check).low;
+        let check_s = self.watch.fastest(ROUNDS, ROUND_S, check);
         let triangulate = || {
             decoder.points_into(&maps, &mut points);
             black_box(&points);
         };
-        let points_s = self.watch.spread(ROUNDS, ROUND_S, triangulate).low;
+        let points_s = self.watch.fastest(ROUNDS, ROUND_S, triangulate);
         let frames = scanned.images.len() as f64;
         let row = |pass: &str, seconds: f64| PassRow {
             pass: pass.to_owned(),

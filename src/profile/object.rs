@@ -65,6 +65,15 @@ pub struct Object {
     pub deform: Option<Deform>,
 }
 
+impl Object {
+    /// Returns whether it moves or deforms.
+    pub fn moves(&self) -> bool {
+        self.motion.as_ref().is_some_and(Motion::goes_anywhere)
+            || self.deform.is_some()
+            || self.shape.breathes()
+    }
+}
+
 fn one() -> f64 {
     1.0
 }

@@ -59,6 +59,13 @@ impl<'a> Stopwatch<'a> {
         Spread::new(rounds.map(|_| self.seconds(&mut work)).collect())
     }
 
+    /// Returns the shortest duration of `work` in seconds, over the rounds of [`Self::rounds`].
+    pub fn fastest(self, most: usize, enough_s: f64, mut work: impl FnMut()) -> f64 {
+        let rounds = self.rounds(most, enough_s);
+        let seconds = rounds.map(|_| self.seconds(&mut work));
+        seconds.fold(f64::INFINITY, f64::min)
+    }
+
     /// Returns the seconds per frame. `run(n)` makes `n` frames; a round has at most `frames` of them, and
     /// no more than take [`ROUND_S`].
     pub fn seconds_a_frame(self, frames: usize, mut run: impl FnMut(usize)) -> f64 {

@@ -18,6 +18,7 @@ pub mod score;
 pub mod sgrt;
 pub mod stability;
 pub mod timing;
+pub mod tradeoff;
 pub mod work_precision;
 
 use acceptance::Acceptance;

@@ -89,3 +89,46 @@ fn plan_prints_a_table_and_refuses_bad_arguments() {
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("no-such"));
 }
+
+#[test]
+fn plan_names_the_fastest_setting_for_an_accuracy() {
+    let small = [
+        "--profile",
+        "webcam-grey",
+        "--scene",
+        "sphere",
+        "--set",
+        "camera.width_px=240",
+        "--set",
+        "camera.height_px=180",
+        "--set",
+        "camera.sensor_width_mm=1.35",
+    ];
+    let with = |accuracy: &'static str| [&small[..], &["--accuracy", accuracy]].concat();
+    let output = plan(&[&with("0.1mm")[..], &["--json"]].concat());
+    assert!(output.status.success(), "{output:?}");
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    // A setting that finds no points has no error.
+    let number = |row: &Value, name: &str| row[name].as_f64().unwrap_or(f64::NAN);
+    let total = |row: &Value| number(row, "render_ms") + number(row, "decode_ms");
+    let best = &report["cheapest"];
+    assert!(number(best, "rmse_mm") <= 0.1, "{best}");
+    let rows = report["settings"].as_array().unwrap();
+    assert!(rows.len() > 15 && report["failed"].as_array().unwrap().is_empty());
+    for row in rows {
+        let reaches = number(row, "rmse_mm") <= 0.1
+            && number(row, "coverage") >= 0.9
+            && number(row, "gross_error_rate") <= 0.01;
+        assert!(!reaches || total(row) >= total(best), "{row}");
+    }
+    assert!(rows.iter().any(|row| row["front"] == true));
+    let text = String::from_utf8(plan(&with("0.1um")).stdout).unwrap();
+    assert!(
+        text.ends_with("\n0.000100 mm: no setting reaches it\n"),
+        "{text}"
+    );
+    let refused = plan(&["--accuracy", "far"]);
+    let words = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(words.contains("expected a length such as 0.1mm"), "{words}");
+}

@@ -25,7 +25,7 @@ pub fn whole(name: &str) {
 }
 
 /// Runs a study with seed 1 in a new folder, asserts that all its checks pass, and compares its tables,
-/// except those of times, with the snapshot. With `PHASMID_BLESS=1` in the environment, rewrites the
+/// except tables of times, with the snapshot. With `PHASMID_BLESS=1` in the environment, rewrites the
 /// snapshot.
 fn compare(name: &str, quick: bool) {
     let study = *ALL.iter().find(|study| study.name() == name).unwrap();

@@ -1,6 +1,7 @@
 //! `phasmid plan`: reports which terms of image formation a profile and a scene need, why, and what
-//! each costs on this machine.
+//! each costs on this machine; and which setting reaches a wanted accuracy in the least time.
 
+mod accuracy;
 mod measure;
 
 use crate::cli::options::SetArgs;
@@ -12,7 +13,9 @@ use serde::Serialize;
 
 /// Report which terms of image formation a device and a scene need, why, and what each costs here
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  phasmid plan --profile dlp-evm --scene plane")]
+#[command(
+    after_help = "Examples:\n  phasmid plan --profile dlp-evm --scene plane\n  phasmid plan --profile webcam-grey --scene sphere --accuracy 0.1mm"
+)]
 pub struct Args {
     /// Device profile: a built-in name or a TOML file
     #[arg(long, default_value = "pmp-bench")]
@@ -28,6 +31,10 @@ pub struct Args {
     /// Instants per exposure at which a moving scene is rendered, 1 to 256
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
+    /// Scan the scene with every setting that trades error for run time, and name the fastest one whose RMS depth error is at most this length: 0.1mm, 50um
+    #[arg(long, value_name = "LENGTH", value_parser = accuracy::length_mm)]
+    #[arg(conflicts_with_all = ["samples", "time_samples"])]
+    accuracy: Option<f64>,
     /// Print the plan as JSON
     #[arg(long)]
     json: bool,
@@ -52,6 +59,9 @@ struct Report<'a> {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let (profile, scene) = args.set.load(&args.profile, &args.scene)?;
+    if let Some(accuracy_mm) = args.accuracy {
+        return accuracy::run(&profile, &scene, accuracy_mm, args.json);
+    }
     let options = Options {
         samples: args.samples,
         time_samples: args.time_samples,

@@ -5,7 +5,7 @@ use glam::DVec3;
 use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Mesh, Pose, Timeline, Trajectory};
 use phasmid_phantom::{Day, Phantom};
-use phasmid_profile::{Motion, Object, Scene, Shape};
+use phasmid_profile::{Object, Scene, Shape};
 
 /// Maximum total number of vertices of a deformation's meshes: 1.2 GB.
 const MAX_KEY_VERTICES: usize = 50_000_000;
@@ -89,13 +89,6 @@ pub(crate) type Blend = ([usize; 4], [f64; 4]);
 /// State of everything that moves at an instant.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct State(pub(crate) Vec<Placement>);
-
-/// Returns whether an object ever moves or deforms.
-pub(crate) fn moves(object: &Object) -> bool {
-    object.motion.as_ref().is_some_and(Motion::goes_anywhere)
-        || object.deform.is_some()
-        || object.shape.breathes()
-}
 
 impl Animation {
     pub(crate) fn new(scene: &Scene, object: &Object, index: u16, part: Part) -> Result<Self> {

@@ -39,9 +39,9 @@ pub struct LinkSpeeds {
 pub struct LinkSpeed {
     /// Its name.
     pub link: &'static str,
-    /// What the machine lacks for this link; `None` if it was measured.
+    /// The reason why the machine cannot use this link; `None` if it was measured.
     pub lacks: Option<String>,
-    /// What was measured.
+    /// The measured speed.
     pub figures: Option<LinkFigures>,
 }
 
@@ -55,8 +55,8 @@ pub struct LinkFigures {
     pub latency_us: [f64; 4],
     /// Number of frames in whole sequences.
     pub frames: usize,
-    /// Number of frames that did not arrive. Only a V4L2 node loses frames: it overwrites those that its
-    /// reader does not take in time.
+    /// Number of frames that did not arrive. Only a V4L2 node loses frames, because it overwrites frames that
+    /// its reader does not take in time.
     pub lost: usize,
     /// Frames per second of a sequence, from the trigger's command to the last frame: lower quartile,
     /// median, upper quartile.
@@ -119,7 +119,7 @@ pub fn measure(frames: usize, watch: Stopwatch<'_>) -> Result<LinkSpeeds> {
     })
 }
 
-/// What was measured of one link; times in seconds.
+/// Measurements of one link; times in seconds.
 #[derive(Default)]
 struct Measured {
     latencies: Vec<f64>,

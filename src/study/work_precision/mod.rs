@@ -1,11 +1,13 @@
 //! `work-precision`: error against run time.
 //!
-//! Three questions. What do steps, resolution and samples a pixel buy in a scan with noise
+//! Four questions. What do the knobs of four devices trade, and which setting is the cheapest for a wanted
+//! accuracy (`devices`)? What do steps, resolution and samples a pixel buy in a scan with noise
 //! (`scans`)? How far are frames from those of the reference path, which knows no shortcut and
 //! computes in f64, and what does each way of filtering cost (`frames`)? What is each term of image
 //! formation worth, and what does it cost (`terms`)?
 
 mod closed;
+mod devices;
 mod document;
 mod frames;
 mod held;
@@ -42,17 +44,23 @@ impl Study for WorkPrecision {
     }
 
     fn parts(&self) -> &'static [&'static str] {
-        &["scan", "frames", "term"]
+        &["device", "scan", "frames", "term"]
     }
 
     fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
-        let mut trials = scans::trials(settings);
+        let mut trials = devices::trials(settings);
+        trials.extend(scans::trials(settings));
         trials.extend(frames::trials(settings));
         trials.extend(terms::trials(settings));
         Ok(trials)
     }
 
     fn sections(&self, rows: &Rows, _: &Folder, settings: &Settings) -> Result<Vec<Section>> {
-        Ok(document::sections(rows, settings))
+        let mut sections = Vec::new();
+        if rows.with("group", "device").next().is_some() {
+            sections.push(devices::section(rows));
+        }
+        sections.extend(document::sections(rows, settings));
+        Ok(sections)
     }
 }

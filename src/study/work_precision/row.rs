@@ -6,6 +6,7 @@ use phasmid_report::lab::Row;
 /// The columns of this study.
 pub const COLUMNS: &[&str] = &[
     "group",
+    "device",
     "setting",
     "pass",
     "steps",

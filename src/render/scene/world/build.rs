@@ -141,7 +141,7 @@ impl Builder<'_> {
     }
 
     fn path(&mut self, object: &Object, index: u16, part: Part) -> Result<()> {
-        if animation::moves(object) {
+        if object.moves() {
             let path = Animation::new(self.scene, object, index, part)?;
             self.fixed.paths.push(path);
         }
@@ -174,13 +174,13 @@ impl World {
                     let part = builder.solid(solid, object, index);
                     builder.path(object, index, part)?;
                 }
-                None if animation::moves(object) => {}
+                None if object.moves() => {}
                 None => builder.mesh(object, index)?,
             }
         }
         // Triangles of moving meshes are numbered after the triangles of static meshes.
         for (object, index) in objects() {
-            if animation::moves(object) && solid(&object.shape, object.scale).is_none() {
+            if object.moves() && solid(&object.shape, object.scale).is_none() {
                 let part = builder.instance(object, index)?;
                 builder.path(object, index, part)?;
             }
