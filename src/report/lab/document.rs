@@ -126,7 +126,7 @@ impl Section {
     }
 }
 
-fn checks_of(section: &Section) -> impl Iterator<Item = &Check> {
+pub(super) fn checks_of(section: &Section) -> impl Iterator<Item = &Check> {
     let of = section.blocks.iter().filter_map(|block| match block {
         Block::Checks(checks) => Some(checks),
         _ => None,

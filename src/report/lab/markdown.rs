@@ -1,6 +1,6 @@
 //! Formats tables as Markdown that is also readable on a terminal.
 
-use super::document::{Block, Check, Document, Table};
+use super::document::{Block, Check, Document, Table, checks_of};
 use crate::plot::figures;
 
 impl Table {
@@ -43,8 +43,9 @@ impl Table {
 }
 
 impl Document {
-    /// Returns the question, the verdict with all checks, and the tables in Markdown. Without `times`,
-    /// only the tables without measured times, so that a second run gives the same text.
+    /// Returns the question, the verdict with all checks, and the tables in Markdown. Without `times`, it has no
+    /// measured times, so that a second run gives the same text: instead of the verdict, the checks and their
+    /// limits follow the tables.
     pub fn markdown(&self, times: bool) -> String {
         let mut out = format!("# {}\n", self.title);
         if times {
@@ -67,6 +68,15 @@ impl Document {
             if !body.is_empty() {
                 out += &format!("\n## {}\n{body}", section.title);
             }
+        }
+        if !times {
+            let mut table = Table::new("", "", &["section", "check", "at most"]);
+            for section in &self.sections {
+                for check in checks_of(section) {
+                    table.row([&section.title, &check.what, &figures(check.allowed, 4)]);
+                }
+            }
+            out += &format!("\n## Checks\n\n{}", table.markdown());
         }
         out
     }
