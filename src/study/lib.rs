@@ -8,6 +8,7 @@ pub mod clinic;
 pub mod desk;
 mod draws;
 pub mod faults;
+pub mod left_out;
 pub mod links;
 pub mod noise;
 pub mod paper;
@@ -22,6 +23,7 @@ pub mod tradeoff;
 pub mod work_precision;
 
 use acceptance::Acceptance;
+use left_out::LeftOut;
 use noise::Noise;
 use paper::Paper;
 use phasmid_report::lab::Study;
@@ -34,6 +36,7 @@ pub const ALL: &[&dyn Study] = &[
     &Paper,
     &WorkPrecision,
     &Stability,
+    &LeftOut,
     &Noise,
     &Sgrt,
     &Acceptance,

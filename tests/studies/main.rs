@@ -6,7 +6,7 @@ mod snapshot;
 mod zoo;
 
 use phasmid::study::ALL;
-use snapshot::{quick, whole};
+use snapshot::quick;
 
 macro_rules! studies {
     ($($test:ident: $name:literal),* $(,)?) => {
@@ -14,6 +14,14 @@ macro_rules! studies {
         fn $test() {
             quick($name);
         })*
+
+        mod whole_forms {
+            $(#[test]
+            #[ignore = "takes minutes; a lane of `.ci/run --whole` does it"]
+            fn $test() {
+                crate::snapshot::whole($name);
+            })*
+        }
 
         #[test]
         fn every_study_is_compared() {
@@ -27,15 +35,8 @@ studies! {
     paper: "paper",
     work_precision: "work-precision",
     stability: "stability",
+    left_out: "left-out",
     noise: "noise",
     sgrt: "sgrt",
     acceptance: "acceptance",
-}
-
-#[test]
-#[ignore = "takes minutes; a lane of `.ci/run --whole` does it"]
-fn whole_forms() {
-    for study in ALL {
-        whole(study.name());
-    }
 }

@@ -119,9 +119,13 @@ pub fn settings(profile: &Profile, scene: &Scene) -> Vec<Setting> {
             ..usual()
         }));
     }
-    if scene.interreflection.is_some() {
-        all.extend([16, 64, 256].map(|n| Setting {
-            interreflection: Some(n),
+    if let Some(own) = &scene.interreflection {
+        let others = [16, 64, 256]
+            .map(Some)
+            .into_iter()
+            .filter(|n| *n != own.samples);
+        all.extend(others.map(|interreflection| Setting {
+            interreflection,
             ..usual()
         }));
     }

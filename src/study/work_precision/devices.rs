@@ -62,7 +62,12 @@ fn load(device: &str, scene: &str) -> Result<(Profile, Scene)> {
         }
         _ => {
             let mut scene = Scene::load(scene)?;
-            scene.interreflection = (device == "pmp-bench").then(Interreflection::default);
+            if device == "pmp-bench" {
+                scene.interreflection = Some(Interreflection {
+                    samples: Some(64),
+                    ..Interreflection::default()
+                });
+            }
             (Profile::load(device)?, scene)
         }
     })
