@@ -2,6 +2,23 @@
 //! and gives ([`settings`], [`measure`]), and which setting reaches a wanted accuracy in the least time
 //! ([`cheapest`]).
 //!
+//! ```
+//! use phasmid_profile::{Profile, Scene};
+//! use phasmid_report::stopwatch::Stopwatch;
+//! use phasmid_study::tradeoff::{Setting, cheapest, measure};
+//!
+//! let (profile, scene) = (Profile::load("webcam-grey")?, Scene::load("plane")?);
+//! let begin = std::time::Instant::now();
+//! let clock = || begin.elapsed();
+//! let watch = Stopwatch::new(&clock);
+//! let steps = [3, 12].map(|n| Setting { steps: Some(n), scale: Some(0.35), ..Setting::default() });
+//! let one = |setting| measure((&profile, &scene), setting, 1, watch, (1, 0.0));
+//! let measured = steps.iter().map(one).collect::<Result<Vec<_>, _>>()?;
+//! assert!(measured[1].rmse_mm < measured[0].rmse_mm);
+//! assert_eq!(cheapest(&measured, 1e-6), None);
+//! # Ok::<(), phasmid_core::error::Error>(())
+//! ```
+//!
 //! | file | contents |
 //! | --- | --- |
 //! | `setting` | the knobs, and the device with them |

@@ -46,11 +46,8 @@ pub fn trials(settings: &Settings) -> Vec<Trial> {
 fn load(device: &str, scene: &str) -> Result<(Profile, Scene)> {
     Ok(match device {
         ZOO => (
-            Profile::parse(include_str!("../tradeoff/zoo-20.toml"), "zoo-20.toml")?,
-            Scene::parse(
-                include_str!("../tradeoff/zoo-20-scene.toml"),
-                "zoo-20-scene.toml",
-            )?,
+            Profile::parse(include_str!("zoo-20.toml"), "zoo-20.toml")?,
+            Scene::parse(include_str!("zoo-20-scene.toml"), "zoo-20-scene.toml")?,
         ),
         POD => {
             let Configuration::Station(station) = Configuration::load(POD)? else {
@@ -219,6 +216,7 @@ pub fn section(rows: &Rows) -> Section {
     Section::new("Devices", blocks)
 }
 
+/// Leaves out the GPU, which not every machine has.
 fn errors(device: &str, scene: &str, rows: &[&Row], all: &[Measured]) -> Table {
     let mut table = Table::new(
         &format!("work-precision-{device}"),
@@ -234,6 +232,9 @@ fn errors(device: &str, scene: &str, rows: &[&Row], all: &[Measured]) -> Table {
         ],
     );
     for (row, m) in rows.iter().zip(all) {
+        if row.get("setting") == "GPU" {
+            continue;
+        }
         table.row([
             row.get("setting").to_owned(),
             format!("{} x {}", m.size_px[0], m.size_px[1]),

@@ -88,6 +88,18 @@ fn four_hundred_devices() {
     hold(1000..1400, &[1162, 1246]);
 }
 
+#[test]
+fn the_device_of_work_precision_is_one_of_these() {
+    let device = Device::new(20);
+    for (text, file) in [
+        (device.profile, "zoo-20.toml"),
+        (device.scene, "zoo-20-scene.toml"),
+    ] {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/study/work_precision");
+        assert_eq!(std::fs::read_to_string(folder.join(file)).unwrap(), text);
+    }
+}
+
 /// Devices for `tests/numpy_decoder.py`, one of each code: seeds.
 const WRITTEN: [u64; 3] = [20, 12, 14];
 
