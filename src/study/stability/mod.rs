@@ -16,6 +16,7 @@ mod levels;
 mod light;
 mod meshes;
 mod orders;
+mod pixels;
 mod rays;
 mod repeats;
 mod scenes;
@@ -34,6 +35,7 @@ const GROUPS: &[Group] = &[
     steps::GROUP,
     levels::GROUP,
     orders::GROUP,
+    pixels::GROUP,
     meshes::GROUP,
     boards::GROUP,
     light::GROUP,

@@ -13,6 +13,8 @@ use std::f64::consts::TAU;
 
 /// Columns of a synthetic frame.
 pub(super) const WIDTH: usize = 256;
+/// Projector pixels from column to column of [`sweep`].
+pub(super) const SWEEP_STEP: f64 = 7.37;
 /// Columns of the projector.
 pub(super) const EXTENT: f64 = 1920.0;
 
@@ -25,6 +27,9 @@ pub(super) struct Stack {
     pub(super) noise: f64,
     /// Projector pixels that a camera pixel's footprint covers.
     pub(super) footprint: f64,
+    /// Fringes are levels of whole projector pixels averaged over the footprint, not the formula's
+    /// value at its centre.
+    pub(super) held: bool,
     /// Largest number of the converter; above 255 frames have 16 bits.
     pub(super) full: f64,
     /// Numbers are multiples of this.
@@ -43,6 +48,10 @@ pub(super) struct Tally {
     pub(super) rms: f64,
     /// The worst of them all in projector pixels.
     pub(super) worst: f64,
+    /// RMS of the standard uncertainties that are stated, in projector pixels.
+    pub(super) stated: f64,
+    /// Finest Gray bits that are left out.
+    pub(super) unused_bits: usize,
     /// Why pixels have none, with shares.
     pub(super) masked: String,
 }
@@ -55,6 +64,7 @@ impl Stack {
             swing: 180.0,
             noise: 1.5,
             footprint: 4.0,
+            held: false,
             full: 255.0,
             grain: 1.0,
             draws: Draws::new(context.seed, 100 + stream as u32),
@@ -80,16 +90,16 @@ impl Stack {
         }
     }
 
-    /// The level of a pattern at a position: fringes as their footprint averages them, Gray code as
-    /// held pixels averaged over the footprint.
+    /// The level of a pattern at a position: fringes by their formula, or like Gray code as held
+    /// pixels averaged over the footprint.
     fn level(&self, pattern: &Pattern, x: f64) -> f64 {
         match *pattern {
             Pattern::Fringe {
                 period_px,
                 phase_rad,
                 ..
-            } => 0.5 + 0.5 * (TAU * (x / period_px).fract() + phase_rad).cos(),
-            Pattern::Gray { .. } => {
+            } if !self.held => 0.5 + 0.5 * (TAU * (x / period_px).fract() + phase_rad).cos(),
+            Pattern::Fringe { .. } | Pattern::Gray { .. } => {
                 let (lo, hi) = (x - 0.5 * self.footprint, x + 0.5 * self.footprint);
                 let (mut sum, mut weight) = (0.0, 0.0);
                 let mut i = (lo + 0.5).floor().max(0.0);
@@ -148,12 +158,14 @@ impl Stack {
         let decoded = decoder.decode(&images)?;
         let map = decoded.x.unwrap_or_default();
         let (mut counts, mut wrong, mut squares, mut worst) = ([0.0; 7], 0.0, 0.0, 0.0_f64);
+        let mut variances = 0.0;
         let found = map.coordinate.iter().zip(&map.verdict).zip(positions);
-        for ((&x, &verdict), truth) in found {
+        for (i, ((&x, &verdict), truth)) in found.enumerate() {
             counts[verdict as usize] += 1.0;
             if verdict != Verdict::Valid {
                 continue;
             }
+            variances += f64::from(map.uncertainty(i)).powi(2);
             let error = (f64::from(x) - truth).abs();
             // NaN is no coordinate, whatever the verdict says.
             worst = if error.is_nan() {
@@ -178,6 +190,8 @@ impl Stack {
             gross: wrong / valid.max(1.0),
             rms: (squares / f64::max(valid - wrong, 1.0)).sqrt(),
             worst,
+            stated: (variances / valid.max(1.0)).sqrt(),
+            unused_bits: map.unused_bits,
             masked: masked.join(", "),
         })
     }
@@ -214,7 +228,7 @@ pub(super) fn sweep(context: &Context<'_>) -> Vec<f64> {
     (0..WIDTH * height)
         .map(|i| {
             let (u, v) = ((i % WIDTH) as f64, (i / WIDTH) as f64);
-            10.0 + 7.37 * u + 3.0 * (v * 0.11).sin() + 0.0317 * v
+            10.0 + SWEEP_STEP * u + 3.0 * (v * 0.11).sin() + 0.0317 * v
         })
         .collect()
 }
