@@ -197,6 +197,9 @@ class Device(Closing):
         Rays per pixel: 1, 4, 16 or 64.
     time_samples : int
         Instants per exposure at which a moving scene is rendered, 1 to 256.
+    motion_tolerance : float
+        Error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated between
+        instants, such as 0.01; 0 computes it at each.
     noise, exact_calibration : bool, optional
         Whether the sensor has noise, and whether the device reports its exact rig; by default as the profile
         says.
@@ -233,6 +236,7 @@ class Device(Closing):
         backend: Literal["cpu", "gpu", "auto"] = "cpu",
         samples: int = 1,
         time_samples: int = 4,
+        motion_tolerance: float = 0.0,
         noise: bool | None = None,
         exact_calibration: bool | None = None,
         dialect: str | os.PathLike[str] | None = None,
@@ -251,6 +255,7 @@ class Device(Closing):
             backend=backend,
             samples=whole("samples", samples),
             time_samples=whole("time_samples", time_samples),
+            motion_tolerance=float(motion_tolerance),
             noise=noise,
             exact_calibration=exact_calibration,
             dialect=dialect,

@@ -131,6 +131,7 @@ class Device:
         backend: str,
         samples: int,
         time_samples: int,
+        motion_tolerance: float,
         noise: bool | None,
         exact_calibration: bool | None,
         dialect: _Path | None,

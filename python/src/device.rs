@@ -52,7 +52,7 @@ fn clock_of(name: &str) -> PyResult<ClockPace> {
 impl Device {
     #[new]
     #[pyo3(signature = (
-        profile, scene, *, seed, backend, samples, time_samples, noise, exact_calibration, dialect, sequences,
+        profile, scene, *, seed, backend, samples, time_samples, motion_tolerance, noise, exact_calibration, dialect, sequences,
         faults
     ))]
     #[allow(
@@ -67,6 +67,7 @@ impl Device {
         backend: &str,
         samples: u32,
         time_samples: u32,
+        motion_tolerance: f64,
         noise: Option<bool>,
         exact_calibration: Option<bool>,
         dialect: Option<PathBuf>,
@@ -82,6 +83,7 @@ impl Device {
             .backend(backend)
             .samples(samples)
             .time_samples(time_samples)
+            .motion_tolerance(motion_tolerance)
             .stop(stop.clone());
         if let Some(noise) = noise {
             builder = builder.noise(noise);

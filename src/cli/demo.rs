@@ -56,6 +56,10 @@ pub struct Args {
     /// rendering a static scene once
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
+    /// Error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated
+    /// between instants, such as 0.01, instead of computed at each; 0 computes it at each
+    #[arg(long, value_name = "PX", default_value_t = 0.0)]
+    motion_tolerance: f64,
     /// Where the render passes run
     #[arg(long, value_enum, default_value_t = BackendArg::Cpu)]
     backend: BackendArg,
@@ -269,6 +273,7 @@ fn device(args: &Args) -> Result<(Profile, Device)> {
     let options = RenderOptions {
         samples: args.samples,
         time_samples: args.time_samples,
+        motion_tolerance_px: args.motion_tolerance,
         backend: args.backend.into(),
     };
     let (mut profile, scene) = args.set.load(&args.profile, &args.scene)?;

@@ -175,6 +175,13 @@ impl DeviceBuilder {
         self
     }
 
+    /// Sets the error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated
+    /// between key instants instead of traced at each instant; 0, the default, traces at each.
+    pub fn motion_tolerance(mut self, pixels: f64) -> Self {
+        self.options.motion_tolerance_px = pixels;
+        self
+    }
+
     /// Sets whether the sensor has noise, instead of what the profile says.
     pub fn noise(mut self, noise: bool) -> Self {
         self.noise = Some(noise);

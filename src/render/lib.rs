@@ -79,6 +79,6 @@ mod truth_maps;
 pub use gpu::{Adapter, PassTime};
 pub use options::{Backend, Options};
 pub use plan::Decision;
-pub use renderer::{IndirectLight, Pending, Renderer};
+pub use renderer::{IndirectLight, Interpolation, Pending, Renderer};
 pub use sensor::read_out;
 pub use term::{Pass, Plan, Term};

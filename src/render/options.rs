@@ -4,7 +4,7 @@ use phasmid_core::error::{Error, Result};
 use serde::Serialize;
 
 /// Rendering options.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Rays per pixel: 1, 4, 16 or 64. With 1, only pixels that differ from a neighbour are sampled
     /// (with 16 rays), so details thinner than a pixel may be missed. With more, every pixel is
@@ -15,6 +15,9 @@ pub struct Options {
     /// pass; the error of the motion blur falls with the square of their number. If nothing moves
     /// by more than an eighth of a pixel during an exposure, one instant is used.
     pub time_samples: u32,
+    /// Error in projector pixels up to which the geometry of a moving scene is interpolated between key
+    /// instants instead of traced at each instant; 0 traces at each. Ground truth is always traced.
+    pub motion_tolerance_px: f64,
     /// Processor that runs the passes.
     pub backend: Backend,
 }
@@ -39,6 +42,7 @@ impl Default for Options {
         Self {
             samples: 1,
             time_samples: 4,
+            motion_tolerance_px: 0.0,
             backend: Backend::Cpu,
         }
     }
@@ -48,7 +52,7 @@ impl Options {
     /// Returns the options if they are valid.
     ///
     /// # Errors
-    /// Returns an error if the number of samples or instants is not allowed.
+    /// Returns an error if the number of samples or instants or the tolerance is not allowed.
     pub fn checked(self) -> Result<Self> {
         let refuse = |place, found: u32, allowed| {
             let found = found.to_string();
@@ -59,6 +63,14 @@ impl Options {
         }
         if !(1..=256).contains(&self.time_samples) {
             return refuse("time samples", self.time_samples, "1 to 256");
+        }
+        let tolerance = self.motion_tolerance_px;
+        if !(0.0..=1.0).contains(&tolerance) {
+            return Err(Error::input(
+                "motion tolerance",
+                tolerance.to_string(),
+                "0 to 1 projector pixels",
+            ));
         }
         Ok(self)
     }

@@ -1,17 +1,20 @@
 //! Renderer of one camera in front of one scene: runs the passes that a shot needs.
 //!
-//! `indirect` chooses how indirect light is gathered, `news` opens the GPU and keeps notes for the
+//! `indirect` chooses how indirect light is gathered, `interpolation` interpolates between the instants in `keys`, `news` opens the GPU and keeps notes for the
 //! user, `pending` submits frames to the CPU or GPU, `time` divides an exposure of a moving scene into
 //! instants, `change` moves objects at run time, and `truth` computes ground truth.
 
 mod change;
 mod indirect;
+mod interpolation;
+mod keys;
 mod news;
 mod pending;
 mod time;
 mod truth;
 
 pub use indirect::IndirectLight;
+pub use interpolation::Interpolation;
 pub use pending::Pending;
 
 use super::exposure::{GeometryBuffer, Optics, Table};
@@ -24,8 +27,9 @@ use super::{Decision, Options, Plan, Term, glare};
 use crate::pattern_image::PatternImage;
 use crate::scene::{Moment, World, Worlds};
 use crate::shot::Shot;
-use crate::transport::{Aperture, Rays, geometry, ideal_points};
+use crate::transport::{Aperture, Input, Rays, geometry, ideal_points};
 use glam::DVec2;
+use keys::Keys;
 use news::News;
 use phasmid_core::Stop;
 use phasmid_core::error::{Error, Result};
@@ -46,8 +50,11 @@ pub struct Renderer {
     scene: Scene,
     worlds: Worlds,
     optics: Optics,
-    /// Moment of the worlds; `None` at power-on.
-    moment: Option<Moment>,
+    /// Moment of the worlds, and the device time in nanoseconds if geometry may be interpolated there;
+    /// `None` at power-on.
+    moment: Option<(Moment, Option<f64>)>,
+    /// Geometry at key instants of a moving scene.
+    keys: Keys,
     plan: Plan,
     /// Terms that are included or excluded regardless of what the scene needs.
     forced: Vec<(Term, bool)>,
@@ -135,6 +142,7 @@ impl Renderer {
             worlds: Worlds::new(world),
             optics,
             moment: None,
+            keys: Keys::default(),
             plan,
             forced: Vec::new(),
             options,
@@ -238,7 +246,10 @@ impl Renderer {
         }
         let asked = self.worlds.stop.times();
         let mut buffer = std::mem::take(&mut self.buffer);
-        self.trace(&mut buffer);
+        match self.moment {
+            Some((_, Some(time_ns))) => self.trace_between(time_ns, &mut buffer),
+            _ => self.trace(&mut buffer),
+        }
         self.buffer = buffer;
         let stop = &self.worlds.stop;
         self.geometry_done = !stop.is_asked() && stop.times() == asked;
@@ -247,15 +258,18 @@ impl Renderer {
 
     /// Runs the geometry pass into a buffer.
     fn trace(&self, buffer: &mut GeometryBuffer) {
-        geometry::run(
-            &self.worlds,
-            &self.optics,
-            &self.pixel_rays(),
-            &self.plan,
-            self.options,
-            Aperture::new(&self.profile.camera),
-            buffer,
-        );
+        geometry::run(&self.geometry_input(&self.pixel_rays()), buffer);
+    }
+
+    fn geometry_input<'a>(&'a self, rays: &'a Rays<'a>) -> Input<'a> {
+        Input {
+            worlds: &self.worlds,
+            optics: &self.optics,
+            rays,
+            plan: &self.plan,
+            options: self.options,
+            aperture: Aperture::new(&self.profile.camera),
+        }
     }
 
     /// Returns the rays of the camera's pixels.
@@ -274,6 +288,12 @@ impl Renderer {
 
     /// Marks scene or plan as changed.
     fn outdate(&mut self) {
+        self.keys = Keys::default();
+        self.outdate_moment();
+    }
+
+    /// Marks the moment as changed.
+    fn outdate_moment(&mut self) {
         self.geometry_done = false;
         self.revision += 1;
     }

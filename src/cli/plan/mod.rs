@@ -3,9 +3,11 @@
 
 mod accuracy;
 mod measure;
+mod motion;
 
 use crate::cli::options::SetArgs;
 use measure::{PassCost, TermCost, costs};
+use motion::Motion;
 use phasmid_core::error::Result;
 use phasmid_device::Device;
 use phasmid_render::{IndirectLight, Options, shot::Shot};
@@ -31,9 +33,13 @@ pub struct Args {
     /// Instants per exposure at which a moving scene is rendered, 1 to 256
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
+    /// Error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated
+    /// between instants, such as 0.01; 0 computes it at each
+    #[arg(long, value_name = "PX", default_value_t = 0.0)]
+    motion_tolerance: f64,
     /// Scan the scene with every setting that trades error for run time, and name the fastest one whose RMS depth error is at most this length: 0.1mm, 50um
     #[arg(long, value_name = "LENGTH", value_parser = accuracy::length_mm)]
-    #[arg(conflicts_with_all = ["samples", "time_samples"])]
+    #[arg(conflicts_with_all = ["samples", "time_samples", "motion_tolerance"])]
     accuracy: Option<f64>,
     /// Print the plan as JSON
     #[arg(long)]
@@ -53,6 +59,8 @@ struct Report<'a> {
     threads: usize,
     passes: Vec<PassCost>,
     terms: Vec<TermCost>,
+    /// `None` if the geometry of every instant is traced.
+    motion: Option<Motion>,
     /// `None` for a scene without interreflection.
     interreflection: Option<IndirectLight>,
 }
@@ -65,11 +73,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let options = Options {
         samples: args.samples,
         time_samples: args.time_samples,
+        motion_tolerance_px: args.motion_tolerance,
         ..Options::default()
     };
     let device = Device::builder(&profile, &scene).options(options).build()?;
     let shots: Vec<Shot> = device.shots().into_iter().map(|(_, shot)| shot).collect();
     let mut renderer = device.renderer;
+    let motion = Motion::measured(&mut renderer, &shots, options.motion_tolerance_px);
     let (passes, terms) = costs(&mut renderer, &shots);
     let report = Report {
         profile: &args.profile,
@@ -82,6 +92,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         threads: rayon::current_num_threads(),
         passes,
         terms,
+        motion,
         interreflection: renderer.indirect_light(),
     };
     if args.json {
@@ -124,6 +135,9 @@ fn table(report: &Report<'_>) {
         "\nns/px: with all threads, the fastest of several rounds; of a term, the time that it adds \
          or would add."
     );
+    if let Some(motion) = &report.motion {
+        println!("\n{motion}");
+    }
     if let Some(light) = report.interreflection {
         let bound = match light.bound_percent {
             Some(bound) => format!("bound {bound} %"),

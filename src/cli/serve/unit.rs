@@ -64,6 +64,7 @@ impl Unit {
         let options = Options {
             samples: args.samples,
             time_samples: args.time_samples,
+            motion_tolerance_px: args.motion_tolerance,
             backend: args.backend.into(),
         };
         let mut device = Device::builder(profile, &scene)

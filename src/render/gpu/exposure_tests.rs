@@ -11,7 +11,7 @@ use crate::schedule::Schedule;
 use crate::shot::{Shot, Showing, Shutter};
 use crate::skin::Mixture;
 use crate::timetable::Timetable;
-use crate::transport::{Aperture, Rays, geometry, ideal_points};
+use crate::transport::{Aperture, Input, Rays, geometry, ideal_points};
 use crate::{Options, Plan, Term};
 use phasmid_pattern::{Axis, Pattern};
 use phasmid_profile::{Focus, Profile, Response, Scene};
@@ -73,7 +73,15 @@ impl Setup {
         let mut map = GeometryBuffer::default();
         let aperture = Aperture::new(&profile.camera);
         let worlds = Worlds::new(world);
-        geometry::run(&worlds, &optics, &rays, &plan, options, aperture, &mut map);
+        let input = Input {
+            worlds: &worlds,
+            optics: &optics,
+            rays: &rays,
+            plan: &plan,
+            options,
+            aperture,
+        };
+        geometry::run(&input, &mut map);
         assert!(!map.mixed.is_empty());
         Self {
             profile,

@@ -5,7 +5,7 @@ use super::{Engine, geometry as gpu, materials, optics, scene, skin, upload};
 use crate::exposure::{Gathering, GeometryBuffer, Optics};
 use crate::plan::Needs;
 use crate::scene::{World, Worlds};
-use crate::transport::{Aperture, Rays, geometry, ideal_points, interreflection};
+use crate::transport::{Aperture, Input, Rays, geometry, ideal_points, interreflection};
 use crate::{Options, Plan, Term};
 use glam::DVec2;
 use phasmid_profile::{Profile, Scene};
@@ -57,15 +57,15 @@ impl TestScene {
         let mut map = GeometryBuffer::default();
         let (options, aperture) = (Options::default(), Aperture::new(&bench.profile.camera));
         let rays = bench.rays();
-        geometry::run(
-            &bench.worlds,
-            &bench.optics,
-            &rays,
-            &bench.plan,
+        let input = Input {
+            worlds: &bench.worlds,
+            optics: &bench.optics,
+            rays: &rays,
+            plan: &bench.plan,
             options,
             aperture,
-            &mut map,
-        );
+        };
+        geometry::run(&input, &mut map);
         bench.map = map;
         bench
     }

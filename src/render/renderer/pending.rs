@@ -125,9 +125,9 @@ impl Renderer {
     /// Submits a frame to the GPU.
     fn submit_to(&mut self, gpu: &mut Passes, shot: &Shot) -> Result<Ticket> {
         let mut adds = false;
-        for (moment, part) in self.instants(shot) {
-            if let Some(moment) = &moment {
-                self.go_to(moment);
+        for (instant, part) in self.instants(shot) {
+            if let Some(instant) = &instant {
+                self.go_to_instant(instant);
             }
             let (when, tables) = self.pattern_images(&part);
             gpu.geometry_pass(&self.view())?;

@@ -31,18 +31,18 @@ fn goes(world: &World, shot: &Shot, shutter: Shutter, count: u32, rad_per_px: f6
 /// Divides a shot's exposure into parts that are equal to the nanosecond, each with the scene at
 /// its midpoint: the midpoint rule, whose error falls with the square of the number of parts. Parts
 /// with the same scene state are merged.
-fn parts(world: &World, shot: &Shot, shutter: Shutter, count: u32) -> Vec<(Moment, Shot)> {
+fn parts(world: &World, shot: &Shot, shutter: Shutter, count: u32) -> Vec<(Instant, Shot)> {
     let cut = |i: u32| (u128::from(shot.exposure_ns) * u128::from(i) / u128::from(count)) as u64;
-    let mut parts: Vec<(Moment, Shot)> = Vec::new();
+    let mut parts: Vec<(Instant, Shot)> = Vec::new();
     for i in 0..count {
         let (from, length_ns) = (cut(i), cut(i + 1) - cut(i));
         let start_ns = shot.start_ns.saturating_add(from);
         let middle_ns = start_ns as f64 + length_ns as f64 / 2.0;
         let moment = Moment::new(world, middle_ns, shutter);
         match parts.last_mut() {
-            Some((last, part)) if *last == moment => part.exposure_ns += length_ns,
+            Some(((last, _), part)) if *last == moment => part.exposure_ns += length_ns,
             _ => parts.push((
-                moment,
+                (moment, middle_ns),
                 Shot {
                     start_ns,
                     exposure_ns: length_ns,
@@ -54,10 +54,13 @@ fn parts(world: &World, shot: &Shot, shutter: Shutter, count: u32) -> Vec<(Momen
     parts
 }
 
+/// Moment of a part of an exposure, and its device time in nanoseconds.
+type Instant = (Moment, f64);
+
 impl Renderer {
     /// Returns the instants that represent a shot's exposure, each with the part of the shot that
     /// it represents; a single instant if nothing moves.
-    pub(super) fn instants(&self, shot: &Shot) -> Vec<(Option<Moment>, Shot)> {
+    pub(super) fn instants(&self, shot: &Shot) -> Vec<(Option<Instant>, Shot)> {
         if !self.plan.has(Term::Motion) {
             return vec![(None, shot.clone())];
         }
@@ -71,7 +74,7 @@ impl Renderer {
         let rad_per_px = 1.0 / camera.view().lens.focal_px.max_element();
         let goes = goes(world, shot, shutter, most, rad_per_px);
         let parts = parts(world, shot, shutter, if goes { most } else { 1 });
-        let some = |(moment, part)| (Some(moment), part);
+        let some = |(instant, part)| (Some(instant), part);
         parts.into_iter().map(some).collect()
     }
 
@@ -79,20 +82,20 @@ impl Renderer {
     /// exposure.
     pub(super) fn light(&mut self, shot: &Shot) -> Light {
         let parts = self.instants(shot);
-        if let [(moment, _)] = parts.as_slice() {
-            if let Some(moment) = moment {
-                self.go_to(moment);
+        if let [(instant, _)] = parts.as_slice() {
+            if let Some(instant) = instant {
+                self.go_to_instant(instant);
             }
             return Light::Scheduled(self.schedule(shot));
         }
         let camera = &self.profile.camera;
         let mut sum = vec![0.0f32; camera.width_px as usize * camera.height_px as usize];
-        for (moment, part) in &parts {
+        for (instant, part) in &parts {
             if self.worlds.stop.is_asked() {
                 break;
             }
-            if let Some(moment) = moment {
-                self.go_to(moment);
+            if let Some(instant) = instant {
+                self.go_to_instant(instant);
             }
             let schedule = self.schedule(part);
             let add = |_, electrons: &mut [f32], sum: &mut [f32]| {
@@ -109,16 +112,25 @@ impl Renderer {
     pub(super) fn go_to_time(&mut self, time_ns: u64) {
         if self.plan.has(Term::Motion) {
             let state = self.worlds.any().state(time_ns as f64);
-            self.go_to(&Moment::Instant(state));
+            self.go_to(&Moment::Instant(state), None);
         }
     }
 
-    /// Moves the scene to a moment; geometry of the same moment is kept.
-    pub(super) fn go_to(&mut self, moment: &Moment) {
-        if self.moment.as_ref() != Some(moment) {
+    /// Moves the scene to an instant of an exposure. Where the scene rests, geometry is traced and kept.
+    pub(super) fn go_to_instant(&mut self, (moment, time_ns): &Instant) {
+        let moves = || !self.worlds.any().rests(*time_ns);
+        let between = (self.interpolates() && moves()).then_some(*time_ns);
+        self.go_to(moment, between);
+    }
+
+    /// Moves the scene to a moment; geometry of the same moment is kept. With a device time, geometry is
+    /// interpolated if possible.
+    fn go_to(&mut self, moment: &Moment, between_ns: Option<f64>) {
+        let known = self.moment.as_ref();
+        if known.is_none_or(|(last, time_ns)| last != moment || *time_ns != between_ns) {
             self.worlds.set(moment);
-            self.moment = Some(moment.clone());
-            self.outdate();
+            self.moment = Some((moment.clone(), between_ns));
+            self.outdate_moment();
         }
     }
 }

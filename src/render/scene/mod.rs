@@ -5,6 +5,7 @@
 //! | `animation` | object poses and shapes over time |
 //! | `hits` | surfaces that sixteen rays hit, and samples of light there |
 //! | `instance` | moving and deforming meshes |
+//! | `key_times` | instants between which geometry is interpolated |
 //! | `shape` | shapes as solids or meshes |
 //! | `tree` | bounding volume hierarchy in its own frame |
 //! | `triangle` | triangle surfaces |
@@ -14,6 +15,7 @@
 mod animation;
 mod hits;
 mod instance;
+mod key_times;
 mod shape;
 mod tree;
 mod triangle;
@@ -23,6 +25,7 @@ mod worlds;
 pub(super) use animation::Blend;
 pub(super) use hits::{Hits, Shaded, Surface, Wide};
 pub(super) use instance::Instance;
+pub(super) use key_times::{SPACINGS_NS, Span};
 pub(super) use shape::mesh;
 pub(super) use tree::{Frame, Tree};
 pub(super) use world::{Placed, World};

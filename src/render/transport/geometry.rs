@@ -1,30 +1,58 @@
 //! Geometry pass: computes, once per camera and scene state, what each pixel sees, the projector
 //! coordinate of its light and how much light arrives.
 
-use super::aperture::Aperture;
 use super::cast::{Cast, cast};
+use super::input::Input;
 use super::rays::{Bundle, Rays};
 use super::sampled::Sampler;
 use super::{interreflection, mixed};
 use crate::exposure::{Band, GeometryBuffer, Optics, SkinMaps};
-use crate::scene::{Layout, World, Worlds};
+use crate::scene::{Layout, World};
 use crate::truth::Truth;
-use crate::{Options, Plan, Term};
+use crate::{Plan, Term};
 use glam::DVec3;
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
 /// Fills the buffer: first every pixel's centre, then the samples of pixels not represented by
-/// their centre, which it flags as creases.
-pub(crate) fn run(
-    worlds: &Worlds,
-    optics: &Optics,
-    rays: &Rays<'_>,
-    plan: &Plan,
-    options: Options,
-    aperture: Aperture,
-    buffer: &mut GeometryBuffer,
-) {
+/// their centre, then what follows from both.
+pub(crate) fn run(input: &Input<'_>, buffer: &mut GeometryBuffer) {
+    centers(input, buffer);
+    if input.worlds.stop.is_asked() {
+        return;
+    }
+    let depth_of_field = input.plan.has(Term::DepthOfField) && input.aperture.radius_mm > 0.0;
+    let sampler = Sampler {
+        worlds: input.worlds,
+        optics: input.optics,
+        rays: input.rays,
+        plan: input.plan,
+        aperture: input.aperture,
+        side: input.options.side(depth_of_field),
+    };
+    buffer.mixed = match sampler.side {
+        1 => mixed::run(input, buffer, &[]),
+        2 => mixed::run(input, buffer, &sampler.uneven(buffer)),
+        _ => sampler.gather(buffer),
+    };
+    complete(input, buffer);
+}
+
+/// Fills the buffer as at a key instant: pixels' centres and the samples of mixed pixels.
+pub(crate) fn key(input: &Input<'_>, buffer: &mut GeometryBuffer) {
+    centers(input, buffer);
+    buffer.mixed = mixed::run(input, buffer, &[]);
+}
+
+/// Fills the maps with what each pixel's centre sees.
+fn centers(input: &Input<'_>, buffer: &mut GeometryBuffer) {
+    let Input {
+        worlds,
+        optics,
+        rays,
+        plan,
+        ..
+    } = *input;
     let lens = &optics.camera.lens;
     let (width, height) = (lens.width_px as usize, lens.height_px as usize);
     buffer.resize(width, height, plan);
@@ -42,28 +70,53 @@ pub(crate) fn run(
                 tile(world, optics, rays, plan, &mut band, column, scratch);
             }
         });
-    if worlds.stop.is_asked() {
-        return;
+}
+
+/// Fills the maps with what the centres of some pixels see, in a scene at one instant.
+pub(super) fn some_centers(input: &Input<'_>, pixels: &[u32], buffer: &mut GeometryBuffer) {
+    let (width, height, world) = (buffer.width, buffer.height, input.worlds.any());
+    let casts: Vec<_> = pixels
+        .par_chunks(LANES)
+        .map_init(Scratch::default, |scratch, pixels| {
+            // Lanes without a pixel repeat the last one.
+            let pixel = |lane: usize| pixels[lane.min(pixels.len() - 1)] as usize;
+            let direction = |lane| {
+                let pixel = pixel(lane);
+                input.rays.center(pixel % width, pixel / width)
+            };
+            let bundle = Bundle {
+                origin: DVec3::ZERO,
+                directions: std::array::from_fn(direction),
+                used: std::array::from_fn(|lane| lane < pixels.len()),
+                cell: 1.0,
+            };
+            cast(world, input.optics, input.plan, &bundle, scratch)
+        })
+        .collect();
+    for band in &mut buffer.bands(height) {
+        for (pixels, cast) in pixels.chunks(LANES).zip(&casts) {
+            for (lane, &pixel) in pixels.iter().enumerate() {
+                write(band, pixel as usize, input.optics, cast, lane);
+            }
+        }
     }
-    let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
-    let sampler = Sampler {
+}
+
+/// Adds what follows from the pixels' centres and the samples of mixed pixels: flags, skin, indirect
+/// light and blur.
+pub(super) fn complete(input: &Input<'_>, buffer: &mut GeometryBuffer) {
+    let Input {
         worlds,
         optics,
         rays,
         plan,
-        aperture,
-        side: options.side(depth_of_field),
-    };
-    buffer.mixed = match sampler.side {
-        1 => mixed::run(worlds, optics, rays, plan, buffer, &[]),
-        2 => mixed::run(worlds, optics, rays, plan, buffer, &sampler.uneven(buffer)),
-        _ => sampler.gather(buffer),
-    };
+        ..
+    } = *input;
     for mixed in &buffer.mixed {
         buffer.flags[mixed.pixel as usize] |= Truth::CREASE;
     }
     if plan.has(Term::DepthOfField) {
-        aperture.widen(buffer);
+        input.aperture.widen(buffer);
     }
     if plan.has(Term::Subsurface) {
         buffer.skin = Some(SkinMaps::new(buffer, rays, optics, worlds.any()));

@@ -6,59 +6,64 @@
 //! pixel are requested.
 
 use super::cast::{Cast, cast};
+use super::input::Input;
 use super::rays::{Bundle, Rays};
 use super::skin;
 use crate::exposure::{GeometryBuffer, Mixed, Optics};
 use crate::material::COS_CREASE;
-use crate::scene::{Surface, TILE, World, Worlds};
+use crate::scene::{Surface, TILE, World};
 use crate::truth::Truth;
 use crate::{Plan, Term};
 use glam::{DVec2, DVec3, Vec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Finds and samples the mixed pixels of the maps. Pixels known to be `uneven` are candidates too;
 /// that list may be empty.
-pub(super) fn run(
-    worlds: &Worlds,
-    optics: &Optics,
-    rays: &Rays<'_>,
-    plan: &Plan,
-    view: &GeometryBuffer,
-    uneven: &[bool],
-) -> Vec<Mixed> {
-    let found = {
-        (0..view.height)
-            .into_par_iter()
-            .map_init(Scratch::default, |scratch, row| {
-                let edges = Edges {
-                    world: &worlds.at(row),
-                    rays,
-                    pixel_slope: (1.0 / optics.camera.lens.focal_px.min_element()) as f32,
-                };
-                let mut samples = Vec::new();
-                if worlds.stop.is_asked() {
-                    return samples;
+pub(super) fn run(input: &Input<'_>, view: &GeometryBuffer, uneven: &[bool]) -> Vec<Mixed> {
+    let found = (0..view.height)
+        .into_par_iter()
+        .map_init(Scratch::default, |scratch, row| {
+            let edges = Edges::new(input, row);
+            let mut samples = Vec::new();
+            if input.worlds.stop.is_asked() {
+                return samples;
+            }
+            for column in 0..view.width {
+                let known = uneven.get(row * view.width + column) == Some(&true);
+                if known || edges.touch(input, view, column, row) {
+                    let (optics, plan) = (input.optics, input.plan);
+                    samples.extend(sample(&edges, optics, plan, column, row, scratch));
                 }
-                for column in 0..view.width {
-                    let known = uneven.get(row * view.width + column) == Some(&true);
-                    let touches = || match plan.has(Term::Lights) {
-                        true => edges.touches::<true>(view, column, row),
-                        false => edges.touches::<false>(view, column, row),
-                    };
-                    if known || touches() {
-                        samples.extend(sample(&edges, optics, plan, column, row, scratch));
-                    }
-                }
-                samples
-            })
-            .collect::<Vec<_>>()
-    };
+            }
+            samples
+        })
+        .collect::<Vec<_>>();
     found.into_iter().flatten().collect()
 }
 
+/// Finds and samples the mixed ones among some pixels, in a scene at one instant.
+pub(super) fn some(input: &Input<'_>, view: &GeometryBuffer, pixels: &[u32]) -> Vec<Mixed> {
+    let edges = Edges::new(input, 0);
+    pixels
+        .par_chunks(LANES)
+        .map_init(Scratch::default, |scratch, pixels| {
+            let places = pixels.iter().map(|&pixel| {
+                let pixel = pixel as usize;
+                (pixel % view.width, pixel / view.width)
+            });
+            places
+                .filter(|&(column, row)| edges.touch(input, view, column, row))
+                .filter_map(|(u, v)| sample(&edges, input.optics, input.plan, u, v, scratch))
+                .collect::<Vec<_>>()
+        })
+        .flatten_iter()
+        .collect()
+}
+
 struct Edges<'a> {
-    world: &'a World,
+    world: Cow<'a, World>,
     rays: &'a Rays<'a>,
     /// Width of a pixel at unit depth.
     pixel_slope: f32,
@@ -76,7 +81,24 @@ struct Place {
     depth: f32,
 }
 
-impl Edges<'_> {
+impl<'a> Edges<'a> {
+    fn new(input: &Input<'a>, row: usize) -> Self {
+        let focal_px = input.optics.camera.lens.focal_px;
+        Self {
+            world: input.worlds.at(row),
+            rays: input.rays,
+            pixel_slope: (1.0 / focal_px.min_element()) as f32,
+        }
+    }
+
+    #[inline(always)]
+    fn touch(&self, input: &Input<'_>, map: &GeometryBuffer, column: usize, row: usize) -> bool {
+        match input.plan.has(Term::Lights) {
+            true => self.touches::<true>(map, column, row),
+            false => self.touches::<false>(map, column, row),
+        }
+    }
+
     /// Returns whether a pixel differs from one of its neighbours. Most pixels share triangle and
     /// light with all of them, which is visible from two integer maps.
     #[inline(always)]
@@ -173,7 +195,7 @@ fn sample(
         used: [true; LANES],
         cell: 1.0 / TILE as f64,
     };
-    let cast = cast(edges.world, optics, plan, &bundle, scratch);
+    let cast = cast(&edges.world, optics, plan, &bundle, scratch);
     let place = |lane: usize| Place {
         surface: cast.hits.surface[lane],
         lit: cast.lit[lane],
@@ -197,7 +219,7 @@ fn sample(
         let mut mixed = gather(optics, &cast, pixel);
         if plan.has(Term::Subsurface) {
             for lane in (0..LANES).filter(|&lane| cast.lit[lane]) {
-                skin::into_sample(edges.world, optics, &cast, lane, (&mut mixed, lane));
+                skin::into_sample(&edges.world, optics, &cast, lane, (&mut mixed, lane));
             }
         }
         mixed

@@ -4,8 +4,10 @@
 //! | module | contents |
 //! | --- | --- |
 //! | `aperture` | camera pupil: depth of field |
+//! | `between` | interpolation between key instants of a moving scene |
 //! | `cast` | sixteen rays with their shadow rays |
 //! | `geometry` | the pass over pixel centres |
+//! | `input` | what the pass computes from |
 //! | `interreflection` | gathering of indirect light |
 //! | `mixed` | sampling of mixed pixels |
 //! | `rays` | directions of the camera's rays |
@@ -14,8 +16,10 @@
 //! | `skin` | where light entered the skin |
 
 mod aperture;
+mod between;
 mod cast;
 pub(super) mod geometry;
+mod input;
 pub(super) mod interreflection;
 mod mixed;
 mod rays;
@@ -26,6 +30,8 @@ mod skin;
 pub(super) use aperture::Aperture;
 #[cfg(test)]
 pub(super) use aperture::widened;
+pub(super) use between::Between;
+pub(super) use input::Input;
 pub(super) use interreflection::Patch;
 pub(super) use rays::{Rays, ideal_points};
 #[cfg(test)]

@@ -35,8 +35,8 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "held-stated",
-            title: "The same: error against the standard deviation that is stated",
-            oracle: "Allowed: 1.1 times what is stated",
+            title: "The same: error against the stated standard deviation",
+            oracle: "Allowed: 1.1 times the stated one",
             ratio: "camera pixel in projector px",
             error: "RMS error in projector px",
             rounding: false,

@@ -187,6 +187,7 @@ impl Setting {
             samples: self.samples.unwrap_or(usual.samples),
             time_samples: self.time_samples.unwrap_or(usual.time_samples),
             backend: if self.gpu { Backend::Gpu } else { Backend::Cpu },
+            ..usual
         };
         Ok((profile, scene, options))
     }

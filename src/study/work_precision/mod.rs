@@ -1,16 +1,18 @@
 //! `work-precision`: error against run time.
 //!
-//! Four questions. What do the knobs of four devices trade, and which setting is the cheapest for a wanted
+//! Five questions. What do the knobs of four devices trade, and which setting is the cheapest for a wanted
 //! accuracy (`devices`)? What do steps, resolution and samples a pixel buy in a scan with noise
 //! (`scans`)? How far are frames from those of the reference path, which knows no shortcut and
 //! computes in f64, and what does each way of filtering cost (`frames`)? What is each term of image
-//! formation worth, and what does it cost (`terms`)?
+//! formation worth, and what does it cost (`terms`)? How far is interpolated geometry of moving scenes from
+//! traced geometry, and what does it save (`motion`)?
 
 mod closed;
 mod devices;
 mod document;
 mod frames;
 mod held;
+mod motion;
 mod needs;
 mod phase;
 mod rig;
@@ -44,7 +46,7 @@ impl Study for WorkPrecision {
     }
 
     fn parts(&self) -> &'static [&'static str] {
-        &["device", "scan", "frames", "term"]
+        &["device", "scan", "frames", "term", "motion"]
     }
 
     fn trials(&self, settings: &Settings) -> Result<Vec<Trial>> {
@@ -52,6 +54,7 @@ impl Study for WorkPrecision {
         trials.extend(scans::trials(settings));
         trials.extend(frames::trials(settings));
         trials.extend(terms::trials(settings));
+        trials.extend(motion::trials(settings));
         Ok(trials)
     }
 
@@ -61,6 +64,9 @@ impl Study for WorkPrecision {
             sections.push(devices::section(rows));
         }
         sections.extend(document::sections(rows, settings));
+        if rows.with("group", "motion").next().is_some() {
+            sections.push(motion::section(rows));
+        }
         Ok(sections)
     }
 }

@@ -38,6 +38,14 @@ pub const COLUMNS: &[&str] = &[
     "without_ns",
     "without_ns_low",
     "without_ns_high",
+    "tolerance_px",
+    "keys_ms",
+    "traced",
+    "median_px",
+    "most_px",
+    "worst_px",
+    "mean_px",
+    "missed",
     "note",
 ];
 

@@ -5,7 +5,7 @@ use crate::exposure::{GeometryBuffer, Optics};
 use crate::plan::Needs;
 use crate::scene::{Moment, Surface, World, Worlds};
 use crate::shot::Shutter;
-use crate::transport::{Aperture, Rays, geometry as cpu, ideal_points};
+use crate::transport::{Aperture, Input, Rays, geometry as cpu, ideal_points};
 use crate::truth::Truth;
 use crate::{Options, Plan, Term};
 use glam::DVec3;
@@ -59,15 +59,15 @@ impl Case {
             width: size.0,
         };
         let mut wanted = GeometryBuffer::default();
-        cpu::run(
-            &self.worlds,
-            &self.optics,
-            &rays,
-            &self.plan,
-            Options::default(),
-            Aperture::new(&self.profile.camera),
-            &mut wanted,
-        );
+        let input = Input {
+            worlds: &self.worlds,
+            optics: &self.optics,
+            rays: &rays,
+            plan: &self.plan,
+            options: Options::default(),
+            aperture: Aperture::new(&self.profile.camera),
+        };
+        cpu::run(&input, &mut wanted);
         optics::write(engine, &self.optics);
         super::write_rays(engine, table.as_deref());
         self.scene.update(engine, &self.worlds, size.1);

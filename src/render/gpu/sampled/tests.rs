@@ -9,7 +9,7 @@ use crate::exposure::{GeometryBuffer, Mixed, Optics};
 use crate::plan::Needs;
 use crate::scene::{Moment, World, Worlds};
 use crate::shot::Shutter;
-use crate::transport::{Aperture, Rays, geometry as cpu, ideal_points};
+use crate::transport::{Aperture, Input, Rays, geometry as cpu, ideal_points};
 use crate::truth::Truth;
 use crate::{Options, Plan, Term};
 use phasmid_profile::{Focus, Profile, Scene};
@@ -76,15 +76,15 @@ impl Case {
             width: size.0,
         };
         let mut wanted = GeometryBuffer::default();
-        cpu::run(
-            &self.worlds,
-            &self.optics,
-            &rays,
-            &self.plan,
-            self.options,
-            self.aperture(),
-            &mut wanted,
-        );
+        let input = Input {
+            worlds: &self.worlds,
+            optics: &self.optics,
+            rays: &rays,
+            plan: &self.plan,
+            options: self.options,
+            aperture: self.aperture(),
+        };
+        cpu::run(&input, &mut wanted);
         optics::write(engine, &self.optics);
         geometry::write_rays(engine, table.as_deref());
         scene::Scene::default().update(engine, &self.worlds, size.1);

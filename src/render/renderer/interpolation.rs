@@ -1,0 +1,345 @@
+//! Geometry of a moving scene between key instants: which spans are interpolated, and by how much they
+//! are off.
+
+use super::Renderer;
+use super::keys::Keys;
+use crate::Term;
+use crate::exposure::GeometryBuffer;
+use crate::scene::{Moment, SPACINGS_NS, Span, Surface};
+use crate::transport::{Between, geometry};
+use crate::truth::Truth;
+use serde::Serialize;
+use std::sync::Arc;
+
+/// Largest share of the pixels that is traced at every instant; with more of them, key instants are
+/// placed closer to each other.
+const MOST_TRACED: f64 = 0.05;
+/// The same where they cannot be placed closer.
+const MOST_TRACED_LAST: f64 = 0.3;
+/// Farthest that anything may move from the nearer key instant, in pixels.
+const MOST_REACH_PX: f64 = 3.0;
+/// How the geometry of a moving scene is interpolated at an instant, and by how much it is off.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Interpolation {
+    /// Time between key instants in milliseconds.
+    pub spacing_ms: f64,
+    /// Share of the pixels that is traced at each instant.
+    pub traced: f64,
+    /// Pixels that both methods see lit on the same object.
+    pub pixels: usize,
+    /// Median distance of projector coordinates from those traced at the instant, in projector pixels;
+    /// of both axes where patterns vary along both.
+    pub median_px: f64,
+    /// Distance that 99.9 % of them do not exceed.
+    pub most_px: f64,
+    /// Largest distance.
+    pub worst_px: f64,
+    /// Mean of the differences with their sign.
+    pub mean_px: f64,
+    /// Pixels in which another object, or other light of the projector, is seen.
+    pub missed: usize,
+}
+
+impl Renderer {
+    /// Returns whether the geometry of a moving scene is interpolated where its motion allows it.
+    pub(super) fn interpolates(&self) -> bool {
+        let exact = [
+            Term::DepthOfField,
+            Term::AlbedoMaps,
+            Term::Interreflection,
+            Term::RollingShutter,
+        ];
+        self.options.motion_tolerance_px > 0.0
+            && self.options.samples == 1
+            && self.gpu.is_none()
+            && !exact.into_iter().any(|term| self.plan.has(term))
+    }
+
+    /// Returns the interpolation at a device time in nanoseconds: the longest span whose motion is even
+    /// enough. `None` if there is none; then the instant is traced. Moves the scene.
+    pub(super) fn between(&mut self, time_ns: f64) -> Option<Arc<Between>> {
+        for spacing_ns in SPACINGS_NS {
+            let span = Span::around(time_ns, spacing_ns);
+            let found = match self.keys.decided(span) {
+                Some(found) => found,
+                None => {
+                    let found = self.interpolate(span);
+                    if self.worlds.stop.is_asked() {
+                        self.keys = Keys::default();
+                        return None;
+                    }
+                    self.keys.decide(span, found.clone());
+                    found
+                }
+            };
+            if found.is_some() {
+                return found;
+            }
+        }
+        None
+    }
+
+    /// Interpolates within a span if it is even enough.
+    fn interpolate(&mut self, span: Span) -> Option<Arc<Between>> {
+        let world = self.worlds.any();
+        let motion = world.span_motion(span);
+        let focal = |lens: &phasmid_geometry::Lens| lens.focal_px.max_element();
+        let tolerance_px = self.options.motion_tolerance_px;
+        let off_px = motion.off_rad * focal(&self.optics.projector.lens);
+        let reach_px = motion.reach_rad * focal(&self.optics.camera.lens);
+        if !(off_px <= tolerance_px && reach_px <= MOST_REACH_PX) {
+            return None;
+        }
+        let keys = span.times_ns().map(|time_ns| self.key(time_ns));
+        if self.worlds.stop.is_asked() {
+            return None;
+        }
+        let world = self.worlds.any();
+        let reach_px = reach_px.ceil() as usize;
+        let limit_px = tolerance_px as f32;
+        let between = Between::new(span, keys, world, &self.plan, reach_px, limit_px);
+        let most = match span.spacing_ns() == SPACINGS_NS[SPACINGS_NS.len() - 1] {
+            true => MOST_TRACED_LAST,
+            false => MOST_TRACED,
+        };
+        (between.traced() <= most).then(|| Arc::new(between))
+    }
+
+    /// Returns the geometry at a key instant.
+    fn key(&mut self, time_ns: u64) -> Arc<GeometryBuffer> {
+        if let Some(buffer) = self.keys.traced(time_ns) {
+            return buffer;
+        }
+        let state = self.worlds.any().state(time_ns as f64);
+        self.worlds.set(&Moment::Instant(state));
+        let mut buffer = GeometryBuffer::default();
+        geometry::key(&self.geometry_input(&self.pixel_rays()), &mut buffer);
+        let buffer = Arc::new(buffer);
+        self.keys.keep(time_ns, buffer.clone());
+        buffer
+    }
+
+    /// Sets the error in projector pixels up to which geometry is interpolated; see
+    /// [`Options::motion_tolerance_px`](crate::Options).
+    pub fn set_motion_tolerance(&mut self, pixels: f64) {
+        self.options.motion_tolerance_px = pixels;
+        self.invalidate();
+    }
+
+    /// Returns how geometry is interpolated at a device time in nanoseconds, with its distance from the
+    /// geometry traced there; `None` if it is traced.
+    pub fn interpolation(&mut self, time_ns: u64) -> Option<Interpolation> {
+        if !self.plan.has(Term::Motion) || !self.interpolates() {
+            return None;
+        }
+        let state = self.worlds.any().state(time_ns as f64);
+        self.go_to_instant(&(Moment::Instant(state), time_ns as f64));
+        let (_, Some(instant_ns)) = self.moment.clone()? else {
+            return None;
+        };
+        self.prepare();
+        let between = self.between(instant_ns)?;
+        let found = self.buffer.clone();
+        self.go_to_time(time_ns);
+        self.prepare();
+        let (traced, world) = (&self.buffer, self.worlds.any());
+        let object = |map: &GeometryBuffer, i: usize| match map.flags[i] & Truth::SEEN {
+            0 => None,
+            _ => Some(world.object(Surface(map.surface[i]))),
+        };
+        let lit = |map: &GeometryBuffer, i: usize| map.flags[i] & Truth::LIT != 0;
+        let differs = |i: &usize| {
+            object(&found, *i) != object(traced, *i) || lit(&found, *i) != lit(traced, *i)
+        };
+        let pixels = 0..found.x.len();
+        let alike: Vec<_> = pixels
+            .clone()
+            .filter(|i| lit(traced, *i) && !differs(i))
+            .collect();
+        let mut errors = Vec::new();
+        if self.plan.has(Term::FootprintX) {
+            errors.extend(alike.iter().map(|&i| found.x[i] - traced.x[i]));
+        }
+        if self.plan.has(Term::FootprintY) {
+            errors.extend(alike.iter().map(|&i| found.y[i] - traced.y[i]));
+        }
+        let mean_px = errors.iter().map(|e| f64::from(*e)).sum::<f64>() / errors.len() as f64;
+        let mut sizes: Vec<f32> = errors.iter().map(|e| e.abs()).collect();
+        sizes.sort_unstable_by(f32::total_cmp);
+        let quantile = |share: f64| {
+            let last = sizes.len().saturating_sub(1) as f64;
+            sizes
+                .get((share * last).ceil() as usize)
+                .map_or(f64::NAN, |v| f64::from(*v))
+        };
+        Some(Interpolation {
+            spacing_ms: between.spacing_ns() as f64 * 1e-6,
+            traced: between.traced(),
+            pixels: alike.len(),
+            median_px: quantile(0.5),
+            most_px: quantile(0.999),
+            worst_px: quantile(1.0),
+            mean_px,
+            missed: pixels.filter(differs).count(),
+        })
+    }
+
+    /// Fills the buffer for a device time between key instants; at once, if there are none to use.
+    pub(super) fn trace_between(&mut self, time_ns: f64, buffer: &mut GeometryBuffer) {
+        let between = self.between(time_ns);
+        if let Some((moment, _)) = &self.moment {
+            self.worlds.set(moment);
+        }
+        match between {
+            Some(between) => {
+                between.run(time_ns, &self.geometry_input(&self.pixel_rays()), buffer);
+            }
+            None => self.trace(buffer),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Options;
+    use crate::pattern_image::PatternImage;
+    use crate::shot::Shot;
+    use phasmid_pattern::Axis;
+    use phasmid_profile::{Profile, Scene};
+
+    const PLANE: &str =
+        "[[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0, 0, 1200]\nalbedo = 0.5\n";
+
+    fn scene(objects: &str) -> Scene {
+        let text = format!("name = \"s\"\ndescription = \"\"\n{PLANE}{objects}");
+        Scene::parse(&text, "test").unwrap()
+    }
+
+    fn renderer(profile: &str, scene: &Scene, motion_tolerance_px: f64) -> Renderer {
+        let profile = Profile::load(profile).unwrap();
+        let options = Options {
+            motion_tolerance_px,
+            ..Options::default()
+        };
+        let mut renderer = Renderer::with_options(&profile, scene, 1, options).unwrap();
+        renderer.force(Term::FootprintX, true);
+        renderer
+    }
+
+    fn shot(k: u64, start_ns: u64) -> Shot {
+        let row = (0..854).map(|x| (x % 16 * 16) as u16).collect();
+        Shot {
+            noise_id: k,
+            pattern_image: Some(Arc::new(PatternImage::Row(Axis::X, row))),
+            light: 1.0,
+            start_ns,
+            exposure_ns: 8_000_000,
+            ..Shot::default()
+        }
+    }
+
+    fn object(shape: &str, speed_mm_s: f64, turn_deg: f64) -> Scene {
+        let [x, z] = [0.8 * speed_mm_s, -0.6 * speed_mm_s];
+        scene(&format!(
+            "[[object]]\nshape = {shape}\nposition_mm = [0, 0, 1000]\nalbedo = 0.7\n\
+             motion = {{ period_s = 4.0, keyframes = [{{ time_s = 0.0 }}, {{ time_s = 1.0, \
+             position_mm = [{x}, 0.0, {z}], rotation_deg = [0.0, {turn_deg}, 0.0] }}] }}\n"
+        ))
+    }
+
+    const TORSO: &str = "{ kind = \"torso\", triangles = 20000 }";
+
+    /// Rigid motions, slow and fast, with and without rotation, a rod thinner than its way between key
+    /// instants with its shadow, and breathing.
+    #[test]
+    fn interpolated_coordinates_stay_within_the_tolerance_and_no_edge_is_missed() {
+        let rod = "{ kind = \"cylinder\", radius_mm = 2.0, length_mm = 300.0 }";
+        let sphere = "{ kind = \"sphere\", radius_mm = 150.0 }";
+        let cases = [
+            ("webcam-grey", object(TORSO, 1.0, 0.0)),
+            ("webcam-grey", object(TORSO, 10.0, 1.0)),
+            ("webcam-grey", object(TORSO, 100.0, 0.0)),
+            ("webcam-grey", object(sphere, 30.0, 0.0)),
+            ("webcam-grey", object(rod, 60.0, 0.0)),
+            ("sgrt-pod", Scene::load("treatment-room").unwrap()),
+        ];
+        for (k, (profile, scene)) in cases.into_iter().enumerate() {
+            let mut renderer = renderer(profile, &scene, 0.01);
+            for time_ns in [513_000_000, 1_987_000_000] {
+                let found = renderer.interpolation(time_ns);
+                println!("{k} at {time_ns}: {found:?}");
+                let found = found.unwrap_or_else(|| panic!("case {k} is traced"));
+                assert!(found.pixels > 10_000, "{found:?}");
+                assert!(
+                    found.most_px <= 0.01 && found.worst_px <= 0.1,
+                    "{k} {found:?}"
+                );
+                assert!(found.mean_px.abs() <= 0.002, "{k} {found:?}");
+                assert!(found.missed <= found.pixels / 20_000, "{k} {found:?}");
+                assert!(found.traced <= 0.3, "{k} {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn bytes_depend_on_device_time_only() {
+        let scene = object(TORSO, 10.0, 1.0);
+        let shot = |k: u64| shot(k, 300_000_000 + k * 37_000_000);
+        let mut one = renderer("webcam-grey", &scene, 0.01);
+        let forth: Vec<_> = (0..8).map(|k| one.expose(&shot(k)).data).collect();
+        let mut other = renderer("webcam-grey", &scene, 0.01);
+        for k in (0..8).rev() {
+            other.truth_at(&[], shot(k).start_ns + 4_000_000);
+            assert!(
+                other.expose(&shot(k)).data == forth[k as usize],
+                "frame {k}"
+            );
+        }
+        let mut traced = renderer("webcam-grey", &scene, 0.0);
+        let differing = (0..8).filter(|k| traced.expose(&shot(*k)).data != forth[*k as usize]);
+        assert!(differing.count() > 4, "nothing was interpolated");
+    }
+
+    /// A scene at rest, one that moves between two rests, and one that shakes too fast.
+    #[test]
+    fn where_nothing_is_interpolated_bytes_are_those_of_traced_frames() {
+        let still = scene(&format!(
+            "[[object]]\nshape = {TORSO}\nposition_mm = [0, 0, 1000]\nalbedo = 0.7\n"
+        ));
+        let rests = scene(&format!(
+            "[[object]]\nshape = {TORSO}\nposition_mm = [0, 0, 1000]\nalbedo = 0.7\n\
+             motion = {{ keyframes = [{{ time_s = 5.0 }}, {{ time_s = 6.0, position_mm = [9, 0, 0] }}] }}\n"
+        ));
+        let shakes = scene(&format!(
+            "[[object]]\nshape = {TORSO}\nposition_mm = [0, 0, 1000]\nalbedo = 0.7\n\
+             motion = {{ period_s = 0.0125, keyframes = [{{ time_s = 0 }}, {{ time_s = 0.005, \
+             position_mm = [1, 0, 0] }}] }}\n"
+        ));
+        for scene in [still, rests, shakes] {
+            let mut one = renderer("webcam-grey", &scene, 0.01);
+            let mut other = renderer("webcam-grey", &scene, 0.0);
+            for start_ns in [1_000_000_000, 7_004_000_000] {
+                assert_eq!(one.interpolation(start_ns), None);
+                let shot = shot(0, start_ns);
+                assert!(one.expose(&shot) == other.expose(&shot));
+            }
+        }
+    }
+
+    #[test]
+    fn a_placed_object_outdates_the_key_instants() {
+        let scene = object(TORSO, 10.0, 0.0);
+        let shot = shot(0, 250_000_000);
+        let mut placed = renderer("webcam-grey", &scene, 0.01);
+        placed.expose(&shot);
+        placed
+            .place(0, [0.0, 0.0, 1100.0], [5.0, 0.0, 0.0])
+            .unwrap();
+        let mut moved = scene.clone();
+        moved.place(0, [0.0, 0.0, 1100.0], [5.0, 0.0, 0.0]).unwrap();
+        let mut started = renderer("webcam-grey", &moved, 0.01);
+        assert!(started.interpolation(shot.start_ns).is_some());
+        assert!(placed.expose(&shot) == started.expose(&shot));
+    }
+}

@@ -1,0 +1,46 @@
+//! Key instants of a moving scene that were used last.
+
+use crate::exposure::GeometryBuffer;
+use crate::scene::Span;
+use crate::transport::Between;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Key instants that are kept: three of a span and two more of a shorter span within it.
+const MOST_KEYS: usize = 5;
+/// Spans whose decision is kept.
+const MOST_SPANS: usize = 16;
+
+/// Geometry at key instants, and the spans that are interpolated. Both depend on the scene, the plan and
+/// device time only, so that it does not matter for any frame what is kept.
+#[derive(Default)]
+pub(super) struct Keys {
+    traced: VecDeque<(u64, Arc<GeometryBuffer>)>,
+    spans: VecDeque<(Span, Option<Arc<Between>>)>,
+}
+
+impl Keys {
+    /// Returns the geometry at a key instant in nanoseconds of device time, if it is kept.
+    pub(super) fn traced(&self, time_ns: u64) -> Option<Arc<GeometryBuffer>> {
+        let mut all = self.traced.iter();
+        let (_, buffer) = all.find(|(at, _)| *at == time_ns)?;
+        Some(buffer.clone())
+    }
+
+    pub(super) fn keep(&mut self, time_ns: u64, buffer: Arc<GeometryBuffer>) {
+        self.traced.truncate(MOST_KEYS - 1);
+        self.traced.push_front((time_ns, buffer));
+    }
+
+    /// Returns the interpolation of a span, or that it has none, if that was decided before.
+    pub(super) fn decided(&self, span: Span) -> Option<Option<Arc<Between>>> {
+        let mut all = self.spans.iter();
+        let (_, found) = all.find(|(of, _)| *of == span)?;
+        Some(found.clone())
+    }
+
+    pub(super) fn decide(&mut self, span: Span, found: Option<Arc<Between>>) {
+        self.spans.truncate(MOST_SPANS - 1);
+        self.spans.push_front((span, found));
+    }
+}

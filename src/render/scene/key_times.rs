@@ -1,0 +1,94 @@
+//! Key instants: times at which a moving scene is traced, so that its geometry can be interpolated
+//! between them. They depend on the scene and on device time only, never on requests.
+
+use super::world::World;
+
+/// Times between two key instants that are tried, longest first, in nanoseconds. Each divides the one
+/// before, so that spans share key instants. Below the last, exposures are as close to each other as
+/// key instants would be.
+pub(crate) const SPACINGS_NS: [u64; 5] =
+    [200_000_000, 100_000_000, 50_000_000, 25_000_000, 12_500_000];
+/// Instants in a span at which motion is compared with the parabola through the key instants.
+const PROBES: u32 = 32;
+
+/// Three key instants that are equally far apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Span {
+    start_ns: u64,
+    spacing_ns: u64,
+}
+
+impl Span {
+    /// Returns the span with a device time in it.
+    pub(crate) fn around(time_ns: f64, spacing_ns: u64) -> Self {
+        let length_ns = 2 * spacing_ns;
+        let number = (time_ns.max(0.0) as u64) / length_ns;
+        Self {
+            start_ns: number * length_ns,
+            spacing_ns,
+        }
+    }
+
+    /// Returns the key instants in nanoseconds of device time.
+    pub(crate) fn times_ns(self) -> [u64; 3] {
+        [0, 1, 2].map(|k| self.start_ns.saturating_add(k * self.spacing_ns))
+    }
+
+    /// Returns the time between two key instants in nanoseconds.
+    pub(crate) fn spacing_ns(self) -> u64 {
+        self.spacing_ns
+    }
+
+    /// Returns a time's place: -1, 0 and 1 at the key instants.
+    pub(crate) fn place(self, time_ns: f64) -> f64 {
+        (time_ns - self.start_ns as f64) / self.spacing_ns as f64 - 1.0
+    }
+}
+
+/// How a scene moves within a span, as upper bounds in radians seen from the camera.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SpanMotion {
+    /// Motion of any point from the nearer of the two key instants around it.
+    pub(crate) reach_rad: f64,
+    /// Distance of any point from the parabola through its places at the key instants.
+    pub(crate) off_rad: f64,
+}
+
+impl World {
+    /// Returns how everything moves within a span.
+    pub(crate) fn span_motion(&self, span: Span) -> SpanMotion {
+        let states = span.times_ns().map(|time| self.state(time as f64));
+        let [first, middle, last] = &states;
+        let mut motion = SpanMotion {
+            reach_rad: 0.0,
+            off_rad: 0.0,
+        };
+        for k in 0..PROBES {
+            // Multiples of the golden ratio fill the span evenly, in step with no oscillation.
+            let share = (f64::from(k) + 0.5) * 0.618_033_988_749_894_9 % 1.0;
+            let length_ns = 2.0 * span.spacing_ns as f64;
+            let state = self.state(span.start_ns as f64 + share * length_ns);
+            let s = 2.0 * share - 1.0;
+            let [a, b, c] = weights(s);
+            let off = [(1.0, &state), (-a, first), (-b, middle), (-c, last)];
+            let near = if s < 0.0 { first } else { last };
+            let reach = self.way_rad(near, &state).min(self.way_rad(middle, &state));
+            motion.off_rad = motion.off_rad.max(self.displacement_rad(&off));
+            motion.reach_rad = motion.reach_rad.max(reach);
+        }
+        motion
+    }
+
+    /// Returns whether nothing moves around a device time.
+    pub(crate) fn rests(&self, time_ns: f64) -> bool {
+        let span = Span::around(time_ns, SPACINGS_NS[SPACINGS_NS.len() - 1]);
+        let now = self.state(time_ns);
+        let same = |time| self.state(time as f64) == now;
+        span.times_ns().into_iter().all(same) && self.span_motion(span).reach_rad == 0.0
+    }
+}
+
+/// Returns the weights of the values at places -1, 0 and 1 in their parabola at a place.
+fn weights(s: f64) -> [f64; 3] {
+    [0.5 * s * (s - 1.0), 1.0 - s * s, 0.5 * s * (s + 1.0)]
+}

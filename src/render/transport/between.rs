@@ -1,0 +1,328 @@
+//! Geometry between key instants: parabolas through what each pixel sees at three of them.
+//!
+//! Object, flags and lamps are never blended: the nearest key instant has them. A pixel is
+//! traced instead where that may be wrong:
+//!
+//! - where object, light or side of a crease differ between the key instants, for its centre or for one
+//!   of its samples, and around such pixels as far as anything moves between key instants, so that thin
+//!   objects and their shadows are not missed;
+//! - where the second difference of projector coordinate or light is large. Where the value has one
+//!   kink, as at the border of two triangles, a parabola is off by an eighth of that difference if the
+//!   kink is halfway, and by at most all of it; where the value is smooth, by a small part of it.
+
+use super::geometry::{complete, some_centers};
+use super::input::Input;
+use super::mixed;
+use crate::exposure::{GeometryBuffer, Mixed};
+use crate::material::COS_CREASE;
+use crate::scene::{Span, Surface, World};
+use crate::truth::Truth;
+use crate::{Plan, Term};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Largest second difference of light, as a fraction of the light.
+const LIGHT: f32 = 0.02;
+/// Largest second difference of projector coordinates, as a multiple of the tolerance.
+const BEND: f32 = 4.0;
+
+/// Geometry at the key instants of a span.
+pub(crate) struct Between {
+    span: Span,
+    keys: [Arc<GeometryBuffer>; 3],
+    /// Pixels whose centre is traced at every instant, in order.
+    traced: Vec<u32>,
+    /// Those of them that may be mixed.
+    differing: Vec<u32>,
+    /// Indices of the other mixed pixels in the key instants' lists.
+    mixed: Vec<[u32; 3]>,
+}
+
+impl Between {
+    /// Compares the geometry at the key instants. Within the span points move by at most `reach_px`
+    /// pixels from the nearer key instant; projector coordinates may be off by about `tolerance_px`.
+    pub(crate) fn new(
+        span: Span,
+        keys: [Arc<GeometryBuffer>; 3],
+        world: &World,
+        plan: &Plan,
+        reach_px: usize,
+        tolerance_px: f32,
+    ) -> Self {
+        let (width, height) = (keys[0].width, keys[0].height);
+        let view = Comparison {
+            keys: keys.each_ref().map(Arc::as_ref),
+            world,
+            axes: [Term::FootprintX, Term::FootprintY].map(|term| plan.has(term)),
+            tolerance_px,
+        };
+        let pixels = || (0..width * height).into_par_iter();
+        let mut differs: Vec<bool> = pixels().map(|i| view.differs(i)).collect();
+        let (mut mixed, bent) = view.mixed(&mut differs);
+        let mut near = widened(&differs, width, reach_px + 1);
+        for pixel in bent {
+            near[pixel as usize] = true;
+        }
+        mixed.retain(|[first, ..]| !near[keys[0].mixed[*first as usize].pixel as usize]);
+        let list = |wanted: &(dyn Fn(usize) -> bool + Sync)| {
+            pixels().filter(|&i| wanted(i)).map(|i| i as u32).collect()
+        };
+        let traced = list(&|i| near[i] || view.bends(i));
+        let differing = list(&|i| near[i]);
+        Self {
+            span,
+            keys,
+            traced,
+            differing,
+            mixed,
+        }
+    }
+
+    /// Returns the time between key instants in nanoseconds.
+    pub(crate) fn spacing_ns(&self) -> u64 {
+        self.span.spacing_ns()
+    }
+
+    /// Returns the share of the pixels that is traced.
+    pub(crate) fn traced(&self) -> f64 {
+        self.traced.len() as f64 / self.keys[0].x.len().max(1) as f64
+    }
+
+    /// Fills the buffer for a device time in nanoseconds, to which the scene has been moved.
+    pub(crate) fn run(&self, time_ns: f64, input: &Input<'_>, buffer: &mut GeometryBuffer) {
+        let parabola = Parabola::new(self.span.place(time_ns).clamp(-1.0, 1.0));
+        self.blend(&parabola, input.plan, buffer);
+        some_centers(input, &self.traced, buffer);
+        let keys = self.keys.each_ref().map(|key| &key.mixed);
+        let still = self.mixed.par_iter().map(|indices| {
+            parabola.mixed([0, 1, 2].map(|key: usize| &keys[key][indices[key] as usize]))
+        });
+        let mut mixed: Vec<_> = still.collect();
+        mixed.extend(mixed::some(input, buffer, &self.differing));
+        mixed.sort_unstable_by_key(|mixed| mixed.pixel);
+        buffer.mixed = mixed;
+        complete(input, buffer);
+    }
+
+    fn blend(&self, parabola: &Parabola, plan: &Plan, buffer: &mut GeometryBuffer) {
+        const ROWS: usize = 16;
+        let keys = self.keys.each_ref().map(Arc::as_ref);
+        let nearest = keys[parabola.nearest];
+        let width = nearest.width;
+        buffer.resize(width, nearest.height, plan);
+        buffer.blur_stretch = nearest.blur_stretch;
+        buffer.bands(ROWS).into_par_iter().for_each(|band| {
+            let from = band.first_row * width;
+            let blend = |out: &mut [f32], map: fn(&GeometryBuffer) -> &[f32]| {
+                if !out.is_empty() {
+                    let keys = keys.map(|key| &map(key)[from..from + out.len()]);
+                    parabola.blend(keys, out);
+                }
+            };
+            blend(band.x, |key| &key.x);
+            blend(band.y, |key| &key.y);
+            blend(band.projected, |key| &key.projected);
+            blend(band.ambient, |key| &key.ambient);
+            blend(band.flickering, |key| &key.flickering);
+            blend(band.depth, |key| &key.depth);
+            blend(band.blur, |key| &key.blur);
+            copy(band.x_slope, &nearest.x_slope, from);
+            copy(band.y_slope, &nearest.y_slope, from);
+            copy(band.lamps, &nearest.lamps, from);
+            copy(band.surface, &nearest.surface, from);
+            copy(band.normal, &nearest.normal, from);
+            copy(band.flags, &nearest.flags, from);
+        });
+    }
+}
+
+/// Copies a band of a map; the map may be empty.
+fn copy<T: Copy>(to: &mut [T], map: &[T], from: usize) {
+    if !to.is_empty() {
+        to.copy_from_slice(&map[from..from + to.len()]);
+    }
+}
+
+/// A parabola through values at the key instants, evaluated at one place between them.
+struct Parabola {
+    half: f32,
+    half_square: f32,
+    nearest: usize,
+}
+
+impl Parabola {
+    fn new(place: f64) -> Self {
+        Self {
+            half: (0.5 * place) as f32,
+            half_square: (0.5 * place * place) as f32,
+            nearest: (place.round() + 1.0) as usize,
+        }
+    }
+
+    /// A value that stays has no rounding error.
+    #[inline(always)]
+    fn at(&self, [a, b, c]: [f32; 3]) -> f32 {
+        b + (self.half * (c - a) + self.half_square * ((a - b) + (c - b)))
+    }
+
+    fn blend(&self, [a, b, c]: [&[f32]; 3], out: &mut [f32]) {
+        for (out, ((a, b), c)) in out.iter_mut().zip(a.iter().zip(b).zip(c)) {
+            *out = self.at([*a, *b, *c]);
+        }
+    }
+
+    /// Blends the samples of a mixed pixel.
+    fn mixed(&self, keys: [&Mixed; 3]) -> Mixed {
+        let all = |map: fn(&Mixed) -> &[f32; 16]| {
+            let keys = keys.map(map);
+            std::array::from_fn(|k| self.at(keys.map(|key| key[k])))
+        };
+        Mixed {
+            x: all(|key| &key.x),
+            y: all(|key| &key.y),
+            projected: all(|key| &key.projected),
+            blur: all(|key| &key.blur),
+            ambient: self.at(keys.map(|key| key.ambient)),
+            flickering: self.at(keys.map(|key| key.flickering)),
+            ..keys[self.nearest].clone()
+        }
+    }
+}
+
+struct Comparison<'a> {
+    keys: [&'a GeometryBuffer; 3],
+    world: &'a World,
+    /// Whether patterns vary along x and y.
+    axes: [bool; 2],
+    tolerance_px: f32,
+}
+
+impl Comparison<'_> {
+    /// Returns whether a pixel's centre sees another object, other light or another side of a crease at
+    /// one of the key instants.
+    fn differs(&self, i: usize) -> bool {
+        let [a, b, c] = self.keys;
+        let differ = |a: &GeometryBuffer, b: &GeometryBuffer| {
+            if (a.flags[i] ^ b.flags[i]) & (Truth::SEEN | Truth::LIT) != 0
+                || a.lamps.get(i) != b.lamps.get(i)
+            {
+                return true;
+            }
+            let [one, other] = [a, b].map(|key| Surface(key.surface[i]));
+            if one == other || a.flags[i] & Truth::SEEN == 0 {
+                return false;
+            }
+            let [along, across] = [a, b].map(|key| Vec3::from_array(key.normal[i]));
+            self.world.object(one) != self.world.object(other) || along.dot(across) < COS_CREASE
+        };
+        differ(a, b) || differ(b, c)
+    }
+
+    /// Returns whether the parabolas of a pixel's coordinate or light may be off.
+    fn bends(&self, i: usize) -> bool {
+        let of = |map: fn(&GeometryBuffer) -> &[f32]| self.keys.map(|key| map(key)[i]);
+        let seen = self.keys[1].flags[i] & Truth::SEEN != 0;
+        let lit = self.keys[1].flags[i] & Truth::LIT != 0;
+        seen && (bent_light(of(|key| &key.ambient))
+            || lit
+                && (bent_light(of(|key| &key.projected))
+                    || self.axes[0] && self.bent(of(|key| &key.x))
+                    || self.axes[1] && self.bent(of(|key| &key.y))))
+    }
+
+    /// Returns whether the parabola of a projector coordinate may be off; NaN may be.
+    fn bent(&self, keys: [f32; 3]) -> bool {
+        !(second_difference(keys).abs() <= BEND * self.tolerance_px)
+    }
+
+    /// Returns the indices of the pixels that are mixed in the same way at all key instants, and the
+    /// pixels among the others whose parabolas alone may be off; marks the rest as different.
+    fn mixed(&self, differs: &mut [bool]) -> (Vec<[u32; 3]>, Vec<u32>) {
+        let lists = self.keys.map(|key| key.mixed.as_slice());
+        let mut next = [0; 3];
+        let (mut same, mut bent) = (Vec::new(), Vec::new());
+        loop {
+            let heads: [Option<&Mixed>; 3] = std::array::from_fn(|key| lists[key].get(next[key]));
+            let pixels = heads.map(|head| head.map_or(u32::MAX, |mixed| mixed.pixel));
+            let pixel = pixels.into_iter().fold(u32::MAX, u32::min);
+            if pixel == u32::MAX {
+                return (same, bent);
+            }
+            match heads {
+                [Some(a), Some(b), Some(c)]
+                    if pixels == [pixel; 3] && seen_alike([a, b, c], self.axes) =>
+                {
+                    match self.mixed_bent([a, b, c]) {
+                        true => bent.push(pixel),
+                        false => same.push(next.map(|index| index as u32)),
+                    }
+                }
+                _ => differs[pixel as usize] = true,
+            }
+            for (index, of) in next.iter_mut().zip(pixels) {
+                *index += usize::from(of == pixel);
+            }
+        }
+    }
+
+    /// Returns whether the parabolas of a mixed pixel's samples may be off.
+    fn mixed_bent(&self, keys: [&Mixed; 3]) -> bool {
+        (0..16).any(|k| {
+            let of = |map: fn(&Mixed) -> &[f32; 16]| keys.map(|key| map(key)[k]);
+            bent_light(of(|key| &key.projected))
+                || self.axes[0] && self.bent(of(|key| &key.x))
+                || self.axes[1] && self.bent(of(|key| &key.y))
+        })
+    }
+}
+
+/// Farthest that a sample of one surface moves between key instants, in projector pixels; it sees
+/// another surface where it moves farther.
+const ONE_SURFACE_PX: f32 = 8.0;
+
+/// Returns whether each sample of a mixed pixel sees the same surface in the same light at all key
+/// instants, as far as its coordinates show it.
+fn seen_alike(keys: [&Mixed; 3], axes: [bool; 2]) -> bool {
+    let tissue = |key: &Mixed| key.skin.as_ref().map(|skin| skin.tissue);
+    let differs = |k: usize| {
+        let lit = keys.map(|key| key.projected[k] > 0.0);
+        let far = |map: fn(&Mixed) -> &[f32; 16]| {
+            let bend = second_difference(keys.map(|key| map(key)[k]));
+            !(bend.abs() <= ONE_SURFACE_PX)
+        };
+        lit != [lit[1]; 3] || axes[0] && far(|key| &key.x) || axes[1] && far(|key| &key.y)
+    };
+    !bent_light(keys.map(|key| key.ambient))
+        && keys.map(tissue) == [tissue(keys[1]); 3]
+        && !(0..16).any(differs)
+}
+
+fn second_difference([a, b, c]: [f32; 3]) -> f32 {
+    (a - b) + (c - b)
+}
+
+/// Returns whether the parabola of an amount of light may be off.
+fn bent_light(keys: [f32; 3]) -> bool {
+    second_difference(keys).abs() > LIGHT * keys[1]
+}
+
+/// Returns the pixels within a square of half the side `reach` around marked ones.
+fn widened(marked: &[bool], width: usize, reach: usize) -> Vec<bool> {
+    let height = marked.len() / width;
+    let mut wide = vec![false; marked.len()];
+    for (from, to) in marked.chunks(width).zip(wide.chunks_mut(width)) {
+        for u in (0..width).filter(|&u| from[u]) {
+            to[u.saturating_sub(reach)..(u + reach + 1).min(width)].fill(true);
+        }
+    }
+    let mut out = vec![false; marked.len()];
+    out.par_chunks_mut(width).enumerate().for_each(|(v, row)| {
+        for near in v.saturating_sub(reach)..(v + reach + 1).min(height) {
+            for (to, from) in row.iter_mut().zip(&wide[near * width..][..width]) {
+                *to |= from;
+            }
+        }
+    });
+    out
+}
