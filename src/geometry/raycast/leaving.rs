@@ -8,7 +8,7 @@
 
 use super::bvh::{Bvh, Corners};
 use super::packet::{LANES, Packet, Scratch};
-use super::traverse::walk;
+use super::traverse::{Test, walk};
 use glam::Vec3;
 use phasmid_core::simd::widest;
 
@@ -35,9 +35,16 @@ widest! {
 
 #[inline(always)]
 fn leaving_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
-    walk(bvh, packet, scratch, |packet, _, corners| {
+    walk::<Leaving>(bvh, packet, scratch);
+}
+
+struct Leaving;
+
+impl Test for Leaving {
+    #[inline(always)]
+    fn test(packet: &mut Packet, _: &mut Scratch, corners: &Corners) {
         intersect(packet, corners);
-    });
+    }
 }
 
 /// With s from the first corner to the origin, n = e1 x e2 and det = -d . n:

@@ -58,56 +58,65 @@ widest! {
     fn blocked(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) => blocked_body
 }
 
+/// Test of a triangle against a packet. A trait instead of a closure, which would not be inlined into
+/// [`widest!`] functions and would lack their instructions.
+pub(super) trait Test {
+    fn test(packet: &mut Packet, scratch: &mut Scratch, corners: &Corners);
+}
+
 #[inline(always)]
 fn nearest_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
-    let keep = |packet: &mut Packet, scratch: &mut Scratch, id, lane: usize, hit: Hit| {
-        let former = packet.t[lane];
-        if hit.t >= former {
-            return scratch.rival(lane, id);
-        }
-        let error = packet.reach[lane] - former;
-        if packet.triangle[lane] != NO_TRIANGLE && former - error < hit.t + hit.error {
-            scratch.rival(lane, packet.triangle[lane]);
-        }
-        packet.t[lane] = hit.t;
-        packet.reach[lane] = hit.t + hit.error;
-        packet.triangle[lane] = id;
-    };
-    walk(bvh, packet, scratch, |packet, scratch, corners| {
-        intersect(packet, corners, |packet, lane, hit| {
-            keep(packet, scratch, corners.id, lane, hit);
-        });
-    });
+    walk::<Nearest>(bvh, packet, scratch);
 }
 
 #[inline(always)]
 fn blocked_body(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
-    let keep = |packet: &mut Packet, scratch: &mut Scratch, id, lane: usize, hit: Hit| {
-        if id == packet.triangle[lane] {
-            return;
-        }
-        if hit.t + hit.error < packet.t[lane] {
-            packet.t[lane] = -1.0;
-            packet.reach[lane] = UNUSED;
-        } else {
-            scratch.rival(lane, id);
-        }
-    };
-    walk(bvh, packet, scratch, |packet, scratch, corners| {
+    walk::<Blocked>(bvh, packet, scratch);
+}
+
+struct Nearest;
+
+impl Test for Nearest {
+    #[inline(always)]
+    fn test(packet: &mut Packet, scratch: &mut Scratch, corners: &Corners) {
         intersect(packet, corners, |packet, lane, hit| {
-            keep(packet, scratch, corners.id, lane, hit);
+            let former = packet.t[lane];
+            if hit.t >= former {
+                return scratch.rival(lane, corners.id);
+            }
+            let error = packet.reach[lane] - former;
+            if packet.triangle[lane] != NO_TRIANGLE && former - error < hit.t + hit.error {
+                scratch.rival(lane, packet.triangle[lane]);
+            }
+            packet.t[lane] = hit.t;
+            packet.reach[lane] = hit.t + hit.error;
+            packet.triangle[lane] = corners.id;
         });
-    });
+    }
+}
+
+struct Blocked;
+
+impl Test for Blocked {
+    #[inline(always)]
+    fn test(packet: &mut Packet, scratch: &mut Scratch, corners: &Corners) {
+        intersect(packet, corners, |packet, lane, hit: Hit| {
+            if corners.id == packet.triangle[lane] {
+                return;
+            }
+            if hit.t + hit.error < packet.t[lane] {
+                packet.t[lane] = -1.0;
+                packet.reach[lane] = UNUSED;
+            } else {
+                scratch.rival(lane, corners.id);
+            }
+        });
+    }
 }
 
 /// Visits the leaves that a lane meets, near ones first, and tests each of their triangles.
 #[inline(always)]
-pub(super) fn walk(
-    bvh: &Bvh,
-    packet: &mut Packet,
-    scratch: &mut Scratch,
-    test: impl Fn(&mut Packet, &mut Scratch, &Corners),
-) {
+pub(super) fn walk<T: Test>(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) {
     scratch.stack.clear();
     let root = entry(&bvh.nodes[0], packet);
     if root == f32::INFINITY {
@@ -119,15 +128,17 @@ pub(super) fn walk(
         if node.count > 0 {
             let first = node.first as usize;
             for corners in &bvh.triangles[first..first + node.count as usize] {
-                test(packet, scratch, corners);
+                T::test(packet, scratch, corners);
             }
         } else {
-            let children = [node.first, node.first + 1];
-            let [left, right] = children.map(|i| entry(&bvh.nodes[i as usize], packet));
+            // Not by `map`, whose closure would not be inlined either.
+            let (one, other) = (node.first, node.first + 1);
+            let left = entry(&bvh.nodes[one as usize], packet);
+            let right = entry(&bvh.nodes[other as usize], packet);
             let (near, far) = if left <= right {
-                ((children[0], left), (children[1], right))
+                ((one, left), (other, right))
             } else {
-                ((children[1], right), (children[0], left))
+                ((other, right), (one, left))
             };
             if far.1 < f32::INFINITY {
                 scratch.stack.push(far);

@@ -89,6 +89,7 @@ pub(super) fn intersect(
 /// few epsilons of the distances. These errors and the products give the error of an edge function.
 /// The parameter, a mean of the corners' depths weighted by the edge functions, is off by the
 /// weights' errors times the spread of the depths, and never leaves that spread.
+#[inline(always)]
 fn error_bound(v: [Vec3; 3], packet: &Packet, lane: usize, det: f32) -> f32 {
     let shear = packet.axes.shear.map(|s| s[lane]);
     let (mut size, mut far) = (0.0f32, packet.farthest);
