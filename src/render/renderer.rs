@@ -269,6 +269,7 @@ impl Renderer {
             plan: &self.plan,
             options: self.options,
             aperture: Aperture::new(&self.profile.camera),
+            occluders: None,
         }
     }
 

@@ -53,23 +53,6 @@ impl Bell {
             None => (z * z + 1.0) / 2.0,
         }
     }
-
-    /// Phi(z), the second derivative.
-    pub(super) fn second(&self, z: f64) -> f64 {
-        let place = (z + END) * FINE as f64;
-        if place < 0.0 {
-            return 0.0;
-        }
-        let i = place as usize;
-        match self.pieces.get(i) {
-            Some(c) => {
-                let t = place - i as f64;
-                let second = 2.0 * c[2] + t * (6.0 * c[3] + t * (12.0 * c[4] + t * 20.0 * c[5]));
-                second * (FINE * FINE) as f64
-            }
-            None => 1.0,
-        }
-    }
 }
 
 /// Returns the coefficients on [0, 1] from value, slope and curvature at both ends.
@@ -184,7 +167,6 @@ mod tests {
             let h = 2e-3;
             let second = (bell.at(z + h) - 2.0 * bell.at(z) + bell.at(z - h)) / (h * h);
             assert!((second - distribution(z)).abs() < 1e-6, "{z} {second}");
-            assert!((bell.second(z) - distribution(z)).abs() < 1e-7, "{z}");
         }
     }
 }

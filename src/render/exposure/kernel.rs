@@ -10,31 +10,25 @@
 //! with Q(e) = sigma^2 G(e / sigma) and G the second antiderivative of the normal distribution
 //! (`bell`). A pattern pixel's weight is the difference between its two borders. This is exact. It
 //! is computed once per scene state, in f64; a frame then needs a sum of a dozen products per
-//! pixel.
-//!
-//! Where the blur is wide, pattern pixels are averaged in groups of 2, 4, 8 and so on, never wider
-//! than a 48th of sigma, which keeps any pattern within 0.05 of 255 levels (within 0.5 where the
-//! end of the pattern truncates the blur). This bounds a kernel to a thousand weights plus the
-//! footprint's width.
+//! pixel. Where light spreads under skin, `blend` computes the fraction in f32.
 
-use super::bell::Bell;
+use super::bell::{Bell, Soft};
 use super::blend::{Blend, Spread};
 use super::row_table::WIDEST;
+use super::window::{GROUPINGS, LANES, Window};
 use rayon::prelude::*;
 
-/// SIMD lanes of the sum of products; the number of weights is a multiple of it.
-const LANES: usize = 8;
 /// Pixels per task and lookup block.
 const BLOCK: usize = 2048;
 /// Blur narrower than this fraction of the footprint changes a level by less than 0.05 of 255.
 const SHARP: f64 = 2e-4;
 /// Minimum standard deviation of a spread component, in projector pixels.
 const LEAST: f64 = 1e-6;
-/// Maximum number of groups of a kernel. Several Gaussians of very different widths would otherwise
-/// need more.
-const MOST_GROUPS: f64 = 1024.0;
-/// Groups of 2^0 to 2^10 pattern pixels.
-const GROUPINGS: usize = 11;
+/// Kernel reach beyond the footprint, in standard deviations. The remainder, 6e-5, is assigned to
+/// the last pixel.
+const REACH: f64 = 4.0;
+/// Beyond this many standard deviations past the footprint the tail of a Gaussian is neglected.
+const END: f64 = 6.0;
 
 /// The kernels of many footprints, in order.
 #[derive(Debug, Clone, Default)]
@@ -83,6 +77,7 @@ impl Kernels {
         let bell = Bell::new();
         let blocks = (0..count.div_ceil(BLOCK))
             .into_par_iter()
+            .with_max_len(1)
             .map(|i| {
                 let mut block = Block::default();
                 for k in i * BLOCK..((i + 1) * BLOCK).min(count) {
@@ -109,38 +104,62 @@ impl Kernels {
 
 impl Block {
     fn push(&mut self, bell: &Bell, len: usize, footprint: Blurred<'_>) {
-        let size = |slope: f32| f64::from(slope.abs().min(WIDEST));
-        let (a, b) = (size(footprint.slope[0]), size(footprint.slope[1]));
+        let boxes = footprint
+            .slope
+            .map(|slope| f64::from(slope.abs().min(WIDEST)));
         let sigma = f64::from(footprint.sigma);
-        let sharp = SHARP * a.max(b);
-        // A spread may have sharp components.
-        let least = sharp.max(LEAST);
-        let blend = Blend::new(bell, [a, b], sigma, footprint.spread, least);
-        let (outer, beyond) = blend.reach();
-        if sigma.is_nan() || beyond.is_nan() || blend.widest() <= sharp {
-            self.runs.push(Run::default());
-            return;
-        }
-        let fine = (blend.narrowest() / 48.0).log2().max(0.0);
-        let few = (2.0 * beyond / MOST_GROUPS).log2().ceil().max(0.0);
-        let grouping = (fine.max(few) as usize).min(GROUPINGS - 1);
-        let group = (1usize << grouping) as f64;
-        let last = (len.div_ceil(1 << grouping) - 1) as f64;
-        // Position from the left end of the pattern. The geometry pass accounts for the part beyond
-        // its ends; the kernel is the mean over the part inside.
-        let middle = f64::from(footprint.x) + 0.5;
-        let reach = outer + beyond;
-        let low = ((middle - reach) / group).floor().clamp(0.0, last);
-        let high = ((middle + reach) / group).floor().clamp(0.0, last);
+        let sharp = SHARP * boxes[0].max(boxes[1]);
         let from = self.weights.len();
-        let (start, end) = (blend.left_of(-middle), blend.left_of(len as f64 - middle));
+        let window = match footprint.spread {
+            None if sigma.is_nan() || sigma <= sharp => None,
+            None => {
+                let soft = Soft::new(bell, boxes, sigma);
+                let window = Window::new(len, footprint.x, soft.outer(), REACH * sigma, sigma);
+                self.weigh(&window, len, &soft, soft.outer() + END * sigma);
+                Some(window)
+            }
+            Some(spread) => {
+                // A spread may have sharp components.
+                let blend = Blend::new(boxes, sigma, spread, sharp.max(LEAST));
+                let (outer, beyond) = blend.reach();
+                let [narrowest, widest] = blend.sigmas();
+                (!beyond.is_nan() && widest > sharp).then(|| {
+                    let window = Window::new(len, footprint.x, outer, beyond, narrowest);
+                    blend.weigh(&window, len, &mut self.weights);
+                    window
+                })
+            }
+        };
+        self.runs
+            .push(window.map_or_else(Run::default, |window| Run {
+                from: from as u32,
+                len: (self.weights.len() - from) as u32,
+                group: window.low as u32,
+                grouping: window.grouping as u32,
+            }));
+    }
+
+    /// Appends the weights of the window's pixels or groups under a trapezoid with Gaussian blur.
+    /// Borders further than `beyond` from its centre have all light on one side.
+    fn weigh(&mut self, window: &Window, len: usize, soft: &Soft<'_>, beyond: f64) {
+        let left_of = |e: f64| {
+            if e > beyond {
+                1.0
+            } else if e < -beyond {
+                0.0
+            } else {
+                soft.left_of(e)
+            }
+        };
+        let from = self.weights.len();
+        // The geometry pass accounts for the part beyond the pattern's ends; the kernel is the mean
+        // over the part inside.
+        let (start, end) = (left_of(-window.middle), left_of(len as f64 - window.middle));
         // A kernel far beyond an end degenerates to the last pixel.
         let part = (end - start).max(1e-9);
         let mut before = start;
-        for i in low as usize..high as usize {
-            let left = blend
-                .left_of((i + 1) as f64 * group - middle)
-                .clamp(start, end);
+        for i in window.low..window.high {
+            let left = left_of((i + 1) as f64 * window.group - window.middle).clamp(start, end);
             self.weights.push(((left - before) / part) as f32);
             before = left;
         }
@@ -148,12 +167,6 @@ impl Block {
         self.weights.push(1.0 - rest);
         let count = (self.weights.len() - from).next_multiple_of(LANES);
         self.weights.resize(from + count, 0.0);
-        self.runs.push(Run {
-            from: from as u32,
-            len: count as u32,
-            group: low as u32,
-            grouping: grouping as u32,
-        });
     }
 }
 

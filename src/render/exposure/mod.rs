@@ -9,7 +9,9 @@
 //! | `row_table` | averages of patterns that vary along one axis |
 //! | `image_table` | averages of image patterns |
 //! | `kernel` | averages of row patterns under blur, as weights of pattern pixels |
-//! | `bell`, `blend` | a footprint convolved with one or several Gaussians |
+//! | `bell` | a footprint convolved with a Gaussian |
+//! | `blend` | the same with the spread of light under skin |
+//! | `window` | the pattern pixels under a kernel |
 //! | `skin_maps` | light on skin at each pixel |
 //! | `diffused` | image patterns on skin |
 //! | `defocus` | width of the projector's blur |
@@ -36,6 +38,7 @@ mod row_table;
 mod shade;
 mod skin_maps;
 mod vignetting;
+mod window;
 
 #[cfg(test)]
 pub(super) use bell::Soft;

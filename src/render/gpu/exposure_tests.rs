@@ -80,6 +80,7 @@ impl Setup {
             plan: &plan,
             options,
             aperture,
+            occluders: None,
         };
         geometry::run(&input, &mut map);
         assert!(!map.mixed.is_empty());

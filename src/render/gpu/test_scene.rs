@@ -64,6 +64,7 @@ impl TestScene {
             plan: &bench.plan,
             options,
             aperture,
+            occluders: None,
         };
         geometry::run(&input, &mut map);
         bench.map = map;

@@ -18,6 +18,7 @@ const MOST_TRACED: f64 = 0.05;
 const MOST_TRACED_LAST: f64 = 0.3;
 /// Farthest that anything may move from the nearer key instant, in pixels.
 const MOST_REACH_PX: f64 = 3.0;
+
 /// How the geometry of a moving scene is interpolated at an instant, and by how much it is off.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Interpolation {

@@ -6,8 +6,8 @@ use crate::transport::Between;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Key instants that are kept: three of a span and two more of a shorter span within it.
-const MOST_KEYS: usize = 5;
+/// Key instants that are kept. If a span is not interpolated, shorter spans within it need its instants.
+const MOST_KEYS: usize = 8;
 /// Spans whose decision is kept.
 const MOST_SPANS: usize = 16;
 

@@ -53,6 +53,8 @@ struct Fixed {
     bvh: Bvh,
     /// Object of each triangle; triangles of moving meshes follow the triangles of static meshes.
     owner: Vec<u16>,
+    /// For each object that is a mesh, whether it encloses a volume; see [`World::outward`].
+    outward: Vec<f64>,
     /// Moving objects, in order.
     paths: Vec<Animation>,
     /// Changes made to mesh files when they were read.
@@ -83,6 +85,12 @@ impl World {
     /// Returns the object of each triangle.
     pub(crate) fn owners(&self) -> &[u16] {
         &self.fixed.owner
+    }
+
+    /// Returns 1 if the triangles of a triangle's mesh are numbered counter-clockwise seen from outside
+    /// the volume that the mesh encloses, -1 if clockwise, and 0 if it encloses none.
+    pub(crate) fn outward(&self, triangle: Surface) -> f64 {
+        self.fixed.outward[usize::from(self.fixed.owner[triangle.0 as usize])]
     }
 
     /// Returns whether anything moves.
@@ -303,7 +311,9 @@ impl World {
                     continue;
                 };
                 // Seen from outside, a convex solid shades itself only by facing away.
-                let own = self.object(surface) == placed.object && !placed.around_camera;
+                let own = surface != Surface::NONE
+                    && self.object(surface) == placed.object
+                    && !placed.around_camera;
                 *blocked = *blocked || !own && shades(placed, point);
             }
         }

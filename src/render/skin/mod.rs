@@ -6,7 +6,7 @@
 //! Fitzpatrick skin classes, `blood` the absorption of blood.
 //!
 //! A scene without skin incurs no cost. With skin, the geometry pass computes a kernel for each
-//! pixel of lit skin, which takes some microseconds each. A kernel takes four bytes per projector
+//! pixel of lit skin, which takes about half a microsecond each. A kernel takes four bytes per projector
 //! pixel (or group of projector pixels, of at most 1024 beyond the footprint) within about four
 //! standard deviations of the widest Gaussian: some 200 bytes per pixel and axis for a Fitzpatrick
 //! class at 3 projector pixels per millimetre.

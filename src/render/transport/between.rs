@@ -92,6 +92,8 @@ impl Between {
     /// Fills the buffer for a device time in nanoseconds, to which the scene has been moved.
     pub(crate) fn run(&self, time_ns: f64, input: &Input<'_>, buffer: &mut GeometryBuffer) {
         let parabola = Parabola::new(self.span.place(time_ns).clamp(-1.0, 1.0));
+        let occluders = input.find_occluders();
+        let input = &input.with(occluders.as_ref());
         self.blend(&parabola, input.plan, buffer);
         some_centers(input, &self.traced, buffer);
         let keys = self.keys.each_ref().map(|key| &key.mixed);

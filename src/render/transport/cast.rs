@@ -3,7 +3,7 @@
 use super::rays::Bundle;
 use super::reflect;
 use crate::exposure::Optics;
-use crate::scene::{Hits, Shaded, Surface, World};
+use crate::scene::{Hits, Occluders, Shaded, Surface, World};
 use crate::{Plan, Term};
 use glam::DVec3;
 use phasmid_geometry::raycast::{LANES, Scratch};
@@ -18,12 +18,14 @@ pub(super) struct Cast {
     pub(super) lit: [bool; LANES],
 }
 
-/// Casts sixteen camera rays, and the shadow rays they need.
+/// Casts sixteen camera rays, and the shadow rays they need. With `occluders`, the rays start at the
+/// rig's origin.
 pub(super) fn cast(
     world: &World,
     optics: &Optics,
     plan: &Plan,
     bundle: &Bundle,
+    occluders: Option<&Occluders>,
     scratch: &mut Scratch,
 ) -> Cast {
     let (origin, directions) = (bundle.origin, &bundle.directions);
@@ -34,12 +36,15 @@ pub(super) fn cast(
         std::array::from_fn(|lane| hits.is_hit(lane) && shaded.reachable[lane]);
     if plan.has(Term::Shadows) && lit.contains(&true) {
         let points: [Option<(DVec3, Surface)>; LANES] = std::array::from_fn(|lane| {
-            let point = DVec3::from_array(shaded.point.map(|axis| axis[lane]));
-            lit[lane].then_some((origin + point, hits.surface[lane]))
+            let point = origin + DVec3::from_array(shaded.point.map(|axis| axis[lane]));
+            let doubtful = lit[lane] && !occluders.is_some_and(|o| o.leave_lit(point));
+            doubtful.then_some((point, hits.surface[lane]))
         });
-        let blocked = world.blocked(optics.projector.center(), &points, scratch);
-        for lane in 0..LANES {
-            lit[lane] &= !blocked[lane];
+        if points.iter().any(Option::is_some) {
+            let blocked = world.blocked(optics.projector.center(), &points, scratch);
+            for lane in 0..LANES {
+                lit[lane] &= !blocked[lane];
+            }
         }
     }
     if reflect::is_needed(plan) {

@@ -3,31 +3,32 @@
 
 use super::cast::{Cast, cast};
 use super::input::Input;
-use super::rays::{Bundle, Rays};
+use super::rays::Bundle;
 use super::sampled::Sampler;
 use super::{interreflection, mixed};
+use crate::Term;
 use crate::exposure::{Band, GeometryBuffer, Optics, SkinMaps};
 use crate::scene::{Layout, World};
 use crate::truth::Truth;
-use crate::{Plan, Term};
 use glam::DVec3;
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
+/// Most packets of a task.
+const TASK: usize = 16;
+
 /// Fills the buffer: first every pixel's centre, then the samples of pixels not represented by
 /// their centre, then what follows from both.
 pub(crate) fn run(input: &Input<'_>, buffer: &mut GeometryBuffer) {
+    let occluders = input.find_occluders();
+    let input = &input.with(occluders.as_ref());
     centers(input, buffer);
     if input.worlds.stop.is_asked() {
         return;
     }
     let depth_of_field = input.plan.has(Term::DepthOfField) && input.aperture.radius_mm > 0.0;
     let sampler = Sampler {
-        worlds: input.worlds,
-        optics: input.optics,
-        rays: input.rays,
-        plan: input.plan,
-        aperture: input.aperture,
+        input,
         side: input.options.side(depth_of_field),
     };
     buffer.mixed = match sampler.side {
@@ -40,6 +41,8 @@ pub(crate) fn run(input: &Input<'_>, buffer: &mut GeometryBuffer) {
 
 /// Fills the buffer as at a key instant: pixels' centres and the samples of mixed pixels.
 pub(crate) fn key(input: &Input<'_>, buffer: &mut GeometryBuffer) {
+    let occluders = input.find_occluders();
+    let input = &input.with(occluders.as_ref());
     centers(input, buffer);
     buffer.mixed = mixed::run(input, buffer, &[]);
 }
@@ -49,7 +52,6 @@ fn centers(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     let Input {
         worlds,
         optics,
-        rays,
         plan,
         ..
     } = *input;
@@ -61,13 +63,14 @@ fn centers(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     buffer
         .bands(rows)
         .into_par_iter()
+        .with_max_len(1)
         .for_each_init(Scratch::default, |scratch, mut band| {
             if worlds.stop.is_asked() {
                 return;
             }
             let world = &worlds.at(band.first_row);
             for column in (0..width).step_by(LANES / rows) {
-                tile(world, optics, rays, plan, &mut band, column, scratch);
+                tile(world, input, &mut band, column, scratch);
             }
         });
 }
@@ -77,6 +80,7 @@ pub(super) fn some_centers(input: &Input<'_>, pixels: &[u32], buffer: &mut Geome
     let (width, height, world) = (buffer.width, buffer.height, input.worlds.any());
     let casts: Vec<_> = pixels
         .par_chunks(LANES)
+        .with_max_len(TASK)
         .map_init(Scratch::default, |scratch, pixels| {
             // Lanes without a pixel repeat the last one.
             let pixel = |lane: usize| pixels[lane.min(pixels.len() - 1)] as usize;
@@ -90,7 +94,13 @@ pub(super) fn some_centers(input: &Input<'_>, pixels: &[u32], buffer: &mut Geome
                 used: std::array::from_fn(|lane| lane < pixels.len()),
                 cell: 1.0,
             };
-            cast(world, input.optics, input.plan, &bundle, scratch)
+            let Input {
+                optics,
+                plan,
+                occluders,
+                ..
+            } = *input;
+            cast(world, optics, plan, &bundle, occluders, scratch)
         })
         .collect();
     for band in &mut buffer.bands(height) {
@@ -134,13 +144,18 @@ pub(super) fn complete(input: &Input<'_>, buffer: &mut GeometryBuffer) {
 
 fn tile(
     world: &World,
-    optics: &Optics,
-    rays: &Rays<'_>,
-    plan: &Plan,
+    input: &Input<'_>,
     band: &mut Band<'_>,
     column: usize,
     scratch: &mut Scratch,
 ) {
+    let Input {
+        optics,
+        rays,
+        plan,
+        occluders,
+        ..
+    } = *input;
     let width = rays.width;
     let rows = band.x.len() / width;
     let layout = Layout::of(band.rows);
@@ -163,7 +178,7 @@ fn tile(
         used,
         cell: 1.0,
     };
-    let cast = cast(world, optics, plan, &bundle, scratch);
+    let cast = cast(world, optics, plan, &bundle, occluders, scratch);
     for lane in (0..LANES).filter(|&lane| used[lane]) {
         let (u, v) = place(lane);
         write(band, v * width + u, optics, &cast, lane);

@@ -6,79 +6,82 @@
 //! pixel are requested.
 
 use super::cast::{Cast, cast};
+use super::edges::{Neighbours, Place};
 use super::input::Input;
 use super::rays::{Bundle, Rays};
 use super::skin;
 use crate::exposure::{GeometryBuffer, Mixed, Optics};
-use crate::material::COS_CREASE;
-use crate::scene::{Surface, TILE, World};
-use crate::truth::Truth;
+use crate::scene::{Occluders, TILE, World};
 use crate::{Plan, Term};
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
+/// Most rows of a task: few, because the work is where edges are.
+const TASK: usize = 8;
+
 /// Finds and samples the mixed pixels of the maps. Pixels known to be `uneven` are candidates too;
 /// that list may be empty.
 pub(super) fn run(input: &Input<'_>, view: &GeometryBuffer, uneven: &[bool]) -> Vec<Mixed> {
-    let found = (0..view.height)
-        .into_par_iter()
-        .map_init(Scratch::default, |scratch, row| {
-            let edges = Edges::new(input, row);
-            let mut samples = Vec::new();
-            if input.worlds.stop.is_asked() {
-                return samples;
-            }
-            for column in 0..view.width {
-                let known = uneven.get(row * view.width + column) == Some(&true);
-                if known || edges.touch(input, view, column, row) {
-                    let (optics, plan) = (input.optics, input.plan);
-                    samples.extend(sample(&edges, optics, plan, column, row, scratch));
-                }
-            }
-            samples
-        })
-        .collect::<Vec<_>>();
-    found.into_iter().flatten().collect()
+    in_rows(
+        input,
+        view,
+        |_| true,
+        |pixel, apart| apart || uneven.get(pixel) == Some(&true),
+    )
 }
 
-/// Finds and samples the mixed ones among some pixels, in a scene at one instant.
+/// Finds and samples the mixed ones among some pixels, in ascending order.
 pub(super) fn some(input: &Input<'_>, view: &GeometryBuffer, pixels: &[u32]) -> Vec<Mixed> {
-    let edges = Edges::new(input, 0);
-    pixels
-        .par_chunks(LANES)
-        .map_init(Scratch::default, |scratch, pixels| {
-            let places = pixels.iter().map(|&pixel| {
-                let pixel = pixel as usize;
-                (pixel % view.width, pixel / view.width)
-            });
-            places
-                .filter(|&(column, row)| edges.touch(input, view, column, row))
-                .filter_map(|(u, v)| sample(&edges, input.optics, input.plan, u, v, scratch))
-                .collect::<Vec<_>>()
-        })
-        .flatten_iter()
-        .collect()
+    let before = |pixel: usize| pixels.partition_point(|&p| (p as usize) < pixel);
+    let has_any = |row: usize| before(row * view.width) < before((row + 1) * view.width);
+    in_rows(input, view, has_any, |pixel, apart| {
+        apart && pixels.binary_search(&(pixel as u32)).is_ok()
+    })
+}
+
+/// Samples the candidates in some rows: pixels that are chosen by their index and whether their
+/// centre is apart from a neighbour's.
+fn in_rows(
+    input: &Input<'_>,
+    view: &GeometryBuffer,
+    has_any: impl Fn(usize) -> bool + Sync,
+    is_candidate: impl Fn(usize, bool) -> bool + Sync,
+) -> Vec<Mixed> {
+    let rows: Vec<_> = (0..view.height).filter(|&row| has_any(row)).collect();
+    let found = rows
+        .into_par_iter()
+        .with_max_len(TASK)
+        .map_init(
+            <(Neighbours, Scratch)>::default,
+            |(neighbours, scratch), row| {
+                let edges = Edges::new(input, row);
+                let mut samples = Vec::new();
+                if input.worlds.stop.is_asked() {
+                    return samples;
+                }
+                let slope = edges.pixel_slope;
+                let apart = neighbours.apart(input, &edges.world, view, row, slope);
+                for (column, apart) in apart.iter().enumerate() {
+                    if is_candidate(row * view.width + column, *apart != 0) {
+                        let (optics, plan) = (input.optics, input.plan);
+                        samples.extend(sample(&edges, optics, plan, column, row, scratch));
+                    }
+                }
+                samples
+            },
+        )
+        .collect::<Vec<_>>();
+    found.into_iter().flatten().collect()
 }
 
 struct Edges<'a> {
     world: Cow<'a, World>,
     rays: &'a Rays<'a>,
+    occluders: Option<&'a Occluders>,
     /// Width of a pixel at unit depth.
     pixel_slope: f32,
-}
-
-/// Data to decide whether two points belong to one smooth surface.
-#[derive(Clone, Copy)]
-struct Place {
-    surface: Surface,
-    lit: bool,
-    /// Bit mask of the lamps that light the point.
-    lamps: u32,
-    normal: Vec3,
-    direction: Vec3,
-    depth: f32,
 }
 
 impl<'a> Edges<'a> {
@@ -87,81 +90,9 @@ impl<'a> Edges<'a> {
         Self {
             world: input.worlds.at(row),
             rays: input.rays,
+            occluders: input.occluders,
             pixel_slope: (1.0 / focal_px.min_element()) as f32,
         }
-    }
-
-    #[inline(always)]
-    fn touch(&self, input: &Input<'_>, map: &GeometryBuffer, column: usize, row: usize) -> bool {
-        match input.plan.has(Term::Lights) {
-            true => self.touches::<true>(map, column, row),
-            false => self.touches::<false>(map, column, row),
-        }
-    }
-
-    /// Returns whether a pixel differs from one of its neighbours. Most pixels share triangle and
-    /// light with all of them, which is visible from two integer maps.
-    #[inline(always)]
-    fn touches<const LAMPS: bool>(&self, map: &GeometryBuffer, column: usize, row: usize) -> bool {
-        let here = row * map.width + column;
-        let lit = |i: usize| map.flags[i] & Truth::LIT;
-        let lamps = |i: usize| if LAMPS { map.lamps[i] } else { 0 };
-        let (first, last) = (column.saturating_sub(1), (column + 1).min(map.width - 1));
-        for v in row.saturating_sub(1)..=(row + 1).min(map.height - 1) {
-            for u in first..=last {
-                let there = v * map.width + u;
-                if map.surface[there] == map.surface[here]
-                    && lit(there) == lit(here)
-                    && lamps(there) == lamps(here)
-                {
-                    continue;
-                }
-                if self.edge(&self.place(map, column, row), &self.place(map, u, v)) {
-                    return true;
-                }
-            }
-        }
-        false
-    }
-
-    #[inline(always)]
-    fn place(&self, map: &GeometryBuffer, column: usize, row: usize) -> Place {
-        let i = row * map.width + column;
-        Place {
-            surface: Surface(map.surface[i]),
-            lit: map.flags[i] & Truth::LIT != 0,
-            lamps: map.lamps.get(i).copied().unwrap_or(0),
-            normal: Vec3::from_array(map.normal[i]),
-            direction: self.rays.center(column, row).as_vec3(),
-            depth: map.depth[i],
-        }
-    }
-
-    /// Returns whether an edge of the surface or of its light lies between two points.
-    #[inline(always)]
-    fn edge(&self, a: &Place, b: &Place) -> bool {
-        if a.lit != b.lit || a.lamps != b.lamps {
-            return true;
-        }
-        if a.surface == b.surface {
-            return false;
-        }
-        if a.surface == Surface::NONE || b.surface == Surface::NONE {
-            return true;
-        }
-        let one_mesh = self.world.is_triangle(a.surface)
-            && self.world.is_triangle(b.surface)
-            && self.world.object(a.surface) == self.world.object(b.surface);
-        !one_mesh || a.normal.dot(b.normal) < COS_CREASE || self.jump(a, b)
-    }
-
-    /// Returns whether b is off the tangent plane at a by more than a pixel's size on the surface.
-    #[inline(always)]
-    fn jump(&self, a: &Place, b: &Place) -> bool {
-        let facing = a.normal.dot(b.direction);
-        let predicted = a.normal.dot(a.direction) * a.depth / facing;
-        let cos = (-facing / b.direction.length()).max(0.05);
-        !((predicted - b.depth).abs() <= a.depth * self.pixel_slope / cos)
     }
 }
 
@@ -195,14 +126,23 @@ fn sample(
         used: [true; LANES],
         cell: 1.0 / TILE as f64,
     };
-    let cast = cast(&edges.world, optics, plan, &bundle, scratch);
-    let place = |lane: usize| Place {
-        surface: cast.hits.surface[lane],
-        lit: cast.lit[lane],
-        lamps: cast.shaded.lamps[lane],
-        normal: cast.hits.normal(lane).as_vec3(),
-        direction: directions[lane].as_vec3(),
-        depth: cast.shaded.point[2][lane] as f32,
+    let cast = cast(
+        &edges.world,
+        optics,
+        plan,
+        &bundle,
+        edges.occluders,
+        scratch,
+    );
+    let place = |lane: usize| {
+        Place::new(
+            &edges.world,
+            cast.hits.surface[lane],
+            (cast.lit[lane], cast.shaded.lamps[lane]),
+            cast.hits.normal(lane).as_vec3(),
+            directions[lane].as_vec3(),
+            cast.shaded.point[2][lane] as f32,
+        )
     };
     let places: [Place; LANES] = std::array::from_fn(place);
     // Only adjacent samples are compared, so that a curved surface does not count as an edge.
@@ -212,7 +152,7 @@ fn sample(
         [right, below]
             .into_iter()
             .flatten()
-            .any(|next| edges.edge(&places[lane], &places[next]))
+            .any(|next| places[lane].is_apart(&places[next], edges.pixel_slope))
     });
     edge.then(|| {
         let pixel = (row * edges.rays.width + column) as u32;

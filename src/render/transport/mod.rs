@@ -6,6 +6,7 @@
 //! | `aperture` | camera pupil: depth of field |
 //! | `between` | interpolation between key instants of a moving scene |
 //! | `cast` | sixteen rays with their shadow rays |
+//! | `edges` | edges between neighbouring points of the image |
 //! | `geometry` | the pass over pixel centres |
 //! | `input` | what the pass computes from |
 //! | `interreflection` | gathering of indirect light |
@@ -18,6 +19,7 @@
 mod aperture;
 mod between;
 mod cast;
+mod edges;
 pub(super) mod geometry;
 mod input;
 pub(super) mod interreflection;

@@ -6,15 +6,16 @@
 //! surface, the closed form of its footprint replaces them and is more accurate than their mean;
 //! otherwise they are kept.
 
-use super::aperture::{Aperture, widened};
+use super::aperture::widened;
 use super::cast::{Cast, cast};
-use super::rays::{Bundle, Rays};
+use super::input::Input;
+use super::rays::Bundle;
 use super::skin;
-use crate::exposure::{GeometryBuffer, Mixed, Optics};
+use crate::Term;
+use crate::exposure::{GeometryBuffer, Mixed};
 use crate::material::COS_CREASE;
-use crate::scene::{Layout, Surface, World, Worlds};
+use crate::scene::{Layout, Surface, World};
 use crate::truth::Truth;
-use crate::{Plan, Term};
 use glam::{DMat2, DVec2, DVec3, Vec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
@@ -52,11 +53,7 @@ pub(crate) fn offset(k: usize, side: usize) -> DVec2 {
 
 /// Casts the samples.
 pub(super) struct Sampler<'a> {
-    pub(super) worlds: &'a Worlds,
-    pub(super) optics: &'a Optics,
-    pub(super) rays: &'a Rays<'a>,
-    pub(super) plan: &'a Plan,
-    pub(super) aperture: Aperture,
+    pub(super) input: &'a Input<'a>,
     /// Number of samples along a side of a pixel.
     pub(super) side: usize,
 }
@@ -93,17 +90,18 @@ impl Sampler<'_> {
         map: &GeometryBuffer,
         found: impl Fn(&mut Vec<T>, usize, usize, &[Cast]) + Sync,
     ) -> Vec<Vec<T>> {
-        let rows = self.worlds.rows_together();
+        let rows = self.input.worlds.rows_together();
         (0..map.height.div_ceil(rows))
             .into_par_iter()
+            .with_max_len(1)
             .map_init(
                 || (Scratch::default(), Vec::new()),
                 |(scratch, casts), band| {
                     let mut kept = Vec::new();
-                    if self.worlds.stop.is_asked() {
+                    if self.input.worlds.stop.is_asked() {
                         return kept;
                     }
-                    let world = &self.worlds.at(band * rows);
+                    let world = &self.input.worlds.at(band * rows);
                     for column in (0..map.width).step_by(LANES / rows) {
                         let tile = Tile::new(self, map, column, band * rows);
                         self.cast(world, &tile, casts, scratch);
@@ -121,13 +119,24 @@ impl Sampler<'_> {
 
     fn cast(&self, world: &World, tile: &Tile, casts: &mut Vec<Cast>, scratch: &mut Scratch) {
         casts.clear();
+        let Input {
+            optics,
+            plan,
+            aperture,
+            occluders,
+            ..
+        } = *self.input;
+        let occluders = occluders.filter(|_| aperture.radius_mm == 0.0);
         let count = self.side * self.side;
         for k in 0..count {
             let offset = offset(k, self.side);
-            let origin = self.aperture.point(pupil_index(k, count), count, tile.turn);
+            let origin = self
+                .input
+                .aperture
+                .point(pupil_index(k, count), count, tile.turn);
             let directions = std::array::from_fn(|lane| {
                 let middle = tile.center[lane] + (tile.by_px[lane] * offset).extend(0.0);
-                self.aperture.through(origin, middle)
+                self.input.aperture.through(origin, middle)
             });
             let bundle = Bundle {
                 origin,
@@ -135,7 +144,7 @@ impl Sampler<'_> {
                 used: tile.used,
                 cell: 1.0 / self.side as f64,
             };
-            casts.push(cast(world, self.optics, self.plan, &bundle, scratch));
+            casts.push(cast(world, optics, plan, &bundle, occluders, scratch));
         }
     }
 
@@ -158,8 +167,8 @@ impl Sampler<'_> {
         if !lit {
             return true;
         }
-        let blur = self.aperture.blur_px(f64::from(map.depth[pixel]));
-        let reach = 1.0 + 2.0 * blur * DVec2::new(1.0, self.aperture.pixel_aspect);
+        let blur = self.input.aperture.blur_px(f64::from(map.depth[pixel]));
+        let reach = 1.0 + 2.0 * blur * DVec2::new(1.0, self.input.aperture.pixel_aspect);
         let to_px = tile.by_px[lane].inverse();
         let axes = [(&map.x, &map.x_slope), (&map.y, &map.y_slope)];
         axes.into_iter().enumerate().all(|(axis, (at, slope))| {
@@ -181,14 +190,15 @@ impl Sampler<'_> {
     /// Returns whether depth of field blurs an albedo that varies over the surface: the closed form
     /// averages it over the footprint only.
     fn blurs_albedo(&self, surface: Surface) -> bool {
-        self.aperture.radius_mm > 0.0
-            && self.plan.has(Term::AlbedoMaps)
+        self.input.aperture.radius_mm > 0.0
+            && self.input.plan.has(Term::AlbedoMaps)
             && surface != Surface::NONE
             && self
+                .input
                 .worlds
                 .any()
                 .materials
-                .vary(self.worlds.any().object(surface))
+                .vary(self.input.worlds.any().object(surface))
     }
 
     /// Returns whether another triangle of the centre's mesh continues its surface without a
@@ -197,9 +207,9 @@ impl Sampler<'_> {
         let (here, there) = (Surface(map.surface[pixel]), cast.hits.surface[lane]);
         here != Surface::NONE
             && there != Surface::NONE
-            && self.worlds.any().is_triangle(here)
-            && self.worlds.any().is_triangle(there)
-            && self.worlds.any().object(here) == self.worlds.any().object(there)
+            && self.input.worlds.any().is_triangle(here)
+            && self.input.worlds.any().is_triangle(there)
+            && self.input.worlds.any().object(here) == self.input.worlds.any().object(there)
             && Vec3::from_array(map.normal[pixel]).dot(cast.hits.normal(lane).as_vec3())
                 >= COS_CREASE
     }
@@ -221,19 +231,25 @@ impl Sampler<'_> {
             if !cast.lit[lane] {
                 continue;
             }
-            let blur = self.aperture.blur_px(cast.hits.t[lane]);
+            let blur = self.input.aperture.blur_px(cast.hits.t[lane]);
             let slope = |axis: usize| {
                 let whole = shaded.footprint[axis].map(|by| by[lane] as f32);
-                widened(whole, blur, self.aperture.pixel_aspect).map(|s| s * part)
+                widened(whole, blur, self.input.aperture.pixel_aspect).map(|s| s * part)
             };
             mixed.x[k] = shaded.px[0][lane] as f32;
             mixed.y[k] = shaded.px[1][lane] as f32;
             mixed.x_slope[k] = slope(0);
             mixed.y_slope[k] = slope(1);
             mixed.projected[k] = (shaded.projected[lane] * weight) as f32;
-            mixed.blur[k] = self.optics.blur_px(cast.origin + cast.point(lane));
-            if self.plan.has(Term::Subsurface) {
-                skin::into_sample(self.worlds.any(), self.optics, cast, lane, (&mut mixed, k));
+            mixed.blur[k] = self.input.optics.blur_px(cast.origin + cast.point(lane));
+            if self.input.plan.has(Term::Subsurface) {
+                skin::into_sample(
+                    self.input.worlds.any(),
+                    self.input.optics,
+                    cast,
+                    lane,
+                    (&mut mixed, k),
+                );
             }
         }
         mixed
@@ -256,14 +272,14 @@ struct Tile {
 
 impl Tile {
     fn new(sampler: &Sampler<'_>, map: &GeometryBuffer, column: usize, row: usize) -> Self {
-        let rows = sampler.worlds.rows_together();
+        let rows = sampler.input.worlds.rows_together();
         let across = LANES / rows;
         let layout = Layout::of(rows);
         let place = |lane: usize| {
             let (right, down) = layout.place(lane);
             (column + right, row + down)
         };
-        let rays = sampler.rays;
+        let rays = sampler.input.rays;
         let center = std::array::from_fn(|lane| {
             let (u, v) = place(lane);
             rays.center(u.min(map.width - 1), v.min(map.height - 1))

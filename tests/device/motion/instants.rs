@@ -135,18 +135,28 @@ fn meshes_that_do_not_fit_are_refused() {
             assert!(message.contains(needle), "{needle} is not in: {message}");
         }
     }
+    let refuses = |options: Options, place: &str, expected: &str| {
+        let scene = Scene::load("plane").unwrap();
+        let refused = Renderer::with_options(&bench(), &scene, 1, options);
+        let message = refused.err().unwrap().to_string();
+        assert!(
+            message.contains(place) && message.contains(expected),
+            "{message}"
+        );
+    };
     for time_samples in [0, 257] {
         let options = Options {
             time_samples,
             ..Options::default()
         };
-        let scene = Scene::load("plane").unwrap();
-        let refused = Renderer::with_options(&bench(), &scene, 1, options);
-        let message = refused.err().unwrap().to_string();
-        assert!(
-            message.contains("time samples") && message.contains("1 to 256"),
-            "{message}"
-        );
+        refuses(options, "time samples", "1 to 256");
+    }
+    for motion_tolerance_px in [-0.01, 1.01, f64::NAN, f64::INFINITY] {
+        let options = Options {
+            motion_tolerance_px,
+            ..Options::default()
+        };
+        refuses(options, "motion tolerance", "0 to 1 projector pixels");
     }
 }
 

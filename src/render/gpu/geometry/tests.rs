@@ -66,6 +66,7 @@ impl Case {
             plan: &self.plan,
             options: Options::default(),
             aperture: Aperture::new(&self.profile.camera),
+            occluders: None,
         };
         cpu::run(&input, &mut wanted);
         optics::write(engine, &self.optics);

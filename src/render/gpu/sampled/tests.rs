@@ -83,6 +83,7 @@ impl Case {
             plan: &self.plan,
             options: self.options,
             aperture: self.aperture(),
+            occluders: None,
         };
         cpu::run(&input, &mut wanted);
         optics::write(engine, &self.optics);

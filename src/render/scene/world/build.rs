@@ -3,6 +3,7 @@
 use super::{Fixed, Placed, World};
 use crate::material::{Materials, Smoother};
 use crate::scene::animation::{self, Animation, Part};
+use crate::scene::closed::outward;
 use crate::scene::instance::{Instance, Model};
 use crate::scene::shape::{mesh, solid};
 use crate::skin::Skins;
@@ -98,6 +99,7 @@ impl Builder<'_> {
             .mesh(index, of, &mesh, &fixed.vertices, &fixed.triangles[of..])
             .map_err(|e| e.at(format!("scene, object[{index}]")))?;
         fixed.owner.resize(fixed.triangles.len(), index);
+        fixed.outward[usize::from(index)] = outward(&mesh.vertices, &mesh.triangles);
         Ok(())
     }
 
@@ -121,6 +123,7 @@ impl Builder<'_> {
         let shines = object.lobe().is_some() && !keys.is_empty();
         let smoother = shines.then(|| Smoother::new(&scaled, &mesh.triangles));
         self.fixed.owner.resize(first + mesh.triangles.len(), index);
+        self.fixed.outward[usize::from(index)] = outward(&mesh.vertices, &mesh.triangles);
         let farthest = |way: &mut dyn Iterator<Item = f64>| way.fold(0.0, f64::max);
         let shapes = std::iter::once(&scaled).chain(&keys);
         let reach = |key: &Vec<DVec3>| {
@@ -162,7 +165,10 @@ impl World {
         let mut builder = Builder {
             scene,
             stop,
-            fixed: Fixed::default(),
+            fixed: Fixed {
+                outward: vec![0.0; scene.object.len()],
+                ..Fixed::default()
+            },
             solids: Vec::new(),
             instances: Vec::new(),
             materials: Materials::new(scene, skins)?,

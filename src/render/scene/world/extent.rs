@@ -1,6 +1,7 @@
 //! Extent of a scene.
 
-use super::World;
+use super::{Placed, World};
+use glam::{DVec2, DVec3};
 use phasmid_geometry::Solid;
 use phasmid_geometry::raycast::Bvh;
 
@@ -24,6 +25,22 @@ pub(super) fn radius(solid: &Solid) -> f64 {
             let half_base = offset / side.x;
             half_base.mul_add(std::f64::consts::SQRT_2, faces[0].1)
         }
+    }
+}
+
+impl Placed {
+    /// Returns whether it is an infinite plane.
+    pub(crate) fn halves_space(&self) -> bool {
+        matches!(self.solid, Solid::Plane { half } if half.cmpeq(DVec2::INFINITY).all())
+    }
+
+    /// Returns the centre and the radius of a ball around it, in the rig's frame.
+    pub(crate) fn ball(&self) -> (DVec3, f64) {
+        let radius = match self.solid {
+            Solid::Plane { half } if !half.is_finite() => f64::INFINITY,
+            ref solid => radius(solid),
+        };
+        (self.rig_from_solid.translation_mm, radius)
     }
 }
 
