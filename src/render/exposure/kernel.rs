@@ -77,7 +77,6 @@ impl Kernels {
         let bell = Bell::new();
         let blocks = (0..count.div_ceil(BLOCK))
             .into_par_iter()
-            .with_max_len(1)
             .map(|i| {
                 let mut block = Block::default();
                 for k in i * BLOCK..((i + 1) * BLOCK).min(count) {

@@ -103,7 +103,7 @@ impl Occluders {
     fn add_mesh<F: Frame + Sync>(&self, world: &World, tree: &Tree<'_, F>) {
         let place = |v: &DVec3| self.projector_from_rig.point(tree.frame.vertex(*v));
         let vertices: Vec<DVec3> = tree.vertices.par_iter().map(place).collect();
-        let blocks = tree.triangles.par_chunks(BLOCK).enumerate().with_max_len(1);
+        let blocks = tree.triangles.par_chunks(BLOCK).enumerate();
         blocks.for_each(|(block, triangles)| {
             for (k, triangle) in triangles.iter().enumerate() {
                 let surface = Surface(tree.first + (block * BLOCK + k) as u32);

@@ -14,9 +14,6 @@ use glam::DVec3;
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
-/// Most packets of a task.
-const TASK: usize = 16;
-
 /// Fills the buffer: first every pixel's centre, then the samples of pixels not represented by
 /// their centre, then what follows from both.
 pub(crate) fn run(input: &Input<'_>, buffer: &mut GeometryBuffer) {
@@ -63,7 +60,6 @@ fn centers(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     buffer
         .bands(rows)
         .into_par_iter()
-        .with_max_len(1)
         .for_each_init(Scratch::default, |scratch, mut band| {
             if worlds.stop.is_asked() {
                 return;
@@ -80,7 +76,6 @@ pub(super) fn some_centers(input: &Input<'_>, pixels: &[u32], buffer: &mut Geome
     let (width, height, world) = (buffer.width, buffer.height, input.worlds.any());
     let casts: Vec<_> = pixels
         .par_chunks(LANES)
-        .with_max_len(TASK)
         .map_init(Scratch::default, |scratch, pixels| {
             // Lanes without a pixel repeat the last one.
             let pixel = |lane: usize| pixels[lane.min(pixels.len() - 1)] as usize;

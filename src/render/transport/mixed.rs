@@ -18,9 +18,6 @@ use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Most rows of a task: few, because the work is where edges are.
-const TASK: usize = 8;
-
 /// Finds and samples the mixed pixels of the maps. Pixels known to be `uneven` are candidates too;
 /// that list may be empty.
 pub(super) fn run(input: &Input<'_>, view: &GeometryBuffer, uneven: &[bool]) -> Vec<Mixed> {
@@ -52,7 +49,6 @@ fn in_rows(
     let rows: Vec<_> = (0..view.height).filter(|&row| has_any(row)).collect();
     let found = rows
         .into_par_iter()
-        .with_max_len(TASK)
         .map_init(
             <(Neighbours, Scratch)>::default,
             |(neighbours, scratch), row| {

@@ -93,7 +93,6 @@ impl Sampler<'_> {
         let rows = self.input.worlds.rows_together();
         (0..map.height.div_ceil(rows))
             .into_par_iter()
-            .with_max_len(1)
             .map_init(
                 || (Scratch::default(), Vec::new()),
                 |(scratch, casts), band| {

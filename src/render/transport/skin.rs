@@ -9,9 +9,6 @@ use crate::truth::Truth;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Most rows of a task.
-const TASK: usize = 8;
-
 impl SkinMaps {
     /// Computes the maps at all pixel centres, whose rays start at the rig's origin.
     pub(super) fn new(
@@ -33,7 +30,6 @@ impl SkinMaps {
             .zip(maps.px_per_mm.par_chunks_mut(width))
             .zip(maps.tissue.par_chunks_mut(width))
             .enumerate()
-            .with_max_len(TASK)
             .for_each(|(row, (((x, y), px_per_mm), tissue))| {
                 for column in 0..width {
                     let i = row * width + column;
