@@ -105,13 +105,13 @@ fn each_term_agrees_with_the_reference_path() {
             };
             let reference = Reference::new(profile, &scene).unwrap();
             let mut renderer = Renderer::new(profile, &scene, 1).unwrap();
+            let truth = renderer.truth(&[]);
             for pattern in [gray.clone(), fringe(Axis::X, 9.2, 0.7), Pattern::Black {}] {
                 let pattern_image = pattern_image(&pattern, profile);
                 let fast = renderer.expected_dn(&Shot {
                     light: 1.0,
                     ..shot(&pattern_image)
                 });
-                let truth = renderer.truth(&[]);
                 // Sixteen samples may miss an edge that cuts off a corner.
                 let even = |i: usize| {
                     let flags = truth.flags.get(i).copied().unwrap_or(0);

@@ -4,6 +4,16 @@ use phasmid::emulator::render::Term;
 use serde_json::Value;
 use std::process::Command;
 
+/// A small image, because each pass is timed.
+const SMALL: [&str; 6] = [
+    "--set",
+    "camera.width_px=160",
+    "--set",
+    "camera.height_px=120",
+    "--set",
+    "camera.sensor_width_mm=0.9",
+];
+
 fn plan(options: &[&str]) -> std::process::Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_phasmid"));
     command.arg("plan").args(options).output().unwrap()
@@ -24,8 +34,9 @@ fn term<'a>(report: &'a Value, name: &str) -> &'a Value {
 
 #[test]
 fn plan_lists_every_term_with_reason_and_cost() {
-    let plane = json(&["--profile", "webcam-grey", "--scene", "plane"]);
-    assert_eq!(plane["pixels"], 640 * 480);
+    let options = ["--profile", "webcam-grey", "--scene", "plane"];
+    let plane = json(&[&options[..], &SMALL].concat());
+    assert_eq!(plane["pixels"], 160 * 120);
     assert_eq!(plane["triangles"], 0);
     let names: Vec<&str> = plane["terms"]
         .as_array()
@@ -64,7 +75,8 @@ fn profile_and_scene_decide_which_terms_are_included() {
         "distortion = [-0.1, 0.0, 0.0, 0.0, 0.0]\nf_number",
     );
     std::fs::write(&path, bent).unwrap();
-    let report = json(&["--profile", path.to_str().unwrap(), "--scene", "trapezoid"]);
+    let options = ["--profile", path.to_str().unwrap(), "--scene", "trapezoid"];
+    let report = json(&[&options[..], &SMALL].concat());
     assert_eq!(term(&report, "camera-distortion")["included"], true);
     assert_eq!(term(&report, "projector-distortion")["included"], false);
     assert_eq!(term(&report, "shadows")["included"], true);
@@ -72,7 +84,8 @@ fn profile_and_scene_decide_which_terms_are_included() {
 
 #[test]
 fn plan_prints_a_table_and_refuses_bad_arguments() {
-    let output = plan(&["--profile", "webcam-grey", "--scene", "plane"]);
+    let options = ["--profile", "webcam-grey", "--scene", "plane"];
+    let output = plan(&[&options[..], &SMALL].concat());
     let text = String::from_utf8(output.stdout).unwrap();
     for words in [
         "geometry",
@@ -92,19 +105,10 @@ fn plan_prints_a_table_and_refuses_bad_arguments() {
 
 #[test]
 fn plan_names_the_fastest_setting_for_an_accuracy() {
-    let small = [
-        "--profile",
-        "webcam-grey",
-        "--scene",
-        "sphere",
-        "--set",
-        "camera.width_px=240",
-        "--set",
-        "camera.height_px=180",
-        "--set",
-        "camera.sensor_width_mm=1.35",
-    ];
-    let with = |accuracy: &'static str| [&small[..], &["--accuracy", accuracy]].concat();
+    let with = |accuracy: &'static str| {
+        let options = ["--profile", "webcam-grey", "--scene", "sphere"];
+        [&options[..], &SMALL, &["--accuracy", accuracy]].concat()
+    };
     let output = plan(&[&with("0.1mm")[..], &["--json"]].concat());
     assert!(output.status.success(), "{output:?}");
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();

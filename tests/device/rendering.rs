@@ -167,10 +167,10 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
             let reference = Reference::new(&profile, &scene).unwrap();
             let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
             let mesh = renderer.triangle_count() > 0;
+            let flags = renderer.truth(&[]).flags;
+            let flags_at = |i: usize| flags.get(i).copied().unwrap_or(0);
             for (k, pattern_image) in patterns(&profile).iter().enumerate() {
                 let fast = renderer.expected_dn(&shot(pattern_image));
-                let flags = renderer.truth(&[]).flags;
-                let flags_at = |i: usize| flags.get(i).copied().unwrap_or(0);
                 // Edges: mixed pixels, and the silhouette of spheres, where a pixel's footprint is
                 // curved.
                 let wanted = |edge: bool| {

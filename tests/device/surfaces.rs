@@ -203,7 +203,7 @@ fn reflection_agrees_with_the_reference_path() {
             ..white(&profile)
         });
         let errors: Vec<f64> = (0..found.len())
-            .step_by(1013)
+            .step_by(2039)
             .filter(|&i| flags[i] & Truth::CREASE == 0)
             .collect::<Vec<_>>()
             .into_par_iter()
@@ -215,7 +215,7 @@ fn reflection_agrees_with_the_reference_path() {
         let worst = errors.iter().copied().fold(0.0, f64::max);
         let close = errors.iter().filter(|&&e| e < 0.25).count();
         let (n, dark) = (errors.len(), found.iter().filter(|&&dn| dn < 8.0).count());
-        assert!(n > 400 && dark < found.len() / 2, "{n} {dark}");
+        assert!(n > 200 && dark < found.len() / 2, "{n} {dark}");
         // Edges of texels, which the reference samples with 610 rays and the fast path averages
         // over rectangles.
         assert!(

@@ -197,21 +197,31 @@ fn faults(frames: &[Image]) -> Vec<(String, Vec<Image>)> {
     all
 }
 
-fn every_fault_is_found(name: &str) {
-    for (what, captured) in captures(name) {
+/// Names of the faults in a sequence that are neither found nor harmless: of all faults, or of every
+/// fifth from a place on. There are four kinds, which take turns.
+fn missed(captured: &Capture, fifth: Option<usize>) -> Vec<String> {
+    let (first, step) = fifth.map_or((0, 1), |place| (place % 5, 5));
+    faults(&captured.images)
+        .into_iter()
+        .skip(first)
+        .step_by(step)
+        .filter(|(_, frames)| {
+            check_sequence(&captured.manifest, frames, Known::default()).is_ok()
+                && !is_harmless(captured, frames)
+        })
+        .map(|(fault, _)| fault)
+        .collect()
+}
+
+/// Tests each capture of a profile with all faults, or each with another fifth of them.
+fn every_fault_is_found(name: &str, all: bool) {
+    for (i, (what, captured)) in captures(name).enumerate() {
         assert!(
             check_modulation(&captured.manifest, &captured.images).is_ok(),
             "{what}"
         );
         assert_eq!(refused(&captured), [Ok(()), Ok(())], "{what}");
-        let missed: Vec<String> = faults(&captured.images)
-            .into_iter()
-            .filter(|(_, frames)| {
-                check_sequence(&captured.manifest, frames, Known::default()).is_ok()
-                    && !is_harmless(&captured, frames)
-            })
-            .map(|(fault, _)| fault)
-            .collect();
+        let missed = missed(&captured, (!all).then_some(i));
         assert!(missed.is_empty(), "{what}: {missed:?}");
     }
 }
@@ -249,12 +259,20 @@ fn sound_captures_of_built_in_devices_are_not_refused() {
 
 #[test]
 fn finds_faults_of_twelve_steps_and_accepts_sound_captures() {
-    every_fault_is_found("pmp-bench");
+    every_fault_is_found("pmp-bench", false);
 }
 
 #[test]
 fn finds_faults_of_four_steps_and_accepts_sound_captures() {
-    every_fault_is_found("webcam-grey");
+    every_fault_is_found("webcam-grey", false);
+}
+
+#[test]
+#[ignore = "two thousand faults: minutes"]
+fn finds_every_fault_before_every_scene() {
+    every_fault_is_found("pmp-bench", true);
+    every_fault_is_found("webcam-grey", true);
+    every_fault_of_other_sequences_is_found(true);
 }
 
 /// Light from a tenth to twice the usual level, ambient light and response curves affect all frames
@@ -335,10 +353,14 @@ fn gray(cell_px: u32, bits: u32, bit: u32, inverted: bool) -> String {
     )
 }
 
-/// Tests sequences that no built-in profile has, with every fault except the undetectable one that
-/// is described below.
 #[test]
 fn finds_faults_of_other_sequences_and_accepts_sound_captures() {
+    every_fault_of_other_sequences_is_found(false);
+}
+
+/// Tests sequences that no built-in profile has, with all faults, or each capture with another
+/// fifth of them, except the undetectable one that is described below.
+fn every_fault_of_other_sequences_is_found(all: bool) {
     let three_sets = |fine, steps| {
         [fine, 106.0, 854.0]
             .map(|period| fringes(period, steps))
@@ -367,20 +389,15 @@ fn finds_faults_of_other_sequences_and_accepts_sound_captures() {
     let single = (unresolved, (0..10).rev().flat_map(single).collect());
     for (name, patterns) in sequences.into_iter().chain([single]) {
         let scenes = bench_scenes().map(|scene| (scene, 1.0));
-        for (scene, dimmed) in scenes.chain([("torso", 0.15)]) {
+        for (i, (scene, dimmed)) in scenes.chain([("torso", 0.15)]).enumerate() {
             let what = format!("{name}, {scene}, {dimmed} of the light");
             let captured = scan(&with_patterns(&patterns, dimmed), scene, |frames| frames, 0);
             let captured = captured.unwrap_or_else(|e| panic!("{what}: {e}"));
             if !["plane", "torso"].contains(&scene) || name == unresolved {
                 continue;
             }
-            let missed: Vec<String> = faults(&captured.images)
+            let missed: Vec<String> = missed(&captured, (!all).then_some(i))
                 .into_iter()
-                .filter(|(_, frames)| {
-                    check_sequence(&captured.manifest, frames, Known::default()).is_ok()
-                        && !is_harmless(&captured, frames)
-                })
-                .map(|(fault, _)| fault)
                 // Swapping the first bit with its complement mirrors the image: detectable only
                 // where the mirrored coordinate lies beyond the projector.
                 .filter(|fault| !(name.starts_with("Gray") && fault == "0 and 1 exchanged"))
@@ -653,8 +670,8 @@ fn frames_with_less_light_are_found_or_harmless() {
             struck.push([&fringes[..], &[*k]].concat());
         }
         let mut told = 0;
-        for frames in &struck {
-            for fraction in [0.3, 0.5, 0.6, 0.7] {
+        for (i, frames) in struck.iter().enumerate() {
+            for fraction in [[0.3, 0.6], [0.5, 0.7]][i % 2] {
                 let mut bad = captured.clone();
                 for k in frames {
                     let dark = captured.images[black].as_u8().unwrap();
@@ -682,7 +699,7 @@ fn frames_with_less_light_are_found_or_harmless() {
                 );
             }
         }
-        assert!(told * 3 > struck.len() * 8, "{name}, {scene}: {told} told");
+        assert!(told * 3 > struck.len() * 4, "{name}, {scene}: {told} told");
     }
 }
 

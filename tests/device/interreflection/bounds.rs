@@ -81,6 +81,7 @@ fn convex_scenes_have_no_interreflection() {
 #[test]
 fn interreflection_is_linear_and_conserves_energy() {
     let mut profile = Profile::load("pmp-bench").unwrap();
+    profile.camera.height_px = 163;
     profile.projector.radiant_intensity_w_sr = 0.4;
     let mut renderer = Renderer::new(&profile, &clutter(64, 4), 1).unwrap();
     let full = |level| PatternImage::Row(Axis::X, vec![level; 1920]);
@@ -97,7 +98,7 @@ fn interreflection_is_linear_and_conserves_energy() {
     // after two reflections with an albedo of at most 0.85.
     let most = 0.85f64.powi(2) * (0.4e6 / 6.4e5 + 0.04e6 / 1e5);
     assert!(uniform.iter().all(|&e| (-1e-6..most).contains(&e)));
-    assert!(uniform.iter().filter(|&&e| e > 0.01).count() > 50_000);
+    assert!(uniform.iter().filter(|&&e| e > 0.01).count() > 30_000);
     for pattern_image in [
         fringe(&profile, Axis::X, 16.0),
         fringe(&profile, Axis::Y, 40.0),

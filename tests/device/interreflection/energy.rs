@@ -34,7 +34,8 @@ fn interreflection_in_a_sphere_is_uniform_and_exact() {
 /// averages a different part of the texture.
 #[test]
 fn highlights_and_pictures_keep_the_energy() {
-    let profile = Profile::load("pmp-bench").unwrap();
+    let mut profile = Profile::load("pmp-bench").unwrap();
+    profile.camera.height_px = 163;
     let folder = tempfile::tempdir().unwrap();
     let chequered =
         image::GrayImage::from_fn(2, 2, |x, y| image::Luma([255 * ((x + y) % 2) as u8]));
@@ -71,7 +72,7 @@ fn highlights_and_pictures_keep_the_energy() {
             .filter(|(_, even)| *even > black + 10.0)
             .map(|(found, even)| found * 0.5 * scale / f64::from(even - black) / exact - 1.0)
             .collect();
-        assert!(errors.len() > 200_000, "{}", errors.len());
+        assert!(errors.len() > 70_000, "{}", errors.len());
         let mean = errors.iter().sum::<f64>() / errors.len() as f64;
         assert!(
             rms(&errors) < bar && mean.abs() < bar / 5.0,
