@@ -2,6 +2,9 @@
 //! `python/phasmid` are built. It has what needs Rust; classes with documentation, defaults and
 //! conversions are in Python.
 //!
+//! It is a member of the workspace, so that profiles, patches and the versions of packages are those
+//! of the other crates.
+//!
 //! | file | contents |
 //! | --- | --- |
 //! | `arrays` | arrays of numpy from and to images and maps |
