@@ -52,7 +52,8 @@ fn every_dependency_has_an_allowed_licence() {
     for line in packages {
         let (package, licence) = line.split_once('|').unwrap();
         assert!(allowed(licence, &allow), "{package}: {licence}");
-        // After the version stands a folder, a place other than crates.io, or that it is a macro.
+        // In parentheses after the version: a member's folder, `proc-macro`, or a source other than
+        // crates.io.
         let source = package.split_once(" (").map_or("", |(_, source)| source);
         let known = source.is_empty() || source.starts_with('/') || source == "proc-macro)";
         assert!(known, "{package}: expected it from crates.io");
