@@ -1,4 +1,4 @@
-//! The latest frame and scan of each source, and the viewers. Nothing queues here: a viewer that is slow
+//! The latest frame and scan of each source, and the viewers. Frames do not queue: a slow viewer
 //! misses frames.
 
 use crate::measurement::Measurement;
@@ -26,23 +26,23 @@ const MAX_ROWS: usize = 3000;
 /// A frame that a source has shown.
 #[derive(Clone)]
 pub(crate) struct Shown {
-    /// Number among the frames of its source, from 1.
+    /// The source's running number, from 1.
     pub(crate) number: u64,
     pub(crate) frame: Arc<Frame>,
-    /// Whether id, pattern and times come from the device; else the id only counts.
+    /// Whether id, pattern and times come from the device; if not, the id is a running number.
     pub(crate) identified: bool,
-    /// When it arrived here.
+    /// Time of arrival at the hub.
     pub(crate) arrived: Instant,
 }
 
-/// A value that a source has shown, with its number among them, from 1.
+/// A value that a source has shown, with the source's running number.
 #[derive(Clone)]
 pub(crate) struct Numbered<T> {
     pub(crate) number: u64,
     pub(crate) value: T,
 }
 
-/// Returns the latest one if it is newer than the one with this number.
+/// Returns the latest value if its number is greater than `number`.
 fn newer<T: Clone>(latest: &Option<Numbered<T>>, number: u64) -> Option<Numbered<T>> {
     { latest.as_ref() }
         .filter(|latest| latest.number > number)
@@ -64,17 +64,17 @@ struct Source {
     /// The patient in the last scan.
     scan: Arc<RoomScan>,
     operators: Vec<Arc<dyn Operator>>,
-    /// Words for the operator: what is being done, or why it failed.
+    /// Status text for viewers: the current activity, or why it failed.
     status: Option<String>,
     traffic: Traffic,
-    /// Number of frames, sequences and measurements so far.
+    /// The last running number; frames, sequences, measurements, rooms and results share it.
     shown: u64,
-    /// Whether it shows recordings.
+    /// Whether the source plays recordings.
     plays: bool,
     /// Number of restarts.
     era: u64,
     recording: Option<Recording>,
-    /// Why the recording has ended although nobody ended it.
+    /// Why the last recording ended without a viewer's request.
     cut: Option<String>,
     /// Number of programs that are known to read the camera.
     readers: u64,
@@ -91,7 +91,7 @@ impl Source {
         (self.readers, self.why, self.unplugged) = (0, None, Unplugged::default());
     }
 
-    /// Numbers what is shown next.
+    /// Gives a value the next running number.
     fn number<T>(&mut self, value: T) -> Numbered<T> {
         self.shown += 1;
         Numbered {
@@ -108,23 +108,23 @@ pub(crate) struct Unplugged {
     pub(crate) control: bool,
 }
 
-/// A source without its frames.
+/// The state of a source, for the page; its frames are sent separately.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub(crate) struct Standing {
     pub(crate) name: String,
     pub(crate) readers: u64,
     pub(crate) why: Option<String>,
     pub(crate) unplugged: Unplugged,
-    /// Whether it is a treatment room.
+    /// Whether the source is a treatment room.
     pub(crate) room: bool,
     /// Kinds of requests that are answered.
     pub(crate) answers: Vec<&'static str>,
     pub(crate) status: Option<String>,
-    /// Number of restarts: what was shown before is to be forgotten.
+    /// Number of restarts. When it changes, the page forgets all that was shown before.
     pub(crate) era: u64,
     /// Name of the recording that is being made.
     pub(crate) recording: Option<String>,
-    /// Why it has ended although nobody ended it.
+    /// Why the last recording ended without a viewer's request.
     pub(crate) cut: Option<String>,
 }
 
@@ -192,8 +192,8 @@ impl Hub {
         index
     }
 
-    /// Takes an event of a source's links. Never blocks for long: viewers copy what they send
-    /// themselves.
+    /// Takes an event of a source's links. Never blocks for long, because each viewer copies the
+    /// data that it sends in its own task.
     pub(crate) fn see(&self, source: usize, time_ns: u64, channel: Channel, event: &Event) {
         let mut state = self.state();
         let source = &mut state.sources[source];
@@ -270,7 +270,7 @@ impl Hub {
         self.tell();
     }
 
-    /// Forgets the frame and the links of a source, and its measurement if `measurement` says so.
+    /// Forgets the frame and the links of a source and, if `measurement` is set, its measurement.
     pub(crate) fn rewind(&self, source: usize, measurement: bool) {
         let mut state = self.state();
         let source = &mut state.sources[source];
@@ -298,7 +298,7 @@ impl Hub {
                 };
                 let now_ns = scanner.traffic.last_ns().unwrap_or(0);
                 let name = scanner.name.clone();
-                // A slow disk keeps nobody waiting.
+                // Release the lock, so that a slow disk does not block the viewers.
                 drop(state);
                 let hub: Weak<Self> = Arc::downgrade(self);
                 let notice = move |why: &str| {
@@ -323,10 +323,13 @@ impl Hub {
                 let ended = scanner.recording.take();
                 scanner.cut = None;
                 drop(state);
-                // Its end is written to the disk.
+                // Dropping the recording writes its end to the disk, so the lock is released first.
                 ended.map_or_else(String::new, |ended| ended.name().to_owned())
             }
-            (true, None, None) | (false, None, _) => {
+            (true, None, None) => {
+                return Err(Error::device("recording needs a folder: --recordings DIR"));
+            }
+            (false, None, _) => {
                 return Err(Error::device("there is no recording to end"));
             }
         };
@@ -340,7 +343,7 @@ impl Hub {
         self.tell();
     }
 
-    /// Ends all recordings, and lets go of the operators, which may hold this hub.
+    /// Ends all recordings, and drops the operators, which may hold a reference to this hub.
     pub(crate) fn close(&self) {
         let mut state = self.state();
         let sources = state.sources.iter_mut();
@@ -348,7 +351,7 @@ impl Hub {
             .map(|source| (source.recording.take(), take(&mut source.operators)))
             .collect();
         drop(state);
-        // Their ends are written to the disk.
+        // Dropping the recordings writes their ends to the disk, so the lock is released first.
         drop(ended);
     }
 
@@ -413,12 +416,12 @@ impl Hub {
             .collect();
         operators.push(operator);
         drop(state);
-        // They may hold this hub.
+        // The operators may hold this hub, so drop them without the lock.
         drop(replaced);
         self.tell();
     }
 
-    /// Shows words for the operator.
+    /// Sets the status text of a source.
     pub(crate) fn say(&self, source: usize, status: Option<String>) {
         self.state().sources[source].status = status;
         self.tell();
@@ -438,12 +441,13 @@ impl Hub {
         measurement.map(|shown| shown.value.clone())
     }
 
-    /// Returns whether no further viewer is admitted. The last place is for those who may control.
+    /// Returns whether no further viewer is admitted. The last place is for a viewer that may control.
     pub(crate) fn is_full(&self, may_control: bool) -> bool {
         self.state().viewers.len() >= MAX_VIEWERS - usize::from(!may_control)
     }
 
-    /// Admits a viewer, with control if that is allowed and nobody has it; `None` if there are too many.
+    /// Admits a viewer, and gives it control if it may control and nobody does; `None` if there are
+    /// too many.
     pub(crate) fn enter(self: &Arc<Self>, may_control: bool) -> Option<Seat> {
         let mut state = self.state();
         if state.viewers.len() >= MAX_VIEWERS - usize::from(!may_control) {
@@ -469,13 +473,13 @@ impl Hub {
 /// Results that a viewer has not seen.
 pub(crate) struct NewRows {
     pub(crate) rows: Vec<Arc<KnownRow>>,
-    /// The largest of their numbers.
+    /// The largest of the results' numbers.
     pub(crate) last: u64,
-    /// The patient in the last one.
+    /// The patient in the last scan.
     pub(crate) scan: Arc<RoomScan>,
 }
 
-/// The place of a viewer at the hub, until it is dropped.
+/// A connected viewer's place at the hub; dropping this value frees the place.
 pub(crate) struct Seat {
     hub: Arc<Hub>,
     number: u64,
@@ -501,7 +505,7 @@ pub(crate) struct View {
 impl Seat {
     /// Waits until something has changed since the last call.
     pub(crate) async fn changed(&mut self) {
-        // The sender lives as long as `hub`.
+        // This cannot fail, because the sender lives as long as `hub`.
         let _ = self.news.changed().await;
     }
 
@@ -538,12 +542,12 @@ impl Seat {
         answers.copied().chain(record).collect()
     }
 
-    /// Returns the room of a source if it is newer than the one with this number.
+    /// Returns the room of a source if its number is greater than `number`.
     pub(crate) fn newer_room(&self, source: usize, number: u64) -> Option<Numbered<Arc<Room>>> {
         newer(&self.hub.state().sources.get(source)?.room, number)
     }
 
-    /// Returns the results after the one with this number, the number of the last, and the patient in it.
+    /// Returns the results with numbers greater than `number`, and the patient in the last scan.
     pub(crate) fn newer_rows(&self, source: usize, number: u64) -> Option<NewRows> {
         let state = self.hub.state();
         let source = state.sources.get(source)?;
@@ -563,7 +567,7 @@ impl Seat {
         (latest.number > number).then(|| latest.clone())
     }
 
-    /// Returns the sequence of a source if it is newer than the one with this number.
+    /// Returns the sequence of a source if its number is greater than `number`.
     pub(crate) fn newer_sequence(
         &self,
         source: usize,
@@ -572,7 +576,7 @@ impl Seat {
         newer(&self.hub.state().sources.get(source)?.sequence, number)
     }
 
-    /// Returns the measurement of a source if it is newer than the one with this number.
+    /// Returns the measurement of a source if its number is greater than `number`.
     pub(crate) fn newer_measurement(
         &self,
         source: usize,
@@ -581,17 +585,17 @@ impl Seat {
         newer(&self.hub.state().sources.get(source)?.measurement, number)
     }
 
-    /// Returns the events of a source after the one with this number.
+    /// Returns the events of a source with numbers greater than `number`.
     pub(crate) fn traffic(&self, source: usize, number: u64) -> Vec<Entry> {
         let state = self.hub.state();
         let source = state.sources.get(source);
         source.map_or_else(Vec::new, |source| source.traffic.after(number))
     }
 
-    /// Returns whoever answers a request of this viewer.
+    /// Returns the operator that answers a request of this viewer.
     ///
     /// # Errors
-    /// Returns why it is not answered.
+    /// Returns the reason why the request is refused.
     pub(crate) fn operator(
         &self,
         source: usize,
@@ -615,8 +619,8 @@ impl Seat {
         Ok(operator.map_or_else(record, Arc::clone))
     }
 
-    /// Takes control, if this viewer may, or gives it back. Takes it from another viewer unless
-    /// `if_free`.
+    /// Takes control if this viewer may control, or gives control back. With `if_free`, does not
+    /// take control from another viewer.
     pub(crate) fn control(&self, take: bool, if_free: bool) {
         let mut state = self.hub.state();
         if take && self.may_control && !(if_free && state.controller.is_some()) {

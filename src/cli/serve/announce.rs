@@ -1,7 +1,7 @@
 //! Messages when devices become reachable and when they end.
 
 use phasmid_protocol::Endpoints;
-use phasmid_protocol::service::Late;
+use phasmid_protocol::service::Clock;
 use std::io::Write;
 
 /// Prints how to reach a device. `about` describes the camera, or says why it is not a V4L2 node.
@@ -52,20 +52,28 @@ pub(super) fn announce_end(console: &str) {
     say(&format!("{console}Ctrl-C ends it.\n"));
 }
 
-/// Prints how late events were handled, after a run in real time.
-pub(super) fn announce_lateness(late: Option<Late>) {
-    let Some(late) = late.filter(|late| late.events > 0) else {
-        return;
-    };
-    let ms = |ns: u64| ns as f64 * 1e-6;
-    say(&format!(
-        "device time: {} events handled {:.3} ms late on average, 99 % of them up to {:.3} ms, all up \
-         to {:.3} ms\n",
-        late.events,
-        ms(late.mean_ns),
-        ms(late.percentile_99_ns),
-        ms(late.max_ns),
-    ));
+/// Prints at the end of a run how fast frames were rendered and, with the real clock, how late events
+/// were handled.
+pub(super) fn announce_clock(clock: &Clock) {
+    let mut text = String::new();
+    if let Some(rendering) = clock.rendering {
+        text += &format!(
+            "rendering: {} frames at {} times real time\n",
+            rendering.frames, rendering.real_time_factor
+        );
+    }
+    if let Some(late) = clock.late.filter(|late| late.events > 0) {
+        let ms = |ns: u64| ns as f64 * 1e-6;
+        text += &format!(
+            "device time: {} events handled {:.3} ms late on average, 99 % of them up to {:.3} ms, all \
+             up to {:.3} ms\n",
+            late.events,
+            ms(late.mean_ns),
+            ms(late.percentile_99_ns),
+            ms(late.max_ns),
+        );
+    }
+    say(&text);
 }
 
 fn say(text: &str) {

@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         device.profile.camera.sensor.noiseless = args.no_noise;
         device.profile.factory_calibration.exact |= args.exact_calibration;
         if let Some(dialect) = &args.dialect {
-            // A path of the command line is relative to where it was given, not to the profile.
+            // A path on the command line is relative to the working directory, not to the profile.
             super::dialect::speak(&mut device.profile, dialect, "--dialect");
         }
     }
@@ -95,7 +95,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         })
         .collect::<Result<_>>()?;
     let served = runtime.block_on(serve(args, &devices, units, power, &page, shutdown));
-    announce::announce_lateness(timeline.about().late);
+    announce::announce_clock(&timeline.about());
     served
 }
 
@@ -108,7 +108,7 @@ impl Power {
         self.0.get_or_init(Instant::now);
     }
 
-    /// Returns the time since then; zero before that.
+    /// Returns the time since power-on; zero before power-on.
     fn elapsed(&self) -> Duration {
         self.0.get().map_or(Duration::ZERO, Instant::elapsed)
     }

@@ -243,6 +243,7 @@ export class World {
       ["State", device.state],
       ["Exposures", device.frames],
       ["Missed triggers", device.missed_triggers],
+      ...(clock.rendering ? [["Rendering", `${clock.rendering.real_time_factor} × real time`]] : []),
       ...(clock.late ? [["Late, 99 %", `${(clock.late.percentile_99_ns * 1e-6).toFixed(2)} ms`]] : []),
     ]));
   }

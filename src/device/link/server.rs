@@ -55,7 +55,7 @@ pub(super) struct Server {
     /// Number of bytes received and sent on the control port.
     pub(super) bytes: (u64, u64),
     pub(super) render_thread: RenderThread,
-    /// How much slower frames are rendered than real time wants.
+    /// Measures by how much rendering is slower than real time.
     pub(super) slowdown: Slowdown,
     /// `None` while the port is disconnected.
     pub(super) pty: Option<Pty>,
@@ -122,10 +122,14 @@ impl Server {
                     let Rendered { frame, took, interval } = frame?;
                     let now = self.now();
                     self.machine.rendered(Some(frame), now);
-                    if let Some(interval) = interval
-                        && let Some(factor) = self.slowdown.rendered(took, interval)
-                    {
-                        slow(factor);
+                    if let Some(interval) = interval.filter(|interval| !interval.is_zero()) {
+                        self.seat.rendered(interval, took);
+                        // The other clocks wait for the rendering and have no slowdown.
+                        if self.seat.timeline().pace() == ClockPace::Real
+                            && let Some(factor) = self.slowdown.rendered(took, interval)
+                        {
+                            slow(factor);
+                        }
                     }
                 }
                 frame = self.pace.due() => self.deliver(&frame, wall())?,
@@ -208,8 +212,8 @@ impl Server {
         Some(changed)
     }
 
-    /// Passes changes that other devices have made to the optics. Whoever made them does not learn if these
-    /// optics reject them, so the operator does.
+    /// Passes changes that other devices have made to the optics. If these optics reject a change,
+    /// the operator is notified, because the device that made the change does not learn of it.
     pub(super) fn follow_others(&mut self) {
         if let Some(changed) = self.follow() {
             let (notice, name) = (self.notice.clone(), self.name.clone());
@@ -342,21 +346,15 @@ impl Server {
 
     /// Passes exposures to the optics and replies to the port.
     fn dispatch(&mut self, now_ns: u64, wall: Duration) {
-        // The result is not needed: `answer_place` reports to the client that requested the move.
+        // The result is not needed: the operator is notified of a rejected change.
         self.follow_others();
         for exposure in self.machine.take_exposures(now_ns) {
             let (firmware, version) = (self.machine.firmware(), self.version);
             self.history.push(&exposure.shot, firmware, version);
             let pattern_index = exposure.shot.pattern_index;
             let free_ns = firmware.stream().interval_ns;
-            let interval = match self.seat.timeline().pace() {
-                ClockPace::Real => {
-                    let start_ns = exposure.shot.start_ns;
-                    self.slowdown.interval(pattern_index, start_ns, free_ns)
-                }
-                // Time waits for the rendering.
-                ClockPace::Fast | ClockPace::Stepped => None,
-            };
+            let start_ns = exposure.shot.start_ns;
+            let interval = self.slowdown.interval(pattern_index, start_ns, free_ns);
             let free = pattern_index.is_none();
             let wanted = if free {
                 self.keeps_up() && self.render_thread.backlog() < MAX_FREE_BACKLOG

@@ -13,13 +13,13 @@ use std::time::Duration;
 const MIN_FRAMES: usize = 12;
 /// Minimum render time of all these frames together. A machine that is busy for a moment is not slow.
 const MIN_RENDERING: Duration = Duration::from_secs(1);
-/// Number of frames that suffices if they are rendered in less time. It bounds the memory.
+/// This number of frames suffices even if they took less time; it bounds the memory.
 const MAX_FRAMES: usize = 1000;
 /// Slowdowns below this are not reported: a sequence is then late by a fraction of its own length.
 const MIN_SLOWDOWN: f64 = 1.5;
 /// A known slowdown is reported again when it changes by more than this factor.
 const CHANGE: f64 = 1.5;
-/// Smallest value of a slowdown that is reported again, because the machine has become fast enough.
+/// Minimum slowdown that is reported, when the machine has become fast again.
 const MIN_REPORTED: f64 = 0.1;
 
 /// Measures the slowdown of a device.
@@ -83,7 +83,7 @@ impl Slowdown {
         if !report {
             return None;
         }
-        // The next report depends on other frames, so that it cannot follow at once.
+        // The next report requires new frames, so that it cannot follow at once.
         self.frames.clear();
         self.rendering = Duration::ZERO;
         self.reported = Some(slowdown);
@@ -98,7 +98,7 @@ impl Slowdown {
 }
 
 /// Rounds to two significant digits.
-fn two_digits(value: f64) -> f64 {
+pub(super) fn two_digits(value: f64) -> f64 {
     format!("{value:.1e}").parse().unwrap_or(value)
 }
 

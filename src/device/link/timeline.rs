@@ -1,14 +1,15 @@
 //! Device time, common to all devices of a server.
 //!
-//! Each device has a [`Seat`]. When it has nothing left to do, it states there what it waits for:
-//! the time of its next event, and a limit that time must not reach before something else has
-//! happened, such as a frame that the optics still owe. In real time the device is woken when its
-//! event is due. Otherwise time stands still while any device is busy, and once all wait, it
-//! advances to the earliest event; stepped time advances no further than requested.
+//! Each device has a [`Seat`]. A device that has nothing left to do states in its seat the time of
+//! its next event, and a limit that time must not reach before something else has happened, such as
+//! the arrival of a frame from the optics. In real time the device is woken when its event is due.
+//! Otherwise time stands still while any device is busy; once all wait, it advances to the earliest
+//! event. Stepped time advances no further than requested.
 
 use super::lateness::Lateness;
+use super::slowdown::two_digits;
 use phasmid_core::error::{Error, Result};
-use phasmid_protocol::service::{Clock, ClockPace, Late};
+use phasmid_protocol::service::{Clock, ClockPace, Late, Rendering};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -31,7 +32,7 @@ struct Shared {
 
 struct State {
     pace: ClockPace,
-    /// Whether it has to remain real time.
+    /// Whether the pace must remain real time.
     always_real: bool,
     /// In real time: a device time, and how long the devices had been on then.
     since: (u64, Duration),
@@ -44,6 +45,17 @@ struct State {
     steps: Vec<Step>,
     next_step: u64,
     lateness: Lateness,
+    rendered: Rendered,
+}
+
+/// Frames rendered since power-on.
+#[derive(Debug, Clone, Copy, Default)]
+struct Rendered {
+    frames: u64,
+    /// Sum of the intervals at which they were exposed.
+    exposed: Duration,
+    /// Sum of their render times.
+    took: Duration,
 }
 
 /// A request that waits for stepped time to arrive.
@@ -65,7 +77,7 @@ pub enum Stepped {
 /// A step in progress.
 #[derive(Debug)]
 pub struct UnderWay {
-    /// Number under which it can be given up.
+    /// Number of the step for [`Timeline::give_up`].
     pub number: u64,
     /// Resolves when the step has ended.
     pub ended: oneshot::Receiver<Stepped>,
@@ -80,11 +92,11 @@ struct Place {
 /// Conditions for which an idle device waits.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Wait {
-    /// Time of its next event.
+    /// Time of the device's next event.
     pub next_ns: Option<u64>,
     /// Time must not reach this before the device has something else to do.
     pub limit_ns: Option<u64>,
-    /// Nothing that the device started is in progress; stepped time does not advance before.
+    /// Whether no operation of the device is in progress. Until then, stepped time stands still.
     pub settled: bool,
 }
 
@@ -105,12 +117,13 @@ impl Timeline {
                     steps: Vec::new(),
                     next_step: 0,
                     lateness: Lateness::default(),
+                    rendered: Rendered::default(),
                 }),
             }),
         }
     }
 
-    /// Lets time begin at `now_ns` instead of 0. `wall` must return as much at first.
+    /// Lets time begin at `now_ns` instead of 0. `wall` must start at the same value.
     #[must_use]
     pub fn from(self, now_ns: u64) -> Self {
         {
@@ -153,7 +166,7 @@ impl Timeline {
         self.shared.state().always_real = true;
     }
 
-    /// Lets time pass in another way from now on, and cancels all steps in progress.
+    /// Changes the pace from now on, and cancels all steps in progress.
     ///
     /// # Errors
     /// Returns an error if a device needs real time.
@@ -171,7 +184,7 @@ impl Timeline {
         (state.now_ns, state.target_ns) = (now_ns, now_ns);
         state.since = (now_ns, (self.shared.wall)());
         state.pace = pace;
-        // All wait again, in the new way.
+        // All devices wait again, at the new pace.
         for place in state.seats.values_mut() {
             place.waits = None;
             place.wake.notify_one();
@@ -260,10 +273,11 @@ impl Timeline {
         Ok(UnderWay { number, ended })
     }
 
-    /// Returns the time, its pace, and in real time how late events were handled.
+    /// Returns the time, its pace, the speed of rendering, and in real time how late events were
+    /// handled.
     pub fn about(&self) -> Clock {
         let state = self.shared.state();
-        let lateness = &state.lateness;
+        let (lateness, rendered) = (&state.lateness, state.rendered);
         Clock {
             pace: state.pace,
             now_ns: self.shared.now_ns(&state),
@@ -272,6 +286,12 @@ impl Timeline {
                 mean_ns: lateness.mean_ns(),
                 percentile_99_ns: lateness.percentile_ns(99),
                 max_ns: lateness.max_ns(),
+            }),
+            rendering: (!rendered.took.is_zero()).then(|| Rendering {
+                frames: rendered.frames,
+                real_time_factor: two_digits(
+                    rendered.exposed.as_secs_f64() / rendered.took.as_secs_f64(),
+                ),
             }),
         }
     }
@@ -367,6 +387,14 @@ impl Seat {
             let late_ns = self.now_ns().saturating_sub(due_ns);
             self.timeline.shared.state().lateness.count(late_ns);
         }
+    }
+
+    /// Counts a rendered frame, the interval of its exposure and its render time.
+    pub fn rendered(&self, interval: Duration, took: Duration) {
+        let rendered = &mut self.timeline.shared.state().rendered;
+        rendered.frames += 1;
+        rendered.exposed += interval;
+        rendered.took += took;
     }
 
     /// Waits, in a tokio runtime, until the device's next event is due or the pace changes. If dropped

@@ -74,7 +74,7 @@ fn time_does_not_pass_the_limit_of_a_waiting_device() {
             () = two.wait(until(49)) => {}
         }
         assert_eq!(timeline.now_ns(), 49);
-        // Busy, or gone.
+        // The seat `one` counts as busy until it is dropped.
         let busy = tokio::time::timeout(Duration::from_millis(5), two.wait(until(60)));
         assert!(busy.await.is_err());
         drop(one);
@@ -194,6 +194,12 @@ fn only_stepped_time_is_stepped_and_only_real_time_is_late() {
         (2, 4_000_000, 5_000_000)
     );
     assert_eq!(fast.about().late, None);
+    assert_eq!(fast.about().rendering, None);
+    let seats = [fast.seat(), fast.seat()];
+    seats[0].rendered(Duration::from_millis(20), Duration::from_millis(30));
+    seats[1].rendered(Duration::from_millis(10), Duration::from_millis(30));
+    let rendering = fast.about().rendering.unwrap();
+    assert_eq!((rendering.frames, rendering.real_time_factor), (2, 0.5));
 }
 
 #[test]
@@ -221,7 +227,7 @@ fn time_goes_on_when_its_pace_changes() {
             assert_eq!(step.ended.await.unwrap(), Stepped::Done(12_000_000));
             let _busy = timeline.seat();
             let next = timeline.step(1_000_000_000).unwrap();
-            // A device that waits does so in the new way, and the step is cancelled.
+            // A waiting device continues to wait at the new pace, and the step is cancelled.
             timeline.set_pace(ClockPace::Real).unwrap();
             assert_eq!(next.ended.await.unwrap(), Stepped::CalledOff(12_000_000));
         };

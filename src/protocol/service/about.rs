@@ -26,7 +26,7 @@ impl ClockPace {
 }
 
 /// Device time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Clock {
     /// Clock mode.
     pub pace: ClockPace,
@@ -35,6 +35,20 @@ pub struct Clock {
     /// In real time mode: lateness of event handling.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub late: Option<Late>,
+    /// Speed of rendering; absent until a sequence's second frame or a free-running frame is rendered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rendering: Option<Rendering>,
+}
+
+/// Speed at which frames are rendered, with any clock, over all devices of the server.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Rendering {
+    /// Number of frames that count: free-running ones, and those of a sequence except its first.
+    pub frames: u64,
+    /// Device time over wall time: sum of the intervals at which these frames were exposed, divided by
+    /// the sum of their render times; two significant digits. Above 1, devices keep up with the real
+    /// clock.
+    pub real_time_factor: f64,
 }
 
 /// Delay between due time and handling of events, in nanoseconds.

@@ -8,7 +8,7 @@ mod request;
 
 pub use about::{
     Clock, ClockPace, DeviceAbout, FaultsAbout, FrameAbout, Late, MAX_STRUCK, ObjectAbout, Objects,
-    PatientAbout, PlaceAbout, SequenceAbout, Shown, StandingFault, TermAbout,
+    PatientAbout, PlaceAbout, Rendering, SequenceAbout, Shown, StandingFault, TermAbout,
 };
 pub use maps::{Maps, ask, call};
 pub use parse::InvalidRequest;

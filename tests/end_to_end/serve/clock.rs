@@ -61,7 +61,7 @@ fn step_exposes_the_frames_within_it() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
     let mut instrument = served.instrument();
-    // Before anyone reads, because the camera would run free.
+    // Must precede the first reader, for which the camera would run free.
     instrument.order("TRIG:SOUR BUS").unwrap();
     let mut camera = open_camera(&served.at.camera, CameraDriver::Auto, LONG).unwrap();
     instrument.order("INIT;*TRG").unwrap();
@@ -270,6 +270,13 @@ fn device_that_renders_too_slowly_for_real_time_reports_it_once() {
     for _ in 0..15 {
         camera.next_frame(LONG).unwrap();
     }
+    let about = clock(&mut service(&served), Request::Get(Item::Clock));
+    let rendering = about.rendering.unwrap();
+    assert!(rendering.frames >= 27, "{rendering:?}");
+    assert!(
+        (0.0..1.0).contains(&rendering.real_time_factor),
+        "{rendering:?}"
+    );
     served.stop(Signal::TERM);
     let mut said = String::new();
     words.read_to_string(&mut said).unwrap();
