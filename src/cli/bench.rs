@@ -1,5 +1,5 @@
-//! `phasmid bench`: frame rates of this machine's CPU and GPU, for a static scene and with the
-//! geometry pass in every frame, the time of each pass and of decoding, and the speed of the links.
+//! `phasmid bench`: measures frame rates of CPU and GPU, with a static scene and with the geometry
+//! pass in every frame, the time of each pass and of decoding, and the speed of the links.
 
 use super::options::{BackendArg, SetArgs};
 use super::output::step;
@@ -106,7 +106,7 @@ struct Rate {
 struct PassRow {
     pass: String,
     runs_per_frame: f64,
-    /// Total time of its runs in a frame, in microseconds.
+    /// Total time of the pass in a frame, in microseconds.
     us_per_frame: f64,
 }
 
@@ -192,7 +192,7 @@ impl Subject<'_> {
         };
         let device = Device::builder(self.profile, self.scene);
         let mut renderer = device.options(options).build()?.renderer;
-        // Motion would run the geometry pass in every frame; that case is timed for any scene.
+        // Motion would run the geometry pass in every frame, which `rates` times separately.
         renderer.force(Term::Motion, false);
         Ok(renderer)
     }
@@ -209,7 +209,7 @@ impl Subject<'_> {
         };
         step(&format!("timing the GPU, {}", adapter.name));
         let run = time_gpu(&mut renderer, self, adapter);
-        // If the GPU has failed, the CPU has rendered in its place.
+        // If the GPU failed, the CPU rendered in its place, so the times are not the GPU's.
         match renderer.news()? {
             Some(failed) => Ok((None, Some(failed))),
             None => Ok((Some(run), None)),
@@ -224,7 +224,7 @@ impl Subject<'_> {
         };
         let scanned = Stage::new(self.profile, self.scene, 1, options)?.scan(0)?;
         let decoder = scanned.decoder(DecodeOptions::default())?;
-        // Fails for sequences that cannot be decoded, before anything is timed.
+        // Decode once before timing: a sequence that cannot be decoded fails here.
         decoder.decode(&scanned.images)?;
         let known = Known::new(false, scanned.calibration.as_ref());
         let (mut maps, mut points) = (Decoded::default(), Vec::new());

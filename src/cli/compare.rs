@@ -37,7 +37,7 @@ struct Report {
     comparison: Comparison,
     /// Number of measured points at (0, 0, 0), which are dropped.
     points_at_origin: usize,
-    /// The same for a true cloud.
+    /// Number of points at (0, 0, 0) of a true cloud, which are dropped too.
     truth_points_at_origin: usize,
     /// Triangles of a true mesh that are dropped.
     truth_triangles_removed: Removed,

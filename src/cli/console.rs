@@ -12,7 +12,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Time between two looks for an interrupt.
+/// Time between two checks for an interrupt.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Show a scanner in the browser and operate it, until Ctrl-C
@@ -99,7 +99,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let mut announced = false;
     let mut flow = || {
-        // Once the camera has been opened.
+        // The first call comes once the camera, if there is one, is open.
         if !announced {
             announced = true;
             announce(&console);

@@ -31,9 +31,9 @@ impl From<HeldArg> for Held {
     }
 }
 
-/// Checks whether the images follow their sequence, by the noise of a calibration if there is one. Prints
-/// and returns the reason for doubt, if any. By default this is only a warning, because a projector with a
-/// nonlinear response suffices to cause it.
+/// Checks whether the images follow their sequence, with the noise model of a calibration if there
+/// is one. Prints and returns the reason for doubt, if any. By default doubt is only a warning,
+/// because a projector with a nonlinear response can cause it.
 ///
 /// # Errors
 /// With `strict`, returns the reason as an error.

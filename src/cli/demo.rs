@@ -97,7 +97,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     watch_signals();
     let folder = Unfinished::create("--out", &args.out, is_demo(&args.out))?;
     step("starting the device");
-    // Declared before the device, so that it outlasts it.
+    // Declare this before the device, so that it is dropped after the device.
     let _run_dir;
     let served = device.serve(&ServeOptions {
         clock: ClockPace::Fast,

@@ -67,7 +67,7 @@ pub(super) fn speak(profile: &mut Profile, name_or_path: &str, place: &str) {
 /// Loads the profile of a station's device, with the station's dialect if it names one.
 ///
 /// # Errors
-/// As for [`Profile::load`].
+/// Same as [`Profile::load`].
 pub(super) fn profile_of(
     station: &Station,
     device: &StationDevice,

@@ -184,7 +184,7 @@ mod tests {
             assert_eq!(one.kind(), clap::error::ErrorKind::DisplayHelp, "{line}");
             assert_eq!(one.to_string(), other.to_string(), "{line}");
         }
-        // The built-in profile `help`, which does not exist.
+        // Here `help` is the name of a profile, which does not exist.
         let show = answer("phasmid profile show help --help");
         let usage = "profile show [OPTIONS] <NAME>";
         assert!(show.to_string().contains(usage), "{show}");

@@ -13,10 +13,10 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 use std::time::Duration;
 
-/// Time between two looks at the signals.
+/// Time between two checks for a signal.
 const POLL: Duration = Duration::from_millis(50);
-/// Minimum time between the first signal and an end by the second. Signals often come in pairs: a
-/// script passes on the Ctrl-C that the terminal has sent to both.
+/// Minimum time between the first signal and the exit by the second. Signals often come in pairs: a
+/// terminal sends Ctrl-C to a script and to this program, and the script passes its own on.
 const GRACE: Duration = Duration::from_millis(500);
 /// Maximum number of attempts to remove a folder in which another thread still creates files.
 const REMOVALS: usize = 100;
@@ -31,8 +31,8 @@ pub(super) fn interrupted() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
 
-/// Returns whether a capture goes on. From the first call on, the signals end captures instead of the
-/// program.
+/// Returns `Break` once a signal has come. The first call installs the handlers: from then on,
+/// signals end captures instead of the program.
 pub(super) fn flow() -> ControlFlow<()> {
     static WATCH: Once = Once::new();
     WATCH.call_once(watch);
@@ -42,7 +42,7 @@ pub(super) fn flow() -> ControlFlow<()> {
     }
 }
 
-/// Lets the signals end what follows at the next [`check`] or [`flow`], instead of the program.
+/// Installs the handlers: a signal then takes effect at the next [`check`] or [`flow`] only.
 pub(super) fn watch_signals() {
     let _ = flow();
 }
@@ -58,7 +58,7 @@ pub(super) fn check() -> Result<()> {
     }
 }
 
-/// Waits for a result that another thread computes, but no longer than until one of the signals.
+/// Waits until another thread has computed a result, or until a signal comes.
 ///
 /// # Errors
 /// Returns the error of the work, or [`Error::Interrupted`].
@@ -108,7 +108,7 @@ fn listen(installed: mpsc::Sender<()>) -> std::io::Result<()> {
         // The scan may still wait for a port that is gone; a second signal skips that wait.
         signals.next().await;
         tokio::time::sleep_until(end).await;
-        // Locked until the end, so that nothing new is started.
+        // Hold the lock until the exit, so that no folder or file is begun.
         let remaining = remaining();
         remaining.iter().for_each(Remains::remove);
         std::process::exit(INTERRUPTED)
@@ -191,7 +191,7 @@ impl Signals {
 /// A folder that the second signal removes.
 struct Remains {
     folder: PathBuf,
-    /// Folders created for it, innermost first; removed if they are empty.
+    /// Folders created to hold `folder`, innermost first; removed if they are empty.
     made: Vec<PathBuf>,
 }
 
@@ -244,7 +244,7 @@ pub(super) fn remove_run_dir_at_exit(control: &Path) -> Option<RemovedAtExit> {
 
 /// An output folder being filled, whose draft the second signal removes.
 pub(super) struct Unfinished {
-    // Dropped first.
+    // Dropped first, so that the draft is removed while it is still registered in `draft`.
     folder: OutputFolder,
     draft: RemovedAtExit,
 }
@@ -335,7 +335,7 @@ mod tests {
         fs::read_dir(folder).unwrap().count()
     }
 
-    /// Removes what the second signal would remove of the folder `out`.
+    /// Removes the folders in `out` that the second signal would remove.
     fn exit(out: &Path) {
         let remaining = remaining();
         let of_out = |remains: &&Remains| remains.folder.starts_with(out);

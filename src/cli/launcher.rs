@@ -4,7 +4,7 @@ use phasmid_report::lab::Study;
 use phasmid_study::ALL;
 use std::path::PathBuf;
 
-/// What the command line cannot find out when it runs as a library.
+/// Information that the command line cannot determine itself when it runs as a library.
 #[derive(Clone, Default)]
 pub struct Launcher {
     /// File with this library's code: the program, or the module that another program has loaded. A

@@ -158,7 +158,7 @@ struct Located {
     /// Maps coordinates in the pod's rig frame to the room's.
     #[serde(skip)]
     room_from_rig: Pose,
-    /// The same pose as a station file stores it.
+    /// The same pose in the form that a station file uses.
     position_mm: DVec3,
     rotation_deg: DVec3,
     camera: Group,
@@ -167,8 +167,8 @@ struct Located {
     deviation_mm: f64,
     /// Standard deviation of the board's orientation, in degrees.
     deviation_deg: f64,
-    /// Distance in mm, and angle in degrees, between the board's pose by the old station file and its
-    /// given pose.
+    /// Distance in mm, and angle in degrees, between the board's pose computed with the given
+    /// station file and the board's stated pose.
     off_mm: f64,
     off_deg: f64,
 }

@@ -145,7 +145,7 @@ pub fn main(arguments: impl IntoIterator<Item = impl Into<OsString>>, launcher: 
             u8::try_from(answer.exit_code()).unwrap_or(2)
         }
     };
-    // The rest of a last line without a newline. Nobody else does so at the end of a Python process.
+    // Flush a last line without a newline: nothing else does so at the end of a Python process.
     if let Err(e) = std::io::stdout().flush() {
         unheard(&e);
     }
@@ -156,7 +156,7 @@ pub fn main(arguments: impl IntoIterator<Item = impl Into<OsString>>, launcher: 
 fn start_threads() -> Result<()> {
     use std::error::Error as _;
     let started = rayon::ThreadPoolBuilder::new().build_global();
-    // An error without a source says that they run already.
+    // An error without a source means that the threads are already running.
     match started.as_ref().err().and_then(|why| why.source()) {
         None => Ok(()),
         Some(why) => Err(Error::device(format!(

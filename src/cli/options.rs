@@ -17,7 +17,7 @@ pub(super) struct SetArgs {
 }
 
 impl SetArgs {
-    /// Returns whether there are any.
+    /// Returns whether any field is set.
     pub(super) fn is_some(&self) -> bool {
         !self.set.is_empty()
     }
@@ -58,7 +58,7 @@ impl SetArgs {
         }
     }
 
-    /// Rejects all settings, for input without fields to set; `found` says which.
+    /// Rejects all settings, for input without fields to set; `found` names that input.
     ///
     /// # Errors
     /// Returns an error that names the first option.
@@ -76,7 +76,7 @@ impl SetArgs {
     /// Loads a profile and a scene, with the settings.
     ///
     /// # Errors
-    /// Returns all that is wrong with both.
+    /// Returns the errors of both files together.
     pub(super) fn load(&self, profile: &str, scene: &str) -> Result<(Profile, Scene)> {
         let settings = self.settings()?;
         let profile = Profile::load_with(profile, &settings);

@@ -1,4 +1,4 @@
-//! Options that select the pods of a station (the ports, poses and calibrations), and scans with the pods.
+//! Options that select the pods of a station (ports, poses and calibrations), and scans with these pods.
 
 use super::interrupt::{flow, watch_signals};
 use crate::{Pod, ScanOptions, Scanner};
@@ -138,13 +138,13 @@ fn once(option: &str, mut names: Vec<String>) -> Result<()> {
 
 /// A pod.
 pub(super) struct Address {
-    /// Its name in the station.
+    /// Name of the pod in the station.
     pub(super) name: String,
     camera: String,
     pub(super) control: String,
     /// Calibration that replaces the device's own, and the option that gave it.
     calibration: Option<(String, Rig)>,
-    /// Pose of its rig in the room, according to the station file.
+    /// Pose of the pod's rig in the room, according to the station file.
     pub(super) place: RigPlace,
 }
 
@@ -183,12 +183,13 @@ impl Address {
         Ok(Self::new(device, camera.to_owned(), control.to_owned()))
     }
 
-    /// Whether both use the same camera or the same control port.
+    /// Returns whether two pods use the same camera or the same control port.
     fn shares(&self, other: &Self) -> bool {
         self.camera == other.camera || self.control == other.control
     }
 
-    /// Opens the ports, and shows their traffic to an observer if there is one. From now on, the signals end captures instead of the program.
+    /// Opens the ports, and shows their traffic to an observer if there is one. From then on,
+    /// signals end captures instead of the program.
     ///
     /// # Errors
     /// Returns an error if the device cannot be reached.
@@ -223,8 +224,8 @@ impl Address {
         ))
     }
 
-    /// Returns the pose that maps coordinates in its rig's frame to the room's, in millimetres,
-    /// according to the station file.
+    /// Returns the pose that maps coordinates in the pod's rig frame to the room frame, in
+    /// millimetres, according to the station file.
     pub(super) fn room_from_rig(&self) -> Pose {
         Pose::from_xyz_deg(
             DVec3::from_array(self.place.position_mm),

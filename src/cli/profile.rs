@@ -12,9 +12,9 @@ use phasmid_protocol::dialect::Dialect;
 use phasmid_study::sampling::{Sampling, TILT_DEG};
 use std::path::Path;
 
-/// Depths at which the fields of view of camera and projector may meet.
+/// Range of depths at which a point must lie in both fields of view.
 const FIELDS_MM: [f64; 2] = [10.0, 1e6];
-/// Number of rays of the camera across and down its image that are searched for light.
+/// Number of camera rays, across and down the image, that are searched for points in both fields.
 const FIELD_RAYS: u32 = 17;
 /// Ratio of successive depths along a ray.
 const FIELD_STEP: f64 = 1.02;
@@ -89,7 +89,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 warn_of_fields(file, &profile);
                 match Sampling::of(&profile) {
                     Ok(found) => describe_sampling(&found),
-                    // Not an error of the profile: its patterns may be images that are not here.
+                    // Not an error of the profile: the images of its patterns may be missing on
+                    // this machine.
                     Err(why) => println!("  precision   not measured: {why}"),
                 }
             }
@@ -301,7 +302,7 @@ fn line(control: &Control) -> String {
     }
 }
 
-/// Whether a name or a path denotes a dialect. A file is a dialect if it has the key `framing`.
+/// Returns whether a name or a path denotes a dialect. A file is a dialect if it has the key `framing`.
 pub(super) fn names_dialect(file: &str) -> Result<bool> {
     if profile_names().any(|name| name == file) {
         return Ok(false);

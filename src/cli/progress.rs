@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 const ACTIVITY: &str = "{spinner} {prefix} {elapsed} {wide_msg}";
 /// Line of an activity that consists of counted steps.
 const STEPS: &str = "{prefix} [{bar:20}] {pos}/{len}{left} {wide_msg}";
-/// Time between two updates of a line without news, for its times.
+/// Interval at which the times in a line are updated if nothing else changes.
 const TICK: Duration = Duration::from_millis(200);
 
 /// The line on the terminal, if there is one.
@@ -28,7 +28,7 @@ impl ProgressLine {
             bar: ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr()),
             estimate: Arc::default(),
         };
-        // Before the name, which draws the line.
+        // Set the style first, because setting the name draws the line.
         progress.set_style(ACTIVITY);
         progress.rename(name);
         if !progress.bar.is_hidden() {
@@ -95,7 +95,7 @@ pub(super) fn aside<T>(write: impl FnOnce() -> T) -> T {
 fn keep_current(bar: &ProgressBar) {
     let bar = bar.downgrade();
     let thread = std::thread::Builder::new().name("progress".into());
-    // Without the thread, only news updates the line.
+    // Without the thread, a line is updated only when progress is reported.
     let _ = thread.spawn(move || {
         loop {
             std::thread::sleep(TICK);

@@ -156,7 +156,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         ));
     }
     if args.truth {
-        // Before anything is captured.
+        // Reject this before anything is captured.
         let Some(control) = &args.control else {
             let allowed = "--control or --run-dir of an emulated device";
             return Err(Error::input("--truth", "no control port", allowed));
@@ -240,7 +240,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     step("writing the frames");
     captured.write(folder.draft())?;
-    // The capture is kept if this fails.
+    // Keep the capture even if the truth fails; that error is returned at the end.
     let truth = match &args.control {
         Some(control) if args.truth => truth_into(folder.draft(), control),
         _ => Ok(()),
@@ -258,7 +258,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             folder.finish(earlier, Some(MANIFEST_FILE))?;
             decoding
         }
-        // The frames show the cause, but an earlier result is worth more.
+        // Discard the new frames, although they may show the cause: the earlier result is worth more.
         Err(why) if replaces => return Err(why.at(address)),
         Err(why) => {
             discard_maps(folder.draft());
@@ -415,8 +415,8 @@ pub(super) fn capture(mut scanner: Scanner, mut on_frame: impl FnMut()) -> Resul
     Ok(captured)
 }
 
-/// Names the dialect in the error of a command that serves its device from a profile. The error names
-/// an option of `scan`, which replaces what the dialect cannot do.
+/// Names the dialect in an error about `--manifest` or `--sequence`, for a command that serves its
+/// device from a profile and does not have these options of `scan`.
 #[cfg(target_os = "linux")]
 pub(super) fn blame_dialect(why: Error, profile: &str) -> Error {
     match why {
@@ -494,7 +494,7 @@ struct Decoding {
 /// Deletes maps of which only some were written.
 fn discard_maps(draft: &Path) {
     for name in output_names() {
-        // If this fails, the map is kept: a complete one, since each is written under another name.
+        // If this fails, a complete map remains, because each map is written under another name first.
         let _ = std::fs::remove_file(draft.join(name));
     }
 }

@@ -74,7 +74,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 }
 
 /// Returns a sequence of a profile, or a manifest. A file is a manifest if it has the key `frame`,
-/// or only the projector of a profile.
+/// or the key `projector` without `name`, `camera` and `extends`.
 fn manifest(file: &str, sequence: Option<&str>, set: &SetArgs) -> Result<Manifest> {
     let path = Path::new(file);
     let is_profile = profile_names().any(|name| name == file) || !path.is_file();

@@ -114,10 +114,11 @@ fn find(known: &[&'static dyn Study], name: &str) -> Result<&'static dyn Study> 
     })
 }
 
-/// Identifies the program by the revision of its source and the checksum of its file, which distinguishes
-/// builds of one revision. The revision is the value of `PHASMID_REVISION` at build time, or else the
-/// commit that git's log says was checked out in the source folder when the program's file was written.
-/// It is omitted if neither is known, for example if the file was copied to another folder.
+/// Identifies the program by the revision of its source and the checksum of its file, which
+/// distinguishes builds of one revision. The revision is the value of `PHASMID_REVISION` at build
+/// time, or else the commit that, by git's reflog, was checked out in the source folder when the
+/// program's file was written. The revision is omitted if neither is known, for example if the file
+/// was copied to another folder.
 fn revision(program: Option<&Path>) -> String {
     let bytes = program.and_then(|path| std::fs::read(path).ok());
     let built = option_env!("PHASMID_REVISION").map(str::to_owned);

@@ -115,13 +115,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
     });
     drop(line);
     if let Some(scan) = on.filter(|_| matches!(reported, Err(Error::Interrupted))) {
-        // A signal has ended the scans while the beam was on.
+        // A signal ended the scans while the beam was on: add a line that the beam is held.
         let held = table.silent(scan, &Beam::Held(Reason::Stale));
         reported = held.and(reported);
     }
     if args.scans.is_none() && args.seconds.is_none() && matches!(reported, Err(Error::Interrupted))
     {
-        // The usual end of tracking without a limit.
+        // Without a limit, a signal is the usual end of tracking.
         reported = Ok(());
     }
     let finished: Vec<_> = pods.into_iter().map(Pod::finish).collect();
@@ -140,8 +140,8 @@ fn hint(first: &Tracked) {
     }
 }
 
-/// Shows the latest scan and the state of the beam in the line of progress. Numbers of scans are those
-/// of the table.
+/// Shows the latest scan and the state of the beam in the line of progress. Scans are numbered as
+/// in the table.
 fn show(line: &ProgressLine, progress: TrackProgress<'_>, scans: Option<u64>) {
     let (scan, beam, tumour) = match progress {
         TrackProgress::Scan(tracked) => {

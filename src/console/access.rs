@@ -1,12 +1,13 @@
 //! Access to the page and to control of the scanner.
 //!
-//! The page is served on the loopback interface, which other users of the machine and pages of other
-//! sites can reach as well. Three random secrets keep them out. The address has a token, one to view and
-//! another to control; the page keeps it for its tab and presents it when it opens the WebSocket. With
-//! the first request the browser gets a cookie (`SameSite=Strict`), without which nothing is served. It
-//! gives access to the page's files only, because browsers send cookies to other ports of this machine
-//! too. A name of another site that resolves to this machine (DNS rebinding) fails at the check of
-//! `Host`, a WebSocket opened by a page of another site at the check of `Origin`.
+//! The page is served on the loopback interface, which other users of the machine and pages of
+//! other sites can reach as well. Three random secrets keep them out. The page's address contains a
+//! token, either to view or to control; the page keeps the token for its tab and presents it when
+//! it opens the WebSocket. With the first request the browser gets a cookie (`SameSite=Strict`),
+//! without which nothing is served. The cookie gives access to the page's files only, because
+//! browsers send cookies to other ports of this machine too. The check of `Host` rejects names of
+//! other sites that resolve to this machine (DNS rebinding); the check of `Origin` rejects
+//! WebSockets that pages of other sites open.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::admission::Token;
@@ -78,7 +79,8 @@ impl Access {
         pairs.any(|(key, value)| key == name && self.cookie.matches(value.as_bytes()))
     }
 
-    /// Cookies do not distinguish ports, so the name does.
+    /// Returns the cookie's name, which contains the port because browsers send a host's cookies to
+    /// all ports.
     fn cookie_name(&self) -> String {
         format!("phasmid-{}", self.port)
     }

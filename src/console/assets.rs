@@ -64,7 +64,7 @@ mod tests {
     fn page_weighs_little_and_names_only_its_own_files() {
         let weight: usize = ASSETS.iter().map(|asset| asset.bytes.len()).sum();
         assert!(weight < 3 << 20, "{weight} bytes");
-        // Other people's files name others in comments; the tests in a browser see what is fetched.
+        // Files from other projects mention addresses in comments; browser tests check what is fetched.
         let own = { ASSETS.iter() }.filter(|asset| !asset.name.starts_with("three/"));
         for asset in own {
             let text = String::from_utf8_lossy(asset.bytes);

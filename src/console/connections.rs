@@ -1,5 +1,5 @@
-//! The listener. It limits the number of connections, whoever opens them, so that they do not use up the
-//! files of a program that also serves devices.
+//! A listener that limits the number of connections, so that they cannot use up the file
+//! descriptors of a program that also serves devices.
 
 use axum::serve::Listener;
 use std::io::{self, IoSlice};
@@ -11,7 +11,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-/// Maximum number of connections; more wait. A browser opens up to six besides its WebSockets.
+/// Maximum number of connections; further ones wait. A browser opens up to six besides its WebSockets.
 const MAX_CONNECTIONS: usize = 128;
 
 /// A listener with a limit.
@@ -34,11 +34,11 @@ impl Listener for Connections {
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Connection, SocketAddr) {
-        // The semaphore is never closed.
+        // This cannot fail, because the semaphore is never closed.
         let place = self.free.clone().acquire_owned().await.ok();
-        // It waits if the system refuses.
+        // If the system refuses a connection, this waits and tries again.
         let (stream, address) = Listener::accept(&mut self.listener).await;
-        // A frame is not to wait for the acknowledgement of the one before.
+        // Send a frame at once, without waiting for the acknowledgement of the previous one.
         let _ = stream.set_nodelay(true);
         let connection = Connection {
             stream,
@@ -52,7 +52,7 @@ impl Listener for Connections {
     }
 }
 
-/// A connection, which holds one of the places.
+/// A connection, which occupies one of the places until it is dropped.
 pub(crate) struct Connection {
     stream: TcpStream,
     _place: Option<OwnedSemaphorePermit>,

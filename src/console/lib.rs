@@ -61,7 +61,7 @@ use tokio::sync::oneshot;
 pub struct ConsoleOptions {
     /// Port of the loopback interface; 0 picks a free one.
     pub port: u16,
-    /// Folder into which viewers record and upload. Without one they cannot.
+    /// Folder for recordings and uploads of viewers; without a folder, they can do neither.
     pub recordings: Option<PathBuf>,
 }
 
@@ -103,12 +103,12 @@ impl Console {
         let serve = move || {
             runtime.block_on(async {
                 tokio::select! {
-                    // It never ends by itself.
+                    // Serving never ends by itself.
                     _ = axum::serve(Connections::new(listener), pages) => {}
                     _ = stopped => {}
                 }
             });
-            // Views that are being computed are not waited for.
+            // Do not wait for views that are still being computed.
             runtime.shutdown_background();
         };
         Ok(Self {
@@ -160,15 +160,15 @@ impl Source {
         Observer::new(move |time_ns, channel, event| hub.see(source, time_ns, channel, event))
     }
 
-    /// Forgets all that has been shown, as at the start of another recording. `device_times` says whether the
-    /// times of the events to come are on the device's clock, as the exposures are; latencies are shown only
-    /// then.
+    /// Forgets all that has been shown, for example at the start of another recording. Set
+    /// `device_times` if the times of the following events are on the device's clock, like the
+    /// exposure times; only then are latencies shown.
     pub fn restart(&self, device_times: bool) {
         self.hub.restart(self.index, device_times);
     }
 
-    /// Forgets the frame and the links that were shown, and the measurement if `measurement` says so, as a
-    /// recording goes to another moment.
+    /// Forgets the frame and the links that were shown and, if `measurement` is set, the
+    /// measurement, when a recording jumps to another time.
     pub fn rewind(&self, measurement: bool) {
         self.hub.rewind(self.index, measurement);
     }
@@ -188,13 +188,13 @@ impl Source {
         self.hub.measurement(self.index)
     }
 
-    /// Lets viewers operate the scanner. This operator replaces those before it that answer a kind of
-    /// requests which it answers too.
+    /// Lets viewers operate the scanner. An earlier operator that answers one of the same kinds of
+    /// requests is replaced.
     pub fn operate(&self, operator: Arc<dyn Operator>) {
         self.hub.operate(self.index, operator);
     }
 
-    /// Shows words about what is being done, or why it failed; `None` removes them.
+    /// Shows a text about the current activity or why it failed; `None` removes the text.
     pub fn say(&self, status: Option<String>) {
         self.hub.say(self.index, status);
     }
@@ -239,7 +239,7 @@ impl Drop for Console {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
-        // Whoever still shows something keeps the hub, but recordings end with the console.
+        // A `Source` may keep the hub alive, but recordings end with the console.
         self.hub.close();
     }
 }

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 /// A scan whose views are computed on request.
 pub trait Measurement: Any + Send + Sync {
-    /// Returns the views that there are.
+    /// Returns a description of the scan and of the available views.
     ///
     /// # Errors
     /// Returns why the scan has no result, for example because it cannot be decoded.
@@ -19,8 +19,8 @@ pub trait Measurement: Any + Send + Sync {
     /// Returns an error if the layer is unknown or cannot be computed.
     fn layer(&self, name: &str) -> Result<Vec<f32>>;
 
-    /// Returns at most `most` points in the rig's frame in millimetres, each with its value of a layer. The layer
-    /// `true_depth` has the points of the true surface.
+    /// Returns at most `most` points in the rig's frame in millimetres, each with its value of a
+    /// layer. The layer `true_depth` has the points of the true surface.
     ///
     /// # Errors
     /// Returns an error if there are no points, and the errors of [`Self::layer`].
@@ -94,7 +94,7 @@ pub struct Layer {
 pub enum Scale {
     /// Values on a line.
     Linear,
-    /// Deviations, positive or negative.
+    /// Positive and negative values around zero.
     Signed,
     /// Angles in radians from 0 to 2 pi, where the two ends are the same.
     Turn,
@@ -121,6 +121,6 @@ pub struct Field {
 pub struct Points {
     /// The position in the rig's frame in millimetres; then the value.
     pub points: Vec<[f32; 4]>,
-    /// Every how many pixels, along rows and columns, there is a point.
+    /// Spacing of the points in pixels, along rows and columns.
     pub every: usize,
 }

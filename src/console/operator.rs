@@ -5,8 +5,8 @@ use phasmid_geometry::Board;
 use serde::Deserialize;
 use serde_json::Value;
 
-/// State that every viewer may ask for. The truth is not part of it: computing it takes time from the
-/// device's frames.
+/// Items of the device's state that every viewer may ask for. The truth is not among them, because
+/// computing it delays the device's frames.
 const STATE: [&str; 8] = [
     "calibration",
     "clock",
@@ -28,7 +28,7 @@ pub enum Request {
     Line(String),
     /// Beginnings of lines that the device may know, for completion.
     Lines {},
-    /// Scan once, again and again, or no more.
+    /// Scan once or repeatedly, or stop scanning.
     Scan {
         /// How often.
         run: Run,
@@ -50,11 +50,11 @@ pub enum Request {
     },
     /// Play the open recording, or pause it.
     Play {
-        /// Whether it goes on.
+        /// Whether playback continues.
         playing: Option<bool>,
-        /// Time to go to, in seconds of the recording.
+        /// Time to jump to, in seconds of the recording.
         at_s: Option<f64>,
-        /// Seconds of the recording that pass in a second.
+        /// Playback speed: seconds of the recording per second.
         speed: Option<f64>,
     },
 }
@@ -67,7 +67,7 @@ pub enum Run {
     Once,
     /// Until another request.
     Repeat,
-    /// No more.
+    /// Stop scanning.
     Stop,
 }
 
@@ -85,7 +85,7 @@ pub enum Calibration {
     Take {},
     /// Forget a pose.
     Forget {
-        /// Its number; all poses if there is none.
+        /// Number of the pose; `None` forgets all poses.
         pose: Option<u64>,
     },
     /// Solve for the rig.
@@ -123,14 +123,14 @@ impl Request {
     }
 }
 
-/// Answers the requests of viewers. Those that change something come only from the viewer that is in
-/// control.
+/// Answers the requests of viewers. Requests that change something come only from the viewer that
+/// is in control.
 pub trait Operator: Send + Sync {
     /// Returns the kinds of requests that are answered: `calibration`, `line`, `playback`,
     /// `scan`, `service`.
     fn answers(&self) -> &'static [&'static str];
 
-    /// Answers a request. It may take its time; other requests may come meanwhile.
+    /// Answers a request. This may take long; other requests may come meanwhile.
     ///
     /// # Errors
     /// Returns an error for the viewer.

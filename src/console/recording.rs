@@ -39,7 +39,7 @@ impl Recording {
         })?;
         let file = new_file::stream(&folder.join(&name), false)?;
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        // A host counts its times from the start, a device has its own.
+        // A host's recording counts times from its start; a device's recording keeps the device's times.
         let begin_ns = match side {
             Side::Host => now_ns,
             Side::Device => 0,

@@ -24,7 +24,7 @@ pub struct Room {
     pub fields: Vec<Field>,
     /// Planned position of the tumour.
     pub target_mm: [f64; 3],
-    /// Maximum distance of the tumour from there with the beam on.
+    /// Maximum distance of the tumour from `target_mm` with the beam on.
     pub tolerance_mm: f64,
     /// The planned skin.
     #[serde(skip)]
@@ -42,12 +42,12 @@ pub type Stated = [f64; 2];
 pub struct RoomRow {
     /// Number of the scan, from 0.
     pub scan: u64,
-    /// Device time in seconds; host time if the device tells none.
+    /// Device time in seconds; host time if the device reports none.
     pub time_s: f64,
     /// The skin as a rigid body: shift along x, y and z in millimetres, then pitch, roll and yaw in degrees.
     pub skin: Option<[Stated; 6]>,
-    /// Shift of the tumour from its planned position along x, y and z, and its distance from there, in
-    /// millimetres.
+    /// Shift of the tumour from its planned position along x, y and z, then the length of the
+    /// shift, in millimetres.
     pub tumour: Option<[Stated; 4]>,
     /// The true values of `tumour`, of an emulated patient.
     pub truth: Option<[f64; 4]>,
@@ -57,9 +57,9 @@ pub struct RoomRow {
     pub warnings: Vec<String>,
     /// Number of points of each pod.
     pub points: Vec<usize>,
-    /// Part of the tracked skin that each pod sees.
+    /// Fraction of the tracked skin that each pod sees.
     pub coverage: Vec<f64>,
-    /// Part that all see together, as the motion model counts it.
+    /// Fraction of the tracked skin that all pods together see, as the motion model counts it.
     pub covered: Option<f64>,
     /// Time from the last frame to the result in milliseconds.
     pub latency_ms: Option<f64>,
@@ -68,16 +68,16 @@ pub struct RoomRow {
 /// The patient in a scan.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RoomScan {
-    /// Positions of the measured points in millimetres, and how far each is from the planned skin, positive
-    /// outside; NaN if it is beside the tracked part of the skin.
+    /// Positions of the measured points in millimetres, then the distance of each from the planned
+    /// skin, positive outside; NaN for a point beside the tracked part of the skin.
     pub points: Vec<[f32; 4]>,
     /// Vertices of the skin where it is tracked; empty if it is lost.
     pub skin: Vec<[f32; 3]>,
-    /// Vertices of the tumour there.
+    /// Vertices of the tumour in the tracked position.
     pub tumour: Vec<[f32; 3]>,
 }
 
-/// A result as the page gets it; one with this number that it has is replaced.
+/// A result as sent to the page; it replaces an earlier result with the same `id`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct KnownRow {
     pub(crate) id: u64,

@@ -11,7 +11,7 @@ pub struct Sequence {
     pub name: Option<String>,
     /// Patterns, frame by frame.
     pub manifest: Manifest,
-    /// Calibration of the scanner, which depth needs.
+    /// Calibration of the scanner, required for depth.
     pub calibration: Option<Rig>,
 }
 

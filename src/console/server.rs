@@ -24,7 +24,7 @@ const POLICY: &str =
 const HEADERS: [(HeaderName, &str); 5] = [
     (header::CONTENT_SECURITY_POLICY, POLICY),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-    // The address of the first request has the token.
+    // Do not pass the page's address on to other sites: it contains the token.
     (header::REFERRER_POLICY, "no-referrer"),
     (header::CACHE_CONTROL, "no-store"),
     (
@@ -171,7 +171,7 @@ async fn receive(
     }
 }
 
-/// Opens the WebSocket of a viewer. A plain request learns whether that would be refused.
+/// Opens the WebSocket of a viewer. A request without an upgrade shows if there are too many viewers.
 async fn socket(
     State(shared): State<Shared>,
     headers: HeaderMap,

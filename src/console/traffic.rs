@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 /// Maximum number of events that are kept, besides free-running frames.
 const MAX_EVENTS: usize = 2000;
-/// Maximum number of free-running frames that are kept; they would push out everything else.
+/// Maximum number of free-running frames, kept apart because they would push out all other events.
 const MAX_FREE: usize = 300;
 /// Maximum number of bytes of a message that are shown.
 const MAX_BYTES: usize = 400;
@@ -34,7 +34,7 @@ pub(crate) struct Entry {
 struct FrameEntry {
     id: u64,
     pattern: Option<u32>,
-    /// Start and end of the exposure, if the device tells them on the clock of the event's time.
+    /// Start and end of the exposure, if both are on the same clock as the event's time.
     exposure_s: Option<[f64; 2]>,
 }
 
@@ -44,7 +44,7 @@ pub(crate) struct Traffic {
     events: VecDeque<Entry>,
     free: VecDeque<Entry>,
     count: u64,
-    /// Whether the device's clock gives the times.
+    /// Whether the times of events are on the device's clock.
     device_times: bool,
     last_ns: Option<u64>,
 }
@@ -57,7 +57,7 @@ impl Traffic {
         (self.device_times, self.last_ns) = (device_times, None);
     }
 
-    /// Returns whether the device's clock gives the times.
+    /// Returns whether the times of events are on the device's clock.
     pub(crate) fn has_device_times(&self) -> bool {
         self.device_times
     }

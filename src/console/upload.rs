@@ -21,7 +21,7 @@ const MAX_WAITING: usize = 16;
 /// Why an upload failed, for the viewer.
 pub(crate) type Refusal = (StatusCode, String);
 
-/// Checks the name of an upload: that of a recording, in no other folder.
+/// Checks that an upload is named like a recording and cannot leave the folder.
 fn check(name: &str) -> Result<(), Refusal> {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_. ".contains(c);
     let stem = name.strip_suffix(ENDING).unwrap_or_default();
@@ -39,7 +39,7 @@ fn check(name: &str) -> Result<(), Refusal> {
     Err((StatusCode::BAD_REQUEST, why))
 }
 
-/// Writes the body of a request to a new file. A part of a file is not kept.
+/// Writes the body of a request to a new file. An incomplete file is not kept.
 pub(crate) async fn store(folder: &Path, name: &str, mut body: Body) -> Result<(), Refusal> {
     check(name)?;
     let path = folder.join(name);

@@ -1,5 +1,5 @@
-//! One WebSocket. A frame is sent when the page has drawn an earlier one, so that a page that is slow or
-//! paused receives fewer frames, always the latest, and nothing queues.
+//! One WebSocket. A frame is sent only after the page has drawn an earlier frame, so a slow or
+//! paused page receives fewer frames, always the latest, and nothing queues.
 
 use crate::hub::{Seat, View};
 use crate::operator::Request;
@@ -15,7 +15,7 @@ use tokio::task::{JoinHandle, JoinSet};
 
 /// Maximum number of frames that are sent and not drawn yet.
 const MAX_AHEAD: usize = 2;
-/// Number of frames over which the delay is a median.
+/// Number of recent frames whose median delay is reported.
 const DELAYS: usize = 60;
 /// Time in which the browser must accept a message.
 const STALL: Duration = Duration::from_secs(30);
@@ -46,17 +46,17 @@ struct Viewer {
     sequence: u64,
     /// Number of the last room that was sent.
     room: u64,
-    /// Number of the last result in it that was sent.
+    /// Number of the last result of the room that was sent.
     row: u64,
     /// Wanted views of measurements.
     wanted: Wanted,
-    /// Number of the last measurement of which that was sent or is being computed.
+    /// Number of the last measurement whose views were sent or are being computed.
     measured: u64,
     /// Messages of a measurement that are being computed.
     work: Option<Work>,
-    /// Number of a measurement that has been sent and not drawn.
+    /// Number of the measurement or results that have been sent and not drawn.
     unseen: Option<u64>,
-    /// Number of the last event that was sent; `None` if none are wanted.
+    /// Number of the last event that was sent; `None` if the page does not show events.
     traffic: Option<u64>,
     /// Requests that are being answered.
     asked: JoinSet<Answer>,
@@ -67,12 +67,12 @@ struct Viewer {
 /// Messages of a measurement that are being computed.
 struct Work {
     number: u64,
-    /// Whether it is what the viewer still wants.
+    /// Whether the viewer still wants these messages.
     wanted: bool,
     messages: JoinHandle<Vec<Vec<u8>>>,
 }
 
-/// Waits for messages; forever if there are none to come.
+/// Waits for messages that are being computed; never returns without work.
 async fn done(work: &mut Option<Work>, source: usize) -> Vec<Vec<u8>> {
     let Some(work) = work else {
         return std::future::pending().await;
@@ -104,7 +104,7 @@ pub(crate) async fn serve(socket: WebSocket, seat: Seat) {
 }
 
 impl Viewer {
-    /// Returns when the viewer has left or does not accept what it is sent.
+    /// Returns when the viewer has left or does not accept a message.
     async fn run(mut self) -> Option<()> {
         let mut view = None;
         let mut heard = Instant::now();
@@ -117,7 +117,7 @@ impl Viewer {
                 let era = |view: &View| view.sources.get(self.source).map(|source| source.era);
                 if view.as_ref().is_some_and(|view| era(view) != era(&now)) {
                     self.measure_again();
-                    // The page has forgotten the frames that it has not drawn.
+                    // On a restart, the page forgets the frames that it has not drawn.
                     self.ahead.clear();
                 }
                 self.send(Message::Binary(message(&Told::State(&now), &[]).into()))
@@ -144,7 +144,7 @@ impl Viewer {
                 asked = self.socket.recv() => {
                     heard = Instant::now();
                     match asked?.ok()? {
-                        // A message that is not ours ends the connection.
+                        // An invalid message ends the connection.
                         Message::Text(text) => self.answer(serde_json::from_str(&text).ok()?).await?,
                         Message::Close(_) => return None,
                         _ => {}
@@ -158,7 +158,7 @@ impl Viewer {
                 }
                 _ = traffic.tick(), if self.traffic.is_some() => self.send_traffic().await?,
                 Some(answered) = self.asked.join_next() => {
-                    // A panic while answering is the operator's; it has been reported there.
+                    // If the task failed, the operator panicked; the panic has been reported.
                     if let Ok((number, answer)) = answered {
                         self.send_answer(number, answer).await?;
                     }
@@ -168,7 +168,7 @@ impl Viewer {
         }
     }
 
-    /// Sends a treatment room and the results in it, unless the page has not drawn the ones before.
+    /// Sends a treatment room, and new results once the page has drawn the earlier ones.
     async fn send_room(&mut self) -> Option<()> {
         if let Some(room) = self.seat.newer_room(self.source, self.room) {
             self.room = room.number;
@@ -185,8 +185,8 @@ impl Viewer {
         Some(())
     }
 
-    /// Starts to compute what is wanted of the latest measurement, unless the page has not drawn the one
-    /// before.
+    /// Starts to compute the wanted views of the latest measurement, once the page has drawn the
+    /// previous measurement.
     fn measure(&mut self) {
         if self.work.is_some() || self.unseen.is_some() || self.wanted.is_nothing() {
             return;
@@ -203,7 +203,7 @@ impl Viewer {
         }
     }
 
-    /// Sends the messages of a measurement, unless something else is wanted by now.
+    /// Sends the messages of a measurement, unless the viewer wants other views by now.
     async fn show(&mut self, messages: Vec<Vec<u8>>) -> Option<()> {
         let work = self.work.take()?;
         if work.wanted {
@@ -215,7 +215,7 @@ impl Viewer {
         Some(())
     }
 
-    /// Shows the latest measurement again.
+    /// Sends the views of the latest measurement again.
     fn measure_again(&mut self) {
         self.measured = 0;
         if let Some(work) = &mut self.work {

@@ -15,7 +15,7 @@ const MAX_POINTS: usize = 640 * 480;
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Wanted {
     pub(crate) layers: Vec<String>,
-    /// Layer whose values the points have, if the cloud is wanted.
+    /// Layer that gives the points their values; `None` if the cloud is not wanted.
     pub(crate) cloud: Option<String>,
 }
 
@@ -25,7 +25,7 @@ impl Wanted {
     }
 }
 
-/// Computes the messages that show a measurement. What cannot be computed is named instead.
+/// Computes the messages that show a measurement. If a view cannot be computed, a message says why.
 pub(crate) fn messages(
     source: usize,
     measurement: &Numbered<Arc<dyn Measurement>>,
@@ -65,7 +65,7 @@ fn show(
         .filter(|name| known(name))
         .take(MAX_LAYERS)
         .collect();
-    // Another scanner may lack the layer that was chosen for the last one.
+    // The layer may have been chosen for another scanner: show the depth if it does not exist here.
     let cloud = { wanted.cloud.as_ref() }.filter(|_| about.cloud);
     let cloud = cloud.map(|name| if known(name) { name } else { "depth" });
     let told = Told::Measurement {

@@ -24,7 +24,7 @@ pub(crate) enum Told<'a> {
     /// A frame; the payload has its pixels row by row, in 8 or 16 bits, little-endian.
     Frame {
         source: usize,
-        /// Number among the source's frames, which [`Asked::Drawn`] returns.
+        /// The source's running number, which [`Asked::Drawn`] returns.
         number: u64,
         id: u64,
         pattern: Option<u32>,
@@ -50,15 +50,15 @@ pub(crate) enum Told<'a> {
         id: u64,
         why: String,
     },
-    /// The patterns that are projected. The payload has for each pattern with an axis its levels along
-    /// it, in 8 bits: as many as the projector has pixels there.
+    /// The projected patterns. For each pattern with an axis, the payload has one 8-bit level per
+    /// projector pixel along that axis.
     Sequence {
         source: usize,
         width: u32,
         height: u32,
         patterns: Vec<PatternAbout>,
     },
-    /// A scan. The layers that the viewer has asked for follow, and its cloud.
+    /// A scan. Messages with the requested layers and the cloud follow.
     Measurement {
         source: usize,
         number: u64,
@@ -77,8 +77,8 @@ pub(crate) enum Told<'a> {
         number: u64,
         name: &'a str,
     },
-    /// The points of the last measurement; the payload has four 32-bit floats for each: its position in
-    /// the rig's frame in millimetres, and its value of this layer.
+    /// The points of the last measurement; the payload has four 32-bit floats for each point: its
+    /// position in the rig's frame in millimetres, then its value of this layer.
     Cloud {
         source: usize,
         number: u64,
@@ -91,17 +91,18 @@ pub(crate) enum Told<'a> {
         source: usize,
         #[serde(flatten)]
         room: &'a Room,
-        /// Numbers of vertices and of triangles of each.
+        /// Numbers of vertices and of triangles of both surfaces.
         sizes: [[usize; 2]; 2],
     },
-    /// Results since the last such message, and those to which the truth has been added. The payload has 32-bit floats of the last one: four for each
-    /// point, then the vertices of the tracked skin and tumour.
+    /// Results that are new, or to which the truth was added, since the last such message. The
+    /// payload has 32-bit floats of the last scan: four for each point, then the vertices of the
+    /// tracked skin and tumour.
     Tracked {
         source: usize,
-        /// Which [`Asked::Seen`] returns.
+        /// Number that [`Asked::Seen`] returns.
         number: u64,
         rows: Vec<&'a KnownRow>,
-        /// Numbers of points and of vertices.
+        /// Numbers of points, of skin vertices and of tumour vertices.
         sizes: [usize; 3],
     },
     /// Events of the source since the last such message.
@@ -112,18 +113,18 @@ pub(crate) enum Told<'a> {
         answer: Option<Value>,
         error: Option<String>,
     },
-    /// The measurement with this number is complete, which [`Asked::Seen`] returns.
+    /// The measurement with this number has been sent completely; [`Asked::Seen`] returns the number.
     Complete { source: usize, number: u64 },
 }
 
 /// A projected pattern.
 #[derive(Debug, Serialize)]
 pub(crate) struct PatternAbout {
-    /// In words.
+    /// Description for viewers.
     name: String,
-    /// Axis along which its levels vary; none if they do not, or are unknown.
+    /// Axis along which the levels vary; `None` if they do not vary or are unknown.
     axis: Option<Axis>,
-    /// Its level if it is uniform.
+    /// The level of a uniform pattern.
     level: Option<u8>,
 }
 
@@ -140,17 +141,17 @@ pub(crate) enum Asked {
         layers: Vec<String>,
         cloud: Option<String>,
     },
-    /// Show the source's traffic, or no more.
+    /// Start or stop to show the source's traffic.
     Traffic { show: bool },
     /// A request for the source's operator; the answer has the same number.
     Ask { number: u64, request: Request },
-    /// The measurement with this number has been drawn, or the results with it.
+    /// The measurement or the results with this number have been drawn.
     Seen { source: usize, number: u64 },
-    /// Take control, only if nobody has it if `if_free`; or give it back.
+    /// Take control, or give it back. With `if_free`, take it only if nobody has it.
     Control { take: bool, if_free: bool },
 }
 
-/// Returns the bytes of numbers.
+/// Returns the bytes of 32-bit floats, little-endian.
 pub(crate) fn floats(values: &[f32]) -> Vec<u8> {
     values
         .iter()

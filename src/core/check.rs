@@ -60,8 +60,8 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// Checks a part of the document whose violations do not matter to the rest; returns whether it has
-    /// none. After 200 violations the rest is not checked.
+    /// Checks a part of the document whose violations do not affect other checks; returns whether the
+    /// part has no violation. After 200 violations in all, no further part is checked.
     pub fn section(&self, check: impl FnOnce(&Self) -> Result<()>) -> bool {
         if self.inside.borrow().len() >= MAX_COUNTED {
             return false;
@@ -141,7 +141,8 @@ impl<'a> Check<'a> {
         self.collect(self.source.violation(field, found, allowed))
     }
 
-    /// Returns the value of a field for a message, which says so if the document does not give it.
+    /// Returns the value of a field for a message; a value that the document does not give is marked as
+    /// the default.
     pub fn given(&self, field: &str, value: impl Display) -> String {
         match self.source.has(field) {
             true => value.to_string(),

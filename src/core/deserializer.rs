@@ -18,8 +18,8 @@ use toml::de::DeValue;
 pub(crate) struct Fault {
     pub message: String,
     span: Option<Range<usize>>,
-    /// Whether it is an error of a list as a whole. A list of `[[tables]]` has the position of its first
-    /// element.
+    /// Whether the error concerns a list as a whole. A list of `[[tables]]` has the position of its
+    /// first element.
     pub is_of_list: bool,
 }
 

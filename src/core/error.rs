@@ -43,7 +43,7 @@ pub enum Error {
     Further {
         /// Number of errors.
         count: usize,
-        /// Whether there may be more than that.
+        /// Whether there may be more than `count`.
         is_least: bool,
     },
     /// The caller ended the call early.
@@ -156,8 +156,8 @@ impl Error {
         }
     }
 
-    /// Returns the process's exit status: 2 for a user mistake (including a missing file), else 1.
-    /// Of several errors the largest status counts.
+    /// Returns the process's exit status: 2 for a user mistake (including a missing file), else 1. For
+    /// several errors, returns the largest status.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::Rejected { .. } | Self::Further { .. } => 2,

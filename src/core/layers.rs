@@ -49,7 +49,8 @@ impl Layers {
         }])
     }
 
-    /// Puts an extended document below; `folder` is its folder, seen from this document's.
+    /// Adds the layers of an extended document below; `folder` is its folder, relative to this
+    /// document's.
     pub fn extend(&mut self, base: Self, folder: &str) {
         let layers = base.0.into_iter().map(|layer| Layer {
             folder: folder.to_owned(),
@@ -58,7 +59,7 @@ impl Layers {
         self.0.splice(0..0, layers);
     }
 
-    /// Puts a value on top; a text that is not valid TOML counts as a string.
+    /// Adds a value as the highest layer; a text that is not valid TOML counts as a string.
     pub fn set(&mut self, path: &str, value: &str, place: String) {
         let text = match DeValue::parse(value) {
             Ok(_) => value.to_owned(),
@@ -232,7 +233,7 @@ fn shifted_table(table: DeTable<'_>, by: usize) -> DeTable<'_> {
     entries.collect()
 }
 
-/// Removes from a table what a table above it replaces without a field of the same name.
+/// Removes fields of a table that fields with other names in a table above replace.
 fn drop_replaced(below: &mut DeTable<'_>, above: &DeTable<'_>) {
     for [one, other] in ALTERNATIVES {
         for (given, replaced) in [(one, other), (other, one)] {
@@ -244,7 +245,7 @@ fn drop_replaced(below: &mut DeTable<'_>, above: &DeTable<'_>) {
             }
         }
     }
-    // `calibration.sequence` names one of the sequences.
+    // Remove `calibration.sequence` if the replacing sequences do not include the one that it names.
     let Some(DeValue::Array(sequences)) = above.get("sequence").map(Spanned::get_ref) else {
         return;
     };
@@ -291,7 +292,7 @@ fn differ_in_kind(lower: &DeTable<'_>, upper: &DeTable<'_>) -> bool {
 }
 
 /// Prepends a folder to relative paths: all under the keys `file` and `texture`; patients, dialects,
-/// scenes and profiles if they end with `.toml`, because the others are built in.
+/// scenes and profiles only if they end with `.toml`, because other names are built in.
 fn relocate(table: &mut DeTable<'_>, folder: &str) {
     for (key, value) in table {
         let is_file = matches!(key.get_ref().as_ref(), "file" | "texture");

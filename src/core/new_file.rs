@@ -13,7 +13,7 @@ use tempfile::{NamedTempFile, TempPath};
 
 const PREFIX: &str = ".phasmid-";
 const SUFFIX: &str = ".partial";
-/// Length of the random part between them.
+/// Length of the random part of a temporary name, between prefix and suffix.
 const RANDOM: usize = 6;
 
 /// Checks that a path can be written, before any work is done for it.

@@ -22,7 +22,7 @@ pub struct OutputFolder {
     force: bool,
     /// Files that must not be replaced, with their links resolved.
     inputs: Vec<PathBuf>,
-    /// A killed program leaves it behind; the next [`Self::create`] deletes it.
+    /// Draft of the files. A killed program leaves it behind; the next [`Self::create`] deletes it.
     draft: TempDir,
     /// Lock on the draft, which marks it as in use.
     _lock: Option<File>,
@@ -249,7 +249,7 @@ fn draft_in(out: &Path) -> Result<(TempDir, Option<File>)> {
         };
         let lock = match folder.try_lock() {
             Ok(()) => Some(folder),
-            // Another program is about to delete it.
+            // Another program has locked the draft to delete it.
             Err(TryLockError::WouldBlock) => {
                 draft = scratch_in(out)?;
                 continue;
@@ -276,7 +276,7 @@ fn remove_drafts(out: &Path) {
     for entry in fs::read_dir(out).into_iter().flatten().flatten() {
         if is_unfinished(&entry.file_name())
             && is_private(&entry.path())
-            // Held until it is deleted.
+            // The lock is held until the draft is deleted.
             && let Some(_lock) = locked(&entry.path())
         {
             let _ = fs::remove_dir_all(entry.path());

@@ -52,7 +52,7 @@ impl Positions {
     }
 
     /// Returns the position of the value at a path such as `frame[3].pattern`, or of the closest table
-    /// around it; the second value tells whether it exists.
+    /// around it, and whether the value exists.
     pub fn find(&self, path: &str) -> (usize, bool) {
         let mut here = self;
         for step in path.split('.') {

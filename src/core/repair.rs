@@ -68,7 +68,7 @@ pub(crate) fn deserialize<T: DeserializeOwned>(
                     .as_ref()
                     .is_some_and(|name| name == key || key == "kind")
         });
-        // An error that no repair reaches.
+        // Give up if the same error remains after its repair.
         if faults.list.contains(&fault) {
             break;
         }
@@ -214,7 +214,7 @@ fn table_in<'t, 'a>(
     }
 }
 
-/// Removes what is at a position: an entry of a table, or an element of a list of tables. Returns the
+/// Removes the value at a position: an entry of a table, or an element of a list of tables. Returns the
 /// position of the table and the key.
 fn remove(
     table: &mut DeTable<'_>,

@@ -27,14 +27,15 @@ impl Setting {
         }
     }
 
-    /// Sets what gave the setting, such as a command-line option, for messages. The default is "setting".
+    /// Sets the origin of the setting, such as a command-line option, for messages. The default is
+    /// "setting".
     #[must_use]
     pub fn given_by(mut self, origin: &str) -> Self {
         origin.clone_into(&mut self.origin);
         self
     }
 
-    /// Returns the place of the setting in messages: what gave it, and its text.
+    /// Returns the place of the setting in messages: its origin and its text.
     pub fn place(&self) -> String {
         format!("{} {self}", self.origin)
     }
@@ -76,7 +77,8 @@ pub(crate) enum Step<'a> {
     Index(usize),
 }
 
-/// Splits a path such as `object[0].position_mm`. An error is what was found and what is expected.
+/// Splits a path such as `object[0].position_mm`. An error consists of the value found and the expected
+/// form.
 pub(crate) fn steps(path: &str) -> Result<Vec<Step<'_>>, (String, String)> {
     let mut steps = Vec::new();
     for part in path.split('.') {

@@ -55,8 +55,8 @@ impl TomlSource {
         Ok(Layers::of_document(text, place).into())
     }
 
-    /// Puts below the document another that it names in `extends`, if it has that key: a built-in one,
-    /// or a file relative to `folder`, which is the document's. `built_in` and `kind` are as for [`load`].
+    /// Adds the document that this one names in `extends`, if it has that key: a built-in one, or a
+    /// file relative to `folder`, this document's folder. `built_in` and `kind` are as for [`load`].
     ///
     /// # Errors
     /// Returns an error if the extended document cannot be read, or extends itself.
@@ -67,7 +67,7 @@ impl TomlSource {
         kind: &str,
     ) -> Result<Self> {
         let mut folder = folder.to_path_buf();
-        // Of the documents below, seen from this one's folder.
+        // Folder of the extended documents, relative to the folder of this document.
         let mut seen_from = PathBuf::new();
         let mut chain = self.place().to_owned();
         for _ in 0..MAX_EXTENDED {
@@ -81,7 +81,7 @@ impl TomlSource {
             };
             let (base, _) = find(&path, built_in, kind).map_err(|error| error.at(&place))?;
             chain = format!("{chain}, which extends {}", base.place());
-            // Built-in documents name no files.
+            // Built-in documents contain no file paths.
             let inner = Path::new(&name).parent();
             if let Some(inner) = inner.filter(|inner| *inner != Path::new("") && !is_built_in) {
                 folder.push(inner);
@@ -101,7 +101,7 @@ impl TomlSource {
         ))
     }
 
-    /// Puts settings on top.
+    /// Adds settings, which override the document.
     pub fn with(mut self, settings: &[Setting]) -> Self {
         for setting in settings {
             let place = setting.place();
@@ -166,8 +166,8 @@ impl TomlSource {
         }
     }
 
-    /// Combines errors: the first ones by line, and the number of the others, of which there are more if
-    /// `is_cut`.
+    /// Combines errors: lists the first ones by line and counts the others. If `is_cut` is set, this
+    /// count is a minimum.
     pub(crate) fn in_order(&self, mut errors: Vec<Error>, is_cut: bool) -> Error {
         errors.sort_by_cached_key(|error| match error {
             Error::Input { place, .. } => self.layers.rank(place),
@@ -231,7 +231,7 @@ pub fn load(
     Ok((source, folder))
 }
 
-/// Returns the first part of a text, at a comma.
+/// Shortens a list of documents to its first four entries.
 fn shortened(chain: &str) -> String {
     let first: Vec<&str> = chain.split(", ").take(4).collect();
     format!("{} ...", first.join(", "))

@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 
 /// Median of the absolute value of a standard normal variable.
 pub const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
-/// End of the biweight in standard deviations, where it has 95 % of the efficiency of least squares for
-/// normal errors (P. Huber and E. Ronchetti, "Robust Statistics", 2009).
+/// End of the biweight in standard deviations. With this value the biweight has 95 % of the efficiency
+/// of least squares for normal errors (P. Huber and E. Ronchetti, "Robust Statistics", 2009).
 pub const BIWEIGHT_END: f64 = 4.685;
 
 /// Numbers that [`median`] orders: `f32` and `f64`.

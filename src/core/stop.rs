@@ -14,7 +14,7 @@ pub struct Stop(Arc<Request>);
 #[derive(Debug, Default)]
 struct Request {
     asked: AtomicBool,
-    /// How often it has been asked.
+    /// How often the calls have been asked to end.
     times: AtomicU64,
 }
 
@@ -45,7 +45,7 @@ impl Stop {
     /// Returns an error if the calls have been asked to end.
     ///
     /// # Errors
-    /// [`Error::Interrupted`].
+    /// Returns [`Error::Interrupted`] if so.
     pub fn check(&self) -> Result<()> {
         match self.is_asked() {
             true => Err(Error::Interrupted),

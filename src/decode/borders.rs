@@ -1,19 +1,19 @@
 //! Border pixels: those beside a depth step, or beside a pixel without a coordinate.
 //!
-//! [`super::edges`] finds mixed pixels by their coordinate alone. On the last pixel of a slanted or
-//! curved flank it can be fooled, since there is only one side to extrapolate from, and a flank that
-//! steepens looks like a mixture. Two physical facts decide here, after that pass:
+//! [`super::edges`] finds mixed pixels by their coordinate alone. It can fail on the last pixel of a
+//! slanted or curved flank: that pixel has only one side to extrapolate from, and a flank that steepens
+//! looks like a mixture. After that pass, two physical facts decide about border pixels:
 //!
-//! - *Beside a step* between two valid pixels, an edge runs through one of the two, or between them;
-//!   both sides may be mixtures of two lit surfaces, so neither is trusted. A step is a difference
-//!   that neither side's slope explains: it leaves the range of both slopes by more than the noise
-//!   and half the steeper one (a crease turns from one slope to the other and stays within).
-//! - *Beside a hole* (unlit, dim, or removed) a pixel may be lit or covered in part. It then
-//!   averages over the lit part f of its footprint only, and with an edge across the line its
-//!   coordinate is off by (1 - f) / 2 times the slope along the line. f is no less than the pixel's
-//!   brightness over that of its inner neighbour, unless the surface itself darkens outwards, when
-//!   this errs on the careful side. So a pixel stays only if that bound on its bias is lost in its
-//!   noise. On a line along which the coordinate does not change, no harm is done and it stays.
+//! - *Beside a step* between two valid pixels, an edge runs through one of the two, or between them.
+//!   Each may be a mixture of two lit surfaces, so neither is trusted. A step is a difference that
+//!   neither side's slope explains: it lies outside the range of the two slopes by more than the noise
+//!   and half the steeper slope (a crease turns from one slope to the other and stays within).
+//! - *Beside a hole* (unlit, dim, or removed) a pixel may be lit or covered in part. It then averages
+//!   over the lit part f of its footprint only, and with an edge across the line its coordinate is off
+//!   by (1 - f) / 2 times the slope along the line. The ratio of the pixel's brightness to that of its
+//!   inner neighbour is a lower bound of f; if the surface darkens outwards, the bound is too low and
+//!   the test is stricter than necessary. A pixel stays only if this bound on its bias is below its
+//!   noise. Where the coordinate does not change along the line, there is no bias and the pixel stays.
 
 use super::edges::{KEEP, MIXED, less};
 use phasmid_geometry::NoiseModel;
@@ -22,7 +22,8 @@ use phasmid_geometry::NoiseModel;
 const STEP: f32 = 12.25;
 /// A bias below this many standard deviations is hidden by noise.
 const BIAS: f32 = 3.0;
-/// In projector pixels; far below what matters, above f32 rounding of large coordinates.
+/// Minimum tolerance in projector pixels: far below relevant errors, above the f32 rounding of large
+/// coordinates.
 const FLOOR_PX: f32 = 0.02;
 
 /// Noise of the intensity map: its variance is `floor + slope * intensity`.
@@ -33,8 +34,8 @@ pub(super) struct LightNoise {
 }
 
 impl LightNoise {
-    /// For white minus black over `range` in DN. Ambient light adds noise that is not modelled
-    /// here, which only makes the test stricter.
+    /// Creates the model for an intensity of white minus black over `range` in DN. Ambient light adds
+    /// noise that is not modelled, so with it the test is stricter.
     pub(super) fn new(noise: &NoiseModel, range: f32) -> Self {
         let dark = noise.variance_dn2(noise.black_level_dn) as f32;
         Self {
@@ -44,7 +45,7 @@ impl LightNoise {
     }
 }
 
-/// The rows around a row, each of its length; rows beyond the image are NaN.
+/// The rows around a row, all of equal length; rows outside the image are NaN.
 pub(super) struct Near<'a> {
     /// Coordinates of rows v - 2 to v + 2.
     pub(super) rows: [&'a [f32]; 5],
@@ -86,7 +87,7 @@ fn judge<const WRAPPED: bool>(near: &Near<'_>, period: f32, flags: &mut [u8]) {
     for i in 0..n {
         let x = row[i];
         let sigma = (sigma[i] * sigma[i] + near.model).sqrt();
-        // Brightness within the noise of a drop.
+        // Standard deviation of the intensity: a drop within it is not significant.
         let sd = (near.noise.floor + near.noise.slope * light[i]).sqrt();
         let here = Pixel {
             x,
@@ -113,8 +114,8 @@ struct Pixel {
 }
 
 impl Pixel {
-    /// Returns whether the pixel fails towards its outer side; sides list the nearest pixel first,
-    /// and NaN marks a missing pixel.
+    /// Returns whether the pixel fails towards its outer side. `outer` and `inner` list the nearest
+    /// pixel first; NaN marks a missing pixel.
     #[inline(always)]
     fn borders<const WRAPPED: bool>(
         &self,
@@ -129,8 +130,8 @@ impl Pixel {
         let own = less::<WRAPPED>(self.x, inner[0], period);
         let before = less::<WRAPPED>(inner[0], inner[1], period);
         let beyond = less::<WRAPPED>(outer[1], outer[0], period);
-        // f32::min and f32::max ignore a NaN: with one slope unknown the other decides, with both
-        // unknown nothing is a step.
+        // f32::min and f32::max ignore a NaN: if one slope is unknown, the other decides. If both are
+        // unknown, nothing counts as a step.
         let steeper = own.abs().max(beyond.abs());
         let allow = self.step + 0.5 * steeper;
         let step = (across < own.min(beyond) - allow) | (across > own.max(beyond) + allow);
@@ -194,10 +195,11 @@ mod tests {
         // Fully lit up to the end.
         let whole = [0.4, 0.4, 0.4, 0.4, 0.39, 0.0];
         assert_eq!(flags(&x, &whole, 0.02, 0.0), [KEEP; 6]);
-        // Along the fringes the average over half a footprint has the same coordinate.
+        // A pixel lit in half of its footprint averages along the fringes, so its coordinate is
+        // unchanged.
         let along = [7.0, 7.0, 7.01, 7.0, 7.01, N];
         assert_eq!(flags(&along, &lit, 0.02, 0.0), [KEEP; 6]);
-        // At the image border the surface darkens, but no light is cut off.
+        // At the image border the surface darkens, but the pixel is not lit in part.
         assert_eq!(flags(&x[..5], &lit[..5], 0.02, 0.0), [KEEP; 5]);
     }
 }

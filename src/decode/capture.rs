@@ -24,7 +24,7 @@ const IMAGES_REMARK: &str = "# Patterns of kind \"image\" name images in the dev
 /// Identity and time of a captured image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameInfo {
-    /// Frame id; a device never repeats one. Cameras without frame identity count their frames.
+    /// Frame id, unique in the life of a device. For cameras without frame identity, a running count.
     pub id: u64,
     /// Position of the projected pattern in the sequence, if the camera reports it.
     pub pattern_index: Option<u32>,
@@ -50,8 +50,8 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// Creates the decoder of such captures, by the capture's calibration. Without one it finds
-    /// projector coordinates but no points.
+    /// Creates the decoder for these images with the capture's calibration. Without a calibration it
+    /// finds projector coordinates but no points.
     ///
     /// # Errors
     /// Returns an error if the images differ in size, if the sequence does not determine a projector
@@ -62,8 +62,8 @@ impl Capture {
         Decoder::new(&self.manifest, width, height, rig, options)
     }
 
-    /// Decodes the images with the capture's calibration. Without one the result has projector
-    /// coordinates but no points.
+    /// Decodes the images with the capture's calibration. Without a calibration the result has
+    /// projector coordinates but no points.
     ///
     /// # Errors
     /// Returns the errors of [`Self::decoder`], and an error if the images do not match the sequence.

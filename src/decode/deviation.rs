@@ -1,4 +1,4 @@
-//! A robust standard deviation: that of most residuals, regardless of a few outliers.
+//! A robust standard deviation, insensitive to a few outliers.
 
 /// Residuals beyond this many standard deviations are outliers.
 const CLIP: f64 = 3.0;
@@ -7,14 +7,14 @@ const WITHIN: f64 = 0.9733;
 /// Iterations of clipping.
 const ROUNDS: usize = 4;
 
-/// Returns the standard deviation of residuals, given their absolute values in any order (at least
-/// one), without those beyond three standard deviations. Iteration starts from the median, or from
-/// `first` if that is larger, since integer residuals may have a median of 0. The result is at
-/// least `least`.
+/// Returns the standard deviation of residuals without those beyond three standard deviations. `sizes`
+/// are their absolute values in any order, at least one. Iteration starts from the median, or from
+/// `first` if that is larger, since integer residuals may have a median of 0. The result is at least
+/// `least`.
 pub fn of_most(sizes: &mut [f64], first: f64, least: f64) -> f64 {
     let middle = sizes.len() / 2;
-    // The median of absolute values is 0.6745 standard deviations. For integer data it is coarse,
-    // hence the iterations.
+    // The median of absolute values is 0.6745 standard deviations. For integer residuals the median is
+    // coarse, hence the iterations.
     let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
     let mut deviation = median.max(first);
     for _ in 0..ROUNDS {

@@ -9,9 +9,9 @@
 //! smoothed: a pixel is kept unchanged or rejected.
 //!
 //! Where the coordinate changes by a fringe period or more per pixel, a pixel averages over the whole
-//! fringe: its contrast vanishes, and beyond that returns inverted, half a period off. Such pixels
-//! are rejected whatever their modulation. So are pixels without a neighbour on either side along the
-//! row or along the column, because their slope is unknown.
+//! fringe. Its contrast vanishes, and for larger changes the fringe appears inverted, half a period
+//! off. Such pixels are rejected whatever their modulation. Pixels without a neighbour on either side
+//! along the row or along the column are rejected too, because their slope is unknown.
 
 use super::turns::nearest;
 
@@ -25,8 +25,7 @@ pub(super) const STRAY: u8 = 2;
 /// The surface is so steep that the pixel spans a period of the finest fringe.
 pub(super) const FINE: u8 = 3;
 
-/// Maximum fraction of the finest period that a pixel may span: there a tenth of the contrast is
-/// left.
+/// Maximum fraction of the finest period that a pixel may span; a tenth of the contrast remains there.
 const SPAN: f32 = 0.9;
 /// Tolerance in standard deviations: 5 times the noise of a linear extrapolation, which is sqrt(6)
 /// times that of one pixel.

@@ -108,8 +108,8 @@ pub(super) enum Threshold {
 }
 
 impl Threshold {
-    /// Ratio of the variance of the contrast to that of one sample; the fringes' mean uses `steps`
-    /// frames.
+    /// Ratio of the variance of the contrast to that of one sample. `steps` is the number of frames in
+    /// the fringes' mean.
     pub(super) fn variance_factor(self, steps: usize) -> f64 {
         match self {
             Self::Complement => 0.5,

@@ -3,13 +3,13 @@
 use super::{AxisMap, Verdict};
 use phasmid_pattern::Axis;
 
-/// Fraction of the lit pixels with a coordinate below which a note says so.
+/// Minimum fraction of lit pixels with a coordinate; below it a note is written.
 const LEAST_VALID: f64 = 0.9;
-/// Minimum number of lit pixels.
+/// Minimum number of lit pixels for a note.
 const FEWEST: usize = 400;
 
-/// Says which part of the lit pixels has a coordinate, and why most of the others have none, if it is
-/// small.
+/// Returns a note with the fraction of lit pixels that have a coordinate, and the main reason for the
+/// losses, if the fraction is small.
 pub(super) fn note_of_loss(axis: Axis, map: &AxisMap) -> Option<String> {
     let lit = map.verdict.len() - map.count(Verdict::Dim);
     let valid = map.count(Verdict::Valid);

@@ -63,22 +63,22 @@ pub struct AxisMap {
     /// scatter of repeated scans.
     pub sigma: Vec<f32>,
     /// Standard uncertainty in projector pixels due to held projector pixels (see [`crate::Held`]) and
-    /// the rounding of their levels to 8 bits, NaN where invalid; empty where the part of the held
+    /// the rounding of their levels to 8 bits, NaN where invalid; empty if the contribution of held
     /// pixels is below a tenth of the noise throughout.
     pub sampling: Vec<f32>,
     /// Verdict of each pixel.
     pub verdict: Vec<Verdict>,
     /// Period that coordinates are known modulo, if the fringe order is unresolved; after spatial
-    /// unwrapping each connected region is known up to one integer number of periods.
+    /// unwrapping, each connected region has an unknown offset of a whole number of periods.
     pub wrapped_px: Option<f64>,
     /// Number of finest Gray bits that the camera does not resolve and that were left out.
     pub unused_bits: usize,
 }
 
 impl AxisMap {
-    /// Returns the number of pixels with a verdict.
+    /// Returns the number of pixels with this verdict.
     pub(super) fn count(&self, wanted: Verdict) -> usize {
-        // A chunk's count fits 8 bits, in which it vectorises.
+        // A chunk's count fits into 8 bits, so the loop vectorises with 8-bit sums.
         let of_chunk = |chunk: &[Verdict]| chunk.iter().map(|v| u8::from(*v == wanted)).sum::<u8>();
         let chunks = self.verdict.chunks(usize::from(u8::MAX));
         chunks.map(|chunk| usize::from(of_chunk(chunk))).sum()

@@ -6,12 +6,12 @@
 //! response curve causes them. The variances as a function of the mean give a photon-transfer line,
 //! variance = s0 + K (mean - black level) (EMVA 1288 release 4.0, section 6).
 //!
-//! Pixels are binned by mean, outliers are removed from each bin, and the line is fitted to the
-//! bins by weighted least squares. Two precautions matter for a board in a dark room. Bins have
-//! about equal widths in grey value, so that the few lit pixels fill as many bins as their range of
-//! values and not just a fraction of one. And the variance of a bin is never assumed to be known
-//! better than to a tenth of itself, nor better than the rounding variance: unlit pixels round to
-//! one constant and seem to have no noise, and would dominate the fit by their number.
+//! Pixels are binned by mean, outliers are removed from each bin, and the line is fitted to the bins by
+//! weighted least squares. Two precautions matter for a board in a dark room. Bins have about equal
+//! widths in grey value, so that the few lit pixels fill as many bins as their range of values
+//! requires. And the variance of a bin is never assumed to be more precise than a tenth of its value,
+//! nor than the rounding variance: unlit pixels round to one constant, seem to have no noise, and would
+//! dominate the fit by their number.
 
 use super::plan::Plan;
 use super::steps::FringeSet;
@@ -25,7 +25,8 @@ const PIXELS: usize = 60_000;
 const VALUES: usize = 16;
 /// Approximate number of bins between the darkest and the brightest mean.
 const BINS: f64 = 16.0;
-/// Minimum size of a bin: one part in so many of all estimates, and a number of estimates.
+/// Minimum number of estimates in a bin: the total divided by the first number, and at least the
+/// second.
 const FEWEST: (usize, usize) = (400, 30);
 /// Smallest relative standard error assumed for a bin's variance.
 const KNOWN: f64 = 0.1;
@@ -222,8 +223,9 @@ fn residual(set: &FringeSet) -> Option<Residual> {
 }
 
 /// Fits s0 and K of variance = s0 + K (mean - black); `rounding` is the variance of rounding, the lower
-/// bound of s0. The black level shows only where the line through all would fall below that bound before
-/// the darkest mean, if that is positive; it is 0 otherwise, and part of s0.
+/// bound of s0. If the fitted s0 is below that bound, the black level is the mean at which the line
+/// crosses the bound, limited to 0 up to the darkest mean. If not, the black level is set to 0 and is
+/// part of s0.
 fn transfer_line(mut estimates: Vec<Estimate>, rounding: f64) -> Option<(f64, f64, f64)> {
     if estimates.len() < 100 {
         return None;
@@ -295,7 +297,7 @@ impl Bin {
 fn robust_variance(bin: &[Estimate]) -> Option<f64> {
     let mut sizes: Vec<f64> = bin.iter().map(|e| e.variance).collect();
     sizes.sort_by(f64::total_cmp);
-    // The median is 0 if rounding hides the noise: start from the mean then.
+    // If rounding hides the noise, the median is 0; the ninth decile is then the start.
     let median = sizes[sizes.len() / 2] * 2.2;
     let mut variance = median.max(sizes[sizes.len() * 9 / 10] / 2.7);
     for _ in 0..5 {
@@ -317,7 +319,7 @@ mod tests {
 
     #[test]
     fn means_below_zero_have_no_black_level() {
-        // Means of unequal steps may be negative where only one of them has light.
+        // Unequal steps may have a negative mean where only one of them has light.
         let estimate = |i: u32| {
             let mean = 0.03 * f64::from(i) - 12.0;
             Estimate {

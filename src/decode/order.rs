@@ -8,7 +8,7 @@ use super::turns::nearest;
 pub(super) const SURE: f32 = 4.0;
 /// Minimum difference in chi squared between the best candidate and the next.
 const GAP: f32 = 25.0;
-/// Fraction of the full contrast within which a Gray bit counts as on its edge.
+/// Fraction of the full contrast below which the pixel counts as lying on the bit's edge.
 const EDGE_CONTRAST: f32 = 0.25;
 /// Fraction of the full contrast below which two bits of a pixel cannot come from one place. Code
 /// words of neighbouring cells differ in one bit, so a pixel that sees one surface has at most one
@@ -16,7 +16,7 @@ const EDGE_CONTRAST: f32 = 0.25;
 /// half of the contrast only if it spans two cells, which is more than fringes as wide as a cell
 /// can resolve.
 pub(super) const TWO_PLACES: f32 = 0.5;
-/// Fraction of a period by which a fringe set may disagree with the only candidate.
+/// Maximum misfit of a fringe set, as a fraction of its period, if there is only one candidate.
 const MISFIT: f32 = 0.15;
 /// Search range on either side of a set's positions, in standard deviations: no candidate beyond it
 /// can compete with one that only noise has displaced.
@@ -44,10 +44,10 @@ impl Ensemble {
     /// sets' nearest positions, and its cost is the weighted sum of squares that remains.
     #[inline(always)]
     pub(super) fn best(&self, wrapped: &[f32], variance: &[f32], lo: f32, hi: f32) -> Candidate {
-        // Only candidates near all sets' positions matter if the best is good enough: a candidate
-        // farther than its reach from a set's position costs at least the square of the reach over
-        // both variances. With noise alone one or two candidates are evaluated, with larger errors
-        // a few, otherwise all.
+        // Only candidates near all sets' positions matter if the best one is good enough: a candidate
+        // outside its reach of a set's position costs at least the square of the reach over both
+        // variances. With noise alone one or two candidates are evaluated, with larger errors a few, in
+        // the worst case all.
         let spread = |j: usize| SPREAD * (variance[j] + variance[0]).sqrt();
         let wide = |j: usize| spread(j).max(MISFIT * self.periods[j]);
         if let Some(found) = self.within(wrapped, variance, [lo, hi], spread) {
@@ -82,8 +82,8 @@ impl Ensemble {
         }
         let search = self.among(wrapped, variance, range, reach);
         let found = search.found(beyond);
-        // The best of all candidates; if an evaluated one already makes it uncertain, no more are
-        // needed.
+        // Stop if no candidate that was not evaluated can win, or if an evaluated one already makes the
+        // best one uncertain.
         let settled = search.best.0 < beyond
             && search.second.is_finite()
             && !search.is_certain(search.second);
@@ -126,7 +126,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Searches `lo` to `hi` where set `j` and all finer sets allow it. Two and three sets, the
+    /// Searches `lo` to `hi` where set `j` and all finer sets allow candidates. Two and three sets, the
     /// usual numbers, need no recursion.
     #[inline(always)]
     fn coarse(&mut self, j: usize, lo: f32, hi: f32, reach: &impl Fn(usize) -> f32) {
@@ -209,8 +209,8 @@ impl Search<'_> {
     /// Returns whether the best candidate is certain, given the cost of another.
     fn is_certain(&self, second: f32) -> bool {
         let (cost, _, misfit) = self.best;
-        // Errors other than noise (response curves, defocus) grow with the fringe, so the best
-        // candidate must also be less than half as far off as the next, whatever the noise.
+        // Errors other than noise (response curves, defocus) grow with the period, so the best
+        // candidate's misfit must also be less than half that of the next, whatever the noise.
         if second.is_finite() {
             second - cost >= GAP && cost <= 0.25 * second
         } else {
@@ -263,8 +263,8 @@ impl GrayJoin {
     }
 
     /// Returns whether the two weakest bits show that a pixel sees two places at once, as at a
-    /// silhouette. The fringes of one place may be too fine to resolve, so the phase is that of the
-    /// other place. Low contrast that noise can explain does not count.
+    /// silhouette. The fringes of one place may be too fine to resolve, so that the phase comes from
+    /// the other. Low contrast that noise can explain does not count.
     #[inline(always)]
     fn two_places(second: f32, half: f32, doubt: f32) -> bool {
         (second < TWO_PLACES * half) & (second + doubt < half)

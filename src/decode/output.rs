@@ -167,7 +167,7 @@ pub struct AxisSummary {
     pub valid: usize,
     /// Median standard deviation due to noise in projector pixels.
     pub median_sigma_px: Option<f32>,
-    /// Median uncertainty due to held projector pixels, in projector pixels; 0 where it is left out.
+    /// Median uncertainty due to held projector pixels, in projector pixels; 0 if negligible.
     pub median_sampling_px: Option<f32>,
     /// Number of rejected pixels by reason.
     pub masked: Vec<(&'static str, usize)>,
@@ -222,7 +222,7 @@ impl Summary {
     }
 }
 
-/// Points for which the effect of the calibration is computed.
+/// Maximum number of points for which the effect of the calibration is computed.
 const CALIBRATION_POINTS: usize = 200;
 
 fn calibration_sigma(decoder: &Decoder, decoded: &Decoded) -> Option<f32> {

@@ -11,7 +11,8 @@ use std::f64::consts::TAU;
 /// bits have a larger one.
 pub const MODEL_ERROR: f64 = 0.0025;
 
-/// Part of the response to what has the check's own form from which on a harmonic counts.
+/// Minimum response of a check to a harmonic, relative to the maximum possible, for the harmonic to
+/// count.
 const RESPONDS: f32 = 0.1;
 
 /// The camera's noise model in the form that a row kernel needs.
@@ -109,7 +110,7 @@ impl SetKernel {
 
     /// Variance of the coordinate due to the error of the model of a sample, in projector pixels^2.
     pub(super) fn model_variance(&self) -> f32 {
-        // Mean over all phases.
+        // Averages over all phases.
         let of_phase = 0.5 * (self.gram[0] + self.gram[2]);
         let of_samples = self.per_phase * of_phase * (MODEL_ERROR * MODEL_ERROR) as f32;
         of_samples.max(self.rounding * self.rounding)
@@ -174,9 +175,9 @@ impl SetKernel {
         sums
     }
 
-    /// Sum over the steps of (dphi/dI)^2 (A + B cos(phi - step) - I) B: by how much harmonics of the
-    /// samples I lower the variance of the phase. For N equal steps, B2 / (N B) with the second
-    /// harmonic B2.
+    /// Sum over the steps of (dphi/dI)^2 (A + B cos(phi - step) - I) B: the amount by which harmonics
+    /// of the samples I lower the variance of the phase. For N equal steps it is B2 / (N B), where B2
+    /// is the second harmonic.
     pub(super) fn harmonic(
         &self,
         [c, s]: [f32; 2],

@@ -1,7 +1,7 @@
 //! How a sequence can be decoded, axis by axis, or what it lacks.
 //!
-//! The fringes and Gray bits of an axis are collected from a sequence in any order; then follows how
-//! its periods are counted.
+//! Collects the fringes and Gray bits of each axis from a sequence in any order, then decides how the
+//! fringe order is determined.
 
 use super::gray::{self, GrayCode, GrayFrame, Threshold};
 use super::steps::FringeSet;
@@ -22,7 +22,7 @@ pub enum Order {
         /// Period in projector pixels.
         period_px: f64,
     },
-    /// By the combination of all fringe sets, and by Gray code if their combination repeats within
+    /// By the combination of all fringe sets, and by Gray code if the sets' combination repeats within
     /// the axis.
     Resolved {
         /// Distance after which all fringe sets repeat, in projector pixels; infinite if beyond the

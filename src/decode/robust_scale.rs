@@ -1,13 +1,13 @@
 //! The residuals of a fringe set's steps that are typical of a capture as a whole.
 //!
-//! Four or more steps leave a residual ([`FringeSet::check`](super::FringeSet::check)). A set of
-//! three steps on an axis with several sets is checked by the difference of its mean from that of
-//! the others. Residuals contain more than noise: a flickering lamp leaves a fraction of the light
-//! and of the fringe itself, and a response curve leaves its second harmonic with four steps, the
-//! third in six and in the mean of three, and both with five. Each is the same fraction everywhere, so
-//! a fit over the capture determines and removes them; damage to one pixel of one frame remains. The remainder is
-//! compared with the camera's noise and the error of the model of a sample, or with the remainder of
-//! most pixels if that is larger.
+//! Four or more steps leave a residual ([`FringeSet::check`](super::FringeSet::check)). A set of three
+//! steps on an axis with several sets is checked by the difference of its mean from that of the other
+//! sets. Residuals contain more than noise: a flickering lamp adds a fraction of the light and of the
+//! fringe itself; a response curve adds its second harmonic with four steps, the third with six steps
+//! and in the mean of three, and both with five. Each is the same fraction everywhere, so a fit over
+//! the capture determines and removes them; damage to one pixel of one frame remains. The remainder is
+//! compared with the camera's noise and the model error of a sample, or with the remainder of most
+//! pixels if that is larger.
 
 use super::deviation;
 use super::options::Options;
@@ -24,64 +24,67 @@ const PIXELS: usize = 4000;
 const FEWEST: usize = 50;
 /// Maximum residual in standard deviations; noise exceeds it in 6 of 100,000 pixels.
 const SIGMAS: f64 = 4.0;
-/// Maximum fraction of the harmonics by which blur changes them between parts of the image.
+/// Allowance for blur, which changes the harmonics between parts of the image, as a fraction of them.
 const BLURRED: f64 = 0.75;
-/// Number of fitted terms: the light, and both components of the fringe and of its second and third
-/// harmonics, as far as a set responds to these.
+/// Number of fitted terms: the light, the two components of the fringe, and the two components each of
+/// its second and third harmonics, if the set responds to them.
 const TERMS: usize = 7;
-/// Added to the normal equations in parts of their trace: terms that do not take part get no coefficient.
+/// Ridge term of the normal equations, as a fraction of their trace: unused terms get a coefficient of
+/// 0.
 const RIDGE: f64 = 1e-12;
 /// Iterations of the robust fit.
 const ROUNDS: usize = 4;
 /// Residual in standard deviations above which a pixel is down-weighted in the fit.
 const BENT: f64 = 2.0;
-/// Standard errors that three terms together exceed in one of 60,000 captures.
+/// Minimum difference of the light in standard errors; chance exceeds it in one of 60,000 captures.
 const CERTAIN: f32 = 5.0;
-/// Mean phasor of the pixels above which coarse fringes do not tell the light of their steps.
+/// Maximum length of the mean phasor: above it, coarse fringes do not determine the light of their
+/// steps.
 const LOPSIDED: f32 = 0.7;
 /// Lower bound of the robust scale, as a fraction of noise and model error.
 const LEAST: f64 = 0.5;
 
-/// What the residuals of all pixels of a set have in common.
+/// The common part of the residuals of all pixels of a set.
 ///
-/// A step with 1 + d of the light of the others adds d w (A + C cos theta - S sin theta) to the residual,
-/// w its weight in the residual and theta its phase.
+/// If one step has 1 + d times the light of the others, the residual grows by d w (A + C cos theta - S
+/// sin theta), where w is the step's weight in the residual and theta its phase.
 #[derive(Debug, Clone)]
 pub(super) struct Shared {
-    /// Parts of the light above black and of both components of the fringe.
+    /// Fractions of the light above black and of the two components of the fringe.
     light: [f32; 3],
     /// Weight of each step in the residual.
     weights: Vec<f32>,
-    /// Scale of the rest, in standard deviations of noise and model error.
+    /// Scale of the remainder, in standard deviations of noise and model error.
     pub(super) scale: f32,
     fit: Fit,
 }
 
-/// How well the pixels of a capture tell the light of steps.
+/// How well the pixels of a capture determine the light of steps.
 #[derive(Debug, Clone, Copy, Default)]
 struct Fit {
-    /// Length of the mean phasor of the pixels: near 1 if all have about the same phase, so that the parts
-    /// cannot be told apart.
+    /// Length of the mean phasor of the pixels: near 1 if all have about the same phase, so that the
+    /// three fractions cannot be separated.
     lopsided: f32,
-    /// Standard error of each part of [`Shared::light`].
+    /// Standard error of each fraction in [`Shared::light`].
     light_error: f32,
-    /// Scale of the residuals before what they have in common is taken off.
+    /// Scale of the residuals before the common part is removed.
     before: f32,
 }
 
 impl Shared {
-    /// Whether steps differ in their light by more than a `limit` in units of the residual and than chance
-    /// explains.
+    /// Whether the light of the steps differs by more than `limit` (in units of the residual) and by
+    /// more than chance explains.
     pub(super) fn differs_by(&self, limit: f32) -> bool {
         self.difference() > limit.max(CERTAIN * self.fit.light_error)
     }
 
-    /// Whether what they have in common takes off all but one in `factor` of the scale.
+    /// Whether removing the common part reduces the scale by more than `factor`.
     pub(super) fn explains(&self, factor: f32) -> bool {
         self.fit.before > factor * self.scale
     }
 
-    /// How much steps differ in their light, in units of the residual, as far as the pixels' phases show it.
+    /// Difference in light of the steps, in units of the residual, reduced if the pixels' phases hardly
+    /// vary; 0 if they do not determine it.
     pub(super) fn difference(&self) -> f32 {
         let lopsided = self.fit.lopsided;
         if lopsided > LOPSIDED {
@@ -96,7 +99,7 @@ impl Shared {
         size * (1.0 - lopsided * lopsided)
     }
 
-    /// The step that alone explains the difference best, and its light in parts of the others'.
+    /// Returns the step that alone explains the difference best, and its light relative to the others.
     pub(super) fn step(&self, set: &FringeSet) -> (usize, f64) {
         let along = |k: &usize| {
             let (sin, cos) = set.phases[*k].sin_cos();
@@ -107,7 +110,7 @@ impl Shared {
         let most = sizes.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         let (step, size) = most.unwrap_or_default();
         let part = size / f64::from(self.weights.get(step).copied().unwrap_or(1.0));
-        // The fit follows a step's sample by 3 / N of what it is off.
+        // The fit absorbs a fraction 3 / N of the error of one step's sample.
         let followed = 3.0 / set.phases.len() as f64;
         (step, (1.0 + part / (1.0 - followed * part)).max(0.0))
     }
@@ -240,7 +243,8 @@ impl RobustScale {
         }
     }
 
-    /// What the residuals of all pixels of a set have in common. `None` if too few pixels show it.
+    /// Returns the common part of the residuals of all pixels of a set; `None` if too few pixels show
+    /// it.
     pub(super) fn shared(&self, set: &SetKernel) -> Option<Shared> {
         let [light, c, s, ..] = self.terms;
         let scale = self.deviations / SIGMAS as f32;
@@ -288,7 +292,7 @@ fn terms(light: f32, c: f32, s: f32, modulation: f32) -> [f32; TERMS] {
 }
 
 /// Least-squares fit of the terms; pixels far off in the last iteration are down-weighted. Also returns the
-/// standard error of the first three, for remainders with a scale of 1.
+/// standard error of the first three terms, for remainders with a scale of 1.
 fn fit(pixels: &[Pixel], scale: f64) -> Option<(SVector<f64, TERMS>, f64)> {
     let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
     let mut right = SVector::<f64, TERMS>::zeros();

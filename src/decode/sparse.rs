@@ -1,5 +1,5 @@
-//! Decodes every n-th pixel of every n-th row, for applications that need some tens of thousands of
-//! points and not all that a camera provides; takes 1/n^2 of the time.
+//! Decodes every n-th pixel of every n-th row in 1/n^2 of the time, for applications that need only
+//! some tens of thousands of points.
 //!
 //! A kept pixel sees the same scene along the same ray: pixel (u, v) of the sparse image is pixel
 //! (n u, n v) of the camera, so focal lengths and principal point are divided by n (pixel centres
@@ -54,7 +54,8 @@ impl SparseDecoder {
         self.every
     }
 
-    /// Returns the decoder of the kept pixels; its maps have as many columns and rows as these.
+    /// Returns the decoder of the kept pixels; the size of its maps is the number of kept columns and
+    /// rows.
     pub fn decoder(&self) -> &Decoder {
         &self.decoder
     }
@@ -72,7 +73,7 @@ impl SparseDecoder {
     }
 }
 
-/// Returns the rig of a camera with every n-th pixel.
+/// Returns the rig of a camera that has only every n-th pixel of every n-th row.
 fn sparse(rig: &Rig, every: usize) -> Rig {
     let lens = &rig.camera.lens;
     let n = every as f64;
@@ -87,7 +88,7 @@ fn sparse(rig: &Rig, every: usize) -> Rig {
             },
             ..rig.camera
         },
-        // It is of the whole lens.
+        // The covariance refers to the original lens parameters.
         covariance: None,
         ..*rig
     }

@@ -24,8 +24,8 @@ pub struct FringeSet {
     pub weights: Vec<[f64; 3]>,
     /// Sums over the frames of wc wc, wc ws, ws ws: the covariance of (C, S) per unit variance.
     pub gram: [f64; 3],
-    /// Contribution to the phase's variance of shot noise that follows the fringe: the coefficients
-    /// of C^3, C^2 S, C S^2 and S^3.
+    /// Contribution to the phase's variance of shot noise that follows the fringe: the coefficients of
+    /// C^3, C^2 S, C S^2 and S^3.
     pub skew: [f64; 4],
     /// A unit vector over the frames, orthogonal to A, C and S: its product with a valid pixel's
     /// samples is noise plus the effect of a response curve. Empty if there are as many unknowns as
@@ -154,9 +154,9 @@ impl FringeSet {
     }
 }
 
-/// The residual of +1, -1, +1, ... after the fit, as a unit vector. For an even number of equal steps
-/// all entries have the same magnitude, and the vector responds only to harmonics of order N / 2 and
-/// its odd multiples, the highest that N steps resolve.
+/// The residual of +1, -1, +1, ... after the fit, as a unit vector. For an even number N of equal steps
+/// all entries have the same magnitude, and the vector responds only to harmonics of order N / 2 (the
+/// highest that N steps resolve) and its odd multiples.
 fn check(rows: &[Vector3<f64>], weights: &[[f64; 3]]) -> Vec<f64> {
     if rows.len() < 4 {
         return Vec::new();

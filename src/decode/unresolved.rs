@@ -1,10 +1,10 @@
 //! Gray bits that the camera does not resolve.
 //!
-//! Blur takes contrast off the finest stripes first. A pixel with two bits of little contrast is
-//! rejected, because it may see two places at once ([`super::order`]), so a code finer than the
-//! camera resolves loses most pixels. Where many pixels of a capture are lost, the contrast of its
-//! bits decides whether this is the reason; then the finest bits are left out, and their cells
-//! merge. They stay out if that brings most of the lost pixels back.
+//! Blur reduces the contrast of the finest stripes first. A pixel with two bits of low contrast is
+//! rejected, because it may see two places at once ([`super::order`]), so a code finer than the camera
+//! resolves loses most pixels. If many pixels of a capture are lost, the contrast of the bits decides
+//! whether this is the reason. The finest bits are then left out, which merges their cells, and stay
+//! out if that recovers most of the lost pixels.
 
 use super::gray::{GrayBit, Threshold};
 use super::maps::{AxisMap, Verdict};
@@ -14,10 +14,10 @@ use super::sample::Sample;
 use phasmid_core::statistics::finite_median;
 use phasmid_pattern::Axis;
 
-/// Fraction of the pixels with uncertain order, among these and valid ones, above which the bits are
-/// examined.
+/// Fraction of uncertain pixels, among uncertain and valid ones, above which the bits are examined.
 const LOSS: f64 = 0.05;
-/// Fraction of the lost pixels that may stay lost without the bits that are to blame.
+/// Maximum fraction of the lost pixels that may stay lost when the bits are left out; above it, the
+/// bits are used.
 const LEFT: f64 = 0.5;
 /// Approximate number of pixels sampled.
 const PIXELS: usize = 60_000;
@@ -62,7 +62,7 @@ impl UnresolvedBits {
     }
 }
 
-/// Returns the finest bits of an axis' Gray code to leave out, if many pixels are lost for them.
+/// Returns the finest bits of an axis' Gray code to leave out, if they cause the loss of many pixels.
 pub(super) fn unresolved_bits<T: Sample>(
     job: &Job<'_, T>,
     kernel: &AxisKernel,

@@ -35,7 +35,8 @@ const MOST: f32 = 0.5;
 /// two are zero if there are too few steps for them. `None` if the steps are unequal or too few.
 pub(super) fn harmonics(set: &FringeSet) -> Option<Vec<[f32; 4]>> {
     let n = set.phases.len();
-    // The highest harmonic squared times the variance's modulation must not alias to the mean.
+    // The product of the squared highest harmonic and the variance's modulation must not alias to the
+    // mean.
     if n < 6 {
         return None;
     }
@@ -110,8 +111,8 @@ mod tests {
         [s.atan2(c) + f64::from(shift), f64::from(factor)]
     }
 
-    /// Computes each sample's weight in the phase by finite differences. The resulting variance
-    /// equals the predicted one and is close to the Cramer-Rao bound for three unknowns.
+    /// Computes each sample's weight in the phase by finite differences. The variance that these
+    /// weights give equals the predicted one and is close to the Cramer-Rao bound for three unknowns.
     #[test]
     fn the_variance_is_the_one_said_and_near_the_bound() {
         for (n, worst) in [(6, 1.08), (7, 1.08), (8, 1.03), (12, 1.02), (32, 1.02)] {

@@ -1,7 +1,7 @@
-//! A whole device in memory: firmware, optics and a virtual clock, stepped by function calls. Does
-//! without ports and sockets what `phasmid serve` does with them. Device time is in integer nanoseconds
-//! since power-on. The device never reads a wall clock; its driver passes the time in: a bench from its
-//! virtual clock, a server from its timeline.
+//! A whole device in memory: firmware, optics and a virtual clock, stepped by function calls. It
+//! does the same as `phasmid serve`, without ports and sockets. Device time is in integer
+//! nanoseconds since power-on. The device never reads a wall clock: a bench passes it the time of a
+//! virtual clock, a server the time of its timeline.
 
 use super::{Device, Firmware, FrameSink, Machine, State};
 use std::sync::Arc;
@@ -59,7 +59,7 @@ impl<S: FrameSink> Bench<S> {
     }
 
     /// Sends bytes to the control port, advances time until no operation is pending and returns the
-    /// device's output. A free-running camera advances only as far as its commands take no time.
+    /// device's output. Frames of a free-running camera are not pending operations.
     pub fn control(&mut self, bytes: &[u8]) -> Vec<u8> {
         self.receive(bytes);
         while let Some(next) = self.next_event_ns() {

@@ -19,11 +19,11 @@ pub struct Device {
     pub machine: Machine,
     /// The optics.
     pub renderer: Renderer,
-    /// What it is.
+    /// Its profile.
     pub profile: Profile,
-    /// What it stands in front of.
+    /// The scene in front of it.
     pub scene: Scene,
-    /// Seed of its noise.
+    /// Seed of its sensor noise.
     pub seed: u64,
 }
 
@@ -50,7 +50,7 @@ impl Device {
     }
 }
 
-/// What a [`Device`] is assembled from.
+/// Assembles a [`Device`] from its parts.
 #[must_use]
 pub struct DeviceBuilder<'a> {
     profile: &'a Profile,
@@ -81,14 +81,14 @@ impl<'a> DeviceBuilder<'a> {
         Self { options, ..self }
     }
 
-    /// Lets another thread end [`Self::build`] early. It is the request of the device's renderer
-    /// afterwards ([`Renderer::stop`]).
+    /// Sets the request with which another thread can end [`Self::build`] early. The device's
+    /// renderer keeps it as its own request ([`Renderer::stop`]).
     pub fn stop(self, stop: Stop) -> Self {
         Self { stop, ..self }
     }
 
-    /// Uses optics that were prepared for the same profile and scene before, with the seed and
-    /// options that they have.
+    /// Uses optics prepared earlier for the same profile and scene. They keep their own seed and
+    /// options.
     pub fn renderer(self, renderer: Renderer) -> Self {
         Self {
             renderer: Some(renderer),
@@ -121,7 +121,7 @@ impl<'a> DeviceBuilder<'a> {
     ///
     /// # Errors
     /// Returns an error if the profile, a sequence, the dialect or a fault is invalid, if the scene
-    /// cannot be rendered, or if [`Self::stop`] is asked.
+    /// cannot be rendered, or if the request of [`Self::stop`] is made.
     pub fn build(self) -> Result<Device> {
         let profile = self.profile;
         let firmware = Firmware::new(profile, &self.sequences)?;

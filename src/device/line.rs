@@ -49,7 +49,7 @@ impl ByteTime {
 struct Burst {
     start_ns: u64,
     bytes: VecDeque<u8>,
-    /// Number of its bytes that have been taken.
+    /// Number of bytes of the burst that have been taken.
     taken: u64,
     /// Byte counts at which a message of the burst ends.
     ends: VecDeque<u64>,

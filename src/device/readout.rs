@@ -37,7 +37,7 @@ impl Readout {
         frame.into_depth(self.format)
     }
 
-    /// Returns the stream format of such frames at an interval.
+    /// Returns the stream format of the frames that the camera sends, at an interval.
     pub fn stream(&self, interval_ns: u64) -> Stream {
         Stream {
             width: self.roi.width,

@@ -1,6 +1,6 @@
-//! Checks what the links of an emulated device need besides V4L2: a pty, a folder for its sockets, the
-//! virtual USB host controller, which attaches an exported device to this machine's kernel, and the drivers
-//! for that device.
+//! Checks the requirements of an emulated device's links other than V4L2: a pty, a folder for
+//! sockets, the virtual USB host controller, which attaches an exported device to this machine's
+//! kernel, and the drivers for that device.
 
 use super::{Check, Feature, Machine, Status};
 use std::fs::File;

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// Maximum number of bytes that are read of a file. The list of a kernel's modules is the longest.
+/// Maximum number of bytes to read from a file; the largest file is the list of a kernel's modules.
 const MAX_BYTES: u64 = 16 << 20;
 
 /// The user who runs the check.
@@ -72,7 +72,7 @@ impl Machine {
         paths
     }
 
-    /// Whether a path exists, with links followed.
+    /// Returns whether a path exists; links are followed.
     pub(super) fn has(&self, path: impl AsRef<Path>) -> bool {
         self.path(path).exists()
     }

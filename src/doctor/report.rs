@@ -105,13 +105,13 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether nothing that a feature needs is missing.
+    /// Returns whether the machine has everything that a feature needs.
     pub fn works(&self, feature: Feature) -> bool {
         let mut its = self.checks.iter().filter(|check| check.feature == feature);
         its.all(|check| check.status != Status::Missing)
     }
 
-    /// Whether the embedded device and all these features work.
+    /// Returns whether the embedded device and all these features work.
     pub fn suffices(&self, needed: &[Feature]) -> bool {
         self.works(Feature::Embedded) && needed.iter().all(|feature| self.works(*feature))
     }

@@ -242,7 +242,7 @@ fn bad_module_options_are_reported_with_their_effect() {
     let camera = fake.check("camera");
     assert_eq!(camera.status, Status::Note);
     assert!(camera.found.contains("exclusive_caps=0"), "{camera:?}");
-    // It works nevertheless.
+    // The camera works in spite of these options.
     assert!(fake.report().suffices(&[Feature::V4l2]));
 }
 

@@ -1,4 +1,4 @@
-//! What an emulated device is built from.
+//! Builds an emulated device from a profile, a scene, options and faults.
 
 use super::Device;
 use phasmid_core::Stop;
@@ -38,7 +38,7 @@ impl<T> Source<T> {
     }
 }
 
-/// Implements the conversions into a source of a type.
+/// Implements `From` for a source type: from a name or path, and from a value.
 macro_rules! source_of {
     ($source:ident, $given:ident) => {
         impl From<&str> for $source {
@@ -130,8 +130,8 @@ impl DeviceBuilder {
         self
     }
 
-    /// Sets a field of the profile or of the scene, over what its file says: the path of the field and a
-    /// TOML value, or text.
+    /// Overrides a field of the profile or of the scene: `field` is the path of the field, `value`
+    /// a TOML value or text.
     ///
     /// ```
     /// # fn main() -> Result<(), phasmid::Error> {
@@ -182,14 +182,14 @@ impl DeviceBuilder {
         self
     }
 
-    /// Sets whether the sensor has noise, instead of what the profile says.
+    /// Sets whether the sensor has noise; overrides the profile.
     pub fn noise(mut self, noise: bool) -> Self {
         self.noise = Some(noise);
         self
     }
 
-    /// Sets whether the device reports its exact rig instead of a factory calibration with errors, instead of
-    /// what the profile says.
+    /// Sets whether the device reports its exact rig or a factory calibration with errors;
+    /// overrides the profile.
     pub fn exact_calibration(mut self, exact: bool) -> Self {
         self.exact_calibration = Some(exact);
         self
@@ -215,14 +215,14 @@ impl DeviceBuilder {
         self
     }
 
-    /// Sets the faults, and the seed of their chances.
+    /// Sets the faults, and the seed for faults that occur by chance.
     pub fn faults(mut self, schedule: Schedule) -> Self {
         self.schedule = schedule;
         self
     }
 
-    /// Lets another thread end the preparation of the scene, and the rendering of the device afterwards
-    /// ([`Device::stop`]).
+    /// Sets a handle with which another thread ends the preparation of the scene in
+    /// [`Self::build`], and later the rendering of the device ([`Device::stop`]).
     pub fn stop(mut self, stop: Stop) -> Self {
         self.stop = stop;
         self
@@ -231,9 +231,9 @@ impl DeviceBuilder {
     /// Builds the device and switches it on.
     ///
     /// # Errors
-    /// Returns all that is wrong with the profile, the scene, the dialect, the files of sequences and the
-    /// options; or what is wrong with their combination or with a fault; or [`Error::Interrupted`] if
-    /// [`Self::stop`] is asked.
+    /// Returns all errors of the profile, the scene, the dialect, the sequence files and the
+    /// options together; or else an error of their combination or of a fault; or
+    /// [`Error::Interrupted`] if the handle of [`Self::stop`] is asked.
     pub fn build(self) -> Result<Device> {
         let mut wrong = Vec::new();
         let mut keep = |error: Error| wrong.push(error);
@@ -318,7 +318,7 @@ mod tests {
             message.contains("camera.max_gain_db=3: a profile that is given as a value"),
             "{message}"
         );
-        // Both errors are reported: the built-in scene has no lamp.
+        // The scene's error is reported too: the built-in scene has no `light[0]`.
         assert!(message.contains("light[0].depth=1"), "{message}");
     }
 }

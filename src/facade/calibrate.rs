@@ -14,8 +14,8 @@ use phasmid_geometry::Board;
 /// The example `calibrate` of the repository shows an emulated device a board in eight poses.
 ///
 /// # Errors
-/// Returns an error if too few captures show the board, or if the poses do not determine the rig: at
-/// least three with boards that are not parallel. Its source is an [`Unsolved`].
+/// Returns an error if too few captures show the board, or if the poses do not determine the rig,
+/// which takes at least three boards that are not parallel. The error's source is an [`Unsolved`].
 pub fn calibrate(captures: &[Capture], board: &Board, choice: Choice) -> Result<Calibration> {
     calibrate_with_stop(captures, board, choice, &Stop::default())
 }
@@ -71,7 +71,7 @@ mod tests {
     use crate::Device;
     use phasmid_profile::{Profile, Scene, Shape};
 
-    /// Captures of a board in one pose, several times.
+    /// Returns `count` equal captures of a board in one pose.
     fn captures(profile: Profile, board: Board, count: usize) -> Vec<Capture> {
         let sequence = profile.calibration_sequence().unwrap().name.clone();
         let mut scene = Scene::load("board").unwrap();
@@ -88,7 +88,7 @@ mod tests {
         let captures = captures(profile, board, 3);
         let (stop, choice) = (Stop::default(), Choice::default());
         let once = || calibrate_with_stop(&captures, &board, choice, &stop);
-        // Equal poses determine no rig.
+        // Equal poses do not determine a rig.
         let error = once().unwrap_err();
         assert_eq!(error.exit_code(), 2);
         let why = std::error::Error::source(&error);

@@ -1,4 +1,4 @@
-//! Captures to surfaces, and surfaces compared with the truth.
+//! Decodes captures to surfaces, and compares surfaces with the truth.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_decode::{Capture, Decoded, Decoder, Options, Summary};
@@ -54,8 +54,8 @@ impl Decoding {
 /// ```
 ///
 /// # Errors
-/// Returns an error if the sequence does not determine a projector coordinate, or if the images or the
-/// calibration do not match it.
+/// Returns an error if the sequence does not determine a projector coordinate, or if the images or
+/// the calibration do not match the sequence.
 pub fn decode<'a>(
     capture: &Capture,
     rig: impl Into<Option<&'a Rig>>,

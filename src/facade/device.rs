@@ -17,7 +17,7 @@ use phasmid_study::desk::{Desk, Link};
 use std::fmt;
 use std::time::Duration;
 
-/// Device time within which a reply or a frame has to arrive. It passes without waiting.
+/// Device time to wait for a reply or a frame; it passes without waiting in real time.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// An emulated scanner in memory, on a clock of its own that does not wait: no sockets, no processes,
@@ -38,10 +38,10 @@ pub struct Device {
     last: Option<Last>,
 }
 
-/// What the truth of the last scan needs.
+/// Data for the truth of the last scan.
 struct Last {
     sequence: Vec<(Pattern, Shot)>,
-    /// The scene during it, and the numbers of the objects that were moved since.
+    /// The scene during the last scan. `moved` lists the objects moved since then, by index.
     scene: Scene,
     moved: Vec<usize>,
 }
@@ -87,8 +87,8 @@ impl Device {
         self.desk.run_until(self.desk.now_ns().saturating_add(ns));
     }
 
-    /// Scans with a sequence of the device, over its port and camera, as a host does: the capture has
-    /// what a host would receive.
+    /// Scans with a sequence of the device, over its port and camera, as a host does, so the
+    /// capture contains only data that a host receives.
     ///
     /// # Errors
     /// Returns an error if the device has no such sequence, or if the scan fails, as it does with
@@ -141,8 +141,8 @@ impl Device {
         Ok(captured)
     }
 
-    /// Returns the request with which another thread ends a scan or a truth early, within a fraction of
-    /// a second; the call returns [`Error::Interrupted`].
+    /// Returns a handle with which another thread ends a scan or the computation of a truth within
+    /// a fraction of a second; the call then returns [`Error::Interrupted`].
     ///
     /// ```
     /// let mut device = phasmid::Device::builder().profile("webcam-grey").scene("plane").build()?;
@@ -194,7 +194,7 @@ impl Device {
         self.profile.nominal_rig()
     }
 
-    /// Returns the truth of the last scan; of a moving scene in the middle of the scan.
+    /// Returns the truth of the last scan; if the scene moves, at the middle of the scan.
     ///
     /// # Errors
     /// Returns an error if there has been no scan.
@@ -205,7 +205,7 @@ impl Device {
     /// Returns the truth of the last scan with the scene in its state at a device time.
     ///
     /// # Errors
-    /// As for [`Self::truth`].
+    /// Same as [`Self::truth`].
     pub fn truth_at(&mut self, time: Duration) -> Result<Truth> {
         let time_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
         self.truth_of(|renderer, sequence| renderer.truth_at(sequence, time_ns))
@@ -215,7 +215,7 @@ impl Device {
     /// `index` counts from 0.
     ///
     /// # Errors
-    /// As for [`Self::truth`], and if the sequence has no such frame.
+    /// Returns the errors of [`Self::truth`], and an error if the sequence has no such frame.
     pub fn frame_truth(&mut self, index: usize) -> Result<Truth> {
         let frames = self.last.as_ref().map_or(0, |last| last.sequence.len());
         if frames > 0 && index >= frames {
@@ -229,7 +229,7 @@ impl Device {
         })
     }
 
-    /// Returns a truth of the last scan, with the objects where they were.
+    /// Returns a truth of the last scan, with the objects at their places during that scan.
     fn truth_of(
         &mut self,
         of: impl FnOnce(&mut Renderer, &[(Pattern, Shot)]) -> Truth,
@@ -250,12 +250,12 @@ impl Device {
         })
     }
 
-    /// Moves an object of the scene; `object` counts from 0 in the scene's order. Position in
-    /// millimetres and rotation in degrees as in the scene's file.
+    /// Moves an object of the scene; `object` counts from 0 in the scene's order. The position is
+    /// in millimetres and the rotation in degrees, as in the scene's file.
     ///
     /// # Errors
-    /// Returns an error if there is no such object or the numbers are not finite; nothing has changed
-    /// then.
+    /// Returns an error if there is no such object or the numbers are not finite; the scene is then
+    /// unchanged.
     ///
     /// ```
     /// let mut device = phasmid::Device::builder().profile("webcam-grey").scene("plane").build()?;
@@ -315,8 +315,8 @@ impl Device {
             .with(|device| device.machine.faults().struck().cloned().collect())
     }
 
-    /// Serves the device on threads of its own: a control port, a frame socket, and what the options
-    /// add. The device ends when the result is dropped.
+    /// Serves the device on threads of its own: a control port, a frame socket, and the links that
+    /// the options add. The device ends when the result is dropped.
     ///
     /// # Errors
     /// Returns an error if the run directory cannot be used, or if the system refuses a port, a socket,
@@ -408,11 +408,11 @@ mod tests {
         let mut position = device.scene().object[0].position_mm;
         position[2] -= 100.0;
         device.place(0, position, [0.0; 3]).unwrap();
-        // Longer than a host waits.
+        // Device time beyond any timeout of a host.
         device.wait(Duration::from_secs(3600));
         let stop = device.stop();
         let serving = device.serve(&ServeOptions::default()).unwrap();
-        // No longer concerns the device.
+        // This handle has no effect on a served device.
         stop.ask();
         let at = serving.endpoints();
         let options = ScanOptions {

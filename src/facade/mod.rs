@@ -1,5 +1,5 @@
-//! The calls of the library's front page: a device in memory, a scanner at its addresses, and what
-//! becomes of their captures.
+//! The calls of the library's front page: a device in memory, a scanner at its addresses, and the
+//! processing of their captures.
 //!
 //! | file | contents |
 //! | --- | --- |
@@ -9,7 +9,7 @@
 //! | `decode` | captures to surfaces, and surfaces compared with the truth |
 //! | `device` | an emulated device in memory |
 //! | `scanner` | a scanner at its addresses |
-//! | `watch` | a camera that is only looked at |
+//! | `watch` | shows a camera's frames without scanning |
 //! | `track` | a patient and a tumour, tracked by the pods of a room |
 
 mod builder;
@@ -39,7 +39,7 @@ pub use track::{
     Pod, SkinPose, TrackOptions, TrackProgress, Tracked, Tracker, TumourPosition, track,
 };
 
-// Values that a program moves between its threads.
+// Check at compile time that programs can move these types between threads.
 const _: fn() = || {
     fn is_send<T: Send>() {}
     is_send::<Device>();

@@ -28,10 +28,10 @@ pub struct ScanOptions {
     pub sequence: Option<String>,
     /// Manifest of the sequence, for a device that does not report it.
     pub manifest: Option<Manifest>,
-    /// Dialect of the control port: a built-in name or the path of a TOML file. `None` for that of
-    /// the `device.json` beside the port, else SCPI.
+    /// Dialect of the control port: a built-in name or the path of a TOML file. `None` selects the
+    /// dialect in the `device.json` beside the port if there is one, else SCPI.
     pub dialect: Option<String>,
-    /// Calibration to use instead of the device's own. Without a noise model it gets the device's.
+    /// Calibration to use instead of the device's own. If it has no noise model, the device's is used.
     pub calibration: Option<Rig>,
     /// How a camera at `/dev/videoN` is read.
     pub driver: CameraDriver,
@@ -78,7 +78,7 @@ type AnyScanner = phasmid_host::Scanner<Box<dyn Camera + Send>, Box<dyn CommandP
 pub struct Scanner {
     scanner: AnyScanner,
     options: phasmid_host::ScanOptions,
-    /// For messages.
+    /// Path of the control port, for messages and to find `device.json`.
     control: PathBuf,
 }
 
@@ -91,10 +91,10 @@ impl fmt::Debug for Scanner {
 }
 
 impl Scanner {
-    /// Connects to the camera and the control port of a device. The camera's address is `/dev/videoN`,
-    /// `socket:PATH` or `tcp:HOST:PORT`, the port's the path of a serial port. A device behind
-    /// `usb:HOST:PORT/BUSID` has its control port there as well; `control` then only tells where to look for
-    /// its `device.json`.
+    /// Connects to the camera and the control port of a device. `camera` is `/dev/videoN`,
+    /// `socket:PATH` or `tcp:HOST:PORT`; `control` is the path of a serial port. If `camera` is
+    /// `usb:HOST:PORT/BUSID`, the USB device provides the control port too, and `control` only
+    /// tells where to look for its `device.json`.
     ///
     /// A free-running camera is stopped; [`Self::finish`] lets it run again.
     ///
@@ -116,7 +116,7 @@ impl Scanner {
     /// [`Self::connect`], and shows the traffic to an observer.
     ///
     /// # Errors
-    /// Returns an error as [`Self::connect`] does.
+    /// Same as [`Self::connect`].
     pub fn observed(
         camera: &str,
         control: impl AsRef<Path>,
@@ -182,8 +182,8 @@ impl Scanner {
         }
     }
 
-    /// Returns captures without checking that their frames follow the sequence, for a caller that does
-    /// so while the next scan is running ([`check_sequence`](crate::decode::check_sequence)).
+    /// Returns captures without checking that their frames follow the sequence, for a caller that checks
+    /// them while the next scan is running ([`check_sequence`](crate::decode::check_sequence)).
     #[must_use]
     pub fn without_checks(self) -> Self {
         Self {
@@ -262,13 +262,13 @@ impl Scanner {
     /// channel.
     ///
     /// # Errors
-    /// Returns an error if the device has no service channel, as no physical one has.
+    /// Returns an error if the device has no service channel, which only emulated devices have.
     pub fn truth(&mut self) -> Result<Truth> {
         let maps = truth_maps(&service_of(&self.control)?)?;
         Truth::from_maps(maps)
     }
 
-    /// Closes the ports and lets a camera run again that was free-running before.
+    /// Closes camera and port; a camera that was free-running before runs again.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -277,11 +277,11 @@ impl Scanner {
     }
 }
 
-/// Returns where the device that is served from a run directory can be reached.
+/// Returns the endpoints of the device that is served from a run directory.
 ///
 /// # Errors
-/// Returns an error if the directory has no `device.json`, or if its device no longer runs: its port may
-/// be another terminal by now.
+/// Returns an error if the directory has no `device.json`, or if the device has ended, because the
+/// name of its port may then belong to another terminal.
 pub(crate) fn endpoints_in(run_dir: &Path) -> Result<Endpoints> {
     let place = run_dir.display();
     let expected = "the run directory of a device that is being served";
@@ -318,7 +318,7 @@ fn is_served(_: &Path) -> bool {
     true
 }
 
-/// Maximum time for an answer on the service channel. Frames in flight are finished first.
+/// Maximum time for an answer on the service channel; the device first finishes frames in flight.
 #[cfg(unix)]
 const ANSWER: Duration = Duration::from_secs(60);
 

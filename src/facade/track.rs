@@ -52,12 +52,12 @@ impl Pod {
         }
     }
 
-    /// Returns its name.
+    /// Returns the pod's name.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Returns its place in the room.
+    /// Returns the pod's place in the room.
     pub fn place(&self) -> RigPlace {
         self.place
     }
@@ -70,7 +70,7 @@ impl Pod {
         self.scanner.finish().map_err(|e| e.at(&self.name))
     }
 
-    /// Scans once, until `ended` is set.
+    /// Scans once; ends early if `ended` is set.
     fn scan(&mut self, ended: &AtomicBool) -> Result<Taken> {
         let mut arrived = Instant::now();
         let capture = self.scanner.scan_with(|progress| {
@@ -114,9 +114,10 @@ pub enum TrackProgress<'a> {
     },
     /// A scan by all pods was evaluated.
     Scan(&'a Tracked),
-    /// The next scan is overdue, or will not come because a pod has failed: the beam is held. Reported
-    /// once for a scan, whatever the number of pods, at the deadline: three times the longest of the last five intervals between scans, and at
-    /// least [`HoldRules::stale_ns`](phasmid_sgrt::HoldRules::stale_ns).
+    /// The next scan is overdue, or will not come because a pod has failed: the beam is held.
+    /// Reported once for a scan, whatever the number of pods, at the deadline: three times the
+    /// longest of the last five intervals between scans, and at least
+    /// [`HoldRules::stale_ns`](phasmid_sgrt::HoldRules::stale_ns).
     Overdue {
         /// Number of the missing scan, from 0.
         scan: u64,
@@ -217,7 +218,7 @@ pub fn track<F: Flow>(
         let scanning = scanning.map_err(|e| Error::device(format!("cannot start thread: {e}")))?;
         let progress: &mut Watch<'_> = &mut |what: TrackProgress<'_>| progress(what).flow();
         let followed = follow(&mut tracker, &taken, options, progress);
-        // End the scan in progress, and the thread at its next send.
+        // End the scan in progress; the closed channel ends the thread at its next send.
         ended.store(true, Ordering::Relaxed);
         drop(taken);
         let scanned = scanning
@@ -311,8 +312,8 @@ fn follow(
     }
 }
 
-/// Waits for the next scan by a pod; `None` if tracking has ended. The beam is held at `due`, which is
-/// then postponed forever, because that is reported once for the scans by all pods.
+/// Waits for the next scan by a pod; `None` if tracking has ended. If `due` passes, holds the beam
+/// and postpones `due` forever, because a missing scan is reported once for all pods.
 fn next(
     tracker: &mut Tracker<'_>,
     scans: &Receiver<Taken>,
@@ -331,7 +332,7 @@ fn next(
             Err(RecvTimeoutError::Timeout) => progress(TrackProgress::Waiting),
             Err(RecvTimeoutError::Disconnected) => {
                 if wanted != Some(tracker.scans()) && *tracker.beam() == Beam::On {
-                    // Tracking ends in any case.
+                    // Tracking ends whatever `progress` returns.
                     let _ = hold(tracker, progress);
                 }
                 return None;
@@ -491,7 +492,7 @@ mod tests {
             _ => ControlFlow::Continue(()),
         });
         ended.unwrap();
-        // On an idle machine 0.2 s.
+        // This takes 0.2 s on an idle machine.
         assert!(broken.unwrap().elapsed() < Duration::from_secs(2));
         let options = TrackOptions {
             scans: Some(1),
@@ -505,12 +506,12 @@ mod tests {
         });
         ended.unwrap();
         assert_eq!(scans.len(), 1);
-        // A plane far from the planned skin.
+        // The scan shows a plane far from the planned skin, so no tumour is located.
         assert_eq!((scans[0].scan, &scans[0].tumour), (0, &None));
         assert!(matches!(scans[0].beam, Beam::Held(_)));
         let lost = |warning: &ScanWarning| matches!(warning, ScanWarning::Lost(_));
         assert!(scans[0].warnings.iter().any(lost), "{scans:?}");
-        // A scan takes longer than that.
+        // A scan takes longer than this limit, which the second scan exceeds.
         let options = TrackOptions {
             scans: None,
             duration: Some(Duration::from_millis(1)),

@@ -15,8 +15,8 @@ const OPENING: Duration = Duration::from_secs(2);
 /// Time between two attempts to open a camera that is gone.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// Opens a camera, and shows its frames to an observer until `flow` breaks. A camera that is gone is opened
-/// again when it is back.
+/// Opens a camera, and shows its frames to an observer until `flow` breaks. A camera that is gone
+/// is reopened when it is back.
 ///
 /// # Errors
 /// Returns an error if the camera cannot be opened the first time.
@@ -58,8 +58,8 @@ pub fn watch_camera(
             Err(why) => {
                 see(&camera, Event::Note(why.to_string()));
                 see(&camera, Event::Unplugged);
-                // A node may come back under another number. Other cameras are closed first: some can be
-                // opened only once.
+                // Keep a camera that can reopen itself, because its node may come back under another
+                // number. Close any other camera first: some can be opened only once at a time.
                 let mut gone = camera.has_gone().then_some(camera);
                 camera = loop {
                     thread::sleep(RETRY);

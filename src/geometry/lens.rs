@@ -163,8 +163,8 @@ impl Lens {
         )
     }
 
-    /// Returns the ideal image point of a distorted one by Newton's method, exact to rounding: the
-    /// one connected to the axis without crossing a fold. NaN if there is none.
+    /// Returns the ideal image point of a distorted one by Newton's method, exact to rounding. A result
+    /// must be connected to the axis without crossing a fold; NaN if there is none.
     pub fn undistort<V: Vector2>(&self, d: V) -> V {
         if !self.is_distorted() {
             return d;

@@ -198,8 +198,8 @@ fn corners(triangle: [u32; 3], vertices: &[DVec3]) -> [DVec3; 3] {
     triangle.map(|i| vertices[i as usize])
 }
 
-/// Returns the bits of a triangle's corners in each shape, rotated so that the lowest of the first
-/// shape come first.
+/// Returns the bits of a triangle's corners in each shape, rotated so that the corner with the lowest
+/// bits in the first shape comes first.
 fn bits<'a>(
     triangle: [u32; 3],
     shapes: &'a [&[DVec3]],

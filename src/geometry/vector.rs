@@ -1,10 +1,10 @@
-//! Points and directions as callers hold them.
+//! The vector types that callers may pass as points and directions.
 
 use glam::{DVec2, DVec3};
 
 /// A point or direction of the plane or an image: `[f64; 2]`.
 pub trait Vector2: Copy {
-    /// The vector of space of the same kind: `[f64; 3]`.
+    /// The 3D vector type of the same kind: `[f64; 3]`.
     type Space: Vector3<Image = Self>;
     #[doc(hidden)]
     fn to_glam(self) -> DVec2;
@@ -14,7 +14,7 @@ pub trait Vector2: Copy {
 
 /// A point or direction of space: `[f64; 3]`.
 pub trait Vector3: Copy {
-    /// The vector of the plane of the same kind: `[f64; 2]`.
+    /// The 2D vector type of the same kind: `[f64; 2]`.
     type Image: Vector2<Space = Self>;
     #[doc(hidden)]
     fn to_glam(self) -> DVec3;
@@ -22,7 +22,7 @@ pub trait Vector3: Copy {
     fn from_glam(v: DVec3) -> Self;
 }
 
-/// Implements both traits for a vector of the plane and one of space.
+/// Implements both traits for a 2D and a 3D vector type.
 macro_rules! vectors {
     ($(#[$hidden:meta])? $two:ty, $three:ty) => {
         $(#[$hidden])?

@@ -1,11 +1,10 @@
 //! Host side of the scanner: connects to any device that provides a camera and a command port, and
 //! runs scans. Devices are addressed by path, socket or host, never by type: the host treats
 //! whatever it opens as a device. The system's monotonic clock is read for two purposes only: to
-//! end waits in time, and to tell frames that a camera took before it was triggered from those it
-//! took after. The crate depends on `phasmid-core`, `phasmid-geometry`, `phasmid-pattern`,
-//! `phasmid-protocol`, `phasmid-v4l2` (feature `v4l2`) and `phasmid-decode`, but not on the
-//! simulated device or the renderer. Applications in radiotherapy build on it elsewhere
-//! (`phasmid-sgrt`).
+//! end waits in time, and to distinguish frames taken before the trigger from later ones. The crate
+//! depends on `phasmid-core`, `phasmid-geometry`, `phasmid-pattern`, `phasmid-protocol`,
+//! `phasmid-v4l2` (feature `v4l2`) and `phasmid-decode`, but not on the simulated device or the
+//! renderer. Radiotherapy applications that use this crate are in `phasmid-sgrt`.
 //!
 //! | module | contents |
 //! | --- | --- |

@@ -1,9 +1,8 @@
 //! Identifies the USB device behind a device node. When plugged in again, a device may get other
-//! nodes (`ttyACM1` for `ttyACM0`, `video2` for `video0`), and its old ones may go to another
-//! device. What stays the same is the device's descriptors and the interface that the node belongs
-//! to.
+//! nodes (`ttyACM1` for `ttyACM0`, `video2` for `video0`), and its old nodes may go to another
+//! device. The device's descriptors, and the interface that a node belongs to, stay the same.
 //!
-//! Linux publishes both in sysfs (Documentation/ABI/stable/sysfs-bus-usb and
+//! Linux publishes descriptors and interfaces in sysfs (Documentation/ABI/stable/sysfs-bus-usb and
 //! testing/sysfs-bus-usb). On systems without sysfs, no node is attributed to a device.
 
 use phasmid_core::error::{Error, Result};
@@ -46,12 +45,12 @@ impl Plug {
         Self::of_node(Path::new(SYSFS), class, Path::new(node))
     }
 
-    /// Returns the node under `/dev` while the device is plugged in.
+    /// Returns the node under `/dev`; `None` if the device is not plugged in.
     fn node(&self) -> Option<PathBuf> {
         self.node_in(Path::new(SYSFS))
     }
 
-    /// Returns the path of the device's node: the path that was given if it still leads there.
+    /// Returns the path of the device's node: `given` if it still leads to that node.
     ///
     /// # Errors
     /// Returns an error if the device is not plugged in.
@@ -89,7 +88,7 @@ impl Plug {
         Some(Path::new("/dev").join(name))
     }
 
-    /// Lists nodes of the same class that may belong to this device, judged by their names.
+    /// Lists the nodes whose class, descriptors, interface and index equal this device's, by name.
     fn all(&self, sysfs: &Path) -> Vec<(PathBuf, Self)> {
         let Ok(entries) = fs::read_dir(sysfs.join(folder(self.class))) else {
             return Vec::new();
@@ -111,7 +110,7 @@ impl Plug {
             == (&other.device, &other.interface, &other.index)
     }
 
-    /// Reads what sysfs says of a node; `None` if it disappears meanwhile.
+    /// Reads a node's entry in sysfs; `None` if it disappears meanwhile.
     fn read(sysfs: &Path, class: &'static str, name: &Path) -> Option<Self> {
         let entry = sysfs.join(folder(class)).join(name);
         let lowest = fs::canonicalize(entry.join("device")).ok()?;
@@ -185,7 +184,7 @@ mod tests {
             fs::write(path, text).unwrap();
         }
 
-        /// Plugs in a device with a camera (two nodes) at interface 0 and a port at interface 2.
+        /// Plugs in a device with a camera (two nodes) at interface 0 and a serial port at interface 2.
         fn plug(&self, place: &str, serial: &str, video: [&str; 2], tty: &str) {
             let device = format!("devices/usb1/{place}");
             self.put(&format!("{device}/idVendor"), "1209\n");
@@ -254,7 +253,8 @@ mod tests {
             "USB device 1209:0001 with serial number 0001"
         );
         fake.unplug("1-1", &["video0", "video1", "ttyACM0"]);
-        // Neither the other device nor one that gets the old node names may be taken for it.
+        // Neither the twin device nor a device that gets the old node names may be taken for the
+        // first one.
         assert_eq!((fake.node(&port), fake.node(&camera)), (None, None));
         fake.plug("1-1", "0003", ["video0", "video1"], "ttyACM0");
         assert_eq!((fake.node(&port), fake.node(&camera)), (None, None));

@@ -1,5 +1,5 @@
-//! The system's monotonic clock, which V4L2 uses for frame timestamps; and bounded waits, in system time or
-//! in a simulated device's virtual time.
+//! The system's monotonic clock, which V4L2 uses for frame timestamps; and bounded waits, in system
+//! time or in a simulated device's virtual time.
 
 use super::CommandPort;
 use phasmid_core::error::{Error, Result};
@@ -23,9 +23,9 @@ pub fn monotonic_ns() -> u64 {
     0
 }
 
-/// The remaining time of a wait. If the port returns nothing, it has used all the time it was
-/// given, by its own clock: an in-memory device lets virtual time pass and returns at once. If the
-/// port returns data, it has used the time measured by the system clock.
+/// The remaining time of a wait. A receive that returns no data counts as having used all the time
+/// it was given, because an in-memory device lets virtual time pass and returns at once. A receive
+/// that returns data counts with the time measured by the system clock.
 pub(super) struct Deadline {
     left: Duration,
 }
@@ -35,7 +35,7 @@ impl Deadline {
         Self { left }
     }
 
-    /// Limits the remaining wait to `most`, when nothing is expected that is worth a longer wait.
+    /// Limits the remaining wait to `most`.
     pub(super) fn shorten(&mut self, most: Duration) {
         self.left = self.left.min(most);
     }

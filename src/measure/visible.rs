@@ -6,7 +6,7 @@ use glam::DVec3;
 use phasmid_geometry::{Cloud, Mesh, MeshTree, Rig, View};
 use rayon::prelude::*;
 
-/// Angle of incidence in degrees from which a ray measures nothing.
+/// Minimum angle of incidence in degrees at which a ray measures nothing.
 pub const GRAZING_DEG: f64 = 80.0;
 
 /// Margin at both ends of an occlusion ray, relative to its length, so that the surface it starts

@@ -1,5 +1,5 @@
-//! The one type of grey image: what a decoder takes and a camera's frame becomes when it is received. A
-//! view borrows one, or samples that another program owns.
+//! The grey image: received camera frames are stored in this type, and the decoder reads it. A view
+//! borrows an image, or samples that another program owns.
 
 use phasmid_core::error::{Error, Result};
 
@@ -247,7 +247,7 @@ impl<'a> From<&'a [u16]> for SamplesView<'a> {
     }
 }
 
-/// A borrowed [`Image`], or samples in memory that is not one.
+/// A borrowed [`Image`], or borrowed samples in other memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImageView<'a> {
     width: usize,

@@ -101,7 +101,7 @@ impl Pattern {
     }
 
     /// Returns all bits of a Gray code, the most significant first. With `half_cell`, the finest bit of
-    /// the code of half as wide cells follows, which finds the order where two cells meet. With
+    /// the code with cells half as wide follows; it determines the order where two cells meet. With
     /// `inverted`, each bit is followed by its inverse.
     ///
     /// ```

@@ -73,8 +73,8 @@ pub enum Written {
         /// Whether each bit is followed by its inverse.
         #[serde(default)]
         inverted: bool,
-        /// Whether the finest bit of the code of half as wide cells follows, which finds the order where
-        /// two cells meet.
+        /// Whether the finest bit of the code with cells half as wide follows; it determines the order
+        /// where two cells meet.
         #[serde(default)]
         half_cell: bool,
     },
@@ -231,7 +231,7 @@ impl TryFrom<Written> for Patterns {
     }
 }
 
-/// Checks one pattern; an error is the field's name, what was found and what is allowed.
+/// Checks one pattern; an error consists of the field's name, the value found and the allowed values.
 fn check(pattern: &Pattern) -> Result<(), (&'static str, String, String)> {
     let refuse = |name, found: &dyn std::fmt::Display, allowed: &str| {
         Err((name, found.to_string(), allowed.to_string()))

@@ -116,7 +116,7 @@ impl Organs {
         let height = |(at, top): ([f64; 2], f64)| {
             let u = (x.x / self.across - at[0]) / 66.0;
             let v = (x.y / self.across - at[1]) / 78.0;
-            // It descends deeper to the recess at the back wall than in front.
+            // The dome descends deeper to the recess at the back wall than in front.
             (top - 34.0 * u * u - if v > 0.0 { 52.0 } else { 30.0 } * v * v) * self.scale
         };
         let [right, left] = DOMES.map(height);

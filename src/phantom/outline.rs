@@ -101,7 +101,8 @@ const UPPER_CAP: f64 = 0.02;
 const HIPS: f64 = -0.16;
 const NOTCH: f64 = 0.122;
 
-/// Range of the layer's scale: skin with the thinnest fat, and more than anyone lying on a couch.
+/// Allowed scale of the layer: from skin with the thinnest fat to more than that of any patient on a
+/// couch.
 const LAYER_MM: [f64; 2] = [1.5, 70.0];
 
 /// Area of |x/a|^2.5 + |y/b|^2.5 <= 1 relative to its bounding box: gamma(1.4)^2 / gamma(1.8).
@@ -115,7 +116,7 @@ pub(super) struct Outline {
     /// Distances of front and back from the axis, over z.
     pub(super) front: Spline,
     pub(super) back: Spline,
-    /// The same for bone and muscle.
+    /// Half width, front and back distance of bone and muscle, over z.
     pub(super) core: [Spline; 3],
     /// Scale of the layer over the core.
     pub(super) layer_mm: f64,
@@ -214,7 +215,8 @@ impl Outline {
         )
     }
 
-    /// The same for bone and muscle.
+    /// Returns the distance of bone and muscle from the axis, before the ends are rounded, in
+    /// millimetres.
     pub(super) fn core_radius(&self, sin: f64, cos: f64, z: f64) -> f64 {
         radius([0, 1, 2].map(|i| self.core[i].at(z)), sin, cos)
     }

@@ -128,7 +128,7 @@ impl Profile {
         })
     }
 
-    /// Sets what is absent and follows from other fields.
+    /// Fills in absent fields whose values follow from other fields.
     fn settle(&mut self, source: &TomlSource) {
         if self.identity.model.is_empty() {
             self.identity.model.clone_from(&self.name);
@@ -195,7 +195,7 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
         ("identity.serial", &p.identity.serial),
         ("identity.firmware", &p.identity.firmware),
     ] {
-        // An absent model is the name.
+        // An absent model equals the profile's name, which is checked above.
         if check.source.has(field) {
             check.section(|check| check_identity(text, field, check));
         }
@@ -210,7 +210,7 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
     for (i, s) in p.sequence.iter().enumerate() {
         let is_valid =
             check.section(|check| sequence::check(s, i, (&p.camera, &p.projector), check));
-        // All default sequences have one period.
+        // All default sequences have the same period, so report its error only once.
         if !is_valid && !check.source.has(&format!("sequence[{i}]")) {
             break;
         }
@@ -256,7 +256,7 @@ position_mm = [150.0, 0.0, 0.0]
         let [sequence, both] = &profile.sequence[..] else {
             panic!("{:?}", profile.sequence)
         };
-        // 4 fringes, 54 of them across 854 columns, so 6 bits, the half-cell bit, white and black.
+        // 4 fringe steps; 6 bits for 54 periods across 854 columns; the half-cell bit; white and black.
         assert_eq!(sequence.frame.len(), 4 + 6 + 1 + 2);
         assert_eq!(sequence.period_us, 33_333.0);
         assert_eq!(both.frame.len(), (4 + 6 + 1) + (4 + 5 + 1) + 2);
@@ -360,7 +360,8 @@ frame = [{ pattern = { kind = \"fringe-set\", axis = \"x\", period_px = 16, step
     #[test]
     fn errors_name_what_the_user_wrote() {
         let errors = |text: &str| Profile::parse(text, "m.toml").unwrap_err().to_string();
-        // Neither the gain that follows from the well nor the model that follows from the name.
+        // The errors do not mention the gain, which follows from the full well, nor the model, which
+        // follows from the name.
         let text = format!("{LEAST}[camera.sensor]\nfull_well_e = 0\n").replace("least", "a,b");
         let message = errors(&text);
         assert_eq!(message.lines().count(), 2, "{message}");

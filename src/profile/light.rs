@@ -75,7 +75,7 @@ impl Ambient {
 }
 
 impl Light {
-    /// Returns whether it emits any light.
+    /// Returns whether the lamp emits any light.
     #[inline]
     pub fn is_on(&self) -> bool {
         match *self {

@@ -23,7 +23,7 @@ pub struct Motion {
     /// Period in seconds after which the keyframes repeat without a discontinuity.
     #[serde(default)]
     pub period_s: Option<f64>,
-    /// At least two, in ascending order of time, spanning less than a period.
+    /// At least two keyframes, in ascending order of time, spanning less than a period.
     pub keyframes: Vec<Keyframe>,
 }
 
@@ -53,7 +53,7 @@ pub struct Deform {
     /// Period in seconds after which the keyframes repeat without a discontinuity.
     #[serde(default)]
     pub period_s: Option<f64>,
-    /// At least two, in ascending order of time, spanning less than a period.
+    /// At least two keyframes, in ascending order of time, spanning less than a period.
     pub keyframes: Vec<MeshKeyframe>,
 }
 

@@ -54,8 +54,8 @@ impl Document {
         }
     }
 
-    /// Returns the JSON Schema, draft 7, of files of this kind. It knows fields, types and names, but
-    /// not the ranges of numbers. Files that may extend another lack no field.
+    /// Returns the JSON Schema, draft 7, of files of this kind. The schema states fields, types and
+    /// names, but not the ranges of numbers. Files that may extend another have no required fields.
     pub fn schema(self) -> String {
         let schema = match self {
             Self::Profile => of::<Profile>(),

@@ -18,8 +18,8 @@ const PROFILE: [&str; 8] = [
 /// Sections of a scene that can be set.
 const SCENE: [&str; 5] = ["rig", "ambient", "light", "interreflection", "object"];
 
-/// Settings of a profile and of a scene. The first key tells which: no profile and
-/// scene have one in common.
+/// Settings of a profile and of a scene. The first key of a setting selects the document, because
+/// profiles and scenes have no first key in common.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Settings {
     pub(super) profile: Vec<Setting>,

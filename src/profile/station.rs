@@ -193,7 +193,7 @@ impl Station {
 }
 
 impl StationDevice {
-    /// Returns the pose of its rig in the scene, if it sets one.
+    /// Returns the pose of the device's rig in the scene, if it is set.
     pub fn rig(&self) -> Option<RigPlace> {
         (self.position_mm.is_some() || self.rotation_deg.is_some()).then(|| RigPlace {
             position_mm: self.position_mm.unwrap_or_default(),

@@ -16,7 +16,7 @@ pub struct Usb {
     pub product_id: u16,
     /// Release of the device, binary coded decimal: 0x0100 is 1.00.
     pub release_bcd: u16,
-    /// Speed of its link.
+    /// Speed of the USB link.
     pub speed: Speed,
     /// Maximum current draw in milliamperes.
     pub max_power_ma: u32,

@@ -1,9 +1,9 @@
 //! Embedded data line: a row above the image that identifies the frame, like the embedded data rows
 //! of CMOS sensors, for links that cannot carry metadata next to the pixels.
 //!
-//! 32 bytes, little-endian, one pixel per bit, most significant first: dark for 0, bright for 1, so
-//! that luma conversion, limited range or a slight contrast change do not corrupt them. The rest of
-//! the row is dark.
+//! The line holds 32 bytes, little-endian, one pixel per bit, most significant first. A dark pixel
+//! is 0 and a bright one 1, so luma conversion, limited range or a slight contrast change corrupts
+//! no bit. The rest of the row is dark.
 //!
 //! | offset | bytes | field |
 //! | --- | --- | --- |
@@ -119,8 +119,8 @@ fn encode(frame: &Frame) -> [bool; 8 * LEN] {
     std::array::from_fn(|i| bytes[i / 8] >> (7 - i % 8) & 1 == 1)
 }
 
-/// Returns the first row's bits, thresholded midway between its darkest and brightest pixel; `None`
-/// if these are too close for a line. The bit depth of a Y16 sensor is unknown here.
+/// Returns the first row's bits, thresholded midway between its darkest and brightest pixel,
+/// because the bit depth of a Y16 sensor is unknown here; `None` if these two levels are too close.
 fn read_bits(frame: &Frame) -> Option<[u8; LEN]> {
     let mut levels = [0u16; 8 * LEN];
     frame.format.unpack_row(&frame.data, &mut levels);

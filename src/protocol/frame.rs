@@ -169,7 +169,7 @@ impl Frame {
                     ..self
                 }
             }
-            // These are Y16 by another name.
+            // Y10 and Y12 have the layout of Y16.
             PixelFormat::Y10 | PixelFormat::Y12 => Self {
                 format: PixelFormat::Y16,
                 ..self

@@ -1,6 +1,6 @@
-//! A frame on the frame socket: a header of 72 bytes, little-endian, then the pixels. Lines
-//! of [`crate::admission`] may come before the first frame, otherwise the socket carries nothing
-//! else; the device sends, the application receives.
+//! A frame on the frame socket: a header of 72 bytes, little-endian, then the pixels. The device
+//! sends and the application receives. Only lines of [`crate::admission`] may come before the first
+//! frame, and after it the socket carries nothing but frames.
 //!
 //! | offset | bytes | field |
 //! | --- | --- | --- |
@@ -16,7 +16,7 @@
 //! | 40 | 8 | end of the exposure, nanoseconds of device time |
 //! | 48 | 8 | length of the payload: width * height * bytes per pixel |
 //! | 56 | 4 | CRC-32 (IEEE 802.3) of the payload |
-//! | 60 | 4 | flags: 1 in the replay of a camera whose frames do not say which they are, else 0 |
+//! | 60 | 4 | flags: 1 in the replay of a camera that does not identify its frames, else 0 |
 //! | 64 | 4 | reserved, 0 |
 //! | 68 | 4 | CRC-32 of the 68 bytes before |
 //!

@@ -1,4 +1,4 @@
-//! Data that goes to the passes on a GPU and that they return, the same in builds without the feature
+//! Input and output of the passes on a GPU. The types also exist in builds without the feature
 //! `gpu`.
 
 use crate::exposure::{Optics, Table};
@@ -20,7 +20,7 @@ pub struct Adapter {
     pub kind: &'static str,
     /// Driver name and version.
     pub driver: String,
-    /// Whether it is hardware rather than software.
+    /// Whether the adapter is hardware; `false` for software.
     pub hardware: bool,
 }
 

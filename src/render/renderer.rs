@@ -1,8 +1,9 @@
 //! Renderer of one camera in front of one scene: runs the passes that a shot needs.
 //!
-//! `indirect` chooses how indirect light is gathered, `interpolation` interpolates between the instants in `keys`, `news` opens the GPU and keeps notes for the
-//! user, `pending` submits frames to the CPU or GPU, `time` divides an exposure of a moving scene into
-//! instants, `change` moves objects at run time, and `truth` computes ground truth.
+//! `indirect` chooses the settings for indirect light, `interpolation` interpolates between the
+//! instants in `keys`, `news` opens the GPU and keeps notes for the user, `pending` submits frames
+//! to the CPU or GPU, `time` divides an exposure of a moving scene into instants, `change` moves
+//! objects at run time, and `truth` computes ground truth.
 
 mod change;
 mod indirect;
@@ -204,13 +205,13 @@ impl Renderer {
         self.tables.clear();
     }
 
-    /// Returns the request with which another thread ends rendering early. Frames and truths that are
-    /// rendered while it is asked for are invalid.
+    /// Returns the request with which another thread ends rendering early. Frames and truths
+    /// rendered while the request stands are invalid.
     pub fn stop(&self) -> Stop {
         self.worlds.stop.clone()
     }
 
-    /// Replaces the request by a new one; earlier copies no longer concern this renderer.
+    /// Replaces the request by a new one; copies of the old one no longer affect this renderer.
     pub fn renew_stop(&mut self) {
         self.worlds.stop = Stop::default();
     }

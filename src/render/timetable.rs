@@ -3,9 +3,9 @@
 //!
 //! A row of a rolling shutter integrates from its own start, so a pattern that starts before the
 //! last row has ended leaks into the lower rows in proportion to the shared time. With pattern
-//! timing this applies to all rows. Dark time next to a pattern needs no separate pass: ambient
-//! light is the same, so its duration is merged into the pattern's with the projector light reduced
-//! accordingly.
+//! timing this applies to all rows. Dark time next to a pattern needs no separate pass, because
+//! ambient light is the same then: the duration is added to the pattern's, and the projector light
+//! is reduced accordingly.
 
 use super::exposure::Flicker;
 use super::{Plan, Term};
@@ -35,7 +35,8 @@ pub(super) struct Line {
 pub(super) struct Part {
     /// Index into the visible pattern images.
     pub(super) table: usize,
-    /// Time in seconds that it is seen, and the projector's light relative to full.
+    /// Time in seconds for which the pattern image is seen, and the projector's light relative to
+    /// full.
     pub(super) exposure: [f32; 2],
 }
 

@@ -11,9 +11,9 @@ use std::path::Path;
 const UNIT_MM: f32 = 0.1;
 
 impl Truth {
-    /// Writes the maps as an archive of NumPy arrays (`numpy.load`) named as the fields: float32 of
-    /// shape (height, width), `point_mm` and `normal` of shape (height, width, 3), `object` as uint16
-    /// and `flags` as uint8. A file of the name is replaced.
+    /// Writes the maps as an archive of NumPy arrays (`numpy.load`) named like the fields: float32
+    /// of shape (height, width), `point_mm` and `normal` of shape (height, width, 3), `object` as
+    /// uint16 and `flags` as uint8. An existing file is replaced.
     ///
     /// # Errors
     /// Returns the system's error.
@@ -47,8 +47,8 @@ impl Truth {
         replace(path, |out| npz::write(out, arrays))
     }
 
-    /// Writes the depth as a greyscale PNG of 16 bits in units of 0.1 mm; 0 where there is none or it
-    /// exceeds 6553.5 mm. A file of the name is replaced.
+    /// Writes the depth as a greyscale PNG of 16 bits in units of 0.1 mm; 0 if it is missing or
+    /// exceeds 6553.5 mm. An existing file is replaced.
     ///
     /// # Errors
     /// Returns the system's error.

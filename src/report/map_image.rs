@@ -11,7 +11,7 @@ const PAPER: [u8; 3] = [255; 3];
 const INK: [u8; 3] = [32, 32, 36];
 /// Colour of a pixel without a value, which is on neither scale.
 const INVALID: [u8; 3] = [112; 3];
-/// Fraction of the values beyond the bar from which the legend has an entry for them.
+/// Minimum fraction of values beyond the bar for which the legend has an entry.
 const BEYOND: f32 = 0.005;
 
 /// A map of values, row-major; NaN where invalid. Missing values at the end count as NaN.
@@ -110,8 +110,8 @@ impl Map<'_> {
         })
     }
 
-    /// Returns a colour and its meaning for pixels without a value, and for values beyond the bar if they
-    /// are more than a few.
+    /// Returns the legend's colours and texts: for pixels without a value, and for values beyond the
+    /// bar if there are more than a few.
     fn legend(&self, low: f32, high: f32, scale: &Scale) -> Vec<([u8; 3], String)> {
         let pixels = self.width as usize * self.height as usize;
         let known = self.values.iter().take(pixels).filter(|v| !v.is_nan());

@@ -66,8 +66,8 @@ impl<'a> Stopwatch<'a> {
         seconds.fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the seconds per frame. `run(n)` makes `n` frames; a round has at most `frames` of them, and
-    /// no more than take [`ROUND_S`].
+    /// Returns the seconds per frame. `run(n)` makes `n` frames; a round has at most `frames` frames
+    /// and takes about [`ROUND_S`] at most.
     pub fn seconds_a_frame(self, frames: usize, mut run: impl FnMut(usize)) -> f64 {
         // The first run includes one-time preparation; the second shows how many frames fit in a round.
         run(1);

@@ -35,7 +35,7 @@ impl Sight {
     /// Decodes as many pixels of a scan as tracking needs ([`PIXELS`]) and adds at most `most` of its
     /// points to `measured`.
     ///
-    /// Frames that do not follow their sequence add no points; how they depart from it is returned. Set
+    /// Frames that do not follow their sequence add no points; the difference is returned. Set
     /// `identified` if the link identifies each frame. All scans must have the sequence and
     /// calibration of the first.
     ///

@@ -31,7 +31,7 @@ pub enum Warning {
     },
     /// Too little of the region of interest has been measured.
     Coverage {
-        /// Fraction of its area that is measured.
+        /// Fraction of the region's area that is measured.
         share: f64,
     },
     /// Another pose fits nearly as well.
@@ -120,7 +120,7 @@ pub enum ScanWarning {
     Rejected {
         /// Name of the pod.
         pod: String,
-        /// How the frames depart from the sequence.
+        /// How the frames differ from the sequence.
         why: FrameDoubt,
     },
     /// The fit on which the beam depends is unreliable.

@@ -1,4 +1,5 @@
-//! Calibration boards before a device within the process: what a calibration keeps of each.
+//! Calibration boards in front of an emulated device in this process, and the data that a calibration
+//! keeps from each.
 
 use super::scanned::Stage;
 use phasmid_calibrate::board::{BoardImage, NotFound};
@@ -9,15 +10,15 @@ use phasmid_geometry::{Board, Pose};
 use phasmid_profile::{Profile, Scene, Shape};
 use phasmid_render as render;
 
-/// Reflectance of the board's paper and of the ink on it, as `phasmid calibrate` has them.
+/// Reflectance of the board's paper and ink, as in `phasmid calibrate`.
 const PAPER: f64 = 0.45;
 const INK: f64 = 0.06;
 
-/// A board in one pose before a device whose first sequence tells both axes: what a calibration
-/// keeps of it, or why it was not found.
+/// Shows a board in one pose to a device whose first sequence encodes both axes. Returns the data that
+/// a calibration keeps, or the reason why the board was not found.
 ///
 /// # Errors
-/// A profile that cannot be rendered or whose sequence cannot be decoded.
+/// Returns an error if the profile cannot be rendered or its sequence cannot be decoded.
 pub fn shown_to(
     profile: &Profile,
     board: &Board,
@@ -38,10 +39,10 @@ pub fn shown_to(
     seen_in(&scene, profile, board, name, seed)
 }
 
-/// The same of a board that lies in a scene.
+/// Like [`shown_to`], for a board in a scene.
 ///
 /// # Errors
-/// As for [`shown_to`].
+/// Returns the errors of [`shown_to`].
 pub fn seen_in(
     scene: &Scene,
     profile: &Profile,
@@ -56,7 +57,7 @@ pub fn seen_in(
         noise: Some(noise),
         ..Options::default()
     };
-    // Without a rig: no points are triangulated here.
+    // Remove the rig, because no points are triangulated here.
     let uncalibrated = Capture {
         calibration: None,
         ..scanned

@@ -1,44 +1,45 @@
-//! A calibration of an emulated device held against the truth, which only such a device has.
+//! Compares a calibration of an emulated device with the truth, which is known only for emulated
+//! devices.
 
 use phasmid_calibrate::solve::{Solution, chi_square_bound};
 use phasmid_geometry::{Pose, Rig, View};
 use serde::Serialize;
 
-/// How far a calibration is from the truth, as `truth.json` holds it.
+/// Errors of a calibration, as in `truth.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Truth {
     /// Squared Mahalanobis distance of lenses, rig and all poses together.
     pub mahalanobis_squared: f64,
-    /// Parameters in it.
+    /// Number of parameters in this distance.
     pub degrees_of_freedom: usize,
-    /// What a chi-square variable of as many degrees of freedom stays below in 99 of 100 cases.
+    /// The 99 % quantile of the chi-square distribution with this number of degrees of freedom.
     pub bound_99: f64,
     /// Whether the distance is below the bound.
     pub within_bound: bool,
     /// The parameters of lenses and rig, one by one.
     pub parameters: Vec<Difference>,
-    /// The largest distance of a board's middle from where it was shown, in millimetres.
+    /// Largest distance, in millimetres, of a board's middle from its true position.
     pub largest_pose_error_mm: f64,
-    /// The largest angle between a board and how it was shown, in degrees.
+    /// Largest angle, in degrees, between the estimated and the true pose of a board.
     pub largest_pose_error_deg: f64,
 }
 
-/// One number as it was estimated and as it is.
+/// An estimated number and its true value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Difference {
-    /// What it is.
+    /// Name of the parameter.
     pub name: String,
-    /// `px`, `mm`, `deg` or nothing.
+    /// `px`, `mm`, `deg`, or empty.
     pub unit: &'static str,
-    /// The truth.
+    /// True value.
     pub truth: f64,
     /// Estimated minus true.
     pub error: f64,
 }
 
 impl Truth {
-    /// Compares a solution with the true rig and the poses in which boards were shown
-    /// (`camera_from_board`, in the order in which the solver was given its poses).
+    /// Compares a solution with the true rig and the true poses of the boards (`camera_from_board`, in
+    /// the order of the solver's input).
     pub fn new(solution: &Solution, rig: &Rig, shown: &[Pose]) -> Self {
         let used: Vec<Pose> = solution
             .poses
@@ -64,7 +65,8 @@ impl Truth {
     }
 }
 
-/// The angle of the turn from one pose to another, by the sine of its half: exact where it is small.
+/// Returns the angle of the rotation between two poses, from the sine of half the angle: precise for
+/// small angles.
 fn angle_deg(a: &Pose, b: &Pose) -> f64 {
     let off = a.rotation - b.rotation;
     // |A - B| (Frobenius) = 2 sqrt(2) sin(angle / 2).

@@ -1,6 +1,6 @@
-//! A whole device in memory with camera and port as an application opens them, on a virtual clock:
-//! who waits for a frame or a reply lets device time pass, up to the timeout and no further, and
-//! gets what came by then. So nothing takes longer than its computing, and every run is the same.
+//! A complete device in memory, with camera and port as an application opens them, on a virtual clock.
+//! Waiting for a frame or a reply advances device time until it arrives, or up to the timeout. So a run
+//! takes only its computing time, and is reproducible.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_device::{Bench, Device, FrameSink, State};
@@ -13,35 +13,36 @@ use std::time::Duration;
 /// How frames reach the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Link {
-    /// With identity beside the pixels, as over the frame socket.
+    /// Frames with identity beside the pixels, as over the frame socket.
     Identified,
-    /// Without, as over V4L2: a frame has a count and no more.
+    /// Frames without identity, as over V4L2: frames are only counted.
     Anonymous,
 }
 
-/// Frames that wait for the host; more are lost, the oldest first.
+/// Maximum number of frames that wait for the host; beyond it, the oldest are lost.
 const QUEUE: usize = 64;
-/// Steps at one moment of device time; a device that wants more hangs, and time goes on.
+/// Maximum number of steps at one device time; beyond it the device counts as hanging, and time
+/// advances.
 const STEPS: u32 = 1000;
 
-/// A device with camera and port, and its clock. Clones are the same device.
+/// A device with camera, port and clock. Clones share the device.
 #[derive(Clone)]
 pub struct Desk(Arc<Mutex<OnDesk>>);
 
 struct OnDesk {
     bench: Bench<Queue>,
     replies: VecDeque<u8>,
-    /// The port has not gone since it was opened.
+    /// Whether the port has stayed connected since it was opened.
     plugged: bool,
 }
 
 /// Frames on their way to the host.
 struct Queue {
     link: Link,
-    /// Somebody has the camera open.
+    /// Whether the camera is open.
     attended: bool,
     frames: VecDeque<Frame>,
-    /// Frames that the link has carried.
+    /// Number of frames that the link has carried.
     carried: u64,
 }
 
@@ -88,7 +89,7 @@ impl Desk {
         })))
     }
 
-    /// Opens the camera: from now on somebody reads.
+    /// Opens the camera; frames are delivered from now on.
     pub fn camera(&self) -> DeskCamera {
         self.lock().bench.sink.attended = true;
         DeskCamera(self.clone())
@@ -115,7 +116,7 @@ impl Desk {
         self.lock().bench.run_until(ns);
     }
 
-    /// Does something with the device.
+    /// Calls a function with the device.
     pub fn with<T>(&self, then: impl FnOnce(&mut Device) -> T) -> T {
         then(self.lock().bench.device_mut())
     }
@@ -131,15 +132,15 @@ impl Desk {
         )
     }
 
-    /// Locks the desk. A thread that died while it held the lock has not left the device half
-    /// changed.
+    /// Locks the desk. The lock may be poisoned by a panicked thread; the device's state is still
+    /// consistent.
     fn lock(&self) -> MutexGuard<'_, OnDesk> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl OnDesk {
-    /// Lets what is due happen.
+    /// Processes all events that are due.
     fn step(&mut self) {
         self.bench.run_until(self.bench.now_ns());
         self.replies.extend(self.bench.take_output());
@@ -149,7 +150,7 @@ impl OnDesk {
         }
     }
 
-    /// Lets time pass until something has come, as `come` says, or the timeout is over.
+    /// Advances time until `come` returns true or the timeout is over.
     fn wait(&mut self, timeout: Duration, come: impl Fn(&Self) -> bool) {
         let wait_ns = u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX);
         let end_ns = self.bench.now_ns().saturating_add(wait_ns);
@@ -171,7 +172,7 @@ impl OnDesk {
     }
 }
 
-/// The camera's end.
+/// The host's end of the camera.
 pub struct DeskCamera(Desk);
 
 impl Drop for DeskCamera {
@@ -192,7 +193,7 @@ impl Camera for DeskCamera {
         if desk.bench.sink.frames.is_empty() {
             desk.wait(timeout, |desk| !desk.bench.sink.frames.is_empty());
         }
-        // A frame that was being rendered then is invalid.
+        // If rendering was stopped meanwhile, the frame is invalid.
         desk.bench.device_mut().renderer.stop().check()?;
         Ok(desk.bench.sink.frames.pop_front())
     }
@@ -202,7 +203,7 @@ impl Camera for DeskCamera {
     }
 }
 
-/// The port's end.
+/// The host's end of the port.
 pub struct DeskPort(Desk);
 
 fn gone() -> Error {

@@ -4,7 +4,7 @@ use glam::DVec2;
 use phasmid_core::philox::philox;
 use std::f64::consts::TAU;
 
-/// Numbers that depend on nothing but seed, stream and index.
+/// Random numbers that depend only on seed, stream and index.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Draws {
     key: [u32; 2],

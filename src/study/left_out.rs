@@ -1,5 +1,5 @@
-//! `left-out`: what the plan leaves out of image formation for each device and scene, what that saves,
-//! and whether it changes a byte.
+//! Study `left-out`: the terms of image formation that the plan omits for each device and scene, the
+//! time that this saves, and whether it changes any byte.
 
 use crate::timing::Timing;
 use phasmid_core::error::Result;
@@ -28,11 +28,11 @@ const SCENES: [&str; 6] = [
     "torso",
     "treatment-room",
 ];
-/// Profiles and scenes of the quick form, the first of each list.
+/// Number of profiles and scenes in the quick form, from the start of each list.
 const QUICK: (usize, usize) = (2, 2);
-/// Frames of a sequence that are compared byte by byte, and timed.
+/// Number of frames of a sequence that are compared byte by byte and timed.
 const COMPARED: usize = 3;
-/// The passes that are timed; the exposure and the sensor pass run as one.
+/// The timed passes and their columns; the exposure and the sensor pass run as one.
 const PASSES: [(Pass, [&str; 2]); 2] = [
     (Pass::Geometry, ["geometry_ns", "geometry_all_ns"]),
     (Pass::Exposure, ["frame_ns", "frame_all_ns"]),

@@ -1,5 +1,5 @@
-//! What needs both halves: scans scored against the truth, reports about them, and the studies
-//! ([`ALL`]) whose tables and plots anyone can make again.
+//! Everything that needs device side and host side: scans scored against the truth, reports about them,
+//! and the studies ([`ALL`]), whose tables and plots anyone can reproduce.
 
 pub mod acceptance;
 pub mod boards;
@@ -31,7 +31,7 @@ use sgrt::Sgrt;
 use stability::Stability;
 use work_precision::WorkPrecision;
 
-/// All studies, in the order in which a report has them.
+/// All studies, in the order of the report.
 pub const ALL: &[&dyn Study] = &[
     &Paper,
     &WorkPrecision,

@@ -1,4 +1,4 @@
-//! What a demo leaves behind: pictures of depth and error, and figures.
+//! The output of a demo: images of depth and error, and figures.
 
 use super::score::{Score, depth_errors};
 use image::{GrayImage, Rgb, RgbImage};
@@ -13,45 +13,45 @@ use serde::Serialize;
 use std::fmt;
 use std::path::Path;
 
-/// The pictures that [`write_images`] makes.
+/// File names of the images that [`write_images`] makes.
 pub const PICTURES: [&str; 3] = ["depth.png", "error.png", "overview.png"];
 
-/// The figures of a demo, as `summary.json` holds them.
+/// Results of a demo, as in `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// `phasmid demo` and its version: marks a folder as a demo's.
     pub made_by: String,
     /// `*IDN?` of the device.
     pub device: String,
-    /// Profile as it was chosen.
+    /// Profile as given on the command line.
     pub profile: String,
-    /// Scene as it was chosen.
+    /// Scene as given on the command line.
     pub scene: String,
-    /// Whether the truth was written as well.
+    /// Whether the truth was written to the folder too.
     pub truth: bool,
     /// Seed of the noise.
     pub seed: u64,
     /// Whether the sensor's noise was on.
     pub noise: bool,
-    /// `factory` if the scan was measured with the calibration that the device reports, with its
-    /// errors; `exact` if that was the exact rig.
+    /// `factory` if the decoder used the calibration that the device reports, including its errors;
+    /// `exact` if it used the exact rig.
     pub calibration: &'static str,
     /// Median standard deviation of depth that the calibration causes, in mm; `None` if it is exact.
     pub calibration_sigma_mm: Option<f32>,
-    /// Frames captured.
+    /// Number of captured frames.
     pub frames: usize,
     /// Errors against the truth.
     #[serde(flatten)]
     pub score: Score,
-    /// Pixels left out of the cloud, by reason.
+    /// Number of pixels rejected from the cloud, by reason.
     pub masked: Vec<(&'static str, usize)>,
-    /// Seconds from the start of the program to a device that can be reached.
+    /// Seconds from the start of the program until the device is ready.
     pub start_s: f64,
-    /// Seconds that the device spent on rendering the frames, most of them within `capture_s`.
+    /// Seconds that the device spent rendering the frames, mostly within `capture_s`.
     pub render_s: f64,
     /// Seconds from opening the device to the last frame, with rendering and transfer.
     pub capture_s: f64,
-    /// Seconds from frames to points.
+    /// Seconds for decoding frames to points.
     pub decode_s: f64,
     /// Seconds for the truth and the comparison with it.
     pub compare_s: f64,
@@ -174,7 +174,7 @@ pub fn overview(frame: &GrayImage, decoded: &Decoded, truth: &Truth, rig: &Rig) 
     Maps::new(decoded, truth, rig).overview(frame, decoded)
 }
 
-/// Maps of a scan, and their scales.
+/// Maps of a scan, and their colour scales.
 struct Maps {
     shade: Vec<f32>,
     range: (f32, f32),
@@ -192,8 +192,8 @@ impl Maps {
             shade: relief::shades(width, height, &decoded.depth, focal),
             range: depth_range(&decoded.depth).unwrap_or((0.0, 1.0)),
             errors,
-            // Four in a hundred errors exceed the end of the scale, so that the colours resolve the
-            // rest.
+            // Four in a hundred errors exceed the end of the scale, so that the colours resolve all
+            // others.
             limit: quantiles(&sizes, 0.0, 0.96).map_or(1.0, |(_, high)| high.max(1e-4)),
         }
     }
@@ -284,8 +284,8 @@ fn save(image: &RgbImage, path: &Path) -> Result<()> {
     replace_image(path, |out| image.write_to(out, image::ImageFormat::Png))
 }
 
-/// Range of depths for the colours. A background that is separated from the object in front of it by a
-/// gap in depth is left out, so that the colours resolve the object.
+/// Returns the range of depths for the colours. A background that is separated from the object by a gap
+/// in depth is left out, so that the colours resolve the object.
 ///
 /// The gap is the longest run of empty bins among [`BINS`] between the quantiles 0.001 and 0.999, where
 /// bins with fewer than one in 5000 values count as empty.

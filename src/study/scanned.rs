@@ -1,6 +1,6 @@
-//! A scan within the process: frames as the device's optics give them, without ports, decoded and
-//! held against the truth. What reaches the decoder is what a client would get; ports and links
-//! change no byte of it (see the tests of `serve`), they only take time.
+//! A scan within this process: rendered frames are decoded and compared with the truth, without ports.
+//! The decoder gets what a client would get: ports and links change no byte (see the tests of `serve`),
+//! they only take time.
 
 use super::score::{Score, score};
 use phasmid_core::error::{Error, Result};
@@ -13,7 +13,7 @@ use phasmid_protocol::Frame;
 use phasmid_render as render;
 use phasmid_render::{Renderer, shot::Shot, truth::Truth};
 
-/// A device before a scene, whose geometry pass is done once for all its scans.
+/// A device in front of a scene; the geometry pass is done once for all scans.
 pub struct Stage {
     profile: Profile,
     renderer: Renderer,
@@ -24,7 +24,7 @@ impl Stage {
     /// Puts the profile's device before a scene. `seed` keys the sensor's noise.
     ///
     /// # Errors
-    /// Returns an error for what [`Device`] cannot be built from.
+    /// Returns the errors of building a [`Device`].
     pub fn new(
         profile: &Profile,
         scene: &Scene,
@@ -40,20 +40,20 @@ impl Stage {
         })
     }
 
-    /// The renderer, to be timed or forced.
+    /// Returns the renderer, for example to time it or to force terms.
     pub fn renderer(&mut self) -> &mut Renderer {
         &mut self.renderer
     }
 
-    /// The exposures of the sequence that is selected at power-on.
+    /// Returns the exposures of the sequence that is selected at power-on.
     pub fn shots(&self) -> &[(Pattern, Shot)] {
         &self.shots
     }
 
-    /// Scans with the noise of the `turn`th scan of the device; calibrated with the true rig.
+    /// Scans with the noise of the device's scan number `turn`; the capture has the true rig.
     ///
     /// # Errors
-    /// None with frames of this device.
+    /// Returns no error for frames of this device.
     pub fn scan(&mut self, turn: u64) -> Result<Capture> {
         let count = self.shots.len() as u64;
         let frames = self.shots.iter().enumerate().map(|(i, (_, shot))| {
@@ -69,7 +69,7 @@ impl Stage {
         capture(&self.profile, self.profile.nominal_rig(), frames)
     }
 
-    /// The truth of the scans.
+    /// Returns the truth of the scans.
     pub fn truth(&mut self) -> Truth {
         self.renderer.truth(&self.shots)
     }
@@ -78,7 +78,8 @@ impl Stage {
 /// Decodes a calibrated capture with default options and scores it.
 ///
 /// # Errors
-/// A capture without calibration; what [`Capture::decode`] and [`score`] refuse.
+/// Returns an error if the capture has no calibration, and the errors of [`Capture::decode`] and
+/// [`score`].
 pub fn scored(capture: &Capture, truth: &Truth) -> Result<(Decoded, Score)> {
     let rig = capture.calibration.as_ref();
     let rig = rig.ok_or_else(|| Error::device("the capture has no calibration"))?;
@@ -87,10 +88,10 @@ pub fn scored(capture: &Capture, truth: &Truth) -> Result<(Decoded, Score)> {
     Ok((decoded, score))
 }
 
-/// The grey levels of a rendered frame, row by row.
+/// Returns the grey levels of a rendered frame, row by row.
 ///
 /// # Errors
-/// A frame whose number of bytes is wrong.
+/// Returns an error if the frame's number of bytes is wrong.
 pub fn levels(frame: Frame) -> Result<Vec<f64>> {
     Ok(match frame.into_image()?.samples() {
         Samples::U8(levels) => levels.iter().map(|&level| f64::from(level)).collect(),
@@ -98,10 +99,10 @@ pub fn levels(frame: Frame) -> Result<Vec<f64>> {
     })
 }
 
-/// The capture of a profile's first sequence from its rendered frames, calibrated by a rig.
+/// Combines rendered frames of a profile's first sequence and a rig into a capture.
 ///
 /// # Errors
-/// Frames whose number of bytes is wrong.
+/// Returns an error if a frame's number of bytes is wrong.
 pub fn capture(profile: &Profile, rig: Rig, frames: Vec<Frame>) -> Result<Capture> {
     let images = frames.into_iter().map(Frame::into_image);
     Ok(Capture {
@@ -124,8 +125,7 @@ mod tests {
         let mut stage = Stage::new(&profile, &scene, 1, render::Options::default()).unwrap();
         let [first, second] = [0, 1].map(|turn| stage.scan(turn).unwrap());
         assert_ne!(first.images, second.images, "noise of its own");
-        // Four steps leave the image of the held pixels in the phase, which the bound does not
-        // have.
+        // With four steps, held pixels leave a periodic phase error that the bound does not contain.
         let truth = stage.truth();
         for scanned in [first, second] {
             let (_, score) = scored(&scanned, &truth).unwrap();

@@ -1,5 +1,5 @@
-//! A decoded scan against the device's truth, pixel by pixel: inlier error, gross errors and
-//! coverage apart, and the error beside the bound that noise sets.
+//! A decoded scan compared with the truth, pixel by pixel: inlier error, gross errors and coverage
+//! separately, and the ratio of the error to the noise bound.
 
 use glam::{DVec2, DVec3};
 use phasmid_core::error::{Error, Result};
@@ -11,17 +11,17 @@ use phasmid_render::truth::Truth;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Errors over the pixels whose footprint meets one smooth surface, and over the others. NaN (null
-/// in JSON) where there is no pixel of the kind.
+/// Errors of pixels whose footprint lies on one smooth surface, and of all other pixels. NaN (null in
+/// JSON) without pixels of the kind.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Score {
     /// Pixels with a measured point.
     pub points: usize,
-    /// Valid pixels among those that are lit, seen, and struck below 80 degrees by both rays.
+    /// Fraction of valid pixels among those that are lit and seen at less than 80 degrees of incidence.
     pub coverage: f64,
-    /// Share of points more than 1 mm off in depth, or where there is nothing to see.
+    /// Fraction of points more than 1 mm off in depth, or where there is no surface.
     pub gross_error_rate: f64,
-    /// Root mean square depth error of the other points, in millimetres.
+    /// Root mean square depth error of the points without a gross error, in millimetres.
     pub inlier_rmse_mm: f64,
     /// Mean absolute depth error of all points that have a true depth, in millimetres.
     pub mae_mm: f64,
@@ -29,34 +29,34 @@ pub struct Score {
     pub hausdorff_mm: f64,
     /// Mean distance to agreement: the mean distance to the other surface, both ways.
     pub mdta_mm: f64,
-    /// Root mean square over pixels of sqrt(2/N) sigma/B carried to depth, in millimetres.
+    /// Root mean square over pixels of the bound sqrt(2/N) sigma/B propagated to depth, in millimetres.
     pub bound_mm: f64,
-    /// Root mean square of the inliers' errors, each over its own pixel's bound.
+    /// Root mean square of the ratio of the inliers' errors to their pixels' bounds.
     pub ratio_to_bound: f64,
-    /// Errors over the standard deviations that the decoder states for them; a point where there is
-    /// nothing to see is beyond five of them.
+    /// Errors relative to the standard deviations stated by the decoder; a point where there is no
+    /// surface counts as beyond five of them.
     #[serde(flatten)]
     pub stated: Stated,
-    /// The same errors where a pixel meets more than one facet or object.
+    /// Errors of pixels that contain more than one facet or object.
     pub crease: CreaseScore,
 }
 
-/// Errors of pixels that meet more than one facet, object or shadow.
+/// Errors of pixels that contain more than one facet or object, or a shadow edge.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CreaseScore {
-    /// Points.
+    /// Number of points.
     pub points: usize,
-    /// Valid pixels among those lit, seen and struck below 80 degrees.
+    /// Fraction of valid pixels among those that are lit and seen at less than 80 degrees of incidence.
     pub coverage: f64,
-    /// Share of points more than 1 mm off.
+    /// Fraction of points more than 1 mm off.
     pub gross_error_rate: f64,
-    /// Root mean square depth error of the others, in millimetres.
+    /// Root mean square depth error of the points without a gross error, in millimetres.
     pub inlier_rmse_mm: f64,
     /// Mean absolute depth error, in millimetres.
     pub mae_mm: f64,
 }
 
-/// Depth errors by pixel in millimetres, NaN where there is no measured or no true point.
+/// Returns the depth errors by pixel in millimetres, NaN without a measured or a true point.
 pub fn depth_errors(decoded: &Decoded, truth: &Truth) -> Vec<f32> {
     decoded
         .depth
@@ -67,10 +67,10 @@ pub fn depth_errors(decoded: &Decoded, truth: &Truth) -> Vec<f32> {
 }
 
 /// Scores a scan made with `manifest`. `rig` is the true rig; without its noise model the bound
-/// is of rounding alone.
+/// contains rounding alone.
 ///
 /// # Errors
-/// A scan without depth, or of another size than the truth.
+/// Returns an error if the scan has no depth or its size differs from that of the truth.
 pub fn score(decoded: &Decoded, truth: &Truth, manifest: &Manifest, rig: &Rig) -> Result<Score> {
     let n = truth.depth_mm.len();
     if decoded.depth.len() != n || decoded.width != truth.width as usize {
@@ -115,9 +115,9 @@ pub fn score(decoded: &Decoded, truth: &Truth, manifest: &Manifest, rig: &Rig) -
     })
 }
 
-/// The least-squares noise bound of the finest fringes by pixels, carried to depth, in millimetres;
-/// NaN where the truth has no modulation. `rig` is the true rig; without its noise model the bound
-/// is of rounding alone.
+/// Computes the least-squares noise bound of the finest fringes for each pixel, propagated to depth, in
+/// millimetres; NaN where the truth has no modulation. `rig` is the true rig; without its noise model
+/// the bound contains rounding alone.
 pub fn depth_bounds(truth: &Truth, manifest: &Manifest, rig: &Rig) -> Vec<f64> {
     let noise = Noise::new(manifest, rig, truth);
     (0..truth.depth_mm.len())
@@ -134,7 +134,7 @@ struct Tally {
     absolute: f64,
     inliers: usize,
     squares: f64,
-    /// Pixels that a scanner should measure, and those of them that it did.
+    /// Number of pixels that a scanner should measure, then of those that it measured.
     expected: usize,
     found: usize,
 }
@@ -160,7 +160,7 @@ impl Tally {
             t.points += 1;
             let error = f64::from(errors[i]).abs();
             if error.is_nan() {
-                // A point where there is no surface.
+                // The point lies where there is no surface.
                 t.gross += 1;
                 continue;
             }
@@ -190,7 +190,7 @@ impl Tally {
     }
 }
 
-/// NaN, null in JSON, where there is nothing to speak of: no error is not a small error.
+/// Divides a sum by a count; NaN (null in JSON) for a count of 0, because no data is not a small error.
 fn ratio(sum: f64, count: usize) -> f64 {
     if count == 0 {
         f64::NAN
@@ -199,13 +199,13 @@ fn ratio(sum: f64, count: usize) -> f64 {
     }
 }
 
-/// The least-squares noise bound of the finest fringes, carried to depth.
+/// The least-squares noise bound of the finest fringes, propagated to depth.
 struct Noise<'a> {
     rig: &'a Rig,
     truth: &'a Truth,
     model: NoiseModel,
     axis: Axis,
-    /// Standard deviation of the projector coordinate is this over B, times sigma.
+    /// Factor from sigma / B to the standard deviation of the projector coordinate, in pixels.
     px_per_ratio: f64,
 }
 
@@ -230,7 +230,7 @@ impl<'a> Noise<'a> {
         }
     }
 
-    /// The bound at a pixel in millimetres; NaN where the truth has no modulation.
+    /// Returns the bound at a pixel in millimetres; NaN where the truth has no modulation.
     fn bound_mm(&self, i: usize) -> f64 {
         let width = self.truth.width as usize;
         let px = DVec2::new((i % width) as f64, (i / width) as f64);
@@ -240,12 +240,12 @@ impl<'a> Noise<'a> {
         sigma_px / px_per_mm(self.rig, px, depth, self.axis).abs()
     }
 
-    /// RMS of the bounds, and RMS of error over bound, over inlying points that are no creases.
+    /// Returns the RMS of the bounds and of the ratio of error to bound, over inliers outside creases.
     fn compare(&self, errors: &[f32]) -> (f64, f64) {
         let (mut count, mut bounds, mut ratios) = (0usize, 0.0, 0.0);
         for (i, &error) in errors.iter().enumerate() {
             let error = f64::from(error);
-            // NaN compares as no inlier.
+            // A NaN fails the comparison and is not an inlier.
             if self.truth.flags[i] & Truth::CREASE != 0 || !(error.abs() <= GROSS_MM) {
                 continue;
             }
@@ -260,7 +260,7 @@ impl<'a> Noise<'a> {
     }
 }
 
-/// How many projector pixels a point moves on its camera ray for a millimetre of depth.
+/// Returns the projector pixels that a point moves along its camera ray per millimetre of depth.
 pub(super) fn px_per_mm(rig: &Rig, px: DVec2, depth: f64, axis: Axis) -> f64 {
     let ray = rig.camera.ray(px);
     let step = depth * 1e-4;
@@ -276,8 +276,8 @@ fn project(view: &View, point: DVec3, axis: Axis) -> f64 {
     }
 }
 
-/// Hausdorff distance and mean distance to agreement between the measured and the true surface,
-/// creases aside.
+/// Returns the Hausdorff distance and the mean distance to agreement between the measured and the true
+/// surface, without creases.
 fn surfaces(decoded: &Decoded, truth: &Truth, rig: &Rig) -> Result<(f64, f64)> {
     let wanted = Truth::SEEN | Truth::LIT;
     let cloud = |depth: &[f32], keep: &dyn Fn(usize) -> bool| Cloud {

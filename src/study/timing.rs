@@ -1,19 +1,19 @@
-//! How commands, studies and benchmarks take times, by a clock that is passed in: rounds, the fastest
-//! of which says what the work costs and the others how much else runs here; a memory copy to hold
-//! them against; the passes of a renderer with and without their terms.
+//! Timing for commands, studies and benchmarks, with a clock that is passed in. Work is repeated in
+//! rounds: the fastest shows its cost, the others the load of the machine. A memory copy serves as
+//! reference. The passes of a renderer are timed with and without their terms.
 
 pub use phasmid_report::spread::{Spread, quantile};
 pub use phasmid_report::stopwatch::{Clock, ROUND_S, Stopwatch};
 
 use phasmid_render::{Pass, Renderer, Term, shot::Shot};
 
-/// Rounds, of which the fastest counts: what else runs here only ever adds.
+/// Number of rounds; the fastest counts, because other load only adds time.
 const ROUNDS: usize = 5;
-/// No round begins after this many seconds: heavy scenes have fewer of them.
+/// Seconds after which no further round begins, so heavy scenes have fewer rounds.
 const ENOUGH_S: f64 = 1.5;
 
-/// Times the passes of a renderer for the exposures of a sequence. All figures are nanoseconds a
-/// pixel of all threads together, the fastest of some rounds.
+/// Times the passes of a renderer for the exposures of a sequence. All figures are nanoseconds per
+/// pixel for all threads together, the fastest of some rounds.
 pub struct Timing<'a> {
     renderer: &'a mut Renderer,
     shots: &'a [Shot],
@@ -21,14 +21,14 @@ pub struct Timing<'a> {
 }
 
 impl<'a> Timing<'a> {
-    /// Prepares what the exposures, of which there is at least one, need.
+    /// Prepares the renderer for the exposures, of which there must be at least one.
     pub fn new(renderer: &'a mut Renderer, shots: &'a [Shot], watch: Stopwatch<'a>) -> Self {
         let mut timing = Self {
             renderer,
             shots,
             watch,
         };
-        // Makes the slides' tables, which are then at hand.
+        // Computes the tables of the pattern images once, before timing.
         timing.once_ns(Pass::Exposure);
         timing
     }
@@ -37,27 +37,27 @@ impl<'a> Timing<'a> {
         self.watch.rounds(ROUNDS, ENOUGH_S)
     }
 
-    /// A pass under the plan; the exposure and the sensor pass run as one, whose mean over the
-    /// frames this is.
+    /// Returns the time of a pass under the current plan. The exposure and the sensor pass run as one;
+    /// their time is the mean over the frames.
     pub fn pass_ns(&mut self, pass: Pass) -> f64 {
         let rounds = self.rounds();
         let once = |_| self.once_ns(pass);
         rounds.map(once).fold(f64::INFINITY, f64::min)
     }
 
-    /// The same of this renderer and another one, in turns.
+    /// Returns the times of this renderer and another, measured in alternating rounds.
     pub fn beside_ns(&mut self, other: &mut Self, pass: Pass) -> [f64; 2] {
         let rounds = self.rounds();
         let both = rounds.map(|_| [self.once_ns(pass), other.once_ns(pass)]);
         both.fold([f64::INFINITY; 2], |[a, b], [c, d]| [a.min(c), b.min(d)])
     }
 
-    /// The pass that a term belongs to, without it and with it; the plan is as before after that.
+    /// Returns the times of a term's pass without and with the term; restores the plan.
     pub fn term_ns(&mut self, term: Term) -> [f64; 2] {
         let included = self.renderer.plan().has(term);
         let shots = self.shots;
         if term == Term::Motion {
-            // A frame alone: it has its geometry to do.
+            // Use one frame, which must compute its geometry.
             self.shots = &shots[..1];
         }
         let mut fastest = [f64::INFINITY; 2];
@@ -72,7 +72,7 @@ impl<'a> Timing<'a> {
         fastest
     }
 
-    /// A pass with all terms forced in; the plan is as before after that.
+    /// Returns the time of a pass with all terms forced in; restores the plan.
     pub fn full_ns(&mut self, pass: Pass) -> f64 {
         let plan = self.renderer.plan();
         let left_out = Term::ALL.into_iter().filter(|term| !plan.has(*term));
@@ -86,7 +86,7 @@ impl<'a> Timing<'a> {
         ns
     }
 
-    /// One round.
+    /// Times one round.
     fn once_ns(&mut self, pass: Pass) -> f64 {
         let ns = match pass {
             Pass::Geometry => {
@@ -98,7 +98,8 @@ impl<'a> Timing<'a> {
                 self.watch.seconds(prepare) * 1e9
             }
             Pass::Exposure | Pass::Sensor => {
-                // A plan that has just changed has no tables; they are made once a sequence.
+                // After a change of the plan the tables are missing; compute them, as once per
+                // sequence.
                 self.renderer.make_ready(self.shots);
                 let (renderer, shots) = (&mut self.renderer, self.shots);
                 let expose = || {

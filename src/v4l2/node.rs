@@ -23,7 +23,7 @@ pub const RELOAD: &str = "sudo modprobe -r v4l2loopback && sudo modprobe v4l2loo
 /// Identity and capabilities reported by a node.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Node {
-    /// Its path.
+    /// Path of the node.
     pub path: PathBuf,
     /// Driver name.
     pub driver: String,
@@ -33,11 +33,11 @@ pub struct Node {
     pub bus: String,
     /// Driver version, in the kernel's format.
     pub version: (u8, u8, u8),
-    /// Whether frames can be read from it now.
+    /// Whether frames can be read from the node now.
     pub captures: bool,
-    /// Whether frames can be written to it now.
+    /// Whether frames can be written to the node now.
     pub outputs: bool,
-    /// Whether it supports streaming I/O with buffer queues.
+    /// Whether the node supports streaming I/O with buffer queues.
     pub streams: bool,
 }
 
@@ -89,14 +89,14 @@ impl Node {
         Ok((device, node))
     }
 
-    /// Returns whether it is a v4l2loopback node.
+    /// Returns whether this is a v4l2loopback node.
     pub fn is_loopback(&self) -> bool {
         self.driver == LOOPBACK_DRIVER
     }
 
-    /// Returns whether it is a loopback node that has lost both its sides. v4l2loopback 0.12 drops
-    /// the output side of a node whose producer used write(), and the kernel then refuses formats
-    /// in either direction.
+    /// Returns whether this is a loopback node that has lost its capture and its output side.
+    /// v4l2loopback 0.12 drops the output side of a node whose producer used write(), and the
+    /// kernel then refuses formats in either direction.
     pub fn is_forgotten(&self) -> bool {
         self.is_loopback() && !self.captures && !self.outputs
     }

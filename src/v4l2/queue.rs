@@ -338,7 +338,7 @@ impl OutputQueue {
                 .ok_or_else(|| {
                     io::Error::other(format!("no buffer of {} bytes at {at}", bytes.len()))
                 })?;
-            // SAFETY: the mapping holds as many bytes, and no reference of ours points into it.
+            // SAFETY: the mapping has room for `bytes`, and no reference of ours points into it.
             #[allow(unsafe_code)]
             unsafe {
                 std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapping.start.as_ptr(), bytes.len());

@@ -1,4 +1,4 @@
-//! The passes that are timed, each with what it works on and the bytes that it touches.
+//! The passes that are timed, with the number of pixels and of bytes that each processes.
 
 use phasmid::decode::{Decoded, Options as DecodeOptions};
 use phasmid::emulator::Device;
@@ -14,22 +14,22 @@ use std::path::Path;
 
 /// One pass on one scene.
 pub struct Case {
-    /// How often the work does it on each of the pixels.
+    /// Number of times that `work` runs the pass on each pixel.
     pub count: usize,
-    /// Pixels, or triangles.
+    /// Number of pixels, or of triangles.
     pub pixels: usize,
-    /// Bytes of a pixel that it reads and writes once.
+    /// Bytes per pixel that the pass reads and writes once.
     pub bytes_per_pixel: usize,
-    /// Does it.
+    /// Runs the pass `count` times.
     pub work: Box<dyn FnMut()>,
 }
 
-/// What the geometry pass writes a pixel: ten maps.
+/// Bytes per pixel that the geometry pass writes: ten maps.
 const GEOMETRY_BYTES: usize = 45;
-/// What a frame reads and writes a pixel.
+/// Bytes per pixel that a frame reads and writes.
 const FRAME_BYTES: usize = 21;
 
-/// The names of all cases, without what is only known once they are made.
+/// The names of all cases.
 pub const NAMES: [&str; 22] = [
     "geometry, torso",
     "geometry, trapezoid",
@@ -55,10 +55,10 @@ pub const NAMES: [&str; 22] = [
     "scan to points, lit all over",
 ];
 
-/// Makes a case of a profile like the bench's. Files go to the folder.
+/// Creates a case with a profile like the bench's. Files are written to the folder.
 ///
 /// # Errors
-/// A name that is none, files that cannot be written.
+/// Returns an error if the name is unknown or files cannot be written.
 pub fn case(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
     let (pass, rest) = name.split_once(", ").unwrap_or((name, ""));
     let (scene, how) = rest.split_once(", ").unwrap_or((rest, ""));
@@ -118,7 +118,7 @@ fn scene_of(name: &str, how: &str) -> Result<Scene> {
     Ok(scene)
 }
 
-/// A plane as large as the camera sees, lit all over.
+/// Returns the profile with a projector that lights everything that the camera sees of a plane.
 pub fn lit_all_over(profile: &Profile) -> Profile {
     let mut wide = profile.clone();
     wide.projector.throw_ratio = 0.5;
@@ -151,7 +151,7 @@ fn frames((scene, how): (&str, &str), profile: &Profile) -> Result<Case> {
     };
     let mut setup = Setup::of(&profile, &scene, Options::default())?;
     if let Some(electrons) = dim {
-        // White with light that leaves so many electrons, of the 10,500 that fill the well.
+        // White light that gives each pixel this many electrons. The full well is 10,500.
         bytes = 9;
         let white = |shot: &&Shot| matches!(shot.pattern_image.as_deref(), Some(PatternImage::Uniform(level)) if *level > 0);
         let white = setup.shots.iter().find(white).cloned();
@@ -184,7 +184,7 @@ fn torso() -> Mesh {
     })
 }
 
-/// Frames of a torso that moves, each with the geometry of four instants.
+/// Frames of a moving torso, each with the geometry of four instants.
 fn moving(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
     let mut scene = Scene::load("torso")?;
     let period_s = Some(4.0);
@@ -236,7 +236,7 @@ fn moving(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
     })
 }
 
-/// Decoding of the sequence's frames, to depths, or on to points.
+/// Decoding of the sequence's frames to depths or, if the name says so, also to points.
 fn decode(name: &str, profile: &Profile) -> Result<Case> {
     let profile = match name.ends_with("lit all over") {
         true => lit_all_over(profile),
@@ -254,7 +254,7 @@ fn decode(name: &str, profile: &Profile) -> Result<Case> {
         pixels: scanned.images[0].samples().len(),
         bytes_per_pixel: scanned.images.len(),
         work: Box::new(move || {
-            // It has been decoded before, so it is again.
+            // Always `Ok`: the same images have been decoded above.
             if decoder.decode_into(&scanned.images, &mut out).is_ok() && to_points {
                 decoder.points_into(&out, &mut points);
             }
@@ -263,7 +263,7 @@ fn decode(name: &str, profile: &Profile) -> Result<Case> {
     })
 }
 
-/// A device before a scene.
+/// A device in front of a scene.
 struct Setup {
     renderer: Renderer,
     shots: Vec<Shot>,

@@ -1,5 +1,6 @@
-//! Minimum times of calls of the facade: a scan in memory, its decoding, and decoding of 64 x 64 pixels
-//! by a kept decoder, by a manifest, and by a manifest's text.
+//! Minimum times of calls of the facade: a scan in memory, its decoding, and the decoding of 64 x
+//! 64 pixels with a decoder that is kept, with one built from a manifest, and with one built from a
+//! manifest's text.
 //!
 //! `python/tests/bench.py` runs it beside the same calls in Python.
 
@@ -13,7 +14,7 @@ const SCANS: usize = 12;
 /// Calls on small images.
 const CALLS: usize = 3000;
 
-/// Returns the least time in milliseconds that something takes.
+/// Returns the minimum time of a call in milliseconds.
 fn minimum_ms(times: usize, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
     let mut best = f64::INFINITY;
     for _ in 0..times {

@@ -1,5 +1,5 @@
-//! Decoding with an option beside decoding without it, in turns: what the option costs, as a ratio
-//! that holds on any machine.
+//! Times decoding with and without an option, alternately. The ratio of the times is the cost of
+//! the option and hardly depends on the machine.
 
 use super::cases::lit_all_over;
 use phasmid::decode::{Decoded, Held, Known, Options as DecodeOptions, check_sequence};
@@ -11,7 +11,7 @@ use phasmid::study::scanned::Stage;
 use std::hint::black_box;
 use std::rc::Rc;
 
-/// What is compared with decoding without it.
+/// Names of the pairs: the option that is compared with decoding without it.
 pub const PAIRS: [&str; 6] = [
     "consistency of single pixels",
     "consistency of pixels and frames",
@@ -20,24 +20,24 @@ pub const PAIRS: [&str; 6] = [
     "held pixels, smooth prior",
     "held pixels, left out",
 ];
-/// Focus that blurs the projector's pixels on the plane by 0.6 px, and exposure over the profile's:
-/// held pixels are negligible beside the noise.
+/// Focus that blurs the projector's pixels on the plane by 0.6 px, and factor on the profile's
+/// exposure. With both, the error of held pixels is negligible compared with the noise.
 const BLURRED: Focus = Focus {
     distance_mm: 700.0,
     aperture_mm: 6.0,
 };
 const DIM: f64 = 0.2;
 
-/// Decoding to depths without an option and with it.
+/// Decoding to depths, without an option and with it.
 pub struct Pair {
-    /// Does it without, and with.
+    /// Decodes without the option, and with it.
     pub works: [Box<dyn FnMut()>; 2],
 }
 
-/// Makes a pair of a profile like the bench's, all pixels lit.
+/// Creates a pair with a profile like the bench's, all pixels lit.
 ///
 /// # Errors
-/// A name that is none, a profile that cannot be used.
+/// Returns an error if the name is unknown or the profile cannot be used.
 pub fn pair(name: &str, profile: &Profile) -> Result<Pair> {
     let usual = DecodeOptions::default();
     let [without, with] = match PAIRS.iter().position(|known| *known == name) {
@@ -67,7 +67,7 @@ pub fn pair(name: &str, profile: &Profile) -> Result<Pair> {
                 let known = Known::new(false, scanned.calibration.as_ref());
                 let _ = black_box(check_sequence(&scanned.manifest, &scanned.images, known));
             }
-            // It has been decoded before, so it is again.
+            // Always `Ok`: the same images have been decoded above.
             let _ = black_box(decoder.decode_into(&scanned.images, &mut out));
             black_box(&out);
         }))

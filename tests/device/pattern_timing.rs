@@ -160,7 +160,8 @@ fn scan(profile: &Profile, commands: &str) -> Seen {
     }
 }
 
-/// Fraction of the lit pixels that was decoded, and the RMS error of those in projector pixels.
+/// Fraction of the lit pixels that was decoded, and the RMS error of the decoded pixels in
+/// projector pixels.
 fn error_px(seen: &Seen) -> (f64, f64) {
     let maps = seen.decoded.x.as_ref().unwrap();
     let truth = &seen.truth;
@@ -187,9 +188,9 @@ fn a_scan_decodes_as_well_as_its_noise_allows() {
     assert!(error < 0.05, "{error} px");
 }
 
-/// Half of a pattern's time shows the lower seven bits and hardly any of the highest. The frame is
-/// the sum of the bit planes, each weighted by its share of the exposure: bit k lasts 2^k / 255 of
-/// the pattern.
+/// In half of a pattern's time the projector shows the lower seven bits and almost none of the
+/// highest. The frame is the sum of the bit planes, each weighted by its share of the exposure: bit
+/// k lasts 2^k / 255 of the pattern.
 #[test]
 fn half_of_a_pattern_shows_the_sum_of_its_bits() {
     let mut profile = evm();

@@ -299,8 +299,8 @@ fn terms_left_out_by_the_plan_change_no_byte() {
     }
 }
 
-/// Must hold beside a surface that ends in the projector's light, even within the block of pixels
-/// that are averaged together.
+/// Includes pixels beside a surface that ends within the projector's light, even if both are in one
+/// block of pixels that are averaged together.
 #[test]
 fn pixels_without_surface_read_the_black_level() {
     let profile = bench(false);

@@ -237,7 +237,8 @@ fn decode(profile: &Profile, frames: &[Frame]) -> Decoded {
     let manifest = profile.manifest(&profile.sequence[0]);
     let (w, h) = (frames[0].width as usize, frames[0].height as usize);
     let rig = profile.nominal_rig();
-    // The correction depends on the whole image, so that rows would influence each other.
+    // Held pixels are not corrected: the correction depends on the whole image, so rows would
+    // affect each other.
     let options = Options {
         held: Held::State,
         ..Options::default()

@@ -166,7 +166,7 @@ fn photon_transfer_gives_back_gain_and_read_noise() {
 #[test]
 fn dark_current_grows_with_the_exposure_and_makes_shot_noise() {
     let mut bench = Bench::new(camera(|p| p.camera.sensor.dark_current_e_s = 150.0));
-    // A scene without ambient light removes it from the exposures.
+    // Without ambient light, the exposures contain dark current only.
     let text = "name = \"dark\"\ndescription = \"\"\n[[object]]\nshape = { kind = \"plane\" }\n\
                 position_mm = [0, 0, 1000]\nalbedo = 0.5\n";
     let dark = Scene::parse(text, "dark").unwrap();

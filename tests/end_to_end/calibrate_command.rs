@@ -218,7 +218,7 @@ fn unusable_poses_are_named_and_left_out() {
         picture
     };
     change(&pose(4), blank);
-    // Changes the first pose with a board, so that its size differs from that of most.
+    // Changes the first pose with a board, so that its image size differs from that of most images.
     change(&pose(3), |picture| {
         image::imageops::crop_imm(&picture, 0, 0, 640, 479).to_image()
     });
@@ -413,7 +413,7 @@ fn results_of_an_earlier_run_are_removed() {
     for gone in ["truth.json", draft] {
         assert!(!target.join(gone).exists(), "{gone}");
     }
-    // Captures may be a user's: only new ones replace them.
+    // Captures may belong to a user, so only new captures replace them.
     assert!(target.join("captures/pose_07/sequence.toml").is_file());
     assert!(target.join("found_mine.png").is_file());
     assert!(target.join(locked).join("found_pose_00.png").is_file());
@@ -442,7 +442,7 @@ fn captures_are_replaced_by_a_calibration_that_succeeds() {
     assert!(run("4", &[]).status.success());
     let taken = |index: usize| fs::read(pose(index).join("frame_00.png")).unwrap();
     let before = [taken(0), taken(3)];
-    // Fewer poses would leave the last one among the new ones.
+    // A calibration with fewer poses would leave the last old capture among the new ones.
     let fewer = run("3", &[]);
     assert_eq!(fewer.status.code(), Some(2));
     assert!(words(&fewer).contains("pose_03"), "{}", words(&fewer));

@@ -109,7 +109,7 @@ fn truth_is_written_as_arrays_and_as_an_image() {
             .len()
             > 640 * 480 * 49
     );
-    // A later demo without it leaves no truth of the earlier one.
+    // A later demo without `--truth` deletes the truth of the earlier one.
     summary(
         folder.path(),
         &["--profile", "webcam-grey", "--scene", "plane"],
@@ -124,7 +124,8 @@ fn demo_states_the_error_of_the_factory_calibration() {
     let s = summary(folder.path(), &["--scene", "trapezoid", "--no-noise"]);
     assert_eq!(s["calibration"], "factory");
     let number = |key: &str| s[key].as_f64().unwrap_or_else(|| panic!("no {key} in {s}"));
-    // One draw of an error that is common to all points.
+    // The error of the calibration is a single draw that is common to all points, so the ratio
+    // varies widely.
     let ratio = number("inlier_rmse_mm") / number("calibration_sigma_mm");
     assert!((0.02..4.0).contains(&ratio), "{s}");
     let calibration = std::fs::read_to_string(folder.path().join("calibration.toml")).unwrap();

@@ -1,5 +1,5 @@
-//! The calibration that a device reports, judged by depth: errors pooled over serial numbers are as
-//! large as the covariance says that comes with it.
+//! The calibration that a device reports: its depth errors, pooled over serial numbers, are as
+//! large as its covariance predicts.
 
 use crate::served::{Served, phasmid, text as words};
 use glam::{DVec2, DVec3};
@@ -101,7 +101,7 @@ fn depth_errors_of_200_serial_numbers_of_each_profile_are_as_large() {
     }
 }
 
-/// Why the draw is a joint one.
+/// Shows why the errors of all parameters are drawn jointly.
 #[test]
 fn independent_errors_of_the_parameters_would_exaggerate_errors_of_depth() {
     for name in profile_names() {

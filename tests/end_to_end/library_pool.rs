@@ -31,7 +31,7 @@ fn calls_in_a_pool_of_the_caller_do_not_start_the_global_pool() {
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
     pool.build().unwrap().install(calls);
-    // Refused if the pool has been started before.
+    // Fails if the global pool has been started before.
     let global = rayon::ThreadPoolBuilder::new().build_global();
     global.expect("the global pool was started");
 }

@@ -40,8 +40,8 @@ fn interrupt() -> rustix::process::Signal {
     or_term(rustix::process::Signal::INT)
 }
 
-/// Returns the signal, or TERM if the tests ignore it, as in the background of a shell script or under
-/// `nohup`: what they start then ignores it too.
+/// Returns the signal, or TERM if the tests ignore the signal, as in the background of a shell
+/// script or under `nohup`: processes that they start then ignore it too.
 #[cfg(target_os = "linux")]
 fn or_term(signal: rustix::process::Signal) -> rustix::process::Signal {
     match signals(std::process::id(), "SigIgn:") >> (signal.as_raw() - 1) & 1 {

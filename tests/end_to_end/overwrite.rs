@@ -204,7 +204,7 @@ fn demo_keeps_what_exists_but_its_own_output() {
     succeeds(&own);
     let names = names(dir.path());
     refuses_each(command, &names);
-    // Its own output; then without the file that marks it as such.
+    // A demo replaces its own output, but not after the file that marks it as such is gone.
     succeeds(&own);
     fs::remove_file(dir.path().join("summary.json")).unwrap();
     let before = tree(dir.path());

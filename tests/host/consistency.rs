@@ -18,7 +18,7 @@ const SHORT: Duration = Duration::from_millis(20);
 /// Changes that the link from the device to the camera makes to the frames of a run.
 type Change = fn(Vec<Frame>) -> Vec<Frame>;
 
-/// The doubt of the fringes of a capture.
+/// Returns the finding of the check of a capture's fringes; `None` if they are sound.
 fn doubt(captured: &Capture) -> Option<FrameDoubt> {
     doubt_of_fringes(&captured.manifest, &captured.images, Known::default())
 }
@@ -135,7 +135,7 @@ fn bench_scenes() -> impl Iterator<Item = &'static str> {
     phasmid::profile::scene_names().filter(|name| !name.starts_with("treatment-room"))
 }
 
-/// All captures under test: both built-in sequences, all scenes, and a dim projector.
+/// Captures of a profile in all bench scenes, and in two of them with a dim projector.
 fn captures(name: &str) -> impl Iterator<Item = (String, Capture)> {
     bench_scenes()
         .map(|scene| (scene, 1.0))
@@ -148,8 +148,9 @@ fn captures(name: &str) -> impl Iterator<Item = (String, Capture)> {
         })
 }
 
-/// Whether frames give nearly the same points as the sound ones of a capture: at most one point in
-/// twenty is lost (the decoder drops it), and one in a thousand is more than five of its standard deviations off.
+/// Whether frames give nearly the same points as a capture's sound frames: at most one point in
+/// twenty is lost (the decoder drops it), and at most one in a thousand is off by more than five of
+/// its standard deviations.
 fn is_harmless(captured: &Capture, frames: &[Image]) -> bool {
     let bad = Capture {
         images: frames.to_vec(),
@@ -197,8 +198,9 @@ fn faults(frames: &[Image]) -> Vec<(String, Vec<Image>)> {
     all
 }
 
-/// Names of the faults in a sequence that are neither found nor harmless: of all faults, or of every
-/// fifth from a place on. There are four kinds, which take turns.
+/// Returns the names of the faults that are neither detected nor harmless, among all faults or
+/// every fifth one from a position on. The four kinds of faults alternate, so every fifth fault
+/// covers all kinds.
 fn missed(captured: &Capture, fifth: Option<usize>) -> Vec<String> {
     let (first, step) = fifth.map_or((0, 1), |place| (place % 5, 5));
     faults(&captured.images)
@@ -213,7 +215,8 @@ fn missed(captured: &Capture, fifth: Option<usize>) -> Vec<String> {
         .collect()
 }
 
-/// Tests each capture of a profile with all faults, or each with another fifth of them.
+/// Tests each capture of a profile with all faults, or with a fifth of them that differs between
+/// captures.
 fn every_fault_is_found(name: &str, all: bool) {
     for (i, (what, captured)) in captures(name).enumerate() {
         assert!(
@@ -226,7 +229,8 @@ fn every_fault_is_found(name: &str, all: bool) {
     }
 }
 
-/// Findings of the check in frames that the link does not identify, without a calibration and with one.
+/// Returns the findings of the check without and with a calibration, for frames that the link does
+/// not identify.
 fn refused(captured: &Capture) -> [Result<(), FrameDoubt>; 2] {
     [None, captured.calibration.as_ref()].map(|calibration| {
         let known = Known::new(false, calibration);
@@ -234,7 +238,8 @@ fn refused(captured: &Capture) -> [Result<(), FrameDoubt>; 2] {
     })
 }
 
-/// At full size, in scenes of which much is lit or little, with several seeds of the noise.
+/// Tests full-size captures, in scenes with large and small lit areas, with several seeds of the
+/// noise.
 #[test]
 fn sound_captures_of_built_in_devices_are_not_refused() {
     for name in [
@@ -276,7 +281,7 @@ fn finds_every_fault_before_every_scene() {
 }
 
 /// Light from a tenth to twice the usual level, ambient light and response curves affect all frames
-/// alike, so they do not count as damage, as seen at the centre of each camera.
+/// alike, so they do not count as damage. Only the centre of each camera's image is rendered.
 #[test]
 fn sound_captures_in_any_light_and_by_any_response_are_not_doubted() {
     let mut seen = 0;
@@ -358,8 +363,8 @@ fn finds_faults_of_other_sequences_and_accepts_sound_captures() {
     every_fault_of_other_sequences_is_found(false);
 }
 
-/// Tests sequences that no built-in profile has, with all faults, or each capture with another
-/// fifth of them, except the undetectable one that is described below.
+/// Tests sequences that no built-in profile has, with all faults, or with a fifth of them that
+/// differs between captures, except the undetectable fault described below.
 fn every_fault_of_other_sequences_is_found(all: bool) {
     let three_sets = |fine, steps| {
         [fine, 106.0, 854.0]
@@ -762,7 +767,7 @@ fn frame_torn_anywhere_is_found() {
         let mut torn_frames = 0;
         for nth in 1..frames.len() {
             for row in [last / 4, last / 2, last - 22, last - 10, last - 3] {
-                // The dim end of the sphere says too little of a torn black frame.
+                // The lower end of the sphere is too dim to reveal a torn black frame.
                 if name == "pmp-bench" && row > last / 2 {
                     continue;
                 }
@@ -784,8 +789,8 @@ fn frame_torn_anywhere_is_found() {
     }
 }
 
-/// Patterns along the image's columns change one frame along a row where a code has an edge: this
-/// is not a tear.
+/// If patterns run along the image's columns, an edge of the code changes one frame along a whole
+/// row, which must not count as a tear.
 #[test]
 fn patterns_down_the_image_are_not_torn() {
     let mut across = profile("webcam-grey", 1.0);

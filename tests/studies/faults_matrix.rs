@@ -1,5 +1,5 @@
-//! Injects every fault and checks the host's response: the table in the documentation shows the
-//! results, and no wrong cloud goes unreported but of faults that no frame shows.
+//! Injects every fault and checks the host's response. The results must equal the table in the
+//! documentation, and every wrong cloud must be reported, except after faults that no frame shows.
 
 use phasmid::study::faults::{Table, markdown, tables};
 

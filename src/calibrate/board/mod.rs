@@ -23,8 +23,8 @@ pub use sighting::{Lit, NotFound, Seen, Sighting};
 use phasmid_core::Stop;
 use phasmid_geometry::Board;
 
-/// Finds the board's points in an image and returns them with their labels: of a dot board those
-/// dots that are visible, of a chessboard almost all corners.
+/// Finds the board's points in an image and returns them with their labels: all visible dots of a
+/// dot board, or almost all corners of a chessboard.
 ///
 /// # Errors
 /// Returns an error if the board is not found or its orientation is ambiguous; see [`dots::find`]

@@ -6,8 +6,8 @@
 //! effect: iterated least squares with the biweight of Beaton and Tukey (Technometrics 16, 1974),
 //! its scale taken from the median of the residuals. The homography's equations are linear in
 //! normalised coordinates (Hartley, "In defense of the eight-point algorithm", IEEE PAMI 19, 1997).
-//! Each is divided by the homography's denominator from the previous iteration, so that residuals
-//! are proportional to pixels.
+//! Each equation is divided by the homography's denominator from the previous iteration, so that
+//! residuals are proportional to pixels.
 
 use glam::{DMat2, DMat3, DVec2};
 use nalgebra::{DMatrix, DVector};
@@ -26,7 +26,7 @@ pub(super) struct Smooth {
     from: Frame,
     to: Frame,
     degree: usize,
-    /// Polynomial coefficients, for each monomial both coordinates, in normalised target units.
+    /// Polynomial coefficients in normalised target units: x and y for each monomial.
     terms: Vec<DVec2>,
 }
 
@@ -219,7 +219,7 @@ fn add(normal: &mut DMatrix<f64>, right: &mut DVector<f64>, row: &[f64], target:
     }
 }
 
-/// Solves normal equations given as an upper triangle, with a ridge just large enough for rounding.
+/// Solves normal equations given as an upper triangle, with a ridge that just exceeds rounding errors.
 fn solve(mut normal: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
     normal.fill_lower_triangle_with_upper_triangle();
     let ridge = 1e-12 * normal.trace() / normal.nrows() as f64;

@@ -295,7 +295,7 @@ fn skips_unrelated_content_of_a_file() {
 fn errors_name_line_and_field() {
     let yaml = to_opencv(&rig(), &Reprojection::default(), Format::Yaml);
     let xml = to_opencv(&rig(), &Reprojection::default(), Format::Xml);
-    // Without SLStudio's names, which repeat the values.
+    // Remove SLStudio's names, which repeat the values.
     let ours = yaml.split("Kc:").next().unwrap().to_owned();
     for (text, from, to, needle) in [
         (

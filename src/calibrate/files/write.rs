@@ -25,7 +25,7 @@ pub struct Reprojection {
     pub camera_px: Option<f64>,
     /// Error of the projector.
     pub projector_px: Option<f64>,
-    /// Error of both together.
+    /// RMS error over the camera's and the projector's residuals.
     pub both_px: Option<f64>,
 }
 

@@ -1,9 +1,9 @@
-//! OpenCV's dialect of XML: elements in `<opencv_storage>`. Those with `type_id="opencv-matrix"`
-//! contain `rows`, `cols`, `dt` and `data`; those without contain numbers. Other elements are
-//! ignored; document type declarations are rejected.
+//! OpenCV's dialect of XML: elements in `<opencv_storage>`. An element with
+//! `type_id="opencv-matrix"` contains `rows`, `cols`, `dt` and `data`; an element without it
+//! contains numbers. Other elements are ignored; document type declarations are rejected.
 //!
-//! A crate for XML would replace only the 45 lines that find the tags: what it knows beside them
-//! (entities, namespaces, types) has to be refused here.
+//! An XML crate would replace only the 45 lines that find the tags; its other features (entities,
+//! namespaces, types) would have to be rejected here.
 
 use super::node::{Fault, Fields, Nodes, Piece, Value, numbers, quoted};
 

@@ -1,8 +1,8 @@
 //! OpenCV's dialect of YAML: unindented `name: value`, where a value is a number, a list `[ 1., 2.
 //! ]`, or a matrix, indented under the tag `!!opencv-matrix`. Other content is ignored.
 //!
-//! With a crate for YAML the first line of these files (`%YAML:1.0`, no directive of YAML) would have to be
-//! cut off, and finding the fields and numbers with their lines would take as much code as here.
+//! A YAML crate would not shorten this module: the first line (`%YAML:1.0`) is not valid YAML and would
+//! have to be removed, and finding the fields and numbers with their lines would take as much code.
 
 use super::node::{Fault, Fields, Nodes, Piece, Value, numbers, quoted};
 

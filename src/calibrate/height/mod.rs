@@ -8,8 +8,8 @@
 //! h is the height above the plane towards the camera, L the camera's distance from the plane, D
 //! the baseline, f0 the number of fringes per mm on the plane, and dphi the phase shift of a camera
 //! pixel relative to the bare plane. The formula follows from two similar triangles: a camera ray
-//! that meets the surface at height h sees the fringe that would fall on the plane at a distance of
-//! h D / (L - h) from where the ray itself would meet it.
+//! that meets the surface at height h sees a fringe that, without the surface, would fall on the
+//! plane h D / (L - h) away from the point where the ray would meet the plane.
 //!
 //! The formula is exact if both pupils are equally far from the plane and the projected coordinate
 //! is linear on it, that is, if the projector's image plane is parallel to the reference plane and

@@ -8,7 +8,7 @@ use std::io::{Result, Write};
 /// there are more, only the rig's covariance is written.
 const MOST: usize = 640;
 
-/// Number of parameters that belong to the rig. They come first; the rest are six for each pose.
+/// Number of parameters that belong to the rig. They come first, followed by six for each pose.
 pub(super) fn of_rig(solution: &Solution) -> usize {
     let poses = 6 * solution.poses.len();
     solution.parameters.len().saturating_sub(poses)

@@ -21,7 +21,7 @@ pub struct Summary {
     pub board: Board,
     /// Number of poses used.
     pub poses: usize,
-    /// Number of their points with weight 0 for the camera, the projector or both.
+    /// Number of points in these poses with weight 0 for the camera, the projector or both.
     pub outliers: usize,
     /// Reprojection errors of the camera points, in camera pixels.
     pub camera: Figures,

@@ -10,7 +10,7 @@ use phasmid_decode::{Decoder, Options};
 use phasmid_geometry::{Board, NoiseModel, Rig};
 use phasmid_pattern::{Axis, Image, Manifest};
 
-/// What the images of one pose show.
+/// Content of the images of one pose.
 #[derive(Debug, Clone)]
 pub struct Looked {
     /// The points of the board, or why the board was not found.
@@ -32,7 +32,7 @@ pub struct Looked {
 /// Decodes a pose's frames and detects the board in them.
 ///
 /// # Errors
-/// Returns an error if the sequence does not encode both axes, or the frames do not match it.
+/// Returns an error if the sequence does not encode both axes, or the frames do not match the sequence.
 pub fn look(
     board: &Board,
     name: &str,
@@ -59,7 +59,7 @@ pub fn look_with_stop(
         noise: nominal.and_then(|rig| rig.noise),
         ..Options::default()
     };
-    // Without a rig: no points are triangulated here.
+    // Decode without a rig, because no points are triangulated here.
     let size @ [width, height] = Image::common_size(images)?;
     let decoder = Decoder::new(manifest, width, height, None, options)?;
     let decoded = decoder.with_stop(stop.clone()).decode(images)?;
@@ -93,11 +93,11 @@ pub fn look_with_stop(
     })
 }
 
-/// Detects the board in one image, such as a frame of a camera that runs free. The result has no projector
-/// coordinates.
+/// Detects the board in one image, such as a frame of a free-running camera. The result has no
+/// projector coordinates.
 ///
 /// # Errors
-/// Returns an error if the image has no pixels; the inner one says why no board was found.
+/// Returns an error if the image has no pixels; the inner error says why no board was found.
 pub fn look_at_photograph(board: &Board, image: &Image) -> Result<Result<Vec<Seen>, NotFound>> {
     let noise = guess(std::slice::from_ref(image));
     Ok(find(board, &BoardImage::from_photograph(image, &noise)?))

@@ -36,7 +36,7 @@ struct Found {
 pub struct Poses {
     /// Indices of the poses with a board, among all poses.
     pub places: Vec<usize>,
-    /// The points of the board in each.
+    /// The points of the board in each of these poses.
     pub poses: Vec<PoseData>,
     /// Poses that cannot be used.
     pub missed: Vec<Missed>,
@@ -60,8 +60,8 @@ impl Gathering {
         }
     }
 
-    /// Adds a pose by its index among the names. A pose that is invalid or shows no board is noted, and
-    /// the calibration continues with the others.
+    /// Adds a pose by its index among the names. A pose that is invalid or shows no board is noted,
+    /// and the calibration continues with the other poses.
     pub fn take(&mut self, place: usize, looked: Result<Looked>) {
         let looked = match looked {
             Ok(looked) => looked,
@@ -88,7 +88,7 @@ impl Gathering {
         }
     }
 
-    /// Excludes poses whose images differ in size from most others, and returns the rest.
+    /// Excludes poses whose image size differs from the majority's, and returns the remaining poses.
     pub fn finish(self) -> Poses {
         let Self {
             names,
@@ -135,7 +135,7 @@ impl Poses {
     /// Solves for the rig.
     ///
     /// # Errors
-    /// Returns an error if the poses do not determine it.
+    /// Returns an error if the poses do not determine the rig.
     pub fn calibrate(&self, board: &Board, choice: Choice) -> Result<Calibration, Unsolved> {
         self.calibrate_with_stop(board, choice, &Stop::default())
     }

@@ -125,7 +125,7 @@ fn unread_poses(solution: &Solution, poses: &[PoseData]) -> Vec<String> {
         .collect()
 }
 
-/// Computes biases from a solution. Points and poses for which it yields none keep their bias.
+/// Computes biases from a solution. Points and poses without a new bias keep their earlier bias.
 fn biases_of(
     board: &Board,
     solution: &Solution,

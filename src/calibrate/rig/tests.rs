@@ -114,7 +114,7 @@ fn corrects_bias_of_dots_and_recovers_rig() {
         "{distance:.1} of {freedom}, bias {:.4} px",
         found.largest_bias_px
     );
-    // Four standard deviations.
+    // The limit is four standard deviations above the expected value.
     let freedom = freedom as f64;
     assert!(
         distance < freedom + 4.0 * (2.0 * freedom).sqrt(),

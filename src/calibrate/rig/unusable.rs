@@ -26,7 +26,7 @@ pub enum Unusable {
     OtherSize {
         /// Width and height in pixels of the camera's and of the projector's images.
         found: Sizes,
-        /// The same of most poses.
+        /// The sizes in the majority of poses.
         expected: Sizes,
     },
 }

@@ -218,7 +218,7 @@ impl Bundle {
         self.enough_poses()
     }
 
-    /// Excludes the worst pose if its residuals exceed the threshold. Returns whether it did.
+    /// Excludes the worst pose if its residuals exceed the threshold; returns whether it was excluded.
     fn drop_worst(&mut self, state: &mut State) -> bool {
         let total = self.poses.len() + self.left_out.len();
         // Exclude a pose only if at least four are in use and two thirds of all poses remain.

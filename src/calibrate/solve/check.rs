@@ -1,4 +1,4 @@
-//! Plausibility checks of a solution: errors for unusable ones, warnings for doubtful ones.
+//! Plausibility checks of a solution: an error if it is unusable, warnings if it is doubtful.
 
 use super::refusal::{LITTLE_TILT_DEG, TILTS_WANTED, largest_angle_deg};
 use super::{Choice, Coefficients, Parameter, PoseSightings, Solution, Unsolved};
@@ -26,7 +26,7 @@ const CORRELATED: f64 = 0.999;
 const INFLATED: f64 = 1.5;
 /// Fraction of outliers above which a warning is issued.
 const OUTLIERS: f64 = 0.01;
-/// A pose whose whitened RMS residual exceeds this multiple of the overall one causes a warning.
+/// A pose whose whitened RMS residual exceeds this multiple of all poses' causes a warning.
 const UNEVEN: f64 = 2.0;
 
 /// Returns an error if the solution is too uncertain, folds an image over, or does not fit the

@@ -17,7 +17,7 @@ pub fn chi_square_below(x: f64, dof: usize) -> f64 {
         return 1.0;
     }
     let front = (a * x.ln() - x - ln_gamma(a)).exp();
-    // Both need about as many terms as the distribution is wide, which grows with sqrt(a).
+    // The number of terms grows with the width of the distribution, that is, with sqrt(a).
     let most = 200 + 20 * a.sqrt() as usize;
     if x < a + 1.0 {
         let (mut term, mut sum) = (1.0 / a, 1.0 / a);

@@ -1,11 +1,11 @@
 //! Selection of the distortion coefficients that the data support.
 //!
 //! The models are nested: none, k1, k1 k2, k1 k2 p1 p2, all five; separately for camera and
-//! projector. All are judged from the fit of the largest: removing coefficients c of covariance C
-//! raises the sum of squares by c' C^-1 c (Wald's statistic), and each coefficient kept costs ln n
-//! (the Bayesian information criterion; Schwarz, "Estimating the dimension of a model", 1978),
-//! where n is the number of observations. The cost is at least 10.83, so that a coefficient whose
-//! true value is zero is kept by chance once in a thousand cases whatever n is.
+//! projector. All models are judged from the fit of the largest model: removing coefficients c of
+//! covariance C raises the sum of squares by c' C^-1 c (Wald's statistic), and each coefficient
+//! kept costs ln n (the Bayesian information criterion; Schwarz, "Estimating the dimension of a
+//! model", 1978), where n is the number of observations. The cost is at least 10.83, so that a
+//! coefficient whose true value is zero is kept by chance once in a thousand cases whatever n is.
 
 use super::model::State;
 use super::normal::Free;
@@ -107,8 +107,8 @@ pub(super) fn restricted(state: &State, model: &Model) -> State {
     state
 }
 
-/// Models that the choice allows within `largest`, best first. `covariance` is that of the free
-/// unknowns of `largest`, the model in which `state` was fitted to `count` scalar observations.
+/// Models that the choice allows within `largest`, best first. `covariance` is the covariance of the
+/// free unknowns of `largest`, the model in which `state` was fitted to `count` scalar observations.
 pub(super) fn ranked(
     choice: [Coefficients; 2],
     largest: &Model,

@@ -9,7 +9,7 @@
 //!   loss, then with plain least squares and without the outliers, in the distortion model that the
 //!   data support.
 //! - The inverse of the normal matrix is the covariance. If residuals exceed what the given
-//!   covariances of the points explain, those are inflated first.
+//!   covariances of the points explain, the given covariances are inflated first.
 //!
 //! | Files | Contents |
 //! | --- | --- |

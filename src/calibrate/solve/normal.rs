@@ -177,7 +177,7 @@ struct Reduced {
 struct Elimination {
     /// W^-1.
     inverse: Matrix6<f64>,
-    /// V W^-1, a row for each of the rig's free unknowns.
+    /// V W^-1; each row belongs to one of the rig's free unknowns.
     carry: MatrixXx6<f64>,
 }
 

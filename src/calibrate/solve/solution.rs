@@ -30,7 +30,7 @@ pub struct Solution {
     pub variance_factor: f64,
     /// Factors, at least 1, by which the given covariances of camera points and of projector
     /// coordinates were multiplied because the residuals exceed them by more than chance.
-    /// The covariance includes them.
+    /// `covariance` is computed with these factors.
     pub inflation: [f64; 2],
     /// Number of scalar observations (of the points used) minus number of parameters.
     pub degrees_of_freedom: usize,
@@ -135,8 +135,8 @@ pub struct Parameter {
     pub unit: &'static str,
     /// Value. For a rotation, a component of the rotation vector.
     pub value: f64,
-    /// Standard deviation. For a rotation, that of a small rotation about the axis of the rig's
-    /// frame.
+    /// Standard deviation. For a rotation, the standard deviation of a small rotation about the
+    /// axis of the rig's frame.
     pub sigma: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Closed-form initial state, and exclusion of poses that cannot contribute to it.
+//! Closed-form initial state, and exclusion of poses that cannot contribute to that state.
 
 use super::bundle::Bundle;
 use super::coefficients::{Model, free};
@@ -267,7 +267,7 @@ fn projector(
             .collect()
     };
     let mut found: Vec<(Lens, Pose)> = Vec::new();
-    // Resect from all poses, then repeatedly from those with a misfit of at most four times the
+    // Resect from all poses, then repeatedly from the poses with a misfit of at most four times the
     // median.
     let mut used = lit.clone();
     for _ in 0..4 {

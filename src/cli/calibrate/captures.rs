@@ -39,7 +39,7 @@ fn name(folder: &Path) -> String {
 /// Returns the folders of the poses in a folder, sorted by name.
 ///
 /// # Errors
-/// Returns an error if the folder contains no subfolder, or more than `MOST_POSES` of them.
+/// Returns an error if the folder contains no subfolder, or more than `MOST_POSES` subfolders.
 pub(super) fn poses(folder: &Path) -> Result<Vec<PathBuf>> {
     let place = || format!("--captures {}", folder.display());
     let allowed = format!("a folder with a folder for each pose: pictures and {MANIFEST_FILE}");

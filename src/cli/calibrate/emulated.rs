@@ -27,8 +27,8 @@ use std::time::Duration;
 /// Timeout for a reply or a frame. The first frame waits until the scene is prepared.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Reflectance of the paper. The exposure of the built-in devices is set so that a white wall at 1 m
-/// fills three quarters of the full well, and a board comes as near as 700 mm.
+/// Reflectance of the paper, chosen so that a board as near as 700 mm does not saturate: the
+/// built-in devices expose a white wall at 1 m to three quarters of the full well.
 const PAPER: f64 = 0.45;
 /// Ambient irradiance in W/m^2, as in the built-in scenes.
 const AMBIENT_W_M2: f64 = 0.02;
@@ -142,7 +142,7 @@ impl Emulated {
         progress: impl FnMut(usize, usize),
     ) -> Result<(Gathered, String)> {
         let names = self.names();
-        // Declared before the device, so that it outlasts it.
+        // Declare this before the device, so that it is dropped after the device.
         let _run_dir;
         let served = self.serve(args, name)?;
         let endpoints = served.endpoints();
@@ -165,8 +165,8 @@ impl Emulated {
                 .map_err(|e| Error::io("the thread that analyses the captures", e))?;
             let scan = || scanner.scan_with(|_| flow());
             let captured = self.capture(&endpoints.service, &names, scan, sender, progress);
-            // An error of the analysis takes precedence: the capture only stops when the channel
-            // closes.
+            // An error of the analysis takes precedence: the capture then stops only because the
+            // channel is closed.
             let session = analysis.join().unwrap_or_else(|_| {
                 Err(Error::device(
                     "the thread that analyses the captures panicked",
@@ -181,7 +181,7 @@ impl Emulated {
         Ok(looked)
     }
 
-    /// Serves the device, whose time passes as fast as it renders, in front of the board.
+    /// Serves the device with the fast clock, in front of the board.
     fn serve(&self, args: &Args, name: &str) -> Result<Serving> {
         let mut profile = profile(args, name)?;
         profile.camera.sensor.noiseless |= args.no_noise;
@@ -230,9 +230,9 @@ impl Emulated {
 /// Index of a pose and its capture, or why it cannot be used.
 type Taken = (usize, Result<Capture>);
 
-/// Captures the poses in order until the receiver is gone. A pose that fails is left out; two in
-/// succession end the calibration, because then the device is at fault, and so does one if the user
-/// has interrupted it.
+/// Captures the poses in order until the receiver is gone. A pose that fails is left out. Two
+/// failures in succession end the calibration, because the device must be at fault; after an
+/// interrupt by the user, one failure does.
 fn capture_each(
     names: &[String],
     sender: SyncSender<Taken>,
@@ -296,7 +296,7 @@ fn render_options(args: &Args) -> RenderOptions {
 /// Returns the scene with a board in a pose.
 ///
 /// # Errors
-/// Returns an error if the board or the pose is not one of a scene.
+/// Returns an error if the board or the pose is invalid in a scene.
 fn scene(board: &Board, rig_from_board: &Pose) -> Result<Scene> {
     Scene::parse(&scene_text(board, rig_from_board), "board")
 }
@@ -335,7 +335,7 @@ mod tests {
         }
     }
 
-    /// Runs four poses of which some fail; returns the poses received, and the outcome.
+    /// Runs four poses, `failing` of which fail; returns the poses received, and the outcome.
     fn run(failing: &[usize], interrupted: bool) -> (Vec<(usize, bool)>, Result<()>) {
         let names = ["a", "b", "c", "d"].map(str::to_owned);
         let (sender, receiver) = sync_channel(4);

@@ -20,18 +20,18 @@ pub(super) struct Folder {
     folder: Unfinished,
     /// Names of files of an earlier calibration and, if captures are kept, of its captures.
     earlier: Vec<PathBuf>,
-    /// Whether there are captures, which only a calibration that succeeds replaces.
+    /// Whether the folder had captures before; only a calibration that succeeds replaces them.
     had_captures: bool,
 }
 
 impl Folder {
-    /// Creates the folder. Without `--force`, rejects existing files that have names of results. New
-    /// captures replace captures of the same names, which are `poses`.
+    /// Creates the folder. Without `--force`, rejects existing files with names of results. New
+    /// captures replace earlier captures of the same poses; `poses` are the names.
     ///
     /// # Errors
-    /// Returns an error as [`report::check_folder`] does, or if there are captures and new ones are to
-    /// be kept without `--force`, or if there are captures of other poses, among which new ones would
-    /// be taken for poses of one calibration.
+    /// Returns the errors of [`report::check_folder`]. If new captures are to be kept beside
+    /// earlier ones, also returns an error without `--force`, or if earlier captures are of other
+    /// poses, because all of them would later be taken for one calibration.
     pub(super) fn prepare(args: &Args, poses: &[String]) -> Result<Self> {
         let captures = args.out.join(CAPTURES);
         let had_captures = captures.symlink_metadata().is_ok();
@@ -59,7 +59,7 @@ impl Folder {
         })
     }
 
-    /// Adds captures from which the calibration is computed: they are not replaced.
+    /// Protects the captures from which the calibration is computed: they are not replaced.
     pub(super) fn sparing(mut self, poses: &[PathBuf]) -> Self {
         let files = |pose: &PathBuf| {
             let frames = Capture::frames_in(pose).unwrap_or_default();
@@ -79,8 +79,8 @@ impl Folder {
         self.folder.draft()
     }
 
-    /// Moves the captures to the output folder, where they outlast a failure to calibrate, unless
-    /// there are earlier ones.
+    /// Moves the captures to the output folder, so that they remain if the calibration fails; does
+    /// nothing if the folder has earlier captures.
     ///
     /// # Errors
     /// Returns an error if a file or folder cannot be moved.
@@ -100,8 +100,8 @@ impl Folder {
     }
 }
 
-/// Rejects captures of other poses than these, and what else has the name of a pose. Links are not
-/// followed: no calibration makes them.
+/// Rejects captures of poses other than `poses`, and anything else with the name of a pose. Links
+/// are not followed, because no calibration creates links.
 fn check_captures(captures: &Path, poses: &[String]) -> Result<()> {
     let is_dir = |path: &Path| path.symlink_metadata().is_ok_and(|about| about.is_dir());
     let refuse = |path: &Path, found| Err(Error::input(path.display(), found, "another --out"));

@@ -169,7 +169,7 @@ fn solve(args: &Args, board: &Board, poses: &Poses, place: &str) -> Result<Calib
     calibration.map_err(|why| unsolved(&why, poses, place))
 }
 
-/// Converts a failed solution to an input error, because it takes other poses to resolve it.
+/// Converts a failed solution to an input error, because only other poses can resolve it.
 fn unsolved(why: &Unsolved, poses: &Poses, place: &str) -> Error {
     let words = why.to_string();
     let (found, wanted) = words

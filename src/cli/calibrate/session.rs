@@ -35,8 +35,8 @@ impl Session {
         }
     }
 
-    /// Adds a pose by its index among the names. A pose that is invalid or shows no board is noted, and
-    /// the calibration continues with the others.
+    /// Adds a pose by its index among the names. A pose that is invalid or shows no board is noted,
+    /// and the calibration continues with the other poses.
     ///
     /// # Errors
     /// Returns an error if the image cannot be written.
@@ -52,7 +52,7 @@ impl Session {
         Ok(())
     }
 
-    /// Excludes poses whose images differ in size from most others, and returns the rest.
+    /// Excludes poses whose image size differs from the majority's, and returns the remaining poses.
     pub(super) fn finish(self) -> Gathered {
         Gathered {
             poses: self.poses.finish(),

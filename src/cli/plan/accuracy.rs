@@ -17,7 +17,7 @@ const ROUNDS: (usize, f64) = (5, 0.5);
 #[derive(Serialize)]
 struct Report<'a> {
     accuracy_mm: f64,
-    /// The fastest setting that reaches it.
+    /// The fastest setting that reaches the accuracy.
     cheapest: Option<&'a Measured>,
     settings: Vec<Line<'a>>,
     /// Settings that could not be measured, each with the reason.
@@ -62,7 +62,7 @@ pub(super) fn run(profile: &Profile, scene: &Scene, accuracy_mm: f64, json: bool
         progress.remark(setting.to_string());
         match measure((profile, scene), setting, 1, watch, ROUNDS) {
             Ok(measured) => found.push(measured),
-            // The profile's own sequence has to be one that can be decoded.
+            // The first setting is the profile's own sequence, which must be decodable.
             Err(e) if i == 0 => return Err(e),
             Err(e) => failed.push(format!("{setting}: {e}")),
         }

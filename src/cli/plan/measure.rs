@@ -1,5 +1,5 @@
-//! Times the passes and their terms. Each term is timed with and without in alternation, so that a
-//! change in the machine's speed affects both equally.
+//! Times the passes and their terms. A renderer is timed with and without a term in alternation, so
+//! that a change in the machine's speed affects both times equally.
 
 use crate::cli::output::step;
 use phasmid_render::{Decision, Pass, Term};
@@ -14,13 +14,13 @@ use std::time::Instant;
 pub(super) struct PassCost {
     /// The pass; the exposure and the sensor pass run as one.
     pub(super) pass: &'static str,
-    /// How often it runs.
+    /// How often the pass runs.
     pub(super) runs: &'static str,
     /// Nanoseconds per pixel, with all threads.
     pub(super) ns_per_pixel: f64,
 }
 
-/// A term, and its cost or what it would cost.
+/// A term, and its actual or potential cost.
 #[derive(Debug, Serialize)]
 pub(super) struct TermCost {
     #[serde(flatten)]

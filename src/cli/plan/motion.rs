@@ -1,5 +1,5 @@
-//! Interpolated geometry of a moving scene: where key instants are, by how much coordinates are off, and
-//! what a frame costs with and without.
+//! Interpolated geometry of a moving scene: the key instants, the error of coordinates, and the
+//! cost of a frame with and without interpolation.
 
 use crate::cli::output::step;
 use phasmid_render::{Interpolation, Renderer, Term, shot::Shot};
@@ -19,7 +19,7 @@ pub(super) struct Motion {
     instants: Vec<(f64, Option<Interpolation>)>,
     /// Milliseconds per frame of the sequence.
     ms_per_frame: f64,
-    /// The same with traced geometry.
+    /// Milliseconds per frame with traced geometry.
     traced_ms_per_frame: f64,
 }
 

@@ -50,7 +50,7 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
     }
     lines.finish()?;
     let mut earlier = Capture::frames_in(out)?;
-    // The frames of a scan have fewer digits.
+    // Replace frames of an earlier export only: the names of a scan's frames have fewer digits.
     earlier.retain(|frame| frame.as_os_str().len() == frame_name(0).len());
     folder.sparing([path]).finish(earlier, Some(CONVERSATION))?;
     println!(

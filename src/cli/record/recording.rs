@@ -37,8 +37,8 @@ pub(crate) struct Recording {
 }
 
 impl Recording {
-    /// Starts the recording of a device with these addresses. The times in it count from `start`. An
-    /// existing file is replaced only with `force`.
+    /// Starts the recording of a device with these addresses. The recording's times count from
+    /// `start`. An existing file is replaced only with `force`.
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written.
@@ -89,8 +89,8 @@ impl Recording {
         });
     }
 
-    /// Ends the recording, after its last tape is dropped. Without a frame it is kept only if the
-    /// device has been talked to and the scan failed for another reason than a mistake of the user's.
+    /// Ends the recording, after its last tape is dropped. A recording without a frame is kept only
+    /// if it has traffic and the user's input did not cause the failure.
     ///
     /// # Errors
     /// Returns an error if the file could not be given its name; then it is deleted.

@@ -12,18 +12,18 @@ const SCENE: &str = "torso";
 
 /// A requested device.
 pub(super) struct Asked {
-    /// Its name in the server: its name in the station, or its profile's name. A number is appended
-    /// to a repeated name.
+    /// Name of the device in the server: its name in the station, or its profile's name. A number
+    /// is appended to a repeated name.
     pub(super) name: String,
-    /// Name or path of its profile, as given.
+    /// Name or path of the device's profile, as given.
     pub(super) label: String,
     /// Its profile.
     pub(super) profile: Profile,
-    /// Index of its scene.
+    /// Index of the device's scene.
     pub(super) scene: usize,
-    /// Pose of its rig, if not the scene's.
+    /// Pose of the device's rig, if it differs from the scene's.
     pub(super) rig: Option<RigPlace>,
-    /// Seed of its noise.
+    /// Seed of the device's noise.
     pub(super) seed: u64,
 }
 
@@ -187,7 +187,7 @@ mod tests {
         assert_eq!((scenes.len(), scenes[0].0.as_str()), (1, "torso"));
         let (found, scenes) = devices(&[&line[..], &["--scene", "plane"]].concat()).unwrap();
         assert!(found.iter().all(|device| device.scene == 0) && scenes[0].0 == "plane");
-        // One for each device, not shared.
+        // With one `--scene` for each device, equal scenes are not shared.
         let each = ["--scene", "plane"].repeat(3);
         let (found, scenes) = devices(&[&line[..], &each].concat()).unwrap();
         assert_eq!((found[2].scene, scenes.len()), (2, 3));

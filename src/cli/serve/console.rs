@@ -17,7 +17,7 @@ pub(super) struct Page {
 }
 
 impl Page {
-    /// Starts to serve it, with a place for each device.
+    /// Starts to serve the page, with a source for each device.
     ///
     /// # Errors
     /// Returns an error if the port is taken, or if the system refuses a thread.
@@ -54,7 +54,7 @@ impl Page {
         self.followers.get(device).map(Follower::observer)
     }
 
-    /// Tells where a device can be asked what its frames mean.
+    /// Gives a device's follower the service channel, which describes the device's frames.
     pub(super) fn served(&self, device: usize, endpoints: &Endpoints) {
         if let Some(follower) = self.followers.get(device) {
             follower.ask_at(&endpoints.service);

@@ -130,7 +130,8 @@ mod tests {
         std::fs::create_dir(&dirs[0]).unwrap();
         drop(holder);
         assert!(run.exists(), "somebody's");
-        // Same state as after a kill: each device removes its own directory.
+        // The parent and its mark remain, as after a kill. Another holder removes the parent once
+        // it is empty.
         let holder = Holder::make(&dirs, true).unwrap();
         std::fs::remove_dir(&dirs[0]).unwrap();
         drop(holder);

@@ -28,7 +28,7 @@ impl Shutdown {
 
     /// Returns whether there has been a reason to end.
     pub(super) async fn has_come(&mut self) -> bool {
-        // The event loop looks at the signals only while it waits.
+        // The event loop polls the signals only while a task waits, so wait briefly.
         let wait = Duration::from_millis(1);
         tokio::time::timeout(wait, self.wait()).await.is_ok()
     }

@@ -22,7 +22,7 @@ pub(super) struct Unit {
     served: ServedDevice,
     /// Describes the camera, or says why it is not a V4L2 node.
     about: String,
-    /// The file of its recording, if that was created for it.
+    /// The recording file, if it was created for this device.
     made: Option<Made>,
 }
 
@@ -91,7 +91,7 @@ impl Unit {
         })
     }
 
-    /// Opens the V4L2 node for it. `power_on` is the system's monotonic time at power-on.
+    /// Opens the V4L2 node of the device. `power_on` is the system's monotonic time at power-on.
     pub(super) fn open_video(
         &mut self,
         args: &Args,
@@ -107,13 +107,13 @@ impl Unit {
         self.served.device.machine.firmware()
     }
 
-    /// Sets its USB link, and the description of that.
+    /// Sets the device's USB link and the description of the link.
     pub(super) fn set_usb(&mut self, (link, about): (UsbLink, String)) {
         self.served.usb = Some(link);
         self.about = about;
     }
 
-    /// Creates the file of its recording.
+    /// Creates the file of the device's recording.
     ///
     /// # Errors
     /// Returns an error if the file exists without `force`, or cannot be created.
@@ -132,8 +132,8 @@ impl Unit {
         Ok(())
     }
 
-    /// Serves it from a directory, on a thread of its own; calls `ended` when it ends. Returns it with
-    /// the description of its camera.
+    /// Serves the device from a directory, on a thread of its own; calls `ended` when the device
+    /// ends. Returns the served device with the description of its camera.
     ///
     /// # Errors
     /// Returns an error if the system refuses a thread, a port or a socket.

@@ -27,7 +27,7 @@ pub(super) fn listen_address(text: &str) -> std::result::Result<SocketAddr, &'st
 /// Rejects devices that a host could not distinguish.
 pub(super) fn check<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Result<()> {
     let profiles: Vec<_> = profiles.collect();
-    // udev derives the names of its by-id links from these.
+    // udev derives the names of its by-id links from these three fields.
     let id = |profile: &Profile| {
         let identity = &profile.identity;
         [&identity.manufacturer, &identity.model, &identity.serial].map(Clone::clone)

@@ -12,7 +12,7 @@ use phasmid_sgrt::Planned;
 pub(super) struct Page<'a>(Option<(Console, RoomViews<'a>)>);
 
 impl<'a> Page<'a> {
-    /// Starts to serve it at a port.
+    /// Starts to serve the page at a port.
     ///
     /// # Errors
     /// Returns an error if the port is taken.
@@ -35,7 +35,7 @@ impl<'a> Page<'a> {
                 views = views.with_service(i, service);
             }
         }
-        // Standard output may have the lines.
+        // Use standard error, because standard output may carry the CSV lines.
         eprintln!(
             "Console\n  control  {}\n  view     {}\nCtrl-C ends it.",
             console.url(),

@@ -8,41 +8,41 @@ use std::ops::RangeInclusive;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum FrameDoubt {
-    /// The frames do not have one size; the text gives the sizes.
+    /// The frames differ in size; the text lists the sizes.
     Sizes(String),
-    /// Many pixels reach the camera's full scale, and hardly any others vary.
+    /// Many pixels reach the camera's full scale, and hardly any of the others vary.
     Saturated {
         /// Fraction of the pixels that reach full scale, 0 to 1.
         share: f64,
     },
-    /// Two frames are in each other's place.
+    /// Two frames have exchanged places.
     Exchanged {
-        /// Their positions in the sequence.
+        /// Positions of the two frames in the sequence.
         frames: [usize; 2],
     },
     /// A step of fringes had more or less light than the others of its set, or another pattern.
     Light {
-        /// Its position in the sequence.
+        /// Position of the step's frame in the sequence.
         frame: usize,
-        /// Its light, in parts of the others'.
+        /// Light of the step relative to that of the others.
         part: f64,
     },
     /// Fringes had distinctly less light than white.
     Dark {
         /// First and last frame of the fringe set.
         frames: RangeInclusive<usize>,
-        /// Their light, in parts of white's.
+        /// Light of the fringes relative to white.
         part: f64,
     },
-    /// Frames contradict each other in more pixels, or by more, than noise does.
+    /// Frames contradict each other in more pixels, or by more, than noise explains.
     Contradictory {
-        /// The projector's axis along which they differ.
+        /// Projector axis whose frames contradict each other.
         axis: Axis,
         /// Fraction of the pixels that contradict themselves, 0 to 1.
         share: f64,
-        /// First and last frame of the set, if only one contradicts itself.
+        /// First and last frame of the set, if only one set contradicts itself.
         frames: Option<RangeInclusive<usize>>,
-        /// First and last row in which they do, if it is a part of the image.
+        /// First and last row with contradictory pixels, if these are confined to a part of the image.
         rows: Option<RangeInclusive<usize>>,
     },
     /// The frames follow their sequence, but the fringes are not sinusoidal.

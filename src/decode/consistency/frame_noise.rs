@@ -7,24 +7,26 @@ use phasmid_geometry::NoiseModel;
 use phasmid_pattern::Image;
 use rayon::prelude::*;
 
-/// Standard deviations of a calibration's noise up to which frames may have more.
+/// Maximum ratio of the frames' noise to that of the calibration; beyond it the factor is clamped.
 const KNOWN: f64 = 2.0;
-/// Part of the light of the brightest frame from which on one is bright.
+/// Minimum light of a bright frame, relative to the brightest frame.
 const BRIGHTEST: f64 = 0.6;
-/// Pixels from one to the next that tell the noise by redundancy.
+/// Spacing in pixels of the samples from which noise is estimated by redundancy.
 const THIN: usize = 3;
-/// Rows that tell the noise of a frame.
+/// Number of rows from which the noise between neighbouring pixels is estimated.
 const ROWS: usize = 16;
 /// Approximate number of pixels in these rows.
 const SMOOTH: usize = 3_000;
-/// Minimum light of a lit pixel in its brightest frame, as a part of that of the brightest hundredth.
+/// Minimum light of a lit pixel in its brightest frame, relative to the 99th percentile of all pixels.
 const LIT: f32 = 0.25;
-/// Minimum light of a bright pixel of a frame, as a part of that of the brightest tenth.
+/// Minimum light of a bright pixel of a frame, relative to the 90th percentile of the frame's lit
+/// pixels.
 const BRIGHT_PART: f32 = 0.5;
 
-/// The noise of frames, given by some columns and some rows: that which they contradict each other by, or if
-/// it is smaller, that of neighbouring pixels in the smoothest frames. Damage raises the first, texture the
-/// second. What is `known` is believed if they do not have more, up to [`KNOWN`] times as much.
+/// Returns the noise of the frames, given by some columns and some rows: the smaller of the noise
+/// estimated from redundancy and the noise between neighbouring pixels in the smoothest frames. Damage
+/// raises the first estimate, texture the second. Noise that is `known` from a calibration is used
+/// instead, scaled up to the estimate if that is larger, by at most [`KNOWN`].
 pub(super) fn noise_of(
     plan: &Plan,
     columns: &[Image],
@@ -53,11 +55,12 @@ pub(super) fn noise_of(
     }
 }
 
-/// The light of bright frames in DN, and the noise by fourth differences along rows, both of lit pixels: a
-/// line through the smoothest frame and the smoothest bright one. `full` is the largest value of a sample.
+/// Returns the light of bright frames in DN, and a noise model from fourth differences of lit pixels
+/// along rows: a line through the smoothest frame and the smoothest bright frame. `full` is the largest
+/// value of a sample.
 fn smoothness(rows: &Pixels, full: f64) -> (f64, NoiseModel) {
     let lit = lit(rows);
-    // Only bright pixels of a frame: a part of each code and fringe is dark.
+    // Use only the frame's bright pixels: parts of each code and fringe frame are dark.
     let of_frame = |frame: &Vec<f32>| {
         let mut lights: Vec<f32> = lit.iter().map(|i| frame[*i]).collect();
         let tenth = lights.len() * 9 / 10;
@@ -95,8 +98,8 @@ fn smoothness(rows: &Pixels, full: f64) -> (f64, NoiseModel) {
     (light, noise)
 }
 
-/// Pixels of some rows, not the two at either end, that are lit in some frame: unlit ones have less noise,
-/// and in most captures there are more of them.
+/// Lit pixels of some rows, without the two pixels at either end. Unlit pixels have less noise and are
+/// the majority in many captures, so they would dominate the estimate.
 fn lit(rows: &Pixels) -> Vec<usize> {
     let every = (rows.width * ROWS / SMOOTH).max(1);
     let lines = rows.lines(true, ROWS);

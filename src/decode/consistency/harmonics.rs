@@ -1,19 +1,20 @@
 //! Fringes that are not sinusoidal.
 //!
-//! N equal steps take harmonics of order N - 1 and N + 1 for the fringe itself: the phase is off by
-//! `e = a cos(N phi) + b sin(N phi)`, and if the two orders differ the modulation follows N phi too.
+//! N equal steps alias harmonics of order N - 1 and N + 1 to the fringe itself: the phase is off by
+//! `e = a cos(N phi) + b sin(N phi)`. If the two harmonics differ in strength, the modulation follows
+//! N phi too.
 //!
-//! - Along a surface the phase grows by about the same w from each pixel to the next, so that its second
-//!   difference is what the error leaves of itself: `e(phi + w) - 2 e(phi) + e(phi - w) =
-//!   -2 (1 - cos(N w)) e(phi)`. That is linear in a and b, which least squares find from all pixels.
-//!   Curved surfaces, texture and noise have second differences too, but not such as follow the phase.
-//!   Coarse fringes grow too little from pixel to pixel to show it.
-//! - With white and black, the modulation in parts of half their contrast is held against the phase.
+//! - Along a surface the phase grows by about the same w from each pixel to the next, so its second
+//!   difference shows the error: `e(phi + w) - 2 e(phi) + e(phi - w) = -2 (1 - cos(N w)) e(phi)`.
+//!   This is linear in a and b, which are fitted to all pixels by least squares. Curved surfaces,
+//!   texture and noise also have second differences, but these do not follow the phase. Coarse fringes
+//!   change too little from pixel to pixel to show the error.
+//! - With white and black, the modulation relative to half their contrast is compared with the phase.
 //!
-//! Three steps take the second harmonic for the fringe, which any response curve but a straight one has:
-//! that is a property of the device, and is reported without refusing anything. With four steps and more an
-//! error of that size is none that a response curve makes, but, for example, an exposure that does not
-//! cover all bit planes of a DMD.
+//! Three steps alias the second harmonic to the fringe. Every nonlinear response curve has a second
+//! harmonic, so this error is a property of the device: it is reported and nothing is rejected. With
+//! four or more steps no response curve causes an error of that size; a possible cause is an exposure
+//! that does not cover all bit planes of a DMD.
 
 use super::FrameDoubt;
 use super::pixels::Line;
@@ -23,56 +24,58 @@ use nalgebra::{Complex, Matrix2, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// The largest error of phase in radians of four and more steps that is believed: a projector of gamma
-/// 0.6 and four steps has 0.06, one of 2.2 has 0.01.
+/// Maximum phase error in radians that a response curve explains with four or more steps: with four
+/// steps a projector of gamma 0.6 has 0.06, one of gamma 2.2 has 0.01.
 const LARGEST_RAD: f64 = 0.08;
-/// The largest of three steps: a projector of gamma 2.2 has 0.29.
+/// Maximum phase error in radians that a response curve explains with three steps: gamma 2.2 gives
+/// 0.29.
 const BELIEVED_RAD: f64 = 0.35;
-/// Steps from which on it is refused.
+/// Minimum number of steps of a set for which a larger error is rejected.
 const REFUSED_STEPS: usize = 4;
-/// The largest that is not worth telling: 0.05 projector pixels of a fringe of 16.
+/// Phase errors up to this one in radians are not reported: 0.05 projector pixels for a period of 16.
 const WORTH_RAD: f64 = 0.02;
-/// Deviations that an error is more than what is held against it.
+/// Number of standard errors by which a phase error must exceed [`WORTH_RAD`] or [`LARGEST_RAD`].
 const SIGMAS: f64 = 4.0;
-/// Lines that are looked at.
+/// Number of rows and of columns that are examined.
 const LINES: usize = 16;
-/// Fewest pixels that tell,
+/// Minimum number of pixels for an estimate from second differences of the phase.
 const FEWEST: usize = 500;
-/// and that tell by their modulation.
+/// Minimum number of pixels for an estimate from the modulation.
 const FEWEST_MODULATED: usize = 1000;
-/// Least modulation in DN,
+/// Minimum modulation in DN.
 const LEAST_DN: f64 = 3.0;
-/// and in deviations of the noise.
+/// Minimum modulation in standard deviations of the noise.
 const LEAST_SIGMAS: f64 = 4.0;
-/// Least contrast of white and black in deviations of the noise,
+/// Minimum contrast of white and black in standard deviations of the noise.
 const CONTRAST: f32 = 10.0;
-/// and in DN: the rounding of fewer follows the phase.
+/// Minimum contrast of white and black in DN: below it, rounding errors follow the phase.
 const CONTRAST_DN: f32 = 12.0;
-/// Part of the usual pixel's modulation from which on one is looked at, for blur takes the rest, and up
-/// to which it is believed.
+/// Modulation, relative to the median pixel, of the pixels that are used: blur lowers the modulation,
+/// and larger values are implausible.
 const USUAL: std::ops::Range<f64> = 0.5..2.0;
-/// Most that the phase grows from a pixel to the next, and most by which it grows more than before: edges.
+/// Maximum phase change between neighbouring pixels, and maximum difference of two successive changes,
+/// in radians: larger ones are edges.
 const MOST_RAD: (f64, f64) = (1.5, 1.0);
-/// Part of an error that is left in second differences, squared, of all pixels.
+/// Minimum mean square, over all pixels, of the factor by which second differences show the error.
 const LEAST_SHOWN: f64 = 0.1;
 
 /// A set whose fringes are not sinusoidal.
 pub(super) struct Bent {
     frames: [usize; 2],
     steps: usize,
-    /// Amplitude of the error of the phase.
+    /// Amplitude of the phase error in radians.
     error_rad: f64,
-    /// The same less what chance may add.
+    /// Lower bound of the amplitude: `error_rad` minus an allowance for noise.
     least_rad: f64,
 }
 
 impl Bent {
-    /// Whether a response curve makes such an error, which makes orders uncertain.
+    /// Whether a response curve can cause this error. Such an error makes fringe orders uncertain.
     pub(super) fn is_believed(&self) -> bool {
         self.steps < REFUSED_STEPS && self.error_rad < BELIEVED_RAD
     }
 
-    /// Whether no response curve makes such an error.
+    /// Whether no response curve can cause this error.
     pub(super) fn is_refused(&self) -> bool {
         self.steps >= REFUSED_STEPS && self.least_rad > LARGEST_RAD
     }
@@ -85,7 +88,7 @@ impl Bent {
     }
 }
 
-/// The sets of a capture whose phases are off by more than is worth telling.
+/// Returns the sets of a capture whose phase error is large enough to report.
 pub(super) fn of_capture(sample: &Sample) -> Vec<Bent> {
     let sets = sample.plan.axes.iter().flat_map(|axis| &axis.sets);
     let bent = |set: &FringeSet| {
@@ -113,8 +116,8 @@ pub(super) fn of_capture(sample: &Sample) -> Vec<Bent> {
     sets.filter_map(bent).collect()
 }
 
-/// The amplitude of the error of phase and its standard deviation, in radians, from lines along the rows and
-/// down the columns, as far as the phase grows there; none where too few pixels would show it.
+/// Returns the amplitude of the phase error and its standard deviation, in radians, from rows and
+/// columns along which the phase changes enough to show it; `None` if too few pixels do.
 fn phase_error(set: &FringeSet, sample: &Sample) -> Option<(f64, f64)> {
     let lines = [true, false].map(|rows| along_lines(set, sample, rows));
     let shown = lines.into_iter().filter(Sums::is_shown);
@@ -158,20 +161,20 @@ fn along_lines(set: &FringeSet, sample: &Sample, rows: bool) -> Sums {
     of_lines.into_iter().fold(Sums::default(), Sums::and)
 }
 
-/// Sums over pixels of the least squares of a and b, by second differences of the phase.
+/// Sums of the normal equations for a and b, from second differences of the phase.
 #[derive(Default)]
 struct Sums {
     normal: Matrix2<f64>,
     right: Vector2<f64>,
-    /// Squares of the parts of the error that second differences show.
+    /// Sum of squares of the factors by which second differences show the error.
     shown: f64,
-    /// Squares of the second differences.
+    /// Sum of squares of the second differences.
     square: f64,
     pixels: usize,
 }
 
 impl Sums {
-    /// Adds three neighbours of a surface that have these phases, with N steps.
+    /// Adds the phases of three neighbouring pixels on a surface, measured with `n` steps.
     fn add(&mut self, [before, here, after]: [f64; 3], n: f64) {
         let (rise, next) = (wrapped(here - before), wrapped(after - here));
         let grows = 0.5 * (rise + next);
@@ -188,7 +191,7 @@ impl Sums {
         self.pixels += 1;
     }
 
-    /// Whether second differences show the error at all.
+    /// Whether second differences are large enough to show the error.
     fn is_shown(&self) -> bool {
         self.shown >= LEAST_SHOWN * self.pixels as f64
     }
@@ -204,14 +207,14 @@ impl Sums {
     }
 }
 
-/// How far the modulation follows N times the phase, in parts of it.
+/// Returns the amplitude with which the modulation follows N times the phase, relative to its mean.
 fn ripple(set: &FringeSet, sample: &Sample) -> Option<f64> {
     let (white, black) = sample.plan.references()?;
     let n = set.phases.len() as u32;
     let pixels = &sample.columns;
     let [white, black] = [white, black].map(|frame| pixels.frame(frame));
     let fringes = pixels.fringes(set)?;
-    // Modulation in parts of half the contrast, and fringe.
+    // Returns the modulation relative to half the contrast, and the unit phasor of the fringe.
     let told = |i: usize| {
         let contrast = white[i] - black[i];
         let is_bright =
@@ -243,7 +246,7 @@ fn ripple(set: &FringeSet, sample: &Sample) -> Option<f64> {
     Some(fitted[1].hypot(fitted[2]) / fitted[0])
 }
 
-/// A difference of two angles between -pi and pi, in that range too.
+/// Reduces a difference of two angles, each between -pi and pi, to the same range.
 fn wrapped(difference: f64) -> f64 {
     if difference < -PI {
         difference + TAU

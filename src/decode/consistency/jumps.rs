@@ -1,9 +1,9 @@
 //! The bits of a Gray code, by their edges.
 //!
-//! Along a surface the code counts up or down by one or stays. Where exactly one bit
-//! changes between neighbours, the cells are next to each other; with two bits exchanged, or one frame of
-//! another pattern, they are far apart. At steps in depth several bits change at once, and those say
-//! nothing.
+//! Along a surface the code counts up or down by one or stays. Where exactly one bit changes between
+//! neighbouring pixels, their cells should be adjacent. If two bits are exchanged, or one frame shows
+//! another pattern, the cells are far apart. At depth steps several bits change at once; such changes
+//! are not evaluated.
 
 use super::pixels::{Line, Pixels};
 use super::sample::Sample;
@@ -11,18 +11,20 @@ use crate::plan::{AxisPlan, Plan};
 use phasmid_pattern::gray_decode;
 use rayon::prelude::*;
 
-/// Lines along the rows and down the columns that are looked at.
+/// Number of rows and of columns that are examined.
 const LINES: usize = 32;
-/// Part of the contrast that makes a bit clear.
+/// Minimum contrast of a bit, relative to the full contrast, for a clear bit.
 const CLEAR: f32 = 0.25;
-/// Contrast in standard deviations of noise, at least.
+/// Minimum contrast in standard deviations of the noise.
 const CONTRAST: f64 = 14.0;
-/// Pixels that may lie between neighbours: those on an edge are not clear.
+/// Maximum distance in pixels between two compared pixels: pixels between them lie on an edge and are
+/// not clear.
 const APART: usize = 4;
-/// Edges of a bit that tell.
+/// Minimum number of edges of a bit for a verdict.
 const FEWEST: usize = 12;
 
-/// Whether most edges of some bit of an axis lie between cells that are not next to each other.
+/// Whether, for some bit of an axis, more of its edges lie between distant cells than between adjacent
+/// ones.
 pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan) -> bool {
     let Some(code) = &axis.gray else {
         return false;
@@ -57,14 +59,15 @@ pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan) -> bool {
     });
     let Changes { of_bits, of_words } = of_ways.reduce(none, Changes::and);
     let told = |[near, far]: &[usize; 2]| near + far >= FEWEST && far > near;
-    // A code without fringes may be finer than the camera resolves: most changes are then of several bits.
+    // A code without fringes may be finer than the camera resolves: changes of several bits then
+    // predominate.
     let resolved = !axis.sets.is_empty() || of_words[0] > of_words[1];
     resolved && of_bits.iter().any(told)
 }
 
-/// Number of changes of the code between neighbours.
+/// Number of changes of the code between neighbouring pixels.
 struct Changes {
-    /// Changes of each bit alone: [between cells next to each other, others].
+    /// Changes of each bit alone: [between adjacent cells, between distant cells].
     of_bits: Vec<[usize; 2]>,
     /// Changes of [one bit, several bits].
     of_words: [usize; 2],
@@ -96,8 +99,8 @@ impl Changes {
     }
 }
 
-/// The code words of pixels without their `unused` finest bits, where each bit is clear; contrasts are at
-/// least `least`, in DN.
+/// Returns each pixel's code word without the `unused` finest bits; `None` unless all bits are clear
+/// and the contrast is at least `least`, in DN.
 fn words(
     plan: &Plan,
     axis: &AxisPlan,
@@ -105,7 +108,7 @@ fn words(
     pixels: &Pixels,
     least: f32,
 ) -> Vec<Option<u64>> {
-    // White and black, or else the fringes, tell the middle and half of the contrast.
+    // White and black, or the fringes if these are missing, give the mean and half of the contrast.
     let light = match (plan.references(), axis.sets.first()) {
         (Some((white, black)), _) => {
             let [white, black] = [white, black].map(|frame| pixels.frame(frame));
@@ -125,7 +128,7 @@ fn words(
             .iter()
             .flat_map(|code| code.bits.iter().skip(unused))
     };
-    // A bit with its complement is known although white is saturated.
+    // If every bit has a complement, the code can be read even where white is saturated.
     let complements = bits().all(|bit| bit.plain.is_some() && bit.inverse.is_some());
     let mut words = vec![0u64; pixels.len()];
     let mut clear: Vec<bool> = match &light {

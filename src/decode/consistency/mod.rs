@@ -1,44 +1,48 @@
 //! Whether the frames of a capture are those of its sequence, judged by one model of a capture.
 //!
 //! **Model.** A pixel sees one place of the projector. It has one mean and, in each fringe set, one
-//! contrast (blur takes more of fine fringes), and all patterns of an axis agree on one coordinate. What
-//! real cameras and projectors add is estimated from the capture, not flagged: the light of a step and of
-//! the fringe in it (a lamp that flickers), and the second and third harmonics (a response curve), each the
-//! same part everywhere (`robust_scale`). Pixels on the edges of stripes and surfaces may see two places
-//! and are left out, and so are those in which noise makes a fringe order uncertain.
+//! contrast (blur reduces that of fine fringes more), and all patterns of an axis agree on one
+//! coordinate. Effects of real cameras and projectors are estimated from the capture, not flagged: the
+//! light and the fringe amplitude of a step (a flickering lamp), and the second and third harmonics (a
+//! response curve), each the same fraction everywhere (`robust_scale`). Pixels on the edges of stripes
+//! and surfaces may see two places and are left out, as are pixels whose noise makes the fringe order
+//! uncertain.
 //!
-//! **Statistics**, of about 25,000 pixels from all rows, as the decoder itself decodes them (scale and light of
-//! 4,000 of them; jumps of the code and errors of phase also of some whole rows):
+//! **Statistics**, of about 25,000 pixels from all rows, decoded by the decoder itself. Scale and light
+//! use 4,000 of these pixels; jumps of the code and phase errors also use some whole rows:
 //!
 //! | statistic | sound captures | limit |
 //! | --- | --- | --- |
-//! | part of the pixels whose steps, sets or code contradict each other | at most 0.0017 | [`RATE`], and beyond it what chance adds |
+//! | fraction of the pixels whose steps, sets or code contradict each other | at most 0.0017 | [`RATE`], plus an allowance for chance |
 //! | scale of the residuals, in standard deviations of noise and model error | at most 1.1 | [`SCALE`] |
-//! | light that a set's steps differ by, in units of its residual | at most 0.05 | [`LIGHT`], and beyond it what chance adds |
+//! | difference in light of a set's steps, in units of its residual | at most 0.05 | [`LIGHT`], plus an allowance for chance |
 //! | mean of fringes, between black and white | at least 0.36 | [`DARK`] |
 //! | error of the phase that follows the phase | at most 0.06 rad | `harmonics::LARGEST_RAD` |
 //!
 //! The second column was measured on captures of 400 random devices and of built-in ones; captures of a
-//! physical scanner and of calibrations pass too. The book's page on the faults matrix names the commands. Counts are
-//! refused where chance exceeds them once in ten thousand scans of a capture at the limit.
+//! physical scanner and of calibrations pass too. The book's page on the faults matrix names the
+//! commands. The allowance for chance is exceeded in one of ten thousand scans of a capture at the
+//! limit.
 //!
-//! **Noise** that is estimated from the same frames normalises itself: damage that most pixels have alike
-//! raises it. It is therefore taken from the calibration if there is one, and otherwise the smaller of
-//! that of the residuals and that of neighbouring pixels in the smoothest frames, where they are lit.
+//! **Noise** that is estimated from the same frames hides damage: damage that affects most pixels alike
+//! raises the estimate. The noise is therefore taken from the calibration if there is one. Without a
+//! calibration it is the smaller of two estimates: from the residuals, and from neighbouring lit pixels
+//! in the smoothest frames.
 //!
-//! **What a sequence can show.** N steps of a set leave N - 3 residuals. Four or more show that one of
-//! them is wrong in each pixel, of which sets of three are only held against the mean of the other sets of
-//! their axis; a single set of three shows nothing of its own. The Gray code of half a period holds every
-//! bit against the phase: each wrong bit turns round the order of all finer ones. If two frames exchanged
-//! explain the capture, they are named; otherwise the rows are, where the damage has some.
+//! **Detectable damage.** N steps of a set leave N - 3 residuals. Four or more steps show in each pixel
+//! that one of them is wrong. A set of three steps can only be compared with the mean of the other sets
+//! of its axis; a single set of three steps shows nothing. A Gray code with cells of half a period
+//! checks every bit against the phase: each wrong bit reverses the order of all finer ones. If an
+//! exchange of two frames explains the capture, the message names them; if not, it names the rows if
+//! the damage is confined to some.
 //!
-//! **What no frame shows**: two frames that are equal where the camera sees them; the rotation or reversal
-//! of the steps of a lone set, or of one whose code has no half cells, but for the jumps from period to
-//! period; a Gray code whose first bit is exchanged with its complement, where the mirrored coordinates
-//! are on the projector; the last frame shown twice; less light in all frames alike; rows that are missing
-//! from every second of four steps, where the surface has neither edges nor texture; damage of less than
-//! [`RATE`] of the pixels, which the decoder leaves out one by one; and in light so dim that noise makes
-//! orders uncertain, wrong bits.
+//! **Undetectable damage**: two frames that are equal where the camera sees them; a rotation or
+//! reversal of the steps of a single set, or of a set whose code has no half cells, except for jumps
+//! between periods; a Gray code whose first bit is exchanged with its complement, where the mirrored
+//! coordinates are on the projector; the last frame shown twice; less light in all frames alike; rows
+//! that are missing from every second of four steps, where the surface has neither edges nor texture;
+//! damage of less than [`RATE`] of the pixels, which the decoder rejects one by one; and wrong bits in
+//! light so dim that noise makes orders uncertain.
 
 mod frame_doubt;
 mod frame_noise;
@@ -60,48 +64,52 @@ use phasmid_geometry::{NoiseModel, Rig};
 use phasmid_pattern::{Axis, Image, Manifest};
 use sample::{Count, FEWEST, Sample};
 
-/// Part of the pixels whose frames may contradict each other: more than twice what sound captures have.
+/// Maximum fraction of contradictory pixels: more than twice that of sound captures.
 const RATE: f64 = 2.5e-3;
-/// The same of a code whose edges lie where the fringes begin anew: a pixel there is uncertain.
+/// The same for a code whose edges coincide with the ends of fringe periods, where pixels are
+/// uncertain.
 const EDGES: f64 = 0.08;
-/// Standard normal quantile of one in ten thousand, both axes and a margin for neighbours that are alike.
+/// Quantile of the normal distribution for one in ten thousand, with two axes and a margin for
+/// correlated neighbours.
 const QUANTILE: f64 = 4.0;
 /// Largest scale of residuals, in standard deviations of noise and model error.
 const SCALE: f32 = 3.0;
-/// Largest difference of the light of a set's steps, as it shows in the residual: one of four steps with
-/// 0.92 of the light of the others, one of three with 0.9.
+/// Maximum difference in light of a set's steps, in units of the residual: it rejects one of four steps
+/// with 0.92 of the light of the others, and one of three with 0.9.
 const LIGHT: f32 = 0.055;
-/// Scale of residuals before their common part is taken off, in parts of that after it, from which on the
-/// common part explains them.
+/// Minimum ratio of the residuals' scale before the common part is removed to the scale after it, for
+/// which the common part explains them.
 const EXPLAINED: f32 = 10.0;
-/// Least mean of fringes between black and white: that of a projector of gamma 2.2 is 0.36.
+/// Minimum mean of the fringes between black and white, 0 to 1: a projector of gamma 2.2 has 0.36.
 const DARK: f64 = 0.28;
-/// Contrast of white and black in standard deviations of noise from which on it tells the mean.
+/// Minimum contrast of white and black, in standard deviations of noise, of pixels that are used for
+/// the fringes' mean.
 const CONTRAST: f32 = 20.0;
-/// Least part of the pixels that have to be lit to tell anything,
+/// Minimum fraction of lit pixels for a check.
 const LEAST_LIT: f64 = 1e-3;
-/// below which other things in front of the camera may be.
+/// Below this fraction of lit pixels, the camera may see objects other than the surface.
 const FEW_LIT: f64 = 2e-2;
-/// Fewest pixels that show a surface.
+/// Minimum number of valid pixels of a small surface.
 const LEAST_PIXELS: usize = 12;
-/// Share of saturated pixels that is the likeliest cause of frames that show no modulation.
+/// Minimum fraction of saturated pixels for which saturation is reported as the cause of missing
+/// modulation.
 const MANY_SATURATED: f64 = 0.2;
-/// Frames from one to another that may be exchanged with it.
+/// Maximum distance in frames between two that are tested for an exchange.
 const NEAR: usize = 3;
-/// Cells of a code in periods below which an edge lies within each period.
+/// Maximum cell width of a code, in periods, for which an edge lies within each period.
 const HALF_CELL: f64 = 0.75;
 
-/// What is known of a capture besides its frames.
+/// Information about a capture besides its frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Known {
-    /// The link says which frame each is, so that saturated ones are those that were asked for.
+    /// The link identifies each frame, so saturated frames are known to be the requested ones.
     pub identified: bool,
     /// The camera's noise, from a calibration.
     pub noise: Option<NoiseModel>,
 }
 
 impl Known {
-    /// Describes frames that the link identifies or not, from a device with a calibration or without.
+    /// Describes a capture by whether the link identifies its frames, and by the device's calibration.
     pub fn new(identified: bool, calibration: Option<&Rig>) -> Self {
         Self {
             identified,
@@ -110,12 +118,12 @@ impl Known {
     }
 }
 
-/// Checks frames, as many as the sequence has and all of one size and format. Frames that hardly vary
-/// pass: that they show no modulation is another matter ([`check_modulation`]). A sequence passes
-/// unchecked if some of its frames were not loaded because no decoder needs them.
+/// Checks that the frames follow the sequence: as many as the sequence has, of one size and format.
+/// Frames that hardly vary pass; [`check_modulation`] rejects them. A sequence passes unchecked if some
+/// of its frames were not loaded because no decoder needs them.
 ///
 /// # Errors
-/// Returns how the frames depart from the sequence.
+/// Returns how the frames differ from the sequence.
 pub fn check_sequence(
     manifest: &Manifest,
     frames: &[Image],
@@ -125,7 +133,7 @@ pub fn check_sequence(
         return Ok(());
     }
     Image::common_size(frames).map_err(|e| FrameDoubt::Sizes(e.to_string()))?;
-    // What cannot be decoded holds nothing that could be checked.
+    // A sequence that cannot be decoded has no redundancy to check.
     let Some(sample) = Sample::new(manifest, frames, known.noise) else {
         return Ok(());
     };
@@ -159,8 +167,8 @@ pub fn check_sequence(
     worst.map_or(Ok(()), |worst| Err(worst.doubt()))
 }
 
-/// What a user should know of frames that follow their sequence: fringes that are not sinusoidal, so that
-/// the error of a point depends on its place in a fringe. Arguments as for [`check_sequence`].
+/// Returns a warning for frames that follow their sequence but whose fringes are not sinusoidal, so
+/// that the error of a point depends on its position in a fringe. Arguments as for [`check_sequence`].
 pub fn doubt_of_fringes(manifest: &Manifest, frames: &[Image], known: Known) -> Option<FrameDoubt> {
     if frames.len() != manifest.frame.len() || frames.iter().any(Image::is_empty) {
         return None;
@@ -206,7 +214,7 @@ pub fn check_modulation(manifest: &Manifest, frames: &[Image]) -> Result<()> {
     )))
 }
 
-/// Shares of all pixels.
+/// Fractions of all pixels.
 struct Lit {
     /// Modulated and not saturated.
     share: f64,
@@ -229,7 +237,8 @@ impl Lit {
     }
 }
 
-/// Whether the frames of one axis agree; with harmonics in the fringes, orders may be wrong of themselves.
+/// Checks that the frames of one axis agree. If harmonics bend the fringes (`bent`), uncertain orders
+/// are not counted, because the harmonics may cause them.
 fn axis_follows(
     manifest: &Manifest,
     sample: &Sample,
@@ -241,11 +250,11 @@ fn axis_follows(
     let Some(map) = sample.decoded.axis(axis.axis) else {
         return Ok(());
     };
-    // Without fringes a code says itself what it resolves.
+    // Without fringes, an uncertain order only means that the camera does not resolve the code's bits.
     let orders = !bent && axis.order != Order::Cells;
     let count = sample.count(axis, map, orders);
     let rate = if has_half_cells(axis) { RATE } else { EDGES };
-    // Beside saturated pixels light may spill over.
+    // Light may spill over from saturated pixels to their neighbours, so the axis is not checked.
     if map.count(Verdict::Saturated) > count.all {
         return Ok(());
     }
@@ -258,7 +267,8 @@ fn axis_follows(
         sets.clone()
             .filter_map(|(set, shared)| Some((set, shared.as_ref()?)))
     };
-    // The light of a step that is dark as a whole explains its residuals, although their rest is large too.
+    // If one step is dark as a whole, its light explains the residuals even if the remaining residuals
+    // are large too.
     let explained = |shared: &Shared| shared.differs_by(LIGHT) && shared.explains(EXPLAINED);
     let is_odd = |shared: &Shared| shared.scale > SCALE && !explained(shared);
     if let Some((set, _)) = known().find(|(_, shared)| is_odd(shared)) {
@@ -269,7 +279,8 @@ fn axis_follows(
             rows: None,
         }));
     }
-    // A bad step of one set also changes what the others are compared with, but less.
+    // A bad step also changes the mean that other sets are compared with, but less: report the largest
+    // difference.
     let uneven = known().filter(|(_, shared)| shared.differs_by(LIGHT));
     if let Some((set, shared)) =
         uneven.max_by(|(_, a), (_, b)| a.difference().total_cmp(&b.difference()))
@@ -298,16 +309,16 @@ fn range(frames: &[usize]) -> std::ops::RangeInclusive<usize> {
     first..=frames.iter().copied().max().unwrap_or(first)
 }
 
-/// Whether more pixels contradict themselves than chance makes of a rate.
+/// Whether more pixels contradict themselves than the rate and chance explain.
 fn is_too_many(count: Count, rate: f64) -> bool {
     let expected = rate * count.all as f64;
-    // The last terms are the Poisson distribution's distance from the normal one.
+    // The last term corrects the normal approximation towards the Poisson distribution.
     let most = expected + QUANTILE * expected.sqrt() + QUANTILE * QUANTILE / 6.0;
     count.odd as f64 > most
 }
 
-/// Whether each order is known twice: by several periods, or by a code with an edge within each period.
-/// Otherwise pixels on the edges of the code are uncertain.
+/// Whether each order is determined twice: by several periods, or by a code with an edge within each
+/// period. If not, pixels on the edges of the code are uncertain.
 fn has_half_cells(axis: &AxisPlan) -> bool {
     match (&axis.gray, axis.order) {
         (Some(code), Order::Resolved { repeat_px }) => code.cell_px < HALF_CELL * repeat_px,
@@ -316,7 +327,7 @@ fn has_half_cells(axis: &AxisPlan) -> bool {
     }
 }
 
-/// Fringes with distinctly less light than white.
+/// Detects fringes with distinctly less light than white.
 fn dark_fringes(sample: &Sample, axis: &AxisPlan) -> Option<FrameDoubt> {
     let (white, black) = sample.plan.references()?;
     let map = sample.decoded.axis(axis.axis)?;
@@ -341,7 +352,7 @@ fn dark_fringes(sample: &Sample, axis: &AxisPlan) -> Option<FrameDoubt> {
     })
 }
 
-/// The two frames near each other that explain most of the contradictions if they are exchanged.
+/// Finds the two frames near each other whose exchange explains most of the contradictions.
 fn exchanged(manifest: &Manifest, sample: &Sample, axis: Axis) -> Option<FrameDoubt> {
     let plan = &sample.plan;
     let used: Vec<usize> = (0..plan.frames).filter(|i| plan.uses(*i)).collect();

@@ -1,10 +1,11 @@
-//! Samples of a part of each frame, and the fringes that they make.
+//! The samples of a part of each frame, and the fringes computed from them.
 
 use crate::{FringeSet, Plan};
 use phasmid_pattern::{Image, Samples};
 use rayon::prelude::*;
 
-/// Relative change of the light from a pixel to the next above which a surface or its colour ends there.
+/// Relative change of the light between neighbouring pixels above which a surface or its colour ends
+/// there.
 const STEP: f32 = 0.2;
 
 /// The same rows of all frames.
@@ -13,7 +14,7 @@ pub(super) struct Pixels {
     pub(super) height: usize,
     /// Samples in DN, by frame.
     levels: Vec<Vec<f32>>,
-    /// The greatest of them.
+    /// The greatest sample of all frames.
     pub(super) greatest: u16,
     fringes: Vec<Fringes>,
     full: f32,
@@ -43,7 +44,7 @@ impl Line {
 }
 
 impl Pixels {
-    /// Takes rows of frames of one size.
+    /// Reads rows of frames of one size.
     pub(super) fn new(plan: &Plan, frames: &[Image], rows: &[usize]) -> Self {
         let width = frames.first().map_or(0, Image::width);
         let of_frame = |frame: &Image| {
@@ -121,7 +122,7 @@ impl Pixels {
         self.fringes.iter().find(|f| f.frames == set.frames)
     }
 
-    /// Up to `most` rows or columns at equal distances.
+    /// Returns up to `most` equally spaced rows or columns.
     pub(super) fn lines(&self, along_rows: bool, most: usize) -> Vec<Line> {
         let (width, height) = (self.width, self.height);
         let (length, across, step, stride) = match along_rows {
@@ -138,9 +139,11 @@ impl Pixels {
         (0..lines).map(line).collect()
     }
 
-    /// Pixels that saturate in no frame and whose light is like that of those beside, above and below them.
+    /// Flags pixels that saturate in no frame and differ little in light from their neighbours in row
+    /// and column.
     pub(super) fn plain(&self, plan: &Plan) -> Vec<bool> {
-        // As several groups of frames tell it: a damaged frame changes one of them.
+        // A difference counts only if all groups of frames show it: a damaged frame changes only one
+        // group.
         let white = plan.white.map(|white| self.frame(white));
         let means = self.fringes.iter().map(|fringes| fringes.mean.as_slice());
         let mut lights: Vec<&[f32]> = white.into_iter().chain(means).collect();
@@ -221,8 +224,8 @@ fn taken<T: Copy + Ord + Default + Into<u16>>(samples: &[T], levels: &mut Vec<f3
     samples.iter().copied().max().unwrap_or_default().into()
 }
 
-/// The `greatest` sample, where it is the full scale of 8 to 16 bits, at either end of a word; else
-/// infinity.
+/// Returns the `greatest` sample if it is the full scale of 8 to 16 bits, stored in the low or the high
+/// bits of a word; infinity if it is not.
 pub(super) fn full_scale(greatest: u16) -> f32 {
     let ones = greatest.count_ones();
     let is_end = greatest.trailing_ones() == ones || greatest.leading_ones() == ones;

@@ -1,5 +1,5 @@
-//! A part of a capture's pixels, decoded: every row and some of the columns, so that damage of a few rows
-//! is seen too; and some rows with all columns, whose pixels are neighbours.
+//! Decodes a part of a capture's pixels: all rows of some columns, so that damage of a few rows is
+//! detected; and some rows with all columns, so that neighbouring pixels can be compared.
 
 use super::frame_noise::noise_of;
 use super::pixels::{Pixels, full_scale};
@@ -12,41 +12,41 @@ use phasmid_pattern::{Axis, Image, Manifest};
 use rayon::prelude::*;
 use std::ops::RangeInclusive;
 
-/// Fewest pixels that tell a property of all.
+/// Minimum number of pixels for an estimate of a property of all pixels.
 pub(super) const FEWEST: usize = 400;
-/// Part of the contrast by which sums of complements may differ.
+/// Maximum difference between sums of complementary bits, relative to the contrast.
 const UNLIKE: f32 = 0.5;
-/// Pixels from one to the next that tell which frames are exchanged.
+/// Spacing in pixels of the samples that test which frames are exchanged.
 const THIN: usize = 3;
-/// Pixels that are decoded, about,
+/// Approximate number of decoded pixels.
 const PIXELS: usize = 25_000;
-/// and columns, at least.
+/// Minimum number of decoded columns.
 const COLUMNS: usize = 32;
-/// Rows of which all columns are looked at.
+/// Number of rows that are read with all columns.
 const ROWS: usize = 32;
-/// Modulation in standard deviations of a sample's noise from which on noise does not make orders
+/// Minimum modulation, in standard deviations of a sample's noise, at which noise does not make orders
 /// uncertain.
 const BRIGHT: f32 = 14.0;
 
-/// Pixels with their samples and what they decode to.
+/// A part of a capture's pixels: samples and decoded maps.
 pub(super) struct Sample {
     pub(super) plan: Plan,
-    /// The decoded columns.
+    /// The decoded columns of each frame.
     frames: Vec<Image>,
     pub(super) columns: Pixels,
     pub(super) rows: Pixels,
     pub(super) decoded: Decoded,
-    /// What the residuals of all pixels have in common, by axis and set.
+    /// Common part of the residuals of all pixels, by axis and set.
     pub(super) shared: Vec<Vec<Option<Shared>>>,
-    /// Columns from a pixel to the next.
+    /// Spacing of the decoded columns in pixels.
     every: usize,
-    /// Pixels away from the ends of surfaces and colours, and below the camera's full scale.
+    /// Flags pixels away from edges of surfaces and colours that stay below the camera's full scale.
     plain: Vec<bool>,
-    /// Standard deviation of each pixel's noise in DN, about.
+    /// Approximate standard deviation of each pixel's noise in DN.
     pub(super) noise_dn: Vec<f32>,
 }
 
-/// Pixels whose frames could contradict each other, and those whose do.
+/// Number of pixels whose frames could contradict each other (`all`), and whose frames do (`odd`).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Count {
     pub(super) all: usize,
@@ -54,7 +54,7 @@ pub(super) struct Count {
 }
 
 impl Count {
-    /// The part of the pixels, 0 to 1.
+    /// Fraction of contradictory pixels, 0 to 1.
     pub(super) fn share(self) -> f64 {
         self.odd as f64 / self.all.max(1) as f64
     }
@@ -124,7 +124,7 @@ impl Sample {
         })
     }
 
-    /// Whether a pixel shows fringes or a code of an axis, away from where surfaces end.
+    /// Whether a pixel shows fringes or a code of an axis, away from the edges of surfaces.
     pub(super) fn is_plain(&self, map: &AxisMap, pixel: usize) -> bool {
         self.plain[pixel] && !matches!(map.verdict[pixel], Verdict::Dim | Verdict::Saturated)
     }
@@ -141,8 +141,8 @@ impl Sample {
         self.decoded.modulation[pixel] >= BRIGHT * self.noise_dn[pixel]
     }
 
-    /// Counts the pixels of an axis whose frames contradict each other: steps or sets by their residuals,
-    /// and all of them, if `orders` are known twice, by an uncertain order.
+    /// Counts the pixels of an axis whose frames contradict each other: by the residuals of steps or
+    /// sets, by the sums of complementary bits and, if `orders` is set, by an uncertain order.
     pub(super) fn count(&self, axis: &AxisPlan, map: &AxisMap, orders: bool) -> Count {
         let unlike = self.complements_disagree(axis);
         let mut count = Count::default();
@@ -157,11 +157,12 @@ impl Sample {
         count
     }
 
-    /// The pixels in which bits of an axis and their complements have distinctly different sums.
+    /// Flags pixels in which the sums of a bit and its complement differ distinctly between the bits of
+    /// an axis.
     fn complements_disagree(&self, axis: &AxisPlan) -> Vec<bool> {
         let range = |[low, high]: [f32; 2], v: f32| [low.min(v), high.max(v)];
         let none = [f32::INFINITY, f32::NEG_INFINITY];
-        // The range of the sums and that of the samples.
+        // Ranges of the sums and of the samples, for each pixel.
         let mut ranges = vec![[none; 2]; self.columns.len()];
         let bits = axis.gray.iter().flat_map(|code| &code.bits);
         for (plain, inverse) in bits.filter_map(|bit| bit.plain.zip(bit.inverse)) {
@@ -176,7 +177,8 @@ impl Sample {
         ranges.into_iter().map(differ).collect()
     }
 
-    /// The rows in which nine of ten contradictory pixels lie, if they are less than half of all.
+    /// Returns the rows that contain nine of ten contradictory pixels, if they span less than half of
+    /// the image.
     pub(super) fn odd_rows(&self, map: &AxisMap) -> Option<RangeInclusive<usize>> {
         let is_odd = |i: &usize| {
             let odd = matches!(map.verdict[*i], Verdict::Odd | Verdict::Uncertain);
@@ -189,8 +191,8 @@ impl Sample {
         (2 * (last - first) < self.decoded.height).then_some(first..=last)
     }
 
-    /// The two frames of `pairs` with whose exchange the most pixels of an axis have a coordinate, if that
-    /// explains most of the others.
+    /// Returns the pair of frames whose exchange gives the most pixels of an axis a coordinate, if that
+    /// recovers more than half of the lit pixels without one.
     pub(super) fn exchanged(
         &self,
         manifest: &Manifest,

@@ -18,7 +18,7 @@ fn noise(seed: usize) -> f64 {
     (0..12).map(draw).sum::<f64>() - 6.0
 }
 
-/// What a pattern shows at a place between pixels.
+/// Returns the level of a pattern at a position between pixels.
 fn level(pattern: &Pattern, x: f64) -> f64 {
     match pattern {
         Pattern::Fringe {
@@ -30,7 +30,7 @@ fn level(pattern: &Pattern, x: f64) -> f64 {
     }
 }
 
-/// A capture of a sequence, whose levels `bend` may change.
+/// Renders a capture of a sequence; `bend` maps the levels, as a response curve does.
 fn captured(patterns: &str, bend: impl Fn(f64) -> f64) -> (Manifest, Vec<Image>) {
     let text = format!("[projector]\nwidth_px = 512\nheight_px = 384\n{patterns}");
     let manifest = Manifest::parse(&text, "test").unwrap();
@@ -65,7 +65,8 @@ fn fringes(period_px: f64, steps: usize) -> String {
     (0..steps).map(step).collect()
 }
 
-/// Four steps, a code of half periods, white and black: frames 0 to 3, 4 to 9, 10 and 11.
+/// Returns a sequence of four steps, a code of half periods, white and black: frames 0 to 3, 4 to 9, 10
+/// and 11.
 fn four_steps() -> String {
     let bits = (0..6).rev().map(|bit| {
         format!(
@@ -77,7 +78,7 @@ fn four_steps() -> String {
     fringes(16.0, 4) + &bits.collect::<String>() + &ends.concat()
 }
 
-/// Sets of three steps of three periods.
+/// Returns a sequence of three periods with three steps each.
 fn three_sets() -> String {
     [10.0, 80.0, 640.0]
         .map(|period| fringes(period, 3))
@@ -137,7 +138,7 @@ fn exchanged_bits_of_an_overexposed_code_with_complements_are_told() {
     frames.swap(1, 3);
     frames.swap(7, 9);
     assert!(checked(&frames).is_err());
-    // Frames of different sizes have no verdict here.
+    // The modulation of frames of different sizes is not checked.
     frames[3] = Image::new(10, 10, vec![0u8; 100]).unwrap();
     assert!(check_modulation(&manifest, &frames).is_ok());
 }
@@ -152,7 +153,7 @@ fn the_light_of_a_step_is_named() {
                         |v: &mut u8| *v = (12.0 + part * (f64::from(*v) - 12.0)).round() as u8;
                     samples(&mut frames[frame]).iter_mut().for_each(dim);
                 });
-                // The scale of the residuals shows a step with far less light in sets of three.
+                // With three steps, the scale of the residuals shows a step with far less light.
                 if part < 0.6 && steps == 3 {
                     assert!(told.is_err(), "{part} of frame {frame}");
                     continue;
@@ -244,7 +245,7 @@ fn fringes_that_a_response_curve_bends_are_doubted() {
 
 #[test]
 fn no_chance_in_ten_thousand_exceeds_the_limit() {
-    // Tail of the binomial distribution at the rate itself, by its terms.
+    // Sum of the upper tail of the binomial distribution with exactly this rate.
     for all in [100usize, 1000, 10_000, 25_000] {
         let mut term = (1.0 - RATE).powi(all as i32);
         let mut tail = 0.0;

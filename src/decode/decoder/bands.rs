@@ -65,7 +65,7 @@ impl Decoder {
         robust_scale
     }
 
-    /// Decodes images, and returns what the residuals of each set have in common, by axis.
+    /// Decodes images, and returns the common part of each set's residuals, by axis.
     pub(crate) fn decode_with_shared(
         &self,
         images: &[Image],

@@ -33,7 +33,8 @@ pub struct Decoder {
     height: usize,
     options: Options,
     kernels: Vec<AxisKernel>,
-    /// Tables of the error due to held projector pixels, where it is stated; of an axis with fringes, x first.
+    /// Tables of the error due to held projector pixels, x first; `None` for an axis without fringes or
+    /// if the error is not stated.
     held: [Option<held::Table>; 2],
     triangulator: Option<Triangulator>,
     noise: Option<NoiseModel>,
@@ -135,8 +136,8 @@ impl Decoder {
         self.triangulator.as_ref()
     }
 
-    /// Decodes images in the manifest's order. One that no coordinate needs (of an image pattern) may
-    /// be empty.
+    /// Decodes images in the manifest's order. An image that no coordinate needs (of an image pattern)
+    /// may be empty.
     ///
     /// # Errors
     /// Returns an error if the number or size of the images differs from that given to [`Self::new`],
@@ -156,7 +157,7 @@ impl Decoder {
         self.decode_views(&views, out)
     }
 
-    /// Like [`Self::decode_into`], of images in memory that this program does not own.
+    /// Like [`Self::decode_into`], for images in memory that this program does not own.
     ///
     /// # Errors
     /// Returns the errors of [`Self::decode`].
@@ -164,7 +165,7 @@ impl Decoder {
         self.decode_with_scales(images, out).map(drop)
     }
 
-    /// Like [`Self::decode_views`], and returns the typical residual of each set, by axis.
+    /// Like [`Self::decode_views`], but also returns the typical residual of each set, by axis.
     fn decode_with_scales(
         &self,
         images: &[ImageView<'_>],
@@ -212,7 +213,7 @@ impl Decoder {
         Ok(scales)
     }
 
-    /// The reason why steps are not weighted although the options ask for it.
+    /// Returns the reason why steps are not weighted although the options ask for it.
     fn unweighted(&self, noise: &NoiseModel) -> Option<String> {
         let mut sets = self.kernels.iter().flat_map(|kernel| &kernel.sets);
         let why = if !self.options.weighted {
@@ -313,7 +314,7 @@ impl Decoder {
             let Some(period) = map.wrapped_px else {
                 continue;
             };
-            // Shows 66.67 instead of 66.66666666667.
+            // Rounds the period for the message, for example to 66.67.
             let shown = (period * 100.0).round() / 100.0;
             out.notes.push(if self.options.unwrap_spatial {
                 unwrap(self.width, &mut map.coordinate, &map.sigma, period as f32);
@@ -339,7 +340,7 @@ impl Decoder {
             let Some(footprints) = footprints else {
                 continue;
             };
-            // Without a known order the place within a projector pixel may not be known either.
+            // With an unknown order, the position within a projector pixel may be unknown too.
             let how = match map.wrapped_px {
                 None => self.options.held,
                 Some(_) => Held::State,

@@ -18,8 +18,8 @@ pub(super) struct Finest {
 
 /// Removes mixed and isolated pixels, then border pixels that are not trusted.
 ///
-/// `finest` and `held` are of each axis, x first; `held` are the footprints where held projector
-/// pixels matter.
+/// `finest` and `held` are per axis, x first; `held` contains the footprints of axes on which held
+/// projector pixels matter.
 pub(super) fn clean(
     out: &mut Decoded,
     light: LightNoise,

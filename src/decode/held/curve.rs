@@ -15,11 +15,13 @@ use std::f64::consts::{PI, TAU};
 
 /// Number of intervals per projector pixel.
 pub(super) const POINTS: usize = 256;
-/// Harmonics on either side. Without blur, a_m falls as 1 / m^2; the rest is below 1e-3 px.
+/// Number of harmonics on either side. Without blur, a_m falls as 1 / m^2; the omitted harmonics add
+/// less than 1e-3 px.
 const HARMONICS: i32 = 32;
 
-/// Distances from a camera pixel to the next in tenths of the footprint's width: smaller ones across
-/// the direction in which the coordinate changes most, and a larger one since widths are not exact.
+/// Distances between neighbouring camera pixels, in tenths of the footprint's width: smaller than the
+/// width for lines across the direction in which the coordinate changes most, and one larger because
+/// widths are not exact.
 const TENTHS: std::ops::RangeInclusive<u8> = 1..=11;
 
 /// Footprint and blur at a node, in projector pixels.
@@ -36,9 +38,10 @@ pub(super) struct Footprint {
 pub(super) struct Curve {
     /// In projector pixels at x = 0, 1 / `POINTS`, ... 1; x = 0 is a pixel's centre.
     pub(super) error: [f32; POINTS + 1],
-    /// Its root mean square in projector pixels.
+    /// Root mean square of the error in projector pixels.
     pub(super) rms: f32,
-    /// Largest error of a linear extrapolation from two camera pixels to the next, in projector pixels.
+    /// Maximum error, in projector pixels, when two camera pixels are extrapolated linearly to the
+    /// next.
     pub(super) bend: f32,
 }
 
@@ -102,8 +105,8 @@ fn sinc(t: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The error by its definition: the phase of the mean of the held pixels' phasors over a box
-    /// footprint, whose blur is a sum over displaced footprints.
+    /// Computes the error by its definition: the phase of the mean of the held pixels' phasors over a
+    /// box footprint. The blur is a sum over displaced footprints.
     fn by_definition(period: f64, width: f64, blur: f64, x: f64) -> f64 {
         let (mut re, mut im) = (0.0, 0.0);
         let displaced = (-40..=40).map(|j| f64::from(j) * 0.1);
@@ -143,7 +146,7 @@ mod tests {
                     let x = i as f64 / POINTS as f64;
                     let wanted = by_definition(period, width, blur, x);
                     let found = f64::from(curve.error[i]);
-                    // A half of a jump at a pixel's edge belongs to either pixel.
+                    // At a pixel's edge without blur the curve jumps, and its value there is arbitrary.
                     let near = (found - wanted).abs() < 3e-3 || i == POINTS / 2;
                     assert!(near, "{period} {width} {blur} at {x}: {found}, {wanted}");
                 }

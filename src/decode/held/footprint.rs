@@ -1,9 +1,10 @@
 //! Measures the footprint of the camera's pixels on the projector's, and its blur, on a grid.
 //!
 //! At each node of the grid a parabola is fitted to a run of coordinates along a line of pixels. Its
-//! slope is the width of the footprint. Its residuals hold the error of held pixels, which is known
-//! without blur ([`super::curve`]): a regression gives the share of it that the blur has left. All
-//! harmonics take part, since at widths such as 2/3 they look alike from pixel to pixel.
+//! slope is the width of the footprint. Its residuals contain the error of held pixels. The error
+//! without blur is known ([`super::curve`]), and a regression of the residuals on it gives the fraction
+//! that blur has left. The regression uses all harmonics, since at widths such as 2/3 they look alike
+//! from pixel to pixel.
 
 use super::curve::Footprint;
 use super::posterior::Table;
@@ -13,33 +14,33 @@ use std::f32::consts::PI;
 
 /// Side of the cells in which footprint and blur are measured, in pixels.
 pub(super) const CELL: usize = 8;
-/// Largest distance in pixels over which changes along rows and columns are compared.
+/// Maximum distance in pixels over which changes along rows and columns are compared.
 const FAR: usize = 8;
-/// Shortest and longest half length of a run in pixels.
+/// Minimum and maximum half length of a run in pixels.
 const HALF: [usize; 2] = [6, 40];
-/// Longest run in pixels.
+/// Maximum length of a run in pixels.
 const MOST: usize = 2 * HALF[1] + 1;
-/// Fewest pixels of a run.
+/// Minimum number of pixels of a run.
 const LEAST: usize = 9;
-/// Projector pixels in half a run. Their errors average out in the parabola.
+/// Half length of a run in projector pixels: long enough for the parabola to average out their errors.
 const PERIODS: f32 = 5.0;
-/// Longest half run that a slowly repeating error calls for, in pixels.
+/// Maximum half length, in pixels, of a run that is extended because its error repeats slowly.
 const BEAT: f32 = 12.0;
-/// Standard deviation, before measurement, of the share that the blur leaves: of the image as a
-/// whole from 1, and of a place from that of the image, since blur varies with depth.
+/// Prior standard deviations of the fraction of the error that blur leaves: of the whole image's
+/// fraction from 1, and of a node's fraction from the image's, since blur varies with depth.
 const PRIOR: [f32; 2] = [0.5, 0.15];
-/// A share above this is no blur: the square root of its logarithm is sensitive there, and a share
-/// that is wrong by 0.005 would be a blur of 0.016 px.
+/// A fraction above this counts as no blur. The blur is the square root of the fraction's logarithm and
+/// sensitive there: an error of 0.005 in the fraction would give a blur of 0.016 px.
 const SHARP: f32 = 0.95;
-/// Nodes on either side over which the share is averaged.
+/// Distance in nodes, on either side, over which the fraction is averaged.
 const REACH: usize = 2;
 /// Error of the model itself in projector pixels: rounding of the pattern's levels, and light that
 /// differs within a pixel.
 const MODEL_PX: f32 = 0.004;
-/// Largest change of the width from node to node of a smooth surface, as a fraction.
+/// Maximum relative change of the width between neighbouring nodes of a smooth surface.
 const EVEN: f32 = 0.2;
-/// Widest residual of a run in projector pixels, above which it is no smooth surface. Held pixels
-/// without blur have at most 0.29.
+/// Maximum residual of a run on a smooth surface, in projector pixels. Held pixels without blur have at
+/// most 0.29.
 const ROUGH_PX: f32 = 0.4;
 
 /// An axis' map and how it is traversed.
@@ -74,7 +75,8 @@ impl Lines<'_> {
         for v in (0..h - farthest).step_by(23) {
             for u in (0..w - farthest).step_by(23) {
                 let at = v * w + u;
-                // Over several distances, since neighbours may lie on the same plateau of held pixels.
+                // Compares over several distances, since neighbours may lie on the same plateau of held
+                // pixels.
                 let change = |step: usize| -> f32 {
                     let far = |k| lines.less(lines.coordinate[at + k * step], lines.coordinate[at]);
                     (1..=farthest).map(|k| far(k).abs()).sum()
@@ -113,7 +115,7 @@ impl Lines<'_> {
         }
         let width = slope.abs();
         let half = half_run(width, HALF);
-        // Relative to the node, towards either end until the surface ends.
+        // The coordinates relative to the node, towards either end until the surface ends.
         let mut run = [0.0; MOST];
         let jump = 1.5 + 1.5 * width;
         let mut reach = |sign: isize, room: usize| {
@@ -159,10 +161,11 @@ impl Lines<'_> {
         if rest > (ROUGH_PX * ROUGH_PX).max(9.0 * sigma * sigma) {
             return None;
         }
-        // Neighbouring runs share pixels, each of which counts once.
+        // Neighbouring runs share pixels; scaling the variance counts each pixel only once.
         let shared = (n as f32 / cell as f32).max(1.0);
         let variance = rest.max(0.1 * sigma * sigma).max(MODEL_PX * MODEL_PX) * shared;
-        // Modulo a broken number of pixels the place within a pixel is not known.
+        // If the period is not a whole number of pixels, a wrapped coordinate does not give the
+        // position within a pixel.
         let place_known = !self.period.is_finite() || self.period.fract() == 0.0;
         let [dot, square] = [dot, square].map(|sum| f32::from(u8::from(place_known)) * sum);
         Some(Fit {
@@ -174,11 +177,12 @@ impl Lines<'_> {
     }
 }
 
-/// Half length in pixels, within limits, of a run in which the errors of held pixels average out;
-/// `width` is the change of the coordinate from pixel to pixel.
+/// Returns the half length in pixels of a run in which the errors of held pixels average out, clamped
+/// to the limits; `width` is the change of the coordinate from pixel to pixel.
 pub(super) fn half_run(width: f32, [least, most]: [usize; 2]) -> usize {
     let mut half = PERIODS / width.max(0.01);
-    // Near a whole footprint the error repeats slowly from pixel to pixel.
+    // If the width is near a whole number of projector pixels, the error repeats slowly from pixel to
+    // pixel.
     let beat = (width - width.round()).abs();
     if width > 0.5 {
         half = half.max((1.6 / beat.max(0.01)).min(BEAT));
@@ -234,8 +238,8 @@ struct Fit {
     value: f32,
     /// Change of the coordinate along the line, in projector pixels per pixel width.
     slope: f32,
-    /// Sums over the run of residual times wave, and of the wave's square, by their variance. The
-    /// wave is the error without blur, less its parabola.
+    /// Sums over the run of residual times wave, and (in `square`) of wave squared, both divided by the
+    /// variance. The wave is the error without blur minus its parabola.
     dot: f32,
     square: f32,
 }
@@ -275,7 +279,7 @@ impl Grid {
         let raw: Vec<_> = (0..fits.len())
             .map(|i| fits[i].map(|fit| (fit, lines.across(&fits, [columns, rows], i, cell))))
             .collect();
-        // With the blur that the width across the lines is.
+        // The blur includes the width of the footprint across the lines.
         let sums: Vec<[f32; 2]> = raw
             .iter()
             .map(|raw| match raw {

@@ -1,10 +1,10 @@
 //! Error due to held projector pixels: corrected, and stated where it remains.
 //!
-//! Where a camera pixel is narrower than some projector pixels, it sees the steps between them: the
-//! decoded coordinate is periodically off. The error is the same in every frame and period, so that no
-//! residual of the decoding shows it. `curve` has its model, `footprint` measures width and blur of
-//! the footprints from the map itself, and `posterior` gives the true coordinate that each decoded one
-//! stands for. `smooth` uses the surface around a pixel in addition.
+//! Where a camera pixel spans less than a few projector pixels, it sees the steps between them: the
+//! decoded coordinate is periodically off. The error is the same in every frame and period, so no
+//! residual of the decoding shows it. `curve` models the error, `footprint` measures width and blur of
+//! the footprints from the map itself, and `posterior` estimates the true coordinate for each decoded
+//! one. `smooth` also uses the surface around a pixel.
 
 mod curve;
 mod footprint;
@@ -28,24 +28,24 @@ pub enum Held {
     Off,
     /// States the error.
     State,
-    /// Corrects it pixel by pixel by the mean of the true coordinates that agree with the decoded one,
-    /// and states what remains.
+    /// Corrects the error pixel by pixel: the result is the mean of the true coordinates that agree
+    /// with the decoded one. States the remaining error.
     #[default]
     Correct,
-    /// Corrects it with the smooth surface through the pixels of a line as prior knowledge. Takes up to
-    /// half of the amplitude off ripples of 6 to 12 pixels where a pixel spans less than a projector
-    /// pixel.
+    /// Corrects the error with the smooth surface through the pixels of a line as prior knowledge.
+    /// Reduces the amplitude of ripples of 6 to 12 pixels by up to half where a pixel spans less than a
+    /// projector pixel.
     Smooth,
 }
 
-/// Side of the cells for a first look at whether there is anything to do, in pixels.
+/// Side, in pixels, of the coarse cells that decide whether the error matters at all.
 const COARSE: usize = 32;
 /// Fraction of the noise above which the error is worth a note.
 const LARGE: f32 = 0.5;
 /// Approximate number of pixels sampled for a note.
 const SAMPLES: usize = 4000;
-/// Larger errors are left out as well if they are few: fractions of the noise, and fractions of the
-/// image in which they may be exceeded. A blur that removes all error is measured with some scatter.
+/// Limits of a negligible error: fractions of the noise, and fractions of the image in which the error
+/// may exceed them. Even where blur removes all error, the measured blur scatters.
 const FEW: [[f32; 2]; 2] = [[NEGLIGIBLE, 0.1], [3.0 * NEGLIGIBLE, 0.01]];
 
 /// The footprints of a map's pixels on the projector's.
@@ -53,7 +53,7 @@ const FEW: [[f32; 2]; 2] = [[NEGLIGIBLE, 0.1], [3.0 * NEGLIGIBLE, 0.01]];
 pub(super) struct Footprints<'a> {
     table: &'a Table,
     grid: Grid,
-    /// By how much held pixels put linear extrapolations off at most in each cell, in projector pixels.
+    /// Maximum error of linear extrapolations due to held pixels in each cell, in projector pixels.
     bend: Vec<f32>,
     /// Median width of the footprints in projector pixels.
     width: f32,
@@ -70,7 +70,7 @@ impl<'a> Footprints<'a> {
         }
         let mut grid = Grid::new(lines, CELL, table);
         let median = grid.median()?;
-        // Pixels without a smooth surface around them.
+        // Pixels without a smooth surface around them get the median footprint.
         for cell in &mut grid.cells {
             cell.get_or_insert(median);
         }
@@ -84,7 +84,7 @@ impl<'a> Footprints<'a> {
         })
     }
 
-    /// Writes by how much held pixels put linear extrapolations in row `v` off at most, in projector
+    /// Writes the maximum error of linear extrapolations in row `v` due to held pixels, in projector
     /// pixels.
     pub(super) fn allow(&self, v: usize, row: &mut [f32]) {
         let first = v / CELL * self.grid.columns;
@@ -94,7 +94,7 @@ impl<'a> Footprints<'a> {
         }
     }
 
-    /// Says by how much the error that remains in a corrected map exceeds the noise, if it does.
+    /// Returns a note if the error that remains in a corrected map is large compared with the noise.
     pub(super) fn note(&self, axis: Axis, map: &AxisMap) -> Option<String> {
         // Odd, so that the samples do not all fall into one image column.
         let stride = (map.sigma.len() / SAMPLES) | 1;
@@ -144,7 +144,7 @@ fn is_negligible(lines: Lines<'_>, table: &Table) -> bool {
         let [u, v] = [i % grid.columns, i / grid.columns].map(|k| k * COARSE + COARSE / 2);
         let sigma = lines.sigma[v.min(height - 1) * width + u.min(width - 1)];
         known += 1;
-        // A cell beside a hole has no noise of its own.
+        // Where sigma is NaN the comparison is false, and the cell does not count.
         let rms = table.of(footprint, |curve| curve.rms);
         for (large, [most, _]) in large.iter_mut().zip(FEW) {
             *large += u32::from(rms > most * sigma);
@@ -164,7 +164,7 @@ struct Band<'a> {
 }
 
 widest! {
-    /// Corrects a band, whose cells have a footprint and are even or not.
+    /// Corrects a band with the footprint of each of its cells.
     fn correct_band(
         band: Band<'_>,
         cells: &[Option<Footprint>],
@@ -193,7 +193,8 @@ impl Band<'_> {
             // Without valid pixels the noise is NaN.
             let rms = if rms > NEGLIGIBLE * sigma { rms } else { 0.0 };
             let stated = rms.hypot(table.rounding);
-            // At an incomplete cell a surface ends, and the footprint may be that of another.
+            // An incomplete cell lies at the edge of a surface, and its footprint may be that of
+            // another surface.
             let is_whole = n == (rows * columns.len()) as f32;
             let profile = (*footprint)
                 .filter(|_| rms > 0.0 && *even && is_whole && how == Held::Correct)

@@ -1,5 +1,5 @@
-//! The true coordinate given a decoded one: mean and variance over all true coordinates that are
-//! equally likely beforehand, of which each is seen with its error ([`Curve`]) and noise.
+//! The true coordinate given a decoded one: mean and variance over all true coordinates. They are
+//! equally likely a priori, and each is observed with its error ([`Curve`]) and noise.
 
 use super::curve::{Curve, Footprint, POINTS, at};
 use std::iter::repeat_with;
@@ -14,15 +14,15 @@ const WIDEST: f32 = 6.0;
 const WIDTHS: usize = 121;
 /// The table's blurs in projector pixels; with the last one the error vanishes.
 const BLURS: [f32; 9] = [0.0, 0.06, 0.12, 0.18, 0.25, 0.32, 0.4, 0.52, 0.7];
-/// The smallest noise and model error in projector pixels. Less would decide between true coordinates
-/// by differences that the model of the footprint does not have right.
+/// Minimum noise and model error in projector pixels. A smaller one would decide between true
+/// coordinates by differences below the accuracy of the footprint's model.
 const LEAST_SIGMA: f32 = 0.004;
-/// Ratio of successive noises of the table, of which the nearest is used.
+/// Ratio of successive noise levels in the table; the nearest level is used.
 const SIGMA_RATIO: f32 = 1.2;
 const SIGMAS: usize = 24;
 /// An error below this fraction of the noise is left out: it adds 0.5 % to the standard deviation.
 pub(super) const NEGLIGIBLE: f32 = 0.1;
-/// Noise in standard deviations beyond which a true coordinate is ruled out.
+/// Distance, in standard deviations of noise, beyond which a true coordinate is ruled out.
 const REACH: f32 = 5.0;
 
 /// Correction and its uncertainty over one projector pixel.
@@ -32,7 +32,8 @@ pub(super) struct Profile {
     shift: [f32; BINS + 1],
     /// Variance of the true coordinate in square projector pixels, noise included.
     variance: [f32; BINS + 1],
-    /// Standard deviation of the noise in projector pixels; the variance contains the model error as well.
+    /// Standard deviation of the noise in projector pixels, without the model error that `variance`
+    /// contains.
     sigma: f32,
 }
 
@@ -40,8 +41,8 @@ impl Profile {
     fn new(curve: &Curve, sigma: f32) -> Self {
         let step = 1.0 / POINTS as f32;
         let error = |i: i32| curve.error[i.rem_euclid(POINTS as i32) as usize];
-        // The decoded coordinate at the middle of each interval of true coordinates, and the
-        // variance with which it is seen: the noise, and the spread within the interval.
+        // The decoded coordinate at the middle of each interval of true coordinates, and the variance
+        // of its observation: the noise plus the spread within the interval.
         let pieces: Vec<_> = (0..POINTS as i32)
             .map(|i| {
                 let (a, b) = (error(i), error(i + 1));
@@ -74,7 +75,7 @@ impl Profile {
             (shift[bin], shift[BINS - bin]) = (mean, -mean);
             (variance[bin], variance[BINS - bin]) = (spread, spread);
         }
-        // By symmetry, about the centre of a pixel and about its edge.
+        // The shift is 0 at the centre of a pixel and at its edge, by symmetry.
         (shift[0], shift[BINS / 2], shift[BINS]) = (0.0, 0.0, 0.0);
         Self {
             shift,
@@ -83,7 +84,7 @@ impl Profile {
         }
     }
 
-    /// Returns what a decoded coordinate says of the true one.
+    /// Returns the estimate of the true coordinate for a decoded one.
     #[inline(always)]
     pub(super) fn at(&self, decoded: f32) -> Estimate {
         let place = (decoded - decoded.floor()) * BINS as f32;
@@ -106,9 +107,10 @@ impl Profile {
 pub(super) struct Estimate {
     /// True minus decoded coordinate in projector pixels.
     pub(super) shift: f32,
-    /// Change of the estimate with the decoded coordinate: the factor on its noise.
+    /// Derivative of the estimate with respect to the decoded coordinate: the factor on its noise.
     pub(super) gain: f32,
-    /// Standard deviation of the true coordinate in projector pixels, without the part of the noise.
+    /// Standard deviation of the true coordinate in projector pixels, without the contribution of
+    /// noise.
     pub(super) beyond_noise: f32,
 }
 
@@ -122,7 +124,7 @@ pub struct Table {
     profiles: Vec<OnceLock<Box<Profile>>>,
 }
 
-/// A place between two entries of a table: the first, and the share of the second.
+/// A position between two entries of a table: index of the first, and weight of the second.
 type Between = (usize, f32);
 
 impl Table {

@@ -7,9 +7,9 @@
 //!
 //! x = S + k (x_d - S - e(S)), k = g tau^2 / (g^2 tau^2 + sigma^2 + V), g = 1 + e'(S),
 //!
-//! where V is the variance of e that this average does not explain. tau is t, but at least
-//! [`WIDE`] sigma: the noise itself is not smoothed where e changes little. On a plateau g is 0, and
-//! x = S. Where S is bad, t is large, e vanishes, and x = x_d.
+//! where V is the variance of e that this average does not explain. tau is t, but at least [`WIDE`]
+//! sigma, so that the noise itself is not smoothed where e changes little. On a plateau g is 0, and
+//! x = S. Where S fits badly, t is large, e vanishes, and x = x_d.
 
 use super::curve::{Footprint, POINTS, at};
 use super::footprint::{CELL, Grid, Lines, half_run};
@@ -95,8 +95,8 @@ impl Smooth {
     };
 }
 
-/// Half windows of all lengths: for each distance from the pixel, a squared cosine as weight times the
-/// powers 0 to 4 of the distance relative to the length.
+/// Tabulates half windows of all lengths. Each distance from the pixel has a squared cosine as weight,
+/// times the powers 0 to 4 of the distance relative to the length.
 fn windows() -> Vec<Vec<[f32; 5]>> {
     let weights = |half: usize| {
         let at = move |k: usize| {
@@ -160,7 +160,8 @@ impl Lines<'_> {
         let (second, third) = (m1 * m4 - m2 * m3, m1 * m3 - m2 * m2);
         let determinant = m0 * minor - m1 * second + m2 * third;
         let variance = minor / determinant;
-        // Weights of at most 1 as if they were precisions: an upper bound of the variance.
+        // With weights of at most 1 used as if they were precisions, this is an upper bound of the
+        // variance.
         if !(variance > 0.0 && variance < 1.0) {
             return Smooth::NONE;
         }
@@ -206,7 +207,7 @@ impl Prior {
             of_smooth += sigma * sigma * smooth.variance;
         }
         let variance = error[..POINTS].iter().map(|e| e * e).sum::<f32>() / POINTS as f32;
-        // NaN as well.
+        // Also rejects NaN.
         if !(misfit.is_finite() && variance.sqrt() > NEGLIGIBLE * noise / n) {
             return None;
         }
@@ -232,7 +233,7 @@ impl Prior {
     fn estimate(&self, decoded: f32, sigma: f32, smooth: Smooth) -> Estimate {
         let (error, slope) = at(&self.error, smooth.value);
         let gain = 1.0 + slope;
-        // Above 0, since `gain` is 0 on a plateau.
+        // Keeps the noise above 0, since `gain` is 0 on a plateau.
         let noise = (sigma * sigma).max(f32::MIN_POSITIVE);
         let of_smooth = noise * smooth.variance;
         let wide = (self.misfit + of_smooth).max(WIDE * WIDE * noise);
@@ -323,7 +324,8 @@ mod tests {
                     let place = format!("w {width} {period} px {amplitude}: {own:?} {smooth:?}");
                     assert!((own[0] - 1.0).abs() < 0.02, "{place}");
                     assert!((least..1.02).contains(&smooth[0]), "{place}");
-                    // Ripples of several pixels' noise are no longer a footprint of one width.
+                    // Ripples larger than the noise change the footprint's width, which the model takes
+                    // as constant.
                     if amplitude < 0.1 || period > 20.0 {
                         assert!((0.75..1.15).contains(&smooth[1]), "{place}");
                     }

@@ -92,7 +92,7 @@ pub(super) fn axis_row<'f, T: Sample>(
             join.join(gray, x, variance, half, sigma, ok);
         }
     }
-    // The simplest applicable reason becomes the verdict.
+    // The first reason that applies becomes the verdict.
     let (lo, hi) = if kernel.wrapped {
         (f32::NEG_INFINITY, f32::INFINITY)
     } else {
@@ -134,8 +134,7 @@ pub(super) fn axis_row<'f, T: Sample>(
     }
 }
 
-/// Sums over the steps of a set. `OWN` includes the set's own check, so that sets without one do not
-/// pay for it.
+/// Sums over the steps of a set. `OWN` includes the set's own check; sets without one skip its cost.
 #[inline(always)]
 fn sum<'f, T: Sample, const OWN: bool>(
     k: &SetKernel,
@@ -151,8 +150,8 @@ fn sum<'f, T: Sample, const OWN: bool>(
     }
 }
 
-/// Computes the checks of sets that are tied to the others of their axis; `all` receives the sum of
-/// the sets' means.
+/// Computes the checks of sets that are compared with the other sets of their axis; `all` receives the
+/// sum of the sets' means.
 #[inline(always)]
 fn tie(kernel: &AxisKernel, sets: &mut [SetRow], all: &mut [f32]) {
     let n = all.len();
@@ -247,7 +246,7 @@ fn search<T>(
         variances.extend(sets.iter().map(|s| s.variance[i]));
         let (lo, hi) = match join {
             Some(join) => {
-                // Half a cell to the edges, plus a cell beyond them for a pixel on a bit's edge.
+                // Half a cell to either edge, plus one cell for a pixel that lies on a bit's edge.
                 let reach = (0.5 * join.repeat).min(1.5 * join.cell);
                 let center = join.center(gray.code[i]);
                 (center - reach, center + reach)

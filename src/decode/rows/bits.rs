@@ -40,7 +40,8 @@ pub(super) fn gray_row<'f, T: Sample>(
                 let (plain, inverse) = (row(plain), row(inverse));
                 gray.add_pair(bit, plain, inverse);
                 if job.references.is_none() && set.is_none() {
-                    // The strongest bit gives the contrast, the mean of a pair the threshold.
+                    // The strongest bit gives the contrast, and the mean of a bit and its complement
+                    // gives the threshold.
                     for i in 0..n {
                         let (p, q) = (plain[i].dn(), inverse[i].dn());
                         half[i] = half[i].max(0.5 * (p - q).abs());

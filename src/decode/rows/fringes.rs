@@ -44,7 +44,7 @@ impl SetRow {
         if kernel.check == Check::Own {
             clear(&mut self.check);
         } else {
-            // Written later, or never read.
+            // These values are written later, or never read.
             self.check.resize(n, 0.0);
         }
         if !kernel.higher.is_empty() {
@@ -124,7 +124,7 @@ impl SetRow {
     /// The phase phi = atan2(S, C) has d phi = (C dS - S dC) / B^2. The samples' variances follow the
     /// linear noise model, so the variance of the phase is
     /// [v(A) (C^2 Gss - 2 C S Gcs + S^2 Gcc) + K (third-order terms of C and S) - K H B^3] / B^4
-    /// with H the harmonics' part ([`SetKernel::harmonic`]), which the capture's pixels have in common.
+    /// with H the harmonics' term ([`SetKernel::harmonic`]), one value for all pixels of the capture.
     #[inline(always)]
     pub(super) fn finish<const CHECKED: bool>(
         &mut self,
@@ -147,7 +147,7 @@ impl SetRow {
                     noise.variance(mean[i]) * (c * c * gss - 2.0 * c * s * gcs + s * s * gcc);
                 let odd = c * c * (c * t0 + s * t1) + s * s * (c * t2 + s * t3);
                 m[i] = b2.sqrt();
-                // A lower bound for pixels whose mean and modulation contradict the noise model.
+                // A lower bound protects pixels whose mean and modulation contradict the noise model.
                 let sum = (even + odd - harmonic * b2 * m[i]).max(0.1 * even);
                 var[i] = kernel.per_phase * sum / (b2 * b2);
                 if CHECKED {

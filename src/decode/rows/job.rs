@@ -1,5 +1,5 @@
-//! The data of the row kernels: constants of each axis, which a decoder computes once, the job of one
-//! decoding, the buffers of a worker, and its output.
+//! The data of the row kernels: the constants of each axis, which a decoder computes once; the job of
+//! one decoding; the buffers of a worker; and the output.
 
 use super::fringes::SetRow;
 use crate::gray::{GrayBit, GrayRow, Threshold};

@@ -1,7 +1,7 @@
 //! Decodes one row of pixels (pass 1), and chooses the instruction set for all row kernels.
 //!
-//! The kernels are written once, so that they vectorise; on x86-64 with AVX2 a version compiled for
-//! it runs. Neither version fuses multiplication and addition, so both give identical bits.
+//! The kernels are written once in a form that vectorises, and compiled twice: on x86-64 with AVX2, the
+//! AVX2 version runs. Neither version fuses multiplication and addition, so both give identical bits.
 //!
 //! `axis` decodes one axis of a row, `fringes` its fringe sets and `bits` its Gray code; `job` holds
 //! their data.
@@ -130,7 +130,7 @@ fn apply_body(out: AxisOut<'_>, flags: &[u8]) {
     }
 }
 
-/// The outputs in the order of the kernels.
+/// Pairs each kernel with its output.
 fn matched<'a, 'b>(
     kernels: &'b [AxisKernel],
     mut outs: [Option<AxisOut<'a>>; 2],

@@ -5,9 +5,9 @@ use super::{FARTHEST_MM, Measured, Triangulator, WORST_RELATIVE_SIGMA};
 use glam::{DVec2, DVec3};
 use phasmid_geometry::Vector2;
 
-/// Maximum distance of the projected point from the decoded coordinates, in projector pixels, unless
-/// 6 standard deviations are larger. With both axes decoded, a larger one means a wrong fringe order
-/// on one of them.
+/// Maximum distance of the projected point from the decoded coordinates, in projector pixels; 6
+/// standard deviations if that is larger. With both axes decoded, a larger distance means a wrong
+/// fringe order on one of them.
 const WORST_MISS_PX: f64 = 5.0;
 const ITERATIONS: usize = 8;
 
@@ -64,9 +64,9 @@ impl Triangulator {
         (ahead && s <= WORST_RELATIVE_SIGMA * t).then_some((t, s))
     }
 
-    /// Refines from infinity. Distortion can move a column by more than the parallax of a far point,
-    /// so that the undistorted plane is no usable start. The result must lie where the distortion
-    /// model is valid (has not folded over).
+    /// Refines from infinity, for far points: distortion can move a column by more than their parallax,
+    /// and the undistorted plane is then a bad start. The result must lie where the distortion model is
+    /// valid (has not folded over).
     #[cold]
     fn refine_from_afar(&self, ray: [DVec3; 2], of: [Option<Measured>; 2]) -> Option<(f64, f64)> {
         let lens = &self.rig.projector.lens;

@@ -19,7 +19,8 @@ pub(super) enum Way {
 pub(super) struct Event<'a> {
     /// Device time in nanoseconds.
     pub(super) time_ns: u64,
-    /// The command itself, the command that it answers, or the last command before it.
+    /// For a command, the command itself; for a reply, the command that it answers; for a frame, the
+    /// last command before the frame.
     pub(super) command: &'a str,
     /// For a frame, whether its exposure was triggered; `None` for a message.
     pub(super) triggered: Option<bool>,
@@ -32,7 +33,7 @@ pub(super) struct Armed {
     pub(super) fault: Fault,
     /// Number of matching events.
     counted: u64,
-    /// Number of times it has struck.
+    /// Number of times that the fault has struck.
     pub(super) struck: u64,
 }
 
@@ -81,7 +82,7 @@ impl Armed {
         }
     }
 
-    /// Returns whether it has struck as often as allowed.
+    /// Returns whether the fault has struck as often as allowed.
     pub(super) fn is_over(&self) -> bool {
         self.fault.times.is_some_and(|times| self.struck >= times)
     }
@@ -160,7 +161,7 @@ mod tests {
         Armed::new(1, fault)
     }
 
-    /// Returns the numbers, from 1, of the events that it strikes; events are 0.1 s apart.
+    /// Returns the numbers, from 1, of the events that the fault strikes; events are 0.1 s apart.
     fn struck(mut armed: Armed, events: u64, command: &str) -> Vec<u64> {
         let chance = Chance::new(1, "");
         let mut hit = |n: &u64| {

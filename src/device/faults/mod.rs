@@ -93,8 +93,8 @@ impl Default for Faults {
 }
 
 impl Faults {
-    /// Returns the faults of a schedule that apply to the device with this name. They are numbered
-    /// from 1 in their order, counting those for other devices.
+    /// Returns the faults of a schedule that apply to the device with this name. Their numbers are
+    /// their positions in the schedule, from 1, including faults of other devices.
     pub fn new(schedule: &Schedule, device: &str) -> Self {
         let numbered = (1..).zip(&schedule.fault);
         Self {

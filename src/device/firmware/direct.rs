@@ -1,10 +1,10 @@
-//! Access to the firmware without commands: the camera settings that a USB host changes through the controls
-//! of the camera, the state that the service channel reports, and snapshots with which a request is refused
-//! as a whole.
+//! Access to the firmware without commands: camera settings for the controls of a USB host, the
+//! state that the service channel reports, and snapshots that undo a refused request.
 //!
-//! The controls change the same settings as commands do, but clamp values out of range instead of rejecting
-//! them. If a later message of a request is refused, the snapshot restores the earlier settings, since a
-//! refused request changes nothing.
+//! A USB control changes the same setting as a command does, but clamps a value out of range
+//! instead of rejecting it. If a message of a request is refused, the snapshot restores the
+//! settings that earlier messages of the request have changed, since a refused request changes
+//! nothing.
 
 use super::memory::Stored;
 use super::settings::Settings;

@@ -308,7 +308,8 @@ impl Firmware {
         Some(shining.expose(index, start_ns))
     }
 
-    /// Returns whether patterns affect the light: a source that was switched off still glows.
+    /// Returns whether the projector may emit light: with its lamp on, or with a modelled source,
+    /// which glows on after it is switched off.
     fn shows(&self) -> bool {
         self.settings.lamp || self.shining.is_some()
     }

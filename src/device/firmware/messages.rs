@@ -54,8 +54,8 @@ impl Firmware {
 
     fn message(&mut self, message: &[u8], origin: Origin) {
         let program = parse(message);
-        // A trigger or ABORt acts at once even behind a waiting *OPC?, as the interface messages
-        // GET and DCL do on a bus; otherwise a device that waits for it could not be reached.
+        // A trigger or ABORt acts at once even behind a waiting *OPC?, like the interface messages
+        // GET and DCL on a bus; a device that waits for a trigger could not be reached without this.
         if self.block.is_some() && program.error.is_none() && program.units.iter().all(urgent) {
             let errors = program.units.iter().filter_map(|u| self.execute(u).err());
             let errors = errors.collect();

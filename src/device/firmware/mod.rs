@@ -106,7 +106,7 @@ pub struct Firmware {
     streaming: bool,
     /// Serial line settings of the host; they have no effect on the device.
     line: LineCoding,
-    /// The factory calibration, once it was asked for, or why there is none.
+    /// The factory calibration, or why there is none; computed when first asked for.
     calibration: OnceCell<Result<Rig>>,
     /// Link that must know the stream format in advance.
     link: Option<Box<dyn StreamSink + Send>>,

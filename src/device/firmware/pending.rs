@@ -23,9 +23,9 @@ pub struct Answered {
 /// A completed message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Done {
-    /// Ticket under which it was submitted.
+    /// Ticket under which the message was submitted.
     pub ticket: u64,
-    /// Answers of its queries, in order.
+    /// Answers to the message's queries, in order.
     pub answers: Vec<Vec<u8>>,
     /// Errors, in order.
     pub errors: Vec<DeviceError>,

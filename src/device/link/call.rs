@@ -22,7 +22,7 @@ use tokio::sync::oneshot;
 const IN_TRANSIT: Duration = Duration::from_millis(2);
 
 type Sender = oneshot::Sender<Answer>;
-/// Resolves to the truth when the render thread has computed it.
+/// Receives the ground truth when the render thread has computed it.
 type Truthful = oneshot::Receiver<Result<Truth>>;
 
 impl Server {
@@ -220,8 +220,8 @@ impl Server {
         });
     }
 
-    /// Replies once the optics have followed a change of the scene, after `ended` has been told whether
-    /// they have: one that they reject is undone.
+    /// Replies once the optics have applied or rejected a change of the scene. Before that, `ended`
+    /// is called with `false` if they rejected it, so that it undoes the change, else with `true`.
     fn answer_change(
         &mut self,
         ended: impl FnOnce(&SharedScene, bool) + Send + 'static,

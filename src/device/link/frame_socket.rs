@@ -36,11 +36,11 @@ const MAX_PENDING: usize = 32;
 /// Minimum time for a TCP client to present its token after the challenge. Long enough for a client
 /// on a busy machine, short enough to work off a full queue of the kernel (128) in 0.4 s.
 ///
-/// Guaranteed, however many others connect: a connection in the kernel's queue is accepted in turn,
-/// after about one `HEARING` per [`MAX_PENDING`] connections ahead of it, and its client is heard if
-/// the token arrives within `HEARING` of the challenge, or earlier. Not guaranteed: a slower client
-/// is heard during a flood, or a connection gets into the kernel's queue while a flood keeps it
-/// full. The client's system then retries the connection.
+/// Guaranteed, however many clients connect: the kernel's queue is served in order, about
+/// [`MAX_PENDING`] connections per `HEARING`, and a client whose token arrives within `HEARING` of
+/// the challenge is heard. Not guaranteed: that a slower client is heard during a flood, or that a
+/// connection gets into a kernel queue that a flood keeps full. The client's system then retries
+/// the connection.
 const HEARING: Duration = Duration::from_millis(100);
 /// Maximum number of TCP connections accepted at a time, so that a flood of them cannot hold the
 /// device.
@@ -298,7 +298,7 @@ impl FrameSocket {
                 break;
             };
             if accepted == MAX_ACCEPTED {
-                // The others stay in the kernel's queue until the next call.
+                // Further connections stay in the kernel's queue until the next call.
                 self.stirred.notify_one();
             }
             // TCP_NODELAY: a header must not wait for the reader's acknowledgement.
@@ -585,9 +585,9 @@ mod tests {
     use std::os::unix::net::UnixStream;
     use tokio::task::{JoinHandle, spawn_blocking};
 
-    /// Far above the kernel's buffer of a stream.
+    /// Size of a frame, far above the kernel's buffer of a stream.
     const LEN: usize = 4 << 20;
-    /// Bounds a test that hangs.
+    /// Timeout of a test that hangs.
     const LONG: Duration = Duration::from_secs(60);
     const TOKEN: &str = "correct horse battery\n";
     /// Answer to a right token, after the challenge.
@@ -643,7 +643,8 @@ mod tests {
         stream
     }
 
-    /// Fewer than the kernel's queue holds, more than are accepted or wait at a time.
+    /// Connects fewer clients than the kernel's queue holds, but more than are accepted or wait at
+    /// a time.
     fn connect_flood(socket: &FrameSocket) -> Vec<net::TcpStream> {
         (0..3 * MAX_PENDING).map(|_| connect_tcp(socket)).collect()
     }
@@ -690,7 +691,7 @@ mod tests {
                     queue.packets().iter().map(|p| p.frame.id).collect()
                 });
                 let queued: Vec<Vec<u64>> = queued.collect();
-                // As if each were the only client.
+                // Each client's queue holds the frames that it would hold without other clients.
                 assert_eq!(queued, [[0, 1, 2, 5], [1, 2, 3, 5]]);
                 assert_eq!(socket.waiting(), 4 * LEN);
             });
@@ -711,7 +712,7 @@ mod tests {
     #[test]
     fn client_that_answers_the_challenge_is_not_evicted_by_a_flood() {
         run_with_token(async |mut socket| {
-            // The client's thread may be slow.
+            // A long `HEARING`, because the client's thread may be slow.
             socket.hearing = LONG;
             let mut client = connect_tcp(&socket);
             let _flood = connect_flood(&socket);

@@ -29,7 +29,7 @@ impl Taken {
         self.start_ns + self.end_ns.saturating_sub(self.start_ns) / 2
     }
 
-    /// Combines it with the objects at that time and the faults that struck the frame.
+    /// Combines the metadata with the objects at the time of the frame and the faults that struck it.
     pub(super) fn about(self, scene: Objects, faults: Vec<Struck>) -> FrameAbout {
         FrameAbout {
             id: self.id,

@@ -123,7 +123,7 @@ impl<W: Fn() -> Duration> Work<W> {
                 let _ = job.reply.send(truth.and_then(|truth| back.map(|()| truth)));
             }
             Job::Change(change, reply) => {
-                // Frames in progress show the scene before.
+                // Frames in progress must show the scene before the change.
                 self.finish_all();
                 let changed = match change {
                     Change::Moves(moves) => self.place_all(&moves),
@@ -202,9 +202,8 @@ impl<W: Fn() -> Duration> Work<W> {
 }
 
 impl RenderThread {
-    /// Starts the thread, with `threads` for parallel work or, without it,
-    /// rayon's global pool. `wall` returns how long the device has been on; `notice` receives messages for the
-    /// user.
+    /// Starts the thread. It renders with `threads` threads, or with rayon's global pool if `None`.
+    /// `wall` returns how long the device has been on; `notice` receives messages for the user.
     pub(super) fn start(
         renderer: Renderer,
         threads: Option<NonZeroUsize>,
@@ -260,7 +259,7 @@ impl RenderThread {
         self.backlog.len()
     }
 
-    /// Submits an exposure. `interval` is the device time from one exposure to the next at its rate, if
+    /// Submits an exposure. `interval` is the device time between exposures at the present rate, if
     /// known.
     pub(super) fn expose(&mut self, exposure: Exposure, interval: Option<Duration>) {
         self.backlog.push_back(interval);

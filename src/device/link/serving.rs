@@ -62,12 +62,12 @@ pub struct ServeOptions {
     pub usb: Option<UsbServing>,
     /// Also record the traffic.
     pub record: Option<RecordingFile>,
-    /// Sees the traffic as it happens: what a recording would have.
+    /// Receives the traffic as it happens, as it would be recorded.
     pub observer: Option<Observer>,
     /// Receives messages for the operator.
     pub notice: Notice,
-    /// Number of threads that render. `None` for rayon's global pool: the threads that serve a
-    /// device are its own, so a pool in which the caller is does not count.
+    /// Number of threads that render. `None` for rayon's global pool: rendering runs on the
+    /// device's own thread, so a pool that the caller runs in is not used.
     pub threads: Option<NonZeroUsize>,
 }
 
@@ -112,9 +112,9 @@ pub struct Serving {
 impl Serving {
     /// Serves a device, alone on its timeline.
     fn of(mut device: Device, options: &ServeOptions) -> Result<Self> {
-        // A request to end calls in memory does not concern the served device.
+        // A stop request for calls in memory must not stop the served device.
         device.renderer.renew_stop();
-        // A device that was used in memory goes on at its time.
+        // Device time continues where the device stopped in memory.
         let begin_ns = device.machine.firmware().now_ns();
         let (begin, begun) = (monotonic(), Duration::from_nanos(begin_ns));
         let power_on = begin.saturating_sub(begun);
@@ -188,7 +188,7 @@ impl Serving {
             let _ended = Last(Some(ended));
             let published = |endpoints: &Endpoints| {
                 measured.send_replace(endpoints.slowdown);
-                // Only the first time somebody waits for it.
+                // Later calls find no receiver.
                 let _ = ready.send(endpoints.clone());
             };
             runtime()?.block_on(serve(served, run_dir, wall, published, until(stopped)))
@@ -200,7 +200,7 @@ impl Serving {
                 device,
                 usb: None,
             }),
-            // It has ended before it was ready, and its error says why.
+            // The device ended before it was ready; its own error gives the reason.
             Err(_) => {
                 device.end()?;
                 Err(Error::device("the device was never ready"))
@@ -208,7 +208,7 @@ impl Serving {
         }
     }
 
-    /// Returns where the device can be reached, as it was when it started.
+    /// Returns the addresses that the device had when it started.
     pub fn endpoints(&self) -> &Endpoints {
         &self.endpoints
     }
@@ -220,10 +220,10 @@ impl Serving {
         *self.slowdown.borrow()
     }
 
-    /// Ends the device and waits until it has.
+    /// Ends the device and waits until it has ended.
     ///
     /// # Errors
-    /// Returns the error with which it had ended before, if it had.
+    /// Returns the error with which the device had ended earlier, if any.
     pub fn stop(mut self) -> Result<()> {
         let ended = self.device.end();
         ended.and(self.usb.as_mut().map_or(Ok(()), Worker::end))
@@ -274,7 +274,7 @@ impl Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
-        // Whoever wants to know has called `stop`.
+        // The result is ignored: a caller that needs it calls `stop`.
         let _ = self.end();
     }
 }
@@ -315,7 +315,8 @@ fn runtime() -> Result<Runtime> {
 
 /// Prefix of private run directories; sixteen hexadecimal digits follow.
 const PRIVATE: &str = "phasmid-";
-/// Number of private run directories to try. One may be swept away before it is locked.
+/// Number of private run directories to try: another process may remove a new one before it is
+/// locked.
 const TRIES: usize = 8;
 
 /// Claims a run directory of an unpredictable name in the temporary directory. Removes what
@@ -327,8 +328,8 @@ fn private_run_dir() -> Result<RunDir> {
         let number = name.to_str().and_then(|name| name.strip_prefix(PRIVATE));
         let is_hex = |number: &str| number.bytes().all(|byte| byte.is_ascii_hexdigit());
         if number.is_some_and(|number| number.len() == 16 && is_hex(number)) {
-            // Refuses one that is in use or has other files; dropping it removes the others. An empty
-            // one is removed while it is locked.
+            // `claim` refuses a directory that is in use or contains other files. Dropping the claim
+            // deletes the device's files; an empty directory is removed while it is locked.
             if let Ok(claimed) = RunDir::claim(&entry.path()) {
                 let _ = std::fs::remove_dir(entry.path());
                 drop(claimed);

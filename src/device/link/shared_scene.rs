@@ -26,7 +26,7 @@ struct Shared {
     scene: Scene,
     /// Number of moves and other changes so far.
     version: u64,
-    /// The version after the last change that was no move.
+    /// The version after the last change other than a move.
     changed: u64,
     /// For each object, the version of its last move.
     placed: Vec<u64>,
@@ -83,7 +83,7 @@ impl Patient {
 pub(super) enum Change {
     /// The present places of the objects that were moved.
     Moves(Vec<Placement>),
-    /// Anything.
+    /// The whole scene, after any other change.
     Scene(Box<Scene>),
 }
 
@@ -113,8 +113,8 @@ impl SharedScene {
     /// Moves an object for all devices and returns its previous place.
     ///
     /// # Errors
-    /// Returns the error of [`Scene::place`], or an error if another change waits to be settled; nothing has
-    /// changed then.
+    /// Returns the error of [`Scene::place`], or an error if another change waits to be settled. On an
+    /// error nothing changes.
     pub(super) fn place(&self, placement: Placement) -> Result<Placement> {
         let mut shared = self.shared();
         shared.check()?;
@@ -137,12 +137,12 @@ impl SharedScene {
         Ok(before)
     }
 
-    /// Sets a field of the scene for all devices, which [`Self::settle`] must follow. Earlier places of
-    /// objects are forgotten, because the scene in which they stood is.
+    /// Sets a field of the scene for all devices; [`Self::settle`] must follow. Recorded places of
+    /// objects are discarded, because they belong to the previous scene.
     ///
     /// # Errors
-    /// Returns the error of [`Scene::set`], or an error if another change waits to be settled; nothing has
-    /// changed then.
+    /// Returns the error of [`Scene::set`], or an error if another change waits to be settled. On an
+    /// error nothing changes.
     pub(super) fn set(&self, setting: Setting) -> Result<()> {
         let mut shared = self.shared();
         shared.check()?;
@@ -153,7 +153,8 @@ impl SharedScene {
         Ok(())
     }
 
-    /// Says whether the optics have followed the last [`Self::set`]; if not, it is undone.
+    /// Keeps the last [`Self::set`] if the optics have applied it; undoes it if they have rejected
+    /// it.
     pub(super) fn settle(&self, followed: bool) {
         let mut shared = self.shared();
         if let Some(before) = shared.pending.take()
@@ -192,7 +193,7 @@ impl SharedScene {
     /// Returns the present places of the objects in `of`.
     pub(super) fn now(&self, of: &[Placement]) -> Vec<Placement> {
         let shared = self.shared();
-        // A change may have taken objects away.
+        // Objects may have been removed since.
         of.iter()
             .map(|placement| placement.object as usize)
             .filter(|at| *at < shared.scene.object.len())
@@ -284,7 +285,7 @@ impl Shared {
             if change.version <= version {
                 break;
             }
-            // The oldest move since the version decides.
+            // The oldest move since that version holds the object's place at that version.
             let object = change.before.object;
             match back.iter_mut().find(|placement| placement.object == object) {
                 Some(placement) => *placement = change.before,
@@ -299,7 +300,7 @@ impl Shared {
 fn place(object: &Object, time_ns: u64) -> PlaceAbout {
     let moved = match &object.motion {
         Some(motion) if motion.goes_anywhere() => motion.trajectory().pose(time_ns as f64 * 1e-9),
-        // The exact numbers of the file.
+        // The numbers of the file, without rounding.
         _ => {
             return PlaceAbout {
                 position_mm: object.position_mm,

@@ -1,4 +1,5 @@
-//! Records the traffic between a served device and its clients, and shows it to an observer, if requested.
+//! Records the traffic between a served device and its clients if requested, and shows it to an
+//! observer if there is one.
 
 use super::Notice;
 use crate::Firmware;
@@ -76,7 +77,7 @@ impl Tap {
         })
     }
 
-    /// Returns whether somebody wants events.
+    /// Returns whether a recording or an observer wants events.
     fn is_on(&self) -> bool {
         self.recorder.is_some() || self.observer.is_some()
     }

@@ -13,7 +13,7 @@ pub enum VideoOutput {}
 /// Result of writing a frame.
 #[derive(PartialEq)]
 pub(super) enum Put {
-    /// The node did not accept it.
+    /// The node did not accept the frame.
     Lost,
 }
 

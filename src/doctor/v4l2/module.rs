@@ -4,7 +4,7 @@ use super::{Check, Feature, Machine, Status};
 
 /// Folder that exists if the module is loaded.
 pub(super) const LOADED: &str = "sys/module/v4l2loopback";
-/// Recommended number of buffers, after which a buffer is overwritten: the module's maximum.
+/// Recommended number of buffers, the module's maximum: more frames pass before a buffer is overwritten.
 const BUFFERS: u32 = 32;
 
 pub(super) fn check(machine: &Machine) -> Check {
@@ -45,7 +45,7 @@ pub(super) fn check(machine: &Machine) -> Check {
     }
 }
 
-/// Returns where the package is, if not among the system's own.
+/// Names the repository that has the package, if it is not one of the distribution's own.
 fn source(machine: &Machine) -> &'static str {
     if package_tool(machine) == Some("usr/bin/dnf") {
         "; RPM Fusion has it"
@@ -121,8 +121,8 @@ pub(super) fn buffers(machine: &Machine) -> Option<u32> {
         .ok()
 }
 
-/// Whether the node with this number, the `index`-th in order of number, shows only its capture side
-/// while it has a producer (`exclusive_caps`). `None` if the module does not report it.
+/// Returns whether the node with this number, the `index`-th in order of number, shows only its capture
+/// side while it has a producer (`exclusive_caps`). `None` if the module does not report it.
 pub(super) fn exclusive(machine: &Machine, number: u32, index: usize) -> Option<bool> {
     let list = |name: &str| {
         let line = machine.line(format!("{LOADED}/parameters/{name}"))?;

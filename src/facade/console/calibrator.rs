@@ -16,13 +16,13 @@ use std::time::{Duration, Instant};
 
 /// Maximum number of poses.
 const MAX_POSES: usize = 200;
-/// Columns and rows of equal cells of the image; its coverage is the part of them that has points.
+/// Columns and rows of the cells of an image. Coverage is the fraction of cells that contain points.
 const CELLS: [usize; 2] = [8, 6];
 /// Minimum time between two searches in live frames.
 const SOON: Duration = Duration::from_millis(300);
 
-/// Lets viewers of a source calibrate its scanner: they look for a board in its latest image, take scans as
-/// poses, and solve for the rig.
+/// Lets viewers of a source calibrate its scanner: viewers search its latest image for a board,
+/// take scans as poses, and solve for the rig.
 pub(super) fn let_calibrate(source: &Source) {
     source.operate(Arc::new(Calibrator {
         source: source.clone(),
@@ -34,19 +34,19 @@ pub(super) fn let_calibrate(source: &Source) {
 struct Calibrator {
     source: Source,
     state: Mutex<State>,
-    /// The board in the last image. Held by whoever looks.
+    /// The board in the last image; locked during a search.
     sight: Mutex<Option<Sight>>,
 }
 
-/// The poses and what they give.
+/// The poses and their solution.
 struct State {
     board: Board,
-    /// Number of boards so far.
+    /// Number of times that the board was changed.
     boards: u64,
-    /// Number of changes so far, by which viewers see that their list is old.
+    /// Number of changes so far; tells viewers that their list is outdated.
     changes: u64,
     poses: Vec<Pose>,
-    /// Number of poses so far.
+    /// Number of the last pose taken; numbers are not reused.
     numbered: u64,
     solved: Option<Solved>,
 }
@@ -60,7 +60,7 @@ struct Pose {
 
 /// A solution.
 struct Solved {
-    /// Numbers of the poses that were given.
+    /// Numbers of the poses that were passed to the solver.
     numbers: Vec<u64>,
     calibration: Calibration,
 }
@@ -72,16 +72,16 @@ enum Image {
     Scan(Arc<dyn Measurement>),
 }
 
-/// A board, or its absence, in an image.
+/// The result of searching an image for a board.
 struct Sight {
     board: Board,
     image: Image,
-    /// Positions of its points in pixels, or why there are none.
+    /// Positions of the board's points in pixels, or why no board was found.
     found: std::result::Result<Vec<[f64; 2]>, String>,
     size: [u32; 2],
-    /// When it was found.
+    /// Time of the search.
     at: Instant,
-    /// Details of a scan.
+    /// Data for the calibration, if the image is a scan.
     looked: Option<Looked>,
 }
 
@@ -98,7 +98,7 @@ impl State {
     }
 
     /// # Errors
-    /// Returns an error if `boards` is an earlier number of boards.
+    /// Returns an error if the board was changed since `boards` was read.
     fn check(&self, boards: u64) -> Result<()> {
         match self.boards == boards {
             true => Ok(()),
@@ -147,7 +147,7 @@ impl State {
         })
     }
 
-    /// Describes a pose. Each of its points is its position, and its residual if it has been used.
+    /// Describes a pose: the position of each point, and its residual if the pose has been used.
     fn about_pose(&self, pose: &Pose) -> Value {
         let given = { self.solved.as_ref() }.and_then(|solved| {
             let at = solved.numbers.iter().position(|&n| n == pose.number)?;
@@ -189,7 +189,7 @@ impl State {
     }
 }
 
-/// Returns a position in hundredths of a pixel, which suffice to draw it.
+/// Rounds a position to hundredths of a pixel, which is fine enough for drawing.
 fn rounded(px: f64) -> f64 {
     (100.0 * px).round() / 100.0
 }
@@ -200,7 +200,7 @@ fn positions(looked: &Looked) -> impl Iterator<Item = [f64; 2]> {
     seen.map(|seen| seen.px.to_array())
 }
 
-/// Returns the part of the cells of an image that has points.
+/// Returns the fraction of an image's cells that contain points.
 fn covered(size: [u32; 2], points: impl Iterator<Item = [f64; 2]>) -> f64 {
     let cell = |px: [f64; 2]| {
         [0, 1].map(|axis| {
@@ -213,7 +213,7 @@ fn covered(size: [u32; 2], points: impl Iterator<Item = [f64; 2]>) -> f64 {
 }
 
 impl Image {
-    /// Returns whether both are the same, not only equal.
+    /// Returns whether two images are the same object; equal content is not enough.
     fn is(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Frame(one), Self::Frame(other)) => Arc::ptr_eq(one, other),
@@ -296,8 +296,8 @@ impl Calibrator {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Looks for the board in the image that `choose` returns, unless that was done last. Viewers that ask at the
-    /// same time wait for each other, and find out in turn.
+    /// Searches the image that `choose` returns for the board, unless the last search was in the
+    /// same image. Viewers that ask at the same time wait for each other and share the result.
     fn look<T>(
         &self,
         choose: impl FnOnce(Option<&Sight>) -> Option<Image>,
@@ -371,7 +371,7 @@ impl Calibrator {
         let gathered = gathering.finish();
         let solved = gathered.calibrate(&board, Choice::default());
         let mut calibration = solved.map_err(|why| Error::device(why.to_string()))?;
-        // Poses were counted among the usable ones.
+        // The solution counts usable poses only: convert its indices to indices among all poses.
         let solution = &mut calibration.solution;
         let given = { solution.poses.iter_mut() }.map(|pose| &mut pose.given);
         let left_out = { solution.left_out.iter_mut() }.map(|pose| &mut pose.given);
@@ -407,7 +407,7 @@ impl Calibrator {
                 })?;
                 let mut state = self.state();
                 if state.board != *board {
-                    // Requests for the board before come to nothing.
+                    // A request that was made for the previous board fails in `State::check`.
                     *state = State {
                         boards: state.boards + 1,
                         changes: state.changes + 1,
@@ -522,7 +522,7 @@ mod tests {
             device.place(0, position_mm, rotation_deg).unwrap();
             source.show(Arc::new(ScanViews::new(device.scan(&sequence).unwrap())));
             let sight = step(Step::Look {}).unwrap()["sight"].take();
-            // A pose may reach out of the image.
+            // Some points are missing if the board extends beyond the image.
             assert!(sight["points"].as_array().unwrap().len() > 400, "{sight}");
             state = step(Step::Take {}).unwrap();
         }

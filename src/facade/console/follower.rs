@@ -20,8 +20,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Shows the scans of a device that is being served, whichever program makes them.
 ///
-/// It never uses the device's port: what it needs besides the frames it asks on the service channel. So a
-/// scan appears only of a device that is emulated.
+/// A follower never uses the device's port. Besides the frames it needs the sequence and the
+/// calibration, which it requests on the service channel, so it shows scans of emulated devices only.
 ///
 /// ```
 /// # #[cfg(target_os = "linux")] {
@@ -51,22 +51,22 @@ pub struct Follower {
 struct Seen {
     /// Path of the device's service channel, once it is known.
     service: Option<PathBuf>,
-    /// Frames of the present run of a sequence, from its first.
+    /// The current run.
     run: Run,
-    /// The run before, which may have been complete.
+    /// The previous run, which may be complete.
     before: Run,
     /// Number of runs so far.
     runs: u64,
-    /// Whether it has changed since it was last looked at.
+    /// Set by every change; cleared by the thread that shows the scans.
     news: bool,
     /// Whether the follower is to end.
     ended: bool,
 }
 
-/// Frames that follow each other, from the first of a sequence.
+/// Consecutive frames of a sequence, starting with its first pattern.
 #[derive(Clone, Default)]
 struct Run {
-    /// Number among the runs, from 1.
+    /// Number of the run, counted from 1.
     number: u64,
     frames: Vec<Arc<Frame>>,
 }
@@ -90,7 +90,7 @@ impl Inbox {
         self.news.notify_all();
     }
 
-    /// Adds a frame to the run that it continues, or begins another run.
+    /// Adds a frame to the current run if it continues that run. A frame with pattern 0 begins a run.
     fn take(&self, frame: &Arc<Frame>) {
         self.change(|seen| {
             let run = &mut seen.run.frames;
@@ -145,8 +145,8 @@ impl Follower {
         })
     }
 
-    /// Tells where the device's service channel is. Until then no scan is shown. Viewers can use the
-    /// channel as well.
+    /// Sets the path of the device's service channel, without which no scan is shown. Viewers can
+    /// send requests to the channel as well.
     pub fn ask_at(&self, service: impl Into<PathBuf>) {
         let service = service.into();
         self.source.operate(Arc::new(ServiceOperator {
@@ -164,7 +164,7 @@ impl fmt::Debug for Follower {
 
 impl Drop for Follower {
     fn drop(&mut self) {
-        // The thread may be waiting for the device, so it is not waited for.
+        // Do not join the thread: it may be waiting for the device.
         self.inbox.change(|seen| seen.ended = true);
     }
 }
@@ -213,14 +213,14 @@ fn follow(inbox: &Inbox, source: &Source) {
             {
                 selected = ask(&service, run.number);
             }
-            // A device that does not answer has ended.
+            // A device that does not answer is not running any more.
             let Some(Selected { sequence, .. }) = &selected else {
                 continue;
             };
             source.show_sequence(sequence.clone());
             if run.frames.len() == sequence.manifest.frame.len() {
                 shown = run.number;
-                // A frame that cannot be unpacked is reported where frames are shown.
+                // The view of single frames reports a frame that cannot be unpacked.
                 if let Ok(views) = views(&run.frames, sequence) {
                     source.show(Arc::new(views.with_service(&service)));
                 }
@@ -337,14 +337,14 @@ mod tests {
         };
         assert_eq!(ids(&[(3, None), (4, Some(1))]), [0u64; 0]);
         assert_eq!(ids(&[(5, Some(0)), (6, Some(1)), (7, Some(2))]), [5, 6, 7]);
-        // One is missing, one is repeated, one belongs to no run.
+        // A run ends at a missing pattern, at a repeated id, and when the sequence starts again.
         assert_eq!(ids(&[(8, Some(4))]), [0u64; 0]);
         assert_eq!(ids(&[(9, Some(0)), (9, Some(1))]), [0u64; 0]);
         assert_eq!(
             ids(&[(10, Some(0)), (11, Some(0)), (12, Some(1))]),
             [11, 12]
         );
-        // A complete run is kept until the next one has ended.
+        // A complete run is kept in `before` until the next run has ended.
         assert_eq!(ids(&[(13, None), (14, None)]), [0u64; 0]);
         assert_eq!(inbox.seen().before.frames.len(), 2);
         assert_eq!(ids(&[(15, Some(0))]), [15]);

@@ -19,11 +19,11 @@ use std::time::{Duration, Instant};
 
 /// Maximum number of bytes of a reply that are shown.
 const MAX_REPLY: usize = 64 << 10;
-/// Time without further bytes after which a reply is complete that does not end with a newline.
+/// Silence after which a reply that does not end with a newline is complete.
 const QUIET: Duration = Duration::from_millis(300);
 /// Time between two attempts to use the port.
 const SOON: Duration = Duration::from_millis(10);
-/// Time that a reply to a line has to begin.
+/// Maximum time to send a line, and then until the reply to a query begins.
 const REPLY: Duration = Duration::from_secs(3);
 
 /// Shows a camera live, and scans and talks on its control port as viewers ask, until `flow` breaks.
@@ -44,7 +44,7 @@ const REPLY: Duration = Duration::from_secs(3);
 /// ```
 ///
 /// # Errors
-/// Returns an error if the camera cannot be opened the first time. Later errors are shown to the viewers.
+/// Returns an error if the camera cannot be opened the first time. Viewers are shown later errors.
 pub fn operate(
     source: &Source,
     camera: &str,
@@ -73,11 +73,11 @@ pub fn operate(
     });
     source.operate(asked.clone());
     let_calibrate(source);
-    // Scans of other programs are shown as well, if the device tells what they are.
+    // Scans by other programs are shown too, if the service channel reports their sequence.
     let live = { follower.as_ref() }.map_or_else(|| source.observer(), Follower::observer);
     let (mut seen, mut failed) = (false, false);
     loop {
-        // The first time only once the camera is open.
+        // `flow` is not called before the camera has been opened once.
         if seen && flow().is_break() {
             return Ok(());
         }
@@ -133,7 +133,7 @@ pub fn operate(
     }
 }
 
-/// Scans once, and again as long as `again` says so.
+/// Scans once, and repeats the scan while `again` returns `true`.
 fn scan(
     source: &Source,
     mut scanner: Scanner,
@@ -187,9 +187,9 @@ struct Asked {
     observer: Observer,
     /// Whether a scan uses the port.
     scanning: AtomicBool,
-    /// Held by whoever uses the port.
+    /// Locked while the port is in use.
     port: Mutex<()>,
-    /// How to scan next, and the sequence.
+    /// The next scan to make: how to run, and the sequence.
     next: Mutex<Option<(Run, Option<String>)>>,
 }
 
@@ -210,7 +210,7 @@ impl Asked {
         matches!(*self.next(), Some((Run::Stop, _)))
     }
 
-    /// Returns the headers of SCPI commands that an emulated device knows; others are similar.
+    /// Returns the SCPI headers of an emulated device, as suggestions for any device that speaks SCPI.
     fn lines(&self) -> Vec<&'static str> {
         match self.scpi {
             true => Firmware::headers().collect(),
@@ -218,13 +218,13 @@ impl Asked {
         }
     }
 
-    /// Sends a line to the device, and returns what comes back.
+    /// Sends a line to the device and returns the reply.
     fn talk(&self, line: &str) -> Result<Value> {
         let _port = loop {
             if self.scanning.load(Ordering::Relaxed) {
                 return Err(Error::device("a scan is using the port; stop it first"));
             }
-            // Another line.
+            // Wait until another viewer's line is done.
             match self.port.try_lock() {
                 Ok(port) => break port,
                 Err(_) => std::thread::sleep(SOON),
@@ -236,7 +236,7 @@ impl Asked {
         port.send(format!("{line}\n").as_bytes(), REPLY)?;
         let begun = Instant::now();
         let (mut reply, mut buffer) = (Vec::new(), [0; 4096]);
-        // Only a query is answered.
+        // Only a query is answered; wait briefly after any other line.
         let patience = if line.contains('?') { REPLY } else { QUIET };
         while reply.len() < MAX_REPLY && !reply.ends_with(b"\n") {
             let wait = if reply.is_empty() { patience } else { QUIET };

@@ -18,7 +18,7 @@ const ENDING: &str = ".rec";
 const MAX_LISTED: usize = 1000;
 /// Slowest and fastest playback.
 const SPEEDS: [f64; 2] = [0.05, 20.0];
-/// Number of records before a position that are shown when it is gone to.
+/// Number of records to show before the position that a viewer jumps to.
 const CONTEXT: usize = 60;
 
 /// Plays the recordings of a folder, as the viewers of a console ask.
@@ -39,7 +39,8 @@ pub struct Playback {
 }
 
 impl Playback {
-    /// Starts to play what is asked for. `sequence` is used for recordings that do not tell theirs.
+    /// Starts to play the recordings that viewers select. `sequence` is used for a recording that
+    /// does not name its sequence.
     ///
     /// # Errors
     /// Returns an error if the folder cannot be read or the system refuses a thread.
@@ -76,21 +77,21 @@ impl fmt::Debug for Playback {
 
 impl Drop for Playback {
     fn drop(&mut self) {
-        // The thread may be reading, so it is not waited for.
+        // Do not join the thread: it may be reading.
         self.inbox.change(|state| state.ended = true);
     }
 }
 
-/// Requests of viewers, and the position.
+/// Requests of viewers, and the playback position.
 struct State {
     ended: bool,
     /// Recording to open.
     open: Option<String>,
-    /// Time to go to.
+    /// Time to jump to.
     go_to_ns: Option<u64>,
     playing: bool,
     speed: f64,
-    /// A moment, and the time of the recording that was shown then.
+    /// An instant, and the recording time that was shown at that instant.
     since: (Instant, u64),
     /// Name and times of the open recording.
     about: Option<(String, [u64; 2])>,
@@ -109,7 +110,7 @@ impl State {
         }
     }
 
-    /// Returns the time of the recording that is shown.
+    /// Returns the recording time that is shown now.
     fn now_ns(&self) -> u64 {
         let (since, from_ns) = self.since;
         let passed = match self.playing {
@@ -119,19 +120,19 @@ impl State {
         from_ns.saturating_add((passed * 1e9) as u64)
     }
 
-    /// Goes on from a time.
+    /// Continues from a recording time.
     fn go_on(&mut self, from_ns: u64) {
         self.since = (Instant::now(), from_ns);
     }
 
-    /// Returns how long it takes until a time is reached, if it is played.
+    /// Returns how long playback takes to reach a recording time, at most 60 s; `None` while paused.
     fn until(&self, time_ns: u64) -> Option<Duration> {
         let left = time_ns.saturating_sub(self.now_ns()) as f64 * 1e-9;
         { self.playing }.then(|| Duration::from_secs_f64((left / self.speed).min(60.0)))
     }
 }
 
-/// The side of the viewers.
+/// Receives the requests of viewers.
 struct Inbox {
     folder: PathBuf,
     state: Mutex<State>,
@@ -254,7 +255,7 @@ fn list(folder: &Path) -> Result<Vec<(String, u64)>> {
 struct Player {
     inbox: Arc<Inbox>,
     source: Source,
-    /// For recordings that do not tell theirs.
+    /// Sequence for recordings that do not name one.
     sequence: Option<Arc<Sequence>>,
     opened: Option<Opened>,
 }
@@ -361,7 +362,7 @@ impl Player {
         let end = recording.after(time_ns);
         let begin = end.saturating_sub(CONTEXT);
         let run = recording.run_before(end);
-        // The last frame may be older than the records that are shown.
+        // The last frame may be older than the records that are shown, so show it first.
         let frame = recording.frame_before(end).filter(|frame| *frame < begin);
         self.source.rewind(run.is_none());
         for at in frame.into_iter().chain(begin..end) {

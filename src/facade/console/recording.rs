@@ -10,12 +10,12 @@ use std::io::BufReader;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Maximum number of records; a recording is shown up to there.
+/// Maximum number of records; a longer recording is shown up to this number.
 const MAX_RECORDS: usize = 4 << 20;
 /// Number of records between two reports of progress.
 const REPORTED: usize = 64;
 
-/// Where a record is.
+/// Number, file offset, kind and time of a record.
 struct Entry {
     number: u64,
     offset: u64,
@@ -28,9 +28,9 @@ pub(super) struct Recording {
     place: String,
     reader: Reader<BufReader<File>>,
     entries: Vec<Entry>,
-    /// Index of the first record of a link.
+    /// Index of the first record that concerns a link rather than the recording itself.
     first: Option<usize>,
-    /// Frames that follow each other from the first of a sequence: the indices of their records.
+    /// Indices of the records of each run's frames; a run starts with the first frame of a sequence.
     runs: Vec<Vec<usize>>,
     /// Sequences, and the indices of the records that note them.
     sequences: Vec<(usize, Arc<Sequence>)>,
@@ -39,8 +39,8 @@ pub(super) struct Recording {
 }
 
 impl Recording {
-    /// Reads a recording once from start to end. `reading` is called with the part that has been read, and
-    /// says whether to go on.
+    /// Reads a recording once from start to end. `reading` is called with the fraction read so far
+    /// and returns whether to continue.
     ///
     /// # Errors
     /// Returns an error if the file is not a recording or has no record, and [`Error::Interrupted`] if
@@ -98,7 +98,7 @@ impl Recording {
             number: record.number,
             offset: record.offset,
             is_frame: matches!(record.event, Event::Frame(_)),
-            // Times of another channel may be slightly earlier.
+            // Records of another channel may have slightly earlier times: keep the times in order.
             time_ns: { self.entries.last() }
                 .map_or(record.time_ns, |last| last.time_ns.max(record.time_ns)),
         });
@@ -136,7 +136,7 @@ impl Recording {
     /// Returns the times of the first event and the last one.
     pub(super) fn times_ns(&self) -> [u64; 2] {
         let time = |entry: Option<&Entry>| entry.map_or(0, |entry| entry.time_ns);
-        // The records before are about the recording itself.
+        // Earlier records describe the recording itself.
         let first = self.first.unwrap_or_default();
         [time(self.entries.get(first)), time(self.entries.last())]
     }
@@ -146,7 +146,7 @@ impl Recording {
         self.entries.get(index).map(|entry| entry.time_ns)
     }
 
-    /// Returns whether the times are the device's.
+    /// Returns whether the times are on the device's clock.
     pub(super) fn has_device_times(&self) -> bool {
         self.device_times
     }
@@ -188,8 +188,8 @@ impl Recording {
         self.runs[run].len()
     }
 
-    /// Returns the sequence of a run, if it is noted. A device notes it before the first frame, a host after
-    /// the last one; where both are noted, the number of frames decides.
+    /// Returns the sequence of a run, if a note names it. A device's note precedes the first frame, a
+    /// host's note follows the last; if both exist, the note that matches the number of frames is used.
     pub(super) fn sequence_of(&self, run: usize) -> Option<Arc<Sequence>> {
         let frames = &self.runs[run];
         let last = frames.last().copied().unwrap_or_default();

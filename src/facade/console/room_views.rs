@@ -21,7 +21,7 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Distance from the planned skin beyond which a point is not of the skin, in millimetres.
+/// Distance from the planned skin, in millimetres, beyond which a point is not counted as skin.
 const FAR_MM: f64 = 50.0;
 /// Maximum number of results that wait for the truth.
 const WAITING: usize = 64;
@@ -51,22 +51,22 @@ pub struct RoomViews<'a> {
     room: Room,
     /// The thread that asks for the truth, if there is an emulated device.
     truths: Option<SyncSender<(u64, Duration)>>,
-    /// Computes the views of the pods, apart from tracking.
+    /// Threads that compute the views of the pods, separate from the threads of tracking.
     pool: Option<Arc<ThreadPool>>,
     begun: Instant,
     /// Time of the last result in seconds.
     last_s: f64,
-    /// The result of a scan whose surface comes next.
+    /// The last result, until the surface of its scan is reported.
     tracked: Option<Tracked>,
 }
 
-/// A pod as a scanner of its own.
+/// A pod, shown as a scanner of its own.
 struct Pod {
     source: Source,
     room_from_rig: Pose,
-    /// Whether its field of view is known.
+    /// Whether the pod's field of view is known.
     known: bool,
-    /// Its service channel.
+    /// Path of the pod's service channel.
     service: Option<PathBuf>,
 }
 
@@ -130,11 +130,11 @@ impl<'a> RoomViews<'a> {
         }
     }
 
-    /// Asks the service channel of a pod, by its index, for the truth, as an emulated one has it: of its scans,
-    /// and of the tumour.
+    /// Shows the truth of an emulated pod's scans and of the tumour, which the pod's service
+    /// channel reports; `pod` is the index of the pod.
     ///
     /// # Panics
-    /// Panics if there are fewer pods.
+    /// Panics if `pod` is not the index of a pod.
     #[must_use]
     pub fn with_service(mut self, pod: usize, service: impl Into<PathBuf>) -> Self {
         let service = service.into();
@@ -160,7 +160,7 @@ impl<'a> RoomViews<'a> {
     /// [`Scanner::observed`](crate::Scanner::observed).
     ///
     /// # Panics
-    /// Panics if there are fewer pods.
+    /// Panics if `pod` is not the index of a pod.
     pub fn observer(&self, pod: usize) -> Observer {
         self.pods[pod].source.observer()
     }
@@ -190,7 +190,7 @@ impl<'a> RoomViews<'a> {
         }
     }
 
-    /// Shows the result that was reported last, with its surface, and what each pod has captured.
+    /// Shows the last result with its surface, and the captures of the pods.
     fn surface(
         &mut self,
         measured: &Measured,
@@ -209,7 +209,7 @@ impl<'a> RoomViews<'a> {
         self.last_s = row.time_s;
         let result = self.source.show_tracked(row, Arc::new(scan));
         if let (Some(truths), Some(middle)) = (&self.truths, tracked.middle) {
-            // A device that does not answer holds nothing up.
+            // If the queue is full because a device does not answer, skip this request.
             let _ = truths.try_send((result, middle));
         }
         for (index, capture) in captures.iter().enumerate() {
@@ -239,8 +239,8 @@ impl<'a> RoomViews<'a> {
         pod.source.show(Arc::new(views));
     }
 
-    /// Compares the points of a scan with the planned skin, and moves the planned surfaces to where they are
-    /// now.
+    /// Compares the points of a scan with the planned skin, and moves the planned surfaces to the
+    /// tracked position.
     fn look(&self, measured: &Measured, state: Option<&MotionState>) -> Sighted {
         let Planned {
             reference, model, ..
@@ -332,7 +332,7 @@ impl fmt::Debug for RoomViews<'_> {
     }
 }
 
-/// Asks for the true shift of the tumour at a device time, and its length.
+/// Asks for the tumour's true shift (x, y, z) at a device time; the fourth value is its length.
 fn truth(service: &Path, time: Duration, target_mm: [f64; 3]) -> Option<[f64; 4]> {
     let request = Request::ObjectsAt(time.as_nanos() as u64);
     let (reply, _) = ask_service(service, &request).ok()?;

@@ -39,12 +39,12 @@ pub struct ScanViews {
     pool: Option<Arc<ThreadPool>>,
     decoding: OnceLock<Decoding>,
     true_depth: OnceLock<Vec<f32>>,
-    /// Held by whoever computes one of them.
+    /// Locked while `decoding` or `true_depth` is computed.
     computing: Mutex<()>,
 }
 
 impl ScanViews {
-    /// Shows a capture by its calibration; without one it has no depth.
+    /// Creates the views of a capture; depth requires a calibration in the capture.
     pub fn new(capture: impl Into<Arc<Capture>>) -> Self {
         Self {
             capture: capture.into(),
@@ -64,7 +64,7 @@ impl ScanViews {
         Self { name, ..self }
     }
 
-    /// Asks an emulated device's service channel for the truth.
+    /// Sets the service channel of an emulated device, which reports the truth.
     #[must_use]
     pub fn with_service(self, service: impl Into<PathBuf>) -> Self {
         let service = Some(service.into());
@@ -89,7 +89,7 @@ impl ScanViews {
         })
     }
 
-    /// Computes a value once; after an error it is computed again.
+    /// Returns a value that is computed once; after an error, the next call tries again.
     fn once<'a, T>(
         &'a self,
         known: &'a OnceLock<T>,
@@ -378,7 +378,7 @@ impl Measurement for ScanViews {
         let values = self.layer(layer)?;
         let decoding = self.decoding()?;
         let maps = &decoding.maps;
-        // The true surface is where it is, not where it was measured.
+        // Points of the true surface lie at the true depth, all other points at the measured depth.
         let depth = match layer {
             TRUE_DEPTH => &values,
             _ => &maps.depth,
@@ -417,7 +417,7 @@ impl Measurement for ScanViews {
             FileKind::Arrays => {
                 let about = self.about()?;
                 let shape = [about.height, about.width];
-                // The truth may be out of reach by now.
+                // Skip layers that fail: the device may have ended and cannot report the truth.
                 let arrays = about.layers.iter().filter_map(|layer| {
                     let values = self.layer(layer.name).ok()?;
                     Some(Array::floats(layer.name, &shape, &values))

@@ -11,9 +11,9 @@ const USUAL: usize = 5;
 /// A scan counts as missing after this many times the longest of the recent intervals.
 const TIMES: u32 = 3;
 
-/// The deadline for the next scan by the host's clock. The device's clock is unknown while no frames
-/// arrive, and an emulated device may take longer for a scan than its own clock shows, so recent intervals
-/// count as well.
+/// The deadline for the next scan, on the host's clock, because the device's clock is unknown while
+/// no frames arrive. An emulated device may need more time for a scan than its own clock shows, so
+/// the deadline also depends on the recent intervals.
 pub(super) struct ScanDeadline {
     least: Duration,
     last: Option<Instant>,

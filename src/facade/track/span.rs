@@ -3,8 +3,8 @@
 use phasmid_decode::FrameInfo;
 use std::time::Duration;
 
-/// The time from the start of the first exposure to the end of the last, in nanoseconds; both are 0 if the
-/// links carry no times.
+/// The start of the first exposure and the end of the last, in nanoseconds of device time; both are
+/// 0 if the links carry no times.
 #[derive(Default)]
 pub(super) struct Span {
     begin_ns: Option<u64>,

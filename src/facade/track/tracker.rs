@@ -25,9 +25,9 @@ pub struct TrackOptions {
     pub tolerance_mm: f64,
     /// Number of scans, 1 or more; `None` to track until the caller ends it.
     pub scans: Option<u64>,
-    /// Time of the device's clock after which tracking ends, above zero: the last scan is the first
-    /// whose [`Tracked::time`] is at least this long after that of the first scan. Counted by the
-    /// host's clock if the links carry no times. `None` for no limit.
+    /// Duration of tracking on the device's clock, above zero; `None` for no limit. Tracking ends
+    /// with the first scan whose [`Tracked::time`] is at least this long after the first scan's.
+    /// The host's clock counts if the links carry no times.
     pub duration: Option<Duration>,
     /// When the beam is held, and when it comes on again.
     pub rules: HoldRules,
@@ -193,7 +193,7 @@ pub struct Tracker<'a> {
     scans: u64,
     /// The points of the last scan.
     measured: Measured,
-    /// The patient according to them, unless it is lost.
+    /// Pose and breathing fitted to `measured`; `None` if the skin is lost.
     state: Option<MotionState>,
 }
 
@@ -258,8 +258,8 @@ impl<'a> Tracker<'a> {
         })
     }
 
-    /// Evaluates a scan: a capture by each pod, in the order of the pods. All scans of a pod must have
-    /// the sequence and the calibration of its first.
+    /// Evaluates a scan: a capture by each pod, in the order of the pods. All scans of a pod must
+    /// have the sequence and the calibration of the pod's first scan.
     ///
     /// # Errors
     /// Returns an error if the number of captures is not that of the pods, if a capture has no
@@ -285,8 +285,8 @@ impl<'a> Tracker<'a> {
         &self.measured
     }
 
-    /// Returns pose and breathing of the patient in the last scan, for [`Planned::model`]; `None` if the skin
-    /// is lost.
+    /// Returns pose and breathing of the patient in the last scan, for [`Planned::model`]; `None`
+    /// if the skin is lost.
     pub fn state(&self) -> Option<&MotionState> {
         self.state.as_ref()
     }
@@ -296,7 +296,7 @@ impl<'a> Tracker<'a> {
         self.hold.beam()
     }
 
-    /// Holds the beam because the next scan is overdue, and returns its state.
+    /// Holds the beam because the next scan is overdue, and returns the state of the beam.
     pub fn overdue(&mut self) -> &Beam {
         self.hold.silent()
     }

@@ -34,8 +34,8 @@ pub enum Board {
 }
 
 impl Board {
-    /// Dot board with the 2.5 mm dots and 5 mm markers of the paper; count and pitch are our
-    /// choice. It fits A4.
+    /// Dot board that fits A4, with the 2.5 mm dots and 5 mm markers of Wu et al.; number and pitch of
+    /// the dots are our choice.
     pub const DOTS: Self = Self::Dots {
         columns: 25,
         rows: 19,

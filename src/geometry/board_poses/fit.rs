@@ -35,7 +35,8 @@ pub(super) struct Fit<'a> {
 }
 
 impl Fit<'_> {
-    /// Checks all. `least_dot_px` is the minimum length of the minor axis of a dot's image in pixels.
+    /// Runs all checks. `least_dot_px` is the minimum length of the minor axis of a dot's image in
+    /// pixels.
     pub(super) fn check(&self, least_dot_px: f64) -> Result<(), Flaw> {
         for (name, view) in [
             ("camera", &self.rig.camera),

@@ -194,8 +194,8 @@ fn outwards(v: DVec3, beyond: fn(&f64, &f64) -> bool, step: fn(f32) -> f32) -> V
 }
 
 impl MeshTree {
-    /// Returns whether the mesh crosses the segment from `from` to `to`. `margin_mm` is left out at
-    /// both ends, so that the surface on which an end lies does not count.
+    /// Returns whether the mesh crosses the segment from `from` to `to`. The last `margin_mm` at both
+    /// ends are ignored, so that the surface on which an end lies does not count.
     pub fn blocks(&self, from: DVec3, to: DVec3, margin_mm: f64) -> bool {
         let length = (to - from).length();
         // A segment of zero or NaN length crosses nothing.

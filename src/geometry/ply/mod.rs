@@ -95,7 +95,7 @@ pub fn encode_cloud(cloud: &Cloud) -> Result<Vec<u8>> {
         }
         Ok(())
     })();
-    // Memory takes all that is written.
+    // Writing to memory does not fail.
     written.map_err(|e| Error::io("cloud", e))?;
     Ok(encoded)
 }

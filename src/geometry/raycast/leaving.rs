@@ -119,7 +119,7 @@ mod tests {
         let bvh = Bvh::build(&vertices, &triangles);
         let (mut hits, mut scratch) = (0, Scratch::default());
         for k in 0..200 {
-            // Every other origin lies on a triangle, whose own plane does not count.
+            // Every second origin lies on a triangle; rays do not hit that triangle.
             let own = k % 2 * (1 + k);
             let [a, b, c] = triangles[own].map(|i| vertices[i as usize]);
             let origin = if k % 2 == 1 {

@@ -34,11 +34,11 @@ pub(super) fn reduce(mut lanes: Lanes, combine: impl Fn(f32, f32) -> f32) -> f32
     lanes[0]
 }
 
-/// `reach` of an unused lane: no hit, less its error, lies before it.
+/// `reach` of an unused lane: no hit minus its error bound is below it.
 pub(super) const UNUSED: f32 = f32::NEG_INFINITY;
 
-/// Maximum number of undecided hits of one packet. More only occur with many coincident surfaces,
-/// where any of them is equally good.
+/// Maximum number of undecided hits of one packet. More occur only with many coincident surfaces,
+/// where any hit is equally good.
 const MOST_RIVALS: usize = 4096;
 
 /// Working memory shared between casts, and the undecided hits of the last cast.

@@ -155,7 +155,8 @@ fn intersect(rays: &mut Parallel, corners: &Corners) {
         let w = bx * ay - by * ax;
         let inside = (min(min(u, v), w) >= 0.0) | (max(max(u, v), w) <= 0.0);
         let det = u + v + w;
-        // NaN if the triangle is edge-on, which then does not count as beyond the start.
+        // The depth of an edge-on triangle is NaN; the comparison below is then false, so it is not
+        // hit.
         let depth = (u * a.z + v * b.z + w * c.z) / det - rays.sheared[2][lane];
         let hit = inside & (depth * shear.z > rays.start[lane]) & (corners.id != rays.own[lane]);
         rays.open[lane] &= !hit;

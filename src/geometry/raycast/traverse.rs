@@ -24,7 +24,7 @@ impl Bvh {
         self.cast(packet, scratch, blocked);
     }
 
-    /// Rays that diverge too much for one shear are cast one by one.
+    /// Casts the packet; if its rays diverge too much for one shear, casts them one by one.
     fn cast(
         &self,
         packet: &mut Packet,
@@ -131,7 +131,7 @@ pub(super) fn walk<T: Test>(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratc
                 T::test(packet, scratch, corners);
             }
         } else {
-            // Not by `map`, whose closure would not be inlined either.
+            // This is not a `map`, because its closure would not be inlined.
             let (one, other) = (node.first, node.first + 1);
             let left = entry(&bvh.nodes[one as usize], packet);
             let right = entry(&bvh.nodes[other as usize], packet);

@@ -60,9 +60,9 @@ impl Covariance {
         pairs.map(|(a, b)| a * b).sum()
     }
 
-    /// Returns a step of the parameters, F times the given numbers. Of independent standard normal
-    /// numbers it has this covariance; of the unit vectors it gives steps whose effects on a
-    /// quantity add up in squares to the quantity's variance, to first order.
+    /// Returns a step of the parameters: F times the given numbers. If the numbers are independent and
+    /// standard normal, the step has this covariance. The steps of all unit vectors have effects on a
+    /// quantity that add up in squares to the quantity's variance, to first order.
     pub fn step(&self, numbers: &[f64; RIG]) -> [f64; RIG] {
         self.factor
             .map(|row| row.iter().zip(numbers).map(|(f, x)| f * x).sum())

@@ -9,7 +9,7 @@ use glam::{DMat2, DVec2, DVec3};
 use nalgebra::{DMatrix, Matrix6, MatrixXx6};
 use rayon::prelude::*;
 
-/// Number of parameters of a point: the rig's and the board's pose.
+/// Number of parameters that a point depends on: the rig's and the six of the board's pose.
 const ALL: usize = RIG + 6;
 
 impl Covariance {
@@ -35,7 +35,7 @@ impl Covariance {
                 let own = Matrix6::from_fn(|i, j| normal[RIG + i][RIG + j]);
                 let shared = MatrixXx6::from_fn(count, |i, j| normal[at[i]][RIG + j]);
                 let rig = DMatrix::from_fn(count, count, |i, j| normal[at[i]][at[j]]);
-                // A pose of which too few points are seen says nothing of the rig.
+                // A pose with too few visible points gives no information about the rig.
                 own.cholesky().map_or(DMatrix::zeros(count, count), |own| {
                     rig - &shared * own.inverse() * shared.transpose()
                 })

@@ -22,7 +22,7 @@ type Ring = (f64, [f64; 2]);
 
 /// A part: rings along an axis, with an outline between an ellipse and a rectangle.
 struct Part {
-    /// Whether the axis is y; otherwise z.
+    /// Whether the axis is y; if not, it is z.
     along_y: bool,
     /// Position of the axis: x and z if along y, x and y if along z.
     middle: [f64; 2],

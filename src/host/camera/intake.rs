@@ -1,5 +1,4 @@
-//! Processing of every opened camera's frames: conversion to GREY or Y16, and removal of the
-//! embedded data line.
+//! Converts the frames of every opened camera to GREY or Y16, and removes the embedded data line.
 
 use super::Camera;
 use phasmid_core::error::{Error, Result};
@@ -103,7 +102,7 @@ mod tests {
         }
     }
 
-    /// The frame as sent over a link that carries no frame identity.
+    /// A frame as received over a link that carries no frame identity: the sender's values are replaced.
     fn sent(id: u64) -> Frame {
         Frame {
             id: 99,

@@ -75,7 +75,7 @@ enum Opening {
 pub struct SocketCamera {
     stream: Stream,
     address: String,
-    /// The part read of a line before the first frame; `None` once frames have begun.
+    /// Bytes read so far of a line before the first frame; `None` once frames have begun.
     opening: Option<Vec<u8>>,
     /// Kinds of lines received before the first frame.
     received: HashSet<[u8; 4]>,
@@ -138,7 +138,8 @@ impl SocketCamera {
     fn present(&mut self, token: &Token, timeout: Duration) -> Result<()> {
         let end = Instant::now() + timeout;
         if let Stream::Tcp(stream) = &mut self.stream {
-            // A device that has refused the client and closed the connection says why: read on.
+            // Ignore a failed write: a device that refuses the client sends the reason before it
+            // closes the connection, and that reason is read below.
             let _ = stream
                 .set_write_timeout(Some(timeout.max(Duration::from_micros(1))))
                 .and_then(|()| stream.write_all(token.to_line().as_bytes()));
@@ -160,8 +161,8 @@ impl SocketCamera {
         }
     }
 
-    /// Reads the next line before the first frame, or the start of that frame; `None` if it is not
-    /// complete in time.
+    /// Reads the next line before the first frame, or detects the start of that frame; `None` if
+    /// neither is complete in time.
     ///
     /// # Errors
     /// Returns an error if the device refuses the client, closes the connection or repeats a line.
@@ -172,8 +173,8 @@ impl SocketCamera {
             if expired {
                 return Ok(None);
             }
-            // The first four bytes tell a line from a frame. The rest of a line is read one byte at a
-            // time, so that nothing of a frame after it is taken.
+            // The first four bytes distinguish a line from a frame. The rest of a line is read one
+            // byte at a time, so that no byte of a following frame is consumed.
             let mut next = [0; 4];
             let missing = 4_usize.saturating_sub(bytes.len()).max(1);
             let left = end.saturating_duration_since(Instant::now());
@@ -192,7 +193,7 @@ impl SocketCamera {
             if ![TOKEN_REQUIRED, ADMITTED, REFUSED].contains(&letters) {
                 self.decoder.space()[..4].copy_from_slice(bytes);
                 self.opening = None;
-                // Four bytes complete no header.
+                // A frame header is longer than four bytes, so this completes no frame.
                 self.decoder.advance(4)?;
                 break;
             }
@@ -404,13 +405,13 @@ mod tests {
             let server = thread::spawn(move || {
                 let (mut device, _) = listener.accept().unwrap();
                 let lines = format!("{line}\n").repeat(1000);
-                // Fails once the client has hung up.
+                // Writing fails once the client has hung up.
                 while device.write_all(lines.as_bytes()).is_ok() {}
             });
             let token = Token::read(&file).unwrap();
             let (sender, results) = mpsc::channel();
             let client = thread::spawn(move || {
-                // The first wait, without time, finds lines to read.
+                // Wait for the first lines, so that the call with a timeout of zero finds them.
                 here.peek(&mut [0]).unwrap();
                 let mut camera = SocketCamera::new(Stream::Tcp(here), "tcp:test");
                 for timeout in [Duration::ZERO, Duration::from_secs(30)] {

@@ -5,7 +5,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_protocol::dialect::Value;
 use std::fmt::Display;
 
-/// Number of times that something is tried again if the line may have damaged it.
+/// Maximum number of attempts at an operation that a corrupted line may have spoiled.
 pub(super) const TRIES: u32 = 3;
 /// Maximum number of readings, two of which must agree.
 const READINGS: usize = 5;
@@ -33,7 +33,7 @@ pub(super) trait Conversation {
     /// Returns an error if the port fails or the device refuses.
     fn begin(&mut self) -> Result<()>;
 
-    /// Returns whether the device has restarted since [`Self::begin`], as far as it can be known.
+    /// Returns whether the device has restarted since [`Self::begin`], as far as the host can tell.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -53,7 +53,7 @@ pub(super) trait Conversation {
     /// Returns an error if the port is gone, or if the dialect cannot express the arguments.
     fn send(&mut self, command: &str, args: &[(&str, Value)]) -> Result<()>;
 
-    /// Discards what is still in transit.
+    /// Discards answers that are still in transit.
     ///
     /// # Errors
     /// Returns an error if the port is gone.

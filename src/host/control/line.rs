@@ -14,9 +14,9 @@ use std::time::Duration;
 const ATTEMPTS: u32 = 3;
 /// Time to wait for a valid answer after an invalid one.
 const GRACE: Duration = Duration::from_millis(250);
-/// Pause after a device refuses or is busy; longer after each attempt.
+/// Pause after a refusal, multiplied by the number of the attempt: the device may be busy.
 const PAUSE: Duration = Duration::from_millis(20);
-/// Silence after which nothing is in transit any more.
+/// Duration of silence after which nothing is assumed to be in transit.
 const QUIET: Duration = Duration::from_millis(50);
 /// Maximum number of bytes to accept while waiting for one answer.
 const MAX_BYTES: usize = 16 << 20;
@@ -170,7 +170,7 @@ impl<P: CommandPort> Line<P> {
                     Cut::Dropped(why) => Reply::Bad(printable(&why.to_string())),
                 };
                 match reply {
-                    // Ignore what follows the answer.
+                    // Ignore messages after the answer.
                     _ if outcome.is_some() => {}
                     Reply::More(more) => values.extend(more),
                     Reply::Done(last) => {

@@ -32,7 +32,7 @@ impl<P: CommandPort> Marked<P> {
             mark: 0,
             forgotten: false,
         };
-        // Data left in transit by an earlier client is not an answer.
+        // Synchronize first: an earlier client may have left answers in transit.
         if marked.step().is_err() {
             marked.recover()?;
         }
@@ -175,8 +175,8 @@ impl<P: CommandPort> Conversation for Marked<P> {
     }
 
     fn restarted(&mut self) -> Result<bool> {
-        // A power-on message may still be in transit when a run begins, so it proves nothing; a
-        // forgotten mark does.
+        // A power-on message may still be in transit when a run begins, so it does not prove a
+        // restart during the run; a forgotten mark does.
         if !self.is_marked() {
             return Ok(self.line.booted);
         }

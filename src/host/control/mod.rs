@@ -35,7 +35,7 @@ pub(super) struct Control<P> {
     talk: Talk<P>,
 }
 
-/// The conversation, by the framing of the dialect.
+/// The conversation, chosen by the framing of the dialect.
 enum Talk<P> {
     Scpi(Box<Scpi<P>>),
     Marked(Box<Marked<P>>),
@@ -65,7 +65,7 @@ fn unquoted(name: &str) -> String {
     inside.map_or_else(|| name.to_owned(), |inside| inside.replace("\"\"", "\""))
 }
 
-/// Returns the names in a list, separated by commas; those in quotes may contain commas, and quotes twice.
+/// Splits a comma-separated list into names; a quoted name may contain commas and doubled quotes.
 fn names(list: &str) -> Vec<String> {
     let mut quoted = false;
     let items = list.split(|c| {
@@ -286,7 +286,7 @@ impl<P: CommandPort> Control<P> {
         self.ready(sequence)
     }
 
-    /// Reads the settings back and checks them against what was set.
+    /// Reads the settings back and checks that the device has kept the values that were set.
     fn ready(&mut self, sequence: Option<&str>) -> Result<Settings> {
         let mut tries = 1;
         loop {
@@ -318,8 +318,8 @@ impl<P: CommandPort> Control<P> {
         ))
     }
 
-    /// Queries the settings that the device reports: the sequence, the trigger source, and those
-    /// in the table `settings` of the dialect's file.
+    /// Queries the settings that the device reports: the sequence, the trigger source, and the
+    /// settings in the table `settings` of the dialect's file.
     fn settings(&mut self) -> Result<Settings> {
         let mut settings = Vec::new();
         for (name, operation) in self.dialect.clone().host().settings() {
@@ -369,7 +369,7 @@ impl<P: CommandPort> Control<P> {
             Err(error) => error,
         };
         // A name that the device does not have is the user's mistake. Any other failure, including
-        // that the device does not list its sequences, is a fault between host and device.
+        // a device that cannot list its sequences, is a fault between host and device.
         let Ok(Some(list)) = self.word("list") else {
             return Err(refused);
         };
@@ -424,8 +424,8 @@ impl<P: CommandPort> Control<P> {
         }
     }
 
-    /// Waits until the last frame of an earlier run has left the device, if the device can report
-    /// that.
+    /// Waits until the last frame of an earlier run has left the device; does nothing if the device
+    /// cannot report that.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -433,7 +433,7 @@ impl<P: CommandPort> Control<P> {
         self.order("complete", &[])
     }
 
-    /// Arms the device at the first pattern, whatever its state.
+    /// Arms the device at the first pattern, whatever state it is in.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -472,7 +472,7 @@ impl<P: CommandPort> Control<P> {
     }
 
     /// Checks after a run that all settings are unchanged. A device that was power-cycled or
-    /// reconfigured by someone else meanwhile may not have shown what it was set to show.
+    /// reconfigured by another program meanwhile may have projected the wrong patterns.
     ///
     /// # Errors
     /// Returns an error that names the setting that has changed.

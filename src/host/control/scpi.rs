@@ -36,7 +36,7 @@ impl<P: CommandPort> Scpi<P> {
         &mut self.instrument
     }
 
-    /// Reads the error queue, whose location is defined by SCPI and not by a file.
+    /// Reads the error queue. Its query is defined by SCPI, not by the dialect's file.
     ///
     /// # Errors
     /// Returns the errors that the device reports.
@@ -74,7 +74,7 @@ impl<P: CommandPort> Conversation for Scpi<P> {
 
     fn restarted(&mut self) -> Result<bool> {
         if let Some(events) = self.instrument.query_optional(EVENTS)? {
-            // A damaged answer may have been the only report of a power cycle.
+            // Reading clears the register, so a damaged answer may hide a power cycle: assume one.
             let events = events.parse().map_or(POWER_ON, |events: f64| events as u8);
             self.restarted |= events & POWER_ON != 0;
         }

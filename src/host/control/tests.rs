@@ -159,7 +159,7 @@ fn good(bytes: &[u8], _: &Shared) -> Vec<u8> {
 fn no_flipped_bit_of_a_reply_changes_the_manifest() {
     let (mut whole, _) = behind(good, |reply, _| reply);
     assert_eq!(whole.manifest().unwrap().unwrap().0, MANIFEST);
-    // The second answer is the first reading of the manifest.
+    // The device's second answer, which is damaged below, is the first reading of the manifest.
     let len = format!("1;#226{MANIFEST}\n").len();
     for bit in 0..8 * len {
         let (mut control, device) = behind(good, move |mut reply, n| {
@@ -222,7 +222,7 @@ fn no_flipped_bit_prepares_another_run() {
                     },
                 );
                 let prepared = control.persist(|control| control.prepare(Some("c")));
-                // Giving up is acceptable; preparing another run is not.
+                // The host may give up, but must not prepare another run.
                 if let Ok(settings) = prepared {
                     let device = device.borrow();
                     assert_eq!(device.selected, "c", "{to_device} {nth} {bit}");
@@ -280,7 +280,7 @@ fn names_in_lists_may_contain_commas() {
     assert_eq!(names("a, \"b, c\",d"), ["a", "b, c", "d"]);
 }
 
-/// A setting that the device does not know is not read back; the others are.
+/// Skips a setting that the device does not know, and reads the other settings back.
 #[test]
 fn unknown_settings_are_left_out() {
     let (mut control, device) = behind(
@@ -298,7 +298,7 @@ fn unknown_settings_are_left_out() {
 
 const DIALECTS: [&str; 2] = ["okline", "dlpc350"];
 
-/// Everything that is queried before and after a run.
+/// Performs every query that is made before and after a run.
 fn talk<P: CommandPort>(control: &mut Control<P>) -> Result<()> {
     assert_eq!(control.identify()?, "maker,model,1,2");
     let settings = control.prepare(Some("c"))?;
@@ -412,8 +412,8 @@ fn power_on_message_alone_is_not_taken_for_a_reset() {
     }
 }
 
-/// A device that keeps its settings is detected by its mark, even if the host had to synchronize
-/// with it again and set another mark for that.
+/// A restart of a device that keeps its settings is detected by the mark, even if the host had to
+/// synchronize and set another mark.
 #[test]
 fn a_reset_behind_a_lost_answer_is_found_out() {
     let dialect = Dialect::load("okline").unwrap();

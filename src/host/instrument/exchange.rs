@@ -1,7 +1,8 @@
-//! A conversation: its start, its queries, and the answers matched to them. SCPI does not number messages, and a line may lose, delay,
-//! duplicate or corrupt data. Therefore each query begins with `*ESE n;*ESE?;`, and its answer with
-//! `n;`. Any IEEE 488.2 instrument stores that number (11.5.1.3), which has no other use over a
-//! serial line. An answer to another query, or one that nobody asked for, has another number.
+//! A conversation: its start, its queries, and the answers matched to them. SCPI does not number
+//! messages, and a line may lose, delay, duplicate or corrupt data. Therefore each query begins
+//! with `*ESE n;*ESE?;`, and its answer with `n;`. Any IEEE 488.2 instrument stores that number
+//! (11.5.1.3), which has no other use over a serial line. An answer to another query, or an answer
+//! without a query, has another number.
 
 use crate::CommandPort;
 use crate::time::Deadline;
@@ -18,9 +19,9 @@ const GRACE: Duration = Duration::from_millis(250);
 /// instrument answers `85;0`, and nothing else does. Each further attempt uses the next number.
 const FIRST_MARK: u8 = 85;
 const LAST_MARK: u8 = 125;
-/// Maximum duration of an attempt, which is also limited to a third of the timeout. It is longer
-/// than a device waits for the rest of a block that an earlier client broke off; the first attempt
-/// is lost in that block.
+/// Maximum duration of an attempt, which is also limited to a third of the timeout. If an earlier
+/// client broke off a block, the device takes the first attempt as part of that block, so an
+/// attempt lasts longer than the device waits for the rest of a block.
 const ASK_AGAIN: Duration = Duration::from_millis(1500);
 /// A device's answer to a query.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -48,7 +49,7 @@ enum Come {
 enum Head {
     /// Too few bytes to decide.
     Part,
-    /// This number, which ends at this offset.
+    /// The number of the reply, and the offset where it ends.
     Tag(u8, usize),
     /// Anything else.
     Other,
@@ -82,7 +83,7 @@ impl<P: CommandPort> Instrument<P> {
     }
 
     /// [`Self::open`] for a device that sends the messages in `chatter`, in any number and order,
-    /// at power-on: they are neither answers nor signs of a corrupted one.
+    /// at power-on. Such a message is neither an answer nor a sign of a corrupted answer.
     ///
     /// # Errors
     /// Same as [`Self::open`].
@@ -128,7 +129,7 @@ impl<P: CommandPort> Instrument<P> {
         }
     }
 
-    /// Sends `first`, and queries until the answer arrives that belongs to this query alone.
+    /// Repeats `first` and a query with a new mark until the latest query is answered.
     fn greet(&mut self, first: &str) -> Result<()> {
         self.received.clear();
         let mut left = self.timeout;
@@ -147,7 +148,7 @@ impl<P: CommandPort> Instrument<P> {
                 if seen.ends_with(b"\n") && seen.trim_ascii_end().ends_with(answer.as_bytes()) {
                     return Ok(());
                 }
-                // Only the end is examined.
+                // Only the end of the received bytes is compared with the answer, so drop the start.
                 if seen.len() > 2 * buffer.len() {
                     seen.drain(..seen.len() - buffer.len());
                 }
@@ -156,7 +157,7 @@ impl<P: CommandPort> Instrument<P> {
                 }
             }
             left = left.saturating_sub(again);
-            // Three thirds may not add up exactly to the whole.
+            // Stop when 1 % is left: three thirds may add up to slightly less than the whole.
             if left < self.timeout / 100 {
                 break;
             }
@@ -201,8 +202,8 @@ impl<P: CommandPort> Instrument<P> {
         received
     }
 
-    /// Sends a query, and repeats it while no answer with its number comes; returns `None` if none
-    /// comes within the timeout. The device may therefore execute it more than once.
+    /// Sends a query, and repeats it while no answer with its number comes; returns `None` if no
+    /// answer comes within the timeout. The device may therefore execute the query more than once.
     ///
     /// # Errors
     /// Returns an error if the port is gone, or if the device keeps sending without end.
@@ -215,7 +216,7 @@ impl<P: CommandPort> Instrument<P> {
             self.tag = self.tag.checked_add(1).unwrap_or(1);
             asked.push(self.tag);
             self.received.clear();
-            // A leading newline terminates what a corrupted one has left open.
+            // A leading newline ends the previous attempt, whose own newline may have been lost.
             let end = if attempt == 0 { "" } else { "\n" };
             let mut line = format!("{end}*ESE {tag};*ESE?;", tag = self.tag).into_bytes();
             line.extend_from_slice(body);
@@ -253,7 +254,7 @@ impl<P: CommandPort> Instrument<P> {
         Ok(None)
     }
 
-    /// Examines the first received line, and removes it if it is complete.
+    /// Classifies the start of the received bytes, and removes a line or message that is complete.
     fn look(&mut self, asked: &[u8]) -> Result<Come> {
         // A power-on message without a line end, such as a prompt, precedes an answer.
         let chatter = self.chatter.iter().filter(|said| !said.is_empty());
@@ -267,7 +268,7 @@ impl<P: CommandPort> Instrument<P> {
             Head::Tag(tag, at) if asked.contains(&tag) => Some(at),
             Head::Tag(..) | Head::Other => None,
         };
-        // Newlines before this offset are part of the content.
+        // Newlines before this offset are part of a block's content.
         let mut searched = start.unwrap_or(0);
         if let Some(at) = start
             && self.received[at] == b';'
@@ -332,7 +333,7 @@ fn head(reply: &[u8]) -> Head {
     match reply.get(digits) {
         _ if digits > 3 => Head::Other,
         None => Head::Part,
-        // The newline after this carriage return is missing so far.
+        // The newline after this carriage return has not arrived yet.
         Some(b'\r') if reply.len() == digits + 1 => Head::Part,
         Some(b';' | b'\n' | b'\r') => std::str::from_utf8(number)
             .ok()

@@ -27,7 +27,7 @@ const TRIES: u32 = 3;
 const COMPLAINTS: &str = "SYST:ERR?";
 /// SCPI error number for an unknown header.
 const UNDEFINED_HEADER: i32 = -113;
-/// SCPI error number for a calibration that failed: the device has none.
+/// SCPI error number for "calibration failed", which a device without a calibration reports.
 const CALIBRATION_FAILED: i32 = -340;
 
 impl<P: CommandPort> Instrument<P> {
@@ -97,7 +97,7 @@ impl<P: CommandPort> Instrument<P> {
 
     /// Sends a query whose answer `read` parses; `context` names it in messages. The query is
     /// repeated if the answer is missing or `read` rejects it. `None` if the device does not know
-    /// the query or could not be calibrated.
+    /// the query or has no calibration.
     ///
     /// # Errors
     /// Same as [`Self::query`].
@@ -150,8 +150,7 @@ impl<P: CommandPort> Instrument<P> {
         })
     }
 
-    /// Queries a block; returns `None` if the device does not know the query or could not be
-    /// calibrated.
+    /// Queries a block; returns `None` if the device does not know the query or has no calibration.
     ///
     /// # Errors
     /// Returns an error if no answer comes in time, the answer is not a block, or the device
@@ -171,8 +170,8 @@ impl<P: CommandPort> Instrument<P> {
         line: &[u8],
         read: impl Fn(&Self, Vec<u8>) -> Result<T>,
     ) -> Result<Option<T>> {
-        // Requires two such refusals, because a device also refuses a query that was corrupted on the
-        // way as unknown.
+        // Requires two refusals of this kind, because a device may report a corrupted query as
+        // unknown.
         let mut unknown = 0;
         self.again(|instrument| match instrument.exchange(line)? {
             None => Err(instrument.silence(query)),
@@ -199,7 +198,7 @@ impl<P: CommandPort> Instrument<P> {
     /// keeps reporting errors does not prolong the wait.
     ///
     /// # Errors
-    /// Returns the device's errors in its own words: the first few, and the number of the others.
+    /// Returns the device's errors in its own words: the first few, and the number of further errors.
     pub fn check(&mut self, context: &str) -> Result<()> {
         match self.complaints(Vec::new())? {
             none if none.is_empty() => Ok(()),

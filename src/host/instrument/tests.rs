@@ -12,8 +12,8 @@ fn question(line: &[u8]) -> Option<(u8, String)> {
     Some((tag.parse().ok()?, body.to_owned()))
 }
 
-/// Answers each line from a list. A command that is not in the list is executed, a query refused;
-/// an empty answer in the list means silence.
+/// Answers each line from a list; an empty answer in the list means silence. A line that is not in
+/// the list is executed if it is a command, and refused if it is a query.
 fn answer(line: &[u8], answers: &[(&str, &[u8])]) -> Vec<u8> {
     if line.ends_with(b"*ESE 85;*ESE?;*ESE 0;*ESE?\n") {
         return b"stale\n85;0\r\n".to_vec();
@@ -323,7 +323,7 @@ fn power_on_message_is_not_taken_for_a_damaged_answer() {
         (b"Ready.\nReady.\n> ", 1),
         (b"A\r\nB\r\n", 1),
         (b"B\n", 1),
-        // Anything else may be the remains of an answer; the wait after it is short.
+        // Any other line may be the rest of a corrupted answer, so the query is repeated soon.
         (b"Read\n", 2),
         (b"Ready.!\n", 2),
     ] {

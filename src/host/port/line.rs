@@ -1,8 +1,8 @@
 //! A serial line of the `serialport` library: opened exclusively, in raw mode, and with bounded waits.
 //!
-//! On Unix its descriptor is made non-blocking, because the kernel does not keep its promise that a ready
-//! descriptor can be written to: a pty whose other side does not read is reported as ready, and a blocking
-//! write to it (`n_tty_write`) never returns. The same holds for a USB port whose device refuses data.
+//! On Unix its descriptor is made non-blocking, because the kernel may report that a descriptor is
+//! ready although writing blocks: a blocking write to a pty whose other side does not read
+//! (`n_tty_write`) never returns. The same holds for a USB port whose device refuses data.
 
 use serialport::{ClearBuffer, ErrorKind as Kind, SerialPort};
 use std::io::{Error, ErrorKind, Read, Result, Write};
@@ -31,7 +31,7 @@ impl Line {
     /// Returns the system's error: `ResourceBusy` if another program has opened the line, `InvalidInput` if
     /// the path is not a serial line.
     pub(super) fn open(path: &str) -> Result<Self> {
-        // The library keeps the kind of few errors of the file system.
+        // `serialport` preserves the kind of only a few file system errors, so check for these first.
         #[cfg(unix)]
         if std::fs::metadata(path)?.is_dir() {
             return Err(ErrorKind::IsADirectory.into());
@@ -99,10 +99,10 @@ impl Line {
 
 impl Drop for Line {
     fn drop(&mut self) {
-        // Closing a line that does not accept written data blocks until it does, 30 s with most drivers, so
-        // discard the data. Errors here mean that the line is gone.
+        // Discard unsent data: closing a line whose device does not accept it would block, for 30 s
+        // with most drivers. Errors here mean that the line is gone.
         let _ = self.0.clear(ClearBuffer::Output);
-        // Otherwise a line that another program holds open stays closed to the next one.
+        // The exclusive lock would outlast this close if another program holds the line open too.
         #[cfg(unix)]
         let _ = self.0.set_exclusive(false);
     }

@@ -58,8 +58,8 @@ fn heard(device: &OwnedFd) -> Vec<u8> {
     all
 }
 
-/// Runs a test and fails if it would hang. A write that the kernel does not end cannot be ended
-/// from here either, so its thread is left behind.
+/// Runs a test in a thread, and fails if it hangs. A blocked write cannot be ended from outside, so
+/// the thread is left behind.
 fn in_time(test: impl FnOnce() + Send + 'static) {
     let (done, ended) = channel();
     let test = thread::spawn(move || {
@@ -110,7 +110,7 @@ fn send_to_device_that_reads_nothing_times_out_and_recovers() {
         let error = port.send(b"x", SHORT).unwrap_err();
         assert_eq!(error.to_string(), nothing);
         assert_eq!(error.exit_code(), 1);
-        // The timeout, with an allowance for a busy machine.
+        // The limit is the timeout with a large allowance for a busy machine.
         assert!(longest < 40 * SHORT, "{longest:?}");
 
         // Exactly the bytes that the port counted as accepted come out.
@@ -178,7 +178,7 @@ fn port_is_exclusive_until_closed() {
 fn closed_device_is_reported() {
     in_time(|| {
         let (device, path) = pty();
-        // Opened through a link: the number of a closed pty may be given to another test's.
+        // Open the port through a link: the number of a closed pty may be given to another test's pty.
         let folder = tempfile::tempdir().unwrap();
         let link = folder.path().join("control");
         symlink(path, &link).unwrap();
@@ -229,7 +229,7 @@ fn a_device_that_stood_still_is_found_again() {
         thread::spawn(move || {
             let (mut number, mut rest) = (String::new(), Vec::new());
             let mut buffer = [0; 4096];
-            // Until the port is closed.
+            // Ends when the port is closed.
             while let Ok(len @ 1..) = read(&device, &mut buffer) {
                 while STANDS.load(Ordering::Relaxed) {
                     thread::sleep(SHORT);

@@ -9,7 +9,7 @@ use phasmid_decode::{Capture, Known, check_sequence};
 use phasmid_pattern::Manifest;
 use std::time::Duration;
 
-/// Time within which a frame already waiting is delivered, even if a thread fetches it.
+/// Time within which a frame that already waits is delivered, even by a camera that reads in a thread.
 const WAKE: Duration = Duration::from_millis(2);
 /// Maximum number of frames waiting in a driver.
 const WAITING: usize = 64;
@@ -36,7 +36,7 @@ pub fn scan_free_running<C: Camera, F: Flow>(
         for _ in 0..WAITING {
             match next_frame(camera, WAKE, progress) {
                 Ok(None) => break,
-                // A damaged frame is discarded like the others.
+                // Discard a damaged frame like an intact one.
                 Ok(Some(_)) | Err(Fault::Frames(_)) => {}
                 Err(fatal) => return Err(fatal),
             }

@@ -2,7 +2,7 @@
 
 use phasmid_protocol::Frame;
 
-/// Checks that a frame is the expected one after `before`; the error says what it is instead.
+/// Checks that a frame is the expected one after `before`; the error describes the mismatch.
 pub(super) fn judge(
     frame: &Frame,
     before: &[Frame],

@@ -47,7 +47,7 @@ pub enum Progress<'a> {
     Waiting,
 }
 
-/// What the function that receives the progress may return: nothing, or whether to go on.
+/// Return type of a progress function: `()`, or a `ControlFlow` that may end the scan.
 pub trait Flow {
     /// Returns whether the scan goes on.
     fn flow(self) -> ControlFlow<()>;
@@ -106,7 +106,7 @@ enum Fault {
 }
 
 impl Fault {
-    /// Classifies a control port error; a mistake of the user's remains fatal.
+    /// Classifies a control port error; an input error is the user's mistake and stays fatal.
     fn port(error: Error) -> Self {
         match error {
             Error::Input { .. } => Self::Fatal(error),
@@ -223,7 +223,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     pub fn finish(mut self) -> Result<()> {
         drop(self.camera);
         match &self.source {
-            // The scan has already waited for this device and reported that it is lost.
+            // The scan has already reported that this device is lost, so ignore errors.
             Some(source) if self.lost => {
                 let _ = self.control.restore(source);
                 Ok(())
@@ -262,9 +262,9 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
     ///
     /// `progress` may end the scan by returning `ControlFlow::Break`.
     ///
-    /// # Errors
-    /// Returns [`Error::Interrupted`] if `progress` ended it, or an error if the device refuses, does not answer, sends invalid data, or keeps
-    /// failing; the message says what was waited for and how long.
+    /// Returns [`Error::Interrupted`] if `progress` ended it, or an error if the device refuses,
+    /// does not answer, sends invalid data, or keeps failing; the message names the missing data
+    /// and the time waited.
     pub fn scan<F: Flow>(
         &mut self,
         options: &ScanOptions,
@@ -318,9 +318,9 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         found.map_err(|then| both(error, &then))
     }
 
-    /// Performs one run, starting from the settings. `sequence` is the sequence to select; if it is
-    /// `None`, it is set to the one found selected, because a device that was reset has forgotten
-    /// its selection.
+    /// Performs one run, starting from the settings. `sequence` is the sequence to select; `None`
+    /// is replaced by the sequence that the device has selected, because a device that is reset
+    /// forgets its selection.
     fn attempt(
         &mut self,
         options: &ScanOptions,
@@ -341,7 +341,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         let settings = self.control.prepare(sequence.as_deref());
         let settings = settings.map_err(Fault::port)?;
         if sequence.is_none() {
-            // Confirm the name first: one with a wrong letter might select another sequence later.
+            // Confirm the name first: a name corrupted on the line might select another sequence later.
             self.control.confirm(&settings).map_err(Fault::port)?;
             *sequence = self.control.selected(&settings);
         }

@@ -62,7 +62,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
                 u64::from(width) * u64::from(height),
             )?;
         }
-        // This is answered once the last frame of an earlier run has left the device.
+        // The device answers this query once the last frame of an earlier run has left it.
         self.control.settle().map_err(Fault::port)?;
         let stale = drain(&mut self.camera, timeout, progress)?;
         self.control.arm().map_err(Fault::port)?;
@@ -81,7 +81,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
             return Err(fault);
         }
         // The frames, or their absence, count only if the device kept its settings throughout the
-        // run. The device may also report why frames are missing.
+        // run. The device's error queue may also state why frames are missing.
         self.control.confirm(settings).map_err(Fault::port)?;
         self.control.complaints().map_err(Fault::port)?;
         let frames = frames?;
@@ -210,7 +210,7 @@ fn drain<C: Camera>(
         match next_frame(camera, QUIET, progress) {
             Ok(None) => return Ok(last),
             Ok(Some(frame)) => last = Some(frame.id),
-            // A damaged frame is discarded like the others.
+            // Discard a damaged frame like an intact one.
             Err(Fault::Frames(_)) => {}
             Err(fatal) => return Err(fatal),
         }
@@ -233,7 +233,7 @@ pub(super) fn next_frame<C: Camera>(
     let mut left = timeout;
     loop {
         report(progress, Progress::Waiting)?;
-        // Counted, not measured: a device in memory lets time pass without waiting.
+        // Count slices instead of measuring time: a device in memory lets time pass without waiting.
         let slice = left.min(SLICE);
         left -= slice;
         let frame = camera.next_frame(slice);

@@ -203,8 +203,8 @@ impl Camera for UsbCamera {
         let mut state = lock(&queue.state);
         loop {
             let event = state.ready.pop_front();
-            // Release the lock first: the reader thread needs it to take what the device sends
-            // meanwhile.
+            // Release the lock first, because the reader thread needs it while this thread clears
+            // the halt.
             if event.is_none() && state.flow.halted {
                 drop(state);
                 self.feed.device.clear_halt(self.carrier.address)?;

@@ -123,8 +123,8 @@ impl Client {
         )
     }
 
-    /// Performs a control transfer; returns the data of a request to the host. `data` is sent with
-    /// a request to the device.
+    /// Performs a control transfer. Returns the received data of a request to the host; sends
+    /// `data` with a request to the device.
     ///
     /// # Errors
     /// Returns an error if the device refuses the request (stalls) or does not answer within

@@ -1,8 +1,8 @@
 //! Transfers over a connection to an imported device, and the receivers of their replies.
 //!
-//! A thread reads the replies (`replies`) and hands each to the [`Receiver`] that its transfer was
-//! submitted with. Commands are written by the thread that submits them, many in one write where
-//! there are many.
+//! A thread reads the replies (`replies`) and hands each reply to the [`Receiver`] that its
+//! transfer was submitted with. The thread that submits transfers writes their commands, all in one
+//! write.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::usb::usbip::{Command, HEADER_LEN, MAX_TRANSFER, Packet, Submit};
@@ -28,7 +28,7 @@ pub(super) struct Done {
     pub(super) status: i32,
     /// Number of bytes transferred; for a transfer to the host, this many bytes can be read.
     pub(super) actual: usize,
-    /// Number of bytes that there was room for.
+    /// Number of bytes that the transfer was submitted for.
     pub(super) length: usize,
     /// Packets of an isochronous transfer; their data is contiguous.
     pub(super) packets: Vec<Packet>,
@@ -37,8 +37,8 @@ pub(super) struct Done {
 /// Receives the completions of transfers. It is called by the thread that reads the connection, so
 /// it must not block.
 pub(super) trait Receiver: Send {
-    /// Handles a transfer that has ended or was unlinked. Returns the number of transfers like it
-    /// to submit again.
+    /// Handles a transfer that has ended or was unlinked. Returns how many transfers of the same
+    /// form to submit next.
     ///
     /// # Errors
     /// Returns the errors of reading `data`; any error ends the connection.
@@ -70,7 +70,7 @@ struct Writer {
 
 impl Writer {
     fn seqnum(&mut self) -> u32 {
-        // The kernel uses 0 for "none".
+        // Skip 0, which the kernel uses for "none".
         self.last = self.last.wrapping_add(1).max(1);
         self.last
     }

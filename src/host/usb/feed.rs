@@ -48,9 +48,9 @@ impl Flow {
         }
     }
 
-    /// Returns the number of transfers to submit, and counts them as in flight; `room` says whether
-    /// their data can be stored. Transfers are submitted by at least half the depth at a time, so
-    /// that one write carries many.
+    /// Returns the number of transfers to submit, and counts them as in flight; `room` is whether
+    /// received data can be stored. The number is 0 or at least half the depth, so that one write
+    /// carries many transfers.
     pub(super) fn more(&mut self, room: bool) -> usize {
         let missing = self.depth - self.under_way;
         if !room || self.closing || self.halted || self.gone || missing < self.depth.div_ceil(2) {

@@ -26,7 +26,7 @@ pub(super) struct Assembler {
     damage: Option<String>,
     /// Damage to the next frame, known before it begins.
     next_damage: Option<String>,
-    /// A payload that continues in the next transfer: bytes so far, and its header bits.
+    /// Number of bytes and header bits of a payload that continues in the next transfer.
     open: Option<(usize, u8)>,
 }
 
@@ -65,8 +65,8 @@ impl Assembler {
         damage.get_or_insert(why);
     }
 
-    /// Takes `len` bytes of a transfer that had room for `room`: a whole payload, or part of one if
-    /// the transfer is full and the payload may be longer.
+    /// Takes `len` bytes of a transfer with a capacity of `room` bytes: a whole payload, or part of
+    /// one if the transfer is full and below the maximum payload length.
     ///
     /// # Errors
     /// Returns the errors of reading `from`.
@@ -149,7 +149,7 @@ impl Assembler {
                 .get_or_insert_with(|| format!("it has more than {want} bytes"));
         }
         if self.damage.is_some() {
-            // The caller discards what is not read.
+            // The caller discards data that is not read here.
             return Ok(());
         }
         self.data.reserve_exact(self.frame_len - have);

@@ -1,8 +1,8 @@
 //! The reading end of a connection, which reads payloads directly into their destination.
 //!
-//! A stream of replies alternates short headers with long data. One system call reads the rest of
-//! some data into its destination and the header that follows into a small buffer, so a reply takes
-//! one call and its data is never copied.
+//! A stream of replies alternates short headers with long data. One system call reads the rest of a
+//! reply's data into its destination and the next header into a small buffer, so a reply takes one
+//! call and its data is never copied.
 
 use std::io::{IoSliceMut, Read, Result};
 
@@ -41,7 +41,7 @@ impl<R: Read> Read for Inlet<R> {
                 (self.begin, self.end) = (0, got.saturating_sub(len));
                 return Ok(got.min(len));
             }
-            // More bytes than wanted may not arrive for a long time: read whatever has come.
+            // Read only once: waiting until the buffer is full could block for a long time.
             let got = self.stream.read(&mut self.store)?;
             (self.begin, self.end) = (0, got);
         }

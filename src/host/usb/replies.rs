@@ -10,7 +10,7 @@ impl Connection {
     /// Reads replies until the connection ends.
     pub(super) fn read(&self, stream: TcpStream) {
         let mut inlet = Inlet::new(stream);
-        // Keep the last transfer until the reason is recorded, or its waiter would find no reason.
+        // Notify the last transfer only after recording the reason, which its waiter reads.
         let mut answered = None;
         let why = loop {
             if let Err(error) = self.read_reply(&mut inlet, &mut answered) {

@@ -106,8 +106,8 @@ impl Configuration {
                 }
                 kind::INTERFACE | kind::ENDPOINT | kind::ENDPOINT_COMPANION => return Err(bad()),
                 kind::CS_INTERFACE if descriptor.len() >= 3 => {
-                    // After an endpoint it would belong to the endpoint, but no class that is
-                    // parsed here has such a descriptor.
+                    // After an endpoint, a class-specific descriptor would belong to that endpoint,
+                    // but no class that is parsed here has one.
                     let interface = interfaces.last_mut().ok_or_else(bad)?;
                     interface.extra.push(descriptor.to_vec());
                 }

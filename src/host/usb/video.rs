@@ -56,8 +56,8 @@ pub struct VideoFunction {
     pub gain_entity: Option<u8>,
     /// Modes in the supported pixel formats, the device's first choice first.
     pub modes: Vec<VideoMode>,
-    /// Alternate settings of the streaming interface that carry the stream, and their endpoint: the
-    /// bulk one, or the isochronous ones, slowest first.
+    /// Alternate settings of the streaming interface that carry the stream, each with its endpoint:
+    /// one bulk setting, or the isochronous settings, slowest first.
     pub carriers: Vec<(u8, Endpoint)>,
 }
 

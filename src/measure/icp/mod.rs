@@ -59,10 +59,10 @@ const STEP_SIGMAS: f64 = 1e-3;
 /// Before the last cutoff, the motion has settled once a step changes the residuals by less than this
 /// fraction of the cutoff (RMS).
 const SETTLED: f64 = 0.003;
-/// Before the last cutoff, outliers would push the motion far along poorly determined directions, so
-/// it moves only along those in which the step is significant, in standard deviations.
+/// Minimum step along a direction, in standard deviations, before the last cutoff: without this limit,
+/// outliers would push the motion far along poorly determined directions.
 const WIDE_SIGMAS: f64 = 3.0;
-/// The cost falls if it does so by more than this fraction.
+/// Minimum relative decrease of the cost that counts as a fall.
 const COST_FALL: f64 = 1e-6;
 /// Number of successive steps without a fall of the cost after which the motion has settled.
 const STALLED_STEPS: usize = 3;
@@ -141,7 +141,7 @@ pub fn align(cloud: &Cloud, surface: &Surface, options: &IcpOptions) -> Result<A
                 format!("at least {UNKNOWNS}, which determine a rigid motion"),
             ));
         }
-        // The scale flickers by less than 1 % with the pairs.
+        // With the final pairs, the scale still changes by up to 1 % from step to step.
         let last = cutoff <= 1.01 * scale.cutoff;
         let min_sigmas = if last { 0.0 } else { WIDE_SIGMAS };
         let step = Step::solve(&weighed.kept, options.free_below, min_sigmas);

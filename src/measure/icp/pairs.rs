@@ -43,9 +43,9 @@ pub(super) struct Scale {
     pub(super) robust: f64,
     /// Pairs with a larger residual have no weight, if the motion is final.
     pub(super) cutoff: f64,
-    /// Cutoff for the first step: four times the RMS of the best 99 %. Most points of a flat scene
-    /// have no residual then, and the few on slopes, which alone determine the motion, must not be
-    /// rejected.
+    /// Cutoff for the first step: four times the RMS of the best 99 %. In a flat scene the residuals of
+    /// nearly all points are 0 at this step; the few points on slopes, which alone determine the
+    /// motion, must not be rejected.
     pub(super) wide: f64,
 }
 

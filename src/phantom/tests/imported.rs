@@ -51,7 +51,7 @@ fn exported_planning_is_imported_unchanged() {
     assert_eq!(again.phases, planned.phases);
     let [a, b] = [&from, &to].map(|folder| read_volume(&folder.join("ct_50.mha")).unwrap());
     assert_eq!(a, b);
-    // Except at its flat ends; the accuracy of the skin in a CT is tested in `planned`.
+    // Compare the skin without its flat ends; its accuracy in a CT is tested in `planned`.
     for v in again
         .skin
         .vertices
@@ -74,8 +74,8 @@ fn exported_planning_is_imported_unchanged() {
     assert!(off.abs() < 0.1 * farthest, "{off} of {farthest}");
     assert!(made.skin_motion_mm > 1.0, "{}", made.skin_motion_mm);
 
-    // Without a field for the reference phase it is at rest; the isocentre defaults to the tumour's
-    // centroid.
+    // If the reference phase has no field, its displacement is zero; the isocentre defaults to the
+    // tumour's centroid.
     let mut import = of_planning(&from);
     import.phases.retain(|(percent, _)| *percent != 50.0);
     import.phases.reverse();

@@ -23,7 +23,7 @@ fn motion_gradient_matches_finite_differences() {
     }
 }
 
-/// At states and points that are not on the lattice of the check.
+/// Tests states and points that are not on the lattice of the check.
 #[test]
 fn motion_does_not_fold_tissue() {
     for phantom in all() {
@@ -147,7 +147,8 @@ fn the_target_is_that_of_its_deformed_mesh() {
             (volume, moment / volume)
         };
         let ((v3, c3), (v4, c4)) = (of_mesh(3), of_mesh(4));
-        // The chord error decreases by four from level to level, so extrapolation removes it.
+        // The chord error decreases by a factor of four from level to level, so extrapolation removes
+        // it.
         let volume = v4 + (v4 - v3) / 3.0;
         let centroid = c4 + (c4 - c3) / 3.0;
         assert!((volume / target.volume_mm3 - 1.0).abs() < 1e-4, "{volume}");

@@ -14,7 +14,8 @@ fn excursion(phantom: &Phantom, x: DVec3) -> f64 {
     pairs.fold(0.0, f64::max)
 }
 
-/// Sizes by the surveys, motion by the literature cited in [`breathing`] and [`outline`].
+/// Compares sizes with the surveys, and motion with the literature cited in [`breathing`] and
+/// [`outline`].
 #[test]
 fn patients_match_surveys_and_literature() {
     let mut count = 0;

@@ -32,7 +32,7 @@ fn volume_equals_that_of_its_ball_and_its_mesh() {
     assert!((shape.volume_mm3() / ball - 1.0).abs() < 1e-12);
     let quadrature: f64 = shape.inside().map(|(_, v)| v).sum();
     assert!((quadrature / ball - 1.0).abs() < 1e-12);
-    // The volume of a mesh lacks what the chords cut off, which decreases by four at each level.
+    // The chords of a mesh cut off volume, by a factor of four less at each level.
     let lacks = |level| 1.0 - closed(&shape.mesh(level)) / ball;
     let (coarse, fine) = (lacks(3), lacks(4));
     assert!(fine > 0.0 && fine < 0.004, "{fine}");

@@ -11,9 +11,9 @@ use std::path::Path;
 const NOMINAL: f64 = 0.5;
 
 /// Reads the CT of a phase, given in per cent of the cycle, from a folder and its subfolders, like
-/// [`super::read_series`], and returns it with the series' title. If the folder holds one series,
-/// that is read and need not state its phase; of a 4D-CT, divided as by [`Phases`](super::Phases),
-/// the series of the phase is read.
+/// [`super::read_series`], and returns it with the series' title. A folder with one series is read
+/// even if the series states no phase. A 4D-CT is divided as by [`Phases`](super::Phases), and the
+/// series of the phase is read.
 ///
 /// # Errors
 /// Returns the errors of [`super::read_series`], and an error if there are several series without a
@@ -31,8 +31,8 @@ fn chosen(mut sorted: Sorted, percent: f64, folder: &Path) -> Result<Vec<Slice>>
     match (&sorted.phases[..], &left_out[..]) {
         ([], [_]) => return Ok(sorted.rest.remove(0)),
         ([(at, slices)], []) => {
-            // A percentage in a description may mean anything; one in the images refers to the
-            // cycle.
+            // Only a percentage in the images is sure to refer to the cycle; one in a series
+            // description may mean anything.
             let says = slices[0].percent.is_some();
             if says && !meant(*at) {
                 return Err(Error::input(

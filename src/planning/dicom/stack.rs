@@ -168,7 +168,7 @@ fn upright(slices: &[Slice]) -> Result<()> {
     Ok(())
 }
 
-/// Rejects slices much thinner than their distance, as if every second one is missing.
+/// Rejects slices much thinner than their distance: every second slice may be missing.
 fn adjoining(slice: &Slice, spacing: f64) -> Result<()> {
     match slice.thickness_mm {
         Some(mm) if mm > 0.0 && spacing > WIDEST * mm => Err(Error::input(

@@ -94,12 +94,11 @@ impl Import {
     /// Writes the folder. It may exist but must not contain any of the files to be written, unless
     /// `force` is set. Progress messages go to `step`.
     ///
-    /// # Errors
     /// Returns an error if an input cannot be read; if the CT has missing slices, several series or
-    /// uneven distances, or is not in Hounsfield units; if the fields are not on one grid, too
-    /// large in total, outside the CT, do not cover skin and tumour or move the reference phase; if
-    /// the tumour is not closed or not in the body; if the isocentre is outside the CT; or if
-    /// writing fails. Then no files are left behind.
+    /// uneven distances, or is not in Hounsfield units; if the fields are not on one grid, too large in
+    /// total, outside the CT, do not cover skin and tumour or move the reference phase; if the tumour
+    /// is not closed or not in the body; if the isocentre is outside the CT; or if writing fails. After
+    /// an error no files are left behind.
     pub fn write(&self, out: &Path, step: &dyn Fn(&str)) -> Result<Imported> {
         if !PlanningFile::is_name(&self.name) {
             let found = format!("{:?}", self.name);

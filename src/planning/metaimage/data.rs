@@ -12,8 +12,8 @@ const PIECE: usize = 24 << 13;
 /// Maximum expansion of deflate: 1032 (<https://zlib.net/zlib_tech.html>).
 const MOST_UNPACKED: u64 = 1032;
 
-/// The data of a file, checked to be as long as the header declares, or long enough to decompress
-/// to that. So no memory is allocated for data that does not exist.
+/// The data of a file. Opening it checks that the data has the length that the header declares or, if
+/// compressed, can expand to it, so no memory is allocated for missing data.
 pub(super) struct Data<'a> {
     header: &'a Header,
     source: Take<BufReader<File>>,

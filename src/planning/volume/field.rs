@@ -75,8 +75,8 @@ impl Field {
     }
 
     /// Returns the displacement at a point in the patient frame, both in millimetres, by trilinear
-    /// interpolation. In the outer half of the outermost voxels it is that of the nearest point
-    /// between centres; `None` outside the voxels.
+    /// interpolation. In the outer half of the outermost voxels, returns the displacement at the
+    /// nearest point between centres; outside the voxels, `None`.
     #[inline]
     pub fn at(&self, point_mm: DVec3) -> Option<DVec3> {
         let index = self.grid.index(point_mm);

@@ -105,9 +105,9 @@ impl Volume {
         &self.voxels
     }
 
-    /// Returns the value at a point in the patient frame, in millimetres, by trilinear
-    /// interpolation. In the outer half of the outermost voxels it is that of the nearest point
-    /// between centres; `None` outside the voxels.
+    /// Returns the value at a point in the patient frame, in millimetres, by trilinear interpolation.
+    /// In the outer half of the outermost voxels, returns the value at the nearest point between
+    /// centres; outside the voxels, `None`.
     #[inline]
     pub fn at(&self, point_mm: DVec3) -> Option<f64> {
         let index = self.grid.index(point_mm);

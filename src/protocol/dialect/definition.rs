@@ -1,4 +1,4 @@
-//! A validated dialect: its name, framing, commands, and messages that nobody asked for.
+//! A validated dialect: its name, framing, commands and unsolicited messages.
 
 use super::command::{Command, Errors, Framing};
 use super::cutter::Cutter;

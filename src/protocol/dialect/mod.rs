@@ -1,11 +1,10 @@
 //! Dialects: the language of a device's control port, described by a file.
 //!
 //! The device's own language is SCPI ([`crate::scpi`]). A dialect replaces it: it defines how bytes
-//! are split into messages, the commands, the device's own messages that each stands for, replies,
-//! unsolicited messages, and how a host performs the operations of a scan. Both sides read the same
-//! file, so the emulated device speaks it, and a physical device that speaks it needs no code in
-//! the host. Everything here is a pure function of its arguments: nothing blocks, and all input is
-//! bounded.
+//! are split into messages, the commands and the SCPI messages that each of them runs, replies,
+//! unsolicited messages, and how a host performs the operations of a scan. Device and host read the
+//! same file, so a physical device that speaks the dialect needs no extra code in the host.
+//! Everything here is a pure function of its arguments: nothing blocks, and all input is bounded.
 //!
 //! ```text
 //!  host: request --bytes--> cutter --message--> asked --> runs --> firmware

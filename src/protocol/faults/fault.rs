@@ -91,7 +91,7 @@ pub struct Struck {
 }
 
 impl Fault<Table> {
-    /// Reads what goes wrong from the fields that all faults do not have.
+    /// Parses the kind and its parameters from the fields that not every fault has.
     ///
     /// # Errors
     /// Returns the first parameter that the kind does not have or that is of another type.
@@ -107,8 +107,8 @@ impl Fault<Table> {
 }
 
 impl Fault {
-    /// Returns a fault that occurs once: at the `nth` triggered frame, or at the `nth` message on the
-    /// control port if the kind concerns those, counted from 1.
+    /// Returns a fault that occurs once: at the `nth` triggered frame or, if its kind counts
+    /// messages, at the `nth` message on the control port. `nth` counts from 1.
     pub fn once(what: What, nth: u64) -> Self {
         let when = When {
             nth: Some(nth),

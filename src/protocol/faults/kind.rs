@@ -248,8 +248,8 @@ impl Parameter {
 }
 
 impl Kind {
-    /// Returns the default of a parameter as in a file; `None` if it is absent then, or not one of the
-    /// kind.
+    /// Returns the default of a parameter as written in a file; `None` if it has no default or the
+    /// kind lacks the parameter.
     pub fn default(&self, parameter: &str) -> Option<String> {
         let (_, value) = self
             .what

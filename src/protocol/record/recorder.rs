@@ -62,7 +62,7 @@ pub struct Recorder {
 
 impl Recorder {
     /// Starts a recording at a time. `notice` is called at most once, with the reason if the
-    /// recording is cut; `place` names the file in it.
+    /// recording is cut. `place` names the file in this notice.
     ///
     /// # Errors
     /// Returns an error if the file cannot be written or the thread cannot be started.
@@ -238,9 +238,9 @@ impl<S: Store> Writer<S> {
     }
 }
 
-/// Takes a recording, and can be cut back to its last whole record.
+/// Destination of a recording; can be truncated to the last complete record.
 pub trait Store: Write + Send {
-    /// Truncates it to the first `len` bytes.
+    /// Truncates the recording to the first `len` bytes.
     ///
     /// # Errors
     /// Returns an error if the system call fails.

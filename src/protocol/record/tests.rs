@@ -225,7 +225,7 @@ impl Write for Disk {
         if std::mem::replace(&mut self.begun, true)
             && let Some(go) = &self.go
         {
-            // Without a sender, it writes immediately.
+            // Returns immediately if the test has dropped the sender.
             let _ = go.recv();
         }
         let mut file = self.bytes.lock().unwrap_or_else(PoisonError::into_inner);

@@ -215,7 +215,7 @@ fn shortened(text: String) -> String {
     }
 }
 
-/// A value whose objects have no name twice: serde_json would take the last one.
+/// A JSON value whose objects have no duplicate names; serde_json would keep the last duplicate.
 struct Once(Value);
 
 impl<'de> Deserialize<'de> for Once {

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 pub enum Request {
     /// Internal state of the emulator.
     Get(Item),
-    /// Objects of the scene at a device time in nanoseconds. Animated and breathing objects are where they were
-    /// or will be then, others where they have been placed.
+    /// Objects of the scene at a device time in nanoseconds. Animated and breathing objects have
+    /// their poses of that time, all others the poses in which they were last placed.
     #[serde(rename = "objects_at_ns")]
     ObjectsAt(u64),
     /// Ground truth of a moving scene at a device time in nanoseconds. [`Item::Truth`] is the
@@ -117,7 +117,7 @@ pub enum Step {
     RunUntilNs(u64),
     /// Cancels all pending steps.
     Stop,
-    /// Lets time pass in another way.
+    /// Changes the clock's pace.
     Pace(ClockPace),
 }
 

@@ -121,13 +121,15 @@ impl<'a> Soft<'a> {
         (self.wide + self.narrow) / 2.0
     }
 
-    /// Returns the fraction left of a border at distance e from the centre.
+    /// Returns the fraction of the blurred trapezoid left of a border at distance e from the
+    /// centre.
     pub(crate) fn left_of(&self, e: f64) -> f64 {
         let second = self.second_difference(e, |e| self.bell.at(e / self.sigma));
         second * self.sigma * self.sigma
     }
 
-    /// Returns the same fraction for the sharp trapezoid.
+    /// Returns the fraction of the unblurred trapezoid left of a border at distance e from the
+    /// centre.
     pub(crate) fn sharp_left_of(&self, e: f64) -> f64 {
         self.second_difference(e, |e| 0.5 * e.max(0.0).powi(2))
     }

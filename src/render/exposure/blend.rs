@@ -1,9 +1,9 @@
 //! A footprint's trapezoid convolved with the mixture of Gaussians by which light spreads under
 //! skin.
 //!
-//! In f32, for eight borders at once: a scene that moves needs these kernels anew at each instant.
-//! The fraction of light left of a border is accurate to 1e-4, most of which comes from the boxes
-//! that are merged into a Gaussian.
+//! Computed in f32, for eight borders at once, because a moving scene needs these kernels anew at
+//! each instant. The fraction of light left of a border is accurate to 1e-4; boxes merged into a
+//! Gaussian cause most of the error.
 
 use super::super::skin::{Component, MOST, Mixture};
 use super::window::{LANES, Window};
@@ -115,7 +115,7 @@ impl Blend {
         weigh(self, window, len, weights);
     }
 
-    /// Returns the fractions of the light left of borders at ascending distances from the centre.
+    /// Returns the fractions of the light left of borders whose distances from the centre ascend.
     #[inline(always)]
     fn left_of(&self, e: &Lanes) -> Lanes {
         let mut left = [0.0; LANES];
@@ -129,8 +129,8 @@ impl Blend {
 type Lanes = [f32; LANES];
 
 impl Part {
-    /// Adds the fractions left of borders at distances `e0`, `e0 + group` and so on from the centre, of
-    /// which there are as many as values in `left`, less [`LANES`].
+    /// Adds the fractions left of borders at distances `e0`, `e0 + group` and so on from the
+    /// centre: one border for each value in `left` except the last [`LANES`].
     #[inline(always)]
     fn add_run(&self, e0: f32, group: f32, left: &mut [f32]) {
         let borders = left.len() - LANES;
@@ -213,7 +213,7 @@ fn weigh_body(blend: &Blend, window: &Window, len: usize, weights: &mut Vec<f32>
     let borders = high - low;
     let count = (borders + 1).next_multiple_of(LANES);
     let from = weights.len();
-    // A part's last lanes may lie beyond the weights.
+    // The last lanes of a run may lie beyond the weights.
     weights.resize(from + count + LANES, 0.0);
     let left = &mut weights[from..];
     if end - start < BEYOND {
@@ -229,7 +229,7 @@ fn weigh_body(blend: &Blend, window: &Window, len: usize, weights: &mut Vec<f32>
             let mut here = [end; LANES];
             for k in 0..LANES {
                 let inside = left[k].max(start).min(end);
-                // The last pixel has the rest.
+                // The last pixel gets the remaining light.
                 here[k] = if block * LANES + k < borders {
                     inside
                 } else {
@@ -253,7 +253,7 @@ fn first(z: f32) -> f32 {
     z * distribution + density
 }
 
-/// Returns ((z^2 + 1) Phi(z) + z phi(z)) / 2, the antiderivative of that.
+/// Returns ((z^2 + 1) Phi(z) + z phi(z)) / 2, the antiderivative of [`first`].
 #[inline(always)]
 fn second(z: f32) -> f32 {
     let (density, distribution) = normal(z);
@@ -273,11 +273,11 @@ fn normal(z: f32) -> (f32, f32) {
     (density, if z < 0.0 { tail } else { 1.0 - tail })
 }
 
-/// Returns 2^`y` of an exponent of at most 0, by the Taylor series on half an octave to either
-/// side; 2^-126 below that.
+/// Returns 2^`y` for `y` of at most 0, by the Taylor series within half an octave of an integer;
+/// 2^-126 for smaller values.
 #[inline(always)]
 fn exp2(y: f32) -> f32 {
-    /// Adding this rounds to an integer in the low bits.
+    /// Adding this number leaves the nearest integer in the low bits of the sum.
     const WHOLE: f32 = 1.5 * (1u32 << 23) as f32;
     let y = if y > -126.0 { y } else { -126.0 };
     let rounded = y + WHOLE;

@@ -49,7 +49,7 @@ pub(crate) fn add(map: &GeometryBuffer, seconds: f32, first: usize, electrons: &
     }
 }
 
-/// Returns the electrons of one pixel including flickering light, if any.
+/// Returns the electrons of one pixel, with flickering light added if there is any.
 pub(crate) fn with(electrons: f32, seconds: Option<f32>, flickering: f32) -> f32 {
     seconds.map_or(electrons, |seconds| both(electrons, seconds, flickering))
 }

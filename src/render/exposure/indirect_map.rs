@@ -40,7 +40,7 @@ pub(crate) struct InterreflectionMap {
     pub(crate) weight: Vec<[f32; BLOCK]>,
     /// For each pixel, the first of the four points it is interpolated from.
     pub(crate) first: Vec<u32>,
-    /// Electrons per second for 1 W/m^2 at each of them.
+    /// Electrons per second that 1 W/m^2 at each of these four points contributes to the pixel.
     pub(crate) shares: Vec<[f32; 4]>,
     /// Points per grid row: the four are `first`, the next one, and those one row below.
     pub(crate) stride: usize,

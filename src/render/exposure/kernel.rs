@@ -154,7 +154,7 @@ impl Block {
         // The geometry pass accounts for the part beyond the pattern's ends; the kernel is the mean
         // over the part inside.
         let (start, end) = (left_of(-window.middle), left_of(len as f64 - window.middle));
-        // A kernel far beyond an end degenerates to the last pixel.
+        // For a kernel far beyond an end, only the last pixel gets weight.
         let part = (end - start).max(1e-9);
         let mut before = start;
         for i in window.low..window.high {
@@ -169,7 +169,7 @@ impl Block {
     }
 }
 
-/// A pattern row for kernels: light of each pixel, and means of pixel groups.
+/// A pattern row for kernels: the light of each pixel, and the means over groups of pixels.
 pub(crate) struct HeldRow {
     groupings: Vec<Vec<f32>>,
 }

@@ -295,7 +295,7 @@ fn thin(at: &Footprints, found: &Corners) -> Lanes {
 /// Rounds down; |x| must be below 2^22. A cast would saturate, which takes several instructions.
 #[inline(always)]
 fn floor(x: f32) -> i32 {
-    /// Adding this rounds to an integer in the low bits.
+    /// Adding this number leaves the integer in the low bits of the sum.
     const WHOLE: f32 = 1.5 * (1u32 << 23) as f32;
     let rounded = x + WHOLE;
     rounded.to_bits().wrapping_sub(WHOLE.to_bits()) as i32 - i32::from(rounded - WHOLE > x)

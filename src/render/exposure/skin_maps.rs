@@ -20,7 +20,8 @@ pub(crate) struct SkinMaps {
     pub(crate) materials: Arc<[SkinMaterial]>,
 }
 
-/// The same data for the sixteen samples of a mixed pixel, whose coordinates are already shifted.
+/// Skin data of the sixteen samples of a mixed pixel. Their projector coordinates are already
+/// shifted.
 #[derive(Debug, Clone)]
 pub(crate) struct Samples {
     pub(crate) px_per_mm: [[f32; 2]; 16],
@@ -57,7 +58,7 @@ impl SkinMaps {
         self.of(self.tissue[i], self.px_per_mm[i], axis)
     }
 
-    /// Returns the same for a sample of a mixed pixel.
+    /// Returns [`Self::spread`] for a sample of a mixed pixel.
     pub(crate) fn sample(&self, samples: &Samples, k: usize, axis: usize) -> Option<Spread<'_>> {
         self.of(samples.tissue[k], samples.px_per_mm[k], axis)
     }

@@ -22,9 +22,9 @@ impl Falloff {
         Self::new(camera.vignetting, camera.view().lens, 4)
     }
 
-    /// Of the four cosines of natural vignetting only one is applied here: the foreshortening of
-    /// the pupil. Light of constant intensity over the field already falls with the other three on
-    /// a screen, by distance (two) and angle of incidence (one).
+    /// Natural vignetting has four cosines; only the foreshortening of the pupil is applied here.
+    /// Light of constant intensity over the field already falls with the other three on a screen:
+    /// two for the distance and one for the angle of incidence.
     pub(crate) fn of_projector(projector: &Projector) -> Self {
         Self::new(projector.vignetting, projector.view().lens, 1)
     }

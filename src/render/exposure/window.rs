@@ -7,8 +7,8 @@
 
 /// SIMD lanes of the sum of products; the number of weights is a multiple of it.
 pub(super) const LANES: usize = 8;
-/// Maximum number of groups of a kernel. Several Gaussians of very different widths would otherwise
-/// need more.
+/// Maximum number of groups of a kernel. Without this limit, Gaussians of very different widths would
+/// need more groups.
 const MOST_GROUPS: f64 = 1024.0;
 /// Groups of 2^0 to 2^10 pattern pixels.
 pub(super) const GROUPINGS: usize = 11;

@@ -9,7 +9,7 @@ const STORAGE_BUFFERS: u32 = 24;
 
 /// Bytes per pixel of the map with the largest pixels.
 const LARGEST_ELEMENT: u64 = 16;
-/// Maximum number of threads per pass: fits 32 bits, with headroom for the padding of the dispatch
+/// Maximum number of threads per pass: below 2^32, with headroom for the padding of the dispatch
 /// grid.
 const MOST_SAMPLES: u64 = 1 << 31;
 

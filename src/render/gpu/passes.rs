@@ -142,7 +142,7 @@ impl Passes {
     /// # Errors
     /// Returns an error if the GPU has failed.
     pub(crate) fn expose(&mut self, shown: &Shown<'_>) -> Result<()> {
-        // Its schedule is about to be overwritten.
+        // The schedule that the open passes read is about to be overwritten.
         if let Some(open) = self.open.take() {
             self.engine.submit(open);
         }

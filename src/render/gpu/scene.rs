@@ -2,10 +2,10 @@
 //!
 //! Static and rigidly moving geometry is uploaded once; each instant uploads only poses. A
 //! deforming mesh also uploads its corners and boxes, about 4 MB for 65,536 triangles: the CPU
-//! refits its hierarchy instead of rebuilding it. Minimum times on two cores under other load were
-//! 1.0 ms for the refit (fifteen runs), 0.1 ms for blending and 1.1 ms for the normals in f64,
-//! versus 122 ms for building (four runs): imprecise, but clear enough to choose the refit. A refit
-//! by shaders has not been measured; the CPU's would still be needed for the materials.
+//! refits its hierarchy instead of rebuilding it. On two cores under other load, the refit took at
+//! least 1.0 ms (fifteen runs), blending 0.1 ms and the normals in f64 1.1 ms; a rebuild took at
+//! least 122 ms (four runs). The times are imprecise, but the difference is clear. A refit by
+//! shaders has not been measured; the materials would still need the CPU's shape.
 
 use super::Engine;
 use crate::scene::{Blend, Frame, Placed, Tree, World, Worlds};

@@ -99,7 +99,7 @@ impl SensorPass {
         engine.run(commands, &stage, grid(self.pixels))
     }
 
-    /// Steps common to both; with blooming, wells are filled first and then spill.
+    /// Steps common to `read` and `expect`. With blooming, wells are filled first and then spill.
     fn fill_wells(
         &self,
         engine: &mut Engine,

@@ -135,7 +135,7 @@ mod tests {
                 continue;
             };
             for (k, found) in of_head(&all, head).iter().enumerate() {
-                // At an edge, a sample lit on one may be in shadow on the other.
+                // At an edge, a sample may be lit on the CPU and in shadow on the GPU, or vice versa.
                 if found.tissue != u32::from(skin.at(k).1) {
                     missing += 1;
                     continue;

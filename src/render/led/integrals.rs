@@ -7,7 +7,7 @@
 
 /// Argument below which series are used, because the closed forms lose digits.
 const SERIES_BELOW: f64 = 1.0;
-/// Same limit for [`both_gone`].
+/// The same limit for the longer of the two steps in [`both_gone`].
 const BOTH_BELOW: f64 = 0.25;
 
 /// Exponential decay over a step with one time constant.
@@ -97,7 +97,7 @@ pub(super) fn left_and_gone(a: &Decay, b: &Decay) -> f64 {
 pub(super) fn both_gone(a: &Decay, b: &Decay) -> f64 {
     let (long, short) = if a.length > b.length { (a, b) } else { (b, a) };
     if long.length >= BOTH_BELOW {
-        // At least a sixth remains of this difference, so cancellation is harmless.
+        // At least a sixth of the minuend remains, so cancellation is harmless.
         return short.mean_gone() - left_and_gone(long, short);
     }
     // The sum over i, j from 1 of (-a)^i (-b)^j / (i! j! (i + j + 1)).

@@ -78,8 +78,8 @@ impl Model {
         next
     }
 
-    /// Returns the mean light over such a step; for a step of 0, the light itself. The relative
-    /// error is below 1e-14.
+    /// Returns the mean light over a step as in [`Self::after`]; for a step of 0, the light itself.
+    /// The relative error is below 1e-14.
     pub fn mean(&self, state: &State, drive: f64, step_ns: f64) -> f64 {
         let (from, rest) = (state.emission, 1.0 - drive);
         let rise = Decay::new(step_ns, self.rise_ns);

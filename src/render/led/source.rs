@@ -161,7 +161,7 @@ impl Source {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Piece {
     from_ns: u64,
-    /// State at its start.
+    /// State at the start of the interval.
     state: State,
     drive: f64,
 }

@@ -3,7 +3,7 @@
 //! The specular lobe is f_s = D G2 F / (4 (n.l)(n.v)): D of Walter et al. ("Microfacet Models for
 //! Refraction through Rough Surfaces", EGSR 2007, equation 33), G2 the height-correlated Smith term
 //! (Heitz, "Understanding the Masking-Shadowing Function", JCGT 3(2), 2014, equation 99), F by
-//! Schlick (1994). Only single scattering between facets is modelled; light that would scatter
+//! Schlick (1994). Only single scattering between facets is modelled. Light that would be scattered
 //! again is lost: 59 % of uniform light on the roughest metal, almost none below a roughness of
 //! 0.4.
 //!
@@ -123,7 +123,7 @@ impl Ggx {
                 ((i % GRID) as f64 + 0.5) / GRID as f64,
                 ((i / GRID) as f64 + 0.5) / GRID as f64,
             );
-            // Samples are concentrated near the disc's rim, where the long tail of GGX is.
+            // The samples are dense near the disc's rim, because GGX has a long tail there.
             let weight = 3.0 * inward * inward;
             let (r, phi) = ((1.0 - inward.powi(3)).sqrt(), 2.0 * PI * turn);
             let (t1, raw) = (r * phi.cos(), r * phi.sin());

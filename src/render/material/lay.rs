@@ -39,7 +39,7 @@ impl Lay {
             at: DVec2::new(a.dot(p), b.dot(p)),
             gradient: [a, b],
         };
-        // Angle about y and its gradient, times the distance that makes it a length.
+        // Angle about y and its gradient, both times the radius that makes the angle a length.
         let around = |radius: f64| {
             let square = (p.x * p.x + p.z * p.z).max(1e-18 * radius * radius);
             let angle = p.x.atan2(-p.z);
@@ -85,7 +85,7 @@ mod tests {
             (Lay::Sphere, p.normalize()),
         ] {
             let here = lay.at(p, normal);
-            // Along the surface: off it, the radius in the coordinates changes too.
+            // Steps along the surface only: off the surface, the radius in the coordinates changes too.
             for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
                 let step = (axis - normal * normal.dot(axis)) * 1e-5;
                 let there = lay.at(p + step, normal);

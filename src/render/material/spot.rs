@@ -82,7 +82,7 @@ mod tests {
         assert!((moved.point - on.point).length() < 1e-14);
         assert!((moved.normal - on.normal).length() < 1e-14);
         assert!((moved.sides[1] - on.sides[1]).length() < 1e-14);
-        // Stretched twofold along x, the footprint is too.
+        // If the triangle is stretched twofold along x, so is the footprint.
         let on = spot.on(now.map(|p| p * DVec3::new(2.0, 1.0, 1.0)));
         assert!((on.point - DVec3::new(1.0, 1.0, 0.0)).length() < 1e-14);
         assert!((on.sides[0] - DVec3::X * 0.2).length() < 1e-14);

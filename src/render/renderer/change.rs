@@ -10,7 +10,8 @@ use phasmid_profile::Scene;
 
 impl Renderer {
     /// Moves an object to another pose, as if set in the scene file: position in millimetres,
-    /// rotation in degrees; `object` counts from 0 in scene order. Pending frames must be finished first.
+    /// rotation in degrees; `object` counts from 0 in scene order. Pending frames must be finished
+    /// first.
     ///
     /// # Errors
     /// Returns an error if [`phasmid_profile::Scene::place`] fails, or an error of [`Self::change`].
@@ -83,7 +84,7 @@ impl Renderer {
     }
 }
 
-/// Returns a scene whose objects are all at its origin.
+/// Returns a scene with all objects at the scene's origin.
 fn without_poses(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     for object in &mut scene.object {

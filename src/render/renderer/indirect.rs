@@ -1,4 +1,4 @@
-//! How a scene's indirect light is gathered, and how far it is off.
+//! Choice of the settings with which indirect light is gathered, and the error that they cause.
 
 use super::Renderer;
 use crate::Term;
@@ -13,13 +13,15 @@ pub struct IndirectLight {
     pub samples: u32,
     /// Spacing of the gather points in pixels.
     pub step_px: u32,
-    /// Error in 99 % of the pixels that the projector lights.
+    /// Error that 99 % of the pixels lit by the projector do not exceed.
     pub error_percent: f64,
-    /// Bound on it that the scene states; `None` if the scene states the settings instead.
+    /// Bound on the error, if the scene states one; `None` if the scene states the settings
+    /// instead.
     pub bound_percent: Option<f64>,
-    /// Median over these pixels of the light of further bounces, which are not rendered.
+    /// Light of further bounces, which are not rendered: median over the pixels lit by the
+    /// projector.
     pub further_percent: f64,
-    /// 95th percentile of the same.
+    /// Light of further bounces: 95th percentile over the pixels lit by the projector.
     pub most_further_percent: f64,
 }
 
@@ -42,7 +44,8 @@ impl Renderer {
         })
     }
 
-    /// Chooses rays and gather points by the error bound of the scene, if it does not state them.
+    /// Chooses the number of rays and the spacing of gather points by the scene's error bound,
+    /// unless the scene states both.
     pub(super) fn choose_gathering(&mut self) {
         let wanted = self.scene.interreflection;
         let Some(wanted) = wanted.filter(|wanted| wanted.samples.is_none()) else {

@@ -1,5 +1,5 @@
-//! Geometry of a moving scene between key instants: which spans are interpolated, and by how much they
-//! are off.
+//! Geometry of a moving scene between key instants: selects the spans that are interpolated, and
+//! measures the error.
 
 use super::Renderer;
 use super::keys::Keys;
@@ -11,38 +11,38 @@ use crate::truth::Truth;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Largest share of the pixels that is traced at every instant; with more of them, key instants are
-/// placed closer to each other.
+/// Maximum fraction of the pixels that is traced at every instant. If a span needs more, key
+/// instants closer to each other are tried.
 const MOST_TRACED: f64 = 0.05;
-/// The same where they cannot be placed closer.
+/// The same maximum for the shortest spacing of key instants.
 const MOST_TRACED_LAST: f64 = 0.3;
-/// Farthest that anything may move from the nearer key instant, in pixels.
+/// Maximum motion from the nearer key instant, in pixels of the camera.
 const MOST_REACH_PX: f64 = 3.0;
 
-/// How the geometry of a moving scene is interpolated at an instant, and by how much it is off.
+/// Interpolation of a moving scene's geometry at an instant, and its error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Interpolation {
     /// Time between key instants in milliseconds.
     pub spacing_ms: f64,
-    /// Share of the pixels that is traced at each instant.
+    /// Fraction of the pixels that is traced at each instant.
     pub traced: f64,
-    /// Pixels that both methods see lit on the same object.
+    /// Number of pixels that see the same object, lit, by interpolation and by tracing.
     pub pixels: usize,
-    /// Median distance of projector coordinates from those traced at the instant, in projector pixels;
-    /// of both axes where patterns vary along both.
+    /// Median distance between interpolated and traced projector coordinates in projector pixels;
+    /// over both axes if patterns vary along both.
     pub median_px: f64,
-    /// Distance that 99.9 % of them do not exceed.
+    /// 99.9th percentile of this distance.
     pub most_px: f64,
-    /// Largest distance.
+    /// Maximum of this distance.
     pub worst_px: f64,
-    /// Mean of the differences with their sign.
+    /// Mean of the signed differences between interpolated and traced coordinates.
     pub mean_px: f64,
-    /// Pixels in which another object, or other light of the projector, is seen.
+    /// Number of pixels whose object or projector light differs from the traced geometry.
     pub missed: usize,
 }
 
 impl Renderer {
-    /// Returns whether the geometry of a moving scene is interpolated where its motion allows it.
+    /// Returns whether the options and the plan permit interpolated geometry.
     pub(super) fn interpolates(&self) -> bool {
         let exact = [
             Term::DepthOfField,
@@ -56,8 +56,9 @@ impl Renderer {
             && !exact.into_iter().any(|term| self.plan.has(term))
     }
 
-    /// Returns the interpolation at a device time in nanoseconds: the longest span whose motion is even
-    /// enough. `None` if there is none; then the instant is traced. Moves the scene.
+    /// Returns the interpolation at a device time in nanoseconds, over the longest span in which
+    /// the motion is smooth enough. `None` if there is no such span; the instant is then traced.
+    /// Moves the scene.
     pub(super) fn between(&mut self, time_ns: f64) -> Option<Arc<Between>> {
         for spacing_ns in SPACINGS_NS {
             let span = Span::around(time_ns, spacing_ns);
@@ -80,7 +81,7 @@ impl Renderer {
         None
     }
 
-    /// Interpolates within a span if it is even enough.
+    /// Returns the interpolation within a span; `None` if its motion is not smooth enough.
     fn interpolate(&mut self, span: Span) -> Option<Arc<Between>> {
         let world = self.worlds.any();
         let motion = world.span_motion(span);
@@ -127,8 +128,8 @@ impl Renderer {
         self.invalidate();
     }
 
-    /// Returns how geometry is interpolated at a device time in nanoseconds, with its distance from the
-    /// geometry traced there; `None` if it is traced.
+    /// Returns how geometry is interpolated at a device time in nanoseconds, and how far it is from
+    /// the traced geometry; `None` if the instant is traced.
     pub fn interpolation(&mut self, time_ns: u64) -> Option<Interpolation> {
         if !self.plan.has(Term::Motion) || !self.interpolates() {
             return None;
@@ -185,7 +186,7 @@ impl Renderer {
         })
     }
 
-    /// Fills the buffer for a device time between key instants; at once, if there are none to use.
+    /// Fills the buffer for a device time: by interpolation between key instants, else by tracing.
     pub(super) fn trace_between(&mut self, time_ns: f64, buffer: &mut GeometryBuffer) {
         let between = self.between(time_ns);
         if let Some((moment, _)) = &self.moment {
@@ -251,8 +252,8 @@ mod tests {
 
     const TORSO: &str = "{ kind = \"torso\", triangles = 20000 }";
 
-    /// Rigid motions, slow and fast, with and without rotation, a rod thinner than its way between key
-    /// instants with its shadow, and breathing.
+    /// Slow and fast rigid motions, with and without rotation; a rod, and its shadow, that move by
+    /// more than the rod's diameter between key instants; and breathing.
     #[test]
     fn interpolated_coordinates_stay_within_the_tolerance_and_no_edge_is_missed() {
         let rod = "{ kind = \"cylinder\", radius_mm = 2.0, length_mm = 300.0 }";
@@ -302,7 +303,8 @@ mod tests {
         assert!(differing.count() > 4, "nothing was interpolated");
     }
 
-    /// A scene at rest, one that moves between two rests, and one that shakes too fast.
+    /// A scene at rest, a scene that moves between two rests, and a scene that shakes too fast to
+    /// be interpolated.
     #[test]
     fn where_nothing_is_interpolated_bytes_are_those_of_traced_frames() {
         let still = scene(&format!(

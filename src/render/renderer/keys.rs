@@ -1,4 +1,4 @@
-//! Key instants of a moving scene that were used last.
+//! Cache of the geometry at key instants of a moving scene.
 
 use crate::exposure::GeometryBuffer;
 use crate::scene::Span;
@@ -6,13 +6,14 @@ use crate::transport::Between;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Key instants that are kept. If a span is not interpolated, shorter spans within it need its instants.
+/// Maximum number of key instants kept. The shorter spans within a rejected span reuse its key
+/// instants.
 const MOST_KEYS: usize = 8;
-/// Spans whose decision is kept.
+/// Maximum number of spans for which the decision to interpolate is kept.
 const MOST_SPANS: usize = 16;
 
-/// Geometry at key instants, and the spans that are interpolated. Both depend on the scene, the plan and
-/// device time only, so that it does not matter for any frame what is kept.
+/// Geometry at key instants, and the spans that are interpolated. Both depend only on the scene,
+/// the plan and device time, so the content of the cache changes no frame.
 #[derive(Default)]
 pub(super) struct Keys {
     traced: VecDeque<(u64, Arc<GeometryBuffer>)>,
@@ -32,7 +33,8 @@ impl Keys {
         self.traced.push_front((time_ns, buffer));
     }
 
-    /// Returns the interpolation of a span, or that it has none, if that was decided before.
+    /// Returns the cached decision on a span, if any: its interpolation, or `None` inside if it is
+    /// not interpolated.
     pub(super) fn decided(&self, span: Span) -> Option<Option<Arc<Between>>> {
         let mut all = self.spans.iter();
         let (_, found) = all.find(|(of, _)| *of == span)?;

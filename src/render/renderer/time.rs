@@ -116,15 +116,16 @@ impl Renderer {
         }
     }
 
-    /// Moves the scene to an instant of an exposure. Where the scene rests, geometry is traced and kept.
+    /// Moves the scene to an instant of an exposure. If the scene rests then, its geometry is
+    /// traced and kept.
     pub(super) fn go_to_instant(&mut self, (moment, time_ns): &Instant) {
         let moves = || !self.worlds.any().rests(*time_ns);
         let between = (self.interpolates() && moves()).then_some(*time_ns);
         self.go_to(moment, between);
     }
 
-    /// Moves the scene to a moment; geometry of the same moment is kept. With a device time, geometry is
-    /// interpolated if possible.
+    /// Moves the scene to a moment; the geometry is kept if the moment is the same. With a device
+    /// time, the geometry is interpolated if possible.
     fn go_to(&mut self, moment: &Moment, between_ns: Option<f64>) {
         let known = self.moment.as_ref();
         if known.is_none_or(|(last, time_ns)| last != moment || *time_ns != between_ns) {

@@ -265,7 +265,7 @@ mod tests {
                 assert!((normal - (point - center) / 60.0).length() < 1e-4);
             }
             assert_eq!(truth.albedo[at], [0.25, 0.75][object]);
-            // The light that arrives at the sensor is that which the surface reflects.
+            // Electrons from the light that the surface reflects towards the sensor.
             let electrons = renderer.optics.electrons_per_irradiance
                 * f64::from(truth.albedo[at] * truth.irradiance_w_m2[at]);
             let rendered = f64::from(renderer.buffer.projected[at]);

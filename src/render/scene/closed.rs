@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-/// Returns for a mesh whether its triangles enclose a volume: 1 if they are numbered
-/// counter-clockwise seen from outside, -1 if clockwise, and 0 if the mesh has a border. Each edge of
-/// a closed mesh is passed as often forwards as backwards.
+/// Returns 1 if a mesh is closed and its triangles are numbered counter-clockwise seen from
+/// outside, -1 if closed and clockwise, and 0 if it has a border. In a closed mesh, each edge is
+/// passed as often forwards as backwards.
 pub(crate) fn outward(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     let (mut border, mut volume) = (0u64, 0.0);
     for &[a, b, c] in triangles {
@@ -24,8 +24,9 @@ pub(crate) fn outward(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     if volume == 0.0 { 0.0 } else { volume.signum() }
 }
 
-/// Returns well mixed bits: two edges have the same ones with a probability of 2^-64 (the last steps
-/// of SplitMix64: Steele, Lea, Flood: "Fast splittable pseudorandom number generators", OOPSLA 2014).
+/// Returns a hash of an edge: two different edges have the same hash with a probability of 2^-64
+/// (the last steps of SplitMix64: Steele, Lea, Flood: "Fast splittable pseudorandom number
+/// generators", OOPSLA 2014).
 fn mixed(x: u64) -> u64 {
     let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

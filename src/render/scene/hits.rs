@@ -1,10 +1,10 @@
-//! The ends of sixteen rays: the surfaces that they hit, and the samples of light there.
+//! Hits of sixteen rays: the surfaces that they meet, and the light there.
 
 use glam::DVec3;
 use phasmid_geometry::raycast::LANES;
 
-/// Occluders beyond this fraction of a shadow ray touch the point at its end rather than shade it:
-/// 1 nm at 1 m, far above the error of f64.
+/// Fraction of a shadow ray beyond which an occluder touches the point at the ray's end and does not
+/// shade it: 1 nm at 1 m, far above the error of f64.
 pub(super) const SHADOW_END: f64 = 1.0 - 1e-9;
 /// Start offset of parallel shadow rays, relative to the point's distance from the rig, so that the
 /// f32 error of a neighbouring triangle (about 1e-7 of that distance) does not shade the point: 10
@@ -107,9 +107,10 @@ pub(crate) struct Shaded {
     pub(crate) evenly: Wide,
     /// Bit mask of the lamps that light the sample.
     pub(crate) lamps: [u32; LANES],
-    /// Whether the projector can light it, ignoring shadows: it is in the field and faces the
-    /// projector.
+    /// Whether the projector can light the sample, ignoring shadows: the sample is in the field and
+    /// faces the projector.
     pub(crate) reachable: [bool; LANES],
-    /// Whether both rays are within 80 degrees of the normal.
+    /// Whether the rays to the camera and to the projector are both within 80 degrees of the
+    /// normal.
     pub(crate) square: [bool; LANES],
 }

@@ -1,5 +1,5 @@
-//! A moving mesh. Its bounding volume hierarchy is in its own frame, so that rigid motion costs
-//! nothing; deformation refits the boxes.
+//! A moving mesh. Its bounding volume hierarchy is in the mesh's own frame, so that rigid motion costs
+//! nothing; a deformation refits the boxes.
 
 use super::animation::Blend;
 use super::hits::Surface;
@@ -12,13 +12,13 @@ use std::sync::Arc;
 
 /// The time-independent part of a moving mesh.
 pub(crate) struct Model {
-    /// Surface number in the world of its first triangle.
+    /// Number of the mesh's first triangle among the world's surfaces.
     pub(crate) first: u32,
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Rest positions of the vertices in its own frame, scaled.
+    /// Rest positions of the vertices in the mesh's own frame, scaled.
     pub(crate) vertices: Vec<DVec3>,
     pub(crate) rig_from_rest: Pose,
-    /// Vertex positions at each keyframe of its deformation; empty if it is rigid.
+    /// Vertex positions at each keyframe of the deformation; empty if the mesh is rigid.
     pub(crate) keys: Vec<Vec<DVec3>>,
     /// Maximum distance of a vertex from the mesh's own origin over all keyframes, in millimetres.
     pub(crate) radius_mm: f64,
@@ -65,7 +65,7 @@ impl Instance {
         }
     }
 
-    /// Sets its pose, keeping its shape.
+    /// Sets the pose and keeps the shape.
     pub(crate) fn carry(&mut self, rig_from_instance: Pose) {
         self.frame = Elsewhere {
             rig_from_tree: rig_from_instance,
@@ -92,12 +92,12 @@ impl Instance {
         &self.form.normals
     }
 
-    /// Returns the keyframes and weights of its shape; `None` for the rest shape.
+    /// Returns the keyframes and weights of the present shape; `None` for the rest shape.
     pub(crate) fn blend(&self) -> Option<Blend> {
         self.form.blend
     }
 
-    /// Sets its shape.
+    /// Sets the shape.
     pub(crate) fn deform(&mut self, blend: Blend) {
         let (keys, weights) = blend;
         let model = &self.model;
@@ -113,7 +113,7 @@ impl Instance {
         }
     }
 
-    /// Surface number in the world of its first triangle.
+    /// Number of the mesh's first triangle among the world's surfaces.
     pub(crate) fn first(&self) -> u32 {
         self.model.first
     }
@@ -129,18 +129,18 @@ impl Instance {
         }
     }
 
-    /// Returns whether a surface is one of its triangles.
+    /// Returns whether a surface is a triangle of this mesh.
     pub(crate) fn holds(&self, surface: Surface) -> bool {
         let id = surface.0.wrapping_sub(self.model.first);
         (id as usize) < self.model.triangles.len()
     }
 
-    /// Returns the current corners of one of its triangles, in the rig's frame.
+    /// Returns the current corners of a triangle of this mesh, in the rig's frame.
     pub(crate) fn corners(&self, surface: Surface) -> [DVec3; 3] {
         self.tree().corners(surface.0 - self.model.first)
     }
 
-    /// Maps a spot on one of its triangles to the rest shape.
+    /// Maps a spot on a triangle of this mesh to the rest shape.
     pub(crate) fn at_rest(&self, surface: Surface, spot: Spot) -> Spot {
         let (model, id) = (&self.model, (surface.0 - self.model.first) as usize);
         if model.keys.is_empty() {

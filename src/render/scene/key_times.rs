@@ -3,15 +3,15 @@
 
 use super::world::World;
 
-/// Times between two key instants that are tried, longest first, in nanoseconds. Each divides the one
-/// before, so that spans share key instants. Below the last, exposures are as close to each other as
-/// key instants would be.
+/// Spacings of key instants that are tried, longest first, in nanoseconds. Each divides the
+/// previous one, so that spans share key instants. Spacings below the last would be no longer than
+/// the time between two exposures.
 pub(crate) const SPACINGS_NS: [u64; 5] =
     [200_000_000, 100_000_000, 50_000_000, 25_000_000, 12_500_000];
 /// Instants in a span at which motion is compared with the parabola through the key instants.
 const PROBES: u32 = 32;
 
-/// Three key instants that are equally far apart.
+/// Three equidistant key instants, and the time between the first and the last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Span {
     start_ns: u64,
@@ -39,7 +39,7 @@ impl Span {
         self.spacing_ns
     }
 
-    /// Returns a time's place: -1, 0 and 1 at the key instants.
+    /// Converts a device time to a position in the span: -1, 0 and 1 at the key instants.
     pub(crate) fn place(self, time_ns: f64) -> f64 {
         (time_ns - self.start_ns as f64) / self.spacing_ns as f64 - 1.0
     }
@@ -48,14 +48,14 @@ impl Span {
 /// How a scene moves within a span, as upper bounds in radians seen from the camera.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SpanMotion {
-    /// Motion of any point from the nearer of the two key instants around it.
+    /// Motion of any point relative to the nearer of the two adjacent key instants.
     pub(crate) reach_rad: f64,
-    /// Distance of any point from the parabola through its places at the key instants.
+    /// Distance of any point from the parabola through its positions at the key instants.
     pub(crate) off_rad: f64,
 }
 
 impl World {
-    /// Returns how everything moves within a span.
+    /// Returns the bounds of all motion within a span.
     pub(crate) fn span_motion(&self, span: Span) -> SpanMotion {
         let states = span.times_ns().map(|time| self.state(time as f64));
         let [first, middle, last] = &states;
@@ -64,7 +64,7 @@ impl World {
             off_rad: 0.0,
         };
         for k in 0..PROBES {
-            // Multiples of the golden ratio fill the span evenly, in step with no oscillation.
+            // Multiples of the golden ratio fill the span evenly and do not alias with periodic motion.
             let share = (f64::from(k) + 0.5) * 0.618_033_988_749_894_9 % 1.0;
             let length_ns = 2.0 * span.spacing_ns as f64;
             let state = self.state(span.start_ns as f64 + share * length_ns);
@@ -88,7 +88,7 @@ impl World {
     }
 }
 
-/// Returns the weights of the values at places -1, 0 and 1 in their parabola at a place.
+/// Returns the weights of the values at positions -1, 0 and 1 in their parabola at position `s`.
 fn weights(s: f64) -> [f64; 3] {
     [0.5 * s * (s - 1.0), 1.0 - s * s, 0.5 * s * (s + 1.0)]
 }

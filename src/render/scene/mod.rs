@@ -1,4 +1,4 @@
-//! The scene as rays see it: surfaces at an instant, or as each row of a frame sees them.
+//! Surfaces of a scene for ray casting, at one instant or as each row of a frame sees them.
 //!
 //! | module | contents |
 //! | --- | --- |

@@ -1,10 +1,11 @@
-//! Possible occluders of the projector's light: their nearest depth over a grid of directions. Points
-//! before it need no shadow ray.
+//! Possible occluders of the projector's light: their nearest depth over a grid of directions.
+//! Points in front of this depth need no shadow ray.
 //!
-//! No point that the camera sees is shaded by such triangles of a closed mesh alone by which rays enter
-//! it: the camera, the projector and the point lie on the same side of each closed surface, so a ray from
-//! the projector to the point leaves the mesh as often as it enters it. It is enough to keep those
-//! triangles by which it leaves, which lie behind the lit ones.
+//! Only one half of a closed mesh's triangles has to be kept. If the camera, the projector and a
+//! point that the camera sees lie on the same side of every closed surface, a ray from the
+//! projector to the point leaves the mesh as often as it enters it. If it hits the mesh at all, it
+//! hits a triangle through which it leaves. These triangles lie behind the lit ones, so few lit
+//! points need a shadow ray.
 
 use super::hits::Surface;
 use super::tree::{Frame, Points, Tree};
@@ -17,26 +18,26 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 /// Directions along each side of the grid.
 const SIDE: usize = 256;
-/// Widens the extent of a triangle on the grid by more than the rounding of its corners.
+/// Widens the extent of a triangle on the grid, to cover the rounding of its corners.
 const WIDER: f64 = 1e-9;
-/// Moves depths towards the projector by more than their rounding to f32.
+/// Moves depths towards the projector, to cover their rounding to f32.
 const NEARER: f64 = 1.0 - 1e-6;
 /// Triangles per task.
 const BLOCK: usize = 8192;
 
-/// Depths, in the projector's frame, before which nothing shades.
+/// Depths, in the projector's frame, in front of which nothing can be shaded.
 pub(crate) struct Occluders {
     projector_from_rig: Pose,
     /// Grid cells per unit of x/z and y/z.
     scale: DVec2,
-    /// Bits of the nearest depth in each cell; positive floats are ordered as their bits.
+    /// Nearest depth in each cell, as bits: positive floats are ordered like their bits.
     depths: Vec<AtomicU32>,
     /// Whether camera and projector lie on the same side of every closed surface.
     joined: bool,
 }
 
 impl Occluders {
-    /// Finds what may shade points that a camera in the rig's origin sees.
+    /// Finds the possible occluders of points that a camera in the rig's origin sees.
     pub(crate) fn new(world: &World, projector: &View) -> Self {
         let lens = &projector.lens;
         let field = DVec2::new(lens.width_px.into(), lens.height_px.into()) / lens.focal_px;
@@ -54,8 +55,8 @@ impl Occluders {
             found.add_mesh(world, &instance.tree());
         }
         for placed in &world.solids {
-            // Convex: with the camera inside, or on the same side of an infinite plane, a point that
-            // the camera sees is not behind it for the projector either.
+            // Solids are convex: if the camera is inside, or on the projector's side of an infinite
+            // plane, the solid shades no point that the camera sees.
             if !(found.joined && (placed.around_camera || placed.halves_space())) {
                 let (center, radius) = placed.ball();
                 found.add_ball(found.projector_from_rig.point(center), radius);
@@ -64,8 +65,8 @@ impl Occluders {
         found
     }
 
-    /// Returns whether nothing shades a point that the camera sees, given in the rig's frame. If not,
-    /// something may.
+    /// Returns `true` if nothing shades a point that the camera sees, given in the rig's frame;
+    /// `false` if something may.
     pub(crate) fn leave_lit(&self, point: DVec3) -> bool {
         let p = self.projector_from_rig.point(point);
         let [column, row] = self.cell(p.truncate() / p.z);
@@ -76,8 +77,8 @@ impl Occluders {
         f32::from_bits(self.depths[cell].load(Relaxed))
     }
 
-    /// Returns column and row of the cell of a direction x/z, y/z; those outside the grid share the
-    /// cells at its border.
+    /// Returns column and row of the cell of a direction x/z, y/z; directions outside the grid
+    /// share its border cells.
     fn cell(&self, direction: DVec2) -> [usize; 2] {
         let place = direction * self.scale + (SIDE / 2) as f64;
         place.to_array().map(|at| (at as usize).min(SIDE - 1))
@@ -123,7 +124,7 @@ impl Occluders {
             return;
         }
         if outward != 0.0 {
-            // Positive where the ray leaves.
+            // Positive if a ray from the projector leaves the mesh through the triangle.
             let across = b.cross(c);
             let volume = outward * a.dot(across);
             let edge_on = 1e-12 * a.abs().max_element() * across.abs().max_element();
@@ -138,7 +139,7 @@ impl Occluders {
         self.add(a.min(b).min(c), a.max(b).max(c), nearest);
     }
 
-    /// Adds everything within a radius of a point.
+    /// Adds a ball as an occluder.
     fn add_ball(&self, center: DVec3, radius: f64) {
         let near = center.z - radius;
         if center.z + radius <= 0.0 {
@@ -170,8 +171,9 @@ mod tests {
     use crate::skin::Skins;
     use phasmid_profile::{Profile, Scene};
 
-    /// Counts points of a scene that the camera of `webcam-grey` sees in the projector's field: all, without
-    /// need of a shadow ray, and shaded. Fails if a point is shaded without need of a shadow ray.
+    /// Counts the points that the camera of `webcam-grey` sees in the projector's field: all, those
+    /// that need no shadow ray, and those in shadow. Fails if a point in shadow was taken to need
+    /// no shadow ray.
     fn counts(objects: &str, time_s: f64) -> [usize; 3] {
         let text = format!("name = \"s\"\ndescription = \"\"\n{objects}");
         let scene = Scene::parse(&text, "test").unwrap();
@@ -267,7 +269,7 @@ mod tests {
         }
     }
 
-    /// A torso between camera and projector, so that closed meshes may not be taken by halves.
+    /// With a torso between camera and projector, all triangles of closed meshes must be kept.
     #[test]
     fn a_projector_behind_an_object_has_every_triangle_as_occluder() {
         let small = "{ kind = \"torso\", triangles = 5000 }";

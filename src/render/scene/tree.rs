@@ -62,7 +62,7 @@ pub(crate) struct Tree<'a, F> {
     pub(crate) bvh: &'a Bvh,
     pub(crate) vertices: &'a [DVec3],
     pub(crate) triangles: &'a [[u32; 3]],
-    /// Index of its first triangle among the world's surfaces.
+    /// Index of the tree's first triangle among the world's surfaces.
     pub(crate) first: u32,
     pub(crate) frame: F,
 }

@@ -346,8 +346,8 @@ impl World {
     }
 }
 
-/// Surfaces closer to a point than this fraction of its distance from the rig touch it: 1 um at 1
-/// m, far above the error of a depth in f32.
+/// A surface touches a point if it is closer than this fraction of the point's distance from the rig:
+/// 1 um at 1 m, far above the error of a depth in f32.
 const OFF_POINT: f64 = 1e-6;
 
 impl World {

@@ -1,5 +1,5 @@
-//! The scene as each row of a frame sees it: all rows at one instant, or, with a rolling shutter,
-//! each at its own time.
+//! The scene over the rows of a frame: all rows at one instant or, with a rolling shutter, each row
+//! at its own time.
 //!
 //! Rigid motion is exact for each row. A deforming mesh takes one of a few shapes, spread over the
 //! time from the first row to the last.
@@ -54,12 +54,12 @@ impl Rows {
     }
 }
 
-/// The scene as the rows of a frame see it.
+/// The scene over the rows of a frame.
 pub(crate) struct Worlds {
     /// The scene at one instant, or at a few between the first row and the last.
     steps: Vec<World>,
     rows: Option<Rows>,
-    /// Ends the passes over the scene early; what they have filled is then invalid.
+    /// Ends the passes over the scene early; their output is then invalid.
     pub(crate) stop: Stop,
 }
 
@@ -124,7 +124,7 @@ impl Worlds {
         step as usize
     }
 
-    /// Returns the scene as a row sees it.
+    /// Returns the scene at the time of a row.
     pub(crate) fn at(&self, row: usize) -> Cow<'_, World> {
         let Some(rows) = &self.rows else {
             return Cow::Borrowed(self.any());

@@ -22,7 +22,7 @@ pub(super) fn ln(x: f32) -> f32 {
 /// of the remainder, which is within half an octave either way.
 #[inline(always)]
 pub(super) fn exp_negative(x: f32) -> f32 {
-    /// Adding this leaves the nearest integer, of either sign, in the low bits.
+    /// Adding this number leaves the nearest integer, of either sign, in the low bits of the sum.
     const WHOLE: f32 = (3u32 << 22) as f32;
     let shifted = x * -LOG2_E + WHOLE;
     let whole = shifted - WHOLE;

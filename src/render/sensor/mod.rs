@@ -174,7 +174,7 @@ impl Linear {
     /// Returns the nearest integer in the low bits of a word.
     #[inline(always)]
     fn word(&self, electrons: f32) -> u32 {
-        /// Adding this leaves the integer in the low bits.
+        /// Adding this number leaves the integer in the low bits of the sum.
         const WHOLE: f32 = (1u32 << 23) as f32;
         (self.dn(electrons) + WHOLE).to_bits()
     }
@@ -230,7 +230,8 @@ pub(crate) struct Numbers {
     pub(crate) key: [u64; 2],
     pub(crate) read_noise_e: f32,
     pub(crate) full_well_e: f32,
-    /// Mean from which shot and read noise are drawn separately; infinite if they never are.
+    /// Mean above which shot and read noise are drawn separately; infinite if they are never drawn
+    /// separately.
     pub(crate) apart_from_e: f32,
     pub(crate) dark_e: f32,
     pub(crate) gain_dn_per_e: f32,

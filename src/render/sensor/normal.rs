@@ -159,7 +159,7 @@ mod tests {
             let density = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
             // Error of x, derived from the error of p.
             let error = (cdf(x) - p) / density;
-            // Giles fitted up to the last f32 below 1, at 5.4 standard deviations.
+            // Giles fitted his polynomials up to the last f32 below 1, at 5.4 standard deviations.
             let bound = if x.abs() < 5.3 {
                 3e-6 * (1.0 + x.abs())
             } else {

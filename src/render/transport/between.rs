@@ -1,14 +1,15 @@
-//! Geometry between key instants: parabolas through what each pixel sees at three of them.
+//! Geometry between key instants: for each pixel, parabolas through the values at three key
+//! instants.
 //!
-//! Object, flags and lamps are never blended: the nearest key instant has them. A pixel is
-//! traced instead where that may be wrong:
+//! Object, flags and lamps are not interpolated, but taken from the nearest key instant. A pixel is
+//! traced instead in these cases:
 //!
-//! - where object, light or side of a crease differ between the key instants, for its centre or for one
-//!   of its samples, and around such pixels as far as anything moves between key instants, so that thin
-//!   objects and their shadows are not missed;
-//! - where the second difference of projector coordinate or light is large. Where the value has one
-//!   kink, as at the border of two triangles, a parabola is off by an eighth of that difference if the
-//!   kink is halfway, and by at most all of it; where the value is smooth, by a small part of it.
+//! - Object, light or side of a crease differ between the key instants, at the pixel's centre or at one
+//!   of its samples. Pixels around such a pixel are traced too, as far as anything moves between key
+//!   instants, so that thin objects and their shadows are not missed.
+//! - The second difference of projector coordinate or light is large. At a kink, such as the border of
+//!   two triangles, the parabola's error is an eighth of this difference if the kink is halfway, and
+//!   never more than the difference. For a smooth value it is a small fraction of the difference.
 
 use super::geometry::{complete, some_centers};
 use super::input::Input;
@@ -22,9 +23,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Largest second difference of light, as a fraction of the light.
+/// Maximum second difference of light, as a fraction of the light.
 const LIGHT: f32 = 0.02;
-/// Largest second difference of projector coordinates, as a multiple of the tolerance.
+/// Maximum second difference of projector coordinates, as a multiple of the tolerance.
 const BEND: f32 = 4.0;
 
 /// Geometry at the key instants of a span.
@@ -33,15 +34,16 @@ pub(crate) struct Between {
     keys: [Arc<GeometryBuffer>; 3],
     /// Pixels whose centre is traced at every instant, in order.
     traced: Vec<u32>,
-    /// Those of them that may be mixed.
+    /// Pixels in `traced` that may be mixed.
     differing: Vec<u32>,
-    /// Indices of the other mixed pixels in the key instants' lists.
+    /// Mixed pixels that are not traced, by their indices in the key instants' lists of mixed
+    /// pixels.
     mixed: Vec<[u32; 3]>,
 }
 
 impl Between {
-    /// Compares the geometry at the key instants. Within the span points move by at most `reach_px`
-    /// pixels from the nearer key instant; projector coordinates may be off by about `tolerance_px`.
+    /// Compares the geometry at the key instants. Points move by at most `reach_px` pixels from the
+    /// nearer key instant; `tolerance_px` is the approximate tolerance of projector coordinates.
     pub(crate) fn new(
         span: Span,
         keys: [Arc<GeometryBuffer>; 3],
@@ -84,7 +86,7 @@ impl Between {
         self.span.spacing_ns()
     }
 
-    /// Returns the share of the pixels that is traced.
+    /// Returns the fraction of the pixels that is traced.
     pub(crate) fn traced(&self) -> f64 {
         self.traced.len() as f64 / self.keys[0].x.len().max(1) as f64
     }
@@ -162,7 +164,7 @@ impl Parabola {
         }
     }
 
-    /// A value that stays has no rounding error.
+    /// A value that is equal at all key instants is returned without rounding error.
     #[inline(always)]
     fn at(&self, [a, b, c]: [f32; 3]) -> f32 {
         b + (self.half * (c - a) + self.half_square * ((a - b) + (c - b)))
@@ -201,8 +203,8 @@ struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// Returns whether a pixel's centre sees another object, other light or another side of a crease at
-    /// one of the key instants.
+    /// Returns whether object, light or side of a crease at a pixel's centre differ between the key
+    /// instants.
     fn differs(&self, i: usize) -> bool {
         let [a, b, c] = self.keys;
         let differ = |a: &GeometryBuffer, b: &GeometryBuffer| {
@@ -221,7 +223,7 @@ impl Comparison<'_> {
         differ(a, b) || differ(b, c)
     }
 
-    /// Returns whether the parabolas of a pixel's coordinate or light may be off.
+    /// Returns whether the parabolas of a pixel's projector coordinates or light may be inaccurate.
     fn bends(&self, i: usize) -> bool {
         let of = |map: fn(&GeometryBuffer) -> &[f32]| self.keys.map(|key| map(key)[i]);
         let seen = self.keys[1].flags[i] & Truth::SEEN != 0;
@@ -233,13 +235,14 @@ impl Comparison<'_> {
                     || self.axes[1] && self.bent(of(|key| &key.y))))
     }
 
-    /// Returns whether the parabola of a projector coordinate may be off; NaN may be.
+    /// Returns whether the parabola of a projector coordinate may be inaccurate; `true` for NaN.
     fn bent(&self, keys: [f32; 3]) -> bool {
         !(second_difference(keys).abs() <= BEND * self.tolerance_px)
     }
 
-    /// Returns the indices of the pixels that are mixed in the same way at all key instants, and the
-    /// pixels among the others whose parabolas alone may be off; marks the rest as different.
+    /// Returns two lists of mixed pixels that are alike at all key instants: the indices of pixels
+    /// whose parabolas are accurate, and the pixels whose parabolas may not be. Marks all other
+    /// mixed pixels as different.
     fn mixed(&self, differs: &mut [bool]) -> (Vec<[u32; 3]>, Vec<u32>) {
         let lists = self.keys.map(|key| key.mixed.as_slice());
         let mut next = [0; 3];
@@ -268,7 +271,7 @@ impl Comparison<'_> {
         }
     }
 
-    /// Returns whether the parabolas of a mixed pixel's samples may be off.
+    /// Returns whether the parabolas of a mixed pixel's samples may be inaccurate.
     fn mixed_bent(&self, keys: [&Mixed; 3]) -> bool {
         (0..16).any(|k| {
             let of = |map: fn(&Mixed) -> &[f32; 16]| keys.map(|key| map(key)[k]);
@@ -279,12 +282,12 @@ impl Comparison<'_> {
     }
 }
 
-/// Farthest that a sample of one surface moves between key instants, in projector pixels; it sees
-/// another surface where it moves farther.
+/// Maximum second difference of a sample's coordinates, in projector pixels; above it, the sample
+/// is taken to see different surfaces at the key instants.
 const ONE_SURFACE_PX: f32 = 8.0;
 
 /// Returns whether each sample of a mixed pixel sees the same surface in the same light at all key
-/// instants, as far as its coordinates show it.
+/// instants, judged by its coordinates, light and tissue.
 fn seen_alike(keys: [&Mixed; 3], axes: [bool; 2]) -> bool {
     let tissue = |key: &Mixed| key.skin.as_ref().map(|skin| skin.tissue);
     let differs = |k: usize| {
@@ -304,12 +307,12 @@ fn second_difference([a, b, c]: [f32; 3]) -> f32 {
     (a - b) + (c - b)
 }
 
-/// Returns whether the parabola of an amount of light may be off.
+/// Returns whether the parabola of an amount of light may be inaccurate.
 fn bent_light(keys: [f32; 3]) -> bool {
     second_difference(keys).abs() > LIGHT * keys[1]
 }
 
-/// Returns the pixels within a square of half the side `reach` around marked ones.
+/// Marks all pixels within `reach` columns and rows of a marked pixel.
 fn widened(marked: &[bool], width: usize, reach: usize) -> Vec<bool> {
     let height = marked.len() / width;
     let mut wide = vec![false; marked.len()];

@@ -13,12 +13,12 @@ use phasmid_core::simd::widest;
 /// Pixels compared at once.
 const LANES: usize = 8;
 
-/// A point that a ray hits, to decide whether another one belongs to the same smooth surface in the
-/// same light.
+/// A surface point that a ray hits, for the test whether it and another point belong to the same
+/// smooth surface in the same light.
 #[derive(Clone, Copy)]
 pub(super) struct Place {
     surface: u32,
-    /// Equal for triangles of one mesh, and different for all other surfaces.
+    /// Number of the mesh; different for all surfaces that are not triangles.
     mesh: u32,
     lit: u32,
     /// Bit mask of the lamps that light the point.
@@ -60,9 +60,9 @@ impl Place {
         }
     }
 
-    /// Returns whether an edge of the surface or of its light lies between this point and another. On one
-    /// mesh, that is a crease, or a point off the tangent plane by more than a pixel's size on the
-    /// surface; `pixel_slope` is the width of a pixel at unit depth.
+    /// Returns whether an edge of the surface or of its light lies between this point and another.
+    /// Two points on one mesh are separated by a crease, or by a distance from the tangent plane of
+    /// more than a pixel's size on the surface. `pixel_slope` is the width of a pixel at unit depth.
     #[inline(always)]
     pub(super) fn is_apart(&self, other: &Self, pixel_slope: f32) -> bool {
         let facing = self.normal.dot(other.direction);

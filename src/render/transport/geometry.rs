@@ -14,8 +14,8 @@ use glam::DVec3;
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
-/// Fills the buffer: first every pixel's centre, then the samples of pixels not represented by
-/// their centre, then what follows from both.
+/// Fills the buffer: first for each pixel's centre, then the samples of pixels that their centre
+/// does not represent, then the maps computed from both.
 pub(crate) fn run(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     let occluders = input.find_occluders();
     let input = &input.with(occluders.as_ref());
@@ -36,7 +36,7 @@ pub(crate) fn run(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     complete(input, buffer);
 }
 
-/// Fills the buffer as at a key instant: pixels' centres and the samples of mixed pixels.
+/// Fills the buffer for a key instant: pixel centres and the samples of mixed pixels only.
 pub(crate) fn key(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     let occluders = input.find_occluders();
     let input = &input.with(occluders.as_ref());
@@ -107,7 +107,7 @@ pub(super) fn some_centers(input: &Input<'_>, pixels: &[u32], buffer: &mut Geome
     }
 }
 
-/// Adds what follows from the pixels' centres and the samples of mixed pixels: flags, skin, indirect
+/// Fills the maps that are computed from pixel centres and mixed samples: flags, skin, indirect
 /// light and blur.
 pub(super) fn complete(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     let Input {

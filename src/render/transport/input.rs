@@ -15,7 +15,7 @@ pub(crate) struct Input<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) options: Options,
     pub(crate) aperture: Aperture,
-    /// Possible occluders of points that the rig's origin sees; `None` before the search.
+    /// Possible occluders of points seen from the rig's origin; `None` before the search for them.
     pub(crate) occluders: Option<&'a Occluders>,
 }
 
@@ -31,7 +31,7 @@ impl<'a> Input<'a> {
         Input { occluders, ..*self }
     }
 
-    /// Searches possible occluders, if all rows see the scene at one instant.
+    /// Searches for possible occluders, if all rows see the scene at one instant.
     pub(super) fn find_occluders(&self) -> Option<Occluders> {
         let (world, lens) = (self.worlds.any(), &self.optics.camera.lens);
         let pixels = lens.width_px as usize * lens.height_px as usize;

@@ -29,7 +29,7 @@ pub(super) fn run(input: &Input<'_>, view: &GeometryBuffer, uneven: &[bool]) -> 
     )
 }
 
-/// Finds and samples the mixed ones among some pixels, in ascending order.
+/// Finds and samples the mixed pixels among a list of pixels in ascending order.
 pub(super) fn some(input: &Input<'_>, view: &GeometryBuffer, pixels: &[u32]) -> Vec<Mixed> {
     let before = |pixel: usize| pixels.partition_point(|&p| (p as usize) < pixel);
     let has_any = |row: usize| before(row * view.width) < before((row + 1) * view.width);
@@ -38,8 +38,8 @@ pub(super) fn some(input: &Input<'_>, view: &GeometryBuffer, pixels: &[u32]) -> 
     })
 }
 
-/// Samples the candidates in some rows: pixels that are chosen by their index and whether their
-/// centre is apart from a neighbour's.
+/// Samples the candidates in some rows. A function selects them by pixel index and by whether an
+/// edge lies between the pixel's centre and a neighbour's.
 fn in_rows(
     input: &Input<'_>,
     view: &GeometryBuffer,

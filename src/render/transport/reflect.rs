@@ -43,7 +43,7 @@ struct Local<'a> {
     view: DVec3,
     albedo: f64,
     specular: Option<&'a Ggx>,
-    /// Whether it has been lit as white so far.
+    /// Whether the light computed so far assumes a white surface.
     is_white: bool,
     /// Relative correction of the projector's light for its gradient within the pixel.
     slant: f64,

@@ -13,24 +13,24 @@ const LEGEND: f64 = 250.0;
 /// How a series is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SeriesStyle {
-    /// A line through its points.
+    /// A line through the points.
     Line,
     /// A dashed line: bounds and published figures.
     Dashed,
-    /// Its points.
+    /// Points without a line.
     Dots,
-    /// Both its points and a line through them.
+    /// Points and a line through them.
     Both,
-    /// Its points as red rings: results that are left out.
+    /// Points as red rings: results that are left out.
     Rings,
 }
 
 /// One series.
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// Its name in the legend.
+    /// Name in the legend.
     pub name: String,
-    /// How it is drawn.
+    /// Style in which the series is drawn.
     pub style: SeriesStyle,
     /// Values along x and y; values that are not finite are omitted.
     pub points: Vec<DVec2>,
@@ -40,7 +40,7 @@ pub struct Series {
     pub labelled: bool,
     /// Error bars: x, low, high.
     pub spans: Vec<[f64; 3]>,
-    /// Whether it has the colour of the series before it, as for truth and measurement of one
+    /// Whether the series has the colour of the previous one, as for truth and measurement of one
     /// quantity.
     pub paired: bool,
 }
@@ -63,7 +63,7 @@ impl Series {
         }
     }
 
-    /// Draws it in the colour of the series before it.
+    /// Gives the series the colour of the previous one.
     #[must_use]
     pub fn paired(mut self) -> Self {
         self.paired = true;

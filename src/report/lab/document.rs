@@ -49,9 +49,9 @@ pub struct Table {
     pub header: Vec<String>,
     /// Rows, each with one cell per column.
     pub rows: Vec<Vec<String>>,
-    /// Whether it contains measured times, which differ between runs.
+    /// Whether the table contains measured times, which differ between runs.
     pub timed: bool,
-    /// Whether another table summarises this one, which is then written to the files but not to the
+    /// Whether another table summarises this one. Such a detail is written to the files but not to the
     /// terminal.
     pub detail: bool,
 }
@@ -77,12 +77,12 @@ pub struct Image {
 }
 
 impl Document {
-    /// Returns its blocks in order.
+    /// Returns all blocks in order.
     pub fn blocks(&self) -> impl Iterator<Item = &Block> {
         self.sections.iter().flat_map(|section| &section.blocks)
     }
 
-    /// Returns its tables.
+    /// Returns all tables.
     pub fn tables(&self) -> impl Iterator<Item = &Table> {
         self.blocks().filter_map(|block| match block {
             Block::Table(table) => Some(table),
@@ -90,7 +90,7 @@ impl Document {
         })
     }
 
-    /// Returns its checks.
+    /// Returns all checks.
     pub fn checks(&self) -> impl Iterator<Item = &Check> {
         self.sections.iter().flat_map(checks_of)
     }

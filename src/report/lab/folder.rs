@@ -62,7 +62,7 @@ impl Folder {
         }
         for entry in fs::read_dir(path).map_err(|e| Error::io(path, e))? {
             let entry = entry.map_err(|e| Error::io(path, e))?;
-            // Left by a study that was killed at its start.
+            // A study that was killed at its start left this file.
             if is_unfinished(&entry.file_name()) {
                 continue;
             }
@@ -197,7 +197,7 @@ impl Folder {
     pub fn place(&self, name: &str) -> Result<PathBuf> {
         let folder = self.files();
         match fs::create_dir(&folder) {
-            // Not a link to a folder.
+            // Accept an existing folder, but not a link to one.
             Err(_) if folder.symlink_metadata().is_ok_and(|it| it.is_dir()) => {}
             made => made.map_err(|e| Error::io(&folder, e))?,
         }
@@ -220,7 +220,7 @@ impl Folder {
         }
         for entry in fs::read_dir(&from).map_err(|e| Error::io(&from, e))? {
             let entry = entry.map_err(|e| Error::io(&from, e))?;
-            // A folder belongs to a trial that has not ended.
+            // A folder belongs to a trial in progress.
             if !entry.file_type().is_ok_and(|kind| kind.is_file()) {
                 continue;
             }
@@ -272,8 +272,8 @@ impl About {
         }
     }
 
-    /// Whether rows of both may be in one file. Programs with equal checksums are the same, even if their
-    /// commits differ: a copy, or another user, may not know the commit.
+    /// Whether the rows of both runs may be in one file. Programs with equal checksums are the same,
+    /// even if their commits differ: a copy, or another user, may not know the commit.
     fn is_of(&self, other: &Self) -> bool {
         let program = |about: &Self| {
             let sum = about.revision.rsplit_once("program ");

@@ -9,9 +9,9 @@ use phasmid_core::error::{Error, Result};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-/// Takes over the rows and files of shards to the folder of the whole study, in which
-/// [`run`](super::run()) then runs what is missing and makes the document. The folders of the shards are not
-/// changed. Returns the number of trials whose rows are there, and the number of all trials.
+/// Copies the rows and files of shards to the folder of the whole study, where [`run`](super::run())
+/// then runs the missing trials and makes the document. The folders of the shards are not changed.
+/// Returns the number of trials whose rows are present, and the number of all trials.
 ///
 /// # Errors
 /// Returns an error if a folder belongs to another study, other settings or another program, or has no

@@ -43,9 +43,9 @@ impl Table {
 }
 
 impl Document {
-    /// Returns the question, the verdict with all checks, and the tables in Markdown. Without `times`, it has no
-    /// measured times, so that a second run gives the same text: instead of the verdict, the checks and their
-    /// limits follow the tables.
+    /// Returns the question, the verdict with all checks, and the tables in Markdown. Without `times`,
+    /// the text has no measured times, so that a second run gives the same text: instead of the verdict,
+    /// the checks and their limits follow the tables.
     pub fn markdown(&self, times: bool) -> String {
         let mut out = format!("# {}\n", self.title);
         if times {

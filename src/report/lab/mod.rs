@@ -48,18 +48,18 @@ use phasmid_core::error::Result;
 
 /// One study.
 pub trait Study: Sync {
-    /// Returns its name on the command line and in `study.json`.
+    /// Returns the study's name on the command line and in `study.json`.
     fn name(&self) -> &'static str;
 
-    /// Describes it in one sentence: what is asked.
+    /// Returns the study's question in one sentence.
     fn about(&self) -> &'static str;
 
-    /// Returns the heading of its document, by default its name.
+    /// Returns the heading of the document, by default the study's name.
     fn title(&self) -> &'static str {
         self.name()
     }
 
-    /// Returns the columns of its rows, except the columns common to all studies ([`Row::COMMON`]).
+    /// Returns the columns of the study's rows, except those common to all studies ([`Row::COMMON`]).
     fn columns(&self) -> &'static [&'static str];
 
     /// Returns the parts that can run alone: the keys of their trials begin with the part's name and

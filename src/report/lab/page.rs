@@ -6,8 +6,9 @@ use super::markdown::checks_table;
 use crate::plot::{PAGE_STYLE, STYLE, escaped};
 use phasmid_core::error::{Error, Result};
 
-/// Returns a page of one study, or of several with a table of contents. Each part has the folder with
-/// its images, and a line that says how it was made. It begins with the question and the verdict.
+/// Returns a page of one study, or of several with a table of contents. Each part consists of a
+/// document, the folder with its images, and a line that says how it was made; it begins with the
+/// question and the verdict.
 ///
 /// # Errors
 /// Returns an error if an image cannot be read.
@@ -56,7 +57,7 @@ fn html(block: &Block, folder: &Folder) -> Result<String> {
         Block::Words(words) => format!("<p>{}</p>\n", escaped(words)),
         Block::Table(table) if table.rows.is_empty() => String::new(),
         Block::Table(table) => of_table(table),
-        // At the top of the document.
+        // The checks are already at the top of the document.
         Block::Checks(_) => String::new(),
         Block::Figure(figure) => {
             let element = figure.sheet.clone().into_element(&figure.caption);

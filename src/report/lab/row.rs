@@ -55,7 +55,7 @@ impl Row {
         found.map_or("", |(_, value)| value)
     }
 
-    /// Returns the names of its values.
+    /// Returns the names of all values.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.values.iter().map(|(name, _)| name.as_str())
     }

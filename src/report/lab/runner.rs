@@ -240,7 +240,8 @@ impl Runner<'_> {
         };
         let (rows, seconds) = context.timed(|| (trial.work)(&context));
         if self.stop.times() != asked {
-            // Calls to which the trial has passed the request on may have returned invalid results.
+            // Drop the rows: calls to which the trial has passed the request may have returned invalid
+            // results.
             return Err(Error::Interrupted);
         }
         let rows = rows.map_err(|e| Error::device(format!("trial {}: {e}", trial.key)))?;

@@ -10,7 +10,7 @@ const MOST: usize = 10_000;
 /// One of several equal parts of a study's trials; by default all of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// Counts from 0.
+    /// Index of the part, from 0.
     index: usize,
     of: usize,
 }
@@ -41,7 +41,7 @@ impl FromStr for Shard {
 }
 
 impl Shard {
-    /// Whether it has the trial with this index in the study's list.
+    /// Whether the shard contains the trial with this index in the study's list.
     pub(super) fn has(self, trial: usize) -> bool {
         trial % self.of == self.index
     }

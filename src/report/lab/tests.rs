@@ -95,7 +95,7 @@ fn interrupted_study_resumes() {
     let error = go(Some(7), &path, 1, 5).unwrap_err().to_string();
     assert!(error.contains("trial x=7: no square"), "{error}");
     assert_eq!(RUNS.swap(0, Ordering::Relaxed), 7);
-    // Killed in the middle of a trial's rows, and in the middle of a line.
+    // Simulate a run that was killed in the middle of a trial's rows, and one in the middle of a line.
     let rows = path.join("rows.csv");
     let text = std::fs::read_to_string(&rows).unwrap();
     assert_eq!(text.lines().count(), 15);
@@ -270,7 +270,7 @@ fn joined_shards_equal_a_single_run() {
     }
 }
 
-/// A study of six trials. The third one asks the study to end, if it is to be ended.
+/// A study of six trials. If `ends` is set, the third one asks the study to end.
 struct Ends {
     ends: bool,
 }
@@ -297,7 +297,7 @@ impl Study for Ends {
         let one = |i: usize| {
             Trial::new(format!("x={i}"), settings.seed, move |context| {
                 if ends && i == 2 {
-                    // As from another thread, also if it is taken back at once.
+                    // As another thread would ask; the request counts even if it is taken back at once.
                     context.stop.ask();
                     context.stop.reset();
                 }

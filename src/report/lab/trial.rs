@@ -14,7 +14,7 @@ type Work = Box<dyn Fn(&Context<'_>) -> Result<Vec<Row>> + Send + Sync>;
 pub struct Trial {
     /// Unique key among the trials of its study: letters, digits, `-`, `_`, `.`, `=` and `/`.
     pub key: String,
-    /// Seed of its noise, which is stored in its rows.
+    /// Seed of the trial's noise, which is stored in the trial's rows.
     pub seed: u64,
     /// Whether no other trial may run at the same time, because it measures times.
     pub alone: bool,
@@ -50,10 +50,10 @@ pub struct Context<'a> {
     pub settings: &'a Settings,
     /// The trial's seed.
     pub seed: u64,
-    /// Folder in which it may write files for the study's document.
+    /// Folder in which the trial may write files for the study's document.
     pub folder: &'a Folder,
-    /// Request to end the study. A trial may pass it on to calls that take a long time; the rows of a
-    /// trial during which it is asked are dropped.
+    /// Request to end the study. A trial may pass the request on to calls that take a long time. If the
+    /// study is asked to end during a trial, the trial's rows are dropped.
     pub stop: &'a Stop,
     pub(super) clock: &'a (dyn Fn() -> Duration + Sync),
 }

@@ -81,12 +81,12 @@ impl Axis {
         self
     }
 
-    /// Returns the smallest and the largest value on it.
+    /// Returns the smallest and the largest value on the axis.
     pub fn range(&self) -> (f64, f64) {
         (self.low, self.high)
     }
 
-    /// Returns its label, with the unit.
+    /// Returns the axis' label, with the unit.
     pub fn label(&self) -> &str {
         &self.label
     }
@@ -105,7 +105,7 @@ impl Axis {
         t.is_finite().then_some(t)
     }
 
-    /// Returns about `most` round numbers on it, with their labels.
+    /// Returns about `most` round numbers on the axis, with their labels.
     pub fn ticks(&self, most: usize) -> Vec<(f64, String)> {
         match self.scale {
             Scale::Linear => ticks::linear(self.low, self.high, most),

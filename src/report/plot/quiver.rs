@@ -7,7 +7,7 @@ use glam::DVec2;
 /// An arrow, in the units of the axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arrow {
-    /// Its start.
+    /// Start of the arrow.
     pub at: DVec2,
     /// Vector from start to head, before enlargement.
     pub by: DVec2,
@@ -21,9 +21,9 @@ const LENGTHS: [f64; 2] = [9.0, 30.0];
 const SAMPLE: f64 = 25.0;
 
 /// Draws arrows in a panel whose axes have equal scales. All are enlarged by one factor, chosen so that
-/// they are visible, which a reference arrow of round length above the panel's right end shows. Of more
-/// than 12,000 arrows, only every n-th is drawn. Returns the factor, in units of the sheet per unit of
-/// `by`; `None` if no arrow lies in the panel and has a length.
+/// they are visible; a reference arrow of round length above the panel's right end shows this factor.
+/// If there are more than 12,000 arrows, only every n-th is drawn. Returns the factor, in units of the
+/// sheet per unit of `by`; `None` if no arrow lies in the panel and has a length.
 pub fn quiver(
     sheet: &mut Sheet,
     panel: &Panel,

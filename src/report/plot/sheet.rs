@@ -4,14 +4,14 @@ use super::text::{coordinate, escaped};
 use glam::DVec2;
 use std::fmt::Write;
 
-/// The part of a text that is at its position.
+/// The part of a text that lies at the given position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
-    /// Its start.
+    /// Start of the text.
     Start,
-    /// Its middle.
+    /// Middle of the text.
     Middle,
-    /// Its end.
+    /// End of the text.
     End,
 }
 

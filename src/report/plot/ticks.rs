@@ -45,8 +45,8 @@ pub(crate) fn linear(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// Returns ticks at powers of ten within [low, high]; over few decades also at 2 and 5 times those, and if
-/// there are fewer than three, at multiples of a round step instead.
+/// Returns ticks at powers of ten within [low, high]. Over few decades they are also at 2 and 5 times
+/// these powers; if there are fewer than three, they are at multiples of a round step instead.
 pub(super) fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let span = last - first;

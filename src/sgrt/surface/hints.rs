@@ -1,6 +1,6 @@
 //! A grid of start triangles for the search.
 //!
-//! Cells that contain triangle centres store the closest of these triangles. The others take theirs
+//! Cells that contain triangle centres store the closest of these triangles. Other cells take theirs
 //! from neighbours by sweeps over the grid in all eight diagonal directions (H. Zhao, "A fast
 //! sweeping method for Eikonal equations", 2005; P. Danielsson, "Euclidean distance mapping", 1980).
 //! Finally each cell walks from its triangle to the one closest to its own centre.

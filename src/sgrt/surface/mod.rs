@@ -1,12 +1,12 @@
 //! The reference surface of tracking: closest points with smooth normals, a region of interest, and
 //! the mesh's own accuracy.
 //!
-//! A scan is compared with it many times, each time after a small motion, so the search for a closest
-//! point starts at the previous triangle and walks across edges and corners as long as the distance
-//! decreases. It ends at the closest point of the neighbourhood. The first search starts from a grid
-//! of triangles. A hierarchy of boxes (see [`MeshTree`](phasmid_geometry::MeshTree)) guarantees the
-//! global closest point but takes about ten times as long; where a walk misses it, the missed point
-//! is about as far away on the other side of a fold, and both feet are equally plausible.
+//! A scan is compared with the surface many times, each time after a small motion, so the search for a
+//! closest point starts at the previous triangle and walks across edges and corners as long as the
+//! distance decreases. It ends at the closest point of the neighbourhood. The first search starts from
+//! a grid of triangles. A hierarchy of boxes (see [`MeshTree`](phasmid_geometry::MeshTree)) guarantees
+//! the global closest point but takes about ten times as long; where a walk misses that point, it is
+//! about as far away on the other side of a fold, and both feet are equally plausible.
 //!
 //! A foot (the closest point) lies exactly on its triangle. Normals are interpolated, so they do not
 //! jump at edges; the residual of a point on a triangle is still zero along a smooth normal.

@@ -1,4 +1,4 @@
-//! What the rigid tracker says of a scan, against the displacement that the couch has made.
+//! The rigid tracker's result for a scan, compared with the couch's true displacement.
 
 use glam::DVec3;
 use phasmid_report::lab::{Row, Rows};
@@ -7,7 +7,7 @@ use phasmid_sgrt::{
     track_rigid,
 };
 
-/// Columns of the six errors, measured less true, in the order of [`six::NAMES`].
+/// Columns of the six errors, measured minus true, in the order of [`six::NAMES`].
 pub(super) const ERRORS: [&str; 6] = [
     "error_lat_mm",
     "error_lng_mm",
@@ -16,7 +16,7 @@ pub(super) const ERRORS: [&str; 6] = [
     "error_roll_deg",
     "error_yaw_deg",
 ];
-/// Columns of the deviations that the tracker predicts of them.
+/// Columns of the standard deviations that the tracker predicts for these errors.
 pub(super) const DEVIATIONS: [&str; 6] = [
     "sd_lat_mm",
     "sd_lng_mm",
@@ -26,7 +26,7 @@ pub(super) const DEVIATIONS: [&str; 6] = [
     "sd_yaw_deg",
 ];
 
-/// Tracks from the planned place, as after set-up.
+/// Tracks a scan from the planned pose, as after set-up.
 pub(super) fn track(measured: &Measured, reference: &Reference) -> Result<RigidFit, Lost> {
     track_rigid(
         measured,
@@ -36,13 +36,14 @@ pub(super) fn track(measured: &Measured, reference: &Reference) -> Result<RigidF
     )
 }
 
-/// The six numbers as seen from an answer to an earlier scan: what a reference surface that the scanner
-/// has captured itself would give.
+/// Returns a pose relative to that of an earlier scan, as if the scanner itself had captured the
+/// reference surface in that scan.
 pub(super) fn since(fit: &RigidFit, first: &RigidFit) -> SixDof {
     SixDof::of(&(fit.room_from_reference * first.room_from_reference.inverse()))
 }
 
-/// A row with what was said. Errors are of the `found` displacement; without one the scan is lost.
+/// Adds a tracker's result to a row. Errors are those of `found`, or of the fitted pose if `found` is
+/// `None`. If tracking failed, the row has only a warning.
 pub(super) fn answered(
     row: Row,
     found: Option<SixDof>,
@@ -69,8 +70,8 @@ pub(super) fn answered(
         .text("warnings", &words.join("; "))
 }
 
-/// Names of the motions that an answer says are not determined, in the order of [`six::NAMES`] where
-/// they go along one of the room's axes.
+/// Returns the names of the undetermined motions of a result: those of [`six::NAMES`] for motions along
+/// or about an axis of the room.
 fn undetermined(fit: &RigidFit) -> Vec<String> {
     let all = fit.warnings.iter().filter_map(|warning| match warning {
         Warning::Undetermined { free, .. } => Some(free),
@@ -85,25 +86,25 @@ fn name(free: &Freedom) -> String {
         Freedom::Turn { about, .. } => (3, *about),
     };
     let k = axis.abs().max_position();
-    // Within 18 degrees of an axis of the room.
+    // The motion is within 18 degrees of an axis of the room.
     match axis[k].abs() > 0.95 {
         true => six::NAMES[first + k].to_owned(),
         false => free.to_string(),
     }
 }
 
-/// The error of a row's place, in millimetres: NaN without an answer.
+/// Returns the position error of a row in millimetres; NaN if tracking failed.
 pub(super) fn shift_mm(row: &Row) -> f64 {
     let [x, y, z] = [0, 1, 2].map(|k| row.value(ERRORS[k]));
     DVec3::new(x, y, z).length()
 }
 
-/// The largest error of a row's angles, in degrees: NaN without an answer.
+/// Returns the largest angle error of a row in degrees; NaN if tracking failed.
 pub(super) fn turn_deg(row: &Row) -> f64 {
     worst([3, 4, 5].map(|k| row.value(ERRORS[k]).abs()))
 }
 
-/// The largest of some figures: NaN where one is none, or of none at all.
+/// Returns the largest value; NaN if any value is NaN or there is no value.
 pub(super) fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values = values.into_iter();
     let first = values.next().unwrap_or(f64::NAN);
@@ -116,7 +117,7 @@ pub(super) fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
     })
 }
 
-/// Root of the mean square; NaN of nothing.
+/// Returns the root mean square; NaN without values.
 pub(super) fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for value in values {
@@ -126,7 +127,7 @@ pub(super) fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
     f64::sqrt(sum / count)
 }
 
-/// Rows of one of the study's parts, by the beginning of their trials' names.
+/// Returns the rows of one part of the study, selected by the start of their trials' names.
 pub(super) fn part<'a>(rows: &'a Rows, name: &'a str) -> impl Iterator<Item = &'a Row> + Clone {
     rows.all.iter().filter(move |row| {
         let trial = row.get("trial").strip_prefix(name);
@@ -134,7 +135,7 @@ pub(super) fn part<'a>(rows: &'a Rows, name: &'a str) -> impl Iterator<Item = &'
     })
 }
 
-/// How many rows have no answer, or one with a warning.
+/// Counts the rows for which tracking failed or gave a warning.
 pub(super) fn doubted<'a>(rows: impl Iterator<Item = &'a Row>) -> usize {
     rows.filter(|row| !row.get("warnings").is_empty()).count()
 }

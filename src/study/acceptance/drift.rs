@@ -1,4 +1,4 @@
-//! An hour before a still patient: the light fades, the pods warm, the sensors are noisy.
+//! An hour of scans of a still patient: the light fades, the pods warm, the sensors are noisy.
 
 use super::answer::{DEVIATIONS, ERRORS, answered, part, rms, shift_mm, track, worst};
 use super::effort::Effort;
@@ -13,24 +13,25 @@ use phasmid_report::lab::{
 };
 use phasmid_sgrt::{POINTS, Region, SixDof, six};
 
-/// The words above the tables.
+/// Text above the tables.
 const WORDS: &str = "Fading light dims the fringes and moves no phase. What moves a \
     scanner in clinics is heat: as an example the beam between camera and projector of each pod, of \
     aluminium, grows by 5 K, to which the calibration is blind. Both are examples of ours, as is how fast \
     they go.";
 
-/// A pixel whose scans spread by more, in millimetres, is a gross error.
+/// Spread of a pixel's repeated scans, in millimetres, above which the pixel is a gross error.
 const GROSS_MM: f64 = phasmid_measure::GROSS_MM;
-/// A light-emitting diode of a projector: junction, board and heat sink cost a quarter of its light
-/// (ours; data sheets of high-power green ones have 10 to 30 % at a junction of 85 degrees).
+/// A projector's LED: junction, board and heat sink together cost a quarter of its light. The values
+/// are assumptions; data sheets of high-power green LEDs state 10 to 30 % at a junction temperature of
+/// 85 degrees.
 const RISE_US: f64 = 5.0;
 const DROOPS: [(f64, f64); 3] = [(0.3, 0.05), (60.0, 0.08), (900.0, 0.12)];
-/// By how much a pod warms in the end and how fast (ours: electronics in a closed case), and by what
-/// its beam of aluminium grows for each kelvin.
+/// Final temperature rise of a pod and its time constant (assumptions for electronics in a closed
+/// case), then the expansion of its aluminium beam per kelvin.
 const WARMER_K: f64 = 5.0;
 const WARMING_S: f64 = 900.0;
 const GROWTH_PER_K: f64 = 23e-6;
-/// Cases, and what they are called.
+/// Cases and their labels.
 const CASES: [(&str, &str); 2] = [("light", "light fades"), ("heat", "and the beams grow")];
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
@@ -45,7 +46,7 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     ]
 }
 
-/// The pods' profile with a source that fades.
+/// Gives the pods' profile a fading light source.
 fn fading(profile: &mut Profile, effort: Effort) {
     effort.adapt(profile);
     let droop = DROOPS.map(|(time_constant_s, fraction)| Droop {
@@ -58,7 +59,7 @@ fn fading(profile: &mut Profile, effort: Effort) {
     });
 }
 
-/// By how much the beam between camera and projector is longer at a time, as a share.
+/// Returns the relative elongation of the beam between camera and projector at a time.
 fn growth(time_s: f64) -> f64 {
     GROWTH_PER_K * WARMER_K * (1.0 - (-time_s / WARMING_S).exp())
 }
@@ -70,7 +71,7 @@ fn row(case: &str, time_s: f64) -> Row {
         .number("time_s", time_s)
 }
 
-/// Scans over the hour, and at its end some one after the other.
+/// Scans several times during the hour, then repeatedly at its end.
 fn faded(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     let subject = Subject::new(Body::Patient(None))?;
     let reference = subject.reference()?;
@@ -99,8 +100,8 @@ fn faded(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// The same with pods whose beams have grown since they were calibrated. Each time has pods of its own,
-/// for it is another rig.
+/// Like [`faded`], with pods whose beams have grown since their calibration. Each time needs its own
+/// pods, because the rig differs.
 fn warmed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     let subject = Subject::new(Body::Patient(None))?;
     let reference = subject.reference()?;
@@ -128,7 +129,7 @@ fn warmed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// Mean modulation of the fringes at the pixels that have a point, in grey levels.
+/// Returns the mean modulation of the fringes, in grey levels, over the pixels that have a point.
 fn modulation(scan: &[Decoded]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for decoded in scan {
@@ -141,7 +142,7 @@ fn modulation(scan: &[Decoded]) -> f64 {
     sum / count
 }
 
-/// Depths of repeated scans, pixel by pixel of each pod.
+/// Depths of repeated scans, for each pixel of each pod.
 #[derive(Default)]
 struct Noise {
     scans: u32,
@@ -150,13 +151,13 @@ struct Noise {
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Pixel {
-    /// Scans that have a depth here, of a point of the region.
+    /// Number of scans in which the pixel has a depth and its point lies in the region.
     count: u32,
-    /// The first depth, from which the others are counted lest digits are lost.
+    /// The first depth, which is subtracted from the others to keep their precision.
     first: f64,
     sum: f64,
     squares: f64,
-    /// Sum of the variances that the decoder predicts.
+    /// Sum of the variances predicted by the decoder.
     predicted: f64,
 }
 
@@ -181,7 +182,7 @@ impl Noise {
         self.scans += 1;
     }
 
-    /// Pooled over the pixels that have a point in all scans.
+    /// Adds the noise, pooled over the pixels that have a point in all scans, to a row.
     fn row(&self, row: Row) -> Row {
         let all = self.pixels.iter().flatten();
         let whole: Vec<&Pixel> = all.filter(|pixel| pixel.count == self.scans).collect();
@@ -210,7 +211,7 @@ impl Pixel {
         self.predicted += sigma * sigma;
     }
 
-    /// Unbiased variance of its depths.
+    /// Returns the unbiased variance of the pixel's depths.
     fn variance(&self) -> f64 {
         let n = f64::from(self.count);
         (self.squares - self.sum * self.sum / n).max(0.0) / (n - 1.0)
@@ -222,21 +223,22 @@ fn of<'a>(rows: &'a Rows, case: &'a str) -> Vec<&'a Row> {
     all.filter(|row| row.get("case") == case).collect()
 }
 
-/// How far the answer has gone since the first scan, in millimetres and degrees (largest angle).
+/// Returns the change of the tracked pose since the first scan, in millimetres and degrees (largest
+/// angle).
 fn gone(row: &Row, first: &Row) -> [f64; 2] {
     let off: [f64; 6] = std::array::from_fn(|k| row.value(ERRORS[k]) - first.value(ERRORS[k]));
     let place = rms(off[..3].iter().copied()) * 3f64.sqrt();
     [place, worst(off[3..].iter().map(|angle| angle.abs()))]
 }
 
-/// The largest drift of a case over the hour, in millimetres and degrees: NaN without rows.
+/// Returns the largest drift of a case over the hour, in millimetres and degrees; NaN without rows.
 pub(super) fn largest(rows: &Rows, case: &str) -> [f64; 2] {
     let all = of(rows, case);
     [0, 1].map(|k| worst(all.iter().map(|row| gone(row, all[0])[k])))
 }
 
-/// RMS noise in millimetres: of the tracked place of repeated scans (length of the vector), of their
-/// pixels, and of the pixels as predicted.
+/// Returns the RMS noise in millimetres: of the tracked position over repeated scans (length of the
+/// vector), of the pixels' depths, and of these depths as predicted.
 pub(super) fn noise(rows: &Rows) -> [f64; 3] {
     let repeats = of(rows, "repeat");
     let of_place = (0..3).map(|k| spread(&repeats, k));
@@ -246,7 +248,7 @@ pub(super) fn noise(rows: &Rows) -> [f64; 3] {
     [place, of_pixels("noise_mm"), of_pixels("predicted_mm")]
 }
 
-/// Standard deviation of one of the six numbers over some scans.
+/// Returns the standard deviation of one of the six numbers over some scans.
 fn spread(rows: &[&Row], k: usize) -> f64 {
     if rows.len() < 2 {
         return f64::NAN;
@@ -294,7 +296,7 @@ fn hour(rows: &Rows) -> Table {
     table
 }
 
-/// The last scans one after the other.
+/// Tabulates the repeated scans at the end of the hour.
 fn still(rows: &Rows) -> Table {
     let repeats = of(rows, "repeat");
     let mut table = Table::new(
@@ -379,7 +381,7 @@ mod tests {
     #[test]
     fn beams_grow_towards_their_end() {
         assert_eq!(growth(0.0), 0.0);
-        // Of 550 mm by 5 K: 63 um.
+        // A beam of 550 mm grows by 63 um at 5 K.
         assert!((growth(1e9) * 550.0 - 0.06325).abs() < 1e-9);
     }
 }

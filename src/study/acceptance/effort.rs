@@ -1,37 +1,37 @@
-//! How much the study scans, in its quick form and in its whole one.
+//! The number of scans of the study, in its quick and its complete form.
 
 use crate::clinic::binned;
 use phasmid_profile::Profile;
 use phasmid_report::lab::Settings;
 
-/// What is scanned.
+/// Numbers of scans and parameters of all parts.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Effort {
-    /// Columns and rows of the pods' cameras, which see the same as the profile's.
+    /// Columns and rows of the pods' cameras; the field of view is that of the profile.
     pub(super) size_px: [u32; 2],
-    /// Shifts in millimetres and turns in degrees, each along and about each axis; either way, or this
-    /// way along one axis and that way along the next.
+    /// Whether shifts (mm) and turns (degrees) along and about each axis are made in both directions,
+    /// or in alternating directions from axis to axis.
     pub(super) both_ways: bool,
     pub(super) shifts_mm: &'static [f64],
     pub(super) turns_deg: &'static [f64],
-    /// Poses of a board that each pod is calibrated by.
+    /// Number of board poses in the calibration of each pod.
     pub(super) board_poses: usize,
-    /// Device times in seconds of scans while the light fades, and of pods that have warmed.
+    /// Device times in seconds: of scans while the light fades, then of scans with warmed pods.
     pub(super) hour_s: &'static [f64],
     pub(super) heat_s: &'static [f64],
-    /// Scans one after the other at the end of the hour, a second apart.
+    /// Number of scans at the end of the hour, one second apart.
     pub(super) repeats: usize,
     /// Gantry angles in degrees.
     pub(super) gantry_deg: &'static [f64],
-    /// By how much the radii of regions exceed the distance of the nearest skin, in millimetres, and
-    /// poses that all of them are tracked at.
+    /// Radii of the regions minus the distance of the nearest skin, in millimetres; then the number of
+    /// poses in which each region is tracked.
     pub(super) beyond_mm: &'static [f64],
     pub(super) region_poses: usize,
     /// Classes of Fitzpatrick's scale.
     pub(super) tones: &'static [u8],
-    /// Shares of a scan at which the couch jumps.
+    /// Fractions of a scan at which the couch jumps.
     pub(super) jumps: &'static [f64],
-    /// Different scans that are timed, and how often one of them is.
+    /// Number of different scans that are timed, then the number of timed repetitions.
     pub(super) timed_scans: usize,
     pub(super) timed_rounds: usize,
 }
@@ -80,7 +80,7 @@ impl Effort {
         }
     }
 
-    /// Makes a pod's profile that of this effort.
+    /// Applies this effort to a pod's profile.
     pub(super) fn adapt(&self, profile: &mut Profile) {
         binned(profile, self.size_px);
     }

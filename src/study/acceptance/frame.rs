@@ -1,5 +1,5 @@
-//! The frame that the pods share: pods that are not built as drawn and do not stand where they were
-//! hung, calibrated by a board and located by another.
+//! The common frame of the pods: pods that deviate from their drawings and their planned places are
+//! calibrated with one board and located with another.
 
 use super::answer::{answered, doubted, part, rms, shift_mm, track, turn_deg, worst};
 use super::effort::Effort;
@@ -16,31 +16,32 @@ use phasmid_profile::{Profile, RigPlace, Scene, Shape};
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{POINTS, Reference, Region, SixDof};
 
-/// The words above the tables.
+/// Text above the tables.
 const WORDS: &str = "In all other sections pods are what their profile says and stand where \
     the station says. Here each is built with errors of its own (projector and focal length) and hangs a \
     millimetre or so from its place. A board in many poses calibrates each pod, as `phasmid calibrate` \
     does; a board at the isocentre, seen by all of them, tells where each stands, as `phasmid locate` does. \
     What is left is beside what it would be without either, and beside pods that are known exactly.";
 
-/// The room with the board by which pods are located.
+/// The room with the board that locates the pods.
 const BOARD_ROOM: &str = "treatment-room-board";
-/// What each pod is not as it was drawn (ours: what mechanics leaves): the projector's place in
-/// millimetres and its turn in degrees, and the camera's focal length as a factor.
+/// Deviation of each built pod from its drawing (assumed mechanical tolerances): position of the
+/// projector in millimetres, its rotation in degrees, and a factor on the camera's focal length.
 const BUILT: [([f64; 3], f64, f64); 3] = [
     ([0.8, -0.3, 0.4], 0.10, 1.002),
     ([-0.6, 0.5, -0.2], -0.08, 0.999),
     ([0.5, 0.2, -0.6], 0.06, 1.001),
 ];
-/// By what it is not where it was hung: millimetres and degrees (a ladder that was set against it).
+/// Deviation of each pod from its planned place, in millimetres and degrees, as if a ladder had knocked
+/// against it.
 const KNOCKED: [([f64; 3], [f64; 3]); 3] = [
     ([1.2, 0.9, 0.7], [0.06, 0.05, 0.05]),
     ([-0.4, 1.1, -0.8], [-0.04, 0.07, -0.03]),
     ([0.7, -1.0, 0.3], [0.05, -0.03, 0.06]),
 ];
-/// Points farther from the surface than this are not the torso's, in millimetres.
+/// Maximum distance in millimetres from the surface at which a point counts as part of the torso.
 const NEAR_MM: f64 = 5.0;
-/// By what a scan's points are put into the room, from the worst to the best.
+/// Poses and calibrations with which points are transformed into the room, from the worst to the best.
 const CASES: [&str; 4] = [
     "as drawn and hung",
     "as drawn, located by a board",
@@ -69,7 +70,7 @@ fn as_built(number: usize, profile: &mut Profile, place: &mut RigPlace) {
     }
 }
 
-/// By what a pod's frames become points in the room.
+/// The calibration and the pose with which a pod's frames are converted to points in the room.
 struct Belief {
     rig: Rig,
     room_from_rig: Pose,
@@ -100,7 +101,7 @@ fn framed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// A scan of pose `k`: the tracker's answer, and how far the points are from the torso, RMS.
+/// Scans pose `k`; returns the tracker's result and the RMS distance of the points from the torso.
 fn scanned(
     pods: &mut Pods,
     (reference, surface): (&Reference, &MeshTree),
@@ -130,7 +131,7 @@ fn scanned(
     Ok(answered(row, None, &fit, truth))
 }
 
-/// What each pod is taken for in each of the cases.
+/// Returns the assumed calibration and pose of each pod, for each case.
 fn beliefs(
     context: &Context<'_>,
     effort: Effort,
@@ -158,14 +159,14 @@ fn beliefs(
     Ok(all)
 }
 
-/// A pod with the sequence that boards are shown by.
+/// Returns a pod's profile with the sequence used for boards.
 fn for_boards(pod: &Pod) -> Profile {
     let mut profile = pod.profile().clone();
     profile.sequence = Vec::from_iter(profile.calibration_sequence().cloned());
     profile
 }
 
-/// A pod calibrated by a board in many poses, which are chosen for a rig as it was drawn.
+/// Calibrates a pod with a board in many poses, which are planned for the rig as drawn.
 fn calibrated(pod: &Pod, drawn: &Rig, count: usize, seed: u64) -> Result<Rig> {
     let profile = for_boards(pod);
     let board = Board::DOTS.scaled(profile.calibration.board_scale.unwrap_or(1.0));
@@ -205,7 +206,7 @@ fn calibrated(pod: &Pod, drawn: &Rig, count: usize, seed: u64) -> Result<Rig> {
         .rig)
 }
 
-/// Where a pod stands, by the board at the isocentre and a rig that it is taken for.
+/// Locates a pod with the board at the isocentre, given its assumed rig.
 fn at_isocentre(pod: &Pod, rig: &Rig, seed: u64) -> Result<Pose> {
     let mut scene = Scene::load(BOARD_ROOM)?;
     let (position, rotation) = pod.room_from_rig().to_xyz_deg();
@@ -281,7 +282,8 @@ fn checks(rows: &Rows) -> Vec<Check> {
     ]
 }
 
-/// The worst error of a place (mm) and of angles (degrees) by pods that boards have calibrated.
+/// Returns the worst errors of position (mm) and angles (degrees) with pods that were calibrated and
+/// located with boards.
 pub(super) fn worst_by_boards(rows: &Rows) -> [f64; 2] {
     let all = of(rows, CASES[2]);
     [worst(all.clone().map(shift_mm)), worst(all.map(turn_deg))]

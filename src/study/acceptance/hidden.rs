@@ -1,4 +1,4 @@
-//! Pods that do not see the patient: behind the linac's head, or left out.
+//! Pods that do not see the patient, because the linac's head hides them or they are left out.
 
 use super::answer::{ERRORS, answered, part, rms, shift_mm, track, turn_deg, worst};
 use super::effort::Effort;
@@ -9,20 +9,20 @@ use phasmid_core::error::Result;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{POINTS, Region, SixDof};
 
-/// The words above the tables.
+/// Text above the tables.
 const WORDS: &str = "The head of the linac rotates about the couch's axis; under the couch, \
     at 180 degrees, it hides nothing. The pod over the foot end is never hidden from the isocentre. At \
     some angles the head takes from a pod the far side of the chest only.";
 
-/// The gantry angle in degrees at which the head is under the couch, so that it hides nothing.
+/// Gantry angle in degrees at which the head is under the couch and hides nothing.
 const AWAY_DEG: f64 = 180.0;
-/// Names of the pods in the order of their turns, and of the columns of their points.
+/// Names of the pods, and the columns of their numbers of points, in the order in which the pods scan.
 const PODS: [(&str, &str); 3] = [
     ("left", "points_left"),
     ("right", "points_right"),
     ("foot", "points_foot"),
 ];
-/// A pod that has this share of its points, or less, is hidden.
+/// Maximum fraction of its points that a hidden pod has.
 const HIDDEN: f64 = 0.25;
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
@@ -36,7 +36,7 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     gantry.map(one).collect()
 }
 
-/// A scan with the head at an angle; where it is away, also with each pod left out.
+/// Scans with the head at an angle. At [`AWAY_DEG`], also evaluates the scan without each pod in turn.
 fn at(context: &Context<'_>, gantry_deg: f64, effort: Effort) -> Result<Vec<Row>> {
     let subject = Subject::under_head(Body::Patient(None), gantry_deg)?;
     let reference = subject.reference()?;
@@ -45,7 +45,7 @@ fn at(context: &Context<'_>, gantry_deg: f64, effort: Effort) -> Result<Vec<Row>
     })?;
     let scan = pods.scan(0, false)?;
     let [lo, hi] = Region::CHEST;
-    // The head is above the chest.
+    // Exclude the head, which is above the chest.
     let hi = hi.with_z(hi.x);
     let mut seen = Vec::new();
     for (pod, decoded) in pods.all.iter().zip(&scan) {
@@ -74,26 +74,26 @@ fn at(context: &Context<'_>, gantry_deg: f64, effort: Effort) -> Result<Vec<Row>
     Ok(rows.collect())
 }
 
-/// The row with all pods, and those with fewer.
+/// Returns the row with all pods visible, and the other rows.
 fn all(rows: &Rows) -> Option<(&Row, Vec<&Row>)> {
     let (whole, fewer): (Vec<&Row>, Vec<&Row>) = part(rows, "hidden")
         .partition(|row| row.get("case") == "head" && row.value("gantry_deg") == AWAY_DEG);
     Some((*whole.first()?, fewer))
 }
 
-/// By how much place (mm) and angles (largest, degrees) differ from those with all pods.
+/// Returns how much position (mm) and largest angle (degrees) differ from those with all pods.
 fn changed(row: &Row, whole: &Row) -> [f64; 2] {
     let off: [f64; 6] = std::array::from_fn(|k| row.value(ERRORS[k]) - whole.value(ERRORS[k]));
     let place = rms(off[..3].iter().copied()) * 3f64.sqrt();
     [place, worst(off[3..].iter().map(|angle| angle.abs()))]
 }
 
-/// Share of its points that a pod has left.
+/// Returns the fraction of its points that a pod still has.
 fn left(row: &Row, whole: &Row, pod: usize) -> f64 {
     row.value(PODS[pod].1) / whole.value(PODS[pod].1)
 }
 
-/// The largest change of the place where one pod is hidden or left out, in millimetres.
+/// Returns the largest change of the position, in millimetres, when a pod is hidden or left out.
 pub(super) fn largest_mm(rows: &Rows) -> f64 {
     let Some((whole, fewer)) = all(rows) else {
         return f64::NAN;
@@ -154,7 +154,8 @@ fn table(whole: &Row, fewer: &[&Row]) -> Table {
     table
 }
 
-/// Hidden pods are, and what is left is good enough or comes with a warning.
+/// Checks that the head hides the expected pods, and that results without them are accurate or have a
+/// warning.
 fn checks(whole: &Row, fewer: &[&Row]) -> Vec<Check> {
     let silent = fewer.iter().filter(|row| row.get("warnings").is_empty());
     let at = |degrees: f64, pod: usize| {

@@ -1,4 +1,4 @@
-//! Beam-hold: from a jump of the couch to the scan that tells of it, in device time.
+//! Beam hold: device time from a jump of the couch to the end of the scan that detects the jump.
 
 use super::answer::{part, track, worst};
 use super::effort::Effort;
@@ -11,18 +11,18 @@ use phasmid_sgrt::{
     Beam, Hold, HoldRules, POINTS, Quantity, Reading, RigidOptions, ScanWarning, Start, track_rigid,
 };
 
-/// The words above the tables.
+/// Text above the tables.
 const WORDS: &str = "The projectors take turns, so that a jump in the middle of a scan is \
     seen by the pods that come after it, and only the next scan has it whole. How soon the beam is held \
     depends on when in a scan the patient moves.";
 
-/// The jump upwards and the tolerance, in millimetres.
+/// Upward jump and tolerance, in millimetres.
 const JUMP_MM: f64 = 5.0;
 const TOLERANCE_MM: f64 = 2.0;
-/// Device time of the first scan, and scans before the one during which the couch jumps.
+/// Device time of the first scan in nanoseconds, then the number of scans before the one with the jump.
 const BEGIN_NS: u64 = 1_000_000_000;
 const BEFORE: u64 = 2;
-/// How long the jump takes in nanoseconds.
+/// Duration of the jump in nanoseconds.
 const QUICK_NS: u64 = 1_000_000;
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
@@ -35,13 +35,13 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     effort.jumps.iter().map(one).collect()
 }
 
-/// The couch jumps when a scan is over to a share; scans follow each other without a break until the
-/// beam is held.
+/// Scans without a break until the beam is held. The couch jumps when the fraction `share` of a scan is
+/// over.
 fn jumped(context: &Context<'_>, share: f64, effort: Effort) -> Result<Vec<Row>> {
     let subject = Subject::new(Body::Torso)?;
     let reference = subject.reference()?;
     let adapt = |profile: &mut _| effort.adapt(profile);
-    // All pods in turn, then the first one again.
+    // One period is a scan by all pods in turn.
     let period_ns: u64 = {
         let pods = Pods::new(&subject.scene, context.seed, &adapt)?;
         pods.all.iter().map(|pod| pod.turn_ns()).sum()
@@ -50,7 +50,7 @@ fn jumped(context: &Context<'_>, share: f64, effort: Effort) -> Result<Vec<Row>>
     let mut scene = subject.scene.clone();
     for object in &mut scene.object {
         if object.shape != (Shape::LinacHead {}) {
-            // Couch and torso lie on their backs: up is their -z.
+            // Up is -z in the frames of couch and torso.
             object.motion = Some(jump(jump_ns));
         }
     }
@@ -95,7 +95,7 @@ fn jumped(context: &Context<'_>, share: f64, effort: Effort) -> Result<Vec<Row>>
         let end_ns = begin_ns + pods.duration_ns();
         match hold.update(end_ns, &reading) {
             Beam::On => on = true,
-            // Held before it was ever on is no answer to the jump.
+            // A hold before the beam was ever on is not a response to the jump.
             Beam::Held(reason) if on && end_ns > jump_ns => {
                 row = row
                     .number("hold_ms", (end_ns - jump_ns) as f64 * 1e-6)
@@ -108,7 +108,8 @@ fn jumped(context: &Context<'_>, share: f64, effort: Effort) -> Result<Vec<Row>>
     Ok(vec![row])
 }
 
-/// Keyframes close before and after the jump, so that the spline stands still but for it.
+/// Places keyframes close before and after the jump, so that the spline is constant except during the
+/// jump.
 fn jump(jump_ns: u64) -> Motion {
     let key = |steps: i64, up_mm: f64| Keyframe {
         time_s: (jump_ns as i64 + steps * QUICK_NS as i64) as f64 * 1e-9,
@@ -128,8 +129,8 @@ fn jump(jump_ns: u64) -> Motion {
     }
 }
 
-/// The longest time from the jump to the end of the scan that holds the beam, in milliseconds: NaN
-/// where none did.
+/// Returns the longest time from the jump to the end of the scan that holds the beam, in milliseconds;
+/// NaN if the beam was never held.
 pub(super) fn longest_ms(rows: &Rows) -> f64 {
     worst(part(rows, "hold").map(|row| row.value("hold_ms")))
 }
@@ -159,7 +160,7 @@ pub(super) fn section(rows: &Rows) -> Section {
     let mut blocks = vec![Block::Words(WORDS.to_owned()), Block::Table(table)];
     let mut periods = part(rows, "hold").map(|row| row.value("period_ms"));
     if let Some(period_ms) = periods.next() {
-        // The next whole scan after the one in which it jumps sees all of it.
+        // The scan after the one with the jump sees the jump completely.
         blocks.push(Block::Checks(vec![Check::at_most(
             "device time from a jump to the beam-hold, in ms",
             longest_ms(rows),

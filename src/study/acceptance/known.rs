@@ -1,4 +1,4 @@
-//! Known shifts and turns of the couch, and what the tracker makes of them.
+//! Known shifts and turns of the couch, and the tracker's results for them.
 
 use super::answer::{
     DEVIATIONS, ERRORS, answered, doubted, part, rms, shift_mm, since, track, turn_deg, worst,
@@ -13,18 +13,19 @@ use phasmid_report::lab::{
 };
 use phasmid_sgrt::{POINTS, SixDof, six};
 
-/// The words above the tables.
+/// Text above the tables.
 const WORDS: &str = "The torso is opaque, as phantoms are. The patient holds the breath at \
     the reference phase; light goes into the skin, and what comes out of it elsewhere shifts what is measured by some \
     tenths of a millimetre, so that against the planned surface there is an error that is the same in all \
     scans. Against a surface that the scanner has captured itself it cancels.";
 
-/// What the tracker has to keep of a still torso: millimetres of its place, degrees of its angles.
+/// Maximum error for a still torso: position in millimetres, angles in degrees.
 pub(super) const BAR: [f64; 2] = [0.1, 0.05];
-/// What a clinic tolerates.
+/// Tolerances of a clinic, in the same units.
 pub(super) const TOLERANCE: [f64; 2] = [1.0, 0.5];
 const BODIES: [Body; 2] = [Body::Torso, Body::Patient(None)];
-/// Answers against the planned surface, and against the tracker's own answer to the first scan.
+/// Results relative to the planned surface, and relative to the tracker's own result for the first
+/// scan.
 const AGAINST: [&str; 2] = ["planned surface", "first scan"];
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
@@ -38,7 +39,7 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     BODIES.map(one).into()
 }
 
-/// The displacement by so much along or about one of the six directions.
+/// Returns a displacement by `by` along or about one of the six directions.
 fn along(k: usize, by: f64) -> SixDof {
     let mut six = SixDof::default();
     match k {
@@ -48,7 +49,7 @@ fn along(k: usize, by: f64) -> SixDof {
     six
 }
 
-/// No displacement, then each by each direction.
+/// Returns no displacement, then each step in each direction.
 fn displacements(effort: Effort) -> Vec<(usize, f64)> {
     let mut all = vec![(0, 0.0)];
     for k in 0..6 {
@@ -159,7 +160,7 @@ pub(super) fn section(rows: &Rows) -> Section {
     )
 }
 
-/// The six directions apart, and what the tracker expects of itself.
+/// Tabulates the six directions separately, with the tracker's own standard deviations.
 fn directions(rows: &Rows) -> Table {
     let mut table = Table::new(
         "acceptance-directions",
@@ -188,7 +189,7 @@ fn directions(rows: &Rows) -> Table {
     table
 }
 
-/// The error along the direction of each shift.
+/// Plots the error along the direction of each shift.
 fn figure(rows: &Rows) -> Figure {
     let bodies = BODIES.map(Body::name);
     let series = bodies.iter().flat_map(|body| {
@@ -246,7 +247,7 @@ fn checks(rows: &Rows) -> Vec<Check> {
     checks
 }
 
-/// The worst errors of the torso's place and angles.
+/// Returns the worst errors of the torso's position and angles.
 pub(super) fn worst_of_torso(rows: &Rows, against: usize) -> [f64; 2] {
     let all = of(rows, "torso", AGAINST[against]);
     [worst(all.clone().map(shift_mm)), worst(all.map(turn_deg))]

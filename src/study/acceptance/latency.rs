@@ -1,4 +1,4 @@
-//! From motion to answer: device time of a scan by three pods, and the host's time that is measured.
+//! Latency from a motion to the result: the device time of a scan by three pods plus the host's time.
 
 use super::answer::part;
 use super::effort::Effort;
@@ -10,7 +10,7 @@ use phasmid_decode::Capture;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{Follower, Measured, POINTS, Region, Sight};
 
-/// The words above the tables.
+/// Text above the tables.
 const WORDS: &str = "Latency is device time, in which the emulated device tells it, plus \
     the host's time, which is measured. A patient breathes before pods of full resolution; each scan is \
     tracked from the answer to the one before, rigidly and by the motion model, by what `phasmid track` \
@@ -20,18 +20,19 @@ const WORDS: &str = "Latency is device time, in which the emulated device tells 
     host takes for all of a scan says how many it keeps up with. Frames are in memory: what a link takes to \
     carry them is printed by `phasmid bench --links`. The quick form runs beside other tests, and is not held to times.";
 
-/// Milliseconds that the host may take from the last frame to the pose, and for each scan in a row.
+/// Maximum host time in milliseconds: from the last frame to the pose, then per scan in continuous
+/// operation.
 const HOST_MS: f64 = 250.0;
 const SUSTAINED_MS: f64 = 90.0;
-/// Milliseconds that a clinic tolerates from motion to answer.
+/// Maximum total latency in milliseconds that a clinic tolerates.
 const TOTAL_MS: f64 = 500.0;
 /// When treatment begins, in nanoseconds of device time.
 const BEGIN_NS: u64 = 60_000_000_000;
-/// Breathing patients have moved some millimetres after so long.
+/// Time between scans in nanoseconds, during which a breathing patient moves some millimetres.
 const APART_NS: u64 = 400_000_000;
-/// What the scan is called that makes what is made once.
+/// Label of the first scan, which also sets up everything that is computed only once.
 const FIRST: &str = "first scan";
-/// The parts of the host's time: columns, and what they are called.
+/// Parts of the host's time: columns and their labels.
 const PARTS: [(&str, &str); 4] = [
     (
         "look_ms",
@@ -53,12 +54,12 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let trial = Trial::new("latency/patient", settings.seed, move |context| {
         timed(context, effort)
     });
-    // Nothing else may take the cores.
+    // Run alone, so that no other trial uses the cores.
     vec![trial.alone()]
 }
 
-/// A patient who breathes, by the pods as they are: the same few scans again and again, each tracked
-/// from the answer to the one before.
+/// Times the tracking of a breathing patient by pods of full resolution. A few scans are repeated, and
+/// each is tracked from the previous result.
 fn timed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     let scratch = context.folder.place("planning-latency")?;
     let room = InRoom::new("p02-man-mean", &Region::chest(), &scratch)?;
@@ -91,7 +92,8 @@ fn timed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
         let lost = usize::from(answers.rigid.is_err()) + usize::from(answers.motion.is_err());
         rows.push(
             Row::new()
-                // The first one searches from far away and makes what is made once: a line of its own.
+                // The first scan searches from far away and includes one-time set-up, so it has its own
+                // line.
                 .text("subject", if round > 0 { "patient" } else { FIRST })
                 .number("device_ms", pods.duration_ns() as f64 * 1e-6)
                 .number("look_ms", looked_s * 1e3)
@@ -104,7 +106,7 @@ fn timed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// A column's values in order.
+/// Returns the sorted values of a column.
 fn sorted(rows: &Rows, column: &str) -> Vec<f64> {
     let usual = part(rows, "latency").filter(|row| row.get("subject") != FIRST);
     let mut all: Vec<f64> = usual.map(|row| row.value(column)).collect();
@@ -185,8 +187,8 @@ fn table(rows: &Rows) -> Table {
     table
 }
 
-/// The quick form runs beside other tests, which its times are those of as well: it is held to answers
-/// alone.
+/// Checks the results and, except in the quick form, the times. The quick form runs beside other tests,
+/// which slow it down.
 fn checks(rows: &Rows, settings: &Settings) -> Vec<Check> {
     let lost: f64 = part(rows, "latency").map(|row| row.value("lost")).sum();
     let mut checks = vec![Check::at_most("answers that are missing", lost, 0.0)];

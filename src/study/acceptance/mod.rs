@@ -1,11 +1,12 @@
-//! The study `acceptance`: what a clinic measures before it relies on a surface-guidance system, through
-//! the three pods under the ceiling and the tracker.
+//! Study `acceptance`: the tests that a clinic makes before it relies on a surface-guidance system,
+//! with the three ceiling pods and the tracker.
 //!
-//! What lies on the couch is known in closed form, and so is where the couch takes it (`subject`). Known
-//! displacements (`known`), pods that boards have calibrated (`frame`), an hour of fading light and warming pods (`drift`), pods behind the linac's
-//! head (`hidden`), bodies that do not determine all motions (`phantoms`), regions of interest of all
-//! sizes (`region`), skin tones (`tones`), beam-hold (`hold`) and times (`latency`) are held against what
-//! clinics tolerate, and stand beside what was published of commercial systems (`summary`).
+//! The object on the couch and the couch's motion are known in closed form (`subject`). The parts are
+//! known displacements (`known`), pods calibrated with boards (`frame`), an hour of fading light and
+//! warming pods (`drift`), pods behind the linac's head (`hidden`), bodies that do not determine all
+//! motions (`phantoms`), regions of interest of all sizes (`region`), skin tones (`tones`), beam hold
+//! (`hold`) and times (`latency`). Results are compared with clinical tolerances and with published
+//! results of commercial systems (`summary`).
 
 mod answer;
 mod drift;

@@ -11,13 +11,13 @@ use phasmid_geometry::Pose;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{POINTS, Reference, RigidFit, SixDof};
 
-/// The words above the tables.
+/// Text above the tables.
 const WORDS: &str = "A flat board slides and turns in its plane, a sphere turns about its \
     centre, a cylinder slides along its axis and turns about it, and no surface scanner sees it. An \
     answer that does not say so is wrong, whatever its figures. What the shape does determine has to be \
     right all the same.";
 
-/// The bodies, and the motions that leave each as it is.
+/// The bodies, and the motions that leave each of them unchanged.
 const BODIES: [(Body, &str); 3] = [
     (Body::Flat, "LAT LNG yaw"),
     (Body::Sphere, "pitch roll yaw"),
@@ -35,8 +35,8 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     BODIES.map(one).into()
 }
 
-/// At the planned place, displaced along what the shape determines, either way, and along what it does
-/// not.
+/// Returns the planned pose, displacements in both directions along motions that the shape determines,
+/// and a displacement along motions that it does not determine.
 fn displacements(body: Body) -> [SixDof; 4] {
     let six = |t: [f64; 3], r: [f64; 3]| SixDof {
         translation_mm: DVec3::from_array(t),
@@ -85,10 +85,10 @@ fn moved(context: &Context<'_>, body: Body, effort: Effort) -> Result<Vec<Row>> 
     Ok(rows)
 }
 
-/// How far the surface as tracked is from the surface as it is, whatever the motions that leave it as it
-/// is: RMS distance in millimetres of the region's vertices as the answer puts them from the body in
-/// closed form where the couch has put it, and the angle in degrees between the axes (of a flat board
-/// its normal; a sphere has none).
+/// Compares the tracked surface with the true one, apart from motions that leave the body unchanged.
+/// Returns the RMS distance in millimetres of the region's vertices, in their tracked position, from
+/// the true body in closed form, and the angle in degrees between the tracked and the true axis (for a
+/// flat board its normal; 0 for a sphere).
 fn apart(body: Body, fit: &RigidFit, truth: &SixDof, reference: &Reference) -> [f64; 2] {
     let body_from_found: Pose = truth.pose().inverse() * fit.room_from_reference;
     let vertices: Vec<DVec3> = reference
@@ -96,7 +96,7 @@ fn apart(body: Body, fit: &RigidFit, truth: &SixDof, reference: &Reference) -> [
         .into_iter()
         .map(|(v, _)| reference.vertices()[v as usize])
         .collect();
-    // Of what the mesh itself is off its closed form, a few micrometres, no answer is guilty.
+    // Subtract the error of the mesh itself, a few micrometres, which the tracker does not cause.
     let off = |p: DVec3| body.outside_mm(body_from_found.point(p)) - body.outside_mm(p);
     let squares: f64 = vertices.iter().map(|&p| off(p).powi(2)).sum();
     let axis = match body {

@@ -14,7 +14,7 @@ use phasmid_report::lab::{
 };
 use phasmid_sgrt::{POINTS, Reference, Region, SixDof};
 
-/// The words above the tables.
+/// Text above the tables.
 const WORDS: &str = "A small region is flat: shifts along it and turns about axes in it are \
     poorly known or not at all, and the tracker has to say so. The deviations beside the errors are those \
     of noise; what `phasmid track` adds to them for light in the skin is not in them.";
@@ -28,7 +28,7 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     )]
 }
 
-/// The skin within a radius of the isocentre, without the back.
+/// Returns the skin within a radius of the isocentre, without the back.
 fn within(subject: &Subject, radius_mm: f64) -> Region {
     let [lo, _] = Region::CHEST;
     let all = subject.surface.vertices.iter().zip(0u32..);
@@ -56,7 +56,7 @@ fn sized(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     }
     let mut rows = Vec::new();
     for beyond in effort.beyond_mm {
-        // Whole millimetres read better.
+        // Round up to whole millimetres, for the table.
         let radius_mm = (nearest + beyond).ceil();
         let reference = Reference::new(&subject.surface, &within(&subject, radius_mm))?;
         for (measured, truth) in scans.iter().zip(&poses) {
@@ -71,7 +71,7 @@ fn sized(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// Rows by their radius, in the order of radii.
+/// Groups rows by radius, in ascending order.
 fn radii(rows: &Rows) -> Vec<(f64, Vec<&Row>)> {
     let mut found: Vec<(f64, Vec<&Row>)> = Vec::new();
     for row in part(rows, "region") {
@@ -84,7 +84,8 @@ fn radii(rows: &Rows) -> Vec<(f64, Vec<&Row>)> {
     found
 }
 
-/// RMS of errors and of their predicted deviations, over three directions (length of the vector).
+/// Returns the RMS of the errors and of their predicted standard deviations over three directions
+/// (length of the vector).
 fn both(rows: &[&Row], first: usize) -> [f64; 2] {
     [ERRORS, DEVIATIONS].map(|columns| {
         let all = rows.iter();
@@ -163,7 +164,7 @@ fn figure(rows: &Rows) -> Figure {
     )
 }
 
-/// Whatever the size, an answer is good enough or comes with a warning.
+/// Checks that each result, whatever the size of the region, is accurate or has a warning.
 fn checks(rows: &Rows) -> Vec<Check> {
     let silent = part(rows, "region").filter(|row| row.get("warnings").is_empty());
     vec![

@@ -1,5 +1,5 @@
-//! What lies on the couch: a rigid torso, a patient who holds the breath, plain bodies; and the way
-//! that the couch takes it.
+//! The object on the couch (a rigid torso, a patient who holds the breath, or a plain body), and the
+//! motion of the couch.
 
 use glam::{DVec2, DVec3};
 use phasmid_core::error::Result;
@@ -9,31 +9,31 @@ use phasmid_phantom::{Day, Phantom, REFERENCE_PHASE, SKIN_TRIANGLES};
 use phasmid_profile::{Keyframe, Motion, Object, Scene, Shape};
 use phasmid_sgrt::{Reference, Region, SixDof};
 
-/// The room; its first object is the couch, its second one the patient.
+/// The room; its first object is the couch, its second object the patient.
 const ROOM: &str = "treatment-room";
 /// The room with the linac's head as its third object.
 const ROOM_WITH_HEAD: &str = "treatment-room-head";
-/// The patient, a man of mean measures.
+/// The patient: a man of average size.
 const PATIENT: &str = "p02-man-mean";
-/// Seed of the torso: one that is not the same on both sides.
+/// Seed of the torso, chosen so that it is asymmetric.
 const TORSO: u64 = 1;
 /// Radius of sphere and cylinder in millimetres: about that of a breast and of a thigh.
 const RADIUS_MM: f64 = 100.0;
 /// Side of the flat phantom and length of the cylinder in millimetres.
 const SIDE_MM: f64 = 600.0;
-/// Reflectance of what is made of plastics: about that of skin, which the pods' light is made for.
+/// Reflectance of plastic phantoms: that of skin, for which the pods' light is designed.
 const PLASTICS: f64 = 0.4;
-/// From one pose of the couch to the next, in seconds of device time: it moves for one and rests for
+/// Time between two poses of the couch in seconds of device time: it moves for one second and rests for
 /// three.
 const APART_S: f64 = 4.0;
 
-/// A subject.
+/// An object to scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Body {
     /// An opaque, rigid torso.
     Torso,
-    /// A patient at the reference phase of planning, breath held, of a class of Fitzpatrick's scale
-    /// where one is given.
+    /// A patient at the reference phase of planning, with the breath held; optionally with a
+    /// Fitzpatrick class.
     Patient(Option<u8>),
     /// A flat board through the isocentre.
     Flat,
@@ -54,8 +54,8 @@ impl Body {
         }
     }
 
-    /// How far a place of the room is outside of a plain body at the planned place, in closed form, in
-    /// millimetres; 0 of other bodies.
+    /// Returns the distance of a room point outside a plain body in its planned pose, in closed form,
+    /// in millimetres; 0 for other bodies.
     pub(super) fn outside_mm(self, p: DVec3) -> f64 {
         match self {
             Self::Torso | Self::Patient(_) => 0.0,
@@ -68,27 +68,27 @@ impl Body {
 
 /// A subject in the room.
 pub(super) struct Subject {
-    /// With the subject where it was planned.
+    /// The scene with the subject in its planned pose.
     pub(super) scene: Scene,
-    /// Its true surface there, in millimetres in the room's frame.
+    /// True surface in the planned pose, in millimetres in the room's frame.
     pub(super) surface: Mesh,
-    /// What of it is tracked as a rule.
+    /// Default region for tracking.
     pub(super) region: Region,
 }
 
 impl Subject {
-    /// A subject on the couch.
+    /// Creates a subject on the couch.
     ///
     /// # Errors
-    /// Built-in files that are none.
+    /// Returns an error if a built-in file is invalid.
     pub(super) fn new(body: Body) -> Result<Self> {
         Self::in_room(body, Scene::load(ROOM)?)
     }
 
-    /// The same with the head of the linac at a gantry angle in degrees.
+    /// Like [`Self::new`], with the linac's head at a gantry angle in degrees.
     ///
     /// # Errors
-    /// As for [`Self::new`].
+    /// Returns the errors of [`Self::new`].
     pub(super) fn under_head(body: Body, gantry_deg: f64) -> Result<Self> {
         let mut scene = Scene::load(ROOM_WITH_HEAD)?;
         for object in &mut scene.object {
@@ -118,16 +118,16 @@ impl Subject {
         })
     }
 
-    /// The surface, ready for tracking in its usual region.
+    /// Returns the surface, prepared for tracking in its default region.
     ///
     /// # Errors
-    /// None but for a region that holds nothing.
+    /// Returns an error if the region contains no surface.
     pub(super) fn reference(&self) -> Result<Reference> {
         Reference::new(&self.surface, &self.region)
     }
 
-    /// The scene in which the couch with the subject takes poses one after the other: displacements
-    /// from the planned one, about the isocentre. It rests at each about [`time_ns`].
+    /// Returns the scene in which the couch moves the subject through the poses: displacements from the
+    /// planned pose, about the isocentre. The couch rests at pose `k` around [`time_ns`].
     pub(super) fn on_the_way(&self, poses: &[SixDof]) -> Scene {
         let mut scene = self.scene.clone();
         for object in &mut scene.object {
@@ -139,7 +139,7 @@ impl Subject {
     }
 }
 
-/// A displacement in all directions at once, of some millimetres and degrees.
+/// Returns a displacement of some millimetres and degrees in all six directions.
 pub(super) fn everywhere(sign: f64) -> SixDof {
     SixDof {
         translation_mm: DVec3::new(4.0, -3.0, 5.0) * sign,
@@ -147,13 +147,13 @@ pub(super) fn everywhere(sign: f64) -> SixDof {
     }
 }
 
-/// Device time in nanoseconds at which the couch rests at pose `k`: a scan that begins then is over
-/// before it moves on.
+/// Returns the device time in nanoseconds at which the couch rests at pose `k`; a scan that begins then
+/// ends before the couch moves on.
 pub(super) fn time_ns(k: usize) -> u64 {
     ((k as f64 * APART_S + 1.2) * 1e9) as u64
 }
 
-/// Each pose four times, a second apart, so that the spline through them stands still in between.
+/// Repeats each pose four times, a second apart, so that the spline rests at each pose.
 fn way(poses: &[SixDof], rest: &Pose) -> Motion {
     let keys = poses.iter().enumerate().flat_map(|(k, six)| {
         let moved = rest.inverse() * six.pose() * *rest;
@@ -170,7 +170,7 @@ fn way(poses: &[SixDof], rest: &Pose) -> Motion {
     }
 }
 
-/// Makes the scene's patient the body, and gives its surface in the object's own frame.
+/// Replaces the scene's patient by the body, and returns its surface in the object's own frame.
 fn lay(object: &mut Object, body: Body, folder: &std::path::Path) -> Result<Mesh> {
     if let Body::Patient(tone) = body {
         object.shape = Shape::Patient {
@@ -210,7 +210,7 @@ fn lay(object: &mut Object, body: Body, folder: &std::path::Path) -> Result<Mesh
                 depth_mm: torso.depth_mm,
                 triangles: torso.triangles,
             };
-            // On the couch, its head to the gantry.
+            // The torso lies on the couch with its head towards the gantry.
             object.position_mm = [0.0, 0.0, -130.0];
             object.rotation_deg = [180.0, 0.0, 0.0];
             shapes::torso(&torso)
@@ -243,8 +243,8 @@ fn lay(object: &mut Object, body: Body, folder: &std::path::Path) -> Result<Mesh
     })
 }
 
-/// A surface over the square from -1 to 1 along x and y, in so many pieces along each, seen from above
-/// anticlockwise.
+/// Creates a surface over the square from -1 to 1 along x and y with `pieces` cells per side,
+/// counter-clockwise as seen from above.
 fn patch(pieces: u32, at: impl Fn(DVec2) -> DVec3) -> Mesh {
     let place = |k: u32| f64::from(k) / f64::from(pieces) * 2.0 - 1.0;
     let row = |j: u32| (0..=pieces).map(move |i| (i, j));
@@ -256,7 +256,7 @@ fn patch(pieces: u32, at: impl Fn(DVec2) -> DVec3) -> Mesh {
     let triangles = squares.flat_map(|(i, j)| {
         let [a, b] = [index(i, j), index(i + 1, j)];
         let [c, d] = [index(i, j + 1), index(i + 1, j + 1)];
-        // Diagonals alternate, so that the mesh leans neither way.
+        // Alternate the diagonals, so that the mesh has no preferred direction.
         match (i + j) % 2 {
             0 => [[a, b, d], [a, d, c]],
             _ => [[a, b, c], [b, d, c]],
@@ -269,8 +269,8 @@ fn patch(pieces: u32, at: impl Fn(DVec2) -> DVec3) -> Mesh {
     }
 }
 
-/// What of a body is tracked: of patients the skin about the isocentre, of plain bodies what no edge
-/// is near to.
+/// Returns the tracked region of a body: the skin around the isocentre for torso and patients, and the
+/// surface away from all edges for plain bodies.
 fn region(body: Body) -> Region {
     let from = |x: f64, y: f64, z: f64| Region::Box {
         lo: DVec3::new(-x, -y, z),
@@ -302,7 +302,7 @@ mod tests {
             let rest = object.scene_from_object();
             let trajectory = object.motion.as_ref().unwrap().trajectory();
             for (k, six) in poses.iter().enumerate() {
-                // From a second after it has come until a second before it goes.
+                // Test from a second after the couch's arrival until a second before its departure.
                 for s in [-0.19, 0.0, 0.79] {
                     let now = rest * trajectory.pose(time_ns(k) as f64 * 1e-9 + s);
                     let wanted = six.pose() * rest;
@@ -319,7 +319,7 @@ mod tests {
         for body in [Body::Flat, Body::Sphere, Body::Cylinder] {
             let subject = Subject::new(body).unwrap();
             let tree = MeshTree::new(&subject.surface);
-            // What is straight above the isocentre, and beside it.
+            // Points of the surface straight above the isocentre, and beside it.
             for (x, y) in [(0.0, 0.0), (40.0, 30.0)] {
                 let height: f64 = match body {
                     Body::Flat => 0.0,
@@ -333,7 +333,7 @@ mod tests {
             let normals = reference.region_normals();
             assert!(normals.iter().all(|(_, n)| n.z > 0.3), "{}", body.name());
         }
-        // Of torso and patient the surface is above the isocentre and not far.
+        // The highest point of torso and patient is 50 to 250 mm above the isocentre.
         for body in [Body::Torso, Body::Patient(Some(6))] {
             let subject = Subject::new(body).unwrap();
             let (lo, hi) = subject.surface.bounds().unwrap();

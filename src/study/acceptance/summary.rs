@@ -1,5 +1,5 @@
-//! What is asked of such systems, what was published of some, and what ours does. The published systems
-//! measured other bodies by other means: their figures give a size to ours and no more.
+//! Requirements, published results of commercial systems, and our results. The published systems were
+//! measured with other objects and methods, so their results only show the order of magnitude.
 
 use super::answer::part;
 use super::known::{BAR, TOLERANCE, worst_of_torso};
@@ -7,7 +7,7 @@ use super::{drift, frame, hidden, hold, tones};
 use phasmid_report::lab::{Block, Rows, Section, Table};
 use phasmid_report::plot::figures;
 
-/// The words at the head of the page.
+/// Text at the head of the page.
 const WORDS: &str = "A clinic accepts a surface-guidance system by phantoms on a couch whose \
     displacements are known. This is that suite for the three pods of the ceiling, the decoder and the \
     rigid tracker, all of it as a client of the ports has it. Calibration and couch are exact here but \
@@ -32,7 +32,7 @@ fn table(rows: &Rows) -> Table {
                    ours: &[(f64, &str)],
                    asked: String,
                    published: Option<Published>| {
-        // A part that was not run has no line; one without an answer has one without a figure.
+        // A part that was not run has no line; a failed part has a line without a figure.
         if part(rows, of).next().is_none() {
             return;
         }
@@ -114,12 +114,12 @@ fn table(rows: &Rows) -> Table {
     table
 }
 
-/// What we find, what of commercial systems is nearest to it, and where that is from.
+/// A published result comparable with ours, and its source.
 #[derive(Debug, Clone, Copy)]
 struct Published {
     /// As published, with the unit.
     figure: &'static str,
-    /// Where, and what exactly was measured there.
+    /// Publication, and the quantity measured there.
     source: &'static str,
 }
 

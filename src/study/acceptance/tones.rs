@@ -9,7 +9,7 @@ use phasmid_core::error::Result;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_sgrt::{POINTS, SixDof};
 
-/// The words above the tables.
+/// Text above the tables.
 const WORDS: &str = "Dark skin returns less light: more noise, fewer points. It also lets \
     less light come back from below, so that the error which all scans share need not grow with it.";
 
@@ -62,7 +62,7 @@ fn of<'a>(rows: &'a Rows, class: u8, case: &'static str) -> impl Iterator<Item =
         .filter(move |row| row.value("by") == f64::from(class) && row.get("case") == case)
 }
 
-/// The worst errors of all tones, in millimetres and degrees: NaN without rows.
+/// Returns the worst errors over all tones, in millimetres and degrees; NaN without rows.
 pub(super) fn worst_of_all(rows: &Rows) -> [f64; 2] {
     let planned = part(rows, "tones").filter(|row| row.get("case") == "planned");
     [

@@ -1,8 +1,8 @@
-//! A treatment room within the process: a patient, the pods of a station, what they measure and what
-//! is true.
+//! A treatment room in this process: a patient, the pods of a station, their measurements and the
+//! truth.
 //!
-//! Frames are those that clients of the served station get (see [`super::scanned`]); the time at which
-//! each is exposed is the study's to choose, so that any moment of a treatment is a scan away.
+//! Frames are those that clients of the served station receive (see [`super::scanned`]). The study
+//! chooses the time of each exposure, so any moment of a treatment can be scanned directly.
 
 mod patient;
 mod pod;

@@ -1,4 +1,4 @@
-//! A generated patient on the couch: what planning knows, and the truth at any moment.
+//! A generated patient on the couch: the planning data, and the truth at any time.
 
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
@@ -9,27 +9,28 @@ use phasmid_profile::{Scene, Shape};
 use phasmid_sgrt::{ModelOptions, Planned, Region, room_from_patient};
 use std::path::Path;
 
-/// Distance of the voxels of the displacement fields in millimetres.
+/// Voxel spacing of the displacement fields in millimetres.
 const SPACING_MM: f64 = 5.0;
-/// Triangles of the skin whose points are the ideal input: other points than those of planning.
+/// Number of triangles of the skin whose vertices are the ideal input; its vertices differ from those
+/// of planning.
 const IDEAL_TRIANGLES: u32 = 43_000;
 /// Level of the true tumour's mesh, 5120 triangles.
 const TARGET_LEVEL: u32 = 4;
-/// The scene that patients lie in.
+/// The scene with the couch.
 const SCENE: &str = "treatment-room";
 
 /// A patient in the treatment room.
 pub struct InRoom {
-    /// The truth.
+    /// The true patient.
     pub phantom: Phantom,
-    /// What planning knows.
+    /// The planning data.
     pub planned: Planned,
     /// The room with the patient on the couch.
     pub scene: Scene,
     ideal: Mesh,
 }
 
-/// The truth at a moment, in the room's frame.
+/// The truth at one time, in the room's frame.
 pub struct Moment {
     state: State,
     /// Centroid of the tumour in millimetres.
@@ -39,11 +40,11 @@ pub struct Moment {
 }
 
 impl InRoom {
-    /// A built-in patient, planned in a scratch folder that is made and removed, with the skin that a
-    /// region holds.
+    /// Creates a built-in patient. The planning folder is written to `scratch` and removed again;
+    /// planning tracks the skin in a region.
     ///
     /// # Errors
-    /// A name that no patient has, and what the system refuses.
+    /// Returns an error if there is no such patient, or on I/O failure.
     pub fn new(name: &str, region: &Region, scratch: &Path) -> Result<Self> {
         let phantom = Phantom::new(&Patient::load(name)?);
         phantom.export_planning(scratch, SPACING_MM, false, false)?;
@@ -65,7 +66,7 @@ impl InRoom {
         })
     }
 
-    /// The truth at a device time of the day of treatment.
+    /// Returns the truth at a device time on the day of treatment.
     pub fn at(&self, time_ns: u64) -> Moment {
         let state = self.phantom.state(Day::Treatment, time_ns as f64 * 1e-9);
         let room = room_from_patient();
@@ -76,7 +77,7 @@ impl InRoom {
         }
     }
 
-    /// Points of the true skin at a moment, evenly over all of it that a box of the room holds.
+    /// Returns evenly spread points of the true skin at a moment, within a box of the room.
     pub fn skin(&self, moment: &Moment, [lo, hi]: [DVec3; 2]) -> Vec<DVec3> {
         let skin = self.phantom.deformed(&self.ideal, &moment.state);
         let mut points = stood(&room_from_patient(), skin).vertices;

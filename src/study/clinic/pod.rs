@@ -1,4 +1,4 @@
-//! One pod: its frames at a device time, decoded into what it measures.
+//! One pod: renders its frames at a device time, and decodes them to points.
 
 use crate::scanned::capture;
 use glam::DVec3;
@@ -12,7 +12,7 @@ use phasmid_render::led::{Model, Source};
 use phasmid_render::{Renderer, shot::Shot, truth::Truth};
 use phasmid_sgrt::{Measured, PIXELS};
 
-/// A pod before a scene.
+/// A pod in front of a scene.
 pub struct Pod {
     profile: Profile,
     rig: Rig,
@@ -21,15 +21,15 @@ pub struct Pod {
     decoder: SparseDecoder,
     room_from_rig: Pose,
     scans: u64,
-    /// Where the profile has a light source: on since device time 0, when it was cold.
+    /// Light source of the profile, if it has one: cold at device time 0 and on from then.
     source: Option<Source>,
 }
 
 impl Pod {
-    /// A device that stands at a place before a scene. `seed` keys its noise.
+    /// Creates a device at a place in a scene. `seed` keys its noise.
     ///
     /// # Errors
-    /// What [`Device`] cannot be built from, and what [`SparseDecoder::new`] refuses.
+    /// Returns the errors of [`Device`] and [`SparseDecoder::new`].
     pub fn new(profile: &Profile, scene: &Scene, place: RigPlace, seed: u64) -> Result<Self> {
         let scene = Scene {
             rig: place,
@@ -54,45 +54,45 @@ impl Pod {
         })
     }
 
-    /// The rendering, to be forced.
+    /// Returns the renderer, for example to force terms.
     pub fn renderer(&mut self) -> &mut Renderer {
         &mut self.renderer
     }
 
-    /// Decodes from now on by a calibration that need not be the rig as it stands: one of another
-    /// day.
+    /// Decodes with another calibration from now on; it may differ from the true rig, like one made on
+    /// another day.
     ///
     /// # Errors
-    /// What [`SparseDecoder::new`] refuses.
+    /// Returns the errors of [`SparseDecoder::new`].
     pub fn calibrated(&mut self, rig: &Rig) -> Result<()> {
         self.decoder = decoder(&self.profile, rig)?;
         self.rig = *rig;
         Ok(())
     }
 
-    /// Takes it from now on to stand where it need not: where it was located.
+    /// Sets the assumed pose of the pod, which may differ from the true pose.
     pub fn placed(&mut self, room_from_rig: Pose) {
         self.room_from_rig = room_from_rig;
     }
 
-    /// The device.
+    /// Returns the device's profile.
     pub fn profile(&self) -> &Profile {
         &self.profile
     }
 
-    /// The rig that it decodes by.
+    /// Returns the rig with which frames are decoded.
     pub fn rig(&self) -> &Rig {
         &self.rig
     }
 
-    /// Nanoseconds from the first exposure's start to the last one's end.
+    /// Returns the nanoseconds from the start of the first exposure to the end of the last one.
     pub fn duration_ns(&self) -> u64 {
         let ends = self.shots.iter().map(|(_, shot)| shot.end_ns()).max();
         let begin = self.shots.iter().map(|(_, shot)| shot.start_ns).min();
         ends.unwrap_or(0) - begin.unwrap_or(0)
     }
 
-    /// Nanoseconds after which the next pod may begin.
+    /// Returns the nanoseconds after which the next pod may begin.
     pub fn turn_ns(&self) -> u64 {
         let period = match self.shots.as_slice() {
             [(_, first), (_, second), ..] => second.start_ns - first.start_ns,
@@ -101,12 +101,12 @@ impl Pod {
         period * self.shots.len() as u64
     }
 
-    /// Takes frames from a device time on, with noise of their own; all of them in the middle of
-    /// one exposure at `still_ns`, where that is given. Scans of a pod whose light fades come in
-    /// the order of device time.
+    /// Renders frames from a device time on, each with its own noise. If `still_ns` is given, all
+    /// exposures are centred on that time. Scans of a pod whose light fades must be in the order of
+    /// device time.
     ///
     /// # Errors
-    /// None with frames of this device.
+    /// Returns no error for frames of this device.
     pub fn scan(&mut self, start_ns: u64, still_ns: Option<u64>) -> Result<Capture> {
         let count = self.shots.len() as u64;
         let zero_ns = self.shots.first().map_or(0, |(_, shot)| shot.start_ns);
@@ -130,7 +130,7 @@ impl Pod {
         capture(&self.profile, self.rig, frames)
     }
 
-    /// Where its rig's frame stands in the room.
+    /// Returns the assumed pose of the rig in the room.
     pub fn room_from_rig(&self) -> Pose {
         self.room_from_rig
     }
@@ -138,14 +138,14 @@ impl Pod {
     /// Decodes as many pixels as tracking needs ([`PIXELS`]).
     ///
     /// # Errors
-    /// What the decoder refuses.
+    /// Returns the decoder's errors.
     pub fn decode(&self, capture: &Capture) -> Result<Decoded> {
         let mut out = Decoded::default();
         self.decoder.decode_into(&capture.images, &mut out)?;
         Ok(out)
     }
 
-    /// Adds what was decoded to what is measured, at most so many points.
+    /// Adds at most `most` decoded points to `measured`.
     pub fn measure(&self, decoded: &Decoded, measured: &mut Measured, most: usize) {
         let mut points = Vec::new();
         self.decoder.decoder().points_into(decoded, &mut points);
@@ -155,7 +155,7 @@ impl Pod {
         measured.push_pod(&points, &sigma, &self.room_from_rig, most);
     }
 
-    /// The points that were decoded, in the room's frame in millimetres.
+    /// Returns the decoded points in the room's frame, in millimetres.
     pub fn points(&self, decoded: &Decoded) -> Vec<DVec3> {
         let mut points = Vec::new();
         self.decoder.decoder().points_into(decoded, &mut points);
@@ -168,12 +168,12 @@ impl Pod {
             .collect()
     }
 
-    /// The truth at a device time.
+    /// Returns the truth at a device time.
     pub fn truth(&mut self, time_ns: u64) -> Truth {
         self.renderer.truth_at(&self.shots, time_ns)
     }
 
-    /// The pixel's point in the room at a depth.
+    /// Returns the point of a pixel at a depth, in the room's frame.
     pub fn place(&self, pixel: usize, depth_mm: f64) -> DVec3 {
         let width = self.profile.camera.width_px as usize;
         let (x, y) = ((pixel % width) as f64, (pixel / width) as f64);
@@ -182,7 +182,7 @@ impl Pod {
     }
 }
 
-/// What decodes a pod's frames.
+/// Creates the decoder for a pod's frames.
 fn decoder(profile: &Profile, rig: &Rig) -> Result<SparseDecoder> {
     let camera = &profile.camera;
     SparseDecoder::new(

@@ -1,4 +1,4 @@
-//! The pods of a station, whose projectors take turns.
+//! The pods of a station, whose projectors light up in turn.
 
 use super::pod::Pod;
 use phasmid_core::error::{Error, Result};
@@ -6,12 +6,11 @@ use phasmid_decode::Decoded;
 use phasmid_profile::{Configuration, Profile, RigPlace, Scene};
 use phasmid_sgrt::Measured;
 
-/// The station that stands under the ceiling.
+/// The station with ceiling-mounted pods.
 const STATION: &str = "sgrt-ceiling";
 
-/// Makes a camera one of fewer columns and rows over the same field: its pixels are binned, so that a
-/// larger one holds more electrons, has more read noise, and gives the same grey levels in the same
-/// light.
+/// Reduces a camera's number of pixels over the same field of view, as by binning: each larger pixel
+/// holds more electrons, has more read noise, and gives the same grey level in the same light.
 pub fn binned(profile: &mut Profile, size_px: [u32; 2]) {
     let camera = &mut profile.camera;
     let area = |[columns, rows]: [u32; 2]| f64::from(columns) * f64::from(rows);
@@ -22,26 +21,26 @@ pub fn binned(profile: &mut Profile, size_px: [u32; 2]) {
     camera.sensor.read_noise_e *= pixels.sqrt();
 }
 
-/// The pods of a station before one scene.
+/// The pods of a station in front of one scene.
 pub struct Pods {
-    /// Each, in the order in which they take turns.
+    /// The pods in the order of their turns.
     pub all: Vec<Pod>,
 }
 
 impl Pods {
-    /// The pods of the ceiling before a scene, each as `adapt` makes it of its profile.
+    /// Creates the ceiling pods in front of a scene, each with its profile changed by `adapt`.
     ///
     /// # Errors
-    /// What [`Pod::new`] refuses.
+    /// Returns the errors of [`Pod::new`].
     pub fn new(scene: &Scene, seed: u64, adapt: &dyn Fn(&mut Profile)) -> Result<Self> {
         Self::as_built(scene, seed, &|_, profile, _| adapt(profile))
     }
 
-    /// The same, each as it is built and where it stands: `adapt` has its number in the order of turns,
-    /// its profile, and its place by the station's file.
+    /// Like [`Self::new`], with changes of the place too: `adapt` receives the pod's number in the
+    /// order of turns, its profile, and its place in the station's file.
     ///
     /// # Errors
-    /// As for [`Self::new`].
+    /// Returns the errors of [`Self::new`].
     pub fn as_built(
         scene: &Scene,
         seed: u64,
@@ -66,7 +65,8 @@ impl Pods {
         })
     }
 
-    /// Nanoseconds from the start of the first exposure to the end of the last pod's last one.
+    /// Returns the nanoseconds from the start of the first exposure to the end of the last pod's last
+    /// exposure.
     pub fn duration_ns(&self) -> u64 {
         let Some((last, others)) = self.all.split_last() else {
             return 0;
@@ -74,11 +74,11 @@ impl Pods {
         others.iter().map(Pod::turn_ns).sum::<u64>() + last.duration_ns()
     }
 
-    /// Scans with all pods in turn from a device time on, and decodes; with a scene that stands as it
-    /// is half way through the scan where `still` is asked for.
+    /// Scans with all pods in turn from a device time on, and decodes. If `still` is set, the scene is
+    /// frozen in its state at the middle of the scan.
     ///
     /// # Errors
-    /// What the decoder refuses.
+    /// Returns the decoder's errors.
     pub fn scan(&mut self, start_ns: u64, still: bool) -> Result<Vec<Decoded>> {
         let middle_ns = start_ns + self.duration_ns() / 2;
         let mut begin_ns = start_ns;
@@ -90,12 +90,12 @@ impl Pods {
         self.all.iter_mut().map(scan).collect()
     }
 
-    /// The points of a scan in the room, at most so many of all pods together.
+    /// Returns at most `most` points of a scan, from all pods together, in the room's frame.
     pub fn measured(&self, scan: &[Decoded], most: usize) -> Measured {
         self.measured_without(scan, most, None)
     }
 
-    /// The same without those of one pod, counted from 0 in the order of turns.
+    /// Like [`Self::measured`], without the points of one pod, counted from 0 in the order of turns.
     pub fn measured_without(
         &self,
         scan: &[Decoded],

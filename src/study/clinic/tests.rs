@@ -1,4 +1,4 @@
-//! Frames of a study are those that the device's ports give.
+//! Tests that a study's frames are identical to those of the device's ports.
 
 use super::{Pod, binned};
 use crate::desk::{Desk, Link};
@@ -8,7 +8,7 @@ use phasmid_host::{Intake, ScanOptions, Scanner};
 use phasmid_profile::{Configuration, Profile, Scene};
 use std::time::Duration;
 
-/// By its port and its camera, as any client does.
+/// Scans through the device's port and camera, as any client does.
 fn scanned(profile: &Profile, scene: &Scene, seed: u64) -> Capture {
     let device = Device::builder(profile, scene).seed(seed).build().unwrap();
     let desk = Desk::new(device, Link::Identified);

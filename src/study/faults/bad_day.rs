@@ -1,38 +1,38 @@
-//! The bad days that a host is tried on: every kind of fault, at every place of a scan.
+//! The faults that a host is tested with: each kind of fault, at each place of a scan.
 
 use phasmid_protocol::faults::{Direction, Fault, Schedule, Side, What, When};
 
-/// Frames or messages that [`Place::Once`] takes.
+/// Number of frames or messages at which [`Place::Once`] strikes.
 const PLACES: u64 = 6;
-/// Rows near the end of the small devices' 96.
+/// Rows of torn frames near the end: the small devices have 96 rows.
 const LATE_ROWS: [u32; 2] = [86, 94];
 
 /// A kind of fault with its parameters.
 #[derive(Debug, Clone)]
 pub struct BadDay {
-    /// How it is called in a table.
+    /// Name in a table.
     pub name: String,
-    /// What goes wrong, without its when.
+    /// The fault, without its time.
     pub fault: Fault,
 }
 
-/// When it goes wrong.
+/// The frames or messages that a fault strikes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// Once, at a frame or message here and there from the first to the last, in turn.
+    /// Once per scan: at six frames or messages from the first to the last, one after the other.
     Once,
-    /// Once, at each frame or message in turn.
+    /// Once per scan: at each frame or message, one after the other.
     Each,
     /// At the same frame or message of every attempt.
     Always,
-    /// Here and there, to one in twenty.
+    /// At random, with a probability of one in twenty.
     Chance,
-    /// To every second one.
+    /// At every second frame or message.
     Second,
 }
 
 impl Place {
-    /// All of them; `each` takes more than minutes.
+    /// Returns all places; `each` takes more than minutes.
     pub fn all(each: bool) -> [Self; 4] {
         [
             if each { Self::Each } else { Self::Once },
@@ -42,7 +42,7 @@ impl Place {
         ]
     }
 
-    /// How it is called in a table.
+    /// Returns the name in a table.
     pub fn name(self) -> &'static str {
         match self {
             Self::Once => "once, at six in turn",
@@ -67,7 +67,7 @@ impl BadDay {
         self
     }
 
-    /// What may happen to frames.
+    /// Returns the faults of frames.
     pub fn of_frames() -> Vec<Self> {
         vec![
             Self::new("dropped", What::Dropped),
@@ -134,7 +134,7 @@ impl BadDay {
         ]
     }
 
-    /// What may happen to messages.
+    /// Returns the faults of messages.
     pub fn of_messages() -> Vec<Self> {
         let bit_error = |direction| What::BitErrors {
             direction,
@@ -157,14 +157,15 @@ impl BadDay {
         ]
     }
 
-    /// Whether no frame shows this fault at a place: a row that is missing from every second frame moves the
-    /// sines of four steps against their cosines, which leaves no residual on a smooth surface. The points
-    /// are off by half a row, which only edges and texture could show.
+    /// Returns whether no frame shows this fault at a place. A row that is missing from every second
+    /// frame shifts the sines of four steps against their cosines, which leaves no residual on a smooth
+    /// surface. The points are off by half a row, which only edges and texture could show.
     pub fn is_unfindable(&self, place: Place) -> bool {
         place == Place::Second && matches!(self.fault.what, What::RowsMissing { rows: 1, .. })
     }
 
-    /// The schedules of a place, where a sound scan has so many frames, or messages of the kind.
+    /// Returns the schedules for a place; `count` is the number of frames, or of messages of the kind,
+    /// in a sound scan.
     pub fn schedules(&self, place: Place, count: u64) -> Vec<Schedule> {
         let at = |nth: u64, when: When| {
             let fault = Fault {

@@ -1,4 +1,4 @@
-//! The matrix: every bad day in every setting, each cell a count of outcomes.
+//! The fault matrix: every fault in every setting; each cell counts outcomes.
 
 use super::{BadDay, Difference, Outcome, Place, Setting, Trial};
 use phasmid_core::error::Result;
@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// What a host made of one bad day at one kind of place.
+/// Outcomes of one fault at one kind of place in one setting.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Cell {
     /// Scans that gave the fault-free cloud.
@@ -15,18 +15,19 @@ pub struct Cell {
     pub reported: u32,
     /// Scans of damaged frames whose cloud hardly differs from the fault-free one.
     pub harmless: u32,
-    /// Scans that gave another cloud and no error.
+    /// Scans that gave another cloud without an error.
     pub wrong: u32,
-    /// The same, of faults that no frame shows ([`BadDay::is_unfindable`]).
+    /// Scans that gave another cloud without an error, for faults that no frame shows
+    /// ([`BadDay::is_unfindable`]).
     pub unfindable: u32,
-    /// The greatest differences of the harmless and the wrong ones.
+    /// Largest differences among the harmless and the wrong scans.
     pub difference: Difference,
-    /// Scans in which nothing struck.
+    /// Scans in which the fault never struck.
     pub missed: u32,
-    /// What an error said.
+    /// One of the error messages.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub said: Option<String>,
-    /// Which scans were wrong, and how.
+    /// The wrong scans and their differences.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub wrongs: Vec<String>,
 }
@@ -34,30 +35,30 @@ pub struct Cell {
 /// A line of the table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
-    /// The bad day.
+    /// The fault.
     pub fault: String,
-    /// When it went wrong.
+    /// The place of the fault.
     pub place: &'static str,
-    /// By the settings.
+    /// One cell per setting.
     pub cells: Vec<Cell>,
 }
 
 /// A table: faults by settings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Table {
-    /// What it is about.
+    /// Title of the table.
     pub title: String,
     /// Names of the settings.
     pub settings: Vec<String>,
-    /// Its lines.
+    /// Rows of the table.
     pub rows: Vec<Row>,
 }
 
 impl Table {
-    /// Tries every bad day in every setting.
+    /// Tests every fault in every setting.
     ///
     /// # Errors
-    /// Settings in which nothing can be scanned even when all is well.
+    /// Returns an error if a setting cannot be scanned without faults.
     pub fn fill(
         title: &str,
         settings: &[Setting],
@@ -84,13 +85,13 @@ impl Table {
         })
     }
 
-    /// Scans with a wrong cloud that nobody complained of.
+    /// Returns the number of scans with a wrong cloud and no error.
     pub fn wrong(&self) -> u32 {
         let cells = self.rows.iter().flat_map(|row| &row.cells);
         cells.map(|cell| cell.wrong).sum()
     }
 
-    /// Scans in all.
+    /// Returns the total number of scans.
     pub fn scans(&self) -> u32 {
         let cells = self.rows.iter().flat_map(|row| &row.cells);
         cells
@@ -101,7 +102,7 @@ impl Table {
             .sum()
     }
 
-    /// Those scans in words.
+    /// Describes the scans with a wrong cloud and no error.
     pub fn wrongs(&self) -> impl Iterator<Item = String> {
         self.rows.iter().flat_map(|row| {
             let cells = row.cells.iter().zip(&self.settings);
@@ -112,7 +113,7 @@ impl Table {
         })
     }
 
-    /// As Markdown.
+    /// Returns the table as Markdown.
     pub fn to_markdown(&self) -> String {
         let mut text = format!("## {}\n\n| fault | when |", self.title);
         for setting in &self.settings {
@@ -132,7 +133,7 @@ impl Table {
     }
 }
 
-/// One setting down all bad days.
+/// Tests all faults in one setting.
 fn column(
     setting: &Setting,
     days: &[BadDay],
@@ -186,7 +187,7 @@ fn column(
 }
 
 impl Cell {
-    /// Counts in words; what there is none of is left out.
+    /// Lists the non-zero counts in words.
     fn words(&self) -> String {
         let counts = [
             ("recovered", self.recovered),

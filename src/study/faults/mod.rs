@@ -1,18 +1,19 @@
-//! Every fault against the host: does it recover, does it say what is wrong, is the damage harmless, or does it
-//! go on with a wrong cloud? The last may not be.
+//! Tests the host with every fault: does it recover, report the fault, give a harmless cloud, or give a
+//! wrong cloud? The last outcome must not occur.
 //!
-//! Each scan is a whole one: an application opens port and camera of a device in memory, selects a
-//! sequence, reads manifest and calibration, captures, decodes and triangulates; its points are held
-//! against those of a scan without faults and with the same random numbers. The devices are the middles of
-//! two built-in profiles' cameras, before a plane, a sphere and a torso. In the ordinary table each link has
-//! one device before one scene; `--each` has all devices before all scenes.
+//! Each trial is a complete scan: an application opens port and camera of a device in memory, selects a
+//! sequence, reads manifest and calibration, captures, decodes and triangulates. Its points are
+//! compared with those of a scan without faults and with the same random numbers. The devices are
+//! built-in profiles with only the middle of the camera's image, in front of a plane, a sphere and a
+//! torso. In the default table each link has one device and one scene; `--each` has all devices and all
+//! scenes.
 //!
-//! A cloud is harmless if at most one point in a hundred is missing and one in a thousand is more than five of
-//! its stated standard deviations off; it is recovered if it is the fault-free one, or harmless after a
-//! repeated run. Others are wrong.
+//! A cloud is harmless if at most one point in a hundred is missing and at most one in a thousand is
+//! more than five of its stated standard deviations off. It is recovered if it equals the fault-free
+//! cloud, or if it is harmless after a repeated run. All other clouds are wrong.
 //!
-//! A cell counts scans: what the host made of the fault. `phasmid faults matrix` makes the tables anew,
-//! and a test holds it to them.
+//! A cell counts scans by outcome. `phasmid faults matrix` recomputes the tables, and a test compares
+//! them.
 //!
 #![doc = include_str!("matrix.md")]
 
@@ -28,10 +29,11 @@ pub use trial::{Difference, Outcome, Setting, Trial, Tried};
 
 use phasmid_core::error::Result;
 
-/// All tables; `each` frame and message in turn, or some of them. `step` is told what is being tried.
+/// Returns all tables; `each` tests every frame and message instead of some. `step` receives progress
+/// messages.
 ///
 /// # Errors
-/// A device that cannot be scanned when all is well.
+/// Returns an error if a device cannot be scanned without faults.
 pub fn tables(each: bool, step: &(dyn Fn(&str) + Sync)) -> Result<Vec<Table>> {
     let places = Place::all(each);
     let (by_link, by_dialect) = (frames(each)?, messages()?);
@@ -53,7 +55,7 @@ pub fn tables(each: bool, step: &(dyn Fn(&str) + Sync)) -> Result<Vec<Table>> {
     ])
 }
 
-/// Tables as Markdown.
+/// Formats tables as Markdown.
 pub fn markdown(tables: &[Table]) -> String {
     let texts: Vec<_> = tables.iter().map(Table::to_markdown).collect();
     texts.join("\n")

@@ -5,12 +5,12 @@ use crate::desk::Link;
 use phasmid_core::error::Result;
 use phasmid_profile::{Profile, Scene};
 
-/// Columns of the camera: as few as an embedded data line needs.
+/// Columns of the camera: the minimum for an embedded data line.
 const WIDTH_PX: u32 = 256;
 /// Rows of the camera.
 const HEIGHT_PX: u32 = 96;
 
-/// The middle of a built-in profile's sensor, with or without a data line.
+/// Returns a built-in profile with only the middle of its sensor, with or without a data line.
 fn small(name: &str, data_line: bool) -> Result<Profile> {
     let mut profile = Profile::load(name)?;
     let camera = &mut profile.camera;
@@ -30,29 +30,29 @@ fn setting(name: &str, profile: Profile, scene: &str, link: Link) -> Result<Sett
     })
 }
 
-/// How frames tell which they are: its name, whether there is a data line, the link.
+/// Ways to identify frames: name, whether there is a data line, and link.
 const LINKS: [(&str, bool, Link); 3] = [
     ("identified", false, Link::Identified),
     ("data line", true, Link::Anonymous),
     ("counted only", false, Link::Anonymous),
 ];
-/// Devices of a bench and scenes. Of each link the ordinary table has one of them, so that each of a
-/// kind is there; with `each` it has all.
+/// Bench devices and scenes. In the default table each link has one device and one scene, so that each
+/// link occurs; with `each` it has all combinations.
 const DEVICES: [&str; 4] = ["webcam-grey", "dlp-evm", "pmp-bench", "pmp-real"];
 const SCENES: [&str; 3] = ["sphere", "torso", "plane"];
-/// A device with sets of three steps and nothing else, and its scenes; a plane is too bright for it.
+/// A device whose only fringes are sets of three steps, and its scenes; a plane is too bright for it.
 const POD: &str = "sgrt-pod";
 const POD_SCENES: [&str; 2] = ["sphere", "torso"];
-/// How much farther than a bench's a pod's scene is,
+/// Distance in millimetres by which a pod's scene is moved back compared with a bench's.
 const FARTHER_MM: f64 = 1400.0;
-/// and how much darker: as skin.
+/// Factor on the albedo of a pod's scene: that of skin.
 const DARKER: f64 = 0.6;
 
-/// Settings for faults of frames: how frames tell which they are, each with one device before one
-/// scene and a pod where that is all or nothing, or with `each` with all devices before all scenes.
+/// Returns the settings for faults of frames: each way to identify frames with one device and one
+/// scene, and the pod with full identification and with none. With `each`, all devices and all scenes.
 ///
 /// # Errors
-/// None, as long as the built-in profiles are sound.
+/// Returns no error, as long as the built-in profiles are valid.
 pub fn frames(each: bool) -> Result<Vec<Setting>> {
     let mut all = Vec::new();
     for (l, (name, line, link)) in LINKS.into_iter().enumerate() {
@@ -65,7 +65,7 @@ pub fn frames(each: bool) -> Result<Vec<Setting>> {
             }
         }
         for (s, scene) in POD_SCENES.into_iter().enumerate() {
-            // One with all that tells frames apart, one with nothing.
+            // By default, scan the pod with full identification and with none.
             if each || 2 * s == l {
                 let name = format!("{name}, {POD}, {scene}");
                 let mut far = setting(&name, small(POD, line)?, scene, link)?;
@@ -80,10 +80,10 @@ pub fn frames(each: bool) -> Result<Vec<Setting>> {
     Ok(all)
 }
 
-/// Settings for faults of messages: what is spoken.
+/// Returns the settings for faults of messages: one per dialect.
 ///
 /// # Errors
-/// None, as long as the built-in profiles are sound.
+/// Returns no error, as long as the built-in profiles are valid.
 pub fn messages() -> Result<Vec<Setting>> {
     [
         ("SCPI", None),

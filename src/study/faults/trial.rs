@@ -1,4 +1,4 @@
-//! One scan of a device that has a bad day, and what came of it.
+//! One scan of a device with a fault, and its outcome.
 
 use crate::desk::{Desk, Link};
 use phasmid_core::error::{Error, Result};
@@ -12,23 +12,24 @@ use phasmid_protocol::faults::{Direction, Fault, Schedule, Side, Struck, What};
 use phasmid_render::{Renderer, truth::Truth};
 use std::time::Duration;
 
-/// How long the host waits for a reply, in virtual time.
+/// Timeout of the host for a reply, in virtual time.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
-/// How long it waits for a frame.
+/// Timeout of the host for a frame, in virtual time.
 const FRAME_TIMEOUT: Duration = Duration::from_millis(400);
-/// Fault-free scans in a row of one device: a run that is repeated has the random numbers of a later one.
+/// Number of consecutive fault-free scans of a device: a repeated run has the random numbers of a later
+/// scan.
 const SOUND: usize = 4;
-/// Part of the fault-free points that a harmless fault may cost.
+/// Maximum fraction of the fault-free points that a harmless fault removes.
 const LOST: f64 = 0.01;
-/// Part of the points that a harmless fault may move by more than [`SIGMAS`].
+/// Maximum fraction of the points that a harmless fault moves by more than [`SIGMAS`].
 const MOVED: f64 = 1e-3;
-/// Stated standard deviations beyond which a point has moved.
+/// Number of stated standard deviations beyond which a point counts as moved.
 const SIGMAS: f32 = 5.0;
 
-/// What came of a scan.
+/// The outcome of a scan.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
-    /// The fault-free cloud, or after a repeated run one that differs no more than a harmless one.
+    /// The fault-free cloud, or after a repeated run a cloud with a harmless difference.
     Recovered,
     /// An error that says what is wrong.
     Reported(String),
@@ -38,13 +39,13 @@ pub enum Outcome {
     Wrong(Difference),
 }
 
-/// How a cloud differs from the fault-free one with the same random numbers.
+/// Difference between a cloud and the fault-free cloud with the same random numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Difference {
-    /// Part of the fault-free points that have no point.
+    /// Fraction of the fault-free points that are missing.
     pub lost: f64,
-    /// Part of the points that are more than five of their stated standard deviations from the fault-free
-    /// ones, or more than 1 mm off where the fault-free scan has no point.
+    /// Fraction of the points that are more than five stated standard deviations from the fault-free
+    /// ones, or, where the fault-free scan has no point, more than 1 mm off the truth.
     pub moved: f64,
 }
 
@@ -53,7 +54,7 @@ impl Difference {
         self.lost <= LOST && self.moved <= MOVED
     }
 
-    /// The larger of each part.
+    /// Returns the larger value of each fraction.
     pub(super) fn worst(self, other: Self) -> Self {
         Self {
             lost: self.lost.max(other.lost),
@@ -62,51 +63,51 @@ impl Difference {
     }
 }
 
-/// A device and how the host reaches it.
+/// A device and the way in which the host reaches it.
 #[derive(Debug, Clone)]
 pub struct Setting {
-    /// How it is called in a table.
+    /// Name in a table.
     pub name: String,
     /// The device.
     pub profile: Profile,
-    /// What stands before it.
+    /// Scene in front of the device.
     pub scene: Scene,
     /// How frames reach the host.
     pub link: Link,
-    /// What is spoken on the control port: a shipped dialect; SCPI when absent.
+    /// Dialect of the control port, by its built-in name; SCPI if absent.
     pub dialect: Option<&'static str>,
 }
 
-/// Where scans are tried: a device before a scene, and how sound scans of it look.
+/// A device in front of a scene, with its fault-free scans for comparison.
 pub struct Trial {
     setting: Setting,
-    /// Frames, messages to the device and messages back of a sound scan.
+    /// Number of frames, messages to the device and messages from the device in a sound scan.
     counts: [u64; 3],
     renderer: Option<Renderer>,
     truth: Truth,
-    /// Fault-free scans in a row.
+    /// Consecutive fault-free scans.
     sound: Vec<Decoded>,
 }
 
-/// What a scan gave.
+/// Result of one scan with a fault.
 pub struct Tried {
-    /// How the cloud differs from the fault-free one, or what the host says.
+    /// Difference from the fault-free cloud, or the host's error.
     pub cloud: Result<Difference>,
-    /// Why a run was thrown away.
+    /// Reasons why runs were discarded and repeated.
     pub retries: Vec<String>,
-    /// What struck.
+    /// The faults that struck.
     pub struck: Vec<Struck>,
 }
 
 impl Trial {
-    /// A place with a device of a profile before a scene.
+    /// Creates a trial from a setting.
     ///
     /// # Errors
-    /// Profiles and scenes that cannot be rendered, and a device that cannot even be scanned when all
-    /// is well.
+    /// Returns an error if profile or scene cannot be rendered, or if the device cannot be scanned
+    /// without faults.
     pub fn new(setting: &Setting) -> Result<Self> {
         let mut setting = setting.clone();
-        // Points are compared with the truth, so errors of the calibration are left out.
+        // Points are compared with the truth, so use the exact calibration.
         setting.profile.factory_calibration.exact = true;
         let profile = &setting.profile;
         let mut device = Device::builder(profile, &setting.scene).seed(1).build()?;
@@ -135,7 +136,8 @@ impl Trial {
         Ok(trial)
     }
 
-    /// Counts what a sound scan consists of, by faults that strike everything and change nothing.
+    /// Counts frames and messages of a sound scan, with faults that strike everything and change
+    /// nothing.
     fn count(&mut self) -> Result<()> {
         let harmless = [
             What::Late { by_ms: 0.0 },
@@ -158,12 +160,13 @@ impl Trial {
         Ok(())
     }
 
-    /// Frames, messages to the device and messages back of a sound scan.
+    /// Returns the number of frames, messages to the device and messages from the device in a sound
+    /// scan.
     pub fn counts(&self) -> [u64; 3] {
         self.counts
     }
 
-    /// How many frames or messages of a sound scan a fault could strike.
+    /// Returns the number of frames or messages of a sound scan that a fault could strike.
     pub fn events(&self, fault: &Fault) -> u64 {
         let [frames, asked, answered] = self.counts;
         match (fault.side(), fault.what) {
@@ -180,7 +183,7 @@ impl Trial {
         }
     }
 
-    /// Does something with a device, and gives what came of it and what struck.
+    /// Calls a function with a device; returns its result and the faults that struck.
     fn with_desk<T>(
         &mut self,
         schedule: &Schedule,
@@ -206,10 +209,10 @@ impl Trial {
         Ok((done, struck))
     }
 
-    /// Scans while a schedule is in force.
+    /// Scans with a schedule of faults.
     ///
     /// # Errors
-    /// A device that cannot be made. What the host says is in the result.
+    /// Returns an error if the device cannot be created. Errors of the host are part of the result.
     pub fn scan(&mut self, schedule: &Schedule) -> Result<Tried> {
         let mut retries = Vec::new();
         let (cloud, struck) = self.with_desk(schedule, |trial, desk| {
@@ -231,7 +234,7 @@ impl Trial {
         })
     }
 
-    /// What a scan came to.
+    /// Classifies a scan by its outcome.
     pub fn judge(&self, tried: &Tried) -> Outcome {
         match &tried.cloud {
             Err(error) => Outcome::Reported(error.to_string()),
@@ -256,15 +259,16 @@ impl Trial {
         Scanner::with_dialect(desk.port(), dialect, REPLY_TIMEOUT, open)
     }
 
-    /// Whether a measured depth is more than 1 mm off, or where there is nothing.
+    /// Returns whether a measured depth is more than 1 mm off, or has no surface there.
     fn is_gross(&self, pixel: usize, measured: f32) -> bool {
-        // NaN, where there is nothing, is no small error.
+        // The truth is NaN where there is no surface; the comparison is then false.
         let small = f64::from(measured - self.truth.depth_mm[pixel]).abs() <= GROSS_MM;
         measured.is_finite() && !small
     }
 
-    /// Compares a scan with the fault-free one that it resembles most: that with the same random numbers,
-    /// if there is one. A `repeated` run may have others, so that both deviations count.
+    /// Compares a scan with the most similar fault-free scan: the one with the same random numbers, if
+    /// it exists. A `repeated` run may have other random numbers, so the standard deviations of both
+    /// scans are combined.
     fn difference(&self, scan: &Decoded, repeated: bool) -> Difference {
         let compare = |sound| self.compared(scan, sound, repeated);
         let differences = self.sound.iter().map(compare);
@@ -299,7 +303,7 @@ impl Trial {
     }
 }
 
-/// Decodes a capture, as any application does.
+/// Decodes a capture as any application does.
 fn decoded(captured: &Capture) -> Result<Decoded> {
     check_modulation(&captured.manifest, &captured.images)?;
     Ok(captured.decode(Options::default())?.1)

@@ -1,9 +1,9 @@
 //! The links.
 
-/// How commands and frames travel.
+/// Ways in which commands and frames travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Link {
-    /// The device is called.
+    /// Direct calls of the device.
     Memory,
     /// A pty and the frame socket.
     Socket,
@@ -17,7 +17,7 @@ pub(super) enum Link {
     Kernel,
 }
 
-/// In the order of the table.
+/// All links, in the order of the table.
 pub(super) const LINKS: [Link; 6] = [
     Link::Memory,
     Link::Socket,

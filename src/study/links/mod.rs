@@ -1,10 +1,10 @@
 //! Speed of the links that carry commands to a device and its frames to the host: latency from a
 //! trigger to the complete frame, and frames per second ([`measure`]).
 //!
-//! The device's clock is the fast one, so that exposures take no time: what is left is the time of the
-//! rendering and of the link. In memory there is no link: the device renders a frame on the host's own
-//! thread when the host asks for it. Over a link it renders the next frames of a sequence while the host
-//! receives the last one, so that a link can be faster than the device in memory.
+//! The device uses the fast clock, so exposures take no time: only rendering and the link do. In memory
+//! there is no link: the device renders a frame on the host's own thread when the host asks for it.
+//! Over a link it renders the next frames of a sequence while the host receives the last one, so a link
+//! can be faster than the device in memory.
 
 mod link;
 mod talk;
@@ -37,7 +37,7 @@ pub struct LinkSpeeds {
 /// The speed of one link.
 #[derive(Debug, Clone, Serialize)]
 pub struct LinkSpeed {
-    /// Its name.
+    /// Name of the link.
     pub link: &'static str,
     /// The reason why the machine cannot use this link; `None` if it was measured.
     pub lacks: Option<String>,

@@ -21,7 +21,7 @@ use phasmid_report::stopwatch::Stopwatch;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Longer than any link takes.
+/// Timeout for all operations: longer than any link takes.
 const TIMEOUT: Duration = Duration::from_secs(20);
 /// After this time without a frame, a link that can lose frames delivers no more of them.
 const QUIET: Duration = Duration::from_millis(800);
@@ -61,8 +61,8 @@ impl Talk {
         Ok(Self { instrument, camera })
     }
 
-    /// Runs one sequence frame by frame: it drops what an earlier stream has left, and lets the device
-    /// make what it makes once.
+    /// Runs one sequence frame by frame, to drop frames of an earlier stream and to let the device
+    /// compute its tables.
     pub(super) fn prepare_triggers(&mut self, patterns: usize) -> Result<()> {
         self.instrument.order("INIT")?;
         for index in 0..patterns {
@@ -86,7 +86,7 @@ impl Talk {
         triggers.collect()
     }
 
-    /// Changes to one trigger per sequence, and runs one until the camera has no more frames.
+    /// Changes to one trigger per sequence, and runs one sequence until the camera has no more frames.
     pub(super) fn prepare_sequences(&mut self, patterns: usize) -> Result<()> {
         self.instrument.order("ABOR;:TRIG:MODE SEQ")?;
         self.instrument.order("INIT")?;
@@ -99,7 +99,7 @@ impl Talk {
                 Ok(None) => return Err(late(0)),
                 Ok(Some(frame)) => {
                     came += 1;
-                    // The first one may be the last of an earlier stream.
+                    // The first frame may be the last of an earlier stream.
                     over |= is(&frame, patterns - 1) && came > 1;
                 }
                 Err(_) if self.camera.has_skipped() => {}
@@ -108,7 +108,8 @@ impl Talk {
         }
     }
 
-    /// Runs a sequence; returns how many frames arrived, and the seconds until the last of them.
+    /// Runs a sequence; returns the number of frames that arrived, and the seconds until the last of
+    /// them.
     pub(super) fn sequence(
         &mut self,
         watch: Stopwatch<'_>,
@@ -138,7 +139,7 @@ impl Talk {
         Ok((came, last_s - begin))
     }
 
-    /// Returns the next frame, which has to be that of a pattern.
+    /// Returns the next frame, which must show the pattern `index`.
     fn frame(&mut self, index: usize) -> Result<Frame> {
         match self.camera.next_frame(TIMEOUT)? {
             Some(frame) if is(&frame, index) => Ok(frame),

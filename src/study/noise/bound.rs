@@ -1,41 +1,43 @@
-//! What noise leaves of a phase: the least-squares bound, what rounding makes of it, and the
-//! Cramer-Rao bound where the noise follows the light.
+//! The standard deviation of a phase due to noise: the least-squares bound, the effect of rounding on
+//! it, and the Cramer-Rao bound for noise that grows with the light.
 //!
 //! A pixel reads I_i = A + B cos(psi_i) + n_i at psi_i = phi + 2 pi i / N. Least squares has a phase of
 //! standard deviation sqrt(2/N) sigma / B, with sigma at the mean A (Greivenkamp, Opt. Eng. 23(4),
-//! 1984). Shot noise has the variance v_i = v (1 + m cos psi_i), with v that at A and m = K B / v:
-//! samples in the fringe's dark are better than those in its light, which least squares does not
-//! know. The inverse of the Fisher information, the sum over the samples of g g^T / v_i with g the
-//! derivatives of I_i by A, B and phi, bounds every unbiased estimator (Kay, "Fundamentals of
-//! Statistical Signal Processing: Estimation Theory", 1993, chapter 3; that the variance tells of
-//! the phase too adds K^2 / 2 v_i^2, some ten-thousandths, which is left out). For many steps the sum is
-//! an integral, and the bound over that of least squares is sqrt((1 + sqrt(1 - m^2)) / 2).
+//! 1984). Shot noise has the variance v_i = v (1 + m cos psi_i), where v is the variance at A and m = K
+//! B / v: samples in the dark part of a fringe are more precise than those in its bright part, which
+//! least squares ignores. The inverse of the Fisher information, the sum over the samples of g g^T /
+//! v_i with g the derivatives of I_i by A, B and phi, bounds every unbiased estimator (Kay,
+//! "Fundamentals of Statistical Signal Processing: Estimation Theory", 1993, chapter 3). The variance
+//! itself also contains information about the phase, K^2 / 2 v_i^2; it is some ten-thousandths and left
+//! out. For many steps the sum is an integral, and the ratio of the bound to that of least squares is
+//! sqrt((1 + sqrt(1 - m^2)) / 2).
 
 use nalgebra::{Matrix3, Vector3};
 use phasmid_geometry::NoiseModel;
 use std::f64::consts::{PI, TAU};
 
-/// Phases over which bounds that depend on the phase are averaged: coprime to the steps.
+/// Number of phases over which phase-dependent bounds are averaged: coprime to the numbers of steps.
 const PHASES: usize = 361;
 
-/// Standard deviation of the phase in radians by least squares of `steps` equal steps, for a
-/// modulation and a standard deviation of the samples in the same unit.
+/// Returns the standard deviation of the phase in radians for least squares over `steps` equal steps;
+/// modulation and standard deviation of the samples are in the same unit.
 pub(super) fn least_squares(steps: usize, modulation: f64, sigma: f64) -> f64 {
     (2.0 / steps as f64).sqrt() * sigma / modulation
 }
 
-/// How far the variance swings with the fringe: m, 0 to 1.
+/// Returns the relative amplitude m, 0 to 1, with which the variance follows the fringe.
 pub(super) fn swing(noise: &NoiseModel, mean_dn: f64, modulation_dn: f64) -> f64 {
     noise.gain_dn_per_e * modulation_dn / noise.variance_dn2(mean_dn)
 }
 
-/// The Cramer-Rao bound of many steps over that of least squares, where the variance swings by `m`.
+/// Returns the ratio of the Cramer-Rao bound to the least-squares bound for many steps and a variance
+/// amplitude `m`.
 pub(super) fn floor_of_many(m: f64) -> f64 {
     (0.5 + 0.5 * (1.0 - m * m).max(0.0).sqrt()).sqrt()
 }
 
-/// The Cramer-Rao bound of `steps` equal steps over that of least squares, as root mean squares over
-/// the phase.
+/// Returns the ratio of the Cramer-Rao bound to the least-squares bound for `steps` equal steps, both
+/// as root mean squares over the phase.
 pub(super) fn floor(steps: usize, m: f64) -> f64 {
     let variance = |phi: f64| {
         let mut information = Matrix3::zeros();
@@ -52,15 +54,15 @@ pub(super) fn floor(steps: usize, m: f64) -> f64 {
     (sum / PHASES as f64 / (2.0 / steps as f64)).sqrt()
 }
 
-/// The error of a phase from rounded samples over the bound that takes rounding for white noise of
-/// 1/12, as root mean squares over phases and over where between two levels the mean lies; `sigma`
-/// and `modulation` in levels.
+/// Returns the ratio of the error of a phase from rounded samples to the bound that treats rounding as
+/// white noise of variance 1/12. Both are root mean squares over phases and over positions of the mean
+/// between two levels. `sigma` and `modulation` are in levels.
 ///
 /// Rounding adds to a level x + n the error of a sawtooth, sum over k of (-1)^k sin(2 pi k (x + n)) /
 /// (pi k). Its mean over n has the factors exp(-2 pi^2 k^2 sigma^2) (Widrow and Kollar, "Quantization
-/// Noise", 2008, chapter 4) and is the same each time: samples of one fringe share it as their levels
-/// do. Over the mean's place, samples at levels d apart have the covariance g(d) = sum over k of
-/// exp(-4 pi^2 k^2 sigma^2) cos(2 pi k d) / (2 pi^2 k^2); what is left of 1/12 is white.
+/// Noise", 2008, chapter 4) and is the same in every scan, so samples of one fringe with equal levels
+/// share it. Over all positions of the mean, samples with levels d apart have the covariance g(d) = sum
+/// over k of exp(-4 pi^2 k^2 sigma^2) cos(2 pi k d) / (2 pi^2 k^2); the remainder of 1/12 is white.
 pub(super) fn rounded(steps: usize, modulation: f64, sigma: f64) -> f64 {
     let white = sigma * sigma + 1.0 / 12.0;
     let (mut own, mut shared) = (0.0, 0.0);
@@ -87,7 +89,7 @@ pub(super) fn rounded(steps: usize, modulation: f64, sigma: f64) -> f64 {
     ((white - own + shared * 2.0 / steps as f64) / white).sqrt()
 }
 
-/// The variance in the k-th harmonic of rounding's mean error.
+/// Returns the variance of the k-th harmonic of rounding's mean error.
 fn harmonic(k: u32, sigma: f64) -> f64 {
     let k = f64::from(k);
     (-(2.0 * PI * k * sigma).powi(2)).exp() / (2.0 * (PI * k).powi(2))
@@ -101,7 +103,7 @@ mod tests {
     fn the_integral_is_the_sum_of_many_steps() {
         for m in [0.0, 0.3, 0.8, 0.95] {
             assert!((floor(64, m) / floor_of_many(m) - 1.0).abs() < 1e-9, "{m}");
-            // Three samples determine three unknowns: nothing is left to be weighted.
+            // Three samples determine three unknowns, so weights change nothing.
             assert!((floor(3, m) - 1.0).abs() < 1e-9, "{m}");
         }
         let fives: Vec<f64> = [3, 4, 5, 6, 8, 12].map(|n| floor(n, 0.8)).to_vec();
@@ -116,13 +118,13 @@ mod tests {
                 assert!((ratio - 1.0).abs() < 0.01, "{steps} {modulation} {ratio}");
             }
         }
-        // Its harmonics are all of 1/12 where there is no noise.
+        // Without noise, the variances of all harmonics add up to 1/12.
         let all: f64 = (1..100_000).map(|k| harmonic(k, 0.0)).sum();
         assert!((all - 1.0 / 12.0).abs() < 1e-6);
     }
 
-    /// Rounded samples themselves, drawn by counting through phases and means, without noise but for
-    /// a uniform one whose harmonics are known: none is left at a width of one level.
+    /// Compares with rounded samples on a grid of phases and means. The only noise is uniform with a
+    /// width of one level, which removes all harmonics.
     #[test]
     fn without_noise_the_error_is_that_of_rounded_samples() {
         for (steps, modulation) in [(12, 2.0), (5, 10.0)] {
@@ -146,7 +148,7 @@ mod tests {
             }
             let bound = least_squares(steps, modulation, (1.0f64 / 12.0).sqrt());
             let found = (squares / count).sqrt() / bound;
-            // The harmonics end at 200, which leaves 0.6 % of 1/12 white.
+            // Only 200 harmonics are summed, which leaves 0.6 % of 1/12 as white noise.
             let expected = rounded(steps, modulation, 1e-9);
             assert!(
                 (found / expected - 1.0).abs() < 0.03,

@@ -1,34 +1,35 @@
-//! What is measured: steps, modulations and noises of fringes, and scenes.
+//! The measured cases: numbers of steps, modulations and noises of fringes, and scenes.
 
 use super::phase::even_sensor;
 use super::stack::Fringe;
 use phasmid_core::error::Result;
 use phasmid_profile::{Profile, Sensor};
 
-/// A named fringe.
+/// A fringe with its key and its noise.
 #[derive(Debug, Clone)]
 pub(super) struct Case {
-    /// The trial's key.
+    /// Key of the trial.
     pub(super) key: String,
-    /// Which table it belongs to: `even` or `shot`.
+    /// Table of the case: `even` or `shot`.
     pub(super) kind: &'static str,
-    /// The sensor's profile; empty where it is no profile's.
+    /// Profile of the sensor; empty if the sensor belongs to no profile.
     pub(super) sensor: &'static str,
     /// Gain above the profile's, in decibels.
     pub(super) gain_db: f64,
-    /// Standard deviation of the samples before rounding, of even noise, in digital numbers.
+    /// Standard deviation of the samples before rounding, in digital numbers, for noise that is equal
+    /// at all levels.
     pub(super) noise_dn: f64,
     /// The fringe.
     pub(super) fringe: Fringe,
 }
 
-/// Noises of the first table in digital numbers.
+/// Noises of the first table, in digital numbers.
 pub(super) const NOISES_DN: [f64; 7] = [0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0];
 /// Modulations in digital numbers.
 pub(super) const MODULATIONS_DN: [f64; 6] = [2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
 /// Steps.
 pub(super) const STEPS: [usize; 11] = [3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32];
-/// The sensors of the second table, and their gains above the profile's.
+/// Sensors of the second table, and their gains above the profile's.
 pub(super) const SENSORS: [(&str, f64); 5] = [
     ("pmp-bench", 0.0),
     ("pmp-bench", 12.0),
@@ -40,7 +41,7 @@ pub(super) const SENSORS: [(&str, f64); 5] = [
 /// that the camera's pixels and the projector's average.
 const CONTRAST: f64 = 0.95;
 
-/// The grid: all of it, or what tells as much in seconds.
+/// The grid of cases: complete, or a part of it that takes seconds.
 pub(super) struct Grid {
     pub(super) steps: Vec<usize>,
     pub(super) modulations_dn: Vec<f64>,
@@ -70,10 +71,10 @@ impl Grid {
     }
 }
 
-/// Fringes in noise that is the same at every step, around the middle of an 8-bit range.
+/// Returns fringes with the same noise at every step, around the middle of an 8-bit range.
 ///
 /// # Errors
-/// A built-in profile that cannot be read.
+/// Returns an error if a built-in profile cannot be read.
 pub(super) fn even(grid: &Grid) -> Result<Vec<Case>> {
     let like = Profile::load("pmp-bench")?.camera.sensor;
     let mut cases = Vec::new();
@@ -100,10 +101,10 @@ pub(super) fn even(grid: &Grid) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// Fringes without other light, as sensors of profiles see them.
+/// Returns fringes without other light, as read by sensors of profiles.
 ///
 /// # Errors
-/// A built-in profile that cannot be read.
+/// Returns an error if a built-in profile cannot be read.
 pub(super) fn shot(grid: &Grid) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for &(name, gain_db) in &grid.sensors {

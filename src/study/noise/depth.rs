@@ -1,5 +1,5 @@
-//! Trials of depth noise: one scene scanned again and again, its pixels' spread beside the
-//! decoder's own standard deviation and beside the bound carried to depth.
+//! Trials of depth noise: one scene is scanned repeatedly, and the spread of each pixel is compared
+//! with the decoder's standard deviation and with the bound propagated to depth.
 
 use crate::scanned::Stage;
 use crate::score::depth_bounds;
@@ -11,25 +11,25 @@ use phasmid_profile::{Profile, Scene};
 use phasmid_render::{self as render, truth::Truth};
 use phasmid_report::lab::Row;
 
-/// What makes a pixel one that a scanner should measure.
+/// Flags of a pixel that a scanner should measure.
 const WANTED: u8 = Truth::SEEN | Truth::LIT | Truth::SQUARE;
 
-/// A scene before a camera that is a piece of the profile's.
+/// A scene in front of a camera that has only the middle of the profile's sensor.
 #[derive(Debug, Clone)]
 pub(super) struct View {
     /// The profile.
     pub(super) profile: &'static str,
     /// The scene.
     pub(super) scene: &'static str,
-    /// Exposure over the profile's.
+    /// Exposure relative to the profile's.
     pub(super) light: f64,
     /// Columns and rows in the middle of the camera's image.
     pub(super) size_px: [u32; 2],
-    /// Scans.
+    /// Number of scans.
     pub(super) turns: u64,
 }
 
-/// The views: all, or one in seconds.
+/// Returns all views, or a selection that takes seconds.
 pub(super) fn views(quick: bool) -> Vec<View> {
     let view = |profile, scene, light| View {
         profile,
@@ -52,33 +52,33 @@ pub(super) fn views(quick: bool) -> Vec<View> {
     views
 }
 
-/// One decoding's depths and standard deviations over the turns, pixel by pixel.
+/// Depths and standard deviations of repeated scans.
 struct Spread {
     scans: Vec<Decoded>,
 }
 
-/// Root mean squares over the pixels that every scan has, creases apart.
+/// Root mean squares over the pixels that have a depth in every scan, without creases.
 #[derive(Debug, Default)]
 struct Figures {
     pixels: f64,
-    /// Points of all scans, those more than a millimetre off or where there is nothing, and those
+    /// Number of points of all scans; of points more than 1 mm off or without a surface; and of points
     /// where a scanner should have one.
     points: f64,
     gross: f64,
     found: f64,
     /// Fraction of the points off by more than five of the decoder's standard deviations.
     beyond: f64,
-    /// Of the depths about their pixel's mean.
+    /// RMS deviation of the depths from the mean of their pixel.
     spread_mm: f64,
-    /// Of the decoder's standard deviations.
+    /// RMS of the decoder's standard deviations.
     sigma_mm: f64,
-    /// Of the bounds.
+    /// RMS of the bounds.
     bound_mm: f64,
-    /// Of the spreads over the bounds.
+    /// RMS of the ratio of spread to bound.
     ratio: f64,
-    /// Mean square of the errors over the decoder's standard deviation: 1 where that is right.
+    /// Mean square of the ratio of error to the decoder's standard deviation: 1 if that is correct.
     chi_square: f64,
-    /// Of the pixels' means about the true depth: what is no noise, and what noise leaves of a mean.
+    /// RMS error of the pixels' means, after subtraction of the noise that remains in a mean.
     bias_mm: f64,
 }
 
@@ -131,7 +131,7 @@ impl Spread {
 }
 
 impl Spread {
-    /// Errors of all points over the decoder's standard deviations, creases apart.
+    /// Returns the errors of all points over the decoder's standard deviations, without creases.
     fn stated(&self, truth: &Truth) -> Stated {
         let smooth = (0..truth.flags.len()).filter(|&i| truth.flags[i] & Truth::CREASE == 0);
         Stated::of(smooth.flat_map(|i| {
@@ -147,10 +147,10 @@ impl Spread {
     }
 }
 
-/// Scans a view as often as it says, and writes down spreads and bounds.
+/// Scans a view repeatedly, and returns a row with spreads and bounds.
 ///
 /// # Errors
-/// A built-in profile or scene that does not do.
+/// Returns an error if a built-in profile or scene is invalid.
 pub(super) fn measure(view: &View, seed: u64) -> Result<Row> {
     let mut profile = Profile::load(view.profile)?;
     let camera = &mut profile.camera;

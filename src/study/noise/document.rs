@@ -1,15 +1,15 @@
-//! What the study says.
+//! The page of the study.
 
 use super::bound::{floor_of_many, rounded};
 use super::tables::{self, WHITE_FROM_DN, bench, of, signal_to_noise, spoken_of, values};
 use phasmid_report::lab::{Block, Chart, Check, Row, Rows, Section, Series, SeriesStyle};
 
-/// By how much errors may exceed the bound.
+/// Maximum ratio of errors to the bound.
 const ABOVE_BOUND: f64 = 1.05;
-/// The number of steps of the paper and of the tables that hold one.
+/// Number of steps of the paper, used in tables for a single number of steps.
 const STEPS: f64 = 12.0;
 
-/// The sections of all rows.
+/// Returns all sections.
 pub(super) fn of_rows(rows: &Rows) -> Vec<Section> {
     let section = |title: &str, blocks| Section::new(title, blocks);
     vec![
@@ -130,7 +130,7 @@ fn figure(name: &str, caption: &str, chart: Chart) -> Block {
     Block::Figure(chart.figure(name, caption))
 }
 
-/// One modulation, error over bound by steps, a series for each noise below the white and one above.
+/// Plots error over bound by steps at one modulation, with a series for each noise.
 fn over_steps(rows: &Rows) -> Chart {
     const MODULATION_DN: f64 = 10.0;
     let mut series = Vec::new();
@@ -164,7 +164,7 @@ fn over_steps(rows: &Rows) -> Chart {
     }
 }
 
-/// A value by modulation over noise, a series for each N.
+/// Plots a value over the ratio of modulation to noise, with a series for each N.
 fn over_noise(rows: &Rows, label: &str, value: impl Fn(&Row) -> f64) -> Chart {
     let series = values(of(rows, "even"), "steps").into_iter().map(|steps| {
         let mut points: Vec<(f64, f64)> = of(rows, "even")
@@ -183,7 +183,7 @@ fn over_noise(rows: &Rows, label: &str, value: impl Fn(&Row) -> f64) -> Chart {
     }
 }
 
-/// Errors against bounds in projector pixels.
+/// Plots errors over bounds, in projector pixels.
 fn against_bound(rows: &Rows) -> Chart {
     let points = |kind: &'static str, low: bool| {
         let here = of(rows, kind).filter(|row| spoken_of(row));
@@ -223,7 +223,8 @@ fn against_bound(rows: &Rows) -> Chart {
     }
 }
 
-/// Least squares and weights over the bound by the variance's swing.
+/// Plots errors of least squares and of weighted steps, relative to the bound, over the amplitude of
+/// the variance.
 fn over_swing(rows: &Rows) -> Chart {
     let here = || of(rows, "shot").filter(|row| row.value("steps") >= 8.0 && spoken_of(row));
     let points = |name: &'static str| here().map(move |row| (row.value("swing"), row.value(name)));
@@ -326,7 +327,7 @@ fn checks(rows: &Rows) -> Vec<Check> {
             largest(&mut of(rows, "depth").map(|row| {
                 row.value("spread_mm").hypot(row.value("bias_mm")) / row.value("bound_mm")
             })),
-            // Correction of held pixels costs a few percent of noise.
+            // The correction of held pixels adds a few percent of noise.
             1.15,
         ),
         Check::at_most(

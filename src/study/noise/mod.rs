@@ -1,9 +1,9 @@
-//! The study `noise`: what noise leaves of phase and depth, beside the bounds that it sets.
+//! Study `noise`: the errors of phase and depth due to noise, compared with their theoretical bounds.
 //!
-//! Fringes of known phase are read by the sensors of profiles, noise, rounding and all, decoded as
-//! scans are, and held against the least-squares bound sqrt(2/N) sigma / B and the Cramer-Rao bound
-//! (`bound`); scenes are scanned again and again, and the spread of each pixel's depth is held against
-//! the decoder's own standard deviation and the bound (`depth`).
+//! Fringes of known phase are read by the sensors of profiles, with noise and rounding, and decoded as
+//! in a scan. The errors are compared with the least-squares bound sqrt(2/N) sigma / B and the
+//! Cramer-Rao bound (`bound`). Scenes are scanned repeatedly, and the spread of each pixel's depth is
+//! compared with the decoder's own standard deviation and the bound (`depth`).
 
 mod bound;
 mod cases;
@@ -80,7 +80,7 @@ impl Study for Noise {
         let mut trials = Vec::new();
         let cases = cases::even(&grid)?.into_iter().chain(cases::shot(&grid)?);
         for (i, case) in cases.enumerate() {
-            // Each has noise of its own.
+            // Each trial has its own noise.
             let seed = settings.seed.wrapping_add(i as u64);
             trials.push(Trial::new(case.key.clone(), seed, move |context| {
                 let row = Row::new()

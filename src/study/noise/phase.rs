@@ -1,5 +1,5 @@
-//! Trials of phase noise: one fringe, one sensor, scanned and decoded, and its errors beside the
-//! bounds.
+//! Trials of phase noise: one fringe is scanned with one sensor and decoded, and its errors are
+//! compared with the bounds.
 
 use super::bound::{floor, least_squares, rounded, swing};
 use super::stack::{Fringe, PERIOD_PX};
@@ -9,20 +9,20 @@ use phasmid_profile::{Profile, Sensor};
 use phasmid_report::lab::{Context, Row};
 use std::f64::consts::TAU;
 
-/// Errors beyond a quarter of a period are gross: whole periods, and what no phase noise does.
+/// Maximum error of an inlier, a quarter of a period: larger errors are wrong periods, not phase noise.
 const GROSS_PX: f64 = 0.25 * PERIOD_PX;
 
-/// What the valid pixels of a scan are off by.
+/// Errors of the valid pixels of a scan.
 pub(super) struct Errors {
     /// Valid pixels.
     pub(super) valid: usize,
-    /// Those of them that are grossly off.
+    /// Number of valid pixels with a gross error.
     pub(super) gross: usize,
-    /// Root mean square of the others' errors in projector pixels.
+    /// Root mean square error of the inliers, in projector pixels.
     pub(super) rms_px: f64,
-    /// Root mean square of their errors over the least-squares bound, each at its pixel's mean.
+    /// Root mean square of the inliers' errors over the least-squares bound at each pixel's mean.
     pub(super) ratio: f64,
-    /// Root mean square of their errors over the decoder's own standard deviations.
+    /// Root mean square of the inliers' errors over the decoder's own standard deviations.
     pub(super) whitened: f64,
 }
 
@@ -61,8 +61,8 @@ impl Errors {
     }
 }
 
-/// A sensor of 8 bits whose samples all have the same noise: so many electrons a level that their
-/// shot noise is a hundredth of a level at most.
+/// Returns an 8-bit sensor whose samples all have the same noise: with many electrons per level, shot
+/// noise is at most a hundredth of a level.
 pub(super) fn even_sensor(like: &Sensor, noise_dn: f64) -> Sensor {
     let gain = 1e-6;
     Sensor {
@@ -74,10 +74,10 @@ pub(super) fn even_sensor(like: &Sensor, noise_dn: f64) -> Sensor {
     }
 }
 
-/// Scans, decodes, and writes down errors and bounds.
+/// Scans, decodes, and adds errors and bounds to a row.
 ///
 /// # Errors
-/// None that a [`Fringe`] gives rise to.
+/// Returns no error for a [`Fringe`].
 pub(super) fn measure(fringe: &Fringe, seed: u64, row: Row) -> Result<Row> {
     let stack = fringe.scan(seed);
     let weighing = Options {
@@ -114,11 +114,11 @@ pub(super) fn measure(fringe: &Fringe, seed: u64, row: Row) -> Result<Row> {
         .number("weighted_whitened", weighted.whitened))
 }
 
-/// Times the decoding of a whole frame's pixels as `pmp-bench` projects and reads them, with and
-/// without weights: medians of turns one after the other.
+/// Times the decoding of a whole frame of `pmp-bench`, with and without weights in turn; returns
+/// medians.
 ///
 /// # Errors
-/// A built-in profile that cannot be read.
+/// Returns an error if a built-in profile cannot be read.
 pub(super) fn time(context: &Context<'_>) -> Result<Vec<Row>> {
     let fringe = Fringe {
         steps: 12,

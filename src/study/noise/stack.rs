@@ -1,5 +1,5 @@
-//! Frames of a fringe that is known, read by a profile's sensor: what the device's optics would give
-//! of a smooth surface, without optics.
+//! Frames of a known fringe, read by a profile's sensor: as the device would render them for a smooth
+//! surface, but without optics.
 
 use phasmid_core::error::Result;
 use phasmid_decode::{Decoder, Options};
@@ -12,22 +12,22 @@ use std::f64::consts::TAU;
 /// Period of the fringes in projector pixels, as `pmp-bench` has them.
 pub(super) const PERIOD_PX: f64 = 16.0;
 const WIDTH: usize = 256;
-/// Projector pixels from one camera pixel to the next, and those that one sees.
+/// Projector pixels between neighbouring camera pixels, which is also the width of a footprint.
 const STEP_PX: f64 = 1.7;
 
-/// A fringe on a surface, the same in all pixels but for its phase.
+/// A fringe on a surface; pixels differ only in their phase and slightly in their mean.
 #[derive(Debug, Clone)]
 pub(super) struct Fringe {
-    /// Steps N.
+    /// Number of steps N.
     pub(super) steps: usize,
-    /// B in digital numbers.
+    /// Modulation B in digital numbers.
     pub(super) modulation_dn: f64,
-    /// A in digital numbers, black level included; pixels differ by up to half a number, so that
-    /// rounding is not the same in all of them.
+    /// Mean A in digital numbers, including the black level. Pixels differ by up to half a number, so
+    /// that they are not all rounded alike.
     pub(super) mean_dn: f64,
-    /// What reads it.
+    /// The sensor that reads the fringe.
     pub(super) sensor: Sensor,
-    /// Rows of 256 pixels.
+    /// Number of rows of 256 pixels.
     pub(super) rows: usize,
 }
 
@@ -39,28 +39,30 @@ pub(super) struct Stack {
 }
 
 impl Fringe {
-    /// Pixels.
+    /// Returns the number of pixels.
     pub(super) fn pixels(&self) -> usize {
         WIDTH * self.rows
     }
 
-    /// The noise that the decoder is told.
+    /// Returns the noise model for the decoder.
     pub(super) fn noise(&self) -> NoiseModel {
         self.sensor.noise_model(0.0, 0.0)
     }
 
-    /// The projector column that a pixel sees: a slope, and every phase.
+    /// Returns the projector column that a pixel sees: linear along a row, and with all phases over the
+    /// rows.
     pub(super) fn position_px(&self, pixel: usize) -> f64 {
         let (u, v) = ((pixel % WIDTH) as f64, (pixel / WIDTH) as f64);
         12.0 + STEP_PX * u + 0.0371 * v
     }
 
-    /// A pixel's mean in digital numbers: additive recurrence by the golden ratio.
+    /// Returns a pixel's mean in digital numbers, from an additive recurrence with the golden ratio.
     pub(super) fn mean_dn_at(&self, pixel: usize) -> f64 {
         self.mean_dn + (pixel as f64 * 0.618_033_988_749_894_9).fract() - 0.5
     }
 
-    /// Fringes, Gray code with a complementary bit, white and black, as `pmp-bench` has them.
+    /// Returns the sequence of `pmp-bench`: fringes, Gray code with a complementary bit, white and
+    /// black.
     fn manifest(&self) -> Manifest {
         let fringe = |i: usize| Pattern::Fringe {
             axis: Axis::X,
@@ -93,7 +95,7 @@ impl Fringe {
         }
     }
 
-    /// Scans it; `seed` keys the noise.
+    /// Scans the fringe; `seed` keys the noise.
     pub(super) fn scan(&self, seed: u64) -> Stack {
         let manifest = self.manifest();
         let single = self.sensor.bits <= 8;
@@ -127,10 +129,10 @@ impl Fringe {
 }
 
 impl Stack {
-    /// A decoder that knows the sensor's noise.
+    /// Creates a decoder with the sensor's noise.
     ///
     /// # Errors
-    /// None that a [`Fringe`] gives rise to.
+    /// Returns no error for a [`Fringe`].
     pub(super) fn decoder(&self, options: Options) -> Result<Decoder> {
         let options = Options {
             noise: Some(self.fringe.noise()),
@@ -139,14 +141,14 @@ impl Stack {
         Decoder::new(&self.manifest, WIDTH, self.fringe.rows, None, options)
     }
 
-    /// The frames as a decoder takes them.
+    /// Returns the frames in the decoder's format.
     pub(super) fn images(&self) -> &[Image] {
         &self.images
     }
 }
 
-/// A pattern's light at a column, from -1 to 1: fringes as they are, held pixels of a Gray code
-/// averaged over what a camera pixel sees.
+/// Returns a pattern's light at a column, from -1 to 1: fringes by their formula, Gray code as held
+/// pixels averaged over a camera pixel.
 fn level(pattern: &Pattern, x: f64) -> f64 {
     match pattern {
         Pattern::Fringe {

@@ -3,22 +3,22 @@
 use phasmid_report::lab::{Row, Rows, Table};
 use phasmid_report::plot::figures;
 
-/// Fewest valid samples of a bin that is spoken of.
+/// Minimum number of valid samples of a bin in a table.
 pub(super) const FEWEST: f64 = 1000.0;
-/// Noise in digital numbers from which rounding is white.
+/// Minimum noise in digital numbers at which rounding is white.
 pub(super) const WHITE_FROM_DN: f64 = 0.5;
 
-/// The rows of one kind.
+/// Returns the rows of one kind.
 pub(super) fn of<'a>(rows: &'a Rows, kind: &'a str) -> impl Iterator<Item = &'a Row> {
     rows.with("kind", kind)
 }
 
-/// Whether a phase row has a thousand valid samples or more.
+/// Returns whether a phase row has enough valid samples to be reported.
 pub(super) fn spoken_of(row: &Row) -> bool {
     row.value("valid") - row.value("gross") >= FEWEST
 }
 
-/// The values of a column, each once, in rising order.
+/// Returns the distinct values of a column in ascending order.
 pub(super) fn values<'a>(rows: impl Iterator<Item = &'a Row>, name: &str) -> Vec<f64> {
     let mut values: Vec<f64> = rows.map(|row| row.value(name)).collect();
     values.sort_by(f64::total_cmp);
@@ -26,12 +26,12 @@ pub(super) fn values<'a>(rows: impl Iterator<Item = &'a Row>, name: &str) -> Vec
     values
 }
 
-/// Modulation over the standard deviation of a sample, rounding included.
+/// Returns the modulation over the standard deviation of a sample, rounding included.
 pub(super) fn signal_to_noise(row: &Row) -> f64 {
     row.value("modulation_dn") / (row.value("noise_dn").powi(2) + 1.0 / 12.0).sqrt()
 }
 
-/// The largest of a value over the bins of one N and one noise, by steps and noises.
+/// Tabulates the largest value over the bins of each N and noise, by steps and noises.
 pub(super) fn by_steps_and_noise(
     rows: &Rows,
     name: &str,
@@ -58,7 +58,7 @@ pub(super) fn by_steps_and_noise(
     table
 }
 
-/// What the mask does where the noise grows: inliers, gross errors and coverage apart.
+/// Tabulates the effect of the mask as the noise grows: inliers, gross errors and coverage separately.
 pub(super) fn mask(rows: &Rows, steps: f64) -> Table {
     let caption = format!(
         "Even noise, {steps} steps, from the noisiest fringe to the best. Coverage: valid pixels \
@@ -100,7 +100,7 @@ pub(super) fn mask(rows: &Rows, steps: f64) -> Table {
     table
 }
 
-/// Shot noise: least squares, weights and bound, over the sensors and modulations of one N.
+/// Tabulates shot noise (least squares, weights and bound) over the sensors and modulations of one N.
 pub(super) fn sensors(rows: &Rows, steps: f64) -> Table {
     let caption = format!(
         "Sensors of profiles, {steps} steps, fringes without other light (B is 95 % of the mean's \
@@ -135,7 +135,7 @@ pub(super) fn sensors(rows: &Rows, steps: f64) -> Table {
     table
 }
 
-/// The same over the steps, of the first sensor at its brightest fringe.
+/// Tabulates the same over the steps, for the first sensor at its brightest fringe.
 pub(super) fn steps(rows: &Rows) -> Table {
     let all = || of(rows, "shot").filter(|row| bench(row));
     let brightest = values(all(), "modulation_dn").pop().unwrap_or(f64::NAN);
@@ -157,12 +157,12 @@ pub(super) fn steps(rows: &Rows) -> Table {
     table
 }
 
-/// Whether a row is of the default profile's sensor at its own gain.
+/// Returns whether a row has the default profile's sensor at its own gain.
 pub(super) fn bench(row: &Row) -> bool {
     row.get("sensor") == "pmp-bench" && row.value("gain_db") == 0.0
 }
 
-/// Depths of scenes that were scanned again and again.
+/// Tabulates depths of repeatedly scanned scenes.
 pub(super) fn depths(rows: &Rows) -> Table {
     let caption = "Depth of smooth pixels over repeated scans of the middle of the camera's image, \
          root mean squares in mm: bound: sqrt(2/N) sigma/B of the truth, carried to depth; spread: of \
@@ -213,7 +213,7 @@ pub(super) fn depths(rows: &Rows) -> Table {
     table
 }
 
-/// What weights cost.
+/// Tabulates the decoding time with and without weights.
 pub(super) fn time(rows: &Rows) -> Table {
     let caption = "Decoding 12 steps, 8 Gray bits, white and black to coordinates: medians";
     let header = ["pixels", "least squares, ms", "weighted, ms", "more, %"];

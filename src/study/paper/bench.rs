@@ -1,4 +1,4 @@
-//! The paper's rig and what stands before it.
+//! The paper's rig and the objects in front of it.
 
 use super::formula::{BASE_MM, HEIGHT_MM, TOP_MM};
 use glam::DVec3;
@@ -6,16 +6,16 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Mesh, Pose, shapes};
 use phasmid_profile::{Focus, Profile, RigPlace, Scene, Shape};
 
-/// Light of the study of distances, of the bench's own: with it nothing of the trapezoid
-/// saturates at 800 mm, where with all of it the top would. It is the same at all distances.
+/// Light of the study of distances, relative to the bench's own and equal at all distances: at full
+/// light the top of the trapezoid would saturate at 800 mm.
 pub const DIMMED: f64 = 0.7;
 
-/// `pmp-bench` with lenses that are sharp at 1000 mm: a projector's aperture of 5 mm, as that of
-/// `pmp-real`, and the camera's own f-number. With `cut`, a camera of that many columns and rows in
-/// the middle of the paper's, pixel by pixel the same where it has any.
+/// Returns `pmp-bench` with lenses that are sharp at 1000 mm: the projector has an aperture of 5 mm, as
+/// in `pmp-real`, and the camera its own f-number. With `cut`, the camera has only that many columns
+/// and rows from the middle of the paper's, with identical pixels.
 ///
 /// # Errors
-/// None that a profile which is built in has.
+/// Returns no error for a built-in profile.
 pub fn bench(light: f64, cut: Option<[u32; 2]>) -> Result<Profile> {
     let mut profile = Profile::load("pmp-bench")?;
     let camera = &mut profile.camera;
@@ -33,20 +33,20 @@ pub fn bench(light: f64, cut: Option<[u32; 2]>) -> Result<Profile> {
     Ok(profile)
 }
 
-/// Columns and rows that hold the trapezoid at any of the distances.
+/// Returns the columns and rows that contain the trapezoid at any distance.
 pub fn around_trapezoid(quick: bool) -> Option<[u32; 2]> {
     quick.then_some([240, 193])
 }
 
-/// Columns and rows that hold the torso in any of its views.
+/// Returns the columns and rows that contain the torso in any view.
 pub fn around_torso(quick: bool) -> Option<[u32; 2]> {
     quick.then_some([420, 321])
 }
 
-/// The trapezoid on its floor at a distance in mm; the floor is the reference plane.
+/// Returns the trapezoid on its floor at a distance in mm; the floor is the reference plane.
 ///
 /// # Errors
-/// None that a scene which is built in has.
+/// Returns no error for a built-in scene.
 pub fn trapezoid(distance_mm: f64) -> Result<Scene> {
     let mut scene = Scene::load("trapezoid")?;
     for object in 0..scene.object.len() {
@@ -55,17 +55,17 @@ pub fn trapezoid(distance_mm: f64) -> Result<Scene> {
     Ok(scene)
 }
 
-/// The bare reference plane at a distance in mm.
+/// Returns the bare reference plane at a distance in mm.
 ///
 /// # Errors
-/// None that a scene which is built in has.
+/// Returns no error for a built-in scene.
 pub fn plane(distance_mm: f64) -> Result<Scene> {
     let mut scene = Scene::load("plane")?;
     scene.place(0, [0.0, 0.0, distance_mm], [0.0; 3])?;
     Ok(scene)
 }
 
-/// From where the torso is seen.
+/// Direction from which the scanner sees the torso.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum View {
     /// 45 degrees about its long axis: from its left.
@@ -76,14 +76,14 @@ pub enum View {
     Feet,
 }
 
-/// The middle of the torso, about which the scanner goes, in the scene's frame in mm.
+/// Middle of the torso, around which the scanner moves, in the scene's frame in mm.
 const MIDDLE_MM: DVec3 = DVec3::new(0.0, 0.0, 1040.0);
 
-/// The torso on a table, with the scanner where it sees it so, as far from its middle as it is when
-/// it looks down on it. The table is 530 mm wide: endless, it would stand between.
+/// Returns the torso on a table, seen from a direction, at the same distance from its middle as in the
+/// view from above. The table is only 530 mm wide, because an endless one would hide the torso.
 ///
 /// # Errors
-/// None that a scene which is built in has.
+/// Returns no error for a built-in scene.
 pub fn torso(view: View) -> Result<Scene> {
     let mut scene = Scene::load("torso")?;
     // The head lies towards +x and the front towards -z, so the left side is towards +y.
@@ -106,10 +106,10 @@ pub fn torso(view: View) -> Result<Scene> {
     Ok(scene)
 }
 
-/// The surface of a scene's last object in the rig's frame: the trapezoid's, the torso's.
+/// Returns the surface of a scene's last object (trapezoid or torso) in the rig's frame.
 ///
 /// # Errors
-/// An object that is neither.
+/// Returns an error for any other object.
 pub fn surface(scene: &Scene) -> Result<Mesh> {
     let wrong = || Error::device(format!("scene {}: no trapezoid or torso last", scene.name));
     let object = scene.object.last().ok_or_else(wrong)?;
@@ -137,7 +137,7 @@ pub fn surface(scene: &Scene) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// The trapezoid as ten triangles and its base.
+/// Returns the trapezoid: ten triangles and its base.
 fn frustum() -> Mesh {
     let ring = |side: f64, z: f64| {
         let half = side / 2.0;
@@ -157,7 +157,7 @@ fn frustum() -> Mesh {
     }
 }
 
-/// A point of the rig's frame in the frame of a scene's last object, in mm.
+/// Returns the pose that maps points of the rig's frame to the frame of a scene's last object, in mm.
 pub fn of_object(scene: &Scene) -> Pose {
     scene.object.last().map_or(Pose::IDENTITY, |object| {
         scene.rig_from_object(object).inverse()
@@ -174,7 +174,7 @@ mod tests {
         let [whole, cut] = [None, around_trapezoid(true)].map(|cut| bench(1.0, cut).unwrap());
         let [a, b] = [whole, cut].map(|profile| profile.nominal_rig().camera.lens);
         assert!((a.focal_px - b.focal_px).length() < 1e-9);
-        // A whole number of pixels apart.
+        // The cut is shifted by a whole number of pixels.
         let off = a.principal_px - b.principal_px;
         assert_eq!(off, off.round());
     }

@@ -1,4 +1,4 @@
-//! A calibration from twenty poses of the paper's board of dots, and a scan with what it found.
+//! A calibration from twenty poses of the paper's board of dots, and a scan with the resulting rig.
 
 use super::bench::{around_trapezoid, bench, surface, trapezoid};
 use super::figures::{Target, of, three};
@@ -16,14 +16,14 @@ use phasmid_profile::Profile;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_report::plot::figures;
 
-/// Poses of the full form, which are the paper's, and of the quick one.
+/// Number of poses of the complete form, as in the paper, then of the quick form.
 const POSES: usize = 20;
 const QUICK_POSES: usize = 5;
 
 const WITH_TRUTH: &str = "true rig";
 const WITH_ESTIMATE: &str = "calibrated rig";
 
-/// One trial: nothing can be solved before all poses are there.
+/// Returns a single trial, because the solver needs all poses.
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     vec![Trial::new("calibration", settings.seed, calibration)]
 }
@@ -76,7 +76,7 @@ fn calibration(context: &Context<'_>) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// What was found, by the truth.
+/// Returns a row with the errors of the calibration against the truth.
 fn solved(found: &Calibration, rig: &Rig, shown: &[Pose]) -> Row {
     let solution = &found.solution;
     let truth = Truth::new(solution, rig, shown);
@@ -111,13 +111,13 @@ fn solved(found: &Calibration, rig: &Rig, shown: &[Pose]) -> Row {
         .number("warnings", found.warnings.len() as f64)
 }
 
-/// The trapezoid at 1000 mm with the true rig and with the one that was found.
+/// Scans the trapezoid at 1000 mm, and decodes it with the true rig and with the calibrated one.
 fn scans(context: &Context<'_>, found: &Rig) -> Result<[Row; 2]> {
     let profile = bench(1.0, around_trapezoid(context.settings.quick))?;
     let scene = trapezoid(1000.0)?;
     let scan = Scan::new(&profile, &scene, context.seed)?;
     let target = Target::new(&surface(&scene)?, scan.rig(), &scan.truth);
-    // The camera may be cut: the same lens over fewer pixels.
+    // If the camera is cut, adapt the calibrated lens to the smaller image.
     let mut rig = *found;
     let whole = Profile::load("pmp-bench")?.nominal_rig().camera.lens;
     let cut = &scan.rig().camera.lens;
@@ -142,7 +142,7 @@ fn scans(context: &Context<'_>, found: &Rig) -> Result<[Row; 2]> {
     ])
 }
 
-/// Tables and checks.
+/// Returns tables and checks.
 pub(super) fn section(rows: &Rows) -> Section {
     let with = |case: &'static str| of(rows, "calibration").find(move |r| r.get("case") == case);
     let solution = with("solution");
@@ -225,7 +225,8 @@ pub(super) fn section(rows: &Rows) -> Section {
     )
 }
 
-/// A difference in two figures, which are all that other machines repeat, and what it is of.
+/// Formats a difference and its reference value. The difference has two figures, because other machines
+/// reproduce no more.
 fn focal(error: f64, of: f64) -> String {
     format!("{} of {}", figures(error, 2), figures(of, 4))
 }

@@ -1,4 +1,5 @@
-//! The trapezoid at five distances: triangulation, and the paper's formula with f0 held and anew.
+//! The trapezoid at five distances: triangulation, and the paper's formula with f0 held or measured
+//! anew.
 
 use super::bench::{DIMMED, around_trapezoid, bench, plane, surface, trapezoid};
 use super::figures::{Target, of, percent, three};
@@ -15,12 +16,12 @@ const TRIANGULATION: &str = "triangulation";
 const HELD: &str = "height, f0 held";
 const ANEW: &str = "height, f0 anew";
 
-/// By how much at least errors at 1000 mm are to be smaller than the paper's.
+/// Minimum ratio of the paper's errors at 1000 mm to ours.
 const SMALLER: f64 = 10.0;
-/// How far depths with f0 held may be from the closed form in the mean, in mm: both scans' noise.
+/// Maximum mean difference, in mm, of depths with f0 held from the closed form: noise of both scans.
 const CLOSED_MM: f64 = 0.1;
 
-/// One trial a distance.
+/// Returns one trial per distance.
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let one = |(distance, _)| {
         let key = format!("distance/L={distance}");
@@ -29,8 +30,8 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     DISTANCES.into_iter().map(one).collect()
 }
 
-/// A scan of the trapezoid, one of the bare plane there, and one of the plane at 1000 mm, which all
-/// the seeds of the noise tell apart.
+/// Scans the trapezoid, the bare plane at the same distance, and the plane at 1000 mm, each with its
+/// own noise seed.
 fn at(context: &Context<'_>, distance: f64) -> Result<Vec<Row>> {
     let profile = bench(DIMMED, around_trapezoid(context.settings.quick))?;
     let scene = trapezoid(distance)?;
@@ -71,8 +72,8 @@ fn at(context: &Context<'_>, distance: f64) -> Result<Vec<Row>> {
     ])
 }
 
-/// Means over the measured pixels: the size of the error by the closed form, and how far a depth is
-/// from it.
+/// Returns means over the measured pixels: the size of the error by the closed form, and the distance
+/// of the depths from the closed form.
 fn closed_form(target: &Target, scan: &Scan, depth: &[f32], distance: f64) -> (f64, f64) {
     let (mut size, mut off, mut count) = (0.0, 0.0, 0.0);
     for &i in target.on.iter().filter(|&&i| depth[i].is_finite()) {
@@ -85,7 +86,7 @@ fn closed_form(target: &Target, scan: &Scan, depth: &[f32], distance: f64) -> (f
     (size / count, off / count)
 }
 
-/// Tables, a chart and the checks.
+/// Returns tables, a chart and checks.
 pub(super) fn section(rows: &Rows) -> Section {
     let blocks = vec![
         Block::Words(WORDS.to_owned()),
@@ -143,7 +144,7 @@ fn value(rows: &Rows, distance: f64, method: &str, column: &str) -> f64 {
     row(rows, distance, method).map_or(f64::NAN, |row| row.value(column))
 }
 
-/// MAE and CMAE of each method, beside the values of the paper and of the closed form.
+/// Tabulates MAE and CMAE of each method, with the values of the paper and of the closed form.
 fn means(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-distances",
@@ -179,7 +180,7 @@ fn means(rows: &Rows) -> Table {
     table
 }
 
-/// HD and MDTA, to surfaces and to points.
+/// Tabulates HD and MDTA, to surfaces and to points.
 fn distances(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-agreement",
@@ -220,7 +221,7 @@ fn distances(rows: &Rows) -> Table {
     table
 }
 
-/// What the means hide.
+/// Tabulates inlier error, gross errors and coverage separately, which the means mix.
 fn apart(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-apart",
@@ -261,7 +262,7 @@ fn chart(rows: &Rows) -> Chart {
         Series::new(name, SeriesStyle::Both, points)
     };
     let closed = (0..=80).map(|i| 800.0 + 5.0 * f64::from(i));
-    // At 1000 mm it is nothing, where the curve breaks.
+    // At 1000 mm the error is 0, which interrupts the curve on the logarithmic axis.
     let closed = closed.map(|l| (l, mean_over_base(l)));
     Chart {
         heading: "Trapezoid: mean absolute error".to_owned(),

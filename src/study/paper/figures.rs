@@ -1,5 +1,5 @@
-//! Errors of a measured surface as the paper reports them: MAE, CMAE, HD, MDTA; and how tables read and
-//! write them.
+//! Errors of a measured surface as the paper reports them (MAE, CMAE, HD, MDTA), and how tables read
+//! and write them.
 
 use glam::{DVec2, DVec3};
 use phasmid_core::error::Result;
@@ -9,15 +9,15 @@ use phasmid_render::truth::Truth;
 use phasmid_report::lab::{Row, Rows};
 use rayon::prelude::*;
 
-/// Points tried over the area of the true surface.
+/// Number of points tried over the area of the true surface.
 const SAMPLES: usize = 60_000;
-/// A true point this near to the object's surface, in mm, belongs to it: depths are f32.
+/// Maximum distance in mm at which a true point belongs to the object's surface: depths are f32.
 const ON_MM: f64 = 0.05;
 
-/// What is to be measured, as a camera sees it.
+/// The surface to measure, as a camera sees it.
 pub struct Target {
     tree: MeshTree,
-    /// Points spread evenly over what is lit and seen of the surface, in the rig's frame.
+    /// Points spread evenly over the lit and visible part of the surface, in the rig's frame.
     samples: Vec<DVec3>,
     /// Rays of the camera's pixels.
     rays: Vec<DVec3>,
@@ -25,47 +25,47 @@ pub struct Target {
     pub on: Vec<usize>,
 }
 
-/// Kinds of pixels that may err grossly, by what the ray through their middle meets: a surface that
-/// rays graze or whose fringes are too fine to be seen, one in shadow, any other where the pixel sees
-/// more than one facet, one smooth surface.
+/// Number of kinds of pixels with gross errors, by the surface on the ray through their middle: at
+/// grazing incidence or with fringes too fine to resolve; in shadow; with more than one facet in the
+/// pixel; smooth.
 pub const KINDS: usize = 4;
 
-/// Errors in millimetres. NaN where there is nothing to speak of.
+/// Errors in millimetres; NaN without pixels of the kind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Figures {
     /// Measured pixels of the object.
     pub points: usize,
-    /// Share that was measured of the pixels that see one facet, lit and struck below 80 degrees.
+    /// Fraction measured of the pixels that see one lit facet at less than 80 degrees of incidence.
     pub coverage: f64,
     /// Share of the points more than 1 mm off in depth.
     pub gross: f64,
     /// Fraction of the points off by more than five stated standard deviations; NaN if none are stated.
     pub beyond: f64,
-    /// How many of those more than 1 mm off there are of each of [`KINDS`].
+    /// Number of points more than 1 mm off, for each of [`KINDS`].
     pub gross_kinds: [usize; KINDS],
-    /// Root mean square depth error of the others.
+    /// Root mean square depth error of the other points.
     pub inlier_rmse_mm: f64,
-    /// Mean absolute depth error of all points, at creases too.
+    /// Mean absolute depth error of all points, including creases.
     pub mae_mm: f64,
-    /// The same along the camera's middle row.
+    /// Mean absolute depth error along the camera's middle row.
     pub cmae_mm: f64,
     /// Hausdorff distance and mean distance to agreement, points to surface both ways.
     pub surface_mm: [f64; 2],
-    /// The larger of the two 95th percentiles whose maxima the Hausdorff distance is of.
+    /// The larger of the 95th percentiles of the two directed distances.
     pub surface_p95_mm: f64,
     /// Largest and mean distance from the points of the true surface to the nearest measured point.
     pub points_mm: [f64; 2],
-    /// What the last two would be if every measured point stood where it should.
+    /// The values of `points_mm` for measured points without errors.
     pub floor_mm: [f64; 2],
 }
 
-/// Distances between surfaces in mm.
+/// Distances between the measured and the true surface in mm.
 struct Distances {
-    /// Largest, mean, 95th percentile: points to surface, both ways.
+    /// Largest, mean and 95th percentile: between points and surface, in both directions.
     surface: [f64; 3],
-    /// Largest, mean: true surface to points.
+    /// Largest and mean: from the true surface to the measured points.
     points: [f64; 2],
-    /// The same to points without errors.
+    /// Largest and mean: from the true surface to points without errors.
     floor: [f64; 2],
 }
 
@@ -78,7 +78,7 @@ impl Distances {
 }
 
 impl Figures {
-    /// The columns that [`Self::row`] fills.
+    /// Columns that [`Self::row`] fills.
     pub const COLUMNS: [&'static str; 18] = [
         "points",
         "coverage",
@@ -100,7 +100,7 @@ impl Figures {
         "gross_smooth",
     ];
 
-    /// With these figures more.
+    /// Adds these figures to a row.
     pub fn row(&self, row: Row) -> Row {
         let [grazing, unlit, edge, smooth] = self.gross_kinds.map(|count| count as f64);
         let values = [
@@ -129,7 +129,7 @@ impl Figures {
 }
 
 impl Target {
-    /// A surface in the rig's frame and what the truth says of it.
+    /// Creates a target from a surface in the rig's frame and the rendered truth.
     pub fn new(mesh: &Mesh, rig: &Rig, truth: &Truth) -> Self {
         let tree = MeshTree::new(mesh);
         let width = truth.width as usize;
@@ -153,16 +153,16 @@ impl Target {
         }
     }
 
-    /// The true point of a pixel in the rig's frame, in mm.
+    /// Returns the point of a pixel at a depth, in the rig's frame, in mm.
     pub fn point(&self, i: usize, depth_mm: f32) -> DVec3 {
         self.rays[i] * f64::from(depth_mm)
     }
 
-    /// Errors of measured depths in mm, row by row, NaN where there is none; `sigma` are their
-    /// standard deviations, if there are any.
+    /// Computes the errors of measured depths in mm, row by row, NaN where missing; `sigma` are their
+    /// standard deviations, if known.
     ///
     /// # Errors
-    /// What [`Surface::new`] refuses.
+    /// Returns the errors of [`Surface::new`].
     pub fn figures(&self, depth: &[f32], sigma: Option<&[f32]>, truth: &Truth) -> Result<Figures> {
         let measured: Vec<usize> = (self.on.iter().copied())
             .filter(|&i| depth[i].is_finite())
@@ -239,7 +239,7 @@ impl Target {
         })
     }
 
-    /// Largest and mean distance from the true surface to the nearest of some points.
+    /// Returns the largest and the mean distance from the true surface to the nearest of some points.
     fn to_points(&self, points: &Neighbours) -> [f64; 2] {
         let distance = |&p: &DVec3| {
             let found = points.nearest::<1>(p);
@@ -266,18 +266,18 @@ fn gross_kinds<'a>(pixels: impl Iterator<Item = &'a usize>, truth: &Truth) -> [u
     counts
 }
 
-/// The rows of trials whose keys begin so.
+/// Returns the rows of trials whose keys start with `trials`.
 pub(super) fn of<'a>(rows: &'a Rows, trials: &'a str) -> impl Iterator<Item = &'a Row> {
     let all = rows.all.iter();
     all.filter(move |row| row.get("trial").starts_with(trials))
 }
 
-/// A number in three figures.
+/// Formats a number with three figures.
 pub(super) fn three(value: f64) -> String {
     phasmid_report::plot::figures(value, 3)
 }
 
-/// A share in per cent, to a hundredth of it.
+/// Formats a fraction in per cent with two decimals.
 pub(super) fn percent(share: f64) -> String {
     if share.is_finite() {
         format!("{:.2}", 100.0 * share + 0.0)
@@ -292,13 +292,14 @@ mod tests {
     use super::*;
     use phasmid_render::Renderer;
 
-    /// Mean distance from anywhere on a plane to the nearest point of a square lattice, over the
-    /// lattice's spacing: the mean of sqrt(x^2 + y^2) over the unit square about the origin.
+    /// Returns the mean distance from a point of a plane to the nearest point of a square lattice,
+    /// relative to the lattice's spacing: the mean of sqrt(x^2 + y^2) over the unit square around the
+    /// origin.
     fn lattice_floor() -> f64 {
         (2.0_f64.sqrt() + 1.0_f64.asinh()) / 6.0
     }
 
-    /// A depth that is off by a known distance everywhere.
+    /// All depths are off by a known distance.
     #[test]
     fn a_surface_that_is_off_is_as_far_off_as_it_is() {
         let profile = bench(1.0, Some([160, 129])).unwrap();
@@ -309,7 +310,8 @@ mod tests {
         let exact = target.figures(&truth.depth_mm, None, &truth).unwrap();
         assert_eq!((exact.mae_mm, exact.cmae_mm, exact.gross), (0.0, 0.0, 0.0));
         assert_eq!(exact.points_mm, exact.floor_mm);
-        // Pixels of 1.5 mm: the lattice's mean on the top, more where the sides stretch it.
+        // Pixels of 1.5 mm: the lattice's mean on the top, and more on the sides, which stretch the
+        // lattice.
         let pitch = 920.0 / rig.camera.lens.focal_px.x;
         let [_, floor] = exact.floor_mm;
         assert!(
@@ -326,14 +328,14 @@ mod tests {
         assert_eq!((found.gross, found.points), (1.0, exact.points));
         // 2 mm along the top's normal, and 2 mm times the sine of the slope on the sides.
         let [largest, mean] = found.surface_mm;
-        // No further than the exact points, then 2 mm of depth along the rays, and a pixel's pitch:
-        // the discs that are tried are those of the nearest points, which are others now.
+        // The limit is the distance of the exact points, plus 2 mm of depth along the rays, plus one
+        // pixel pitch, because other discs are now the nearest.
         let most = exact.surface_mm[0] + 2.2 + pitch;
         assert!((2.0 - 1e-3..most).contains(&largest), "{largest} {most}");
         let lean = 2.0 * 50.0 / 80.0_f64.hypot(50.0);
         assert!((lean..2.0).contains(&mean), "{mean}");
 
-        // Every other column: half of the pixels, each of them exact.
+        // Only every other column is measured, without errors.
         let half: Vec<f32> = (0..truth.depth_mm.len())
             .map(|i| {
                 if i % 2 == 0 {

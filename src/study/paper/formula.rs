@@ -1,36 +1,36 @@
-//! What holding f0 does, in closed form.
+//! The effect of holding f0, in closed form.
 //!
-//! On the bench both pupils are equally far from the reference plane, so a fringe of the projector
-//! is as wide on it as the plane is far: f0 at L is f0 at 1000 mm times 1000 mm / L. A point at
-//! height h moves the phase by `dphi = 2 pi f0(L) D h / (L - h)`. Put into the paper's formula with
-//! L as it is but f0 as it was at 1000 mm, `h' = L dphi / (2 pi f0 D + dphi)`, that is, with
-//! r = f0(L) / f0(1000 mm) = 1000 mm / L,
+//! On the bench both pupils are equally far from the reference plane, so the width of a projected
+//! fringe on the plane is proportional to the plane's distance: f0 at L is f0 at 1000 mm times
+//! 1000 mm / L. A point at height h changes the phase by `dphi = 2 pi f0(L) D h / (L - h)`. The paper's
+//! formula, with the actual L but f0 from 1000 mm, is `h' = L dphi / (2 pi f0 D + dphi)`. With
+//! r = f0(L) / f0(1000 mm) = 1000 mm / L it gives
 //!
 //! ```text
 //! h' = L r h / (L - h + r h)
 //! ```
 //!
-//! Neither the baseline nor the fringes' width is left in it.
+//! The result depends neither on the baseline nor on the fringes' width.
 
 /// Distance in mm at which f0 was measured.
 pub const MEASURED_AT_MM: f64 = 1000.0;
 
-/// The trapezoid: sides of base and top and the height, in mm.
+/// Side of the trapezoid's base in mm.
 pub const BASE_MM: f64 = 200.0;
 /// Side of the top in mm.
 pub const TOP_MM: f64 = 100.0;
 /// Height in mm.
 pub const HEIGHT_MM: f64 = 80.0;
 
-/// The height in mm that the formula gives for one of `height_mm` over a plane at `distance_mm`,
-/// with f0 as it is at 1000 mm.
+/// Returns the height in mm that the formula gives for a height `height_mm` over a plane at
+/// `distance_mm`, with f0 from 1000 mm.
 pub fn with_f0_held(height_mm: f64, distance_mm: f64) -> f64 {
     let r = MEASURED_AT_MM / distance_mm;
     distance_mm * r * height_mm / (distance_mm - height_mm + r * height_mm)
 }
 
-/// The mean size of that error in mm over the trapezoid's base: seen from afar along its axis, each
-/// part of it counts by its area.
+/// Returns the mean size of this error in mm over the trapezoid's base: each part of the surface is
+/// weighted by its projected area, as seen from afar along the axis.
 pub fn mean_over_base(distance_mm: f64) -> f64 {
     // The area of the section at height h is w(h)^2; the base's share between h and h + dh is
     // -dA/dh, the top's share A(80 mm).
@@ -41,15 +41,15 @@ pub fn mean_over_base(distance_mm: f64) -> f64 {
     (sides + error(HEIGHT_MM) * TOP_MM * TOP_MM) / (BASE_MM * BASE_MM)
 }
 
-/// The same over the cross-section through the middle, by its length.
+/// Returns the same mean over the cross-section through the middle, weighted by length.
 pub fn mean_over_section(distance_mm: f64) -> f64 {
     let error = |h: f64| (with_f0_held(h, distance_mm) - h).abs();
     let sides = simpson(|h| error(h) * (BASE_MM - TOP_MM) / HEIGHT_MM);
     (sides + error(HEIGHT_MM) * TOP_MM) / BASE_MM
 }
 
-/// The integral over the height, by Simpson's rule: the integrands are smooth, and 64 intervals
-/// leave less than 1e-9 of them.
+/// Integrates over the height by Simpson's rule: the integrands are smooth, and 64 intervals have a
+/// relative error below 1e-9.
 fn simpson(f: impl Fn(f64) -> f64) -> f64 {
     const INTERVALS: usize = 64;
     let step = HEIGHT_MM / INTERVALS as f64;
@@ -72,7 +72,7 @@ mod tests {
     use phasmid_pattern::Axis;
     use phasmid_profile::Profile;
 
-    /// Summed over a grid of the base, and along its middle.
+    /// Compares with sums over a grid of the base, and along its middle.
     #[test]
     fn the_column_that_holding_f0_alone_makes() {
         const N: usize = 400;
@@ -105,7 +105,7 @@ mod tests {
         }
     }
 
-    /// The mapping itself, on projections by the rig.
+    /// Compares with the mapping itself, applied to projections by the rig.
     #[test]
     fn the_mapping_errs_as_the_closed_form_says() {
         let mut profile = Profile::load("pmp-bench").unwrap();

@@ -9,11 +9,11 @@ use phasmid_report::lab::{
     Block, Chart, Context, Folder, Row, Rows, Section, Series, SeriesStyle, Settings, Table, Trial,
 };
 
-/// Columns to either side of the middle that the chart shows: four fringes, as five curves of more
-/// cannot be told apart.
+/// Columns shown in the chart on either side of the middle: four fringes, because five longer curves
+/// would not be distinguishable.
 const SHOWN: usize = 8;
 
-/// One trial a distance.
+/// Returns one trial per distance.
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let one = |(distance, _)| {
         let key = format!("grey/L={distance}");
@@ -22,7 +22,8 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     DISTANCES.into_iter().map(one).collect()
 }
 
-/// Leaves the middle row of the first frame; the row has the mean and the modulation on the top.
+/// Writes the middle row of the first frame to a file; the returned row has the mean and the modulation
+/// on the top.
 fn at(context: &Context<'_>, distance: f64) -> Result<Vec<Row>> {
     let profile = bench(DIMMED, around_trapezoid(context.settings.quick))?;
     let scene = trapezoid(distance)?;
@@ -52,7 +53,7 @@ fn file(distance: f64) -> String {
     format!("grey-{distance}.txt")
 }
 
-/// A chart and a table.
+/// Returns a chart and a table.
 pub(super) fn section(rows: &Rows, folder: &Folder) -> Result<Section> {
     let mut table = Table::new(
         "paper-grey",

@@ -1,4 +1,4 @@
-//! Light of 0.5, 1 and 2 with ambient light, saturation and halo.
+//! Light levels of 0.5, 1 and 2, with ambient light, saturation and halo.
 
 use super::bench::{around_trapezoid, bench, surface, trapezoid};
 use super::figures::{Target, of, percent, three};
@@ -12,19 +12,19 @@ use phasmid_render::truth::Truth;
 use phasmid_report::lab::{Block, Context, Row, Rows, Section, Settings, Table, Trial};
 use std::f64::consts::TAU;
 
-/// Levels of light: the projector's, relative to the bench's own, or the room's in W/m^2.
+/// Light levels: of the projector relative to the bench's own, or of the room in W/m^2.
 const LEVELS: [f64; 3] = [0.5, 1.0, 2.0];
 
-/// What is added to the projector's light.
+/// Effects that are added to the projector's light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Around {
     /// The scene's own ambient light, 0.02 W/m^2, and a perfect lens.
     Dark,
-    /// Ambient light as bright as a fifth of the projector's at a metre.
+    /// Ambient light of 0.2 W/m^2, a fifth of the projector's irradiance at a metre.
     Ambient,
-    /// That, a lens with halo, and a sensor that blooms.
+    /// As `Ambient`, with a lens with halo and a sensor that blooms.
     Halo,
-    /// As with halo, but the room's light has the levels, in W/m^2, and the projector its own.
+    /// As `Halo`, but the room's light varies, in W/m^2, and the projector has its own level.
     Room,
 }
 
@@ -40,10 +40,10 @@ impl Around {
         }
     }
 
-    /// The bench and the trapezoid at 1000 mm under a light of that level.
+    /// Returns the bench and the trapezoid at 1000 mm under this light.
     ///
-    /// 1 W/sr at a metre are 1 W/m^2. Halo: 3 % over 40 px, the upper end of what ISO 9358 finds for
-    /// lenses of many elements; blooming: a tenth of what no pixel holds.
+    /// At a metre, 1 W/sr gives 1 W/m^2. The halo is 3 % over 40 px, the upper end of what ISO 9358
+    /// finds for lenses with many elements; blooming passes on a tenth of the excess charge.
     fn set(self, level: f64, quick: bool) -> Result<(Profile, Scene)> {
         let projector = if self == Self::Room { 1.0 } else { level };
         let mut profile = bench(projector, around_trapezoid(quick))?;
@@ -67,7 +67,7 @@ impl Around {
 const MASKED: &str = "masked";
 const PLAIN: &str = "plain";
 
-/// One trial for each light in each surroundings.
+/// Returns one trial for each light in each surroundings.
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let mut all = Vec::new();
     for around in Around::ALL {
@@ -87,8 +87,8 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     all
 }
 
-/// A row of our decoder, which leaves saturated pixels out, and one of a plain one, which takes every
-/// pixel for what it reads.
+/// Returns a row for our decoder, which rejects saturated pixels, and a row for a plain decoder, which
+/// uses every pixel.
 fn under(context: &Context<'_>, light: f64, around: Around) -> Result<Vec<Row>> {
     let (profile, scene) = around.set(light, context.settings.quick)?;
     let scan = Scan::new(&profile, &scene, context.seed)?;
@@ -110,9 +110,9 @@ fn under(context: &Context<'_>, light: f64, around: Around) -> Result<Vec<Row>> 
     ])
 }
 
-/// Depths in mm from the arctangent of the twelve steps alone, at every pixel that the projector
-/// lights: no pixel is refused, and the period's order is the one nearest to the truth, so that all
-/// errors are those of the phase. On this bench the height formula is exact.
+/// Returns depths in mm from the arctangent of the twelve steps alone, at every pixel that the
+/// projector lights. No pixel is rejected, and the fringe order is the one nearest to the truth, so all
+/// errors are phase errors. On this bench the height formula is exact.
 fn plain(scan: &Scan) -> Result<Vec<f32>> {
     let mut steps = Vec::new();
     for (i, frame) in scan.scanned.manifest.frame.iter().enumerate() {
@@ -137,7 +137,7 @@ fn plain(scan: &Scan) -> Result<Vec<f32>> {
             sine += sin * f64::from(frame[i]);
             cosine += cos * f64::from(frame[i]);
         }
-        // Where all frames read the same there is no phase, and 0 is as good as any.
+        // If all frames read the same, the phase is undefined; use 0.
         if sine.abs().max(cosine.abs()) < 1e-6 {
             (sine, cosine) = (0.0, 1.0);
         }
@@ -151,7 +151,7 @@ fn plain(scan: &Scan) -> Result<Vec<f32>> {
     Ok((0..scan.truth.depth_mm.len()).map(depth).collect())
 }
 
-/// A table.
+/// Returns a table.
 pub(super) fn section(rows: &Rows) -> Section {
     let mut table = Table::new(
         "paper-light",

@@ -1,10 +1,10 @@
 //! The paper's experiments on the paper's rig, with the paper's figures beside ours.
 //!
-//! Wu et al. scan a square frustum, the trapezoid, at five distances and a torso from three sides in
-//! a game engine, and turn phases into heights with one formula. Here the same is scanned by the
-//! emulated bench, and decoded both ways: by triangulation and by their formula
-//! ([`phasmid_calibrate::height`]), whose fringe frequency f0 is held at what it is at 1000 mm or
-//! measured anew. `formula` says in closed form what holding it does.
+//! Wu et al. scan a square frustum, the trapezoid, at five distances and a torso from three sides in a
+//! game engine, and convert phases to heights with one formula. Here the emulated bench scans the same
+//! objects, decoded both by triangulation and by their formula ([`phasmid_calibrate::height`]). The
+//! formula's fringe frequency f0 is either held at its value at 1000 mm or measured anew. `formula`
+//! states the effect of holding it in closed form.
 
 mod bench;
 mod calibration;
@@ -53,7 +53,7 @@ const COLUMNS: [&str; 23] = [
     "warnings",
 ];
 
-/// All columns: the others', then those of the figures.
+/// All columns: this study's, then those of the figures.
 const ALL_COLUMNS: [&str; COLUMNS.len() + Figures::COLUMNS.len()] = {
     let mut all = [""; COLUMNS.len() + Figures::COLUMNS.len()];
     let mut i = 0;
@@ -111,7 +111,7 @@ impl Study for Paper {
     }
 }
 
-/// What was done, and what is ours.
+/// Describes the bench and our own choices.
 fn bench_section(settings: &Settings) -> Section {
     let mut blocks = vec![Block::Words(BENCH.to_owned())];
     if settings.quick {
@@ -131,7 +131,7 @@ const BENCH: &str = "Wu et al., \"Virtual 3D surface imaging system for the vali
 const QUICK: &str = "The quick form: the camera's image is cut to what the object fills, pixel by \
     pixel the same, and the calibration has fewer poses.";
 
-/// What the sections come to.
+/// Summarises the sections.
 fn trends() -> Section {
     Section {
         title: "Where the trends agree".to_owned(),

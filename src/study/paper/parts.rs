@@ -1,4 +1,4 @@
-//! Parts of the trapezoid: rim and centre, cut at a height of 70 mm, and foot, cut at 20 mm.
+//! Parts of the trapezoid: rim and centre above a height of 70 mm, and the foot below 20 mm.
 
 use super::bench::{around_trapezoid, bench, of_object, surface, trapezoid};
 use super::figures::{Target, of, percent, three};
@@ -13,12 +13,12 @@ use phasmid_report::lab::{Block, Context, Row, Rows, Section, Settings, Table, T
 
 /// Heights in mm at which the trapezoid is cut.
 const CUTS_MM: [f64; 2] = [20.0, 70.0];
-/// Of the part above the upper cut, the inner half by width is the centre.
+/// Half width in mm of the centre: the inner half of the part above the upper cut.
 const CENTRE_MM: f64 = TOP_MM / 4.0;
 
 const NAMES: [&str; 3] = ["rim", "centre", "foot"];
 
-/// One trial.
+/// Returns one trial.
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     vec![Trial::new("parts", settings.seed, parts)]
 }
@@ -58,7 +58,7 @@ fn parts(context: &Context<'_>) -> Result<Vec<Row>> {
     Ok(NAMES.iter().map(of_part).collect())
 }
 
-/// The part that a point of the trapezoid's own frame belongs to.
+/// Returns the part that contains a point of the trapezoid's own frame.
 fn part(p: DVec3) -> Option<&'static str> {
     let height = -p.z;
     let aside = p.x.abs().max(p.y.abs());
@@ -70,7 +70,7 @@ fn part(p: DVec3) -> Option<&'static str> {
     }
 }
 
-/// A table.
+/// Returns a table.
 pub(super) fn section(rows: &Rows) -> Section {
     let mut table = Table::new(
         "paper-parts",

@@ -1,5 +1,5 @@
-//! What the paper found: Wu et al., "Virtual 3D surface imaging system for the validation of tumor
-//! tracking algorithm used in surface-guided radiotherapy", in millimetres.
+//! Results of the paper (Wu et al., "Virtual 3D surface imaging system for the validation of tumor
+//! tracking algorithm used in surface-guided radiotherapy"), in millimetres.
 
 /// Errors at one distance, in one view or in one light.
 #[derive(Debug, Clone, Copy)]
@@ -14,7 +14,7 @@ pub struct Found {
     pub mdta: f64,
 }
 
-/// Distances in millimetres and what was found there. The order is inferred from the paper's text.
+/// Distances in millimetres and the results there. Their order is inferred from the paper's text.
 pub const DISTANCES: [(f64, Found); 5] = [
     (800.0, found(7.16, 7.24, 10.28, 5.86)),
     (900.0, found(3.48, 3.73, 5.36, 3.61)),
@@ -26,14 +26,14 @@ pub const DISTANCES: [(f64, Found); 5] = [
 /// Mean absolute errors of the trapezoid's parts: rim, centre, foot.
 pub const PARTS: [f64; 3] = [0.70, 0.62, 0.85];
 
-/// The torso from the left, from the right and from the feet; no cross-section.
+/// Results for the torso from the left, from the right and from the feet; without a cross-section.
 pub const VIEWS: [Found; 3] = [
     found(f64::NAN, 0.91, 2.50, 0.74),
     found(f64::NAN, 0.85, 2.43, 0.68),
     found(f64::NAN, 2.05, 3.92, 1.57),
 ];
 
-/// The three rows of the paper's table of light, in its order; no cross-section.
+/// The three rows of the paper's table of light, in its order; without a cross-section.
 pub const LIGHT: [Found; 3] = [
     found(f64::NAN, 0.80, 1.97, 0.65),
     found(f64::NAN, 1.78, 3.06, 1.64),

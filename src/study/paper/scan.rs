@@ -1,4 +1,4 @@
-//! One scan of the bench, and the ways from it to depths.
+//! One scan of the bench, and the methods that convert it to depths.
 
 use crate::scanned::Stage;
 use phasmid_calibrate::height::{Given, Mapping};
@@ -9,7 +9,7 @@ use phasmid_pattern::{Axis, Image, finest_fringe};
 use phasmid_profile::{Profile, Scene};
 use phasmid_render::{self as render, truth::Truth};
 
-/// A scan with what was decoded of it and the truth.
+/// A scan with its decoded maps and the truth.
 pub struct Scan {
     /// The frames.
     pub scanned: Capture,
@@ -25,7 +25,7 @@ impl Scan {
     /// Scans a scene once. `seed` keys the noise.
     ///
     /// # Errors
-    /// What [`Stage::new`] and decoding refuse.
+    /// Returns the errors of [`Stage::new`] and of the decoder.
     pub fn new(profile: &Profile, scene: &Scene, seed: u64) -> Result<Self> {
         let mut stage = Stage::new(profile, scene, seed, render::Options::default())?;
         let scanned = stage.scan(0)?;
@@ -38,24 +38,24 @@ impl Scan {
         })
     }
 
-    /// The true rig.
+    /// Returns the true rig.
     pub fn rig(&self) -> &Rig {
         &self.rig
     }
 
-    /// The coordinates along x.
+    /// Returns the coordinates along x.
     ///
     /// # Errors
-    /// None with the bench's sequence.
+    /// Returns no error for the bench's sequence.
     pub fn x(&self) -> Result<&AxisMap> {
         let x = self.decoded.x.as_ref();
         x.ok_or_else(|| Error::device("the sequence tells no columns"))
     }
 
-    /// The phase-to-height mapping of which this scan, of the bare plane, is the reference.
+    /// Returns the phase-to-height mapping whose reference is this scan of the bare plane.
     ///
     /// # Errors
-    /// What [`Mapping::of_capture`] refuses.
+    /// Returns the errors of [`Mapping::of_capture`].
     pub fn mapping(&self) -> Result<Mapping> {
         let patterns = self.scanned.manifest.frame.iter().map(|f| &f.pattern);
         let (_, period_px) =
@@ -71,10 +71,10 @@ impl Scan {
         )
     }
 
-    /// Depths in mm by a mapping.
+    /// Computes depths in mm with a mapping.
     ///
     /// # Errors
-    /// None with the bench's sequence.
+    /// Returns no error for the bench's sequence.
     pub fn depths(&self, mapping: &Mapping) -> Result<Vec<f32>> {
         let x = self.x()?;
         let mut depth = vec![f32::NAN; x.coordinate.len()];
@@ -83,23 +83,23 @@ impl Scan {
         Ok(depth)
     }
 
-    /// Columns and rows of its frames.
+    /// Returns columns and rows of the frames.
     pub fn size(&self) -> (usize, usize) {
         let lens = &self.rig.camera.lens;
         (lens.width_px as usize, lens.height_px as usize)
     }
 
-    /// A frame in grey levels.
+    /// Returns a frame in grey levels.
     ///
     /// # Errors
-    /// A frame that is not there or of more than 8 bits.
+    /// Returns an error if the frame does not exist or has more than 8 bits.
     pub fn frame(&self, index: usize) -> Result<&[u8]> {
         let levels = self.scanned.images.get(index).and_then(Image::as_u8);
         levels.ok_or_else(|| Error::device(format!("no frame {index} of 8 bits")))
     }
 }
 
-/// A mapping with the fringe frequency of another one.
+/// Returns a mapping with the fringe frequency of another.
 pub fn with_f0_of(mapping: &Mapping, other: &Mapping) -> Mapping {
     mapping.clone().with(&Given {
         fringes_per_mm: Some(other.constants.fringes_per_mm),

@@ -13,7 +13,7 @@ const CASES: [(&str, View); 3] = [
     ("feet, 45 degrees", View::Feet),
 ];
 
-/// One trial a view.
+/// Returns one trial per view.
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let one = |(i, (name, view)): (usize, (&'static str, View))| {
         let key = ["left", "right", "feet"][i];
@@ -37,7 +37,7 @@ fn from(context: &Context<'_>, name: &str, view: View) -> Result<Vec<Row>> {
     Ok(vec![figures.row(Row::new().text("case", name))])
 }
 
-/// A table.
+/// Returns a table.
 pub(super) fn section(rows: &Rows) -> Section {
     let mut table = Table::new(
         "paper-views",
@@ -96,7 +96,7 @@ pub(super) fn section(rows: &Rows) -> Section {
     )
 }
 
-/// The gross errors by what the ray through the pixel's middle meets.
+/// Tabulates the gross errors by the surface on the ray through the pixel's middle.
 fn gross(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-views-gross",
@@ -127,7 +127,7 @@ fn gross(rows: &Rows) -> Table {
     table
 }
 
-/// What sees one smooth facet does not err grossly, from wherever it is seen.
+/// Checks that pixels on one smooth facet have no gross errors in any view.
 fn checks(rows: &Rows) -> Vec<Check> {
     let check = |(name, _): (&str, View)| {
         let row = of(rows, "view/").find(|row| row.get("case") == name);

@@ -1,4 +1,4 @@
-//! What the tracker gets: skins from ideal to scanned, one term between each and the next.
+//! Inputs of the tracker, from ideal to scanned skin; successive inputs differ by one effect.
 
 use crate::clinic::{InRoom, Moment, Pods, binned};
 use crate::draws::Draws;
@@ -11,30 +11,30 @@ use phasmid_render::Term;
 use phasmid_render::truth::Truth;
 use phasmid_sgrt::{Measured, POINTS, Region};
 
-/// Columns and rows of the pods' cameras, which see the same as the profile's: half of its pixels a
-/// side, for the tracker takes ten thousand points of a scan either way.
+/// Columns and rows of the pods' cameras, with the profile's field of view: half of its pixels per
+/// side, because the tracker uses only [`POINTS`] points of a scan.
 pub(super) const SIZE_PX: [u32; 2] = [320, 240];
-/// Deviation that the tracker is told of points that have no noise, in millimetres.
+/// Standard deviation in millimetres that the tracker gets for points without noise.
 const IDEAL_SIGMA_MM: f64 = 0.1;
 /// The paper's noise, in millimetres along each axis.
 pub(super) const NOISE_MM: f64 = 0.5;
 
-/// One skin.
+/// A kind of skin data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Input {
     /// Points of the true skin, evenly over the region.
     Ideal,
-    /// The same with noise of half a millimetre along each axis.
+    /// As `Ideal`, with noise of half a millimetre along each axis.
     Noisy,
-    /// As scanned by the pods in turn, while the patient breathes.
+    /// Skin scanned by the pods in turn, while the patient breathes.
     Scanned,
-    /// As scanned while the patient stays as in the middle of the scan.
+    /// Scanned skin of a patient frozen in the middle of the scan.
     Still,
-    /// So, and of skin into which no light goes.
+    /// As `Still`, with skin that light does not enter.
     Opaque,
-    /// So, and without noise of the sensors.
+    /// As `Opaque`, without sensor noise.
     Quiet,
-    /// The true skin where that scan has points.
+    /// Points of the true skin at the pixels where the `Still` scan has points.
     Seen,
 }
 
@@ -52,27 +52,28 @@ impl Input {
     }
 }
 
-/// A skin, and how it differs from the true one where that is known pixel by pixel.
+/// Skin data, with its errors where the truth is known pixel by pixel.
 pub(super) struct Skin {
     pub(super) input: Input,
     pub(super) measured: Measured,
     pub(super) against: Option<Against>,
 }
 
-/// Depths of all pods against the true ones at the same moment.
+/// Depths of all pods compared with the true ones at the same time.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Against {
-    /// Share of the points that are more than a millimetre off, or on what is not there.
+    /// Fraction of the points that are more than a millimetre off, or where there is no surface.
     pub(super) gross: f64,
     /// Fraction of the points off by more than five of the standard deviations stated by the decoder.
     pub(super) beyond: f64,
-    /// Mean of the others' measured depths less the true ones, in millimetres,
+    /// Mean of measured minus true depth over the other points, in millimetres.
     pub(super) bias_mm: f64,
-    /// and the root of their mean square.
+    /// Root mean square of measured minus true depth over the other points, in millimetres.
     pub(super) rmse_mm: f64,
 }
 
-/// Three sets of pods before one patient: as they are, before opaque skin, and without noise.
+/// Three sets of pods in front of one patient: normal, with opaque skin, and with opaque skin without
+/// noise.
 pub(super) struct Scanners {
     pods: Pods,
     opaque: Pods,
@@ -90,7 +91,7 @@ impl Scanners {
         for pod in &mut opaque.all {
             pod.renderer().force(Term::Subsurface, false);
         }
-        // Without noise and without what is under the skin: nothing is left but geometry.
+        // Without noise and subsurface scattering, only geometric errors remain.
         let mut silent = Pods::new(&room.scene, seed, &quiet)?;
         for pod in &mut silent.all {
             pod.renderer().force(Term::Subsurface, false);
@@ -106,7 +107,7 @@ impl Scanners {
         self.pods.duration_ns()
     }
 
-    /// All inputs of a scan that begins at a device time.
+    /// Returns all inputs for a scan that begins at a device time.
     pub(super) fn skins(
         &mut self,
         start_ns: u64,
@@ -166,7 +167,7 @@ fn against(scan: &[Decoded], truth: &[Truth]) -> Against {
         let depths = scan.depth.iter().zip(&truth.depth_mm);
         depths.zip(&scan.depth_sigma)
     });
-    // With the standard deviation of each.
+    // Pairs of error and standard deviation.
     let errors: Vec<(f64, f64)> = pairs
         .filter(|((measured, _), _)| !measured.is_nan())
         .map(|((measured, exact), sigma)| {
@@ -184,7 +185,7 @@ fn against(scan: &[Decoded], truth: &[Truth]) -> Against {
     }
 }
 
-/// Where the true surface is at the pixels that have a point.
+/// Returns the true surface points at the pixels that have a measured point.
 fn places(pods: &Pods, scan: &[Decoded], truth: &[Truth]) -> Vec<DVec3> {
     let mut places = Vec::new();
     for ((pod, scan), truth) in pods.all.iter().zip(scan).zip(truth) {

@@ -1,12 +1,12 @@
-//! The study `sgrt`: how well a tumour is followed through the skin, with ideal skins and with skin as
-//! a scanner gives it.
+//! Study `sgrt`: the accuracy with which a tumour is tracked through the skin, with ideal skins and
+//! with skin as a scanner measures it.
 //!
-//! Each patient lies on the couch on the day of treatment, set up by hand and breathing otherwise than
-//! at planning. At moments spread over the breathing the same tracker, which knows no more than the
-//! planning folder, gets the true skin, the true skin with noise, and the skin that the three pods of
-//! the ceiling have scanned meanwhile (`inputs`). Where it says that the tumour is and how it is shaped
-//! is held against the truth at the middle of the scan (`trial`). What an ideal input hides is told
-//! term by term, by leaving each term out of the scan (`terms`).
+//! Each patient lies on the couch on the day of treatment, set up by hand and with breathing that
+//! differs from planning. The tracker knows only the planning folder. At moments spread over the
+//! breathing it gets the true skin, the true skin with noise, and the skin scanned by the three ceiling
+//! pods (`inputs`). The tracked position and shape of the tumour are compared with the truth at the
+//! middle of the scan (`trial`). The effects that an ideal input hides are measured one by one, by
+//! leaving each out of the scan (`terms`).
 
 mod inputs;
 mod paired;
@@ -23,12 +23,12 @@ use phasmid_report::lab::{Block, Folder, Rows, Section, Settings, Study, Trial};
 /// The study.
 pub struct Sgrt;
 
-/// What is scanned.
+/// Numbers of scans.
 #[derive(Debug, Clone, Copy)]
 struct Effort {
-    /// Moments of each patient.
+    /// Number of moments per patient.
     moments: usize,
-    /// Scans over the breath that is followed.
+    /// Number of scans during the breath that is tracked continuously.
     path: usize,
 }
 
@@ -47,7 +47,7 @@ impl Effort {
     }
 }
 
-/// Who is pictured.
+/// The patient shown in images.
 const PICTURED: &str = "p02-man-mean";
 /// The patients of the quick form.
 const QUICK: [&str; 2] = ["p02-man-mean", "p12-woman-full-chest"];
@@ -105,7 +105,7 @@ impl Study for Sgrt {
             .iter()
             .enumerate()
             .map(|(i, &name)| {
-                // Noise of their own.
+                // Each trial has its own noise.
                 let seed = settings.seed.wrapping_add(16 * i as u64);
                 Trial::new(format!("patient/{name}"), seed, move |context| {
                     trial::follow(context, name, effort.moments)
@@ -147,7 +147,7 @@ impl Study for Sgrt {
     }
 }
 
-/// Begins with the number of patients.
+/// Text above the tables; the number of patients precedes it.
 const COMPARED: &str = "generated patients lie on the couch on the day of \
     treatment: set up by hand some millimetres and degrees off, breathing deeper or shallower than at \
     planning, drifting. The tracker knows the planning folder only: the skin, the tumour and ten \

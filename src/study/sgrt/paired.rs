@@ -1,8 +1,8 @@
-//! Means of patients and of differences between pairs of inputs, with intervals.
+//! Means over patients and of differences between pairs of inputs, with confidence intervals.
 
 use phasmid_report::lab::{Row, Rows};
 
-/// Two-sided 95 % points of Student's distribution with 1 to 14 degrees of freedom (any table).
+/// Two-sided 95 % quantiles of Student's distribution with 1 to 14 degrees of freedom.
 const STUDENT: [f64; 14] = [
     12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
     2.145,
@@ -12,9 +12,9 @@ const STUDENT: [f64; 14] = [
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Spread {
     pub(super) mean: f64,
-    /// Of the values; NaN of fewer than two.
+    /// Standard deviation of the values; NaN for fewer than two.
     pub(super) deviation: f64,
-    /// NaN of fewer than two.
+    /// Half of the interval; NaN for fewer than two values.
     pub(super) half: f64,
 }
 
@@ -39,7 +39,7 @@ impl Spread {
     }
 }
 
-/// Rows of one input; of one patient where a name is given.
+/// Returns the rows of one input, for one patient if a name is given.
 pub(super) fn of<'a>(
     rows: &'a Rows,
     input: &'a str,
@@ -49,15 +49,15 @@ pub(super) fn of<'a>(
         .filter(move |row| patient.is_none_or(|name| row.get("patient") == name))
 }
 
-/// A column's values of one patient with one input, moment by moment.
+/// Returns a column's values for one patient and one input, in the order of the moments.
 pub(super) fn values(rows: &Rows, input: &str, patient: &str, column: &str) -> Vec<f64> {
     of(rows, input, Some(patient))
         .map(|row| row.value(column))
         .collect()
 }
 
-/// The mean of each patient's differences between two columns of two inputs, over the patients:
-/// moments of one patient are no independent trials. A moment without an answer has no difference.
+/// Returns the spread over patients of each patient's mean difference between two columns of two
+/// inputs: the moments of one patient are not independent. Moments without a result are left out.
 pub(super) fn difference(
     rows: &Rows,
     patients: &[&str],
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn an_interval_is_that_of_students_distribution() {
-        // Student's own sleep data (Biometrika 6, 1908): mean 1.58, deviation 1.23, t = 4.06.
+        // Student's sleep data (Biometrika 6, 1908): mean 1.58, standard deviation 1.23, t = 4.06.
         let gain = [1.2, 2.4, 1.3, 1.3, 0.0, 1.0, 1.8, 0.8, 4.6, 1.4];
         let spread = Spread::of(&gain);
         assert!((spread.mean - 1.58).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! One patient over a breath, scan after scan: where the tumour was and where it was said to be.
+//! One patient during a breath, scan by scan: the true and the tracked position of the tumour.
 
 use super::inputs::SIZE_PX;
 use super::paired::of;
@@ -11,7 +11,7 @@ use phasmid_sgrt::{FitOptions, MotionState, MotionTracker, POINTS, Region};
 
 /// Device time of the first scan in seconds.
 const BEGIN_S: f64 = 60.0;
-/// Places of the true way that are drawn between two scans.
+/// Number of points of the true path that are drawn between two scans.
 const BETWEEN: usize = 8;
 /// The room's axes as clinics name them.
 const AXES: [(&str, &str); 3] = [
@@ -20,7 +20,7 @@ const AXES: [(&str, &str); 3] = [
     ("up (VRT)", "z_mm"),
 ];
 
-/// The trial, with `scans` scans over the breath.
+/// Returns the trial, with `scans` scans during the breath.
 pub(super) fn trial(settings: &Settings, patient: &'static str, scans: usize) -> Trial {
     Trial::new("path", settings.seed, move |context| {
         follow(context, patient, scans)
@@ -61,7 +61,7 @@ fn follow(context: &Context<'_>, patient: &str, scans: usize) -> Result<Vec<Row>
     Ok(rows)
 }
 
-/// Both ways over time.
+/// Plots both paths over time.
 pub(super) fn block(rows: &Rows) -> Block {
     let mut series = Vec::new();
     for (name, column) in AXES {

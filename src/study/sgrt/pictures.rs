@@ -10,7 +10,7 @@ use phasmid_sgrt::Region;
 use std::io::Cursor;
 
 const FILE: &str = "sgrt-patient.png";
-/// Device time of the picture, in nanoseconds.
+/// Device time of the images in nanoseconds.
 const TIME_NS: u64 = 60_000_000_000;
 
 pub(super) fn trial(settings: &Settings, patient: &'static str) -> Trial {

@@ -4,13 +4,14 @@ use super::paired::{Spread, difference, values};
 use phasmid_report::lab::{Block, Chart, Check, Figure, Rows, Series, SeriesStyle, Table};
 use phasmid_report::plot::figures;
 
-/// The deviation that is stated may be too small by so much, for two patients tell little of it.
+/// Maximum ratio of the error to its stated standard deviation (RMS); large, because two patients are a
+/// small sample.
 const MOST_OVER_DEVIATION: f64 = 2.0;
 
 /// Published means over fifteen patients of the target position error in millimetres: with the ideal
-/// skin, with the ideal skin and Gaussian noise of 0.5 mm, and with the skin of its virtual scanner
-/// (Wu et al., "Virtual 3D surface imaging system for the validation of tumor tracking algorithm used
-/// in surface-guided radiotherapy", tables 4 and 5).
+/// skin, with the ideal skin and Gaussian noise of 0.5 mm, and with the skin of the paper's virtual
+/// scanner (Wu et al., "Virtual 3D surface imaging system for the validation of tumor tracking
+/// algorithm used in surface-guided radiotherapy", tables 4 and 5).
 const PUBLISHED_POSITION_MM: [f64; 3] = [1.29, 1.33, 1.57];
 /// Published means of Dice's coefficient, in the same order.
 const PUBLISHED_DICE: [f64; 3] = [0.924, 0.920, 0.906];
@@ -42,7 +43,7 @@ pub(super) fn blocks(rows: &Rows, patients: &[&str]) -> Vec<Block> {
     ]
 }
 
-/// Of a figure with its spread.
+/// Formats a mean with its standard deviation.
 fn with_spread(spread: Spread) -> String {
     match spread.deviation.is_finite() {
         true => format!("{:.3} ± {:.3}", spread.mean, spread.deviation),
@@ -50,7 +51,7 @@ fn with_spread(spread: Spread) -> String {
     }
 }
 
-/// A patient's mean of the moments that have an answer.
+/// Returns a patient's mean over the moments that have a result.
 fn of_patient(rows: &Rows, input: &str, patient: &str, column: &str) -> Spread {
     let mut all = values(rows, input, patient, column);
     all.retain(|v| v.is_finite());
@@ -84,7 +85,7 @@ fn table(
     table
 }
 
-/// What the scanner does to both figures, in pairs.
+/// Tabulates the scanner's effect on both figures, from pairs of inputs.
 fn simulated(rows: &Rows, patients: &[&str]) -> Table {
     let mut table = Table::new(
         "sgrt-paired",
@@ -113,7 +114,7 @@ fn simulated(rows: &Rows, patients: &[&str]) -> Table {
     table
 }
 
-/// An interval in words.
+/// Formats a confidence interval.
 pub(super) fn interval(spread: Spread) -> String {
     match spread.half.is_finite() {
         true => format!(
@@ -125,7 +126,7 @@ pub(super) fn interval(spread: Spread) -> String {
     }
 }
 
-/// How far the tumour had gone, and by how much it was missed.
+/// Plots the position error over the tumour's distance from its planned position.
 fn figure(rows: &Rows, patients: &[&str]) -> Figure {
     let series = INPUTS.map(|input| {
         let points = patients.iter().flat_map(|patient| {
@@ -148,7 +149,7 @@ fn figure(rows: &Rows, patients: &[&str]) -> Figure {
     )
 }
 
-/// Error over what was said of it, RMS over all moments.
+/// Returns the RMS ratio of error to stated standard deviation over all moments.
 fn over_deviation(rows: &Rows) -> f64 {
     let of = rows.with("input", "scanned");
     let ratios: Vec<f64> = of
@@ -157,7 +158,7 @@ fn over_deviation(rows: &Rows) -> f64 {
     (ratios.iter().map(|ratio| ratio * ratio).sum::<f64>() / ratios.len() as f64).sqrt()
 }
 
-/// Our tracker through our scanner is no worse than the paper's through theirs.
+/// Checks that our tracker with our scanner is no worse than the paper's with theirs.
 fn checks(rows: &Rows, patients: &[&str]) -> Vec<Check> {
     let position = over_patients(rows, "scanned", patients, "tpe_mm").mean;
     let dice = over_patients(rows, "scanned", patients, "dice").mean;

@@ -1,11 +1,11 @@
-//! What ideal skins hide, term by term: each left out of the scan.
+//! Effects that ideal skins hide, one by one: each is left out of the scan.
 
 use super::paired::{Spread, difference, values};
 use super::tables::interval;
 use glam::DVec3;
 use phasmid_report::lab::{Block, Rows, Table};
 
-/// A term: its name, the input with it and the input without it.
+/// An effect: its name, the input with it and the input without it.
 const TERMS: [(&str, &str, &str); 6] = [
     ("noise of 0.5 mm on an ideal skin", "noisy", "ideal"),
     ("regions that no pod sees", "seen", "ideal"),
@@ -66,7 +66,7 @@ fn terms(rows: &Rows, patients: &[&str]) -> Table {
     table
 }
 
-/// Mean distance between the places that two inputs say.
+/// Returns the mean distance between the positions tracked with two inputs.
 fn apart(rows: &Rows, patients: &[&str], inputs: [&str; 2]) -> f64 {
     let mut all = Vec::new();
     for patient in patients {
@@ -83,7 +83,7 @@ fn apart(rows: &Rows, patients: &[&str], inputs: [&str; 2]) -> f64 {
     Spread::of(&all).mean
 }
 
-/// What the scanner makes of the skin itself.
+/// Tabulates the scanner's errors of the skin itself.
 fn skins(rows: &Rows, patients: &[&str]) -> Table {
     let mut table = Table::new(
         "sgrt-skin",

@@ -1,4 +1,4 @@
-//! One patient: scans at moments spread over the breathing, and what the tracker makes of each.
+//! One patient: scans at moments spread over the breathing, and the tracker's result for each.
 
 use super::inputs::{Input, SIZE_PX, Scanners, Skin};
 use crate::clinic::{InRoom, Moment};
@@ -9,15 +9,15 @@ use phasmid_measure::{OVERLAP_COLUMNS, overlap};
 use phasmid_report::lab::{Context, Row};
 use phasmid_sgrt::{FitOptions, MotionState, MotionTracker, Planned, Region};
 
-/// When treatment begins, in seconds of device time: set-up and drift have come.
+/// Start of treatment in seconds of device time, after set-up and drift.
 const BEGIN_S: f64 = 60.0;
-/// Breaths from one moment to the next: none sees the same part of a breath as another.
+/// Breaths between two moments: not an integer, so that moments see different parts of a breath.
 const BREATHS: f64 = 3.17;
 
-/// Follows a patient, and gives a row for each moment and each input.
+/// Tracks a patient; returns a row for each moment and each input.
 ///
 /// # Errors
-/// A patient that is none, and what the system refuses.
+/// Returns an error if there is no such patient, or on I/O failure.
 pub(super) fn follow(context: &Context<'_>, name: &str, moments: usize) -> Result<Vec<Row>> {
     let scratch = context.folder.place(&format!("planning-{name}"))?;
     let room = InRoom::new(name, &Region::chest(), &scratch)?;
@@ -45,7 +45,7 @@ pub(super) fn follow(context: &Context<'_>, name: &str, moments: usize) -> Resul
     Ok(rows)
 }
 
-/// What the tracker makes of a skin, against the truth in the middle of the scan and at its end.
+/// Compares the tracker's result for a skin with the truth at the middle and at the end of the scan.
 fn judge(
     row: Row,
     skin: &Skin,

@@ -1,4 +1,4 @@
-//! Calibrations that hardly determine a rig, or not at all.
+//! Calibrations that hardly determine a rig, or do not determine it.
 
 use super::case::{Case, Group, Sweep};
 use crate::draws::Draws;
@@ -12,9 +12,9 @@ use phasmid_geometry::{Board, Pose, Rig};
 use phasmid_profile::Profile;
 use phasmid_report::lab::Context;
 
-/// Standard deviations of camera points and projector coordinates in pixels.
+/// Standard deviations of camera points and of projector coordinates, in pixels.
 const NOISE_PX: [f64; 2] = [0.005, 0.03];
-/// So many of ten thousand calibrations may lie beyond the bound.
+/// Confidence of the bound: one calibration in ten thousand may lie beyond it.
 const SURE: f64 = 0.9999;
 const BOARD: Board = Board::Chess {
     columns: 9,
@@ -80,7 +80,7 @@ impl Bench {
         })
     }
 
-    /// The projector pixel that lights what a camera pixel sees of a board.
+    /// Returns the projector pixel that lights the board point seen by a camera pixel.
     fn lit(&self, px: DVec2, pose: &Pose) -> DVec2 {
         let ray = self.rig.camera.lens.ray(px);
         let normal = pose.rotation.z_axis;
@@ -132,7 +132,7 @@ impl Bench {
         solve(&BOARD, sightings, camera, projector, &CHOICE)
     }
 
-    /// A case that has a rig, or may be refused as badly determined.
+    /// Returns a case that must have an accurate rig, or be refused as badly determined.
     fn judged(&self, name: String, ratio: f64, poses: &[Pose]) -> Case {
         match self.solve(&self.sightings(poses)) {
             Ok(found) => {
@@ -148,7 +148,7 @@ impl Bench {
     }
 }
 
-/// Six boards about 1000 mm away, tilted by so much about axes all around.
+/// Returns six boards about 1000 mm away, tilted by `tilt_deg` about axes in all directions.
 fn tilted(tilt_deg: f64) -> Vec<Pose> {
     (0..6)
         .map(|i| {

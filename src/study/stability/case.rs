@@ -1,21 +1,21 @@
-//! Sweeps, that is cases along one ratio of scales with one oracle, and one case: what was asked of the
-//! program at its limit, and what came of it.
+//! A sweep is a series of cases along one ratio of scales, with one oracle. A case is one task for the
+//! program near its limits, with its outcome.
 
 use phasmid_core::error::Result;
 use phasmid_report::lab::{Check, Context, Row};
 
 /// Cases with one oracle.
 pub(super) struct Sweep {
-    /// Names its trial.
+    /// Name of the trial.
     pub(super) key: &'static str,
     pub(super) title: &'static str,
-    /// What the answer is held against, and what first-order analysis allows.
+    /// Reference for the answer, and the error that first-order analysis allows.
     pub(super) oracle: &'static str,
-    /// What the ratio is, with its unit.
+    /// Description of the ratio, with its unit.
     pub(super) ratio: &'static str,
-    /// What the error is, with its unit.
+    /// Description of the error, with its unit.
     pub(super) error: &'static str,
-    /// Errors are those of rounding in f64, whose last digits differ from machine to machine.
+    /// Whether errors are f64 rounding errors, whose last digits differ from machine to machine.
     pub(super) rounding: bool,
     pub(super) cases: fn(&Context<'_>) -> Result<Vec<Case>>,
 }
@@ -26,14 +26,14 @@ pub(super) struct Group {
     pub(super) sweeps: &'static [Sweep],
 }
 
-/// What came of a case.
+/// Outcome of a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// An answer within the error allowed.
+    /// An answer within the allowed error.
     Held,
-    /// No answer, and words or a mask that say so.
+    /// No answer, and a message or a mask that says so.
     Refused,
-    /// A wrong answer, or none without a word.
+    /// A wrong answer, or no answer without a message.
     Failed,
 }
 
@@ -43,13 +43,13 @@ pub(super) struct Case {
     pub(super) name: String,
     /// Condition number or ratio of scales.
     ratio: f64,
-    /// The error, in the sweep's unit; NaN where there is no answer.
+    /// Error in the sweep's unit; NaN without an answer.
     found: f64,
-    /// What first-order analysis allows.
+    /// Error that first-order analysis allows.
     allowed: f64,
-    /// Share of the pixels or draws that have an answer, where it may be less than all.
+    /// Fraction of the pixels or draws that have an answer, if it may be below 1.
     kept: f64,
-    /// What the program says.
+    /// Message of the program.
     says: String,
     outcome: Outcome,
 }
@@ -60,7 +60,7 @@ impl Case {
         "sweep", "case", "ratio", "found", "allowed", "kept", "outcome", "says",
     ];
 
-    /// An answer with its error and what that may be.
+    /// Creates a case with an answer; it fails if its error exceeds the allowed one.
     pub(super) fn held(name: impl Into<String>, ratio: f64, found: f64, allowed: f64) -> Self {
         let outcome = match found <= allowed {
             true => Outcome::Held,
@@ -77,7 +77,7 @@ impl Case {
         }
     }
 
-    /// No answer: the words have to be among those that the program says.
+    /// Creates a case without an answer; it fails unless the program's message contains `words`.
     pub(super) fn refused(name: impl Into<String>, ratio: f64, says: &str, words: &str) -> Self {
         let said = says.contains(words) && !words.is_empty();
         Self {
@@ -86,7 +86,7 @@ impl Case {
             found: f64::NAN,
             allowed: f64::NAN,
             kept: f64::NAN,
-            // The first of several errors.
+            // Keep the first of several errors.
             says: says.lines().next().unwrap_or_default().to_owned(),
             outcome: if said {
                 Outcome::Refused
@@ -96,7 +96,7 @@ impl Case {
         }
     }
 
-    /// A case that gave an answer where there is none, or none where there is one.
+    /// Creates a failed case: an answer where none exists, or no answer where one exists.
     pub(super) fn failed(name: impl Into<String>, ratio: f64, says: &str) -> Self {
         Self {
             outcome: Outcome::Failed,
@@ -104,7 +104,7 @@ impl Case {
         }
     }
 
-    /// With the share that has an answer; at least so much has to.
+    /// Sets the fraction that has an answer; the case fails if it is below `least`.
     #[must_use]
     pub(super) fn kept(mut self, share: f64, least: f64) -> Self {
         self.kept = share;
@@ -115,14 +115,14 @@ impl Case {
         self
     }
 
-    /// With what the program says of what it leaves out.
+    /// Sets the program's message.
     #[must_use]
     pub(super) fn says(mut self, says: impl Into<String>) -> Self {
         self.says = says.into();
         self
     }
 
-    /// As a row of the study.
+    /// Returns the case as a row of the study.
     pub(super) fn row(&self, sweep: &str) -> Row {
         let outcome = match self.outcome {
             Outcome::Held => "held",
@@ -141,15 +141,15 @@ impl Case {
     }
 }
 
-/// Keeps the error that comes nearest to what it is allowed, or is beyond it; NaN is beyond all.
+/// Keeps the error with the largest ratio to its allowed value; NaN counts as largest.
 pub(super) fn worse(worst: &mut (f64, f64), error: f64, allowed: f64) {
     if !(error / allowed <= worst.0 / worst.1) {
         *worst = (error, allowed);
     }
 }
 
-/// The checks of a sweep by its rows: the worst error over what is allowed, and how many cases were
-/// wrong or gave no answer without a word.
+/// Returns the checks of a sweep from its rows: the worst ratio of error to allowed error, and the
+/// number of cases that were wrong or gave no answer without a message.
 pub(super) fn checks(sweep: &str, rows: &[&Row]) -> Vec<Check> {
     let over = rows
         .iter()

@@ -4,10 +4,10 @@ use super::case::{Group, Sweep, checks};
 use phasmid_report::lab::{Block, Chart, Figure, Row, Rows, Section, Series, SeriesStyle, Table};
 use phasmid_report::plot::figures;
 
-/// Fewest cases that make a chart.
+/// Minimum number of cases for a chart.
 const FEWEST: usize = 3;
 
-/// What the figures mean, and where they are not what one might expect.
+/// Text above the tables.
 const WORDS: &str = "Each case has an oracle: a closed form, or f64 by a path of its own. Allowed is \
     what first-order analysis makes of roundings, of noise and of the case's condition, not what \
     was found. Errors of bounds on the worst pixel come close to what is allowed with few steps, \
@@ -21,7 +21,7 @@ pub(super) fn sections(rows: &Rows, groups: &[Group]) -> Vec<Section> {
     sections
 }
 
-/// One line a sweep.
+/// Tabulates one line per sweep.
 fn overview(rows: &Rows, groups: &[Group]) -> Section {
     let caption = "Cases that gave an answer within the error that first-order analysis allows \
         (held), that gave none and said so (refused), and that did neither (failed). The ratio is a \
@@ -74,7 +74,7 @@ fn overview(rows: &Rows, groups: &[Group]) -> Section {
     )
 }
 
-/// Where sweeps begin to give no answer, and what the program says there.
+/// Tabulates where sweeps begin to give no answer, and the program's message there.
 fn breaks(rows: &Rows, groups: &[Group]) -> Table {
     let caption = "Where methods break: the first case of each sweep without an answer, the last one \
         with an answer before it, and what the program says.";
@@ -95,7 +95,7 @@ fn breaks(rows: &Rows, groups: &[Group]) -> Table {
     table
 }
 
-/// Words that fit a table.
+/// Shortens a message to fit a table.
 fn short(says: &str) -> String {
     const MOST: usize = 120;
     if says.chars().count() <= MOST {
@@ -157,7 +157,7 @@ fn share(share: f64) -> String {
     }
 }
 
-/// The power of ten that a rounding error stays below: its digits are the machine's.
+/// Formats a rounding error by the power of ten above it, because its digits depend on the machine.
 fn decade(error: f64) -> String {
     if !error.is_finite() {
         return "-".to_owned();
@@ -168,14 +168,14 @@ fn decade(error: f64) -> String {
     format!("< 1e{}", error.log10().floor() as i32 + 1)
 }
 
-/// Errors found and allowed over the ratio.
+/// Plots found and allowed errors over the ratio.
 fn figure(sweep: &Sweep, rows: &[&Row]) -> Option<Figure> {
     let points = |name: &str| -> Vec<(f64, f64)> {
         let all = rows.iter().map(|row| (row.value("ratio"), row.value(name)));
         all.filter(|(x, y)| *x > 0.0 && *y > 0.0).collect()
     };
     let (found, allowed) = (points("found"), points("allowed"));
-    // Errors of nothing have no place on an axis of logarithms.
+    // Zero has no position on a logarithmic axis.
     if allowed.len() < FEWEST || found.is_empty() {
         return None;
     }

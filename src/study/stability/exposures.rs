@@ -13,7 +13,7 @@ use phasmid_render::{pattern_image::PatternImage, shot::Shot};
 use phasmid_report::lab::Context;
 use std::sync::Arc;
 
-/// Deviations of an estimate beyond which it is wrong: one of some 16000 sound ones is.
+/// Maximum error of an estimate in standard deviations; chance exceeds it once in some 16000 estimates.
 pub(super) const SURE: f64 = 4.0;
 
 pub(super) const GROUP: Group = Group {
@@ -54,7 +54,7 @@ const EXPOSURES_NS: [u64; 8] = [
     10_000_000_000,
 ];
 
-/// A plane that fills the view.
+/// Returns a plane that fills the view.
 pub(super) fn white_plane(more: &str) -> Result<Scene> {
     scene(&format!(
         "{more}[[object]]\nshape = {{ kind = \"plane\" }}\nalbedo = 0.5\nposition_mm = [0, 0, 1000]\n"
@@ -90,7 +90,7 @@ fn signal() -> Result<Vec<Case>> {
             below += usize::from(exact < top);
             worst = worst.max((f64::from(*found) - exact.min(top)).abs());
         }
-        // The base's own rounding grows with the exposure as far as the signal does.
+        // The rounding error of the base grows with the exposure, up to saturation.
         let largest = found.iter().fold(0.0_f32, |m, v| m.max(*v));
         let allowed =
             16.0 * EPS_F32 * (f64::from(largest) + sensor.black_level_dn * times.min(30.0));
@@ -117,7 +117,7 @@ fn signal() -> Result<Vec<Case>> {
     Ok(EXPOSURES_NS.into_iter().map(one).collect())
 }
 
-/// A profile with a sensor of 16 bits that rounds to a quarter of an electron.
+/// Returns a profile with a 16-bit sensor that rounds to a quarter of an electron.
 pub(super) fn fine() -> Result<Profile> {
     let mut profile = small()?;
     profile.camera.format = PixelFormat::Y16;
@@ -157,7 +157,7 @@ fn noise(context: &Context<'_>) -> Result<Vec<Case>> {
                     gain.powi(2) * (sensor.read_noise_e.powi(2) + electrons) + 1.0 / 12.0;
                 sum += (dn - mean).powi(2);
                 expected += variance;
-                // Fourth moment of Poisson plus normal: 3 v^2 + K^4 lambda; minus v^2.
+                // Fourth moment of Poisson plus normal noise, 3 v^2 + K^4 lambda, minus v^2.
                 spread += 2.0 * variance * variance + gain.powi(4) * electrons;
                 light += electrons;
                 count += 1.0;

@@ -1,4 +1,4 @@
-//! Lenses that bend so much that their image folds over, and their inverse up to there.
+//! Lenses whose distortion folds the image over, and the inverse distortion up to the fold.
 
 use super::case::{Case, Group, Sweep, worse};
 use super::rays::EPS;
@@ -43,7 +43,7 @@ fn lens(distortion: [f64; 5]) -> Lens {
     }
 }
 
-/// Largest over least singular value of the Jacobian, which is symmetric, and the least.
+/// Returns the condition number of the Jacobian (symmetric) and its smallest singular value.
 fn singular(lens: &Lens, p: DVec2) -> (f64, f64) {
     let m = lens.distort_jacobian(p);
     let mean = 0.5 * (m.x_axis.x + m.y_axis.y);
@@ -52,7 +52,7 @@ fn singular(lens: &Lens, p: DVec2) -> (f64, f64) {
     (large / least, least)
 }
 
-/// Error of the inverse at an ideal point and what is allowed.
+/// Returns the error of the inverse at an ideal point, and the allowed error.
 fn inverse(lens: &Lens, p: DVec2) -> (f64, f64) {
     let [k1, k2, p1, p2, k3] = lens.distortion.map(f64::abs);
     let r2 = p.length_squared();
@@ -62,7 +62,7 @@ fn inverse(lens: &Lens, p: DVec2) -> (f64, f64) {
     ((found - p).length(), 8.0 * EPS * terms / least)
 }
 
-/// What an inverse says where there is none.
+/// Describes the result of the inverse at a point without a ray.
 fn no_ray(lens: &Lens, distorted: DVec2) -> String {
     let found = lens.undistort(distorted);
     if found.is_nan() {
@@ -84,7 +84,7 @@ fn fold() -> Vec<Case> {
         })
         .to_vec();
     for beyond in [1e-6, 0.1, 10.0] {
-        // The image of the fold is the farthest there is.
+        // The image of the fold is the farthest point of the distorted image.
         let far = lens.distort(DVec2::X * edge) * (1.0 + beyond);
         let name = format!("{beyond:e} beyond the fold's image");
         cases.push(Case::refused(
@@ -138,7 +138,7 @@ fn coefficients() -> Vec<Case> {
             cases.push(Case::refused(name, f64::INFINITY, &says, "folds over"));
             continue;
         }
-        // Ideal points of the image's pixels, each inverted again from its own distorted point.
+        // Invert the ideal point of each pixel again, from its distorted point.
         let (mut worst, mut condition) = ((0.0, f64::INFINITY), 1.0_f64);
         for v in 0..25 {
             for u in 0..33 {

@@ -1,4 +1,4 @@
-//! Grey levels: faint, few, too bright, none.
+//! Grey levels: low contrast, few levels, saturation, and no light.
 
 use super::case::{Case, Group, Sweep};
 use super::stack::{Stack, bound, equal, f32_floor, gray, references, rounding_gain, sweep};
@@ -107,7 +107,7 @@ fn black(context: &Context<'_>) -> Result<Vec<Case>> {
         .collect()
 }
 
-/// A fringe by its modulation over the noise.
+/// Decodes a fringe with a given ratio of modulation to noise.
 fn faint(context: &Context<'_>, stack: &Stack, least: f64) -> Result<Case> {
     let modulation = 0.5 * stack.swing;
     let patterns = [equal(PERIOD, STEPS), gray(8.0, true)].concat();
@@ -120,8 +120,8 @@ fn faint(context: &Context<'_>, stack: &Stack, least: f64) -> Result<Case> {
     Ok(judged(name, ratio, &tally, (tally.rms, allowed), least))
 }
 
-/// The RMS of few scatters: by how much it may exceed that of many. 1 / sqrt(2 n) is the standard
-/// deviation of that of n.
+/// Returns the factor by which the RMS of few values may exceed its expectation. Its relative standard
+/// deviation is 1 / sqrt(2 n).
 fn scatter(answered: f64) -> f64 {
     match answered < 1000.0 {
         true => 1.0 + 4.0 / (2.0 * answered).sqrt(),
@@ -142,7 +142,7 @@ fn bits(context: &Context<'_>, stretched: bool) -> Result<Vec<Case>> {
         };
         let stack = Stack {
             floor: 0.0,
-            // The brightest rounds to the last number but one.
+            // The brightest level rounds to the last level but one.
             swing: full - 0.51 * full / levels,
             noise: 0.0,
             full,
@@ -152,7 +152,7 @@ fn bits(context: &Context<'_>, stretched: bool) -> Result<Vec<Case>> {
         let patterns = [equal(PERIOD, STEPS), gray(8.0, true)].concat();
         let tally = stack.decode(patterns, &positions, stack.options(), GROSS * PERIOD)?;
         let modulation = 0.5 * stack.swing;
-        // A stretched level is cut to a whole number.
+        // A stretched level is truncated to an integer.
         let step = stack.grain + if stretched { 1.0 } else { 0.0 };
         let allowed = PERIOD / TAU * rounding_gain(STEPS) * step / modulation
             + f32_floor(PERIOD, STEPS, modulation, modulation);
@@ -210,7 +210,7 @@ fn saturation(context: &Context<'_>) -> Result<Vec<Case>> {
             swing: 0.9 * over * 255.0,
             ..Stack::usual(context, 90 + stream)
         };
-        // Four steps: at some phases none of them is at the top.
+        // With four steps, some phases have no step at full scale.
         let patterns = [equal(PERIOD, 4), gray(8.0, true)].concat();
         let tally = stack.decode(patterns, &positions, stack.options(), GROSS * PERIOD)?;
         let bound = bound(PERIOD, 4, stack.deviation(), 0.5 * stack.swing);

@@ -1,13 +1,13 @@
-//! The light source: time constants a billion apart, and exposures over seven decades.
+//! The light source: time constants with a ratio of up to a billion, and exposures over seven decades.
 
 use super::case::{Case, Group, Sweep};
 use phasmid_core::statistics::gauss_legendre;
 use phasmid_profile::{Droop, Led, Profile};
 use phasmid_render::led::{Model, Source, State};
 
-/// What the source promises, and its own tests hold it to by solutions of 100 digits.
+/// Accuracy that the source documents; its own tests compare it with solutions of 100 digits.
 const ALLOWED: f64 = 1e-14;
-/// Share of the light that heat costs.
+/// Fraction of the light lost by heating.
 const SHARE: f64 = 0.4;
 
 pub(super) const GROUP: Group = Group {
@@ -55,10 +55,10 @@ pub(super) const GROUP: Group = Group {
     ],
 };
 
-/// A source by its time constants.
+/// Creates a source with these time constants.
 fn led(rise_ns: f64, heat_s: f64) -> Led {
     Led {
-        // The rise is from 10 to 90 per cent.
+        // The rise time in a profile is from 10 to 90 per cent.
         rise_us: rise_ns * 9f64.ln() * 1e-3,
         droop: vec![Droop {
             time_constant_s: heat_s,
@@ -67,8 +67,8 @@ fn led(rise_ns: f64, heat_s: f64) -> Led {
     }
 }
 
-/// Mean of a function over [0, end], on intervals that shrink towards 0 by factors of the square
-/// root of 2.
+/// Returns the mean of a function over [0, end], integrated over intervals that shrink towards 0 by
+/// factors of sqrt(2).
 fn mean(nodes: &[(f64, f64)], end: f64, of: impl Fn(f64) -> f64) -> f64 {
     let factor = std::f64::consts::FRAC_1_SQRT_2;
     let (mut high, mut sum) = (1.0, 0.0);
@@ -85,11 +85,11 @@ fn mean(nodes: &[(f64, f64)], end: f64, of: impl Fn(f64) -> f64) -> f64 {
     sum
 }
 
-/// Relative error of the mean light over an exposure, the worse of switching on and off.
+/// Returns the relative error of the mean light over an exposure, the larger of switching on and off.
 fn worst(nodes: &[(f64, f64)], [rise_ns, heat_ns]: [f64; 2], exposure_ns: f64) -> f64 {
     let led = led(rise_ns, heat_ns * 1e-9);
     let model = Model::new(&led);
-    // As the model has them, roundings included.
+    // Use the model's time constants, including their rounding.
     let rise_ns = led.rise_us * 1e3 / 9f64.ln();
     let heat_ns = led.droop[0].time_constant_s * 1e9;
     let gone = |t: f64, constant: f64| -(-t / constant).exp_m1();
@@ -135,7 +135,7 @@ fn by_exposures() -> Vec<Case> {
     EXPOSURES_NS.into_iter().map(one).collect()
 }
 
-/// Nanoseconds in words.
+/// Formats nanoseconds with a suitable unit.
 pub(super) fn duration(ns: f64) -> String {
     match ns {
         ns if ns < 1e6 => format!("{} us", ns / 1e3),

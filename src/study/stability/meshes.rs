@@ -1,4 +1,4 @@
-//! Degenerate meshes: slivers, twins, triangles without area, holes.
+//! Degenerate meshes: slivers, duplicates, triangles without area, holes.
 
 use super::case::{Case, Group, Sweep};
 use super::rays::{EPS, EPS_F32};
@@ -54,7 +54,7 @@ pub(super) const GROUP: Group = Group {
     ],
 };
 
-/// An error as the check of a mesh says it.
+/// Returns the error message of the mesh check.
 fn complaint(mesh: Mesh) -> String {
     mesh.checked("mesh.ply")
         .map_or_else(|e| e.to_string(), |_| String::new())
@@ -92,7 +92,7 @@ fn slivers() -> Vec<Case> {
         .collect()
 }
 
-/// Corners of a rectangle that is a part of the plane z = 0.
+/// Adds a rectangle in the plane z = 0.
 fn rectangle(mesh: &mut Mesh, low: DVec2, high: DVec2) {
     let first = mesh.vertices.len() as u32;
     let corners = [
@@ -102,15 +102,15 @@ fn rectangle(mesh: &mut Mesh, low: DVec2, high: DVec2) {
         DVec2::new(low.x, high.y),
     ];
     mesh.vertices.extend(corners.map(|c| c.extend(0.0)));
-    // Seen from -z, anticlockwise.
+    // Counter-clockwise as seen from -z.
     mesh.triangles
         .extend([[0, 2, 1], [0, 3, 2]].map(|t: [u32; 3]| t.map(|i| first + i)));
 }
 
 const HALF_MM: f64 = 500.0;
 
-/// What a mesh renders to: the worst relative error of the depth where the plane has to be seen, the
-/// share of those pixels that are, and how many are seen where there is a hole.
+/// Renders a mesh. Returns the worst relative error of the depth where the plane must be visible, the
+/// fraction of those pixels that see it, and the number of pixels that see a surface in a hole.
 fn rendered(
     context: &Context<'_>,
     name: &str,
@@ -142,7 +142,7 @@ fn rendered(
         let on_plane = DVec2::new(point.x * cos - point.z * sin, point.y);
         let hit = truth.flags[i] & Truth::SEEN != 0;
         match hole(on_plane) {
-            // Too near to the edge of a hole to tell.
+            // The pixel is too near the edge of a hole to decide.
             None => {}
             Some(true) => ghosts += usize::from(hit),
             Some(false) => {
@@ -202,7 +202,7 @@ fn twins(context: &Context<'_>) -> Result<Vec<Case>> {
     let mut twins = clean.clone();
     twins.triangles = clean.triangles.repeat(50);
     let mut flat = clean.clone();
-    // Corners that are one, edges there and back, three corners on a line.
+    // Triangles with two equal corners, with an edge back and forth, and with collinear corners.
     flat.vertices.push(DVec3::ZERO);
     flat.vertices
         .push(DVec3::new(HALF_MM / 2.0, HALF_MM / 2.0, 0.0));
@@ -210,7 +210,7 @@ fn twins(context: &Context<'_>) -> Result<Vec<Case>> {
         .extend([[0, 0, 0], [0, 2, 0], [0, 4, 2], [4, 5, 2], [1, 1, 3]]);
     let mut copies = Mesh::default();
     for _ in 0..2 {
-        // Vertices twice, so that triangles share places, not indices.
+        // Duplicate the vertices, so that triangles share positions but not indices.
         rectangle(
             &mut copies,
             DVec2::splat(-HALF_MM),

@@ -1,11 +1,11 @@
-//! Study `stability`: stiff and extreme cases, each with its oracle, its condition number or ratio
-//! of scales, the error found, the error that first-order analysis allows, and what the program
-//! says where it gives no answer.
+//! Study `stability`: stiff and extreme cases. Each has an oracle, a condition number or ratio of
+//! scales, the error found, the error that first-order analysis allows, and, if there is no answer, the
+//! program's message.
 //!
-//! A sweep is one trial, its cases are its rows. Most call the library's functions
-//! on numbers made here in closed form; few render. A case passes when its error is within what is
-//! allowed, or when there is no answer and the program says so; a wrong answer without a word fails,
-//! and so does none without one.
+//! A sweep is one trial; its cases are the rows. Nearly all cases call the library's functions with
+//! numbers in closed form; a few render. A case passes if its error is within the allowed one, or if
+//! there is no answer and the program says so. It fails with a wrong answer, and with no answer and no
+//! message.
 
 mod boards;
 mod case;

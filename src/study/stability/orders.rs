@@ -1,5 +1,4 @@
-//! Whole periods where they change: at the wraps, at the edges of the code, and where two periods
-//! hardly differ.
+//! Fringe orders where they change: at phase wraps, at code edges, and with two nearly equal periods.
 
 use super::case::{Case, Group, Sweep};
 use super::stack::{
@@ -14,7 +13,8 @@ use std::f64::consts::TAU;
 
 const PERIOD: f64 = 16.0;
 const STEPS: usize = 12;
-/// Wrong periods that are allowed of the pixels answered: a decision needs four deviations.
+/// Maximum fraction of wrong periods among the answered pixels: decisions have a margin of four
+/// standard deviations.
 const WRONG: f64 = 1e-4;
 
 pub(super) const GROUP: Group = Group {
@@ -52,7 +52,7 @@ pub(super) const GROUP: Group = Group {
     ],
 };
 
-/// Codes that a sequence may have for periods of 16 px.
+/// Returns the codes that a sequence may have for periods of 16 px.
 fn codes() -> [(&'static str, Vec<Pattern>); 4] {
     [
         ("cells of half a period", gray(8.0, false)),
@@ -65,7 +65,8 @@ fn codes() -> [(&'static str, Vec<Pattern>); 4] {
     ]
 }
 
-/// A case whose error is the share of wrong periods; where no pixel is answered, masks say why.
+/// Creates a case whose error is the fraction of wrong periods. If no pixel is answered, the masks are
+/// the message.
 fn counted(name: String, ratio: f64, tally: &Tally, least: f64) -> Case {
     let case = if tally.kept > 0.0 {
         Case::held(name, ratio, tally.gross, WRONG).says(tally.masked.clone())
@@ -146,7 +147,8 @@ fn beats(context: &Context<'_>) -> Result<Vec<Case>> {
             Ok(tally) => tally,
             Err(e) => return Ok(Case::refused(name, ratio, &e.to_string(), "repeat after")),
         };
-        // From a beat as long as the projector is wide there is an answer, as far as noise lets it.
+        // If the beat is as long as the projector is wide, there must be answers, unless noise is too
+        // large.
         let least = if (32.0..=40.0).contains(&ratio) {
             0.9
         } else {

@@ -1,5 +1,5 @@
-//! Pixels of the camera against pixels and stripes of the projector: narrower than a projector pixel,
-//! and wider than the finest stripes of the code.
+//! Size of camera pixels relative to the projector: narrower than a projector pixel, and wider than the
+//! finest stripes of the code.
 
 use super::case::{Case, Group, Sweep};
 use super::stack::{SWEEP_STEP, Stack, Tally, WIDTH, bound, equal, gray, sweep};
@@ -54,12 +54,12 @@ pub(super) const GROUP: Group = Group {
     ],
 };
 
-/// Frames of camera pixels of a width, and what they decode to.
+/// Decodes frames with camera pixels of this width.
 fn seen(context: &Context<'_>, stream: usize, width: f64) -> Result<(Stack, Tally)> {
     let stack = Stack {
         floor: 200.0,
         swing: 2.0 * MODULATION,
-        // The converse of the least-squares bound.
+        // Choose the noise for which the least-squares bound is `NOISE_PX`.
         noise: NOISE_PX / bound(PERIOD, STEPS, 1.0, MODULATION),
         footprint: width,
         held: true,
@@ -101,7 +101,7 @@ fn stated(context: &Context<'_>) -> Result<Vec<Case>> {
     WIDTHS.into_iter().enumerate().map(one).collect()
 }
 
-/// sin(pi x) / (pi x): what averaging over x periods leaves of a fringe.
+/// sin(pi x) / (pi x): the contrast of a fringe averaged over x periods.
 fn sinc(x: f64) -> f64 {
     (PI * x).sin() / (PI * x)
 }

@@ -1,4 +1,4 @@
-//! Triangulation where rays are nearly parallel, near, far, or do not meet, and where lenses bend.
+//! Triangulation with nearly parallel rays, near and far points, rays that do not meet, and distortion.
 
 use super::case::{Case, Group, Sweep, worse};
 use crate::draws::Draws;
@@ -11,10 +11,11 @@ use phasmid_report::lab::Context;
 /// Half of the distance between neighbouring numbers below 1.
 pub(super) const EPS: f64 = f64::EPSILON / 2.0;
 pub(super) const EPS_F32: f64 = f32::EPSILON as f64 / 2.0;
-/// Roundings between a coordinate and a depth, here and in the program, counted generously.
+/// Number of roundings between a coordinate and a depth, in the test and in the program, estimated
+/// generously.
 const ROUNDINGS: f64 = 16.0;
 const WIDTH: usize = 64;
-/// What the program says of a depth that the parallax does not tell.
+/// Message for a depth that the parallax does not determine.
 const NO_DEPTH: &str = "no depth (NaN)";
 
 pub(super) const GROUP: Group = Group {
@@ -89,7 +90,8 @@ pub(super) const GROUP: Group = Group {
     ],
 };
 
-/// A camera and a projector without distortion, `baseline_mm` apart, the projector turned a little.
+/// Creates a camera and a projector without distortion, `baseline_mm` apart, with the projector
+/// slightly rotated.
 fn rig(baseline_mm: f64, turn_deg: DVec3) -> Rig {
     let view = |width_px, focal, principal_px, rig_from_view| View {
         lens: Lens {
@@ -115,17 +117,17 @@ fn rig(baseline_mm: f64, turn_deg: DVec3) -> Rig {
     }
 }
 
-/// A point on a ray as the projector sees it.
+/// A point on a camera ray as the projector sees it.
 struct Lit {
     depth: f64,
     px: f64,
-    /// Derivative of depth by the coordinate, in mm per pixel.
+    /// Derivative of the depth with respect to the coordinate, in mm per pixel.
     slope: f64,
-    /// What the coordinate is a difference of, in pixels.
+    /// Magnitude of the numbers whose difference is the coordinate, in pixels.
     size: f64,
 }
 
-/// A plane tilted by a fifth, cut by the ray of pixel `u`, in closed form.
+/// Intersects the ray of pixel `u` with a plane of slope 0.2, in closed form.
 fn lit(rig: &Rig, u: usize, distance: f64) -> Lit {
     let ray = rig.camera.lens.ray(DVec2::new(u as f64, 20.0));
     let depth = distance / (1.0 + 0.2 * ray.x);
@@ -146,7 +148,7 @@ fn lit(rig: &Rig, u: usize, distance: f64) -> Lit {
 
 const TURN: DVec3 = DVec3::new(1.0, -3.0, 2.0);
 
-/// Worst error and what is allowed over a row of pixels, in f64 and in f32.
+/// Returns the worst error over a row of pixels and its allowed value, in f64 or in f32.
 fn row(rig: &Rig, distance: f64, f32_path: bool) -> Result<(f64, f64)> {
     let triangulator = Triangulator::new(rig, WIDTH, 48)?;
     let lits: Vec<Lit> = (0..WIDTH).map(|u| lit(rig, u, distance)).collect();
@@ -171,7 +173,7 @@ fn row(rig: &Rig, distance: f64, f32_path: bool) -> Result<(f64, f64)> {
         };
         lits.iter().enumerate().map(of).collect()
     };
-    // The pixel that comes nearest to what it is allowed.
+    // Find the pixel with the largest ratio of error to allowed error.
     let mut worst = (0.0, f64::INFINITY);
     for (u, (lit, depth)) in lits.iter().zip(depths).enumerate() {
         let ray = rig.camera.lens.ray(DVec2::new(u as f64, 20.0));
@@ -232,7 +234,7 @@ fn noisy_baselines(context: &Context<'_>) -> Result<Vec<Case>> {
                 let relative = lit.slope * NOISE_PX / lit.depth;
                 kept += 1.0;
                 squares += (depth - lit.depth).powi(2);
-                // 1/(1 + e) to the third order in a normal e: variance r^2 (1 + 9 r^2).
+                // Expand 1/(1 + e) to third order in a normal e: the variance is r^2 (1 + 9 r^2).
                 allowed += (lit.slope * NOISE_PX).powi(2) * (1.0 + 9.0 * relative * relative);
             }
         }
@@ -267,7 +269,7 @@ fn far() -> Vec<Case> {
     [1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7]
         .map(|distance| {
             let name = format!("{distance} mm");
-            // The nearest points are beside the projector, which is turned to see them.
+            // The nearest points are beside the projector, so rotate it towards them.
             let mut rig = rig(400.0, DVec3::new(1.0, -3.0, 2.0));
             if distance < 1000.0 {
                 let place = rig.projector.rig_from_view.translation_mm;
@@ -284,7 +286,7 @@ fn far() -> Vec<Case> {
         .to_vec()
 }
 
-/// Depth by both coordinates, and by columns alone, where a projector's lens bends.
+/// Tests depth from both coordinates and from columns alone, with a distorted projector lens.
 fn distorted() -> Result<Vec<Case>> {
     let one = |k1: f64| {
         let mut rig = rig(400.0, DVec3::new(1.0, -18.0, 2.0));
@@ -318,7 +320,7 @@ fn distorted() -> Result<Vec<Case>> {
                     .map_or(shift, |ideal| shift.max((ideal - px).length()));
                 let both = [px.x, px.y].map(|px| Some(Measured { px, sigma: 1e-6 }));
                 let slope = 2e-5 * depth / (high - low).x.abs();
-                // With a known point the first decides; rows may say less.
+                // The allowed error follows from columns alone, and applies with rows too.
                 let allowed = ROUNDINGS * EPS * (1.0 + slope * 4000.0 / depth);
                 for y in [both[1], None] {
                     let Some((found, _)) = triangulator.depth(at, both[0], y) else {
@@ -340,13 +342,13 @@ fn distorted() -> Result<Vec<Case>> {
         .collect()
 }
 
-/// The plane of the projector's column against a ray of the camera: without turn, a coordinate whose
-/// ideal is the ray's own never meets it.
+/// Tests a ray of the camera parallel to the plane of the projector's column: without rotation, this is
+/// the column whose ideal coordinate equals the ray's.
 fn parallel() -> Result<Vec<Case>> {
     let mut rig = rig(400.0, DVec3::ZERO);
     rig.projector.rig_from_view.translation_mm = DVec3::new(400.0, 0.0, 0.0);
     let triangulator = Triangulator::new(&rig, WIDTH, 48)?;
-    // x = 0.125, exact in binary, so that parallel is parallel.
+    // x = 0.125 is exact in binary, so the ray is exactly parallel.
     let at = DVec2::new(31.5 + 0.125 * 60.0, 23.5);
     let px = |distance: f64| 511.5 + 1500.0 * (0.125 - 400.0 / distance);
     let depth = |px: f64, sigma: f64| triangulator.depth(at, Some(Measured { px, sigma }), None);
@@ -393,7 +395,7 @@ fn parallel() -> Result<Vec<Case>> {
             px: &[coordinate as f32; WIDTH],
             sigma: &[sigma as f32; WIDTH],
         };
-        // The row's pixel at which the ray is the same: its x is exact in f32 as well.
+        // The pixel of the row with the same ray; its x is exact in f32 too.
         triangulator.row(23, Some(x), None, &mut z, &mut sd);
         let says = silent((!z[39].is_nan()).then_some((f64::from(z[39]), 0.0)));
         cases.push(Case::refused(

@@ -1,4 +1,4 @@
-//! A billion frames: counters, keys of the noise, device time.
+//! A billion frames: counters, noise keys and device time.
 
 use super::case::{Case, Group, Sweep};
 use super::exposures::{SURE, fine, white, white_plane};
@@ -10,7 +10,7 @@ use phasmid_render::Renderer;
 use phasmid_render::shot::Shot;
 use phasmid_report::lab::Context;
 
-/// Ids of frames at the start, after a billion, where 32 and 53 bits end, and the last.
+/// Frame ids: the first, after a billion, around the limits of 32 and 53 bits, and the last.
 const IDS: [u64; 7] = [
     0,
     1_000_000,
@@ -67,7 +67,7 @@ pub(super) const GROUP: Group = Group {
     ],
 };
 
-/// A frame's noise in units of its standard deviation, and whether pixels are the same number.
+/// A frame's noise in units of its standard deviation, and its bytes.
 struct Noise {
     values: Vec<f64>,
     data: Vec<u8>,
@@ -209,7 +209,7 @@ fn flicker() -> Result<Vec<Case>> {
             found,
             16.0 * EPS_F32 * 255.0,
         );
-        // A lamp that does not swing would prove nothing.
+        // Require that the lamp flickers; if not, the case proves nothing.
         cases.push(case.kept(f64::from(u8::from(swing > 1.0)), 1.0));
     }
     Ok(cases)

@@ -12,9 +12,10 @@ use phasmid_render::truth::Truth;
 
 pub(super) const WIDTH: u32 = 64;
 pub(super) const HEIGHT: u32 = 48;
-/// Roundings in f64 on the way from a ray to a projector pixel, counted generously.
+/// Number of f64 roundings between a ray and a projector pixel, estimated generously.
 const ROUNDINGS: f64 = 16.0;
-/// Roundings in f32 of what the geometry pass keeps: hits are solved again in f64 before.
+/// Number of f32 roundings of the values that the geometry pass stores; hits are recomputed in f64
+/// before.
 pub(super) const KEPT: f64 = 2.0;
 
 pub(super) const GROUP: Group = Group {
@@ -61,7 +62,7 @@ pub(super) const GROUP: Group = Group {
     ],
 };
 
-/// The middle of a small camera without noise, over a wide lens.
+/// Returns a profile with a small, noiseless camera behind a wide lens.
 pub(super) fn small() -> Result<Profile> {
     let mut profile = Profile::load("webcam-grey")?;
     let camera = &mut profile.camera;
@@ -71,7 +72,7 @@ pub(super) fn small() -> Result<Profile> {
     Ok(profile)
 }
 
-/// A scene from the lines of its objects.
+/// Creates a scene from the lines of its objects.
 pub(super) fn scene(lines: &str) -> Result<Scene> {
     Scene::parse(
         &format!("name = \"s\"\ndescription = \"\"\n{lines}"),
@@ -79,7 +80,7 @@ pub(super) fn scene(lines: &str) -> Result<Scene> {
     )
 }
 
-/// A plane through (0, 0, z), turned about y, and the profile's two lenses in closed form.
+/// A plane through (0, 0, z), rotated about y, and the profile's two lenses in closed form.
 pub(super) struct Plane<'a> {
     pub(super) profile: &'a Profile,
     pub(super) z_mm: f64,
@@ -94,14 +95,14 @@ impl Plane<'_> {
         ((px - middle) / focal).extend(1.0)
     }
 
-    /// Depth where a pixel's ray meets it.
+    /// Returns the depth at which a pixel's ray meets the plane.
     pub(super) fn depth(&self, px: DVec2) -> Option<f64> {
         let (sin, cos) = self.tilt_deg.to_radians().sin_cos();
         let depth = self.z_mm * cos / (self.ray(px).x * sin + cos);
         (depth > 0.0 && depth.is_finite()).then_some(depth)
     }
 
-    /// The projector pixel that lights what a pixel sees; none behind the projector.
+    /// Returns the projector pixel that lights the point seen by a pixel; `None` behind the projector.
     fn lit_from(&self, px: DVec2) -> Option<DVec2> {
         let projector = &self.profile.projector;
         let way = self.ray(px) * self.depth(px)? - DVec3::from(projector.position_mm);
@@ -113,7 +114,7 @@ impl Plane<'_> {
         (way.z > 0.0).then(|| way.truncate() / way.z * (projector.throw_ratio * w) + middle)
     }
 
-    /// Side of a pixel's footprint in projector pixels.
+    /// Returns the side of a pixel's footprint in projector pixels.
     fn footprint(&self, px: DVec2) -> Option<f64> {
         let across = |axis: DVec2| {
             let ends = [0.5, -0.5].map(|half| self.lit_from(px + axis * half));
@@ -122,8 +123,8 @@ impl Plane<'_> {
         Some(across(DVec2::X)?.max(across(DVec2::Y)?))
     }
 
-    /// What a rounding of the camera's ray and of the pattern image's coordinate makes in projector
-    /// pixels.
+    /// Returns the error in projector pixels due to one rounding of the camera's ray and of the pattern
+    /// image's coordinate.
     fn rounding(&self, px: DVec2) -> Option<f64> {
         let projector = &self.profile.projector;
         let focal = projector.throw_ratio * f64::from(projector.width_px);
@@ -180,7 +181,7 @@ fn origin(reference: bool) -> Result<Vec<Case>> {
             let (Some(exact), Some(near)) = (plane.lit_from(px), plane.rounding(px)) else {
                 continue;
             };
-            // A rounding of the scene's coordinates moves the point against the rig.
+            // Rounding of scene coordinates moves the point relative to the rig.
             let far = ROUNDINGS * EPS * near * (1.0 + offset / 1e3);
             let (found, allowed) = match &exact_path {
                 Some(path) => (path.trace(px).map_or(DVec2::NAN, |f| f.projector_px), far),

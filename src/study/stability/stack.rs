@@ -1,5 +1,5 @@
-//! Frames made of the patterns' formulas in f64, without any of the decoder's code, and how far off
-//! what they decode to is.
+//! Frames computed in f64 from the patterns' formulas, without any of the decoder's code, and the
+//! errors of their decoded coordinates.
 
 use super::rays::EPS_F32;
 use crate::draws::Draws;
@@ -13,51 +13,51 @@ use std::f64::consts::TAU;
 
 /// Columns of a synthetic frame.
 pub(super) const WIDTH: usize = 256;
-/// Projector pixels from column to column of [`sweep`].
+/// Projector pixels between neighbouring columns of [`sweep`].
 pub(super) const SWEEP_STEP: f64 = 7.37;
 /// Columns of the projector.
 pub(super) const EXTENT: f64 = 1920.0;
 
-/// What a camera reads of patterns: `floor + swing * level`, noise, rounding, clipping.
+/// Synthetic frames of patterns: `floor + swing * level`, with noise, rounding and clipping.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stack {
     pub(super) floor: f64,
     pub(super) swing: f64,
     /// Standard deviation in DN before rounding.
     pub(super) noise: f64,
-    /// Projector pixels that a camera pixel's footprint covers.
+    /// Width of a camera pixel's footprint in projector pixels.
     pub(super) footprint: f64,
-    /// Fringes are levels of whole projector pixels averaged over the footprint, not the formula's
-    /// value at its centre.
+    /// Whether fringes are levels of whole projector pixels averaged over the footprint, instead of the
+    /// formula's value at its centre.
     pub(super) held: bool,
-    /// Largest number of the converter; above 255 frames have 16 bits.
+    /// Full scale of the converter; above 255, frames have 16 bits.
     pub(super) full: f64,
-    /// Numbers are multiples of this.
+    /// Step of the converter: all levels are multiples of this value.
     pub(super) grain: f64,
     pub(super) draws: Draws,
 }
 
-/// How far off coordinates are.
+/// Errors of decoded coordinates.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tally {
     /// Share of pixels with a coordinate.
     pub(super) kept: f64,
-    /// Share of those that are off by more than asked for.
+    /// Fraction of these pixels with a gross error.
     pub(super) gross: f64,
-    /// RMS of the others in projector pixels.
+    /// RMS error of the other pixels, in projector pixels.
     pub(super) rms: f64,
-    /// The worst of them all in projector pixels.
+    /// Largest error of all pixels, in projector pixels.
     pub(super) worst: f64,
-    /// RMS of the standard uncertainties that are stated, in projector pixels.
+    /// RMS of the stated standard uncertainties, in projector pixels.
     pub(super) stated: f64,
-    /// Finest Gray bits that are left out.
+    /// Number of finest Gray bits that the decoder left out.
     pub(super) unused_bits: usize,
-    /// Why pixels have none, with shares.
+    /// Reasons for missing coordinates, with fractions.
     pub(super) masked: String,
 }
 
 impl Stack {
-    /// Eight bits, a modulation of 90 DN, noise of 1.5 DN.
+    /// Returns frames with eight bits, a modulation of 90 DN and noise of 1.5 DN.
     pub(super) fn usual(context: &Context<'_>, stream: usize) -> Self {
         Self {
             floor: 20.0,
@@ -71,12 +71,12 @@ impl Stack {
         }
     }
 
-    /// Standard deviation of a sample with its rounding, in DN.
+    /// Returns the standard deviation of a sample including rounding, in DN.
     pub(super) fn deviation(&self) -> f64 {
         (self.noise.powi(2) + self.grain.powi(2) / 12.0).sqrt()
     }
 
-    /// The noise as a calibration would give it.
+    /// Returns decoder options with the noise model that a calibration would provide.
     pub(super) fn options(&self) -> Options {
         let read = self.deviation().powi(2) - 1.0 / 12.0;
         Options {
@@ -90,8 +90,8 @@ impl Stack {
         }
     }
 
-    /// The level of a pattern at a position: fringes by their formula, or like Gray code as held
-    /// pixels averaged over the footprint.
+    /// Returns the level of a pattern at a position: fringes by their formula; if `held` is set,
+    /// fringes like Gray code as held pixels averaged over the footprint.
     fn level(&self, pattern: &Pattern, x: f64) -> f64 {
         match *pattern {
             Pattern::Fringe {
@@ -129,8 +129,8 @@ impl Stack {
         positions.iter().enumerate().map(sample).collect()
     }
 
-    /// Frames of a surface that shows the positions row by row, decoded. Errors above `gross` are
-    /// counted, not averaged.
+    /// Renders and decodes frames of a surface that shows the positions row by row. Errors above
+    /// `gross` are counted, not averaged.
     pub(super) fn decode(
         &self,
         patterns: Vec<Pattern>,
@@ -167,7 +167,7 @@ impl Stack {
             }
             variances += f64::from(map.uncertainty(i)).powi(2);
             let error = (f64::from(x) - truth).abs();
-            // NaN is no coordinate, whatever the verdict says.
+            // A NaN counts as an infinite error, whatever the verdict.
             worst = if error.is_nan() {
                 f64::INFINITY
             } else {
@@ -197,22 +197,22 @@ impl Stack {
     }
 }
 
-/// The least-squares bound on the error of a coordinate: sqrt(2/N) sigma / B of a period (see
-/// `decode`'s `steps`).
+/// Returns the least-squares bound on the error of a coordinate: sqrt(2/N) sigma / B times period / 2
+/// pi (see `decode`'s `steps`).
 pub(super) fn bound(period: f64, steps: usize, deviation: f64, modulation: f64) -> f64 {
     period / TAU * (2.0 / steps as f64).sqrt() * deviation / modulation
 }
 
-/// What f32 costs a coordinate in the worst case, in projector pixels: N products summed one after
-/// the other, each as large as mean and modulation together; the angle's polynomial (1e-6 rad, as
-/// its own test has it); the coordinate itself and the period's place, a rounding each.
+/// Returns the worst-case f32 rounding error of a coordinate in projector pixels: N products are summed
+/// one by one, each as large as mean and modulation together; the angle's polynomial is off by 1e-6
+/// rad, as in its own test; and the coordinate and the offset of the period are each rounded.
 pub(super) fn f32_floor(period: f64, steps: usize, mean: f64, modulation: f64) -> f64 {
     let sums = 2.0 * steps as f64 * EPS_F32 * (mean + modulation) / modulation;
     period / TAU * (sums + 1e-6) + 2.0 * EPS_F32 * EXTENT
 }
 
-/// The largest error that rounding by half a step can make of N equal steps' phase, in units of the
-/// step over B: sums of |sin| over the steps, at their worst phase.
+/// Returns the largest error of the phase of N equal steps due to rounding by half a step, in units of
+/// the step over B: the largest sum of |sin| over the steps, over all phases.
 pub(super) fn rounding_gain(steps: usize) -> f64 {
     let sum = |phi: f64| -> f64 {
         let of = |i: usize| (TAU * i as f64 / steps as f64 + phi).sin().abs();
@@ -222,7 +222,7 @@ pub(super) fn rounding_gain(steps: usize) -> f64 {
     phases.map(sum).fold(0.0, f64::max) / steps as f64
 }
 
-/// A smooth surface that sweeps the projector's columns with every phase.
+/// Returns the positions of a smooth surface that covers the projector's columns with all phases.
 pub(super) fn sweep(context: &Context<'_>) -> Vec<f64> {
     let height = if context.settings.quick { 40 } else { 160 };
     (0..WIDTH * height)
@@ -233,7 +233,7 @@ pub(super) fn sweep(context: &Context<'_>) -> Vec<f64> {
         .collect()
 }
 
-/// Steps of a fringe along x.
+/// Returns the steps of a fringe along x.
 pub(super) fn fringes(period_px: f64, phases: &[f64]) -> Vec<Pattern> {
     let one = |&phase_rad: &f64| Pattern::Fringe {
         axis: Axis::X,
@@ -243,19 +243,19 @@ pub(super) fn fringes(period_px: f64, phases: &[f64]) -> Vec<Pattern> {
     phases.iter().map(one).collect()
 }
 
-/// N equal steps along x.
+/// Returns N equal steps along x.
 pub(super) fn equal(period_px: f64, steps: usize) -> Vec<Pattern> {
     let phases: Vec<f64> = (0..steps).map(|i| TAU * i as f64 / steps as f64).collect();
     fringes(period_px, &phases)
 }
 
-/// All bits of a Gray code along x, with complements or without.
+/// Returns all bits of a Gray code along x, with complements or without.
 pub(super) fn gray(cell_px: f64, complements: bool) -> Vec<Pattern> {
     let bits = (EXTENT / cell_px).log2().ceil().max(1.0) as u32;
     bit_frames(cell_px, bits, 0..bits, complements)
 }
 
-/// The finest bit of a Gray code along x.
+/// Returns the finest bit of a Gray code along x.
 pub(super) fn finest_bit(cell_px: f64) -> Vec<Pattern> {
     bit_frames(cell_px, 8, 0..1, false)
 }
@@ -283,12 +283,12 @@ fn bit_frames(
     shown.rev().flat_map(one).collect()
 }
 
-/// White and black.
+/// Returns a white and a black frame.
 pub(super) fn references() -> Vec<Pattern> {
     vec![Pattern::White {}, Pattern::Black {}]
 }
 
-/// A sequence for the projector.
+/// Returns a sequence for the projector.
 pub(super) fn manifest(patterns: Vec<Pattern>) -> Manifest {
     let frame = patterns.into_iter().map(|pattern| ManifestFrame {
         file: None,

@@ -1,4 +1,4 @@
-//! Phase steps: how many, how unequal, of which period.
+//! Phase steps: their number, their spacing and their period.
 
 use super::case::{Case, Group, Sweep};
 use super::rays::EPS_F32;
@@ -13,7 +13,7 @@ use phasmid_pattern::Manifest;
 use phasmid_report::lab::Context;
 use std::f64::consts::TAU;
 
-/// An error of more than this part of a period is a wrong period, not noise.
+/// Fraction of a period above which an error is a wrong period, not noise.
 pub(super) const GROSS: f64 = 0.25;
 const COUNTS: [usize; 12] = [3, 4, 5, 6, 7, 8, 12, 16, 24, 32, 48, 64];
 
@@ -64,8 +64,8 @@ pub(super) const GROUP: Group = Group {
     ],
 };
 
-/// A case of many pixels: errors within what is allowed, none of a wrong period, and of pixels that
-/// are answered at least so many.
+/// Creates a case of many pixels: it needs errors within the allowed ones, no wrong period, and at
+/// least the fraction `least` of answered pixels.
 pub(super) fn judged(
     name: impl Into<String>,
     ratio: f64,
@@ -131,8 +131,8 @@ fn rounded_steps(context: &Context<'_>) -> Result<Vec<Case>> {
     COUNTS.into_iter().map(one).collect()
 }
 
-/// Covariance of (A, C, S) per unit variance of a sample, and the condition number of the matrix of
-/// steps.
+/// Returns the covariance of (A, C, S) per unit variance of a sample, and the condition number of the
+/// matrix of steps.
 fn normal(phases: &[f64]) -> (DMat3, f64) {
     let rows = phases.iter().map(|t| DVec3::new(1.0, t.cos(), -t.sin()));
     let normal = rows.fold(DMat3::ZERO, |sum, r| {
@@ -169,14 +169,15 @@ fn bunched(context: &Context<'_>) -> Result<Vec<Case>> {
                 ));
             }
         };
-        // The mean over all phases of c^2 gss - 2 c s gcs + s^2 gcc.
+        // Average over all phases of c^2 gss - 2 c s gcs + s^2 gcc.
         let mean = 0.5 * (inverse.y_axis.y + inverse.z_axis.z);
         let noise = 16.0 / TAU * mean.sqrt() * stack.deviation() / 20_000.0;
-        // Each of six products and sums rounds a weighted sample.
+        // Six products and sums each round a weighted sample.
         let rounding = 2.0 * 6.0 * EPS_F32 * 42_000.0 / 20_000.0;
         let coarse = f32_floor(16.0, 6, 22_000.0, 20_000.0) + 16.0 / TAU * mean.sqrt() * rounding;
         let allowed = 1.05 * noise.hypot(coarse);
-        // From where a phase is known to 0.15 rad at best nothing is left; before that, most is.
+        // If phases are less precise than 0.15 rad, all pixels are rejected; for clearly more precise
+        // phases, at least 90 % must remain.
         let least = if mean.sqrt() * stack.deviation() / 20_000.0 < 0.05 {
             0.9
         } else {

@@ -10,9 +10,9 @@ use phasmid_report::stopwatch::Stopwatch;
 use serde::Serialize;
 use std::hint::black_box;
 
-/// Largest rate of gross errors of a setting that may be chosen.
+/// Maximum rate of gross errors of a sound setting.
 pub const MOST_GROSS: f64 = 0.01;
-/// Smallest coverage of a setting that may be chosen.
+/// Minimum coverage of a sound setting.
 pub const LEAST_COVERAGE: f64 = 0.9;
 
 /// Error and time of a setting.
@@ -26,11 +26,11 @@ pub struct Measured {
     pub frames: usize,
     /// Time to render a scan with its geometry, in milliseconds.
     pub render_ms: f64,
-    /// Time to decode it, in milliseconds.
+    /// Time to decode a scan, in milliseconds.
     pub decode_ms: f64,
     /// Root mean square depth error of the inliers on smooth surfaces, in millimetres.
     pub rmse_mm: f64,
-    /// The bound that noise sets for it, in millimetres.
+    /// Noise bound of this error, in millimetres.
     pub bound_mm: f64,
     /// Share of points that are more than 1 mm off.
     pub gross_error_rate: f64,
@@ -44,7 +44,7 @@ impl Measured {
         self.render_ms + self.decode_ms
     }
 
-    /// Whether it may be chosen: it covers the surface, with few gross errors.
+    /// Returns whether the setting may be chosen: it covers the surface with few gross errors.
     pub fn is_sound(&self) -> bool {
         self.coverage >= LEAST_COVERAGE
             && self.gross_error_rate <= MOST_GROSS
@@ -66,7 +66,7 @@ pub fn measure(
 ) -> Result<Measured> {
     let (profile, scene, options) = setting.apply(profile, scene)?;
     let mut stage = Stage::new(&profile, &scene, seed, options)?;
-    // The first scan also makes the tables of the patterns, which a device makes once.
+    // The first scan also computes the tables of the patterns, which a device does only once.
     let scanned = stage.scan(0)?;
     let render_s = watch.fastest(rounds, enough_s, || {
         stage.renderer().invalidate();
@@ -96,8 +96,8 @@ pub fn measure(
     })
 }
 
-/// For each setting whether it is on the Pareto front: sound, and no other sound one is both faster and
-/// more accurate.
+/// Returns for each setting whether it is on the Pareto front: it is sound, and no other sound setting
+/// is both faster and more accurate.
 pub fn front(all: &[Measured]) -> Vec<bool> {
     let beats = |a: &Measured, b: &Measured| {
         let [faster, better] = [a.total_ms() - b.total_ms(), a.rmse_mm - b.rmse_mm];
@@ -107,7 +107,7 @@ pub fn front(all: &[Measured]) -> Vec<bool> {
     all.iter().map(on).collect()
 }
 
-/// The fastest sound setting with an RMS error of at most `wanted_mm`.
+/// Returns the fastest sound setting with an RMS error of at most `wanted_mm`.
 pub fn cheapest(all: &[Measured], wanted_mm: f64) -> Option<&Measured> {
     let fits = |m: &&Measured| m.is_sound() && m.rmse_mm <= wanted_mm;
     let time = |a: &&Measured, b: &&Measured| a.total_ms().total_cmp(&b.total_ms());

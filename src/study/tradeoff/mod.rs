@@ -1,5 +1,5 @@
-//! Error against run time of one device and scene: what every knob that trades one for the other costs
-//! and gives ([`settings`], [`measure`]), and which setting reaches a wanted accuracy in the least time
+//! Error versus run time for one device and scene: the effect of every setting that trades one for the
+//! other ([`settings`], [`measure`]), and the fastest setting that reaches a wanted accuracy
 //! ([`cheapest`]).
 //!
 //! ```
@@ -70,7 +70,7 @@ mod tests {
         ] {
             assert!(has(text), "{text}");
         }
-        // Its own number of steps.
+        // The list omits the device's own number of steps.
         assert!(!has("4 steps"));
         let mut moving = scene;
         let motion =
@@ -112,8 +112,8 @@ mod tests {
             let found = measured(&setting);
             assert!(found.is_sound(), "{found:?}");
             assert_eq!(found.frames, frames);
-            // The bound follows the root of the steps and the period; short periods lose contrast, because a
-            // pixel averages over a part of them.
+            // The bound is proportional to the period and to one over the root of the number of steps;
+            // short periods lose contrast, because a pixel averages over part of a period.
             let ratio = found.bound_mm / usual.bound_mm;
             assert!(range.contains(&ratio), "{setting}: {ratio}");
             assert!(found.rmse_mm < 1.5 * found.bound_mm, "{found:?}");

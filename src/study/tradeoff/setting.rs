@@ -10,9 +10,9 @@ use serde::Serialize;
 
 /// Numbers of phase steps that are tried.
 const STEPS: [u32; 7] = [3, 4, 6, 8, 12, 16, 24];
-/// Camera pixels on a side, relative to the profile's.
+/// Camera pixels per side, relative to the profile's.
 const SCALES: [f64; 3] = [0.7, 0.5, 0.35];
-/// Smallest side of a camera in pixels.
+/// Minimum side of a camera in pixels.
 const SMALLEST_SIDE_PX: f64 = 48.0;
 
 /// A position of every knob. The default is the device as its profile describes it.
@@ -60,8 +60,8 @@ impl std::fmt::Display for Setting {
     }
 }
 
-/// The settings worth trying, the profile's own first: phase steps at each resolution, and each other knob
-/// alone. Knobs that the device or the scene does not have are left out.
+/// Returns the settings worth trying, the profile's own first: phase steps at each resolution, and each
+/// other knob alone. Knobs that the device or the scene lacks are left out.
 pub fn settings(profile: &Profile, scene: &Scene) -> Vec<Setting> {
     let usual = Setting::default;
     let mut all = vec![usual()];
@@ -193,14 +193,14 @@ impl Setting {
     }
 }
 
-/// The number of steps of the first set of fringes; 0 without any.
+/// Returns the number of steps of the first set of fringes; 0 without fringes.
 fn steps_of(frames: &[ManifestFrame]) -> usize {
     let mut keys = frames.iter().filter_map(key);
     let first = keys.next();
     usize::from(first.is_some()) + keys.filter(|key| Some(*key) == first).count()
 }
 
-/// The set to which a frame of fringes belongs.
+/// Returns the key of the fringe set to which a frame belongs.
 fn key(frame: &ManifestFrame) -> Option<(Axis, u64)> {
     match frame.pattern {
         Pattern::Fringe {
@@ -210,7 +210,7 @@ fn key(frame: &ManifestFrame) -> Option<(Axis, u64)> {
     }
 }
 
-/// Frames with `steps` steps in each set of fringes, in the place of its first frame.
+/// Replaces each set of fringes by one with `steps` steps, at the position of its first frame.
 fn with_steps(frames: &[ManifestFrame], steps: u32) -> Vec<ManifestFrame> {
     let mut seen = Vec::new();
     let mut out = Vec::new();
@@ -236,7 +236,7 @@ fn with_steps(frames: &[ManifestFrame], steps: u32) -> Vec<ManifestFrame> {
     out
 }
 
-/// Frames whose fringes and Gray cells are `by` times as wide: the code has a bit more or less.
+/// Scales fringes and Gray cells by `by`; the code gets a bit more or less.
 fn with_period(frames: &[ManifestFrame], by: f64) -> Result<Vec<ManifestFrame>> {
     let mut out = Vec::new();
     for axis in [Axis::X, Axis::Y] {

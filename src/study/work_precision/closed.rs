@@ -1,17 +1,16 @@
-//! The closed form of a pixel's footprint in f64: a row of held pixels averaged under the trapezoid
-//! that a pixel's column and row make together, by second differences of its second integral. What
-//! the fast path does in f32, so that rounding can be told from what a footprint leaves out.
+//! The closed form of a pixel's footprint in f64: a row of held pixels is averaged under the trapezoid
+//! that a pixel's column and row form together, by second differences of its second integral. The fast
+//! path does this in f32; the comparison separates rounding from the model's own error.
 
 use glam::DVec2;
 use phasmid_pattern::Axis;
 use phasmid_render::pattern_image::PatternImage;
 use phasmid_render::reference::Reference;
 
-/// Part of a pixel by which derivatives are taken.
+/// Step of the finite differences, as a fraction of a pixel.
 const STEP: f64 = 0.25;
 
-/// Where a pixel's centre lies on the pattern image's x axis, and how far its column and its row
-/// reach.
+/// Position of a pixel's centre on the pattern image's x axis, and the extent of its column and row.
 #[derive(Debug, Clone, Copy)]
 pub struct Footprint {
     x: f64,
@@ -19,7 +18,8 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// Of a pixel whose rays see one smooth surface; `None` where one of them leaves the scene.
+    /// Computes the footprint of a pixel whose rays see one smooth surface; `None` if one of them
+    /// leaves the scene.
     pub fn new(reference: &Reference, px: DVec2) -> Option<Self> {
         let at = |offset: DVec2| Some(reference.trace(px + offset)?.projector_px.x);
         let along = |axis: DVec2| Some((at(axis * STEP)? - at(-axis * STEP)?) / (2.0 * STEP));
@@ -29,29 +29,29 @@ impl Footprint {
         })
     }
 
-    /// At a place of the pattern image, in projector pixels.
+    /// Creates a footprint at a position of the pattern image, in projector pixels.
     #[cfg(test)]
     pub fn at(x: f64, reach: [f64; 2]) -> Self {
         Self { x, reach }
     }
 
-    /// Where its centre lies on the pattern image's x axis, in projector pixels.
+    /// Returns the position of the centre on the pattern image's x axis, in projector pixels.
     pub fn x(&self) -> f64 {
         self.x
     }
 
-    /// How far its column and its row reach along that axis, in projector pixels.
+    /// Returns the extent of column and row along this axis, in projector pixels.
     pub fn reach(&self) -> [f64; 2] {
         self.reach
     }
 
-    /// Mean level under the footprint.
+    /// Returns the mean level under the footprint.
     pub fn mean(&self, row: &Integral) -> f64 {
         let [a, b] = self.reach;
         let (far, near) = ((a + b) / 2.0, (a - b) / 2.0);
         let second = |x: f64| row.second(self.x + x);
         if a * b < 1e-9 {
-            // One side of nothing: a box.
+            // If one side is zero, the trapezoid is a box.
             return (row.first(self.x + far) - row.first(self.x - far)) / (2.0 * far);
         }
         (second(far) - second(near) - second(-near) + second(-far)) / (a * b)
@@ -66,7 +66,7 @@ pub struct Integral {
 }
 
 impl Integral {
-    /// Of a pattern image that varies along x; `None` of any other.
+    /// Integrates a pattern image that varies along x; `None` for any other image.
     pub fn new(pattern_image: &PatternImage) -> Option<Self> {
         let PatternImage::Row(Axis::X, row) = pattern_image else {
             return None;
@@ -84,7 +84,7 @@ impl Integral {
         })
     }
 
-    /// The held pixel in which a coordinate lies, and how far in it.
+    /// Returns the held pixel that contains a coordinate, and the position within it.
     fn place(&self, x: f64) -> (usize, f64) {
         let x = (x + 0.5).clamp(0.0, self.levels.len() as f64);
         let i = (x.floor() as usize).min(self.levels.len() - 1);
@@ -120,7 +120,7 @@ mod tests {
                 .sum();
             let mean = sum / (n * n) as f64;
             let found = footprint.mean(&integral);
-            // Where the row steps, the places are right to half of their spacing.
+            // At steps of the row, the sampled positions are accurate to half of their spacing.
             assert!((found - mean).abs() < 0.03, "{found} {mean}");
         }
         assert!(Integral::new(&PatternImage::Uniform(3)).is_none());

@@ -1,4 +1,4 @@
-//! Whole scans of several devices: what each knob of [`crate::tradeoff`] costs and gives.
+//! Complete scans of several devices: cost and benefit of each knob of [`crate::tradeoff`].
 
 use crate::tradeoff::{Measured, Setting, cheapest, front, measure, settings};
 use phasmid_core::error::{Error, Result};
@@ -8,26 +8,26 @@ use phasmid_report::lab::{
 };
 use phasmid_report::plot::figures;
 
-/// A pod of the ceiling.
+/// The ceiling-mounted pods.
 const POD: &str = "sgrt-ceiling";
-/// A random device of `tests/studies/zoo`, which nobody tuned for.
+/// A random device of `tests/studies/zoo`, for which nothing was tuned.
 const ZOO: &str = "zoo-20";
 /// The devices, each with its scene.
 const DEVICES: [(&str, &str); 4] = [
-    // With indirect light.
+    // This scene has indirect light.
     ("pmp-bench", "trapezoid"),
     ("webcam-grey", "sphere"),
     (POD, "treatment-room"),
     (ZOO, "zoo"),
 ];
-/// Accuracies for which a setting is named.
+/// Accuracies for which the fastest setting is named.
 const WANTED_MM: [f64; 4] = [0.5, 0.2, 0.1, 0.05];
-/// Part of the field on a side in the quick form.
+/// Fraction of the field per side in the quick form.
 const QUICK: f64 = 0.4;
 
 /// The devices of the quick form.
 const QUICK_DEVICES: [&str; 2] = ["webcam-grey", ZOO];
-/// Largest ratio of the noise bound to the error: less noise than the bound allows would be a mistake.
+/// Maximum ratio of the noise bound to the error: an error far below the bound would be a mistake.
 const ABOVE_ERROR: f64 = 1.05;
 
 /// A trial for each device.
@@ -75,7 +75,7 @@ fn run(context: &Context<'_>, device: &str, scene: &str) -> Result<Vec<Row>> {
     let mut wanted = settings(&profile, &scene);
     let mut rounds = (5, 1.0);
     if context.settings.quick {
-        // The middle of the field, with pixels as large as before.
+        // Keep the middle of the field, with pixels of unchanged size.
         let camera = &mut profile.camera;
         camera.sensor_width_mm *= QUICK;
         [camera.width_px, camera.height_px] =
@@ -110,7 +110,7 @@ fn run(context: &Context<'_>, device: &str, scene: &str) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// The first setting of each combination of knobs.
+/// Returns the first setting of each combination of knobs.
 fn once(all: &[Setting]) -> Vec<Setting> {
     let knobs = |s: &Setting| {
         [
@@ -149,7 +149,7 @@ fn measured(row: &Row) -> Measured {
     }
 }
 
-/// The section of the rows.
+/// Returns the section of the rows.
 pub fn section(rows: &Rows) -> Section {
     let about = "Four devices before a scene each, with the profile's own setting, phase steps at each \
         resolution, and each other knob alone. Fewer pixels are larger ones over the same field, so that each has \
@@ -197,7 +197,7 @@ pub fn section(rows: &Rows) -> Section {
             failed as f64,
             0.0,
         ));
-        // Weights go below the bound, which is that of least squares.
+        // Exclude weighted steps: they can go below the bound, which is that of least squares.
         let plain = of
             .iter()
             .zip(&all)
@@ -216,7 +216,7 @@ pub fn section(rows: &Rows) -> Section {
     Section::new("Devices", blocks)
 }
 
-/// Leaves out the GPU, which not every machine has.
+/// Tabulates errors without the GPU, which not every machine has.
 fn errors(device: &str, scene: &str, rows: &[&Row], all: &[Measured]) -> Table {
     let mut table = Table::new(
         &format!("work-precision-{device}"),

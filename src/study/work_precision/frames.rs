@@ -1,6 +1,6 @@
-//! Frames without noise, held against the reference path's: many rays a pixel in f64, each of which
-//! looks up one held pixel of the pattern image. What is compared is the phase of the fringes, as
-//! depth.
+//! Noiseless frames compared with those of the reference path, which traces many rays per pixel in f64
+//! and looks up one held pixel of the pattern image for each ray. The difference of the fringe phases
+//! is expressed as depth.
 
 use super::closed::{Footprint, Integral};
 use super::phase::{difference, mm_per_radian, phasors};
@@ -20,12 +20,12 @@ use phasmid_render::{Renderer, shot::Shot, truth::Truth};
 use phasmid_report::lab::{Context, Row, Settings, Trial};
 use rayon::prelude::*;
 
-/// A modulation that counts, in digital numbers of the fine converter.
+/// Minimum modulation of a valid phase, in digital numbers of the fine converter.
 pub const LEAST: f64 = 2.0 * FINE;
-/// Every so manieth pixel of a smooth surface is compared, and of its edges.
+/// Strides of the compared pixels: on smooth surfaces, then on edges.
 const EVERY: [usize; 2] = [37, 5];
 
-/// A trial of the processor and one of the GPU.
+/// Returns a trial of the CPU and one of the GPU.
 pub fn trials(settings: &Settings) -> Vec<Trial> {
     vec![
         Trial::new("frames/cpu", settings.seed, cpu).alone(),
@@ -33,7 +33,7 @@ pub fn trials(settings: &Settings) -> Vec<Trial> {
     ]
 }
 
-/// What settings are compared on.
+/// Scene, device and reference frames with which settings are compared.
 struct Bench {
     profile: Profile,
     scene: Scene,
@@ -42,9 +42,9 @@ struct Bench {
     /// The pixels that are compared, and whether each is on an edge.
     pixels: Vec<(usize, bool)>,
     mm_per_radian: Vec<f64>,
-    /// The reference's frames.
+    /// Reference frames.
     exact: Vec<Vec<f64>>,
-    /// Its rays a pixel.
+    /// Number of the reference's rays per pixel.
     rays: u32,
     rounds: (usize, f64),
 }
@@ -89,7 +89,7 @@ impl Bench {
         DVec2::new((pixel % width) as f64, (pixel / width) as f64)
     }
 
-    /// The reference's frames by so many rays a pixel.
+    /// Renders reference frames with this number of rays per pixel.
     fn sampled(&self, rays: u32) -> Vec<Vec<f64>> {
         let frame = |shot: &Shot| {
             let Some(pattern_image) = &shot.pattern_image else {
@@ -105,7 +105,7 @@ impl Bench {
         self.shots.iter().map(frame).collect()
     }
 
-    /// The closed form's levels in f64, as light as they are full; none on edges.
+    /// Returns the levels of the closed form in f64, without shading; 0 on edges.
     fn closed(&self) -> Vec<Vec<f64>> {
         let place = |&(pixel, edge): &(usize, bool)| {
             (!edge).then(|| Footprint::new(&self.reference, self.px(pixel)))
@@ -132,8 +132,8 @@ impl Bench {
         Ok(device.options(options).build()?.renderer)
     }
 
-    /// What a renderer makes of the pixels, and nanoseconds a pixel of a frame, with the geometry
-    /// that four frames share.
+    /// Renders frames. Returns the compared pixels, and nanoseconds per pixel of a frame, including the
+    /// geometry that four frames share.
     fn rendered(
         &self,
         ctx: &Context<'_>,
@@ -162,13 +162,13 @@ impl Bench {
         Ok((levels, spread.times(1e9 / work)))
     }
 
-    /// A row of frames and what they cost, smooth surfaces and edges apart.
+    /// Returns a row with the errors and the time of frames, smooth surfaces and edges separately.
     fn row(&self, setting: &str, frames: &[Vec<f64>], ns: Spread) -> Row {
         let row = self.against(setting, frames, &self.exact);
         times(row.number("levels", self.levels(frames)), "ns", ns)
     }
 
-    /// A row of frames held against others.
+    /// Returns a row with the differences between two sets of frames.
     fn against(&self, setting: &str, frames: &[Vec<f64>], exact: &[Vec<f64>]) -> Row {
         let (found, exact) = (phasors(frames), phasors(exact));
         let of = |edge: bool| {
@@ -188,7 +188,7 @@ impl Bench {
             .number("crease_rmse_mm", edges.inlier_rmse_mm)
     }
 
-    /// Root mean square difference on smooth surfaces in grey levels of the bench.
+    /// Returns the root mean square difference on smooth surfaces, in grey levels of the bench.
     fn levels(&self, frames: &[Vec<f64>]) -> f64 {
         let (mut squares, mut count) = (0.0, 0usize);
         for (found, exact) in frames.iter().zip(&self.exact) {
@@ -232,7 +232,7 @@ fn cpu(ctx: &Context<'_>) -> Result<Vec<Row>> {
         let row = bench.row("sampled, f64", &frames, ns.times(1e9 / work));
         rows.push(row.number("samples", f64::from(rays)));
     }
-    // What the reference's own error may be.
+    // A quarter of the rays shows how large the reference's own error may be.
     let rays = bench.rays / 4;
     let (frames, seconds) = watch.timed(|| bench.sampled(rays));
     let once = Spread::new(vec![seconds * 1e9 / work]);
@@ -241,7 +241,7 @@ fn cpu(ctx: &Context<'_>) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// Where there is no adapter the row says why.
+/// Renders with the GPU. Without an adapter, the row contains the reason.
 fn gpu(ctx: &Context<'_>) -> Result<Vec<Row>> {
     let without = |why: &Error| {
         let row = Row::new().text("group", "gpu").text("backend", "gpu");

@@ -1,12 +1,12 @@
-//! What held pixels leave in a phase, in closed form.
+//! The phase error due to held pixels, in closed form.
 //!
 //! A projector shows samples of a fringe of period P, each held over one pixel. The samples' spectrum
-//! repeats at every whole frequency, and holding multiplies it by sinc(nu): beside the fringe, at 1 / P
-//! cycles a pixel, there are images at nu = 1 / P + k. All of them turn with the step as the fringe does,
-//! so that no number of steps tells them apart. A footprint with sides a and b multiplies by sinc(a nu)
-//! sinc(b nu), which leaves some thousandths of the nearest images where a camera's pixel spans some of
-//! the projector's, and more where it spans less than one. At a place x the phase is off by the argument of sum over k of g_k / g_0 exp(2 pi i k x), with g_k =
-//! sinc(nu) sinc(a nu) sinc(b nu).
+//! repeats at every integer frequency, and holding multiplies it by sinc(nu): besides the fringe, at 1
+//! / P cycles per pixel, there are images at nu = 1 / P + k. Phase steps rotate all of them like the
+//! fringe, so no number of steps separates them. A footprint with sides a and b multiplies by sinc(a
+//! nu) sinc(b nu). This leaves some thousandths of the nearest images if a camera pixel spans several
+//! projector pixels, and more if it spans less than one. At a position x the phase error is the
+//! argument of sum over k of g_k / g_0 exp(2 pi i k x), with g_k = sinc(nu) sinc(a nu) sinc(b nu).
 
 use super::closed::Footprint;
 use crate::score::px_per_mm;
@@ -20,10 +20,10 @@ use phasmid_render::truth::Truth;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Images on either side that count; those beyond fall with the cube of their number.
+/// Number of images on either side; farther ones decrease with the cube of their index.
 const IMAGES: i32 = 12;
 
-/// By how many radians held pixels move the phase of a fringe of a period in slide pixels, seen at a
+/// Returns the phase error in radians of a fringe with a period in pattern-image pixels, for a
 /// footprint.
 pub fn phase_bias(period_px: f64, footprint: &Footprint) -> f64 {
     let [a, b] = footprint.reach();
@@ -34,16 +34,16 @@ pub fn phase_bias(period_px: f64, footprint: &Footprint) -> f64 {
             turn * g(1.0 / period_px + f64::from(k))
         })
         .sum();
-    // A footprint beyond a period sees the fringe inverted.
+    // A footprint wider than a period sees the fringe inverted.
     let sign = g(1.0 / period_px).signum();
     (sign * sum.y).atan2(sign * sum.x)
 }
 
-/// By how many millimetres of depth held pixels move each pixel that sees one smooth surface; NaN
-/// elsewhere.
+/// Returns the depth error in millimetres due to held pixels, for each pixel that sees one smooth
+/// surface; NaN elsewhere.
 ///
 /// # Errors
-/// What [`Reference::new`] refuses.
+/// Returns the errors of [`Reference::new`].
 pub fn depth_bias(
     profile: &Profile,
     scene: &Scene,
@@ -86,7 +86,7 @@ mod tests {
         (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
     }
 
-    /// Frames without noise, decoded: what is off is the closed form, whatever the steps.
+    /// Decodes noiseless frames: their errors follow the closed form, for any number of steps.
     #[test]
     fn what_is_off_without_noise_is_the_closed_form() {
         let scene = Scene::load("trapezoid").unwrap();
@@ -124,12 +124,12 @@ mod tests {
                 both.len()
             );
             assert!(off > 0.005 && left < 0.25 * off, "{steps} {off} {left}");
-            // What is left lies in cells that a crease crosses.
+            // The remaining error is in cells that a crease crosses.
             assert!(corrected < 0.75 * off, "{steps} {off} {corrected}");
         }
     }
 
-    /// The sum over images is that of the held samples themselves, averaged over a footprint.
+    /// Compares the sum over images with the held samples themselves, averaged over a footprint.
     #[test]
     fn images_are_those_of_held_samples() {
         for (x, reach) in [(700.2, [0.9, 0.1]), (33.75, [2.3, 0.6]), (5.5, [0.4, 0.0])] {
@@ -144,7 +144,8 @@ mod tests {
             }
             let wanted = DVec2::from_angle(TAU * x / PERIOD_PX).angle_to(sum);
             let found = phase_bias(PERIOD_PX, &footprint);
-            // 12 images of 1 / k^2 to 1 / k^3, and places where the samples step.
+            // The tolerance covers 12 images falling as 1 / k^2 to 1 / k^3, and the steps between
+            // samples.
             assert!((found - wanted).abs() < 2e-3, "{x} {found} {wanted}");
         }
     }

@@ -1,11 +1,10 @@
-//! `work-precision`: error against run time.
+//! Study `work-precision`: error versus run time.
 //!
-//! Five questions. What do the knobs of four devices trade, and which setting is the cheapest for a wanted
-//! accuracy (`devices`)? What do steps, resolution and samples a pixel buy in a scan with noise
-//! (`scans`)? How far are frames from those of the reference path, which knows no shortcut and
-//! computes in f64, and what does each way of filtering cost (`frames`)? What is each term of image
-//! formation worth, and what does it cost (`terms`)? How far is interpolated geometry of moving scenes from
-//! traced geometry, and what does it save (`motion`)?
+//! Five parts: the knobs of four devices, and the fastest setting for a wanted accuracy (`devices`);
+//! steps, resolution and samples per pixel in scans with noise (`scans`); frames of each filter
+//! compared with the reference path, which has no shortcuts and computes in f64 (`frames`); benefit and
+//! cost of each term of image formation (`terms`); and error and time of interpolated instead of traced
+//! geometry in moving scenes (`motion`).
 
 mod closed;
 mod devices;

@@ -9,20 +9,20 @@ use phasmid_report::plot::figures;
 
 /// Device times in nanoseconds at which geometry is compared.
 const TIMES_NS: [u64; 4] = [437_000_000, 1_263_000_000, 2_391_000_000, 3_517_000_000];
-/// Farthest that a rigid motion goes from rest, in millimetres.
+/// Maximum displacement of a rigid motion, in millimetres.
 const FAR_MM: f64 = 40.0;
-/// Farthest that it turns, in degrees.
+/// Maximum rotation, in degrees.
 const FAR_DEG: f64 = 20.0;
-/// Largest distance of any pixel, as a multiple of the tolerance.
+/// Maximum difference of any pixel, as a multiple of the tolerance.
 const WORST: f64 = 10.0;
-/// Largest mean of the differences with their sign, in projector pixels.
+/// Maximum mean of the signed differences, in projector pixels.
 const MEAN_PX: f64 = 0.002;
 
 const TORSO: &str = r#"{ kind = "torso", triangles = 20000 }"#;
 const SPHERE: &str = r#"{ kind = "sphere", radius_mm = 150.0 }"#;
 const ROD: &str = r#"{ kind = "cylinder", radius_mm = 2.0, length_mm = 300.0 }"#;
 
-/// Name, shape, whether it turns, and speeds in mm/s or degrees/s.
+/// Name, shape, whether the object rotates, and speeds in mm/s or degrees/s.
 const KINDS: [(&str, &str, bool, &[f64]); 4] = [
     ("torso", TORSO, false, &[0.01, 1.0, 10.0, 100.0, 1000.0]),
     ("turning torso", TORSO, true, &[0.1, 1.0, 10.0, 100.0]),
@@ -32,7 +32,7 @@ const KINDS: [(&str, &str, bool, &[f64]); 4] = [
 /// Speeds of the quick form.
 const QUICK: [f64; 2] = [10.0, 1000.0];
 
-/// A trial for each motion and tolerance.
+/// Returns a trial for each motion and tolerance.
 pub fn trials(settings: &Settings) -> Vec<Trial> {
     let tolerances: &[f64] = if settings.quick {
         &[0.01]
@@ -76,7 +76,7 @@ fn trial(
     .alone()
 }
 
-/// A scene with a wall and an object that swings to and fro.
+/// Creates a scene with a wall and an object that oscillates.
 fn moving(shape: &str, speed: f64, turns: bool) -> Result<Scene> {
     let far = speed.min(if turns { FAR_DEG } else { FAR_MM });
     let quarter_s = far / speed;
@@ -159,7 +159,7 @@ fn run(
     Ok(vec![row])
 }
 
-/// The section of the rows.
+/// Returns the section of the rows.
 pub fn section(rows: &Rows) -> Section {
     let all: Vec<&Row> = rows.with("group", "motion").collect();
     let about = "A camera of 640 x 480 pixels before a wall and an object that swings to and fro at a mean speed, and \

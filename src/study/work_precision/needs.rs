@@ -1,4 +1,5 @@
-//! Scenes that need a term: the paper's bench before its torso, with a usual parameter of the term.
+//! Scenes that need a term: the paper's bench in front of its torso, with a typical parameter for the
+//! term.
 
 use image::{GrayImage, ImageFormat, Luma};
 use phasmid_core::error::{Error, Result};
@@ -11,8 +12,8 @@ use std::io::Cursor;
 /// Name of the texture's file.
 pub const CHECKS: &str = "checks.png";
 
-/// Gives profile and scene a usual parameter of a term; a texture is [`checks`], as the file
-/// [`CHECKS`] in the scene's folder.
+/// Gives profile and scene a typical parameter of a term. A texture is [`checks`], stored as [`CHECKS`]
+/// in the scene's folder.
 pub fn need(term: Term, profile: &mut Profile, scene: &mut Scene) {
     let (camera, projector) = (&mut profile.camera, &mut profile.projector);
     let flicker = Some(Flicker {
@@ -63,7 +64,7 @@ pub fn need(term: Term, profile: &mut Profile, scene: &mut Scene) {
             let bounce = toml::from_str("samples = 64").expect("constant text");
             scene.interreflection = Some(bounce);
         }
-        // A breath of 10 mm: each frame has the geometry of four instants.
+        // A breath of 10 mm; geometry is traced at four instants per frame.
         Term::Motion => {
             let motion = "period_s = 4\n[[keyframes]]\ntime_s = 0\n\
                           [[keyframes]]\ntime_s = 2\nposition_mm = [0, 0, -10]";
@@ -72,9 +73,9 @@ pub fn need(term: Term, profile: &mut Profile, scene: &mut Scene) {
         Term::ProjectorResponse => projector.response = Some(Response::Gamma(2.2)),
         Term::ContrastRatio => projector.contrast_ratio = Some(800.0),
         Term::Flicker => scene.ambient.flicker = flicker,
-        // Half of the rows see the next slide too.
+        // Half of the rows also see the next pattern image.
         Term::RollingShutter => camera.line_time_us = 8.0,
-        // Patterns that last as long as their exposures: as many passes as before.
+        // Patterns last as long as their exposures, so the number of passes does not change.
         Term::PatternTiming => {
             let led = "rise_us = 5\ndroop = [{ time_constant_s = 60, fraction = 0.1 }]";
             projector.led = Some(toml::from_str(led).expect("constant text"));
@@ -92,7 +93,7 @@ pub fn need(term: Term, profile: &mut Profile, scene: &mut Scene) {
         }
         Term::Blooming => camera.sensor.blooming_percent = 5.0,
         Term::CameraResponse => camera.sensor.response = CameraResponse::Gamma { gamma: 2.2 },
-        // What the bench has already, and what no parameter asks for.
+        // The bench already has these terms, or no parameter switches them on.
         _ => {}
     }
 }
@@ -100,7 +101,7 @@ pub fn need(term: Term, profile: &mut Profile, scene: &mut Scene) {
 /// A texture of light and dark squares, as a PNG file.
 ///
 /// # Errors
-/// None, as long as pictures can be kept in memory.
+/// Returns no error, as long as images can be encoded in memory.
 pub fn checks() -> Result<Vec<u8>> {
     let square = |u: u32, v: u32| {
         let light = (u / 32 + v / 32).is_multiple_of(2);

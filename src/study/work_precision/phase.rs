@@ -1,4 +1,4 @@
-//! Phases of fringes pixel by pixel, and what their differences mean in depth.
+//! Phases of fringes pixel by pixel, and their differences expressed as depth.
 
 use super::rig::PERIOD_PX;
 use crate::score::px_per_mm;
@@ -9,8 +9,8 @@ use phasmid_pattern::Axis;
 use phasmid_render::truth::Truth;
 use std::f64::consts::TAU;
 
-/// Modulation and phase of a pixel as a complex number, by N even steps: the projection on the
-/// step's circle, which is the least-squares fit of A + B cos(phase + step).
+/// Returns modulation and phase of each pixel as a complex number, from N equal steps: the projection
+/// on the steps' circle, which is the least-squares fit of A + B cos(phase + step).
 pub fn phasors(frames: &[Vec<f64>]) -> Vec<DVec2> {
     let steps = frames.len() as f64;
     let pixels = frames.first().map_or(0, Vec::len);
@@ -24,7 +24,7 @@ pub fn phasors(frames: &[Vec<f64>]) -> Vec<DVec2> {
     sums
 }
 
-/// Millimetres of depth for a radian of phase, for each pixel of the truth.
+/// Returns millimetres of depth per radian of phase, for each pixel of the truth.
 pub fn mm_per_radian(rig: &Rig, truth: &Truth) -> Vec<f64> {
     let width = truth.width as usize;
     let one = |i: usize| {
@@ -35,18 +35,18 @@ pub fn mm_per_radian(rig: &Rig, truth: &Truth) -> Vec<f64> {
     (0..truth.depth_mm.len()).map(one).collect()
 }
 
-/// How far phases are off, in millimetres of depth.
+/// Phase errors in millimetres of depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Difference {
-    /// Root mean square of those that are at most 1 mm off; NaN without any.
+    /// Root mean square of the errors of at most 1 mm; NaN without any.
     pub inlier_rmse_mm: f64,
-    /// Share of those that are more than 1 mm off, or have a modulation that the exact ones have not.
+    /// Fraction of errors above 1 mm, or of phases with a modulation where the exact ones have none.
     pub gross: f64,
-    /// Share of the exact ones that have a modulation here as well.
+    /// Fraction of the exact phases with a modulation that have a modulation here too.
     pub coverage: f64,
 }
 
-/// Compares phasors, pixel by pixel, with exact ones; a modulation counts from `least` on.
+/// Compares phasors with exact ones pixel by pixel; `least` is the minimum modulation.
 pub fn difference(
     found: &[DVec2],
     exact: &[DVec2],
@@ -99,7 +99,7 @@ mod tests {
                 assert!((*found - 40.0 * DVec2::from_angle(phase)).length() < 1e-12);
             }
         }
-        // Across the wrap, gross, without modulation on either side.
+        // Cases: across the wrap, gross, and without modulation on either side.
         let turned = [0.31, -3.13, -3.1, 1.0].map(|p| 40.0 * DVec2::from_angle(p));
         let mut exact = phases.map(|p| 40.0 * DVec2::from_angle(p));
         exact[2] *= -1.0;

@@ -1,4 +1,4 @@
-//! The paper's bench, changed in one way at a time.
+//! The paper's bench with single modifications.
 
 use phasmid_core::error::Result;
 use phasmid_pattern::{Axis, ManifestFrame, Pattern};
@@ -6,17 +6,17 @@ use phasmid_profile::Profile;
 use phasmid_protocol::PixelFormat;
 use std::f64::consts::TAU;
 
-/// Digital numbers of a fine converter for one of the bench's: 65535 over 255.
+/// Digital numbers of a fine converter per digital number of the bench's: 65535 / 255.
 pub const FINE: f64 = 257.0;
 
-/// Period of the bench's fringes in slide pixels.
+/// Period of the bench's fringes in pattern-image pixels.
 pub const PERIOD_PX: f64 = 16.0;
 
-/// The bench with the middle of its sensor, so many columns and rows, all of them in the projector's
-/// field up to 400 x 240.
+/// Returns the bench with the middle of its sensor, of this size; up to 400 x 240 pixels all lie in the
+/// projector's field.
 ///
 /// # Errors
-/// None, as long as the built-in profile is sound.
+/// Returns no error, as long as the built-in profile is valid.
 pub fn bench(width_px: u32, height_px: u32) -> Result<Profile> {
     let mut profile = Profile::load("pmp-bench")?;
     let camera = &mut profile.camera;
@@ -27,7 +27,7 @@ pub fn bench(width_px: u32, height_px: u32) -> Result<Profile> {
     Ok(profile)
 }
 
-/// With so many steps of the fringe in place of twelve.
+/// Returns the profile with this number of steps of the fringe instead of twelve.
 pub fn with_steps(mut profile: Profile, steps: usize) -> Profile {
     for sequence in &mut profile.sequence {
         let fringe = |k: usize| ManifestFrame {
@@ -46,8 +46,8 @@ pub fn with_steps(mut profile: Profile, steps: usize) -> Profile {
     profile
 }
 
-/// With `scale` times as many pixels on a side of the same field. A pixel of another size is exposed
-/// for as long as brings it as much light.
+/// Returns the profile with `scale` times as many pixels per side of the same field. The exposure is
+/// adapted so that a pixel receives the same light.
 pub fn scaled(mut profile: Profile, scale: f64) -> Profile {
     let camera = &mut profile.camera;
     let side = |px: u32| (f64::from(px) * scale).round() as u32;
@@ -61,7 +61,7 @@ pub fn scaled(mut profile: Profile, scale: f64) -> Profile {
     profile
 }
 
-/// With a converter of 16 bits, whose rounding is next to nothing, and without noise.
+/// Returns the profile with a 16-bit converter, whose rounding is negligible, and without noise.
 pub fn fine(mut profile: Profile) -> Profile {
     let camera = &mut profile.camera;
     camera.format = PixelFormat::Y16;

@@ -1,4 +1,4 @@
-//! Times in rows.
+//! Reads and writes times in rows.
 
 use crate::timing::Spread;
 use phasmid_report::lab::Row;
@@ -49,14 +49,14 @@ pub const COLUMNS: &[&str] = &[
     "note",
 ];
 
-/// A row with a time and its quartiles.
+/// Adds a time and its quartiles to a row.
 pub fn times(row: Row, name: &str, spread: Spread) -> Row {
     row.number(name, spread.median)
         .number(&format!("{name}_low"), spread.low)
         .number(&format!("{name}_high"), spread.high)
 }
 
-/// The time of a row and its quartiles.
+/// Returns a time of a row and its quartiles.
 pub fn spread(row: &Row, name: &str) -> Spread {
     Spread {
         low: row.value(&format!("{name}_low")),

@@ -1,4 +1,4 @@
-//! Whole scans with noise: what steps, resolution and samples a pixel buy, and what they cost.
+//! Complete scans with noise: benefit and cost of steps, resolution and samples per pixel.
 
 use super::held::depth_bias;
 use super::rig::{self, PERIOD_PX};
@@ -16,12 +16,13 @@ use phasmid_report::lab::{Context, Row, Settings, Trial};
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Case {
     steps: usize,
-    /// Pixels on a side of the field, over the bench's.
+    /// Camera pixels per side, relative to the bench's.
     scale: f64,
     samples: u32,
 }
 
-/// The settings: steps at each resolution, samples at twelve steps.
+/// Returns the settings: each number of steps at each resolution, and each number of samples at twelve
+/// steps.
 fn cases(quick: bool) -> Vec<Case> {
     let (steps, scales): (&[usize], &[f64]) = match quick {
         true => (&[3, 6, 12, 24], &[0.5, 1.0]),
@@ -46,7 +47,7 @@ fn cases(quick: bool) -> Vec<Case> {
     grid.chain(sampled).collect()
 }
 
-/// A trial each.
+/// Returns one trial per setting.
 pub fn trials(settings: &Settings) -> Vec<Trial> {
     let trial = |case: Case| {
         let Case {
@@ -73,7 +74,7 @@ fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
         ..render::Options::default()
     };
     let mut stage = Stage::new(&profile, &scene, ctx.seed, options)?;
-    // Makes the tables of slides, which a device makes once.
+    // The first scan computes the tables of pattern images, which a device does only once.
     let scanned = stage.scan(0)?;
     let rig = profile.nominal_rig();
     let watch = ctx.stopwatch();
@@ -120,8 +121,8 @@ fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
     Ok(vec![times(row, "decode_s", decoding)])
 }
 
-/// Root mean square of a known bias over the inliers of smooth surfaces, in mm, and of their
-/// uncorrected errors less the bias, each over its own pixel's bound.
+/// Returns root mean squares over the inliers on smooth surfaces: of the known bias in mm, and of the
+/// uncorrected errors minus the bias, relative to their pixels' bounds.
 fn less_bias(bounds: &[f64], decoded: &Decoded, truth: &Truth, bias: &[f64]) -> (f64, f64) {
     let errors = depth_errors(decoded, truth);
     let (mut count, mut squares, mut ratios) = (0.0, 0.0, 0.0);

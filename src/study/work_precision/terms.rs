@@ -1,6 +1,6 @@
-//! Terms of image formation, one by one: a scene that needs the term, with it and without it. Error
-//! is that of the phase against the full plan's, time what the term adds to a scan of the sequence's
-//! twelve fringes.
+//! Terms of image formation, one by one: a scene that needs the term is rendered with and without it.
+//! The error is the phase difference from the complete plan, the time is the cost of the term in a scan
+//! of the sequence's twelve fringes.
 
 use super::frames::LEAST;
 use super::needs::{CHECKS, checks, need};
@@ -19,8 +19,8 @@ use phasmid_render::{Pass, Term};
 use phasmid_render::{Renderer, shot::Shot};
 use phasmid_report::lab::{Context, Row, Settings, Trial};
 
-/// A trial each, but for the footprint along the fringes' axis, which a slide that varies along it
-/// always has: `frames` looks at that.
+/// Returns one trial per term, except for the footprint along the fringes' axis: a pattern image that
+/// varies along x always has it, and `frames` examines it.
 pub fn trials(settings: &Settings) -> Vec<Trial> {
     let trial = |term: Term| {
         Trial::new(format!("term/{term}"), settings.seed, move |ctx| {
@@ -46,9 +46,9 @@ fn run(ctx: &Context<'_>, term: Term) -> Result<Vec<Row>> {
     let mut profile = rig::fine(rig::bench(size.0, size.1)?);
     let rows = Profile::load("pmp-bench")?.camera.height_px;
     need(term, &mut profile, &mut scene);
-    // A sensor of fewer rows is read for as long.
+    // A sensor with fewer rows gets a longer line time, so that its total read-out time is unchanged.
     profile.camera.line_time_us *= f64::from(rows) / f64::from(size.1);
-    // Noise is on for its own sake only: elsewhere it would hide what is looked for.
+    // Switch noise on only to test its own term; in other trials it would hide the difference.
     profile.camera.sensor.noiseless = term != Term::Noise;
     let device = Device::builder(&profile, &scene).seed(ctx.seed).build()?;
     let sequence = device.shots();
@@ -61,7 +61,7 @@ fn run(ctx: &Context<'_>, term: Term) -> Result<Vec<Row>> {
     let mm = mm_per_radian(&rig, &truth);
     let fringes = sequence.into_iter();
     let fringes = fringes.filter(|(pattern, _)| matches!(pattern, Pattern::Fringe { .. }));
-    // Each exposure has noise of its own.
+    // Each exposure has its own noise.
     let shots: Vec<Shot> = (0..)
         .zip(fringes)
         .map(|(noise_id, (_, shot))| Shot { noise_id, ..shot })
@@ -110,8 +110,8 @@ fn run(ctx: &Context<'_>, term: Term) -> Result<Vec<Row>> {
     Ok(vec![times(row, "without_ns", without)])
 }
 
-/// Root mean square over pixels of how far two phases are apart, as depth, each over its own pixel's
-/// bound.
+/// Returns the root mean square over pixels of the difference of two phases, as depth relative to each
+/// pixel's bound.
 fn over_bound(found: &[Vec<DVec2>; 2], mm_per_radian: &[f64], bounds: &[f64]) -> f64 {
     let pairs = found[0]
         .iter()

@@ -29,7 +29,7 @@ fn interreflection_in_a_sphere_is_uniform_and_exact() {
     }
 }
 
-/// The same with an albedo of 1, once with specular highlights and once with a fine chequered
+/// Inside a sphere with an albedo of 1, once with specular highlights and once with a fine chequered
 /// texture. Results are relative to each pixel's response to uniform light, because each pixel
 /// averages a different part of the texture.
 #[test]

@@ -23,7 +23,7 @@ fn white() -> Shot {
     shot(Some(PatternImage::Uniform(255)))
 }
 
-/// The value that a part of the values do not exceed.
+/// Returns the value that the fraction `part` of the values do not exceed.
 fn quantile(mut values: Vec<f32>, part: f64) -> f64 {
     values.sort_by(f32::total_cmp);
     f64::from(values[((values.len() - 1) as f64 * part) as usize])

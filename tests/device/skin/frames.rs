@@ -245,7 +245,7 @@ fn truth_is_that_of_the_surface_and_says_where_skin_swallows_fringes() {
     let ratio = f64::from(mean(&skin) / mean(&sharp));
     let expected = TISSUE.reflectance(TAU * 1.433 * 1920.0 / 1000.0 / 16.0);
     assert!((ratio / expected - 1.0).abs() < 0.01, "{ratio} {expected}");
-    // Tissue that preserves less than a twentieth of the modulation.
+    // This tissue preserves less than a twentieth of the modulation, so the flag must be set.
     let milk = "skin = { absorption_per_mm = 0.002, reduced_scattering_per_mm = 0.3 }\n";
     let lost = modulation(&profile, &format!("{PLANE}{milk}"), 16.0);
     assert!(lost.flags[middle] & Truth::UNRESOLVED != 0);

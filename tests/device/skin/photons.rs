@@ -26,8 +26,8 @@ impl Random {
     }
 }
 
-/// Sums over photons of what each returns: weight, and weight times cosine and sine of the phase at
-/// which it emerges; and their squares, for the errors.
+/// Sums over photons of three quantities: weight, and weight times the cosine and times the sine of
+/// the phase at which the photon emerges; and sums of their squares, for the errors.
 #[derive(Clone, Copy, Default)]
 struct Tally {
     back: f64,

@@ -10,7 +10,8 @@ use tempfile::TempDir;
 fn run(page: &str, more: &[&str]) -> (TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
     let mut script = String::from(
-        // `cargo run --release --` is the program that cargo has built for this test.
+        // The script replaces `cargo run --release --` by the program that cargo has built for this
+        // test.
         "set -eu\n\
          cargo() { [ \"$1 $2 $3\" = 'run --release --' ]; shift 3; phasmid \"$@\"; }\n\
          trap 'kill $(jobs -p) 2> /dev/null || true; wait' EXIT\n",
@@ -21,7 +22,7 @@ fn run(page: &str, more: &[&str]) -> (TempDir, String) {
         }
         let marks = &block.info[1.min(block.info.len())..];
         if block.language() == "sh" && marks.iter().all(|mark| more.contains(&mark.as_str())) {
-            // A whole breath takes two minutes.
+            // Scanning a whole breath takes two minutes, so only two scans are made.
             script += &block.text.replace("--scans 43", "--scans 2");
         }
     }

@@ -22,7 +22,7 @@ fn check(file: &str) -> Output {
     phasmid().args(["profile", "check", file]).output().unwrap()
 }
 
-/// With real time and with the fast clock: the device finishes its power-on messages during a scan.
+/// Scans in real time and on the fast clock, while the device still sends its power-on messages.
 #[test]
 fn scan_uses_the_dialect_of_the_device_file() {
     for dialect in ["okline", "dlpc350"] {

@@ -211,7 +211,7 @@ fn tracking_ends_after_its_seconds_and_hints_once_if_no_skin_is_in_sight() {
     track.args(["track", "--timeout", "60", "--station"]);
     track.arg(at("pair.toml")).arg("--run-dir").arg(at("run"));
     track.arg("--planning").arg(at("planning"));
-    // A scan takes longer than that.
+    // One scan takes longer than this time limit.
     let tracked = track.args(["--seconds", "0.001"]).output().unwrap();
     assert!(tracked.status.success(), "{}", text(&tracked));
     let lines = tracked.stdout.split(|byte| *byte == b'\n');

@@ -223,7 +223,7 @@ fn at_high_noise_orders_are_masked_rather_than_wrong() {
                 seed,
                 ..Scene::default()
             };
-            // Without the help of neighbours.
+            // Without the tests of mixed pixels, which depend on a pixel's neighbours.
             let options = Options {
                 keep_mixed: true,
                 ..scene.options()

@@ -18,7 +18,8 @@ fn sees_the_same_points_as_a_decoder_of_all_pixels() {
     let mut stage = Stage::new(&profile, &scene, 1, render::Options::default()).unwrap();
     let scanned = stage.scan(0).unwrap();
     let size @ [width, _] = Image::common_size(&scanned.images).unwrap();
-    // The correction depends on how far the smooth surface reaches, in pixels that are decoded.
+    // Held pixels are not corrected: the correction depends on the number of decoded pixels on a
+    // smooth surface.
     let options = Options {
         held: Held::State,
         ..Options::default()

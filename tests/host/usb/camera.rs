@@ -171,7 +171,7 @@ fn faults_damage_their_frame_and_the_stream_goes_on() {
         assert!(camera.has_skipped(), "{fault:?}");
         let next = camera.next_frame(TIMEOUT).unwrap().expect("a frame");
         assert!(!camera.has_skipped());
-        // The damaged frame also has a number.
+        // The damaged frame takes a number of its own.
         assert_eq!(next.id, before + 2, "{fault:?}");
         let number = u64::from_le_bytes(next.data[..8].try_into().unwrap());
         assert!(

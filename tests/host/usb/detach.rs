@@ -112,7 +112,7 @@ fn device_released_at_any_moment_can_be_opened_again() {
         match random.below(3) {
             0 => drop(device),
             1 => drop((port, device)),
-            // The connection is lost for both.
+            // Unplugging disconnects both camera and port.
             _ => {
                 served.device().unplug(true);
                 let gone = loop {

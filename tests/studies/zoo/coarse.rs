@@ -67,7 +67,7 @@ fn gray_bits_that_the_camera_does_not_resolve_are_left_out() {
                 if code.fringes {
                     assert!((0.9..=1.15).contains(&found.ratio), "{place}");
                 } else {
-                    // Half a cell is the largest error, but blur shows more of the place of an edge.
+                    // Errors are at most half a cell, and smaller where blur helps to locate an edge.
                     assert!(found.ratio <= 1.0, "{place}");
                     let cells = f64::from(found.sigma) * 12f64.sqrt();
                     assert!(cells < 1.01 * f64::from(most_resolved), "{place}");

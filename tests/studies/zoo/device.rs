@@ -292,7 +292,7 @@ fn scene(draw: &mut Draw, distance: f64, field_mm: f64) -> String {
             (shape, 1.0, distance - 0.3 * radius)
         }
         _ => {
-            // Its width is 380 mm.
+            // The torso is 380 mm wide.
             let size = field_mm * draw.range(0.4, 0.6) / 380.0;
             ("kind = \"torso\", seed = 1".to_owned(), size, distance)
         }

@@ -96,8 +96,8 @@ fn planes_that_face_the_camera_are_kept() {
                 found.coverage >= 0.999 && found.beyond <= 0.0015,
                 "{held:?} w {w}"
             );
-            // Everywhere the same part of a plateau: errors up to the half width of a rectangular
-            // distribution, which is sqrt(3) of its standard deviations.
+            // All pixels see the same part of a plateau, so all errors may be as large as the half
+            // width of a rectangular distribution, which is sqrt(3) of its standard deviations.
             assert!(found.ratio <= 1.05 * 3f64.sqrt(), "{held:?} w {w}");
             let most = if matches!(held, Held::Smooth) {
                 0.03

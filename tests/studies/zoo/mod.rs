@@ -45,7 +45,7 @@ fn missed(m: &Measured) -> Vec<&'static str> {
     .collect()
 }
 
-/// Scans devices, of which `known` may miss a bar.
+/// Requires that all devices meet the criteria, except the devices in `known`.
 fn hold(seeds: Range<u64>, known: &[u64]) {
     let excused = (seeds.end - seeds.start) / EXCUSED;
     let (mut failed, mut warned) = (Vec::new(), Vec::new());
@@ -80,8 +80,8 @@ fn forty_devices() {
     hold(0..40, &[]);
 }
 
-/// Two of these 400 may miss a bar. In one, with 4 steps and an uncorrected response curve, the third
-/// harmonic is an error of the phase; the other has many pixels beside edges.
+/// Two of these 400 may fail a criterion. In one, with 4 steps and an uncorrected response curve,
+/// the third harmonic causes phase errors; the other has many pixels beside edges.
 #[test]
 #[ignore = "3 minutes; a lane of .ci/run --whole"]
 fn four_hundred_devices() {

@@ -24,7 +24,7 @@ impl Blur {
         variance: 0.3,
         spread: 3.0,
     };
-    /// Minimum variance of a blur that an edge shows wherever it lies relative to the pixels.
+    /// Blur variance, in pixels squared, that an edge shows at any position relative to the pixels.
     pub(super) const SEEN: f64 = 0.01;
 
     /// Combines the corners' blur variances and their standard deviations: the weighted median,

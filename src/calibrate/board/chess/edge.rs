@@ -15,9 +15,9 @@
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// A box narrower than this is replaced by its variance.
+/// A box narrower than this, in pixels, is replaced by a blur of the same variance.
 const NARROW: f64 = 0.03;
-/// Minimum blur in pixels; a smaller one makes no difference.
+/// Minimum blur in pixels; less blur makes no difference.
 const LEAST: f64 = 1e-3;
 
 /// Profile perpendicular to an edge.

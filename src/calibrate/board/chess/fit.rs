@@ -71,13 +71,13 @@ pub(super) struct Corner {
 }
 
 /// Measures a corner, with `blur` as the prior of the image's blur. Returns `None` if there is no
-/// corner of that polarity, or if the fit is poor.
+/// corner of the expected polarity, or if the fit is poor.
 pub(super) fn fit(image: &BoardImage, guess: &Guess, blur: &Blur) -> Option<Corner> {
     let turn = guess.along_x.perp_dot(guess.along_y);
     if !(turn.is_finite() && guess.px.is_finite() && turn > 1.0) {
         return None;
     }
-    // First with a window for a typical blur, then with one for the estimated blur.
+    // Fit first in a window for a typical blur, then in a window for the estimated blur.
     let mut state = State::first(guess, blur);
     let window = Window::cut(image, guess, guess.px, blur, 0.7)?;
     state.level(&window)?;
@@ -345,7 +345,7 @@ struct Signs {
     by_variance: f64,
 }
 
-/// Subpixels along a pixel's side for which this blur is wide enough to be Gaussian.
+/// Number of subpixels along a pixel's side: the blur makes each of them nearly Gaussian.
 fn pieces(variance: f64) -> u32 {
     match variance {
         v if v < 0.06 => 4,
@@ -366,7 +366,7 @@ impl Window {
     ) -> Option<Self> {
         let turn = guess.along_x.perp_dot(guess.along_y);
         let along = [guess.along_x, guess.along_y];
-        // Perpendicular distance to the next edges, and how close to them a pixel may be.
+        // Maximum perpendicular distance of a pixel, which keeps it clear of the next edges.
         let reach = along.map(|a| {
             let next = turn / a.length();
             (next - 0.75 - 2.0 * blur).min(0.75 * next).max(0.45 * next)

@@ -1,13 +1,13 @@
 //! Determines which corner of a grid is the board's first.
 //!
 //! Seen from the front, the board's y axis is clockwise of its x axis in the image, which leaves
-//! four rotations. If the numbers of columns and rows differ, two of them fit. If their sum is odd,
-//! the square before the first corner, which is dark, decides between the two. If the sum is even,
-//! half a turn maps the board to itself, colours included; then the first corner is the uppermost
-//! candidate (of equally high ones, the leftmost). Either way the points lie at positions of the
-//! same board, so the choice does not affect a calibration, which estimates each pose of the board
-//! separately. For the same reason a mirrored image of a chessboard cannot be distinguished from a
-//! true one.
+//! four rotations. If the numbers of columns and rows differ, two rotations fit. If the sum of both
+//! numbers is odd, the colour of the square before the first corner, which is dark, decides between
+//! the two. If the sum is even, half a turn maps the board to itself, colours included; then the
+//! first corner is the uppermost candidate (the leftmost of equally high candidates). Either way
+//! the points lie at positions of the same board, so the choice does not affect a calibration,
+//! which estimates each pose of the board separately. For the same reason a mirrored image of a
+//! chessboard cannot be distinguished from a true one.
 
 use super::grid::Grid;
 use glam::DVec2;

@@ -61,7 +61,7 @@ fn next(grey: &Grey, saddles: &[Saddle], from: &Saddle, edge: usize) -> Option<(
     })
 }
 
-/// Whether one side of the line between two corners is dark: the clockwise one if `dark_clockwise`.
+/// Whether the line between two corners has one dark side: the clockwise side if `dark_clockwise`.
 fn is_edge(grey: &Grey, from: &Saddle, to: &Saddle, dark_clockwise: bool) -> bool {
     let step = to.px - from.px;
     let length = step.length();

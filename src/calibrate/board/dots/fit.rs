@@ -102,7 +102,7 @@ struct Normals {
     told: f64,
 }
 
-/// Fits a dot. Returns `None` if the patch shows none or the fit does not converge.
+/// Fits a dot. Returns `None` if the patch shows no dot or the fit does not converge.
 pub(super) fn fit(
     patch: &Patch,
     start: Ellipse,

@@ -1,5 +1,5 @@
-//! Arranges blobs into grids, and holds the dots of the board's grid with what their neighbours
-//! predict.
+//! Arranges blobs into grids, stores the dots of the board's grid, and predicts a dot from its
+//! neighbours.
 //!
 //! A dot's own ellipse shows how its surroundings are foreshortened: in the metric that makes the
 //! ellipse a circle, the four nearest dots lie at equal distances and right angles, which separates
@@ -310,7 +310,7 @@ impl Dots<'_> {
         })
     }
 
-    /// Known dots within `steps` cells of a cell, without the cell's own.
+    /// Known dots within `steps` cells of a cell, except the dot of that cell.
     pub fn around(&self, [u, v]: Cell, steps: i32) -> impl Iterator<Item = (Cell, &Dot)> {
         (v - steps..=v + steps)
             .flat_map(move |row| (u - steps..=u + steps).map(move |column| [column, row]))

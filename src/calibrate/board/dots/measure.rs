@@ -74,9 +74,9 @@ impl<'a> Measure<'a> {
         dot.wider(RING + 3.0 * self.blur.sqrt())
     }
 
-    /// Distance in pixels beyond a dot's outline within which it darkens the paper noticeably.
-    /// Beyond it, the remaining effect is negligible (`overlapping`) or small enough for the
-    /// neighbour's fit to tolerate.
+    /// Distance in pixels beyond a dot's outline within which the dot darkens the paper noticeably.
+    /// Farther out, the effect is negligible (`overlapping`) or small enough for the fit of a
+    /// neighbouring dot to tolerate.
     fn reach(&self, overlapping: bool) -> f64 {
         let sigma = self.blur.sqrt();
         if overlapping {
@@ -149,7 +149,7 @@ impl<'a> Measure<'a> {
             .map_init(Vec::new, |scratch, cell| {
                 let dot = dots.known.get(cell)?;
                 // The outline of a blob that could not be fitted includes its blur, so take the
-                // neighbours'.
+                // outline that the neighbours predict.
                 let start = match (&dot.fit, overlapping) {
                     (None, true) => dots.outline(*cell, dot.start.centre)?,
                     _ => dot.ellipse(),
@@ -205,7 +205,7 @@ impl<'a> Measure<'a> {
             .collect();
         let variance = rows().flat_map(|from| &variance[from..from + window.width]);
         let highest = level.iter().copied().fold(0.0, f64::max);
-        // Below this, errors of the model dominate (Gaussian blur, light as a plane).
+        // Below this noise, errors of the model dominate (Gaussian blur, light as a plane).
         let least = (3e-4 * highest).powi(2).max(f64::MIN_POSITIVE);
         let inside = field.inward();
         // If neighbours are part of the model, only their ink itself is excluded.

@@ -89,7 +89,7 @@ impl BoardImage {
 }
 
 impl BoardImage {
-    /// Takes one image, as of any camera.
+    /// Takes a single photograph from any camera, without a sequence.
     ///
     /// # Errors
     /// Returns an error if the image has no pixels.

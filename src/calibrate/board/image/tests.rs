@@ -81,7 +81,7 @@ fn board_image_has_no_trace_of_the_patterns() {
         let image = image(&manifest, &render(&manifest)).unwrap();
         let mean = image.level.iter().sum::<f32>() / WIDTH as f32;
         assert!((10_500.0..20_000.0).contains(&mean), "{mean}");
-        // Only rounding to integers remains.
+        // Rounding to integers is the only error left.
         for v in &image.level {
             assert!((v - mean).abs() < 1.0, "{v} {mean}");
         }

@@ -109,8 +109,8 @@ impl<'a> Cells<'a> {
         })
     }
 
-    /// Signed distance in millimetres to the nearest outline (negative inside a dot) and its
-    /// gradient. For a chessboard, the same for both families of edges.
+    /// Signed distance in millimetres to the nearest outline (negative inside a dot) and its gradient. A
+    /// chessboard has two outlines, one for each family of edges; a dot's outline is given twice.
     fn outlines(&self, mm: DVec2) -> [(f64, DVec2); 2] {
         let index = self.nearest(mm);
         let from = mm - self.board.point(index);

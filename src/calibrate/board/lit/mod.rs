@@ -1,4 +1,4 @@
-//! Projector coordinates at a board's points, from the decoded phase around each.
+//! Projector coordinates at a board's points, from the decoded phase around each point.
 //!
 //! - `cell`: selects the decoded pixels around a point.
 //! - `axis`: fits one projector coordinate around a point, or says why there is none.

@@ -1,7 +1,6 @@
-//! Reprojection errors: the mean error of each pose, as bars for the camera above those for the
-//! projector, with separate scales; and residual vectors over both images, individually and as means
-//! of cells. A lens that the model does not fit shows as a pattern of the cell means; noise averages
-//! out.
+//! Reprojection errors: the mean error of each pose, as bars, the camera's above the projector's,
+//! with separate scales; and residual vectors over both images, individually and as means of cells.
+//! A lens that the model does not fit shows as a pattern of the cell means; noise averages out.
 
 use super::html::note;
 use super::spots::Spot;
@@ -220,7 +219,7 @@ mod tests {
         assert_eq!(cells[0].count, 8);
         assert_eq!(cells[0].mean.at, DVec2::new(14.5, 24.5));
         assert_eq!(cells[0].mean.by, DVec2::new(3.5, 1.0));
-        // (35^2 + 10^2) 8 / 2
+        // One cell of 8 points with the mean (35, 10): (35^2 + 10^2) 8 / 2.
         let want = 1325.0_f64 * 4.0;
         assert!((over_noise(&cells) - want.sqrt()).abs() < 1e-9);
         assert!(over_noise(&[]).is_nan());

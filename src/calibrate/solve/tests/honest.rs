@@ -1,5 +1,5 @@
-//! Tests that the covariance is right: errors over many seeds are as large as it predicts, and it
-//! agrees with the covariance predicted from the geometry.
+//! Tests that the covariance is right: errors over many seeds are as large as the covariance
+//! predicts, which agrees with the covariance predicted from the geometry.
 
 use super::super::{Choice, Coefficients, Solution, chi_square_below, chi_square_bound, solve};
 use super::scene::{Scene, rig};

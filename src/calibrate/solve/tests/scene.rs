@@ -1,5 +1,5 @@
 //! Simulated observations, computed independently of the solver's model: the projector coordinate
-//! is that of the board point which the observed (noisy) camera pixel sees.
+//! belongs to the board point that the observed (noisy) camera pixel sees.
 
 use super::super::PoseSightings;
 use crate::board::{Lit, Sighting};

@@ -126,7 +126,8 @@ fn running_free_the_rows_bound_the_interval() {
     port.at(50 * MS);
     let starts: Vec<_> = port.taken().iter().map(|shot| shot.2).collect();
     assert_eq!(starts, [0, 9_600_000, 19_200_000, 28_800_000, 38_400_000]);
-    // After a long lag it skips frames and keeps the phase of its interval.
+    // After a long lag the camera skips frames; later exposures stay on the original grid of
+    // intervals.
     port.at(5000 * MS);
     let late = port.taken()[0].2;
     assert_eq!(late % 9_600_000, 0);

@@ -45,7 +45,7 @@ impl Output {
 pub(super) struct Due {
     due_ns: u64,
     pub(super) output: Output,
-    /// Session to which it belongs.
+    /// Session to which the action belongs.
     pub(super) session: u64,
 }
 

@@ -65,7 +65,7 @@ impl Ends {
             }
             Output::Counted(frame, taken_ns) => {
                 if let Some(camera) = &mut self.camera {
-                    // No frame is taken after it has arrived.
+                    // A frame cannot have been taken after it arrived.
                     let taken_ns = monotonic_ns.saturating_add(taken_ns.min(now_ns));
                     camera.put_counted(Arc::new(Frame {
                         exposure_start_ns: taken_ns,
@@ -82,8 +82,8 @@ impl Ends {
         Ok(None)
     }
 
-    /// Disconnects an end, as when a cable is pulled. Its path goes first: it must not lead to another
-    /// device's port, which may get the number of this one.
+    /// Disconnects an end, as when a cable is pulled. Its path is removed first, because another
+    /// device's new port may get the number of this one, and the path must not lead to that port.
     fn take(&mut self, end: End) -> Result<()> {
         let (is_there, path) = match end {
             End::Port => (self.pty.is_some(), &self.control),

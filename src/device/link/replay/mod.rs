@@ -85,7 +85,7 @@ pub async fn replay<R: Read>(
     run_dir.publish(&endpoints)?;
     ready(&endpoints);
     let mut player = Player::new(replay.reader, replay.fast, about.monotonic_ns);
-    // An action that has to wait until a client has read the output before it.
+    // An action that must wait until a client has read all earlier output.
     let mut held = None;
     let mut shutdown = pin!(shutdown);
     loop {

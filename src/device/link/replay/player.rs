@@ -15,7 +15,7 @@ use std::io::Read;
 
 /// Maximum number of client bytes that wait for comparison.
 const MAX_INPUT: usize = 64 << 10;
-/// A frame that arrived this long after its time was timed by another clock.
+/// A frame whose timestamp differs this much from its arrival was timed by another clock.
 const PLAUSIBLE_NS: u64 = 10_000_000_000;
 
 /// Why reading has stopped.
@@ -100,7 +100,8 @@ pub(super) struct Player<R> {
 
 impl<R: Read> Player<R> {
     /// Returns a player at the start of a recording; `fast` skips the recorded delays.
-    /// `monotonic_ns` is the clock, at the recording's time 0, of frames without an id.
+    /// `monotonic_ns` is the reading, at time 0 of the recording, of the clock that timestamps
+    /// frames without an id.
     pub(super) fn new(reader: Reader<R>, fast: bool, monotonic_ns: Option<u64>) -> Self {
         Self {
             reader,
@@ -365,7 +366,7 @@ impl<R: Read> Player<R> {
                     });
                     return;
                 }
-                // A recorded client that sent nothing has no counterpart.
+                // A recorded client that sent nothing needs no counterpart in the replay.
                 Event::Left if channel.is_port() && self.recorded_spoke => {
                     self.stop = Stop::Leave(number, time_ns);
                     return;
@@ -388,7 +389,8 @@ impl<R: Read> Player<R> {
     }
 
     /// Returns when a frame without an id was taken, in the time of the replay: as long before or
-    /// after the client's bytes as recorded. If the driver's clock is unknown, when it arrived.
+    /// after the client's bytes as recorded. If the driver's clock is unknown, returns when the
+    /// frame arrived.
     fn taken(&self, frame: &Frame, time_ns: u64) -> u64 {
         let since = |zero_ns: u64| frame.exposure_end_ns.checked_sub(zero_ns);
         let taken_ns = self.monotonic_ns.and_then(since);

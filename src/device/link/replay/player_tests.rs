@@ -260,7 +260,7 @@ fn recorded_unplugging_of_the_port_is_replayed() {
     player.receive(b"y", 200);
     assert_eq!(outputs(&mut player, 201), ["z"]);
     assert_eq!(player.finish().missing_bytes, 0);
-    // It also reconnects for a client that departed from the recording.
+    // The port also reconnects for a client that departed from the recording.
     let mut player = self::player(&events);
     player.receive(b"x", 100);
     assert_eq!(outputs(&mut player, 102), ["gone"]);

@@ -109,7 +109,7 @@ fn a_line_that_is_too_long_is_refused_and_the_connection_goes_on() {
     let channel = Channel::open(NEVER);
     for length in [MAX_LINE, MAX_LINE + 1, 3 << 20] {
         let mut client = channel.client();
-        // It continues to write before it reads.
+        // The client continues to write before it reads.
         send(&mut client, &vec![b'x'; length]);
         send(&mut client, b"\n");
         send(&mut client, QUICK);
@@ -117,7 +117,8 @@ fn a_line_that_is_too_long_is_refused_and_the_connection_goes_on() {
         assert!(words.contains("up to 4096 bytes"), "{words}");
         assert_eq!(error(&mut client), None, "{length}");
     }
-    // It is answered before its line has ended; input without a newline is not a line.
+    // A line that is too long is refused before it ends; a line without a newline at the end of the
+    // input is refused too.
     let mut client = channel.client();
     send(&mut client, &vec![b'x'; MAX_LINE]);
     assert!(error(&mut client).unwrap().contains("up to 4096 bytes"));
@@ -183,7 +184,7 @@ fn device_learns_when_a_waiting_client_has_left() {
     let mut listens = channel.client();
     send(&mut listens, SLOW);
     channel.until(|waiting| waiting.len() == 1);
-    // It shuts down its sending side only.
+    // The client shuts down its sending side only.
     listens.get_ref().shutdown(Shutdown::Write).unwrap();
     let mut leaves = channel.client();
     send(&mut leaves, SLOW);

@@ -9,12 +9,12 @@ use std::time::Duration;
 const NODES: Duration = Duration::from_secs(10);
 const POLL: Duration = Duration::from_millis(20);
 
-/// The USB device as which a served device is exported over USB/IP.
+/// How a served device is exported as a USB device over USB/IP.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UsbServing {
-    /// Address at which it can be attached. USB/IP has no authentication.
+    /// Address at which hosts can attach the device. USB/IP has no authentication.
     pub listen: SocketAddr,
-    /// Also attach it to this machine's own kernel, which needs its permission.
+    /// Also attach the device to this machine's own kernel, which requires its permission.
     pub attach: bool,
 }
 
@@ -34,15 +34,15 @@ pub struct UsbLink {
     pub binding: Binding,
     /// Address at which the USB/IP server listens.
     pub listen: SocketAddr,
-    /// Address from which it can be attached: `usb:HOST:PORT/BUSID`.
+    /// Address from which hosts can attach the device: `usb:HOST:PORT/BUSID`.
     pub address: String,
-    /// Device nodes that this machine's kernel has created for it.
+    /// Device nodes that this machine's kernel has created for the device.
     pub nodes: Nodes,
 }
 
-/// Serves USB devices, inside a tokio runtime and as long as that exists. Returns their links in
-/// order; of devices that are attached to this machine's kernel with the nodes that its drivers have
-/// created in time. `wall` returns how long the devices have been on.
+/// Serves USB devices until the tokio runtime that it is called in ends. Returns their links in
+/// order. If devices are attached to this machine's kernel, each link has the device nodes that
+/// drivers have created in time. `wall` returns how long the devices have been on.
 ///
 /// # Errors
 /// Returns an error if the address is in use, or if a device cannot be attached.

@@ -19,7 +19,7 @@ const MAX_BYTES: usize = 256 << 20;
 /// Duration of an isochronous packet: one microframe.
 const PACKET_TIME: Duration = Duration::from_micros(125);
 
-/// One fault of one frame.
+/// A fault that affects a single frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     /// The endpoint halts before the frame. The host has to clear it, which ends a bulk stream and
@@ -72,7 +72,7 @@ struct Current {
     at: usize,
     /// Number of bytes to send; less than the frame's size if a fault truncates it.
     len: usize,
-    /// Bits of its payload headers, except the end-of-frame bit.
+    /// Bits of the frame's payload headers, except the end-of-frame bit.
     info: u8,
 }
 

@@ -14,11 +14,11 @@ use std::time::Duration;
 /// Result of writing a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::link) enum Put {
-    /// Readers can get it.
+    /// The node accepted the frame, and readers can get it.
     Done,
-    /// It was exposed before the stream format changed: no reader can get it any more.
+    /// The frame was exposed before the stream format changed, so no reader can get it any more.
     Outdated,
-    /// The node did not accept it.
+    /// The node did not accept the frame.
     Lost,
 }
 

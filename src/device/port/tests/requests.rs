@@ -147,7 +147,7 @@ fn a_request_is_done_whole_or_not_at_all() {
     assert!(desk.line("both").starts_with("error 20 "));
     assert_eq!(settings(&mut desk), before);
     assert!(desk.exposed.is_empty());
-    // The same holds for a request that comes while the device exposes.
+    // A request that is refused while the device exposes changes nothing either.
     for line in ["source soft", "arm"] {
         desk.line(line);
     }

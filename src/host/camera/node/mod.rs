@@ -1,4 +1,4 @@
-//! V4L2 devices, by the paths of their nodes. Explains their errors, with a remedy where one is known.
+//! V4L2 devices, opened by the path of their node; explains their errors, with a remedy if one is known.
 
 mod unplugged;
 mod v4l2;

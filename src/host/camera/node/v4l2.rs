@@ -18,12 +18,12 @@ use std::time::{Duration, Instant};
 use v4l::Device;
 
 /// Number of buffers to request. Do not reduce it: in v4l2loopback 0.12 the smallest request
-/// shrinks the ring for every client, and with a shorter ring a buffer is reused sooner, so a frame
-/// is overwritten sooner while it is being read. There, a reader more than two frames behind skips
-/// to the newest frame, whatever the length of the ring; from 0.15 on the length is the limit.
+/// shrinks the ring for every client, and a shorter ring overwrites a frame sooner while it is
+/// being read. In 0.12, a reader more than two frames behind skips to the newest frame, whatever
+/// the ring's length; from 0.15 on, it may fall behind by the length of the ring.
 const BUFFERS: u32 = 32;
-/// Interval at which to query a device that has no format yet. v4l2loopback has no event for the
-/// arrival of a producer (0.12), and before that the node may not even report the capture
+/// Interval at which to query a device that has no format yet. v4l2loopback 0.12 sends no event
+/// when a producer arrives, and without a producer the node may not even report the capture
 /// capability.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
 /// Formats read through the buffer queue, best first.
@@ -84,8 +84,8 @@ fn settle(address: &str, capture: CameraDriver) -> Result<Found, Refusal> {
     let (device, node) =
         Node::open(Path::new(address)).map_err(|e| Refusal::Final(explain(address, "open", e)))?;
     if node.is_forgotten() {
-        // Keep waiting nevertheless: a producer that starts switches the node's capabilities in two
-        // steps.
+        // Report this as temporary: when a producer starts, the node's capabilities change in two
+        // steps, and between them the node looks like this.
         return Err(Refusal::NotYet(Error::device(format!(
             "{place}: {FORGOTTEN}; reload the module: `{RELOAD}`"
         ))));
@@ -133,7 +133,7 @@ fn settle(address: &str, capture: CameraDriver) -> Result<Found, Refusal> {
             layout.height
         ))));
     }
-    // The library takes node numbers, not paths.
+    // nokhwa takes node numbers, not paths, so a link must be resolved.
     let path = std::fs::canonicalize(address)
         .map_err(|e| Refusal::Final(explain(address, "follow the link", e)))?;
     Ok(Found {
@@ -213,7 +213,7 @@ impl V4l2Camera {
             layout,
             ..
         } = found;
-        // `find` has chosen one of the formats above.
+        // `find` accepts only the formats in `MONO` and `WEBCAM`, so the format is known.
         let format = PixelFormat::from_fourcc(layout.fourcc).unwrap_or(PixelFormat::Y16);
         let row = format.row_bytes(layout.width);
         // Some drivers report a stride of 0 if rows have no padding.
@@ -314,7 +314,7 @@ impl Camera for V4l2Camera {
         loop {
             let left = end.saturating_duration_since(Instant::now());
             let taken = self.queue.take(&mut self.bytes, limit, left);
-            // v4l2loopback 0.12 forgot a buffer between two calls.
+            // v4l2loopback 0.12 reports EINVAL if it lost a buffer between two calls.
             let forgotten = |e: &io::Error| e.raw_os_error() == Some(EINVAL);
             if taken.as_ref().is_err_and(forgotten) {
                 self.skipped = true;

@@ -6,8 +6,8 @@
 //! that the thread checks after each frame; until the next frame the thread keeps the device open.
 //!
 //! The library does not report how many bytes of a buffer are used: YUYV is cut to its size, and a
-//! JPEG image ends at its own end marker. Both times of a frame are when it was taken from the
-//! driver, on the system's monotonic clock: an upper bound on its time of exposure.
+//! JPEG image ends at its own end marker. Both times of a frame are the moment at which it was
+//! taken from the driver, on the system's monotonic clock: an upper bound on its exposure time.
 
 use super::v4l2::{Found, name};
 use super::{Camera, explain};
@@ -31,7 +31,7 @@ use v4l::frameinterval::FrameIntervalEnum;
 use v4l::video::Capture as _;
 use v4l::video::capture::Parameters;
 
-/// Maximum number of waiting frames; also maximum number of bytes that they occupy.
+/// Limits of the queue of waiting frames: their number, and their total size in bytes.
 const MAX_WAITING: usize = 32;
 const MAX_WAITING_BYTES: usize = 256 << 20;
 /// Maximum time for the library to open a device.
@@ -231,7 +231,8 @@ fn read(
         match frames.try_send(frame) {
             // If the queue is full, drop the frame: the gap in the count shows it.
             Ok(()) | Err(TrySendError::Full(Ok(_))) => {}
-            // The closed channel shows that the stream has ended.
+            // If the queue is full, the error is dropped; the closed channel shows the end of the
+            // stream.
             Err(TrySendError::Full(Err(_)) | TrySendError::Disconnected(_)) => return,
         }
         if failed {
@@ -313,7 +314,7 @@ mod tests {
             .encode_image(&ramp)
             .unwrap();
         let mut bytes = bytes.into_inner();
-        // Remains of an earlier, longer frame in the buffer.
+        // Append what an earlier, longer frame may have left in the buffer.
         bytes.extend((0..5000).map(|i| (i * 31) as u8));
         let back = decode_jpeg(&bytes).unwrap();
         let worst = ramp

@@ -31,7 +31,7 @@ fn partial_volumes_put_a_plane_where_theory_says() {
             .fold(0.0, f64::max);
         let c: f64 = f64::max(part, 1.0 - part);
         let theory = 1.5 - 2.0 * (1.0 - c).sqrt();
-        // Integers are off by half a unit of 1040, which the division may double.
+        // Rounding to integers causes errors of half a unit in 1040, which the division may double.
         assert!(
             (worst - theory).abs() < 2e-3,
             "{level}: {worst}, not {theory}"

@@ -12,8 +12,8 @@ use data::{Cursor, ascii, params};
 /// Maximum mnemonic length (IEEE 488.2, 7.6.1.4.1).
 const MAX_MNEMONIC: usize = 12;
 
-/// Maximum number of mnemonics in a header, including inherited ones. No device has that many, and
-/// it keeps the memory for a line of commands that inherit from each other proportional to its
+/// Maximum number of mnemonics in a header, including inherited ones; more than any device has. The
+/// limit keeps the memory for a line of commands that inherit from each other proportional to its
 /// length.
 const MAX_NODES: usize = 16;
 

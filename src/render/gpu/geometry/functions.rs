@@ -222,10 +222,10 @@ fn rays_off(engine: &mut Engine, case: &mut Case, rays: &[(usize, DVec3, DVec3)]
     );
     let some = rays.len() / 1000 + 2;
     assert!(hits > rays.len() / 6 && shades <= some && leaves <= 2 * some);
-    // A ray that grazes a silhouette may hit or miss. Of the rays through corners and edges, a few
-    // in ten thousand hit elsewhere for an unknown reason: a larger edge tolerance does not change
-    // the number of deeper hits. This test bounds their number; it does not show that no ray passes
-    // between triangles.
+    // A ray that grazes a silhouette may hit or miss. A few in ten thousand of the rays through
+    // corners and edges hit another triangle for an unknown reason: a larger edge tolerance does
+    // not change the number of deeper hits. This test bounds their number; it does not show that no
+    // ray passes between triangles.
     assert!(deeper <= some && nearer <= 4 * some);
 }
 

@@ -158,8 +158,8 @@ impl World {
         Self::with_stop(scene, skins, &Stop::default())
     }
 
-    /// [`Self::new`], which returns [`Error::Interrupted`] if `stop` is asked: between objects, and
-    /// between the steps of building one.
+    /// Same as [`Self::new`], but returns [`Error::Interrupted`] once the request `stop` is made.
+    /// Checked between objects, and between the steps of building one object.
     pub(crate) fn with_stop(scene: &Scene, skins: &Skins, stop: &Stop) -> Result<Self> {
         stop.check()?;
         let mut builder = Builder {

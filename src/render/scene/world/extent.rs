@@ -29,12 +29,12 @@ pub(super) fn radius(solid: &Solid) -> f64 {
 }
 
 impl Placed {
-    /// Returns whether it is an infinite plane.
+    /// Returns whether the solid is an infinite plane.
     pub(crate) fn halves_space(&self) -> bool {
         matches!(self.solid, Solid::Plane { half } if half.cmpeq(DVec2::INFINITY).all())
     }
 
-    /// Returns the centre and the radius of a ball around it, in the rig's frame.
+    /// Returns the centre and the radius of a ball that contains the solid, in the rig's frame.
     pub(crate) fn ball(&self) -> (DVec3, f64) {
         let radius = match self.solid {
             Solid::Plane { half } if !half.is_finite() => f64::INFINITY,

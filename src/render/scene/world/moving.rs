@@ -12,9 +12,10 @@ impl World {
         self.displacement_rad(&[(1.0, to), (-1.0, from)])
     }
 
-    /// Returns an upper bound, in radians seen from the camera, of how far any point is displaced by a
-    /// weighted sum of states whose weights add up to 0: by a motion, or from an interpolated one.
-    /// Infinite if an object's distance from the camera is within its radius.
+    /// Returns an upper bound, in radians seen from the camera, of the displacement of any point by
+    /// a weighted sum of states whose weights add up to 0, for example the difference between two
+    /// states, or between a state and an interpolated one. Infinite if an object's distance from
+    /// the camera is within its radius.
     ///
     /// A point at a distance r from its object's origin moves at most by the translation of the
     /// origin, plus r times the rotation angle, plus, for each keyframe, the change of its weight

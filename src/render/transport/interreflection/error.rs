@@ -1,8 +1,8 @@
-//! Error of the indirect light by the number of rays and the spacing of gather points, and the light
-//! that further bounces would add.
+//! Error of the indirect light for a number of rays and a spacing of gather points, and the light
+//! of further bounces.
 //!
-//! At some pixels the light is gathered by as many rays as a reference needs, and as the renderer would
-//! interpolate it.
+//! At a sample of pixels, the light that the renderer would interpolate is compared with a
+//! reference from many rays.
 
 use super::gather::Gatherer;
 use super::grid::Grid;
@@ -14,7 +14,7 @@ use phasmid_geometry::raycast::Scratch;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Settings, cheapest first.
+/// Candidate settings (rays, spacing of gather points in pixels), cheapest first.
 const SETTINGS: [[u32; 2]; 9] = [
     [64, 8],
     [64, 4],
@@ -28,13 +28,13 @@ const SETTINGS: [[u32; 2]; 9] = [
 ];
 /// Number of pixels examined.
 const PIXELS: usize = 256;
-/// Fraction of the pixels whose error the bound may not exceed.
+/// Fraction of the pixels whose error must not exceed the bound.
 const MOST: f64 = 0.99;
-/// The reference: rays of a gathering, and gatherings with rays in other directions.
+/// The reference is the mean of `TURNS` gatherings of `RAYS` rays, each rotated differently.
 const RAYS: usize = 1024;
 const TURNS: u32 = 4;
-/// For the second bounce: the stride among the pixels, the rays of each, and the rays where each of
-/// these ends.
+/// For the second bounce: every `FEW`th pixel of the sample is used, with the first number of rays,
+/// and the second number where each of these rays ends.
 const FEW: usize = 4;
 const SECOND_RAYS: [usize; 2] = [64, 256];
 
@@ -50,7 +50,8 @@ pub(crate) struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    /// Examines a scene through its maps, which need no indirect light.
+    /// Selects pixels of a scene by its geometry maps, which need no indirect light, and computes
+    /// their reference.
     pub(crate) fn new(
         worlds: &'a Worlds,
         rays: &'a Rays<'a>,
@@ -62,7 +63,8 @@ impl<'a> Trial<'a> {
             .collect();
         let mut pixels: Vec<usize> = (0..PIXELS)
             .filter_map(|k| {
-                // One pixel of each stretch, at another place in each.
+                // Selects one pixel of each of `PIXELS` stretches of lit pixels, at a different
+                // position in each stretch.
                 let place = k as f64 + (k as f64 * 0.618_033_988_75).fract();
                 lit.get((place / PIXELS as f64 * lit.len() as f64) as usize)
             })
@@ -82,7 +84,8 @@ impl<'a> Trial<'a> {
             let world = worlds.at(pixel / map.width);
             let turns = (0..TURNS).map(|turn| {
                 let mut place = gatherer.place(&world, map, pixel);
-                // By no whole step, so that none is a gathering that is judged.
+                // The half step keeps all rotations different from the rotation of the gatherings under
+                // test.
                 place.turn += TAU * (f64::from(turn) + 0.5) / f64::from(TURNS);
                 gatherer.white(&place, scratch)
             });
@@ -104,13 +107,14 @@ impl<'a> Trial<'a> {
         pixels.map_init(Scratch::default, of).collect()
     }
 
-    /// A pixel's light in electrons per second under full white, by the reference.
+    /// Total light of a pixel with the reference, in electrons per second under full white.
     fn light(&self, k: usize) -> f64 {
         let pixel = self.pixels[k];
         f64::from(self.map.projected[pixel]) + f64::from(self.map.evenly[pixel]) * self.reference[k]
     }
 
-    /// Returns the error of the indirect light in 99 % of the pixels, as a fraction of their light.
+    /// Returns the error of the indirect light that 99 % of the pixels do not exceed, as a fraction
+    /// of their light.
     pub(crate) fn error(&self, gathering: Gathering) -> f64 {
         let (map, step) = (self.map, gathering.step_px as usize);
         let grid = Grid::new(map, self.rays, step);
@@ -141,7 +145,7 @@ impl<'a> Trial<'a> {
         quantile(errors.collect(), MOST)
     }
 
-    /// Returns the cheapest settings whose error is at most a bound, or the best.
+    /// Returns the cheapest settings with an error within a bound, or the most accurate ones.
     pub(crate) fn choose(&self, bound: f64) -> Gathering {
         let settings = SETTINGS.map(|[samples, step_px]| Gathering { samples, step_px });
         let enough = |gathering: &Gathering| self.error(*gathering) <= bound;
@@ -149,8 +153,8 @@ impl<'a> Trial<'a> {
         settings.into_iter().find(enough).unwrap_or(best)
     }
 
-    /// Returns the light that all bounces after the first would add, as a fraction of a pixel's light:
-    /// in half of the pixels and in 95 % of them at most.
+    /// Returns the light that all bounces after the first would add, as a fraction of a pixel's
+    /// light: median and 95th percentile.
     pub(crate) fn further(&self) -> [f64; 2] {
         let ([outer, inner], map) = (SECOND_RAYS.map(|rays| self.gatherer(rays)), self.map);
         let some: Vec<usize> = (0..self.pixels.len()).step_by(FEW).collect();
@@ -159,7 +163,7 @@ impl<'a> Trial<'a> {
             let world = self.worlds.at(pixel / map.width);
             let place = outer.place(&world, map, pixel);
             let (first, second) = (self.reference[k], outer.second(&place, &inner, scratch));
-            // Each bounce adds about the same fraction of the one before.
+            // Each bounce adds about the same fraction of the previous bounce's light.
             let ratio = if first > 0.0 {
                 (second / first).min(0.95)
             } else {

@@ -113,10 +113,10 @@ impl<'a> Gatherer<'a> {
         kept.iter().map(|ray| f64::from(ray[6])).sum()
     }
 
-    /// Returns the irradiance that the light of [`Self::white`] brings after one more bounce, as
-    /// `white` gathers it where this gatherer's rays end.
+    /// Returns the irradiance that the light of [`Self::white`] causes after one more bounce. The
+    /// gatherer `white` computes that light at the points where the rays of this gatherer end.
     pub(super) fn second(&self, place: &Place<'_>, white: &Self, scratch: &mut Scratch) -> f64 {
-        // At the mean cosine of uniform light.
+        // Reflectance is taken at the mean cosine of uniform light.
         const COS: f64 = 2.0 / 3.0;
         let mut sum = 0.0;
         for rays in self.hemisphere.above(place.normal, place.turn) {

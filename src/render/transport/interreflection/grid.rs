@@ -133,7 +133,7 @@ impl Seen {
         })
     }
 
-    /// Returns whether both points are on one smooth surface.
+    /// Returns whether this point and another one are on one smooth surface.
     fn goes_on_to(&self, other: &Self) -> bool {
         let way = other.point - self.point;
         self.normal.dot(other.normal) >= COS_BENT

@@ -180,7 +180,7 @@ fn tolerates_a_fifth_of_outliers_and_missing_parts() {
     for (i, p) in points.iter_mut().enumerate() {
         *p += random.vector() * 0.2;
         if i % 5 == 0 {
-            // All on one side, like a sheet above the skin.
+            // All outliers lie on one side, like a sheet above the skin.
             *p += DVec3::new(0.0, 0.0, 6.0 + 20.0 * random.uniform());
         }
     }

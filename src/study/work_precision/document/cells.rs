@@ -1,5 +1,4 @@
-//! How the page writes figures in the cells of its tables, sets up its words and plots, and finds the
-//! settings that nobody beats.
+//! Formats figures for table cells, creates text blocks and plots, and finds the Pareto front.
 
 use crate::timing::Spread;
 use phasmid_report::lab::{Block, Chart, Figure, Row, Series};
@@ -21,7 +20,7 @@ pub(super) fn percent(share: f64) -> String {
 }
 
 pub(super) fn with_spread(spread: Spread, digits: usize) -> String {
-    // Dear settings run once, which has no spread.
+    // Expensive settings run once and have no spread.
     if spread.low == spread.high {
         return format!("{} (once)", figures(spread.median, digits));
     }
@@ -45,8 +44,9 @@ pub(super) fn figure(name: &str, caption: &str, axes: [&str; 2], series: Vec<Ser
     chart.figure(name, caption)
 }
 
-/// Whether each of some settings, by cost and error, is on the Pareto front: none other costs no more
-/// and errs no more, and less in one of the two. Figures that are none are on no front.
+/// Returns whether each setting, given by cost and error, is on the Pareto front: no other costs
+/// and errs at most as much, with less of one of them. Settings with missing figures are not on the
+/// front.
 pub(super) fn front(settings: &[[f64; 2]]) -> Vec<bool> {
     let sound = |s: &[f64; 2]| s.iter().all(|v| v.is_finite());
     let beats = |a: &[f64; 2], b: &[f64; 2]| {

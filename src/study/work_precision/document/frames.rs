@@ -1,19 +1,18 @@
-//! Frames of the processor and of the GPU against the reference path: tables, and the plot that both
-//! share.
+//! Frames of the CPU and of the GPU compared with the reference path: tables, and a common plot.
 
 use super::cells::{figure, front, of_bound, percent, um, with_spread, words};
 use crate::work_precision::row::spread;
 use phasmid_report::lab::{Block, Check, Figure, Row, Section, Series, SeriesStyle, Table};
 use phasmid_report::plot::figures;
 
-/// Part of the noise bound that the fast path's own error may have.
+/// Maximum error of the fast path, as a fraction of the noise bound.
 const MOST_OF_BOUND: f64 = 0.1;
 
 fn frame_name(row: &Row) -> [String; 2] {
     [row.get("setting").to_owned(), row.get("samples").to_owned()]
 }
 
-/// The sections of the processor's frames and the GPU's, which share a Pareto front and a plot.
+/// Returns the sections of the CPU's and the GPU's frames, with a common Pareto front and plot.
 pub(super) fn sections(frames: &[&Row], gpu: &[&Row], bound_um: f64) -> [Section; 2] {
     let there: Vec<&Row> = gpu
         .iter()
@@ -61,7 +60,7 @@ fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Sec
             of_bound(row, bound_um),
             figures(row.value("levels"), 3),
             um(edges),
-            // The closed form in f64 has no edges, and so no gross errors of them.
+            // The closed form in f64 has no edges, and so no gross errors at edges.
             percent(if edges.is_nan() {
                 f64::NAN
             } else {
@@ -93,7 +92,7 @@ fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Sec
         .iter()
         .find(|row| frame_name(row) == ["closed form, f32".to_owned(), "1".to_owned()]);
     let share = fast.map_or(f64::NAN, |row| row.value("inlier_rmse_mm") * 1e3 / bound_um);
-    // The bound is that of the scans, where they were made.
+    // The bound comes from the scans, if these were made.
     let check = bound_um.is_finite().then(|| {
         Check::at_most(
             "fast path's error over the noise bound of 12 steps",
@@ -113,7 +112,7 @@ fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Sec
     )
 }
 
-/// All of them by time and error, and the front.
+/// Plots all frames by time and error, and the front.
 fn plot(all: &[&Row], best: &[bool]) -> Figure {
     let point = |row: &Row| (row.value("ns"), row.value("inlier_rmse_mm"));
     let by = |name: &str, style: SeriesStyle, is: &dyn Fn(&Row) -> bool| {
@@ -151,7 +150,7 @@ fn plot(all: &[&Row], best: &[bool]) -> Figure {
     )
 }
 
-/// All of it is of the adapter at hand, and so in a table of times.
+/// Tabulates the GPU's frames in a table of times, because they depend on the adapter.
 fn of_adapter(gpu: &[&Row], best: &[bool], bound_um: f64) -> Section {
     let mut table = Table::new(
         "work-precision-gpu",
@@ -169,7 +168,7 @@ fn of_adapter(gpu: &[&Row], best: &[bool], bound_um: f64) -> Section {
     )
     .timed();
     let mut blocks = Vec::new();
-    // Rows without figures have no place on the front.
+    // Rows without figures are not on the front.
     let mut best = best.iter();
     for row in gpu {
         if !row.get("note").is_empty() {

@@ -1,4 +1,4 @@
-//! The study's page.
+//! The page of the study.
 
 mod cells;
 mod frames;
@@ -7,12 +7,12 @@ mod terms;
 
 use phasmid_report::lab::{Row, Rows, Section, Settings};
 
-/// All sections.
+/// Returns all sections.
 pub fn sections(rows: &Rows, settings: &Settings) -> Vec<Section> {
     let group = |name| rows.with("group", name).collect::<Vec<&Row>>();
     let [scans, frames, gpu, terms] = ["scan", "frames", "gpu", "term"].map(group);
     let bound_um = bound_um(&scans);
-    // A part that was not asked for has no rows, and says nothing.
+    // Parts that were not run have no rows and no section.
     let mut sections = Vec::new();
     if !scans.is_empty() {
         sections.push(scans::section(&scans, settings));
@@ -26,8 +26,8 @@ pub fn sections(rows: &Rows, settings: &Settings) -> Vec<Section> {
     sections
 }
 
-/// The noise bound of twelve steps at the bench's resolution, which figures without noise are held
-/// against, in micrometres.
+/// Returns the noise bound of twelve steps at the bench's resolution in micrometres, with which
+/// noiseless frames are compared.
 fn bound_um(scans: &[&Row]) -> f64 {
     let usual = scans.iter().find(|row| {
         row.value("steps") == 12.0 && row.value("scale") == 1.0 && row.value("samples") == 1.0

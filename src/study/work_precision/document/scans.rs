@@ -1,5 +1,5 @@
-//! Scans with noise: what holds on any machine (errors by steps and resolution, and the least work for
-//! an accuracy, counted in pixels that are exposed and read), the cheapest setting for an accuracy, the
+//! Scans with noise: machine-independent results (errors by steps and resolution, and the least work
+//! for an accuracy, counted in exposed and read pixels), the fastest setting for an accuracy, and the
 //! plot.
 
 use super::cells::{figure, front, percent, um, with_spread, words};
@@ -9,13 +9,13 @@ use phasmid_report::lab::{
 };
 use phasmid_report::plot::figures;
 
-/// Accuracies that are asked for, in millimetres.
+/// Accuracies for which a setting is named, in millimetres.
 const WANTED_MM: [f64; 4] = [0.1, 0.05, 0.02, 0.01];
-/// Part of the surface that a setting has to measure to be named for an accuracy.
+/// Minimum fraction of the surface that a sound setting measures.
 const LEAST_COVERAGE: f64 = 0.9;
-/// Share of gross errors that it may have.
+/// Maximum fraction of gross errors of a sound setting.
 const MOST_GROSS: f64 = 0.01;
-/// Steps, resolution, samples.
+/// Returns steps, resolution and samples as texts.
 fn scan_name(row: &Row) -> [String; 3] {
     [
         row.get("steps").to_owned(),
@@ -119,17 +119,17 @@ pub(super) fn section(scans: &[&Row], settings: &Settings) -> Section {
     )
 }
 
-/// Whether a setting measures enough, and little of it grossly wrong, to be chosen at all.
+/// Returns whether a setting covers enough of the surface with few gross errors.
 fn is_sound(row: &Row) -> bool {
     row.value("coverage") >= LEAST_COVERAGE && row.value("gross") <= MOST_GROSS
 }
 
-/// Whether a setting can be named for an accuracy.
+/// Returns whether a sound setting reaches an accuracy.
 fn fits(row: &Row, wanted_mm: f64) -> bool {
     row.value("inlier_rmse_mm") <= wanted_mm && is_sound(row)
 }
 
-/// The same without times, so that it is the same on any machine.
+/// Tabulates the least work, which is independent of the machine.
 fn least(scans: &[&Row]) -> Table {
     let caption = format!(
         "The fewest pixels, of all frames together, for a wanted accuracy, among settings with at most \
@@ -140,7 +140,7 @@ fn least(scans: &[&Row]) -> Table {
     least_work(scans, &WANTED_MM, caption, fits)
 }
 
-/// For each wanted accuracy the setting that takes the least time.
+/// Tabulates the fastest setting for each wanted accuracy.
 fn cheapest(scans: &[&Row]) -> Table {
     let mut table = Table::new(
         "work-precision-cheapest",
@@ -176,7 +176,7 @@ fn scan_figure(all: &[&Row], best: &[bool]) -> Figure {
             scales.push(row.get("scale"));
         }
     }
-    // Settings that cannot be on the front are drawn apart.
+    // Settings that cannot be on the front are drawn separately.
     let (scans, unsound): (Vec<&Row>, Vec<&Row>) = all.iter().partition(|row| is_sound(row));
     let scans = scans.as_slice();
     let single = |row: &&&Row| row.get("samples") == "1";
@@ -241,9 +241,10 @@ fn scan_figure(all: &[&Row], best: &[bool]) -> Figure {
     )
 }
 
-/// Twice the steps shall bring the error down by the root of two, within a tenth. Without the
-/// correction of held pixels, what their closed form does not explain shall be noise: a ratio has a
-/// deviation of 1 / sqrt(2 pixels), half a hundredth in the quick form.
+/// Checks that doubling the steps reduces the error by sqrt(2), within a tenth. Also checks that,
+/// without the correction of held pixels, the errors minus the closed form of held pixels are pure
+/// noise: the standard deviation of their ratio to the bound is 1 / sqrt(2 pixels), half a hundredth in
+/// the quick form.
 fn scan_checks(scans: &[&Row], settings: &Settings) -> Vec<Check> {
     let error = |steps: f64| {
         let found = scans.iter().find(|row| {
@@ -270,7 +271,7 @@ fn scan_checks(scans: &[&Row], settings: &Settings) -> Vec<Check> {
     ]
 }
 
-/// Settings by their steps and their resolution, one sample a pixel.
+/// Tabulates settings by steps and resolution, with one sample per pixel.
 fn by_steps(scans: &[&Row]) -> Table {
     let single = || scans.iter().filter(|row| row.get("samples") == "1");
     let distinct = |name: &str| {
@@ -309,13 +310,13 @@ fn by_steps(scans: &[&Row]) -> Table {
     table
 }
 
-/// Megapixels of all frames of a scan.
+/// Returns the megapixels of all frames of a scan.
 fn megapixels(row: &Row) -> f64 {
     row.value("frames") * row.value("width") * row.value("height") * 1e-6
 }
 
-/// For each wanted accuracy the setting of the fewest pixels, and of those the fewest frames, that
-/// `fits`.
+/// Tabulates for each wanted accuracy the setting that `fits` with the fewest pixels, and among these
+/// with the fewest frames.
 fn least_work(
     scans: &[&Row],
     wanted_mm: &[f64],
@@ -335,7 +336,8 @@ fn least_work(
         ],
     );
     for &wanted in wanted_mm {
-        // More samples a pixel are more work for the same pixels.
+        // Exclude settings with more samples per pixel: they are more work for the same number of
+        // pixels.
         let fitting = scans
             .iter()
             .filter(|row| row.get("samples") == "1" && fits(row, wanted));

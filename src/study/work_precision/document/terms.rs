@@ -1,4 +1,4 @@
-//! Terms of image formation, each left out once: tables and the plot.
+//! Terms of image formation, each left out in turn: tables and the plot.
 
 use super::cells::{figure, of_bound, percent, um, with_spread, words};
 use crate::work_precision::row::spread;

@@ -7,7 +7,7 @@ use phasmid::protocol::usb::{Setup, request};
 use std::time::Duration;
 
 impl Host {
-    /// Like [`Host::start`], with the alternate setting that carries the stream.
+    /// Same as [`Host::start`], and also selects the alternate setting that carries the stream.
     pub(super) fn start_isochronous(&mut self) {
         self.start();
         self.control(Setup::INTERFACE_OUT, request::SET_INTERFACE, 1, 1, &[])

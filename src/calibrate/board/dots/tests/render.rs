@@ -86,7 +86,7 @@ impl Scene {
         }
     }
 
-    /// Subpixels along a pixel's side: enough of them within the blur.
+    /// Number of subpixels along a pixel's side: more under slight blur, so that the blur spans several.
     fn fine(&self) -> usize {
         if self.blur > 0.0 && self.blur < 0.5 {
             8

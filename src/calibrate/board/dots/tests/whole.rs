@@ -54,7 +54,7 @@ fn finds_board_with_dots_and_a_marker_hidden() {
 
 #[test]
 fn finds_dots_missed_by_the_blob_search() {
-    // A shadow too deep for the blob search but not for the fit.
+    // The shadow is too deep for the blob search but not for the fit.
     let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
     let mut image = scene.image();
     for (k, level) in image.level.iter_mut().enumerate() {
@@ -97,7 +97,7 @@ fn finds_board_among_clutter() {
 fn finds_board_beside_a_stain_as_large_as_a_marker() {
     let scene = scene(MIDDLE, 0.0, 0.0, 0.0);
     let mut image = scene.image();
-    // At the position of a further dot in row 4, six columns left of the middle.
+    // The stain lies where row 4 would continue, six columns left of the middle.
     let stain = scene.lens.principal_px - DVec2::new(6.0 * 24.0 * 0.6322, 0.0);
     for v in 0..image.height {
         for u in 0..25 {

@@ -78,7 +78,7 @@ impl Mode {
 pub(super) struct Descriptors {
     pub(super) device: Vec<u8>,
     pub(super) configuration: Vec<u8>,
-    /// Device qualifier (the device at its other speed); `None` for SuperSpeed devices.
+    /// Device qualifier: the device's properties at its other speed; `None` for SuperSpeed devices.
     pub(super) qualifier: Option<Vec<u8>>,
     /// Configuration at full speed, for a high-speed device on a full-speed port.
     pub(super) other_speed: Option<Vec<u8>>,
