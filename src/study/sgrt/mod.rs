@@ -37,7 +37,7 @@ impl Effort {
         match settings.quick {
             true => Self {
                 moments: 2,
-                path: 4,
+                path: 2,
             },
             false => Self {
                 moments: 4,

@@ -31,6 +31,8 @@ const KINDS: [(&str, &str, bool, &[f64]); 4] = [
 ];
 /// Speeds of the quick form.
 const QUICK: [f64; 2] = [10.0, 1000.0];
+/// Number of frames that the quick form renders.
+const QUICK_SHOTS: usize = 3;
 
 /// Returns a trial for each motion and tolerance.
 pub fn trials(settings: &Settings) -> Vec<Trial> {
@@ -117,7 +119,11 @@ fn run(
         .seed(context.seed)
         .options(options)
         .build()?;
-    let shots: Vec<Shot> = device.shots().into_iter().map(|(_, shot)| shot).collect();
+    let shots = device.shots().into_iter().map(|(_, shot)| shot);
+    let shots: Vec<Shot> = match context.settings.quick {
+        true => shots.take(QUICK_SHOTS).collect(),
+        false => shots.collect(),
+    };
     let mut renderer = device.renderer;
     renderer.make_ready(&shots);
     let found: Vec<_> = TIMES_NS
