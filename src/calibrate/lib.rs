@@ -1,5 +1,5 @@
-//! Calibration of cameras and projectors: from images of a calibration board to a rig, and from
-//! projector coordinates to points.
+//! Calibrates cameras and projectors: computes a rig from images of a calibration board, and points
+//! from projector coordinates.
 //!
 //! | Module | Contents |
 //! | --- | --- |

@@ -18,9 +18,10 @@ use std::collections::VecDeque;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Maximum number of rounds of decoding; they also end after [`ROUND_S`].
+/// Maximum number of timed rounds of decoding. No further round begins after [`ROUND_S`] seconds.
 const ROUNDS: usize = 20;
-/// Maximum number of frames in which a GPU's passes are timed; timing also ends after [`ROUND_S`].
+/// Maximum number of frames in which a GPU's passes are timed. Timing also ends after [`ROUND_S`]
+/// seconds.
 const TIMED: usize = 20;
 
 /// Measure how many frames per second this machine renders, decodes and sends over each link
@@ -88,8 +89,9 @@ struct Run {
     still: Rate,
     /// Frame rate with the geometry pass in every frame.
     moving: Rate,
-    /// Times of the passes, with the geometry pass in every frame. CPU: wall-clock time. GPU: its
-    /// own timestamps; empty if the adapter has none.
+    /// Times of the passes, with the geometry pass in every frame. On the CPU, these are wall-clock
+    /// times. On a GPU, they come from the GPU's timestamps; empty if the adapter has no
+    /// timestamps.
     passes: Vec<PassRow>,
 }
 
@@ -106,11 +108,11 @@ struct Rate {
 struct PassRow {
     pass: String,
     runs_per_frame: f64,
-    /// Total time of the pass in a frame, in microseconds.
+    /// Total time that the pass takes per frame, in microseconds.
     us_per_frame: f64,
 }
 
-/// Inputs of the measurement, equal for every backend.
+/// The inputs of the measurement, which are the same for every backend.
 struct Subject<'a> {
     args: &'a Args,
     profile: &'a Profile,
@@ -192,7 +194,8 @@ impl Subject<'_> {
         };
         let device = Device::builder(self.profile, self.scene);
         let mut renderer = device.options(options).build()?.renderer;
-        // Motion would run the geometry pass in every frame, which `rates` times separately.
+        // With motion, the geometry pass would run in every frame; `rates` times that case
+        // separately.
         renderer.force(Term::Motion, false);
         Ok(renderer)
     }
@@ -216,7 +219,7 @@ impl Subject<'_> {
         }
     }
 
-    /// Returns the times of decoding and of the checks before it.
+    /// Returns the times of decoding and of the checks that precede decoding.
     fn decoding(&self) -> Result<Vec<PassRow>> {
         let options = Options {
             samples: self.args.samples,
@@ -224,7 +227,8 @@ impl Subject<'_> {
         };
         let scanned = Stage::new(self.profile, self.scene, 1, options)?.scan(0)?;
         let decoder = scanned.decoder(DecodeOptions::default())?;
-        // Decode once before timing: a sequence that cannot be decoded fails here.
+        // Decode once before timing, so that a sequence that cannot be decoded causes an error
+        // here.
         decoder.decode(&scanned.images)?;
         let known = Known::new(false, scanned.calibration.as_ref());
         let (mut maps, mut points) = (Decoded::default(), Vec::new());
@@ -290,7 +294,8 @@ fn time_gpu(renderer: &mut Renderer, subject: &Subject<'_>, adapter: Adapter) ->
         timed += 1;
         renderer.invalidate();
         black_box(renderer.expose(shot));
-        // Read after every frame: the renderer stores the timestamps of a few passes at a time.
+        // Read the times after every frame, because the renderer stores the timestamps of only a
+        // few passes.
         passes = renderer.pass_times().into_iter().collect();
     }
     let row = |(pass, time): (String, PassTime)| PassRow {
@@ -324,7 +329,7 @@ fn rates(renderer: &mut Renderer, subject: &Subject<'_>) -> [Rate; 2] {
     })
 }
 
-/// Renders frames, with as many in flight as `Renderer::depth` allows.
+/// Renders `count` frames, with as many frames in flight as `Renderer::depth` allows.
 fn frames(renderer: &mut Renderer, shots: &[Shot], count: usize, moving: bool) {
     let mut under_way = VecDeque::new();
     for shot in shots.iter().cycle().take(count) {

@@ -22,7 +22,7 @@ const RULER_MM: f64 = 100.0;
 const CLEAR_MM: f64 = 2.5;
 /// Distance from the page's edge to the ruler and the text.
 const MARGIN_MM: f64 = 5.0;
-/// Minimum width of the page, for the line of text.
+/// Minimum width of the page in millimetres, so that the line of text fits.
 const TEXT_MM: f64 = 150.0;
 
 /// Write a calibration board to print: an SVG at true scale
@@ -227,9 +227,10 @@ mod tests {
         assert!(svg.contains("M5 486.5H105M5"), "{svg}");
         let svg = page(&Board::CHESS);
         assert!(svg.contains("9 x 6 inner corners, squares 25 mm;"));
-        // Leaves at least 5 mm on all sides of A4.
+        // On A4 paper (297 mm x 210 mm), this page leaves at least 5 mm on all sides.
         assert_eq!(page_mm(&Board::CHESS), DVec2::new(275.0, 200.0));
-        // The squares end at 187.5 mm, and the letters begin 3 mm above their baseline.
+        // The squares end at a height of 187.5 mm. The letters begin 3 mm above their baseline,
+        // which is at 193.5 mm.
         assert!(svg.contains("<text x=\"5\" y=\"193.5\" "), "{svg}");
         assert!(page_mm(&Board::DOTS).cmplt(DVec2::new(210.0, 297.0)).all());
     }

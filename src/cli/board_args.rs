@@ -4,8 +4,9 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Board;
 use std::fmt::Display;
 
-/// Describes a calibration board. Lengths that are not given are those of the default board (the
-/// paper's board of dots, or a common chessboard), in proportion to the pitch.
+/// Describes a calibration board. A length that is not given is that of the default board, scaled
+/// in proportion to the pitch. The default boards are the board of dots of Wu et al. and a common
+/// chessboard.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct BoardArgs {
     /// Pattern of the board
@@ -56,7 +57,7 @@ impl BoardArgs {
             Kind::Dots => Board::DOTS,
             Kind::Chess => Board::CHESS,
         };
-        // A given `--scale` applies to the default board; it replaces `default_scale`.
+        // If `--scale` is given, it applies to the default board, and `default_scale` is ignored.
         let by_default = match self.scale {
             Some(_) => default,
             None => default.scaled(default_scale),

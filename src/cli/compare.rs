@@ -76,7 +76,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if let Some(found) = &alignment {
         let motion = found.truth_from_cloud;
         cloud = cloud.moved(&motion);
-        // The rig moves with the cloud, so its pose relative to the cloud stays the same.
+        // Move the rig with the cloud, so that the rig's pose relative to the cloud stays the same.
         rig = rig.map(|rig| Rig {
             camera: moved(rig.camera, &motion),
             projector: moved(rig.projector, &motion),
@@ -99,7 +99,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // The reader has closed the pipe.
+        // The program that reads standard output has closed the pipe.
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         other => other.map_err(|e| Error::io(super::output::STANDARD_OUTPUT, e)),
     }
@@ -132,7 +132,7 @@ fn moved(view: View, motion: &Pose) -> View {
     }
 }
 
-/// Replaces the place `cloud` of an error by the file's path.
+/// Replaces the word `cloud` as the place of an error by the file's path.
 fn at_file(error: Error, path: &Path) -> Error {
     match error {
         Error::Input {

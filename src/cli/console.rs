@@ -99,7 +99,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     let mut announced = false;
     let mut flow = || {
-        // The first call comes once the camera, if there is one, is open.
+        // This function is called for the first time when the camera, if there is one, is open.
         if !announced {
             announced = true;
             announce(&console);
@@ -118,7 +118,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
 }
 
-/// Prints the addresses of the page. The console also goes on if standard output is closed.
+/// Prints the addresses of the page. If standard output is closed, the console goes on.
 fn announce(console: &Console) {
     let mut out = std::io::stdout();
     let text = format!(

@@ -137,7 +137,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Adds the manifest's path to an error about its sequence.
+/// Adds the manifest's path to an error about the sequence that the manifest describes.
 fn name_file(error: Error, manifest: &Path) -> Error {
     match error {
         Error::Input {

@@ -31,9 +31,9 @@ impl From<HeldArg> for Held {
     }
 }
 
-/// Checks whether the images follow their sequence, with the noise model of a calibration if there
-/// is one. Prints and returns the reason for doubt, if any. By default doubt is only a warning,
-/// because a projector with a nonlinear response can cause it.
+/// Checks whether the images match the patterns of their sequence, with the noise model of a
+/// calibration if there is one. If not, prints and returns the reason for doubt. By default the
+/// doubt is only a warning, because a projector with a nonlinear response can cause it.
 ///
 /// # Errors
 /// With `strict`, returns the reason as an error.
@@ -58,7 +58,7 @@ pub(super) fn doubt(
     Ok(Some(why))
 }
 
-/// Replaces the place `calibration` of an error by the file's path.
+/// Replaces the word `calibration` as the place of an error by the file's path.
 pub(super) fn name_calibration(error: Error, calibration: Option<&Path>) -> Error {
     match (error, calibration) {
         (

@@ -97,7 +97,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     watch_signals();
     let folder = Unfinished::create("--out", &args.out, is_demo(&args.out))?;
     step("starting the device");
-    // Declare this before the device, so that it is dropped after the device.
+    // Declare `_run_dir` before the device, so that it is dropped after the device.
     let _run_dir;
     let served = device.serve(&ServeOptions {
         clock: ClockPace::Fast,
@@ -215,7 +215,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Times of successive phases.
+/// A stopwatch for successive phases of the command.
 struct Laps {
     start: Instant,
     last: Instant,
@@ -247,7 +247,8 @@ fn no_calibration(profile: &str) -> Error {
     ))
 }
 
-/// Returns the first image with 8 bits, scaled to the camera's full scale.
+/// Returns the first image of the capture, converted to 8 bits so that the camera's full scale is
+/// 255.
 fn seen(captured: &Capture) -> Result<GrayImage> {
     let image = captured
         .images
@@ -295,7 +296,7 @@ fn check_out(out: &Path, truth: bool) -> Result<()> {
     checked.map_err(without_force)
 }
 
-/// Replaces the hint at `--force`, an option that this command does not have.
+/// Replaces the hint about `--force` in an error, because this command has no such option.
 fn without_force(why: Error) -> Error {
     match why {
         Error::Input {

@@ -57,8 +57,8 @@ pub(super) fn port(profile: &Profile) -> Result<Port> {
     Port::new(Arc::new(dialect))
 }
 
-/// Replaces the dialect of a profile. A path is relative to the working directory; `place` is the
-/// option or field that errors name.
+/// Replaces the dialect of a profile. A path is relative to the working directory. `place` is the
+/// option or field that error messages name.
 pub(super) fn speak(profile: &mut Profile, name_or_path: &str, place: &str) {
     profile.control.dialect = Dialect::from_anywhere(name_or_path);
     profile.control.places.dialect = place.to_owned();
@@ -86,7 +86,7 @@ pub(super) fn profile_of(
 /// Checks a dialect's messages against the device, and prints a summary.
 pub(super) fn check(file: &str, dialect: Dialect) -> Result<()> {
     let dialect = Arc::new(dialect);
-    // Fails if the device does not have a command that the file names.
+    // This fails if the file names a command that the device does not have.
     Port::new(dialect.clone())?;
     println!("{file}: ok");
     describe(&dialect);

@@ -9,7 +9,7 @@ use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::path::PathBuf;
 
-/// All commands in groups.
+/// All commands, in groups with a title.
 const GROUPS: [(&str, &[&str]); 8] = [
     ("Start here", &["demo"]),
     (
@@ -72,7 +72,7 @@ impl CommandLine {
     /// # Errors
     /// Returns a usage error, or the text of the help or version.
     pub(super) fn parse(self, mut arguments: Vec<OsString>) -> Result<ArgMatches, clap::Error> {
-        // `clap` takes everything after the subcommand `help` for the name of a command.
+        // `clap` takes each argument after the subcommand `help` for the name of a command.
         if let Some(help) = self.place_of_help(&arguments) {
             let mut place = 0..;
             arguments.retain(|word| place.next() <= Some(help) || !is_help_option(word));
@@ -112,8 +112,21 @@ pub(super) fn command(command: clap::Command) -> CommandLine {
         list.push('\n');
     }
     list += "Start with `phasmid demo`; `phasmid COMMAND --help` explains a command.";
+    let command = with_negative_numbers(command);
     let template = "{about}\n\n{usage-heading} {usage}\n\nOptions:\n{options}{after-help}\n";
     CommandLine(command.help_template(template).after_help(list))
+}
+
+/// Lets every option take a negative number, so that `--seed -1` names the allowed range instead of
+/// an unknown option `-1`.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes = |arg: clap::Arg| match arg.get_action().takes_values() {
+        true => arg.allow_negative_numbers(true),
+        false => arg,
+    };
+    command
+        .mut_args(takes)
+        .mut_subcommands(with_negative_numbers)
 }
 
 pub(super) fn completions(args: &CompletionsArgs, mut command: clap::Command) -> Result<()> {
@@ -184,12 +197,25 @@ mod tests {
             assert_eq!(one.kind(), clap::error::ErrorKind::DisplayHelp, "{line}");
             assert_eq!(one.to_string(), other.to_string(), "{line}");
         }
-        // Here `help` is the name of a profile, which does not exist.
+        // In this command line `help` is the name of a profile. No such profile exists.
         let show = answer("phasmid profile show help --help");
         let usage = "profile show [OPTIONS] <NAME>";
         assert!(show.to_string().contains(usage), "{show}");
         let unknown = answer("phasmid profile help moon --help").to_string();
         assert!(unknown.contains("'moon'"), "{unknown}");
+    }
+
+    #[test]
+    fn negative_numbers_are_values() {
+        let parse = |line: &str| {
+            let arguments = line.split(' ').map(OsString::from).collect();
+            command(Cli::command()).parse(arguments)
+        };
+        parse("phasmid serve --motion-tolerance -1").unwrap();
+        let seed = parse("phasmid demo --seed -1").unwrap_err().to_string();
+        assert!(seed.contains("invalid value '-1' for '--seed"), "{seed}");
+        let flag = parse("phasmid demo -1").unwrap_err().to_string();
+        assert!(flag.contains("unexpected argument '-1'"), "{flag}");
     }
 
     #[test]

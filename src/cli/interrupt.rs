@@ -13,26 +13,27 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 use std::time::Duration;
 
-/// Time between two checks for a signal.
+/// Time between two checks whether a signal has come.
 const POLL: Duration = Duration::from_millis(50);
-/// Minimum time between the first signal and the exit by the second. Signals often come in pairs: a
-/// terminal sends Ctrl-C to a script and to this program, and the script passes its own on.
+/// Minimum time between the first signal and the exit that a second signal causes. Signals often
+/// come in pairs: a terminal sends Ctrl-C both to a script and to this program, and the script
+/// passes its signal on to this program.
 const GRACE: Duration = Duration::from_millis(500);
 /// Maximum number of attempts to remove a folder in which another thread still creates files.
 const REMOVALS: usize = 100;
 /// Exit status of a program that SIGINT has ended, as in shells: 128 + 2.
 const INTERRUPTED: i32 = 130;
 
-/// Whether one of the signals has come since the first capture began.
+/// Whether a signal has come since the handlers were installed.
 static ASKED: AtomicBool = AtomicBool::new(false);
 
-/// Returns whether one of the signals has ended the captures.
+/// Returns whether a signal has come, which ends captures.
 pub(super) fn interrupted() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
 
-/// Returns `Break` once a signal has come. The first call installs the handlers: from then on,
-/// signals end captures instead of the program.
+/// Returns `Break` once a signal has come. The first call installs the signal handlers; from then
+/// on, a signal ends captures instead of the program.
 pub(super) fn flow() -> ControlFlow<()> {
     static WATCH: Once = Once::new();
     WATCH.call_once(watch);
@@ -42,12 +43,13 @@ pub(super) fn flow() -> ControlFlow<()> {
     }
 }
 
-/// Installs the handlers: a signal then takes effect at the next [`check`] or [`flow`] only.
+/// Installs the signal handlers; from then on, a signal takes effect only at the next [`check`] or
+/// [`flow`].
 pub(super) fn watch_signals() {
     let _ = flow();
 }
 
-/// Returns an error if one of the signals has come.
+/// Returns an error if a signal has come.
 ///
 /// # Errors
 /// [`Error::Interrupted`].
@@ -99,16 +101,18 @@ fn listen(installed: mpsc::Sender<()>) -> std::io::Result<()> {
         .enable_all()
         .build()?;
     runtime.block_on(async move {
-        // Both signals come from the same streams, so that none is lost in between.
+        // Wait for the first and the second signal with the same handlers, so that no signal
+        // between them is lost.
         let mut signals = Signals::install()?;
         drop(installed);
         signals.next().await;
         ASKED.store(true, Ordering::Relaxed);
         let end = tokio::time::Instant::now() + GRACE;
-        // The scan may still wait for a port that is gone; a second signal skips that wait.
+        // After the first signal, the scan may still wait for a port that is gone. The second
+        // signal ends the program without that wait.
         signals.next().await;
         tokio::time::sleep_until(end).await;
-        // Hold the lock until the exit, so that no folder or file is begun.
+        // Hold the lock until the exit, so that no other thread creates a folder or file.
         let remaining = remaining();
         remaining.iter().for_each(Remains::remove);
         std::process::exit(INTERRUPTED)
@@ -135,7 +139,7 @@ impl Signals {
         use tokio::signal::unix::{SignalKind, signal};
         let ignored = ignored();
         let install = |kind: SignalKind| {
-            // Bit 0 is signal 1.
+            // Bit 0 of the mask is for signal 1.
             let is_ignored = ignored >> (kind.as_raw_value() - 1) & 1 != 0;
             (!is_ignored).then(|| signal(kind)).transpose()
         };
@@ -209,8 +213,8 @@ impl Remains {
     }
 }
 
-/// Returns what the second signal removes. That signal does not end the program while the returned
-/// value exists.
+/// Returns the list of folders that the second signal removes. While the returned value exists,
+/// that signal does not end the program.
 fn remaining() -> MutexGuard<'static, Vec<Remains>> {
     static REMAINS: Mutex<Vec<Remains>> = Mutex::new(Vec::new());
     REMAINS.lock().unwrap_or_else(PoisonError::into_inner)
@@ -231,7 +235,8 @@ impl Drop for RemovedAtExit {
     }
 }
 
-/// Lets the second signal remove the private run directory of a device, named by its control port.
+/// Makes the second signal remove the private run directory of a device, which is the folder of the
+/// device's control port.
 #[cfg(target_os = "linux")]
 pub(super) fn remove_run_dir_at_exit(control: &Path) -> Option<RemovedAtExit> {
     let folder = control.parent()?.to_owned();
@@ -242,7 +247,7 @@ pub(super) fn remove_run_dir_at_exit(control: &Path) -> Option<RemovedAtExit> {
     Some(RemovedAtExit(folder))
 }
 
-/// An output folder being filled, whose draft the second signal removes.
+/// An output folder that is being filled. The second signal removes its draft.
 pub(super) struct Unfinished {
     // Dropped first, so that the draft is removed while it is still registered in `draft`.
     folder: OutputFolder,
@@ -335,7 +340,7 @@ mod tests {
         fs::read_dir(folder).unwrap().count()
     }
 
-    /// Removes the folders in `out` that the second signal would remove.
+    /// Removes folders as the second signal would, limited to those in `out`.
     fn exit(out: &Path) {
         let remaining = remaining();
         let of_out = |remains: &&Remains| remains.folder.starts_with(out);
@@ -364,7 +369,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn folder_that_cannot_be_made_is_a_mistake_in_the_option() {
-        // The kernel makes no folders here, not even for root.
+        // The kernel does not allow folders to be created under /proc, not even by root.
         let out = Path::new("/proc/phasmid/out");
         let refused = Unfinished::create("--out", out, false).err().unwrap();
         assert_eq!(refused.exit_code(), 2);

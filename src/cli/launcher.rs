@@ -7,15 +7,16 @@ use std::path::PathBuf;
 /// Information that the command line cannot determine itself when it runs as a library.
 #[derive(Clone, Default)]
 pub struct Launcher {
-    /// File with this library's code: the program, or the module that another program has loaded. A
-    /// study records its checksum.
+    /// File that contains this library's code: the program itself, or the module that another
+    /// program has loaded. A study records the checksum of this file.
     pub program: Option<PathBuf>,
-    /// More studies, which `phasmid study` and `phasmid report` know in addition to those of the library.
+    /// Additional studies, which `phasmid study` and `phasmid report` offer besides the library's
+    /// studies.
     pub studies: &'static [&'static dyn Study],
 }
 
 impl Launcher {
-    /// Returns all studies.
+    /// Returns the library's studies and the additional ones.
     pub(super) fn all_studies(&self) -> Vec<&'static dyn Study> {
         ALL.iter().chain(self.studies).copied().collect()
     }

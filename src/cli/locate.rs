@@ -18,12 +18,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Maximum RMS residual of a pod's points, in standard deviations of their noise. A larger one
+/// Maximum RMS residual of a pod's points, in standard deviations of their noise. A larger residual
 /// means that the calibration or the size of the board is wrong.
 const MOST_WHITENED: f64 = 1.5;
 
-/// Maximum distance and angle between the measured pose and the pose in the station file. Larger
-/// values mean that another pod was measured, or that the board is not where it was stated to be.
+/// Maximum distance (mm) and angle (degrees) between a pod's measured pose and its pose in the
+/// station file. Larger values mean that another pod was measured, or that the board is not where
+/// it was stated to be.
 const FAR_MM: f64 = 50.0;
 const FAR_DEG: f64 = 5.0;
 
@@ -158,17 +159,18 @@ struct Located {
     /// Maps coordinates in the pod's rig frame to the room's.
     #[serde(skip)]
     room_from_rig: Pose,
-    /// The same pose in the form that a station file uses.
+    /// `room_from_rig` as position and rotation, as a station file states a pose.
     position_mm: DVec3,
     rotation_deg: DVec3,
     camera: Group,
     projector: Group,
-    /// Standard deviation of the board's position in the pod's rig frame: length of the vector, in mm.
+    /// Standard deviation of the board's position in the pod's rig frame, in mm: root of the sum of the
+    /// squares over the three axes.
     deviation_mm: f64,
     /// Standard deviation of the board's orientation, in degrees.
     deviation_deg: f64,
-    /// Distance in mm, and angle in degrees, between the board's pose computed with the given
-    /// station file and the board's stated pose.
+    /// Distance in mm, and angle in degrees, between two poses of the board in the room: measured,
+    /// using the pod's pose in the given station file, and as stated by the user.
     off_mm: f64,
     off_deg: f64,
 }
@@ -214,7 +216,8 @@ impl Located {
         }
     }
 
-    /// Returns the image with the larger whitened residual, and its residuals.
+    /// Returns the name and residuals of the image (camera's or projector's) with the larger
+    /// whitened residual.
     fn worst(&self) -> (&'static str, &Group) {
         match self.projector.whitened_rms > self.camera.whitened_rms {
             true => ("projector", &self.projector),
@@ -314,7 +317,7 @@ fn print_json(all: &[Located]) {
     println!("{text}");
 }
 
-/// Sets a device's pose to the measured one.
+/// Replaces the pose of a device in the station by the measured pose.
 fn move_to(station: &mut Station, name: &str, room_from_rig: &Pose) {
     let (position_mm, rotation_deg) = room_from_rig.to_xyz_deg();
     for device in station.device.iter_mut().filter(|d| d.name == name) {

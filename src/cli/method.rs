@@ -106,7 +106,8 @@ impl MethodArgs {
         let mut best: Option<Result<Mapping>> = None;
         let resolved = decoded.axes().filter(|(_, map)| map.wrapped_px.is_none());
         for (axis, _) in resolved {
-            // Gray code alone has no fringe period. A period of one pixel then sets only the unit of f0.
+            // Gray code alone has no fringe period. The result does not depend on the period, which only
+            // sets the unit of f0, so use one pixel.
             let plan = decoder.plan().axis(axis);
             let period = plan
                 .and_then(|p| p.sets.first())

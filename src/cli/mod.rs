@@ -116,8 +116,8 @@ enum Command {
 /// 2 for invalid input. The first argument is the name of the program. Results go to standard output,
 /// messages to standard error.
 ///
-/// A process runs one command: a capture handles SIGINT, SIGTERM and SIGHUP from then on, and the process
-/// ends if standard output is closed or at a second signal.
+/// Run one command per process: once a capture has begun, SIGINT, SIGTERM and SIGHUP are handled for the
+/// rest of the process, and the process ends at a second signal or if standard output is closed.
 ///
 /// ```
 /// use phasmid::cli::{self, Launcher};
@@ -145,14 +145,16 @@ pub fn main(arguments: impl IntoIterator<Item = impl Into<OsString>>, launcher: 
             u8::try_from(answer.exit_code()).unwrap_or(2)
         }
     };
-    // Flush a last line without a newline: nothing else does so at the end of a Python process.
+    // Flush standard output, which may hold a last line without a newline. At the end of a Python
+    // process, no other code would do this.
     if let Err(e) = std::io::stdout().flush() {
         unheard(&e);
     }
     status
 }
 
-/// Starts the threads of parallel work, which would panic later if the system refuses them.
+/// Starts the worker threads now. If the system refuses threads, this returns an error, whereas the
+/// first parallel computation would panic.
 fn start_threads() -> Result<()> {
     use std::error::Error as _;
     let started = rayon::ThreadPoolBuilder::new().build_global();

@@ -73,7 +73,7 @@ impl SetArgs {
         }
     }
 
-    /// Loads a profile and a scene, with the settings.
+    /// Loads a profile and a scene, and applies the settings to them.
     ///
     /// # Errors
     /// Returns the errors of both files together.
@@ -122,7 +122,8 @@ impl fmt::Display for BackendArg {
     }
 }
 
-/// Parses `X,Y,Z`, each with a magnitude of at most `most`; `allowed` describes them in messages.
+/// Parses `X,Y,Z`, three numbers with a magnitude of at most `most`; `allowed` describes the valid
+/// input in messages.
 ///
 /// # Errors
 /// Returns an error if the text is not three numbers within the limit.

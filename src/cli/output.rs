@@ -1,5 +1,5 @@
-//! Writing to standard output and standard error: macros that replace the standard ones, and messages that
-//! several commands print, also about emulated devices.
+//! Writes to standard output and standard error: macros that replace the standard library's, and
+//! messages that several commands print.
 
 use phasmid_core::error::{Error, Result};
 #[cfg(target_os = "linux")]
@@ -23,7 +23,8 @@ macro_rules! println {
 }
 
 /// Writes a line to standard error. The standard macro panics when the write fails; a message that
-/// nobody can read must not change the exit status. A line of progress is moved out of its way.
+/// nobody can read must not change the exit status. A progress line is removed while the message is
+/// written.
 macro_rules! eprintln {
     ($($arg:tt)*) => {{
         use std::io::Write;
@@ -31,7 +32,7 @@ macro_rules! eprintln {
     }};
 }
 
-/// Place in messages about standard output.
+/// Name of standard output in error messages.
 pub(super) const STANDARD_OUTPUT: &str = "standard output";
 
 /// Ends the program because standard output cannot be written: with status 0 if the reader has
@@ -44,7 +45,7 @@ pub(super) fn unheard(e: &std::io::Error) -> ! {
     std::process::exit(1);
 }
 
-/// Prints a built-in document; `names` lists the existing ones.
+/// Prints a built-in document; `names` lists the names of all built-in documents of this kind.
 pub(super) fn show<'a>(
     kind: &str,
     name: &str,
@@ -63,7 +64,7 @@ pub(super) fn show<'a>(
     Ok(())
 }
 
-/// Reports the current step on standard error if that is a terminal.
+/// Prints the current step of the command to standard error, if standard error is a terminal.
 pub(super) fn step(what: &str) {
     use std::io::IsTerminal;
     if std::io::stderr().is_terminal() {
@@ -71,8 +72,8 @@ pub(super) fn step(what: &str) {
     }
 }
 
-/// Prints where a device renders, and why it has no factory calibration if it has none. `label` is the
-/// profile as given.
+/// Prints the backend on which a device renders and, if the device has no factory calibration, the
+/// reason. `label` is the profile as given.
 ///
 /// # Errors
 /// Returns an error if the requested backend is not available.
@@ -91,7 +92,7 @@ pub(super) fn tell(label: &str, device: &mut Device) -> Result<()> {
     Ok(())
 }
 
-/// Returns the receiver of a served device's messages that prints them.
+/// Returns a receiver for the messages of a served device, which prints them.
 #[cfg(target_os = "linux")]
 pub(super) fn printed() -> Notice {
     Notice::new(|message| eprintln!("phasmid: {message}"))

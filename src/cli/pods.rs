@@ -16,7 +16,7 @@ use std::time::Duration;
 /// Maximum timeout in seconds.
 const MAX_TIMEOUT_S: f64 = 3600.0;
 
-/// Options of commands that reach all pods of a station.
+/// Options of commands that connect to all pods of a station.
 #[derive(Debug, clap::Args)]
 pub(super) struct PodArgs {
     /// Run directory of a served station, with a folder for each device.
@@ -73,7 +73,7 @@ impl PodArgs {
         }
     }
 
-    /// Returns all pods of a served station, or the named ones.
+    /// Returns the addresses of all pods of a served station, or of the pods that the options name.
     ///
     /// # Errors
     /// Returns an error if a folder has no device, an option is malformed, a pod is not in the
@@ -136,7 +136,7 @@ fn once(option: &str, mut names: Vec<String>) -> Result<()> {
     }
 }
 
-/// A pod.
+/// The addresses of a pod, its name and its pose.
 pub(super) struct Address {
     /// Name of the pod in the station.
     pub(super) name: String,
@@ -188,8 +188,8 @@ impl Address {
         self.camera == other.camera || self.control == other.control
     }
 
-    /// Opens the ports, and shows their traffic to an observer if there is one. From then on,
-    /// signals end captures instead of the program.
+    /// Opens the ports, and shows their traffic to an observer if there is one. From then on, a
+    /// signal such as Ctrl-C ends captures instead of the program.
     ///
     /// # Errors
     /// Returns an error if the device cannot be reached.
@@ -248,7 +248,7 @@ impl Address {
 pub(super) struct Source {
     name: String,
     scanner: Scanner,
-    /// The sequence that was selected before [`Self::show`], which `finish` restores.
+    /// The sequence that was selected before [`Self::show`]; [`Self::finish`] restores it.
     before: Option<String>,
 }
 
@@ -265,7 +265,8 @@ impl Source {
         })
     }
 
-    /// Selects a sequence for the following scans, until [`Self::finish`] restores the previous one.
+    /// Selects a sequence for the following scans, until [`Self::finish`] restores the previous
+    /// sequence.
     ///
     /// # Errors
     /// Returns an error if the port is lost.
@@ -284,7 +285,7 @@ impl Source {
         captured.map_err(|e| e.at(&self.name))
     }
 
-    /// Restores the state that the device had before.
+    /// Restores the sequence and trigger source that the device had before, and closes its ports.
     ///
     /// # Errors
     /// Returns an error if the port is lost.

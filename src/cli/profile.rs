@@ -12,11 +12,12 @@ use phasmid_protocol::dialect::Dialect;
 use phasmid_study::sampling::{Sampling, TILT_DEG};
 use std::path::Path;
 
-/// Range of depths at which a point must lie in both fields of view.
+/// Range of depths in which a point that lies in both fields of view is searched.
 const FIELDS_MM: [f64; 2] = [10.0, 1e6];
-/// Number of camera rays, across and down the image, that are searched for points in both fields.
+/// Number of camera rays per row and per column of a grid over the image; along these rays, points
+/// in both fields of view are searched.
 const FIELD_RAYS: u32 = 17;
-/// Ratio of successive depths along a ray.
+/// Ratio of successive depths that are tried along a ray.
 const FIELD_STEP: f64 = 1.02;
 
 /// List, print or check device profiles.
@@ -89,7 +90,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
                 warn_of_fields(file, &profile);
                 match Sampling::of(&profile) {
                     Ok(found) => describe_sampling(&found),
-                    // Not an error of the profile: the images of its patterns may be missing on
+                    // This is not an error of the profile: its pattern images may be missing on
                     // this machine.
                     Err(why) => println!("  precision   not measured: {why}"),
                 }
@@ -202,7 +203,7 @@ fn describe_factory(profile: &Profile) {
             profile.factory_calibration.corner_px
         ),
         Ok(_) => println!("  factory     the exact calibration"),
-        // Not an error of the profile: the device works, and is calibrated by its user.
+        // This is not an error of the profile: the device works, and its user can calibrate it.
         Err(why) => println!("  factory     no calibration: {why}"),
     }
 }
@@ -257,7 +258,7 @@ fn describe(profile: &Profile) {
             sequence.frame.len(),
             sequence.period_us
         );
-        // Not an error: a sequence need not be meant for decoding.
+        // This is not an error, because a sequence need not be meant for decoding.
         if let Err(why) = Plan::new(&profile.manifest(sequence)) {
             println!("              cannot be decoded: {why}");
         }
@@ -284,7 +285,7 @@ fn describe_sampling(found: &Option<Sampling>) {
     }
 }
 
-/// Describes the dialect and the line of a control port.
+/// Describes the dialect and the serial settings of a control port.
 fn line(control: &Control) -> String {
     match control.baud {
         Some(baud) => {
@@ -302,7 +303,8 @@ fn line(control: &Control) -> String {
     }
 }
 
-/// Returns whether a name or a path denotes a dialect. A file is a dialect if it has the key `framing`.
+/// Returns whether a name or a path denotes a dialect rather than a profile or station. A file is a
+/// dialect if it has the key `framing`.
 pub(super) fn names_dialect(file: &str) -> Result<bool> {
     if profile_names().any(|name| name == file) {
         return Ok(false);

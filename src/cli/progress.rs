@@ -1,21 +1,22 @@
-//! Progress on standard error if that is a terminal, and nothing in a pipe.
+//! Shows progress on standard error if standard error is a terminal; else shows nothing.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Line of an activity of unknown length.
+/// Template of the progress line of an activity of unknown length.
 const ACTIVITY: &str = "{spinner} {prefix} {elapsed} {wide_msg}";
-/// Line of an activity that consists of counted steps.
+/// Template of the progress line of an activity that consists of counted steps.
 const STEPS: &str = "{prefix} [{bar:20}] {pos}/{len}{left} {wide_msg}";
 /// Interval at which the times in a line are updated if nothing else changes.
 const TICK: Duration = Duration::from_millis(200);
 
-/// The line on the terminal, if there is one.
+/// The progress line that is on the terminal, if any.
 static SHOWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
-/// A line that shows how far an activity is, until it is dropped. At most one exists at a time.
+/// A line on the terminal that shows the progress of an activity until this value is dropped. At
+/// most one exists at a time.
 pub(super) struct ProgressLine {
     bar: ProgressBar,
     estimate: Arc<Mutex<Estimate>>,
@@ -44,8 +45,8 @@ impl ProgressLine {
         self.bar.set_prefix(name.to_owned());
     }
 
-    /// Shows that `done` of a number of steps are done, and estimates the remaining time from the steps
-    /// since the first call.
+    /// Shows that `done` of `of` steps are done. Estimates the remaining time from the steps since the
+    /// first call.
     pub(super) fn show(&self, done: usize, of: usize) {
         let first = lock(&self.estimate).update(done, of, Instant::now());
         self.bar.set_length(of as u64);
@@ -65,7 +66,7 @@ impl ProgressLine {
         let estimate = self.estimate.clone();
         let left = move |_: &ProgressState, line: &mut dyn fmt::Write| {
             if let Some(left) = lock(&estimate).left(Instant::now()) {
-                // A line without an estimate is better than none.
+                // If this fails, the line is shown without the estimate.
                 let _ = write!(line, ", about {} left", Rounded(left));
             }
         };
@@ -82,7 +83,7 @@ impl Drop for ProgressLine {
     }
 }
 
-/// Calls a function that writes to the terminal, with the line of progress out of its way.
+/// Removes the progress line while a function writes to the terminal.
 pub(super) fn aside<T>(write: impl FnOnce() -> T) -> T {
     let shown = lock(&SHOWN).clone();
     match shown {
@@ -114,14 +115,14 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Estimates the remaining time of counted steps.
 #[derive(Debug, Default)]
 struct Estimate {
-    /// Number of steps and time at the first report and at the latest one.
+    /// Number of completed steps and time, at the first report and at the latest report.
     reports: Option<[(usize, Instant); 2]>,
     of: usize,
 }
 
 impl Estimate {
-    /// Takes a report. Returns whether it was the first. Steps that are repeated start the estimate
-    /// again.
+    /// Takes a progress report; returns whether it was the first one. If steps are repeated, the
+    /// estimate starts anew.
     fn update(&mut self, done: usize, of: usize, now: Instant) -> bool {
         self.of = of;
         let earlier = self.reports;
@@ -132,7 +133,7 @@ impl Estimate {
         earlier.is_none()
     }
 
-    /// Returns the remaining time; `None` before a step has been done.
+    /// Returns the remaining time; `None` until a step has been completed since the first report.
     fn left(&self, now: Instant) -> Option<Duration> {
         let [(begun, begin), (done, at)] = self.reports?;
         if done == begun {
@@ -169,14 +170,14 @@ mod tests {
         let left = |estimate: &Estimate, s| estimate.left(at(s)).map(|left| left.as_secs());
         let mut estimate = Estimate::default();
         assert_eq!(left(&estimate, 0), None);
-        // A study that continues after 50 of 100 trials.
+        // A study that an earlier run left at 50 of 100 trials continues.
         assert!(estimate.update(50, 100, at(0)));
         assert_eq!(left(&estimate, 5), None);
         assert!(!estimate.update(60, 100, at(20)));
         assert_eq!(left(&estimate, 20), Some(80));
         assert_eq!(left(&estimate, 50), Some(50), "time passes without news");
         assert_eq!(left(&estimate, 500), Some(0));
-        // A scan that is repeated.
+        // A scan is repeated: its step count begins anew.
         estimate.update(1, 10, at(600));
         assert_eq!(left(&estimate, 600), None);
         estimate.update(2, 10, at(601));

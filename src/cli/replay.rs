@@ -1,4 +1,4 @@
-//! `phasmid replay`: serves a device that behaves as recorded.
+//! `phasmid replay`: serves a device that behaves as in a recording.
 
 use super::output::printed;
 use super::record;
@@ -66,7 +66,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         notice: printed(),
     };
     let outcome = runtime()?.block_on(async {
-        // Watch before creating anything that must be removed at the end.
+        // Watch for signals before creating files or folders that must be removed at the end.
         let mut shutdown = Shutdown::watch(args.while_stdin)?;
         let run_dir = RunDir::claim(&run_dir)?;
         let ready = |endpoints: &Endpoints| announce(args, endpoints);

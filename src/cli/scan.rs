@@ -156,7 +156,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         ));
     }
     if args.truth {
-        // Reject this before anything is captured.
+        // Reject these options before anything is captured.
         let Some(control) = &args.control else {
             let allowed = "--control or --run-dir of an emulated device";
             return Err(Error::input("--truth", "no control port", allowed));
@@ -240,7 +240,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     step("writing the frames");
     captured.write(folder.draft())?;
-    // Keep the capture even if the truth fails; that error is returned at the end.
+    // Keep the capture even if writing the truth fails; the error is returned at the end.
     let truth = match &args.control {
         Some(control) if args.truth => truth_into(folder.draft(), control),
         _ => Ok(()),
@@ -258,7 +258,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
             folder.finish(earlier, Some(MANIFEST_FILE))?;
             decoding
         }
-        // Discard the new frames, although they may show the cause: the earlier result is worth more.
+        // Discard the new frames, although they may show the cause of the error, because the earlier
+        // result must be kept.
         Err(why) if replaces => return Err(why.at(address)),
         Err(why) => {
             discard_maps(folder.draft());
@@ -278,8 +279,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     recorded.unwrap_or(Ok(()))
 }
 
-/// Rejects outputs in the run directory of the device or over an input, and a recording that is another
-/// file of this scan or cannot be written.
+/// Rejects outputs that lie in the run directory of the device or would replace an input. Also rejects a
+/// recording that has the name of another file of this scan or cannot be written.
 fn check_places(args: &Args) -> Result<()> {
     let camera = args.camera.as_deref();
     let socket = camera.and_then(|address| address.strip_prefix("socket:"));
@@ -353,7 +354,7 @@ fn check_places(args: &Args) -> Result<()> {
     new_file::check(path, args.force).map_err(|e| e.at("--record"))
 }
 
-/// Returns whether a scan writes a file of this name, or deletes an earlier one.
+/// Returns whether a scan writes a file with this name, or deletes such a file of an earlier scan.
 fn is_written(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default();
     let fixed = [MANIFEST_FILE, CALIBRATION_FILE];
@@ -361,7 +362,7 @@ fn is_written(file: &Path) -> bool {
         || output_names().iter().any(|written| name == *written)
 }
 
-/// Returns an absolute path without links, also for a folder that does not exist yet.
+/// Returns an absolute path without symbolic links, even if the folder does not exist yet.
 fn resolved(folder: &Path) -> PathBuf {
     let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let existing = folder.ancestors().find_map(|ancestor| {
@@ -415,8 +416,8 @@ pub(super) fn capture(mut scanner: Scanner, mut on_frame: impl FnMut()) -> Resul
     Ok(captured)
 }
 
-/// Names the dialect in an error about `--manifest` or `--sequence`, for a command that serves its
-/// device from a profile and does not have these options of `scan`.
+/// Rewords an error about `--manifest` or `--sequence` so that it names the dialect, for commands
+/// that serve a device from a profile and lack these options of `scan`.
 #[cfg(target_os = "linux")]
 pub(super) fn blame_dialect(why: Error, profile: &str) -> Error {
     match why {
@@ -491,10 +492,11 @@ struct Decoding {
     decode_s: f64,
 }
 
-/// Deletes maps of which only some were written.
+/// Deletes the maps after an error, because perhaps only some of them were written.
 fn discard_maps(draft: &Path) {
     for name in output_names() {
-        // If this fails, a complete map remains, because each map is written under another name first.
+        // If this fails, the map that remains is complete, because each map is first written under a
+        // temporary name.
         let _ = std::fs::remove_file(draft.join(name));
     }
 }

@@ -59,7 +59,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
                     let place = format!("{file}: object[{i}].shape.file");
                     let path = scene.folder.join(mesh);
                     let mut mesh = Mesh::read(&path).map_err(|e| e.at(&place))?;
-                    // A deforming mesh is compared with its keyframes when it is rendered.
+                    // Keep all triangles of a deforming mesh, because they must match its
+                    // keyframes' triangles.
                     if object.deform.is_none() {
                         let name = path.display().to_string();
                         let removed = mesh.clean(&name).map_err(|e| e.at(&place))?;

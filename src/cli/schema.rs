@@ -1,4 +1,4 @@
-//! `phasmid schema`: JSON Schemas of the files that users write.
+//! `phasmid schema`: prints the JSON Schema of a kind of file that users write.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_profile::Document;

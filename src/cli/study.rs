@@ -127,12 +127,13 @@ fn revision(program: Option<&Path>) -> String {
     let known: Vec<String> = built.into_iter().chain(sum).collect();
     match known.is_empty() {
         true => "unknown".to_owned(),
-        // No comma, because it goes into every row of a CSV.
+        // Do not separate by a comma, because the text is written into every row of a CSV file.
         false => known.join(" "),
     }
 }
 
-/// Returns the commit at which the source folder stood when a file in it was written, by git's reflog.
+/// Returns the commit that was checked out in the source folder when a file in that folder was written,
+/// according to git's reflog.
 fn head_at(program: &Path) -> Option<String> {
     if !program.starts_with(env!("CARGO_MANIFEST_DIR")) {
         return None;

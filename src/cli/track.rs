@@ -94,9 +94,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut page = Page::start(args.console, &planned, &pods, &options)?;
     let pods = { pods.iter().enumerate() }.map(|(i, pod)| pod.pod(timeout, page.observer(i)));
     let mut pods = pods.collect::<Result<Vec<_>>>()?;
-    // Lines on standard output show the progress themselves.
+    // If the CSV lines go to standard output, they show the progress, so no progress line is
+    // needed.
     let line = args.out.as_ref().map(|_| ProgressLine::new("tracking"));
-    // Number of the next scan, while the beam is on.
+    // Number of the next scan while the beam is on; `None` while it is held.
     let mut on = None;
     let mut reported = Ok(());
     let tracked = crate::track(&mut pods, &planned, &options, |progress| {
@@ -115,13 +116,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
     });
     drop(line);
     if let Some(scan) = on.filter(|_| matches!(reported, Err(Error::Interrupted))) {
-        // A signal ended the scans while the beam was on: add a line that the beam is held.
+        // A signal ended the scans while the beam was on, so add a line which states that the beam
+        // is held.
         let held = table.silent(scan, &Beam::Held(Reason::Stale));
         reported = held.and(reported);
     }
     if args.scans.is_none() && args.seconds.is_none() && matches!(reported, Err(Error::Interrupted))
     {
-        // Without a limit, a signal is the usual end of tracking.
+        // Without `--scans` and `--seconds`, a signal is the usual end of tracking and not an
+        // error.
         reported = Ok(());
     }
     let finished: Vec<_> = pods.into_iter().map(Pod::finish).collect();
@@ -140,8 +143,8 @@ fn hint(first: &Tracked) {
     }
 }
 
-/// Shows the latest scan and the state of the beam in the line of progress. Scans are numbered as
-/// in the table.
+/// Shows the latest scan and the state of the beam in the progress line. Scans are numbered as in
+/// the table.
 fn show(line: &ProgressLine, progress: TrackProgress<'_>, scans: Option<u64>) {
     let (scan, beam, tumour) = match progress {
         TrackProgress::Scan(tracked) => {
@@ -163,7 +166,8 @@ fn show(line: &ProgressLine, progress: TrackProgress<'_>, scans: Option<u64>) {
     });
 }
 
-/// Writes what tracking reports, and notes the number of the next scan while the beam is on.
+/// Writes a progress report of tracking to the table, and updates `on`: the number of the next scan
+/// while the beam is on.
 fn report(progress: TrackProgress<'_>, table: &mut Table, on: &mut Option<u64>) -> Result<()> {
     match progress {
         TrackProgress::Scan(tracked) => {

@@ -1,5 +1,5 @@
-//! Stand-in for `phasmid serve`, `replay`, `demo` and `doctor` on systems other than Linux: reports that
-//! they are not available.
+//! Replaces `phasmid serve`, `replay`, `demo` and `doctor` on systems other than Linux: reports that
+//! these commands are not available.
 
 use phasmid_core::error::{Error, Result};
 

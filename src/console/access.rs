@@ -3,11 +3,11 @@
 //! The page is served on the loopback interface, which other users of the machine and pages of
 //! other sites can reach as well. Three random secrets keep them out. The page's address contains a
 //! token, either to view or to control; the page keeps the token for its tab and presents it when
-//! it opens the WebSocket. With the first request the browser gets a cookie (`SameSite=Strict`),
-//! without which nothing is served. The cookie gives access to the page's files only, because
-//! browsers send cookies to other ports of this machine too. The check of `Host` rejects names of
-//! other sites that resolve to this machine (DNS rebinding); the check of `Origin` rejects
-//! WebSockets that pages of other sites open.
+//! it opens the WebSocket. With the first request the browser gets a cookie (`SameSite=Strict`);
+//! without it, later requests are refused. The cookie gives access to the page's files only,
+//! because browsers send a host's cookies to other ports of this machine too. The check of `Host`
+//! rejects names of other sites that resolve to this machine (DNS rebinding); the check of `Origin`
+//! rejects WebSockets that pages of other sites open.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::admission::Token;
@@ -28,7 +28,7 @@ pub(crate) struct Access {
 }
 
 impl Access {
-    /// Draws the tokens for a console on this port.
+    /// Creates random tokens for a console on this port.
     ///
     /// # Errors
     /// Returns an error if the system has no random numbers.
@@ -47,7 +47,7 @@ impl Access {
         })
     }
 
-    /// Returns the address that gives this role.
+    /// Returns the address of the page whose token gives this role.
     pub(crate) fn url(&self, role: Role) -> String {
         let token = self.token(role).to_line();
         format!("http://127.0.0.1:{}/?token={}", self.port, token.trim_end())
@@ -71,7 +71,7 @@ impl Access {
         { roles }.find(|role| self.token(*role).matches(token.as_bytes()))
     }
 
-    /// Returns whether a request has our cookie.
+    /// Returns whether the cookies of a request include this console's cookie.
     pub(crate) fn is_our_cookie(&self, cookies: &str) -> bool {
         let name = self.cookie_name();
         let pairs = cookies.split(';');
@@ -85,7 +85,7 @@ impl Access {
         format!("phasmid-{}", self.port)
     }
 
-    /// Returns the cookie, as a browser is asked to keep it.
+    /// Returns the value of the `Set-Cookie` header for this console's cookie.
     pub(crate) fn cookie(&self) -> String {
         let (name, value) = (self.cookie_name(), self.cookie.to_line());
         format!(

@@ -1,4 +1,4 @@
-//! The files of the page, embedded.
+//! The files of the page, embedded in the program.
 
 /// A file of the page.
 pub(crate) struct Asset {
@@ -20,7 +20,7 @@ macro_rules! assets {
     };
 }
 
-/// All of them; the first is the page itself.
+/// All files; the first one is the page itself.
 pub(crate) const ASSETS: &[Asset] = assets! {
     "index.html": "text/html; charset=utf-8",
     "style.css": "text/css; charset=utf-8",
@@ -64,7 +64,8 @@ mod tests {
     fn page_weighs_little_and_names_only_its_own_files() {
         let weight: usize = ASSETS.iter().map(|asset| asset.bytes.len()).sum();
         assert!(weight < 3 << 20, "{weight} bytes");
-        // Files from other projects mention addresses in comments; browser tests check what is fetched.
+        // Skip files from other projects, whose comments mention addresses. Browser tests check that the
+        // page fetches nothing else.
         let own = { ASSETS.iter() }.filter(|asset| !asset.name.starts_with("three/"));
         for asset in own {
             let text = String::from_utf8_lossy(asset.bytes);

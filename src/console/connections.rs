@@ -11,10 +11,11 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-/// Maximum number of connections; further ones wait. A browser opens up to six besides its WebSockets.
+/// Maximum number of connections; further ones wait. A browser opens up to six connections besides its
+/// WebSockets.
 const MAX_CONNECTIONS: usize = 128;
 
-/// A listener with a limit.
+/// A listener with a limited number of connections.
 pub(crate) struct Connections {
     listener: TcpListener,
     free: Arc<Semaphore>,

@@ -20,13 +20,13 @@ use tokio::sync::watch;
 
 /// Maximum number of viewers at a time.
 const MAX_VIEWERS: usize = 16;
-/// Number of results in a room that are kept.
+/// Maximum number of tracking results that are kept for a room.
 const MAX_ROWS: usize = 3000;
 
 /// A frame that a source has shown.
 #[derive(Clone)]
 pub(crate) struct Shown {
-    /// The source's running number, from 1.
+    /// Running number of the frame among all that the source has shown, from 1.
     pub(crate) number: u64,
     pub(crate) frame: Arc<Frame>,
     /// Whether id, pattern and times come from the device; if not, the id is a running number.
@@ -35,7 +35,7 @@ pub(crate) struct Shown {
     pub(crate) arrived: Instant,
 }
 
-/// A value that a source has shown, with the source's running number.
+/// A value that a source has shown, with its running number among all that the source has shown.
 #[derive(Clone)]
 pub(crate) struct Numbered<T> {
     pub(crate) number: u64,
@@ -57,14 +57,14 @@ struct Source {
     sequence: Option<Numbered<Arc<Sequence>>>,
     measurement: Option<Numbered<Arc<dyn Measurement>>>,
     room: Option<Numbered<Arc<Room>>>,
-    /// Results in the room.
+    /// Tracking results in the room.
     rows: VecDeque<Numbered<Arc<KnownRow>>>,
     /// Number of results so far.
     results: u64,
     /// The patient in the last scan.
     scan: Arc<RoomScan>,
     operators: Vec<Arc<dyn Operator>>,
-    /// Status text for viewers: the current activity, or why it failed.
+    /// Status text for viewers: the current activity, or the reason why it failed.
     status: Option<String>,
     traffic: Traffic,
     /// The last running number; frames, sequences, measurements, rooms and results share it.
@@ -74,18 +74,18 @@ struct Source {
     /// Number of restarts.
     era: u64,
     recording: Option<Recording>,
-    /// Why the last recording ended without a viewer's request.
+    /// Reason why the last recording ended, if no viewer asked to end it.
     cut: Option<String>,
     /// Number of programs that are known to read the camera.
     readers: u64,
-    /// Why the last frame was damaged, or why the camera is gone.
+    /// Reason why the last frame was damaged or why the camera is gone.
     why: Option<String>,
-    /// Whether the camera or the control port is unplugged.
+    /// Which of camera and control port are unplugged.
     unplugged: Unplugged,
 }
 
 impl Source {
-    /// Forgets the frame and the state of the links.
+    /// Forgets the latest frame and the state of the links.
     fn rewind(&mut self) {
         self.latest = None;
         (self.readers, self.why, self.unplugged) = (0, None, Unplugged::default());
@@ -117,14 +117,14 @@ pub(crate) struct Standing {
     pub(crate) unplugged: Unplugged,
     /// Whether the source is a treatment room.
     pub(crate) room: bool,
-    /// Kinds of requests that are answered.
+    /// Kinds of requests that the source answers.
     pub(crate) answers: Vec<&'static str>,
     pub(crate) status: Option<String>,
-    /// Number of restarts. When it changes, the page forgets all that was shown before.
+    /// Number of restarts. When it changes, the page forgets everything that the source has shown.
     pub(crate) era: u64,
     /// Name of the recording that is being made.
     pub(crate) recording: Option<String>,
-    /// Why the last recording ended without a viewer's request.
+    /// Reason why the last recording ended, if no viewer asked to end it.
     pub(crate) cut: Option<String>,
 }
 
@@ -146,16 +146,17 @@ fn is_camera(channel: Channel) -> bool {
 /// The sources and the viewers.
 pub(crate) struct Hub {
     state: Mutex<State>,
-    /// Counts changes.
+    /// Number of changes, by which viewers are notified.
     news: watch::Sender<u64>,
     /// Folder of recordings.
     recordings: Option<PathBuf>,
-    /// Token for a link to give to others.
+    /// Token of the address at which other people may watch.
     view_token: String,
 }
 
 impl Hub {
-    /// Creates a hub without sources; viewers record and upload into a folder, if there is one.
+    /// Creates a hub without sources. `recordings` is the folder into which viewers may record and
+    /// upload, if any.
     pub(crate) fn new(recordings: Option<PathBuf>, view_token: String) -> Self {
         Self {
             state: Mutex::default(),
@@ -178,7 +179,7 @@ impl Hub {
         self.news.send_modify(|count| *count += 1);
     }
 
-    /// Adds a source, which may show recordings, and returns its index.
+    /// Adds a source and returns its index. `plays` says whether the source plays recordings.
     pub(crate) fn add(&self, name: String, plays: bool) -> usize {
         let mut state = self.state();
         state.sources.push(Source {
@@ -192,8 +193,8 @@ impl Hub {
         index
     }
 
-    /// Takes an event of a source's links. Never blocks for long, because each viewer copies the
-    /// data that it sends in its own task.
+    /// Handles an event of a source's links. It never blocks for long, because the data for a
+    /// viewer is copied in that viewer's own task.
     pub(crate) fn see(&self, source: usize, time_ns: u64, channel: Channel, event: &Event) {
         let mut state = self.state();
         let source = &mut state.sources[source];
@@ -270,7 +271,8 @@ impl Hub {
         self.tell();
     }
 
-    /// Forgets the frame and the links of a source and, if `measurement` is set, its measurement.
+    /// Forgets the latest frame and the state of the links of a source and, if `measurement` is
+    /// set, its measurement.
     pub(crate) fn rewind(&self, source: usize, measurement: bool) {
         let mut state = self.state();
         let source = &mut state.sources[source];
@@ -282,7 +284,7 @@ impl Hub {
         self.tell();
     }
 
-    /// Starts or ends a recording of a source, and returns its name.
+    /// Starts (`on`) or ends a recording of a source, and returns the recording's name.
     fn record(self: &Arc<Self>, source: usize, on: bool) -> Result<Value> {
         let mut state = self.state();
         let scanner = &mut state.sources[source];
@@ -337,7 +339,7 @@ impl Hub {
         Ok(json!({ "name": name }))
     }
 
-    /// Notes why a recording of a source has ended while the scanner goes on.
+    /// Notes why the recording of a source has ended although no viewer asked for it.
     fn cut(&self, source: usize, why: &str) {
         self.state().sources[source].cut = Some(why.to_owned());
         self.tell();
@@ -441,13 +443,14 @@ impl Hub {
         measurement.map(|shown| shown.value.clone())
     }
 
-    /// Returns whether no further viewer is admitted. The last place is for a viewer that may control.
+    /// Returns whether no further viewer is admitted. The last place is reserved for a viewer that may
+    /// control.
     pub(crate) fn is_full(&self, may_control: bool) -> bool {
         self.state().viewers.len() >= MAX_VIEWERS - usize::from(!may_control)
     }
 
-    /// Admits a viewer, and gives it control if it may control and nobody does; `None` if there are
-    /// too many.
+    /// Admits a viewer, and gives it control if it may control and no viewer has control. Returns
+    /// `None` if there are too many viewers.
     pub(crate) fn enter(self: &Arc<Self>, may_control: bool) -> Option<Seat> {
         let mut state = self.state();
         if state.viewers.len() >= MAX_VIEWERS - usize::from(!may_control) {
@@ -619,8 +622,8 @@ impl Seat {
         Ok(operator.map_or_else(record, Arc::clone))
     }
 
-    /// Takes control if this viewer may control, or gives control back. With `if_free`, does not
-    /// take control from another viewer.
+    /// With `take`, takes control if this viewer may control; else gives control back. With
+    /// `if_free`, does not take control from another viewer.
     pub(crate) fn control(&self, take: bool, if_free: bool) {
         let mut state = self.hub.state();
         if take && self.may_control && !(if_free && state.controller.is_some()) {
@@ -633,7 +636,7 @@ impl Seat {
     }
 }
 
-/// Starts and ends recordings of a source.
+/// The operator that starts and ends recordings of a source for viewers.
 struct Records {
     hub: Arc<Hub>,
     source: usize,

@@ -1,4 +1,4 @@
-//! The console: a page in the browser that shows a scanner working. A web server on the loopback
+//! The console: a page in the browser that shows a scanner at work. A web server on the loopback
 //! interface serves the page, which is embedded, and one WebSocket to each viewer.
 //!
 //! The console opens no camera and no port, and decodes nothing. It sees what an [`Observer`] sees and
@@ -59,7 +59,7 @@ use tokio::sync::oneshot;
 /// How a console is served.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ConsoleOptions {
-    /// Port of the loopback interface; 0 picks a free one.
+    /// Port of the loopback interface; 0 picks a free port.
     pub port: u16,
     /// Folder for recordings and uploads of viewers; without a folder, they can do neither.
     pub recordings: Option<PathBuf>,
@@ -67,8 +67,8 @@ pub struct ConsoleOptions {
 
 /// A console, until this value is dropped.
 ///
-/// Whoever opens [`Self::url`] may control the scanner, whoever opens [`Self::view_url`] may only
-/// watch. Each address has a random token.
+/// A person who opens [`Self::url`] may control the scanner; a person who opens [`Self::view_url`]
+/// may only watch. Each of the two addresses contains a random token.
 #[must_use = "the console is served only as long as this value exists"]
 pub struct Console {
     access: Arc<Access>,
@@ -137,7 +137,7 @@ impl Console {
         }
     }
 
-    /// Adds a place for recordings that are played.
+    /// Adds a source that plays recordings.
     pub fn playback(&self, name: impl Into<String>) -> Source {
         Source {
             hub: self.hub.clone(),
@@ -160,20 +160,20 @@ impl Source {
         Observer::new(move |time_ns, channel, event| hub.see(source, time_ns, channel, event))
     }
 
-    /// Forgets all that has been shown, for example at the start of another recording. Set
-    /// `device_times` if the times of the following events are on the device's clock, like the
-    /// exposure times; only then are latencies shown.
+    /// Forgets everything that this source has shown, for example at the start of another
+    /// recording. Set `device_times` if the times of the following events are on the device's
+    /// clock, like the exposure times; only then are latencies shown.
     pub fn restart(&self, device_times: bool) {
         self.hub.restart(self.index, device_times);
     }
 
-    /// Forgets the frame and the links that were shown and, if `measurement` is set, the
-    /// measurement, when a recording jumps to another time.
+    /// Forgets the latest frame, the state of the links and, if `measurement` is set, the
+    /// measurement. Call this when the playback of a recording jumps to another time.
     pub fn rewind(&self, measurement: bool) {
         self.hub.rewind(self.index, measurement);
     }
 
-    /// Shows the patterns of this sequence as frames report them, from now on.
+    /// Shows, from now on, for each frame the pattern of this sequence that the frame reports.
     pub fn show_sequence(&self, sequence: Arc<Sequence>) {
         self.hub.show_sequence(self.index, sequence);
     }
@@ -204,8 +204,8 @@ impl Source {
         self.hub.show_room(self.index, room);
     }
 
-    /// Shows the result of a scan in the room, and the patient in it. The latest thousands of results are
-    /// kept. Returns the number of the result.
+    /// Shows the result of a scan in the room, and the patient in it. The latest 3000 results are kept.
+    /// Returns the number of the result.
     pub fn show_tracked(&self, row: RoomRow, scan: Arc<RoomScan>) -> u64 {
         self.hub.show_tracked(self.index, row, scan)
     }

@@ -1,4 +1,4 @@
-//! Views of a scan. They are computed when a viewer asks for them, and only then.
+//! Views of a scan. A view is computed only when a viewer asks for it.
 
 use phasmid_core::error::Result;
 use serde::Serialize;
@@ -13,7 +13,7 @@ pub trait Measurement: Any + Send + Sync {
     /// Returns why the scan has no result, for example because it cannot be decoded.
     fn about(&self) -> Result<About>;
 
-    /// Returns the values of a layer of [`About::layers`], row by row, NaN where there is none.
+    /// Returns the values of a layer of [`About::layers`], row by row; missing values are NaN.
     ///
     /// # Errors
     /// Returns an error if the layer is unknown or cannot be computed.
@@ -43,7 +43,7 @@ pub enum FileKind {
 }
 
 impl FileKind {
-    /// Returns the kind of a file of this name.
+    /// Returns the kind of file that has this name.
     pub(crate) fn of_name(name: &str) -> Option<Self> {
         match name {
             "cloud.ply" => Some(Self::Cloud),
@@ -92,7 +92,7 @@ pub struct Layer {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "scale")]
 pub enum Scale {
-    /// Values on a line.
+    /// Values on a linear scale.
     Linear,
     /// Positive and negative values around zero.
     Signed,
@@ -119,8 +119,8 @@ pub struct Field {
 /// Points, each with a value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Points {
-    /// The position in the rig's frame in millimetres; then the value.
+    /// Position (x, y, z) in the rig's frame in millimetres, then the value.
     pub points: Vec<[f32; 4]>,
-    /// Spacing of the points in pixels, along rows and columns.
+    /// Spacing of the points in the camera image, in pixels, along rows and columns.
     pub every: usize,
 }

@@ -26,22 +26,22 @@ pub enum Request {
     Service(Value),
     /// A line for the control port.
     Line(String),
-    /// Beginnings of lines that the device may know, for completion.
+    /// Asks for the beginnings of lines that the device may know, for completion.
     Lines {},
     /// Scan once or repeatedly, or stop scanning.
     Scan {
         /// How often.
         run: Run,
-        /// Sequence to select; the selected one if there is none.
+        /// Sequence to select; `None` keeps the selected sequence.
         sequence: Option<String>,
     },
     /// A step of a calibration.
     Calibration(Calibration),
     /// Start or end a recording of the scanner.
     Record(bool),
-    /// The recordings that can be opened.
+    /// Asks for the names of the recordings that can be opened.
     Recordings {},
-    /// The recording that is open, and its position.
+    /// Asks for the open recording and the playback position.
     Playback {},
     /// Open a recording.
     Open {
@@ -65,7 +65,7 @@ pub enum Request {
 pub enum Run {
     /// Once.
     Once,
-    /// Until another request.
+    /// Again and again, until another request.
     Repeat,
     /// Stop scanning.
     Stop,
@@ -77,7 +77,7 @@ pub enum Run {
 pub enum Calibration {
     /// Look for the board in the latest image.
     Look {},
-    /// The board, the poses so far and the solution.
+    /// Asks for the board, the poses so far and the solution.
     State {},
     /// Use another board, and forget the poses.
     Board(Board),
@@ -108,7 +108,7 @@ impl Request {
         }
     }
 
-    /// Returns its kind, as in [`Operator::answers`].
+    /// Returns the kind of this request, as in [`Operator::answers`].
     pub(crate) fn kind(&self) -> &'static str {
         match self {
             Self::Service(_) => "service",
@@ -126,8 +126,8 @@ impl Request {
 /// Answers the requests of viewers. Requests that change something come only from the viewer that
 /// is in control.
 pub trait Operator: Send + Sync {
-    /// Returns the kinds of requests that are answered: `calibration`, `line`, `playback`,
-    /// `scan`, `service`.
+    /// Returns the kinds of requests that this operator answers: some of `calibration`, `line`,
+    /// `playback`, `scan`, `service`.
     fn answers(&self) -> &'static [&'static str];
 
     /// Answers a request. This may take long; other requests may come meanwhile.

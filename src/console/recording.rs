@@ -7,20 +7,20 @@ use phasmid_protocol::record::{About, Channel, Event, Limits, Recorder, Side};
 use std::path::Path;
 use std::time::SystemTime;
 
-/// Number of the last recording in a folder.
+/// Maximum number in the name of a recording in a folder.
 const LAST: u32 = 99_999;
 
 /// A recording in progress.
 pub(crate) struct Recording {
     recorder: Recorder,
     name: String,
-    /// Time of the scanner's events at which the recording's times begin.
+    /// Time of the scanner's events that is time 0 of the recording.
     begin_ns: u64,
 }
 
 impl Recording {
-    /// Starts a new recording in a folder. `now_ns` is the present time of the scanner's events; `notice`
-    /// is called with the reason if the recording is cut.
+    /// Starts a new recording in a folder. `now_ns` is the present time of the scanner's events;
+    /// `notice` is called with the reason if the recording ends by itself.
     ///
     /// # Errors
     /// Returns an error if the file cannot be created.

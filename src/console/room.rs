@@ -1,4 +1,4 @@
-//! A patient in a treatment room, and where the patient is from scan to scan.
+//! A patient in a treatment room, and the position of the patient in each scan.
 //!
 //! Positions are millimetres in the room frame: the fixed frame of IEC 61217 with its origin at the
 //! isocentre, x to the right as seen from the foot end, y to the gantry, z up.
@@ -20,11 +20,12 @@ pub struct Surface {
 pub struct Room {
     /// Names of the pods.
     pub pods: Vec<String>,
-    /// Fields of view of their cameras; a pod's is known after its first scan.
+    /// Fields of view of the pods' cameras. The field of view of a pod is known after the pod's
+    /// first scan.
     pub fields: Vec<Field>,
     /// Planned position of the tumour.
     pub target_mm: [f64; 3],
-    /// Maximum distance of the tumour from `target_mm` with the beam on.
+    /// Maximum distance of the tumour from `target_mm` at which the beam may be on, in millimetres.
     pub tolerance_mm: f64,
     /// The planned skin.
     #[serde(skip)]
@@ -44,12 +45,13 @@ pub struct RoomRow {
     pub scan: u64,
     /// Device time in seconds; host time if the device reports none.
     pub time_s: f64,
-    /// The skin as a rigid body: shift along x, y and z in millimetres, then pitch, roll and yaw in degrees.
+    /// Displacement of the skin as a rigid body: shift along x, y and z in millimetres, then pitch, roll
+    /// and yaw in degrees.
     pub skin: Option<[Stated; 6]>,
     /// Shift of the tumour from its planned position along x, y and z, then the length of the
     /// shift, in millimetres.
     pub tumour: Option<[Stated; 4]>,
-    /// The true values of `tumour`, of an emulated patient.
+    /// The true values of `tumour`, known only for an emulated patient.
     pub truth: Option<[f64; 4]>,
     /// Why the beam is held; `None` if it is on.
     pub held: Option<String>,
@@ -61,7 +63,7 @@ pub struct RoomRow {
     pub coverage: Vec<f64>,
     /// Fraction of the tracked skin that all pods together see, as the motion model counts it.
     pub covered: Option<f64>,
-    /// Time from the last frame to the result in milliseconds.
+    /// Time from the arrival of the last frame to the result, in milliseconds.
     pub latency_ms: Option<f64>,
 }
 

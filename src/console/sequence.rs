@@ -25,7 +25,8 @@ impl Sequence {
         about.to_note(self.calibration.as_ref().map(Rig::to_toml))
     }
 
-    /// Returns the sequence of a note; `None` if the note is about something else.
+    /// Parses the sequence from a note of a recording; `None` if the note does not describe a
+    /// sequence.
     pub fn of_note(note: &str) -> Option<Self> {
         let reply = Reply::parse(note.as_bytes()).ok()?;
         let SequenceAbout { name, manifest } = reply.sequence?;

@@ -17,7 +17,8 @@ use std::sync::Arc;
 
 /// Maximum size of a message from a viewer in bytes.
 const MAX_MESSAGE: usize = 64 << 10;
-/// The page loads nothing from elsewhere and is shown in no other page.
+/// Content security policy: the page loads files from this server only, and cannot be embedded in
+/// another page.
 const POLICY: &str =
     "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 /// Headers of every response.
@@ -33,7 +34,7 @@ const HEADERS: [(HeaderName, &str); 5] = [
     ),
 ];
 
-/// Refusal of a page of another site.
+/// Answer to a request that a page of another site has sent.
 const NOT_OURS: &str = "Only the console's own page may open this.\n";
 
 #[derive(Clone)]
@@ -42,7 +43,7 @@ struct Shared {
     hub: Arc<Hub>,
 }
 
-/// Returns the pages of a console.
+/// Returns the router with all addresses of a console.
 pub(crate) fn routes(access: Arc<Access>, hub: Arc<Hub>) -> Router {
     let shared = Shared { access, hub };
     Router::new()
@@ -144,7 +145,7 @@ async fn scan(
     }
 }
 
-/// Keeps a recording that a viewer sends.
+/// Stores a recording that a viewer uploads.
 async fn receive(
     State(shared): State<Shared>,
     Path(name): Path<String>,
@@ -171,7 +172,8 @@ async fn receive(
     }
 }
 
-/// Opens the WebSocket of a viewer. A request without an upgrade shows if there are too many viewers.
+/// Opens the WebSocket of a viewer. A request without an upgrade to a WebSocket only tests whether there
+/// are too many viewers.
 async fn socket(
     State(shared): State<Shared>,
     headers: HeaderMap,

@@ -5,7 +5,7 @@ use phasmid_protocol::record::{Channel, Event};
 use serde::Serialize;
 use std::collections::VecDeque;
 
-/// Maximum number of events that are kept, besides free-running frames.
+/// Maximum number of events that are kept, not counting free-running frames.
 const MAX_EVENTS: usize = 2000;
 /// Maximum number of free-running frames, kept apart because they would push out all other events.
 const MAX_FREE: usize = 300;
@@ -115,7 +115,7 @@ impl Traffic {
         });
     }
 
-    /// Returns the events with a higher number that are still kept.
+    /// Returns the events that are still kept and have a number greater than `number`.
     pub(crate) fn after(&self, number: u64) -> Vec<Entry> {
         let new = |kept: &VecDeque<Entry>| {
             let begin = kept.partition_point(|entry| entry.number <= number);

@@ -15,7 +15,7 @@ const MAX_BYTES: u64 = 8 << 30;
 const MAX_NAME: usize = 100;
 /// Ending of the names of recordings.
 const ENDING: &str = ".rec";
-/// Maximum number of parts that wait to be written.
+/// Maximum number of parts of an upload that wait to be written to the file.
 const MAX_WAITING: usize = 16;
 
 /// Why an upload failed, for the viewer.

@@ -1,5 +1,6 @@
-//! One WebSocket. A frame is sent only after the page has drawn an earlier frame, so a slow or
-//! paused page receives fewer frames, always the latest, and nothing queues.
+//! Serves one viewer over one WebSocket. A frame is sent only after the page has drawn an earlier
+//! frame. A slow or paused page therefore receives fewer frames, each the latest at that time, and
+//! frames do not queue.
 
 use crate::hub::{Seat, View};
 use crate::operator::Request;
@@ -17,7 +18,7 @@ use tokio::task::{JoinHandle, JoinSet};
 const MAX_AHEAD: usize = 2;
 /// Number of recent frames whose median delay is reported.
 const DELAYS: usize = 60;
-/// Time in which the browser must accept a message.
+/// Maximum time for the browser to accept a message.
 const STALL: Duration = Duration::from_secs(30);
 /// Time between two pings, which browsers answer by themselves.
 const PING: Duration = Duration::from_secs(20);
@@ -29,7 +30,7 @@ const MAX_ASKED: usize = 8;
 /// Time between two messages of traffic.
 const TRAFFIC: Duration = Duration::from_millis(100);
 
-/// A request's number, and its answer or why there is none.
+/// The number of a request, and the answer or the reason why it was refused.
 type Answer = (u64, Result<Value, String>);
 
 /// The state of a viewer.
@@ -54,7 +55,8 @@ struct Viewer {
     measured: u64,
     /// Messages of a measurement that are being computed.
     work: Option<Work>,
-    /// Number of the measurement or results that have been sent and not drawn.
+    /// Number of the measurement or of the results that were sent and that the page has not drawn
+    /// yet.
     unseen: Option<u64>,
     /// Number of the last event that was sent; `None` if the page does not show events.
     traffic: Option<u64>,
@@ -72,7 +74,7 @@ struct Work {
     messages: JoinHandle<Vec<Vec<u8>>>,
 }
 
-/// Waits for messages that are being computed; never returns without work.
+/// Waits for the messages that are being computed; never returns if `work` is `None`.
 async fn done(work: &mut Option<Work>, source: usize) -> Vec<Vec<u8>> {
     let Some(work) = work else {
         return std::future::pending().await;
@@ -104,7 +106,7 @@ pub(crate) async fn serve(socket: WebSocket, seat: Seat) {
 }
 
 impl Viewer {
-    /// Returns when the viewer has left or does not accept a message.
+    /// Serves the viewer; returns when the viewer has left or does not accept a message.
     async fn run(mut self) -> Option<()> {
         let mut view = None;
         let mut heard = Instant::now();
@@ -168,7 +170,8 @@ impl Viewer {
         }
     }
 
-    /// Sends a treatment room, and new results once the page has drawn the earlier ones.
+    /// Sends a new treatment room at once, and new results as soon as the page has drawn the
+    /// earlier results.
     async fn send_room(&mut self) -> Option<()> {
         if let Some(room) = self.seat.newer_room(self.source, self.room) {
             self.room = room.number;
@@ -235,7 +238,7 @@ impl Viewer {
         self.send(Message::Binary(told.into())).await
     }
 
-    /// Passes a request on, or refuses it.
+    /// Passes a request to the source's operator, or refuses it.
     async fn ask(&mut self, number: u64, request: Request) -> Option<()> {
         let operator = match self.seat.operator(self.source, &request) {
             Ok(_) if self.asked.len() == MAX_ASKED => Err("too many requests at a time"),
@@ -269,7 +272,7 @@ impl Viewer {
     async fn answer(&mut self, asked: Asked) -> Option<()> {
         match asked {
             Asked::Drawn { source, number } if source == self.source => {
-                // A page that draws a later frame has skipped the earlier ones.
+                // If the page has drawn a later frame, it has skipped the earlier frames.
                 while let Some((sent, arrived)) = self.ahead.front().copied()
                     && sent <= number
                 {

@@ -8,14 +8,15 @@ use std::sync::Arc;
 
 /// Maximum number of layers that a viewer can ask for at a time.
 const MAX_LAYERS: usize = 8;
-/// Maximum number of points that are shown. More are thinned out.
+/// Maximum number of points that are shown. Larger clouds are thinned out.
 const MAX_POINTS: usize = 640 * 480;
 
 /// Views that a viewer wants of each measurement.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Wanted {
     pub(crate) layers: Vec<String>,
-    /// Layer that gives the points their values; `None` if the cloud is not wanted.
+    /// Name of the layer whose values the points of the cloud have; `None` if the cloud is not
+    /// wanted.
     pub(crate) cloud: Option<String>,
 }
 
@@ -41,7 +42,8 @@ pub(crate) fn messages(
     all
 }
 
-/// Returns the messages that end a measurement that cannot be shown completely.
+/// Returns the messages for a measurement that cannot be shown completely: the reason, and the end
+/// of the measurement.
 pub(crate) fn failed(source: usize, number: u64, why: String) -> Vec<Vec<u8>> {
     let told = Told::Unmeasured {
         source,

@@ -24,7 +24,7 @@ pub(crate) enum Told<'a> {
     /// A frame; the payload has its pixels row by row, in 8 or 16 bits, little-endian.
     Frame {
         source: usize,
-        /// The source's running number, which [`Asked::Drawn`] returns.
+        /// Running number of the frame at the source. The page returns it in [`Asked::Drawn`].
         number: u64,
         id: u64,
         pattern: Option<u32>,
@@ -35,7 +35,7 @@ pub(crate) enum Told<'a> {
         format: &'static str,
         /// Bits of a pixel in the payload.
         bits: u32,
-        /// Largest value that the format can have.
+        /// Largest pixel value of the camera's format.
         white: u16,
         exposure_ms: Option<f64>,
         /// Device time at the start of the exposure.
@@ -94,26 +94,27 @@ pub(crate) enum Told<'a> {
         /// Numbers of vertices and of triangles of both surfaces.
         sizes: [[usize; 2]; 2],
     },
-    /// Results that are new, or to which the truth was added, since the last such message. The
-    /// payload has 32-bit floats of the last scan: four for each point, then the vertices of the
-    /// tracked skin and tumour.
+    /// Results that are new since the last message of this kind, or to which the truth has been
+    /// added since then. The payload has 32-bit floats of the last scan: four for each point, then
+    /// the vertices of the tracked skin and tumour.
     Tracked {
         source: usize,
-        /// Number that [`Asked::Seen`] returns.
+        /// Number that the page returns in [`Asked::Seen`].
         number: u64,
         rows: Vec<&'a KnownRow>,
         /// Numbers of points, of skin vertices and of tumour vertices.
         sizes: [usize; 3],
     },
-    /// Events of the source since the last such message.
+    /// Events of the source since the last message of this kind.
     Traffic { source: usize, events: Vec<Entry> },
-    /// The answer to [`Asked::Ask`] with this number, or why there is none.
+    /// The answer to [`Asked::Ask`] with this number, or the reason why it was refused.
     Answer {
         number: u64,
         answer: Option<Value>,
         error: Option<String>,
     },
-    /// The measurement with this number has been sent completely; [`Asked::Seen`] returns the number.
+    /// The measurement with this number has been sent completely. The page returns the number in
+    /// [`Asked::Seen`].
     Complete { source: usize, number: u64 },
 }
 
@@ -122,7 +123,7 @@ pub(crate) enum Told<'a> {
 pub(crate) struct PatternAbout {
     /// Description for viewers.
     name: String,
-    /// Axis along which the levels vary; `None` if they do not vary or are unknown.
+    /// Projector axis along which the levels vary; `None` if the levels do not vary or are unknown.
     axis: Option<Axis>,
     /// The level of a uniform pattern.
     level: Option<u8>,
@@ -134,9 +135,10 @@ pub(crate) struct PatternAbout {
 pub(crate) enum Asked {
     /// The frame with this number has been drawn, or reported as damaged.
     Drawn { source: usize, number: u64 },
-    /// Show this source from now on.
+    /// Show, from now on, this source instead of the previous one.
     Watch { source: usize },
-    /// Show these layers of each measurement from now on, and its cloud with the values of a layer.
+    /// Show, from now on, these layers of each measurement, and its cloud coloured by the layer
+    /// `cloud`.
     Show {
         layers: Vec<String>,
         cloud: Option<String>,
@@ -147,7 +149,7 @@ pub(crate) enum Asked {
     Ask { number: u64, request: Request },
     /// The measurement or the results with this number have been drawn.
     Seen { source: usize, number: u64 },
-    /// Take control, or give it back. With `if_free`, take it only if nobody has it.
+    /// Take control, or give it back. With `if_free`, take control only if no viewer has it.
     Control { take: bool, if_free: bool },
 }
 
@@ -170,7 +172,7 @@ pub(crate) fn message(told: &Told<'_>, payload: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Returns the message of a frame.
+/// Returns the message that carries a frame.
 pub(crate) fn frame_message(source: usize, shown: &Shown, delay_ms: Option<f64>) -> Vec<u8> {
     let frame = &*shown.frame;
     let (found, expected) = (
@@ -213,7 +215,7 @@ pub(crate) fn frame_message(source: usize, shown: &Shown, delay_ms: Option<f64>)
     message(&told, &luma.data)
 }
 
-/// Returns the message of a sequence.
+/// Returns the message that carries the patterns of a sequence.
 pub(crate) fn sequence_message(source: usize, sequence: &Manifest) -> Vec<u8> {
     let size = &sequence.projector;
     let mut payload = Vec::new();
@@ -270,7 +272,7 @@ fn in_words(pattern: &Pattern) -> String {
     }
 }
 
-/// Returns the message of a room.
+/// Returns the message that carries a treatment room.
 pub(crate) fn room_message(source: usize, room: &Room) -> Vec<u8> {
     let surfaces = [&room.skin, &room.tumour];
     let sizes = surfaces.map(|surface| [surface.vertices.len(), surface.triangles.len()]);
@@ -298,7 +300,7 @@ pub(crate) fn room_message(source: usize, room: &Room) -> Vec<u8> {
     )
 }
 
-/// Returns the message of results, with the patient in the last scan.
+/// Returns the message that carries tracking results and the patient in the last scan.
 pub(crate) fn tracked_message(
     source: usize,
     number: u64,

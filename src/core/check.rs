@@ -10,13 +10,14 @@ use std::fmt::{Display, LowerExp};
 use std::ops::RangeInclusive;
 
 /// Checks values read from a document and reports violations by file, line and field. Values out of
-/// range are collected; any other violation ends its section.
+/// range are collected. Any other violation ends the section (see [`Self::section`]) in which it is
+/// found.
 pub struct Check<'a> {
     /// The document the values come from.
     pub source: &'a TomlSource,
-    /// Values out of range, of this section alone.
+    /// Values out of range in this section, without the sections nested in it.
     errors: RefCell<Vec<Error>>,
-    /// Violations in the sections inside.
+    /// Violations in the sections nested in this one.
     inside: RefCell<Vec<Error>>,
 }
 
@@ -37,8 +38,8 @@ impl<'a> Check<'a> {
     /// Deserialises a document and checks its values.
     ///
     /// # Errors
-    /// Returns all errors that were found, the first 20 of them by line. Values are not checked if the
-    /// document has an error other than a missing text.
+    /// Returns all errors that were found, the first 20 of them by line. If the document has an error
+    /// other than a missing text field, its values are not checked.
     pub fn read<T: DeserializeOwned>(
         source: &'a TomlSource,
         check: impl FnOnce(&mut T, &Self) -> Result<()>,
@@ -61,7 +62,7 @@ impl<'a> Check<'a> {
     }
 
     /// Checks a part of the document whose violations do not affect other checks; returns whether the
-    /// part has no violation. After 200 violations in all, no further part is checked.
+    /// part has no violation. Once 200 violations have been found, no further part is checked.
     pub fn section(&self, check: impl FnOnce(&Self) -> Result<()>) -> bool {
         if self.inside.borrow().len() >= MAX_COUNTED {
             return false;
@@ -85,7 +86,8 @@ impl<'a> Check<'a> {
             .collect()
     }
 
-    /// Ends the section if one of its values is out of range, before they are used together.
+    /// Ends the section if one of its values is out of range. Call this before checks that use
+    /// several values together.
     ///
     /// # Errors
     /// Returns an error if a value of this section is out of range.
@@ -96,8 +98,8 @@ impl<'a> Check<'a> {
     /// Checks that a value lies in an inclusive range. NaN is outside every range.
     ///
     /// # Errors
-    /// Returns an error with the line of `field` if the value is out of range and the section has many
-    /// such values.
+    /// Values out of range are collected without an error. Returns an error with the line of `field`
+    /// only if the section already has many of them.
     pub fn within<T>(&self, field: &str, value: T, range: RangeInclusive<T>) -> Result<()>
     where
         T: PartialOrd + Display + LowerExp + Copy,
@@ -105,8 +107,8 @@ impl<'a> Check<'a> {
         self.within_for(field, value, range, "")
     }
 
-    /// Checks that a value lies in an inclusive range; `reason` follows the range in the message, such as
-    /// " for camera.bits = 8".
+    /// Checks that a value lies in an inclusive range; `reason`, such as " for camera.bits = 8", follows
+    /// the range in the message.
     ///
     /// # Errors
     /// Returns the error of [`Self::within`].
@@ -153,7 +155,7 @@ impl<'a> Check<'a> {
     /// Adds a violation of this section.
     ///
     /// # Errors
-    /// Returns the violation if the section has many.
+    /// Returns the violation as an error if the section has collected many.
     pub fn collect(&self, violation: Error) -> Result<()> {
         let mut errors = self.errors.borrow_mut();
         if errors.len() + 1 >= MAX_COUNTED {
@@ -163,8 +165,8 @@ impl<'a> Check<'a> {
         Ok(())
     }
 
-    /// Checks that every value of a list lies in an inclusive range; the first that does not is
-    /// reported.
+    /// Checks that every value of a list lies in an inclusive range; reports the first value that
+    /// does not.
     ///
     /// # Errors
     /// Returns the error of [`Self::within`].

@@ -1,5 +1,5 @@
-//! Deserialises TOML values. In contrast to the deserialiser of the crate `toml`, errors of list elements
-//! have the element's position, and a list is not accepted for a table.
+//! Deserialises TOML values. In contrast to the deserialiser of the crate `toml`, an error about a list
+//! element has the position of that element, and a list is not accepted in place of a table.
 
 use serde::de::value::StrDeserializer;
 use serde::de::{
@@ -13,13 +13,13 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::DeValue;
 
-/// An error of a document, worded by serde.
+/// An error in a document, with serde's message.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Fault {
     pub message: String,
     span: Option<Range<usize>>,
-    /// Whether the error concerns a list as a whole. A list of `[[tables]]` has the position of its
-    /// first element.
+    /// Whether the error concerns a list as a whole. Then `span` is the list's position; for a list
+    /// of `[[tables]]`, that of its first element.
     pub is_of_list: bool,
 }
 
@@ -81,7 +81,7 @@ impl<'de> Deserializer<'de> for Value<'de> {
                 }
             }
             DeValue::Float(value) => match value.as_str().parse::<f64>() {
-                // A number that is too large reads as infinity.
+                // A number that is too large for f64 is parsed as infinity; reject it.
                 Ok(number) if !number.is_infinite() || value.as_str().contains("inf") => {
                     visitor.visit_f64(number)
                 }
@@ -194,7 +194,8 @@ fn refused(found: Unexpected<'_>, expected: &dyn Expected) -> Fault {
     Fault::invalid_type(found, expected)
 }
 
-/// Returns whether a visitor wants a table; serde would read the fields from a list in their order.
+/// Returns whether a visitor expects a table. Without this check, serde would also accept a list
+/// and take its elements as the fields in order.
 fn is_table(visitor: &dyn Expected) -> bool {
     visitor.to_string().starts_with("internally tagged enum")
 }

@@ -4,9 +4,9 @@
 //! One enum serves all crates. A caller decides by the variant (correct the input, retry, give up), and
 //! every crate can fail in each of these ways; an enum per crate would repeat the variants and convert
 //! them at every boundary, and the place of an error, which [`Error::at`] extends on its way up, would
-//! have to be carried through each conversion. Reasons that a caller can act on have types of their
-//! own: of a failed call ([`Error::Rejected`]) and of a successful call whose result is
-//! doubtful. They display as the message for users.
+//! have to be carried through each conversion. Reasons that a caller can act on have types of their own:
+//! of a failed call ([`Error::Rejected`]) and of a successful call whose result is doubtful. Their
+//! `Display` text is the message for users.
 
 use std::error::Error as StdError;
 use std::fmt::Display;
@@ -35,15 +35,15 @@ pub enum Error {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// Several errors that were found together, a line each.
+    /// Several errors that were found together; displays as one line per error.
     #[error("{}", lines(.0))]
     Several(Vec<Error>),
-    /// Errors of the same input that are not listed.
+    /// Further errors in the same input, which are counted but not listed.
     #[error("and {}{count} further error{}", if *.is_least { "at least " } else { "" }, if *.count == 1 { "" } else { "s" })]
     Further {
         /// Number of errors.
         count: usize,
-        /// Whether there may be more than `count`.
+        /// Whether `count` is only a minimum.
         is_least: bool,
     },
     /// The caller ended the call early.
@@ -53,7 +53,7 @@ pub enum Error {
     /// the crate that found it.
     #[error("{message}")]
     Rejected {
-        /// The message, which contains that of the source.
+        /// The message, which contains the message of `source`.
         message: String,
         /// The reason.
         source: Box<dyn StdError + Send + Sync>,
@@ -72,7 +72,8 @@ fn lines(errors: &[Error]) -> String {
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
-    /// Creates an error for a user mistake at `place`: `found` was there, `expected` describes valid input.
+    /// Creates an error for a user mistake at `place`: `found` is the invalid input, `expected`
+    /// describes valid input.
     pub fn input(place: impl Display, found: impl Display, expected: impl Display) -> Self {
         Self::Input {
             place: place.to_string(),
@@ -81,7 +82,7 @@ impl Error {
         }
     }
 
-    /// Combines errors into one; a single error stays what it is.
+    /// Combines errors into one; a single error is returned unchanged.
     pub fn several(errors: Vec<Self>) -> Self {
         let mut errors: Vec<Self> = errors.into_iter().flat_map(Self::each).collect();
         match errors.len() {

@@ -14,7 +14,8 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     let io = |e| Error::io(path, e);
     let about = regular(path)?;
     let mut bytes = Vec::new();
-    // The file may grow while it is read, and files in /proc report a size of 0.
+    // Limit the read even though the size was checked: the file may grow while it is read, and
+    // files in /proc report a size of 0.
     let file = File::open(path).map_err(io)?;
     file.take(most + 1).read_to_end(&mut bytes).map_err(io)?;
     let size = about.len().max(bytes.len() as u64);

@@ -1,5 +1,6 @@
-//! TOML documents in layers: a document, the ones that it extends, and single settings above it.
-//! Positions count over the texts of all layers, so that each value keeps its file and line.
+//! TOML documents in layers: from the bottom, the documents that a document extends, the document
+//! itself, and settings of single fields. Positions count over the texts of all layers, so that
+//! each value keeps its file and line.
 
 use crate::deserializer::{article, type_name};
 use crate::error::{Error, Result};
@@ -13,8 +14,8 @@ use toml::de::{DeArray, DeTable, DeValue};
 /// Key with the name or path of the document that a document extends.
 pub(crate) const EXTENDS: &str = "extends";
 
-/// Fields that exclude each other. A document that gives one side drops the other side of the document
-/// that it extends.
+/// Pairs of groups of fields that exclude each other. If a document has a field of one group, the fields
+/// of the other group in the document that it extends are dropped.
 const ALTERNATIVES: [[&[&str]; 2]; 2] = [
     [&["gamma"], &["table"]],
     [
@@ -35,7 +36,8 @@ struct Layer {
     place: String,
     /// Path of the value that a setting sets; empty for a document.
     path: String,
-    /// Folder to which paths of files in the text are relative, seen from the last document's folder.
+    /// Folder to which file paths in the text are relative. It is itself relative to the folder of the
+    /// document that extends all others.
     folder: String,
 }
 
@@ -49,8 +51,8 @@ impl Layers {
         }])
     }
 
-    /// Adds the layers of an extended document below; `folder` is its folder, relative to this
-    /// document's.
+    /// Adds the layers of an extended document below all layers; `folder` is the extended
+    /// document's folder, relative to this document's folder.
     pub fn extend(&mut self, base: Self, folder: &str) {
         let layers = base.0.into_iter().map(|layer| Layer {
             folder: folder.to_owned(),
@@ -59,7 +61,8 @@ impl Layers {
         self.0.splice(0..0, layers);
     }
 
-    /// Adds a value as the highest layer; a text that is not valid TOML counts as a string.
+    /// Adds the value of a single field as the highest layer. A text that is not valid TOML counts
+    /// as a string.
     pub fn set(&mut self, path: &str, value: &str, place: String) {
         let text = match DeValue::parse(value) {
             Ok(_) => value.to_owned(),
@@ -78,7 +81,8 @@ impl Layers {
         self.document().map_or("", |layer| &layer.place)
     }
 
-    /// Returns the document that the lowest layer extends, and its place in messages.
+    /// Returns the name of the document that the lowest layer extends, and the place of that name
+    /// for messages.
     pub fn extends(&self) -> Result<Option<(String, String)>> {
         let Some(layer) = self.0.first() else {
             return Ok(None);
@@ -98,8 +102,8 @@ impl Layers {
         }
     }
 
-    /// Merges the layers. Tables are merged key by key, unless they differ in their `kind`; any other
-    /// value replaces the one below it, lists included.
+    /// Merges the layers. Tables are merged key by key, unless their values of `kind` differ. Any other
+    /// value, including a list, replaces the value below it.
     pub fn merged(&self) -> Result<Spanned<DeTable<'_>>> {
         let mut merged: Option<Spanned<DeTable<'_>>> = None;
         let mut start = 0;
@@ -156,7 +160,8 @@ impl Layers {
         ))
     }
 
-    /// Rewords an error of the TOML parser in a text; `start` is the position of the text.
+    /// Rewords an error of the TOML parser in the text of a layer; `start` is the position at which
+    /// that text begins.
     fn syntax_error(&self, error: &toml::de::Error, text: &str, start: usize) -> Error {
         let span = error.span().unwrap_or_default();
         let place = self.place_at(start + span.start);
@@ -169,7 +174,8 @@ impl Layers {
         Error::input(place, found, expected)
     }
 
-    /// Returns `FILE:LINE` of a position, or the setting that it is in.
+    /// Returns `FILE:LINE` of a position, or, if the position is in the value of a setting, that
+    /// setting.
     pub fn place_at(&self, position: usize) -> String {
         let mut start = 0;
         for layer in &self.0 {
@@ -187,8 +193,8 @@ impl Layers {
         format!("{}:1", self.place())
     }
 
-    /// Returns a key by which places are sorted: settings first, then the document and what it
-    /// extends, each by line.
+    /// Returns a key by which places are sorted: settings first, then the document, then the
+    /// documents that it extends, each by line.
     pub fn rank(&self, place: &str) -> (usize, usize) {
         for (i, layer) in self.0.iter().rev().enumerate() {
             let Some(rest) = place.strip_prefix(&layer.place) else {
@@ -233,7 +239,7 @@ fn shifted_table(table: DeTable<'_>, by: usize) -> DeTable<'_> {
     entries.collect()
 }
 
-/// Removes fields of a table that fields with other names in a table above replace.
+/// Removes fields of a table that are replaced by fields with other names in the table above it.
 fn drop_replaced(below: &mut DeTable<'_>, above: &DeTable<'_>) {
     for [one, other] in ALTERNATIVES {
         for (given, replaced) in [(one, other), (other, one)] {
@@ -245,7 +251,8 @@ fn drop_replaced(below: &mut DeTable<'_>, above: &DeTable<'_>) {
             }
         }
     }
-    // Remove `calibration.sequence` if the replacing sequences do not include the one that it names.
+    // If the table above replaces the sequences and lacks the sequence that `calibration.sequence`
+    // names, remove that field.
     let Some(DeValue::Array(sequences)) = above.get("sequence").map(Spanned::get_ref) else {
         return;
     };
@@ -263,7 +270,7 @@ fn drop_replaced(below: &mut DeTable<'_>, above: &DeTable<'_>) {
     }
 }
 
-/// Merges a table into the one below it.
+/// Merges a table into the table of the layer below it.
 fn merge<'a>(below: &mut DeTable<'a>, above: DeTable<'a>) {
     drop_replaced(below, &above);
     for (key, value) in above {
@@ -291,8 +298,8 @@ fn differ_in_kind(lower: &DeTable<'_>, upper: &DeTable<'_>) -> bool {
     kind(upper).is_some_and(|upper| kind(lower) != Some(upper))
 }
 
-/// Prepends a folder to relative paths: all under the keys `file` and `texture`; patients, dialects,
-/// scenes and profiles only if they end with `.toml`, because other names are built in.
+/// Prepends a folder to relative paths: to every value of the keys `file` and `texture`, and to the
+/// names of patients, dialects, scenes and profiles that end with `.toml`. Other names are built in.
 fn relocate(table: &mut DeTable<'_>, folder: &str) {
     for (key, value) in table {
         let is_file = matches!(key.get_ref().as_ref(), "file" | "texture");
@@ -322,7 +329,7 @@ fn relocate_value(value: &mut DeValue<'_>, folder: &str, is_file: bool, is_named
     }
 }
 
-/// Puts a value at a path, in tables that are made where they are missing.
+/// Puts a value at a path; creates missing tables on the way.
 fn put<'a>(
     table: &mut Spanned<DeTable<'a>>,
     path: &'a str,
@@ -334,7 +341,7 @@ fn put<'a>(
     let mut here = Place::Table(table.get_mut());
     let mut before = "";
     while let Some(step) = steps.next() {
-        // The last step gets the value, the others get tables.
+        // At the last step of the path put the value, at earlier steps a table.
         let last = match steps.peek() {
             None => value.take(),
             Some(_) => None,

@@ -1,4 +1,4 @@
-//! Creates output files atomically: either a new file or, on request, a replacement of an old one.
+//! Creates output files atomically. A file is new or, on request, replaces an existing file.
 //!
 //! A file is written under an unpredictable temporary name in the same folder and renamed when it
 //! is complete. A full disk or a crash therefore leaves no truncated file, and symbolic links are
@@ -82,8 +82,8 @@ pub fn check_folder(
     Ok(())
 }
 
-/// An output file being written. It appears under its own name when finished; if dropped before, it
-/// is deleted.
+/// An output file being written. It appears under its final name when [`Self::finish`] is called;
+/// if the value is dropped without that, the file is deleted.
 pub struct NewFile {
     path: PathBuf,
     force: bool,
@@ -92,7 +92,7 @@ pub struct NewFile {
 }
 
 impl NewFile {
-    /// Starts a file. An existing one is replaced only with `force`.
+    /// Starts to write a file. An existing file is replaced only with `force`.
     ///
     /// # Errors
     /// Returns an error if [`check`] fails or the temporary file cannot be created.
@@ -142,7 +142,7 @@ impl Write for NewFile {
     }
 }
 
-/// Writes a file. An existing one is replaced only with `force`.
+/// Writes a file. An existing file is replaced only with `force`.
 ///
 /// # Errors
 /// Returns an error if [`check`] fails or the file cannot be written. Then no partial file remains,
@@ -180,7 +180,7 @@ pub fn replace_image(
     write_image(path, true, fill)
 }
 
-/// Writes an image file. An existing one is replaced only with `force`.
+/// Writes an image file. An existing file is replaced only with `force`.
 ///
 /// # Errors
 /// Returns the errors of [`write()`].
@@ -197,19 +197,21 @@ pub fn write_image(
     })
 }
 
-/// Moves a completed file to its final name on the same file system. An existing one is replaced
+/// Moves a completed file to its final name on the same file system. An existing file is replaced
 /// only with `force`.
 ///
 /// # Errors
-/// Returns an error if [`check`] fails or the file cannot be moved. In the latter case it is deleted.
+/// Returns an error if [`check`] fails or the file cannot be moved. If moving fails, the completed file
+/// is deleted.
 pub fn rename(from: &Path, to: &Path, force: bool) -> Result<()> {
     check(to, force)?;
     let from = TempPath::try_from_path(from).map_err(|e| Error::io(from, e))?;
     put(from, to, force)
 }
 
-/// Opens a file directly under its final name, for data appended during a long measurement: partial
-/// data is worth keeping after a failure, and other programs may read it meanwhile.
+/// Creates a file directly under its final name, for data that is appended during a long
+/// measurement. Partial data remains after a failure, and other programs may read the file while it
+/// grows.
 ///
 /// # Errors
 /// Returns an error if [`check`] fails or the file cannot be opened.

@@ -31,7 +31,7 @@ pub fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
         "{{'descr': '{kind}', 'fortran_order': False, 'shape': ({}), }}",
         shape.join(", ")
     );
-    // Magic, version and length take 10 bytes, the newline one.
+    // Magic, version and length take 10 bytes, and the newline takes one.
     let total = (10 + dictionary.len() + 1).next_multiple_of(64);
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend_from_slice(&((total - 10) as u16).to_le_bytes());

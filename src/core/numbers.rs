@@ -14,7 +14,7 @@ pub trait Fixed: Sized {
     type Entry: DeserializeOwned;
     /// Number of elements.
     const COUNT: usize;
-    /// Singular and plural noun for the elements, used in messages.
+    /// Noun for the elements in messages, singular and plural.
     const NAMES: [&'static str; 2] = ["number", "numbers"];
 
     /// Builds the value from exactly [`Self::COUNT`] elements.
@@ -76,11 +76,11 @@ pub fn exactly_if_any<'de, D: Deserializer<'de>, T: Fixed>(from: D) -> Result<Op
     Ok(Option::<Listed<T>>::deserialize(from)?.map(|listed| listed.0))
 }
 
-/// Deserialises a list of at most `MAX` elements, and stops at the first one beyond; for
+/// Deserialises a list of at most `MAX` elements, and stops at the first surplus element; for
 /// `deserialize_with`.
 ///
 /// # Errors
-/// Returns an error if the value is not a list of such elements or has more of them.
+/// Returns an error if the value is not a list of such elements or has more than `MAX` elements.
 pub fn at_most<'de, D: Deserializer<'de>, T: Deserialize<'de>, const MAX: usize>(
     from: D,
 ) -> Result<Vec<T>, D::Error> {

@@ -7,16 +7,17 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Folder in the draft for the files that are being replaced.
+/// Subfolder of the draft that holds the replaced files while new files are moved.
 const REPLACED: &str = ".replaced";
-/// How often to look for a draft that no other program deletes.
+/// Maximum number of attempts to create a draft that no other program deletes.
 const TRIES: usize = 20;
-/// How long to wait for another program that moves its files to the same folder.
+/// Maximum time to wait for another program that moves its files to the same folder.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// An output folder being filled. Files are written to [`Self::draft`], a private folder in it, and
-/// moved when all are complete. Until then, files of an earlier result stay unchanged. Dropping the value
-/// deletes what was not moved, and the folders created for it if they are empty.
+/// moved when all are complete. Until then, files of an earlier result stay unchanged. Dropping the
+/// value deletes the files that were not moved, and the folders that were created for them if they are
+/// empty.
 pub struct OutputFolder {
     out: PathBuf,
     force: bool,
@@ -24,13 +25,14 @@ pub struct OutputFolder {
     inputs: Vec<PathBuf>,
     /// Draft of the files. A killed program leaves it behind; the next [`Self::create`] deletes it.
     draft: TempDir,
-    /// Lock on the draft, which marks it as in use.
+    /// Lock on the draft. It shows other programs that the draft is in use.
     _lock: Option<File>,
-    /// Dropped after the draft, so that the folders are empty.
+    /// This field is dropped after `draft`, so that the created folders are empty.
     _made: Made,
 }
 
-/// Folders that were created, innermost first. Dropping it removes the empty ones.
+/// Folders that were created, innermost first. Dropping this value removes the empty ones among
+/// them.
 struct Made(Vec<PathBuf>);
 
 impl OutputFolder {
@@ -54,7 +56,7 @@ impl OutputFolder {
         })
     }
 
-    /// Adds files from which the result is computed: they are not replaced, not even with `force`.
+    /// Adds files from which the result is computed. They are never replaced, even with `force`.
     #[must_use]
     pub fn sparing(mut self, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
         let inputs = inputs.into_iter();
@@ -68,7 +70,8 @@ impl OutputFolder {
         self.draft.path()
     }
 
-    /// Moves the files of one subfolder of the draft now, so that they outlast a later failure.
+    /// Moves the files of one subfolder of the draft now, so that they remain if a later step
+    /// fails.
     ///
     /// # Errors
     /// Returns the errors of [`Self::finish`].
@@ -98,7 +101,8 @@ impl OutputFolder {
         self.put(&files, &gone)
     }
 
-    /// Moves files, which are relative to the draft, and removes the files `gone`, if they exist.
+    /// Moves `files`, given by paths relative to the draft, to the output folder, and removes the
+    /// files `gone` from it, if they exist.
     fn put(&self, files: &[PathBuf], gone: &[PathBuf]) -> Result<()> {
         check_folder(&self.out, files.iter().chain(gone), self.force)?;
         if !self.inputs.is_empty() {
@@ -120,7 +124,7 @@ impl OutputFolder {
         let mut moves = Vec::new();
         let moved = self.put_all(files, gone, &mut moves);
         if moved.is_err() {
-            // Nothing can be done about errors here; the first one is returned.
+            // Undo the moves. Ignore errors of this; the error that stopped the moves is returned.
             for (from, to) in moves.iter().rev() {
                 let _ = fs::rename(to, from);
             }
@@ -156,8 +160,8 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Locks the folder against other programs that move files to it; not for longer than
-    /// [`PATIENCE`], because a lock may also mean something else.
+    /// Locks the output folder against other programs that move files to it. Waits at most
+    /// [`PATIENCE`] for the lock, because another program may hold it for another purpose.
     fn lock_out(&self) -> Option<File> {
         let folder = File::open(&self.out).ok()?;
         let end = Instant::now() + PATIENCE;
@@ -170,7 +174,8 @@ impl OutputFolder {
         Some(folder)
     }
 
-    /// Creates the subfolders of the output folder for a file. Does not follow links.
+    /// Creates the subfolders of the output folder that `file` needs. Does not follow symbolic
+    /// links.
     fn create_parents(&self, file: &Path) -> Result<()> {
         let parents = file.ancestors().skip(1);
         let mut parents: Vec<&Path> = parents.filter(|p| !p.as_os_str().is_empty()).collect();
@@ -222,7 +227,7 @@ impl Made {
             }
             match fs::create_dir(path) {
                 Ok(()) => made.0.insert(0, path.to_owned()),
-                // Another program was faster.
+                // Another program has just created the folder.
                 Err(_) if path.is_dir() => {}
                 Err(e) => return Err(Error::io(path, e)),
             }
@@ -242,14 +247,14 @@ impl Drop for Made {
 fn draft_in(out: &Path) -> Result<(TempDir, Option<File>)> {
     let mut draft = scratch_in(out)?;
     for _ in 0..TRIES {
-        // Where the system cannot lock folders, nothing deletes drafts.
+        // If the system cannot lock folders, no program deletes drafts, so no lock is needed.
         let Ok(folder) = File::open(draft.path()) else {
             draft = scratch_in(out)?;
             continue;
         };
         let lock = match folder.try_lock() {
             Ok(()) => Some(folder),
-            // Another program has locked the draft to delete it.
+            // Another program has locked the draft and is about to delete it.
             Err(TryLockError::WouldBlock) => {
                 draft = scratch_in(out)?;
                 continue;
@@ -264,19 +269,20 @@ fn draft_in(out: &Path) -> Result<(TempDir, Option<File>)> {
     Ok((draft, None))
 }
 
-/// Locks a folder until the returned file is dropped or the process ends, if it is not locked yet
-/// and the system can lock folders.
+/// Locks a folder until the returned file is dropped or the process ends. Returns `None` if the
+/// folder is already locked or the system cannot lock folders.
 fn locked(folder: &Path) -> Option<File> {
     let file = File::open(folder).ok()?;
     file.try_lock().is_ok().then_some(file)
 }
 
-/// Deletes drafts of killed programs, as far as possible. Those of other runs in progress are locked.
+/// Deletes drafts of killed programs, as far as possible. The drafts of runs in progress are locked and
+/// remain.
 fn remove_drafts(out: &Path) {
     for entry in fs::read_dir(out).into_iter().flatten().flatten() {
         if is_unfinished(&entry.file_name())
             && is_private(&entry.path())
-            // The lock is held until the draft is deleted.
+            // Hold the lock until the draft is deleted.
             && let Some(_lock) = locked(&entry.path())
         {
             let _ = fs::remove_dir_all(entry.path());
@@ -284,7 +290,8 @@ fn remove_drafts(out: &Path) {
     }
 }
 
-/// Returns whether a path is a folder, not a link to one, that only its owner can open.
+/// Returns whether a path is a folder (not a symbolic link to a folder) that only its owner can
+/// open.
 fn is_private(path: &Path) -> bool {
     path.symlink_metadata().is_ok_and(|about| {
         #[cfg(unix)]
@@ -374,7 +381,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let left = scratch_in(dir.path()).unwrap().keep();
         fs::write(left.join("a"), "half").unwrap();
-        // Not of this program: another mode, another name.
+        // Folders that are not drafts of this program: the first has another mode, the second
+        // another name.
         let theirs = [".phasmid-abcdef.partial", ".phasmid-thesis1.partial"];
         let theirs = theirs.map(|name| dir.path().join(name));
         for folder in &theirs {

@@ -5,7 +5,8 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// A value, with the position of its key; an element of a list has its own position instead.
+/// Positions of a value and of the values in it. `key` is the position of the value's key; for an
+/// element of a list, that of the element.
 pub(crate) struct Positions {
     key: Range<usize>,
     span: Range<usize>,
@@ -18,7 +19,7 @@ enum Inside {
     Table(BTreeMap<String, Positions>),
 }
 
-/// The part of a document that an error is about.
+/// The kind of position that an error has.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Part {
     Value,
@@ -51,8 +52,8 @@ impl Positions {
         Self { key, span, inside }
     }
 
-    /// Returns the position of the value at a path such as `frame[3].pattern`, or of the closest table
-    /// around it, and whether the value exists.
+    /// Finds the value at a path such as `frame[3].pattern`. Returns its position and `true`, or, if the
+    /// value does not exist, the position of the closest enclosing table and `false`.
     pub fn find(&self, path: &str) -> (usize, bool) {
         let mut here = self;
         for step in path.split('.') {

@@ -1,5 +1,6 @@
-//! Finds all errors of a document. serde stops at the first, so each is mended in a copy of the
-//! document, by removing what is wrong or adding a placeholder for what is missing, until it reads.
+//! Finds all errors of a document. serde stops at the first error. So each error is repaired in a
+//! copy of the document, by removing the wrong value or adding a placeholder for the missing one,
+//! until the copy can be deserialised.
 
 use crate::deserializer::{Fault, Value};
 use crate::layers::shifted;
@@ -8,18 +9,18 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Number of errors after which the search for more ends.
+/// Maximum number of errors that are counted; the search for errors then ends.
 pub(crate) const MAX_COUNTED: usize = 200;
-/// Limits of reading a document again: the number of times and the bytes in all.
+/// Limits of deserialising a document repeatedly: number of times, and total number of bytes.
 const MAX_READS: usize = 1000;
 const MAX_BYTES: usize = 1 << 26;
-/// Length in bytes above which only a document's first error is listed, because finding the others
-/// takes many reads.
+/// If a document is longer than this many bytes, only its first error is listed, because finding
+/// the others requires deserialising it many times.
 const MAX_LENGTH: usize = 1 << 18;
-/// Start of the positions of placeholders, beyond that of any document.
+/// Positions of placeholders begin here, beyond the positions in any document.
 const PLACEHOLDERS: usize = usize::MAX / 2;
-/// Values that are tried for a missing field after a text: one for each type, and lists of the usual
-/// lengths.
+/// Placeholders that are tried for a missing field after a text was tried: a value of each type, and
+/// lists of usual lengths.
 const VALUES: [&str; 7] = ["8", "true", "[]", "[8,8]", "[8,8,8]", "[8,8,8,8,8]", "{}"];
 /// Length of the longest of [`VALUES`].
 const LONGEST: usize = 16;
@@ -28,16 +29,16 @@ const LONGEST: usize = 16;
 pub(crate) struct Faults<T> {
     /// Up to [`MAX_COUNTED`] errors.
     pub list: Vec<Fault>,
-    /// Whether there are no others.
+    /// Whether `list` contains all errors of the document.
     pub is_complete: bool,
-    /// The document with texts in place of missing texts, if it lacks nothing else and has no other error.
+    /// The deserialised document with placeholders for missing text fields, if it has no other error.
     pub mended: Option<T>,
 }
 
 /// Deserialises a document of `length` bytes.
 ///
 /// # Errors
-/// Returns all errors, or the first ones if there are many.
+/// Returns all errors of the document, or only the first ones if there are many.
 pub(crate) fn deserialize<T: DeserializeOwned>(
     table: Spanned<DeTable<'_>>,
     length: usize,
@@ -56,8 +57,8 @@ pub(crate) fn deserialize<T: DeserializeOwned>(
         reads: MAX_READS.min(MAX_BYTES / length.max(1)),
         lacks_only_texts: true,
     };
-    // A field is missing once its value was removed, and a table of unknown kind lacks fields: neither is
-    // a second error.
+    // After the removal of a wrong value its field is missing, and a table of unknown kind lacks fields.
+    // Neither counts as a second error.
     let mut removed: Vec<(Range<usize>, String)> = Vec::new();
     loop {
         let span = fault.span();
@@ -68,7 +69,7 @@ pub(crate) fn deserialize<T: DeserializeOwned>(
                     .as_ref()
                     .is_some_and(|name| name == key || key == "kind")
         });
-        // Give up if the same error remains after its repair.
+        // Give up if an error remains after its repair.
         if faults.list.contains(&fault) {
             break;
         }
@@ -111,13 +112,13 @@ fn missing_field(fault: &Fault) -> Option<String> {
 
 struct Document<'a> {
     table: Spanned<DeTable<'a>>,
-    /// Number of reads that are left.
+    /// Remaining number of times that the document may be deserialised.
     reads: usize,
     lacks_only_texts: bool,
 }
 
 impl Document<'_> {
-    /// Reads the document; `None` if it was read too often.
+    /// Deserialises the document; `None` if the limits are exhausted.
     fn read<T: DeserializeOwned>(&mut self) -> Option<Result<T, Fault>> {
         self.reads = self.reads.checked_sub(1)?;
         Some(read(&self.table))
@@ -139,7 +140,7 @@ impl Document<'_> {
         for text in VALUES.iter().rev() {
             values.push(DeValue::parse(text).ok()?.into_inner());
         }
-        // Names have to be unique.
+        // Make each placeholder text unique, because it may be a name, and names have to be unique.
         let text = format!("x{}", self.reads);
         values.push(DeValue::String(text.clone().into()));
         loop {
@@ -167,15 +168,15 @@ impl Document<'_> {
             let is_unknown = fault.message.starts_with("unknown field");
             let refused = match fault.span() {
                 at if mark.contains(&at.start) => !(is_table && is_missing),
-                // Inside an enumeration of tables an error has the position of the whole table. The
-                // other fields were read before this one was missed.
+                // Inside an enumeration of tables, an error has the position of the whole table. A
+                // missing field is reported only after all other fields have been read.
                 at => at == *span && !is_missing && !is_unknown,
             };
             if !refused {
                 self.lacks_only_texts &= is_text;
                 return Some(read);
             }
-            // An enumeration lists its names.
+            // The message about an enumeration lists its valid names: use one of these.
             if let Some((_, names)) = fault
                 .message
                 .strip_prefix("unknown variant `x")

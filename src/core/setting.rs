@@ -4,7 +4,8 @@ use crate::error::{Error, Result};
 use std::fmt::Display;
 use std::str::FromStr;
 
-/// Maximum number of steps of a path. Values are dropped and written recursively.
+/// Maximum number of steps of a path. It bounds the recursion in which nested values are written
+/// and dropped.
 const MAX_STEPS: usize = 64;
 
 /// A value for a field of a document, such as `camera.sensor.read_noise_e=5`: the path of the field and
@@ -27,8 +28,8 @@ impl Setting {
         }
     }
 
-    /// Sets the origin of the setting, such as a command-line option, for messages. The default is
-    /// "setting".
+    /// Sets the origin of the setting for messages, such as a command-line option. The default
+    /// origin is "setting".
     #[must_use]
     pub fn given_by(mut self, origin: &str) -> Self {
         origin.clone_into(&mut self.origin);

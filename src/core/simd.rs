@@ -1,4 +1,5 @@
-//! Compiles one function body twice, for baseline x86-64 and for AVX2, and selects at run time.
+//! Compiles one function body twice, for baseline x86-64 and for AVX2, and selects a version at run
+//! time.
 //!
 //! The body uses neither fused multiply-add nor reordered sums, so both versions return identical
 //! bits.

@@ -13,20 +13,21 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Size limit, larger than any valid profile, scene or manifest; a larger file is rejected without
-/// being read.
+/// Maximum size of a document in bytes. Any valid profile, scene or manifest is smaller; a larger
+/// file is rejected without being read.
 const MAX_BYTES: u64 = 8 << 20;
 
 /// Maximum number of errors that are listed.
 pub(crate) const MAX_LISTED: usize = 20;
 
-/// Maximum number of documents that extend each other.
+/// Maximum number of documents in a chain in which each document extends the next.
 const MAX_EXTENDED: usize = 16;
 
 /// A TOML document and its file name, with the documents that it extends and settings on top of it.
 pub struct TomlSource {
     layers: Layers,
-    /// Positions of all values, found when the first is asked for; `None` if it is not valid TOML.
+    /// Positions of all values, computed when one is first needed; `None` if the document is not
+    /// valid TOML.
     positions: OnceLock<Option<Positions>>,
 }
 
@@ -46,7 +47,7 @@ impl TomlSource {
     /// Reads a UTF-8 file of at most 8 MiB.
     ///
     /// # Errors
-    /// Returns an error if the file cannot be read, is larger or is not valid UTF-8.
+    /// Returns an error if the file cannot be read, is larger than 8 MiB or is not valid UTF-8.
     pub fn read(path: &Path) -> Result<Self> {
         let place = path.display().to_string();
         let bytes = file::read(path, MAX_BYTES)?;
@@ -55,8 +56,9 @@ impl TomlSource {
         Ok(Layers::of_document(text, place).into())
     }
 
-    /// Adds the document that this one names in `extends`, if it has that key: a built-in one, or a
-    /// file relative to `folder`, this document's folder. `built_in` and `kind` are as for [`load`].
+    /// If this document has the key `extends`, adds the document that the key names: a built-in
+    /// document, or a file relative to `folder`, this document's folder. `built_in` and `kind` are as
+    /// for [`load`].
     ///
     /// # Errors
     /// Returns an error if the extended document cannot be read, or extends itself.
@@ -81,7 +83,7 @@ impl TomlSource {
             };
             let (base, _) = find(&path, built_in, kind).map_err(|error| error.at(&place))?;
             chain = format!("{chain}, which extends {}", base.place());
-            // Built-in documents contain no file paths.
+            // Skip built-in documents, which contain no file paths.
             let inner = Path::new(&name).parent();
             if let Some(inner) = inner.filter(|inner| *inner != Path::new("") && !is_built_in) {
                 folder.push(inner);
@@ -166,8 +168,8 @@ impl TomlSource {
         }
     }
 
-    /// Combines errors: lists the first ones by line and counts the others. If `is_cut` is set, this
-    /// count is a minimum.
+    /// Combines errors: lists the first errors by line and counts the others. If `is_cut` is set, more
+    /// errors may exist, and the count is stated as a minimum.
     pub(crate) fn in_order(&self, mut errors: Vec<Error>, is_cut: bool) -> Error {
         errors.sort_by_cached_key(|error| match error {
             Error::Input { place, .. } => self.layers.rank(place),
@@ -192,7 +194,8 @@ impl TomlSource {
         self.layers.text()
     }
 
-    /// Returns the document with all that it extends and all settings, as TOML without comments.
+    /// Returns the document, merged with the documents that it extends and with the settings, as
+    /// TOML without comments.
     ///
     /// # Errors
     /// Returns an error with the line for a syntax error.

@@ -5,8 +5,9 @@ use std::f64::consts::PI;
 
 /// Median of the absolute value of a standard normal variable.
 pub const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
-/// End of the biweight in standard deviations. With this value the biweight has 95 % of the efficiency
-/// of least squares for normal errors (P. Huber and E. Ronchetti, "Robust Statistics", 2009).
+/// Residual, in standard deviations, from which the biweight is zero. With this value the biweight has
+/// 95 % of the efficiency of least squares for normal errors (P. Huber and E. Ronchetti, "Robust
+/// Statistics", 2009).
 pub const BIWEIGHT_END: f64 = 4.685;
 
 /// Numbers that [`median`] orders: `f32` and `f64`.
@@ -35,7 +36,8 @@ impl Real for f64 {
     }
 }
 
-/// Returns the median (the upper one of an even number); `None` without values. Reorders them.
+/// Returns the median; of an even number of values, the upper of the two middle ones. Returns
+/// `None` if there are no values. Reorders `values`.
 pub fn median<T: Real>(values: &mut [T]) -> Option<T> {
     let middle = values.len() / 2;
     let order = |a: &T, b: &T| a.order(b);
@@ -48,8 +50,8 @@ pub fn finite_median<T: Real>(values: impl IntoIterator<Item = T>) -> Option<T> 
     median(&mut finite.collect::<Vec<_>>())
 }
 
-/// Returns the robust standard deviation of normal errors from their absolute values; `None` without any.
-/// Reorders them.
+/// Returns the robust standard deviation of normal errors from their absolute values `sizes`; `None` if
+/// there are no values. Reorders `sizes`.
 pub fn normal_scale(sizes: &mut [f64]) -> Option<f64> {
     Some(median(sizes)? / MEDIAN_OF_NORMAL)
 }
@@ -59,7 +61,7 @@ pub fn normal_scale(sizes: &mut [f64]) -> Option<f64> {
 #[inline]
 pub fn biweight(residual: f64) -> f64 {
     let rest = 1.0 - (residual / BIWEIGHT_END).powi(2);
-    // `max` returns 0 for NaN.
+    // `f64::max` ignores NaN, so the result is 0 for NaN.
     rest.max(0.0).powi(2)
 }
 

@@ -4,17 +4,17 @@ use crate::error::{Error, Result};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// A request to end a long call early. Clones are the same request.
+/// A request to end a long call early. Clones share one request.
 ///
-/// The call returns [`Error::Interrupted`] within a fraction of a second, and so do later ones until
-/// [`Self::reset`].
+/// The call returns [`Error::Interrupted`] within a fraction of a second. Later calls also return it,
+/// until [`Self::reset`].
 #[derive(Debug, Clone, Default)]
 pub struct Stop(Arc<Request>);
 
 #[derive(Debug, Default)]
 struct Request {
     asked: AtomicBool,
-    /// How often the calls have been asked to end.
+    /// Number of times that the calls have been asked to end.
     times: AtomicU64,
 }
 
@@ -36,8 +36,8 @@ impl Stop {
         self.0.asked.load(Ordering::Relaxed)
     }
 
-    /// Returns how often calls have been asked to end. A call whose number changes meanwhile has been
-    /// asked, even if the request was taken back.
+    /// Returns the number of times that calls have been asked to end. If the number changes during a
+    /// call, that call has been asked to end, even if the request was reset since.
     pub fn times(&self) -> u64 {
         self.0.times.load(Ordering::SeqCst)
     }

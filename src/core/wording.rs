@@ -1,12 +1,12 @@
 //! Error messages of serde and TOML reworded as `found; expected`, and suggestions for misspelt names.
 
-/// Jaro-Winkler similarity from which a name is suggested. clap uses 0.7 for misspelt options; field
-/// names share more of their letters, so the threshold is a little higher.
+/// Minimum Jaro-Winkler similarity of a name that is suggested. clap uses 0.7 for misspelt options; this
+/// threshold is higher because unrelated field names have more letters in common.
 const SIMILAR: f64 = 0.8;
 
 /// Splits a message of a serde deserialiser into what was found and what was expected. A misspelt
-/// field or variant comes with the nearest valid name. `otherwise` is what was expected if the
-/// message does not say.
+/// field or variant comes with the nearest valid name. If the message does not say what was
+/// expected, `otherwise` is returned for that.
 pub fn found_and_expected(message: &str, otherwise: &str) -> (String, String) {
     let message = message.trim_end().replace('\n', " ");
     if let Some(found) = message.strip_suffix(", there are no fields") {
@@ -42,7 +42,7 @@ pub fn found_and_expected(message: &str, otherwise: &str) -> (String, String) {
     (format!("{found}{suggestion}"), expected)
 }
 
-/// Returns the numbers of an integer type, such as `u16`.
+/// Returns the range of the integer type with this name, such as `u16`, for messages.
 fn whole_numbers(name: &str) -> Option<String> {
     let bits: u32 = name.strip_prefix(['u', 'i'])?.parse().ok()?;
     let range = match (name.as_bytes().first()?, bits) {
@@ -63,7 +63,7 @@ pub fn did_you_mean<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) ->
     nearest(name, names).map_or_else(String::new, |name| format!(" (did you mean `{name}`?)"))
 }
 
-/// Returns the name in a message such as "unknown field `x`".
+/// Returns the misspelt name that a message such as "unknown field `x`" contains.
 fn unknown_name(found: &str) -> Option<&str> {
     let rest = found
         .strip_prefix("unknown field `")

@@ -1,19 +1,23 @@
-//! Border pixels: those beside a depth step, or beside a pixel without a coordinate.
+//! Rejects untrusted border pixels. A border pixel lies beside a depth step, or beside a pixel without a
+//! coordinate.
 //!
-//! [`super::edges`] finds mixed pixels by their coordinate alone. It can fail on the last pixel of a
+//! [`super::edges`] finds mixed pixels by their coordinate alone. This can fail at the last pixel of a
 //! slanted or curved flank: that pixel has only one side to extrapolate from, and a flank that steepens
-//! looks like a mixture. After that pass, two physical facts decide about border pixels:
+//! looks like a mixture. Therefore two physical facts decide about border pixels once mixed pixels have
+//! been removed:
 //!
 //! - *Beside a step* between two valid pixels, an edge runs through one of the two, or between them.
-//!   Each may be a mixture of two lit surfaces, so neither is trusted. A step is a difference that
-//!   neither side's slope explains: it lies outside the range of the two slopes by more than the noise
-//!   and half the steeper slope (a crease turns from one slope to the other and stays within).
+//!   Each of the two pixels may be a mixture of two lit surfaces, so neither is trusted. A step is a
+//!   difference that neither side's slope explains: it lies outside the range of the two slopes by more
+//!   than the noise and half the steeper slope (a crease turns from one slope to the other and stays
+//!   within).
 //! - *Beside a hole* (unlit, dim, or removed) a pixel may be lit or covered in part. It then averages
-//!   over the lit part f of its footprint only, and with an edge across the line its coordinate is off
-//!   by (1 - f) / 2 times the slope along the line. The ratio of the pixel's brightness to that of its
-//!   inner neighbour is a lower bound of f; if the surface darkens outwards, the bound is too low and
-//!   the test is stricter than necessary. A pixel stays only if this bound on its bias is below its
-//!   noise. Where the coordinate does not change along the line, there is no bias and the pixel stays.
+//!   over the lit part f of its footprint only, and if the edge runs across the line of pixels, its
+//!   coordinate is off by (1 - f) / 2 times the slope along the line. The pixel's brightness divided by
+//!   the brightness of its inner neighbour is a lower bound of f; if the surface darkens outwards, the
+//!   bound is too low and the test is stricter than necessary. A pixel stays only if the resulting upper
+//!   bound of its bias is below its noise. Where the coordinate does not change along the line, there is
+//!   no bias and the pixel stays.
 
 use super::edges::{KEEP, MIXED, less};
 use phasmid_geometry::NoiseModel;
@@ -34,8 +38,8 @@ pub(super) struct LightNoise {
 }
 
 impl LightNoise {
-    /// Creates the model for an intensity of white minus black over `range` in DN. Ambient light adds
-    /// noise that is not modelled, so with it the test is stricter.
+    /// Creates the noise model of the intensity map, which is (white - black) / `range`, with `range` in
+    /// DN. The noise of ambient light is not modelled, so ambient light makes the test stricter.
     pub(super) fn new(noise: &NoiseModel, range: f32) -> Self {
         let dark = noise.variance_dn2(noise.black_level_dn) as f32;
         Self {
@@ -45,7 +49,7 @@ impl LightNoise {
     }
 }
 
-/// The rows around a row, all of equal length; rows outside the image are NaN.
+/// The maps around the judged row v; all rows have the same length, and rows outside the image are NaN.
 pub(super) struct Near<'a> {
     /// Coordinates of rows v - 2 to v + 2.
     pub(super) rows: [&'a [f32]; 5],
@@ -57,15 +61,16 @@ pub(super) struct Near<'a> {
     pub(super) padded_light: &'a [f32],
     /// Standard deviations of row v.
     pub(super) sigma: &'a [f32],
-    /// Variance of the coordinate due to the error of the model of a sample, in projector pixels^2.
+    /// Variance of the coordinate due to model errors of the samples (rounded levels), in projector
+    /// pixels^2.
     pub(super) model: f32,
-    /// Largest error of extrapolations due to held projector pixels, in row v.
+    /// Maximum error that held projector pixels cause in an extrapolation to each pixel of row v.
     pub(super) held: &'a [f32],
     pub(super) noise: LightNoise,
 }
 
-/// Writes [`MIXED`] into `flags` at rejected border pixels; `period` is the period modulo which
-/// coordinates are known, or 0.
+/// Writes [`MIXED`] into `flags` at rejected border pixels; coordinates are known modulo `period`, which
+/// is 0 if they are absolute.
 #[inline(always)]
 pub(super) fn judge_row(near: &Near<'_>, period: f32, flags: &mut [u8]) {
     if period > 0.0 {
@@ -105,7 +110,7 @@ fn judge<const WRAPPED: bool>(near: &Near<'_>, period: f32, flags: &mut [u8]) {
     }
 }
 
-/// A pixel and its noise allowances.
+/// A pixel, with the tolerances of the step test and of the bias test.
 struct Pixel {
     x: f32,
     light: f32,
@@ -195,8 +200,8 @@ mod tests {
         // Fully lit up to the end.
         let whole = [0.4, 0.4, 0.4, 0.4, 0.39, 0.0];
         assert_eq!(flags(&x, &whole, 0.02, 0.0), [KEEP; 6]);
-        // A pixel lit in half of its footprint averages along the fringes, so its coordinate is
-        // unchanged.
+        // The last lit pixel is only half lit, but the coordinate hardly changes along the line, so the
+        // pixel has no bias.
         let along = [7.0, 7.0, 7.01, 7.0, 7.01, N];
         assert_eq!(flags(&along, &lit, 0.02, 0.0), [KEEP; 6]);
         // At the image border the surface darkens, but the pixel is not lit in part.

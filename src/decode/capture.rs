@@ -1,5 +1,5 @@
-//! A capture, the images of one sequence, and how it is stored: the images as PNG, the manifest that
-//! describes them, and the calibration.
+//! A capture holds the images of one sequence. It is stored as PNG images, the manifest that describes
+//! them, and the calibration.
 
 use super::{Decoded, Decoder, Options};
 use image::{ImageBuffer, ImageFormat, Luma};
@@ -17,7 +17,7 @@ pub const MANIFEST_FILE: &str = "sequence.toml";
 /// File name of the calibration in a folder of frames.
 pub const CALIBRATION_FILE: &str = "calibration.toml";
 
-/// Header of a manifest whose patterns include images: a device does not return their files.
+/// Header of a manifest with image patterns: a device does not return the files of these images.
 const IMAGES_REMARK: &str = "# Patterns of kind \"image\" name images in the device, which a scan does not fetch. Decoding\n\
      # needs none of them; to project this sequence again, put them beside this file.\n\n";
 
@@ -83,7 +83,7 @@ impl Capture {
     ///
     /// # Errors
     /// Returns an error if the folder holds a capture, unless `force` is set, or if a folder or device
-    /// has the name of one of its files.
+    /// has the name of a file that the capture writes.
     pub fn check_folder(folder: &Path, force: bool) -> Result<()> {
         new_file::check_folder(folder, [""; 0], force)?;
         let mut names = Self::frames_in(folder)?;
@@ -102,7 +102,8 @@ impl Capture {
         ))
     }
 
-    /// Returns the names of the frames of a capture in a folder, sorted; none if the folder does not exist.
+    /// Returns the names of the frames of a capture in a folder, sorted; none if the folder does not
+    /// exist.
     ///
     /// # Errors
     /// Returns the system's error.

@@ -6,8 +6,8 @@ use glam::Vec3;
 use phasmid_geometry::Cloud;
 use rayon::prelude::*;
 
-/// Neighbours whose depths differ by more than this fraction of the depth (and by 10 standard
-/// deviations) are on another surface.
+/// Neighbours whose depths differ by more than this fraction of the depth (and by 10 sigma) are on
+/// another surface.
 const SAME_SURFACE: f32 = 0.02;
 
 /// Position, normal, intensity and standard deviation of a point.

@@ -7,10 +7,10 @@ const WITHIN: f64 = 0.9733;
 /// Iterations of clipping.
 const ROUNDS: usize = 4;
 
-/// Returns the standard deviation of residuals without those beyond three standard deviations. `sizes`
-/// are their absolute values in any order, at least one. Iteration starts from the median, or from
-/// `first` if that is larger, since integer residuals may have a median of 0. The result is at least
-/// `least`.
+/// Returns the standard deviation of residuals, without residuals beyond three standard deviations.
+/// `sizes` are the absolute values of at least one residual, in any order. Iteration starts from the
+/// median, or from `first` if that is larger, since integer residuals may have a median of 0. The result
+/// is at least `least`.
 pub fn of_most(sizes: &mut [f64], first: f64, least: f64) -> f64 {
     let middle = sizes.len() / 2;
     // The median of absolute values is 0.6745 standard deviations. For integer residuals the median is

@@ -9,9 +9,10 @@
 //! smoothed: a pixel is kept unchanged or rejected.
 //!
 //! Where the coordinate changes by a fringe period or more per pixel, a pixel averages over the whole
-//! fringe. Its contrast vanishes, and for larger changes the fringe appears inverted, half a period
-//! off. Such pixels are rejected whatever their modulation. Pixels without a neighbour on either side
-//! along the row or along the column are rejected too, because their slope is unknown.
+//! fringe. Its contrast vanishes, and for larger changes the fringe appears inverted, so the coordinate
+//! is off by half a period. Such pixels are rejected whatever their modulation. Pixels without a
+//! neighbour on either side along the row or along the column are rejected too, because their slope is
+//! unknown.
 
 use super::turns::nearest;
 
@@ -25,7 +26,8 @@ pub(super) const STRAY: u8 = 2;
 /// The surface is so steep that the pixel spans a period of the finest fringe.
 pub(super) const FINE: u8 = 3;
 
-/// Maximum fraction of the finest period that a pixel may span; a tenth of the contrast remains there.
+/// Maximum fraction of the finest period that a pixel may span; at this limit a tenth of the contrast
+/// remains.
 const SPAN: f32 = 0.9;
 /// Tolerance in standard deviations: 5 times the noise of a linear extrapolation, which is sqrt(6)
 /// times that of one pixel.
@@ -33,7 +35,8 @@ const NOISE: f32 = 12.25;
 /// Minimum tolerance in projector pixels: far below relevant errors, above the f32 rounding of large
 /// coordinates.
 const FLOOR_PX: f32 = 0.02;
-/// The rows around a row of an axis, all of equal length; rows outside the image are NaN.
+/// The rows around the judged row v of an axis' map, all of equal length; rows outside the image are
+/// NaN.
 pub(super) struct Around<'a> {
     /// Rows v - 3 to v + 3.
     pub(super) rows: [&'a [f32]; 7],
@@ -41,19 +44,20 @@ pub(super) struct Around<'a> {
     pub(super) padded: &'a [f32],
     /// Standard deviations of row v.
     pub(super) sigma: &'a [f32],
-    /// Variance of the coordinate due to the error of the model of a sample, in projector pixels^2.
+    /// Variance of the coordinate due to model errors of the samples (rounded levels), in projector
+    /// pixels^2.
     pub(super) model: f32,
-    /// Largest error of extrapolations due to held projector pixels, in row v.
+    /// Maximum error that held projector pixels cause in an extrapolation to each pixel of row v.
     pub(super) held: &'a [f32],
     /// Period of the finest fringe in projector pixels; infinite without fringes.
     pub(super) finest: f32,
-    /// Whether the image has more than two columns, and more than two rows, so that a pixel without a
-    /// neighbour on either side counts as isolated.
+    /// Along rows and along columns: true if the image is longer than two pixels, so that a pixel
+    /// without a neighbour on either side counts as isolated.
     pub(super) has_beside: [bool; 2],
 }
 
-/// Sets the flags of the row's mixed, too steep or isolated pixels to [`MIXED`], [`FINE`] or
-/// [`STRAY`] where they are [`KEEP`]. Coordinates are known modulo `period`; 0 if they are absolute.
+/// Sets the flags of the row's mixed, too steep or isolated pixels to [`MIXED`], [`FINE`] or [`STRAY`]
+/// where they are [`KEEP`]. Coordinates are known modulo `period`, which is 0 if they are absolute.
 #[inline(always)]
 pub(super) fn judge_row(around: &Around<'_>, period: f32, flags: &mut [u8]) {
     if period > 0.0 {
@@ -80,7 +84,7 @@ fn judge<const WRAPPED: bool>(around: &Around<'_>, period: f32, flags: &mut [u8]
         let (above, below) = ([v[2][i], v[1][i], v[0][i]], [v[4][i], v[5][i], v[6][i]]);
         let (row_bad, row_has) = line::<WRAPPED>(x, left, right, base, period);
         let (col_bad, col_has) = line::<WRAPPED>(x, above, below, base, period);
-        // The smaller slope of both sides, so that a depth step does not count as a slope.
+        // The smaller of the slopes on both sides, so that a depth step does not count as a slope.
         let step = |a: f32, b: f32| {
             let (a, b) = (less::<WRAPPED>(x, a, period), less::<WRAPPED>(x, b, period));
             a.abs().min(b.abs())
@@ -139,7 +143,8 @@ fn line<const WRAPPED: bool>(
     let miss_r = less::<WRAPPED>(less::<WRAPPED>(x, right[0], period), sr, period);
     let has_l = !miss_l.is_nan();
     let has_r = !miss_r.is_nan();
-    // A crease: both extrapolations meet within the pixel, whose footprint averages over it.
+    // A crease: both extrapolations meet within the pixel, and the pixel's footprint averages over the
+    // crease.
     let turn = (sl + sr).abs();
     let gap = less::<WRAPPED>(miss_l, miss_r, period).abs();
     let crease = if gap <= 0.75 * turn + base {
@@ -204,7 +209,7 @@ mod tests {
         let sphere: Vec<f32> = (0..60).map(|i| 400.0 * (i as f32 / 60.0).asin()).collect();
         let crease: Vec<f32> = (0..20)
             .map(|i| {
-                // The footprint's mean of 4 |t| + 3 t about a crease within pixel 10.
+                // Mean over the footprint of 4 |t| + 3 t, which has a crease within pixel 10.
                 (0..100)
                     .map(|k| i as f32 - 10.2 + (k as f32 + 0.5) / 100.0)
                     .map(|t| (4.0 * t.abs() + 3.0 * t) / 100.0)

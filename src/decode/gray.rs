@@ -15,7 +15,7 @@ use phasmid_pattern::Axis;
 pub struct GrayBit {
     /// Frame that shows the bit.
     pub plain: Option<usize>,
-    /// Frame that shows its complement.
+    /// Frame that shows the bit's complement.
     pub inverse: Option<usize>,
 }
 
@@ -165,7 +165,7 @@ impl GrayRow {
         }
     }
 
-    /// Adds a bit with a complement: I and I' differ by twice the contrast.
+    /// Adds a bit with a complement: the samples of the two frames differ by twice the contrast.
     #[inline(always)]
     pub(super) fn add_pair<T: Sample>(&mut self, bit: usize, plain: &[T], inverse: &[T]) {
         let n = self.code.len();
@@ -198,7 +198,7 @@ impl GrayRow {
     }
 }
 
-/// Position of the weakest bit's index in a code word.
+/// Position, in a word of [`GrayRow::code`], of the lowest bit of the index of the weakest bit.
 const WEAKEST: u32 = 24;
 const CODE: u32 = (1 << WEAKEST) - 1;
 

@@ -1,17 +1,18 @@
-//! Decodes frames to projector coordinates and points, with a standard deviation per pixel. It
-//! depends on `phasmid-core`, `phasmid-geometry` and `phasmid-pattern` only and does not know where
+//! Decodes frames to projector coordinates and points, with a standard deviation per pixel. This crate
+//! depends on `phasmid-core`, `phasmid-geometry` and `phasmid-pattern` only and is independent of where
 //! frames come from.
 //!
 //! [`Plan`] reads a sequence manifest and states how its axes can be decoded, or what is missing.
-//! [`Decoder`] holds the tables and buffers for one plan, image size and rig, and turns a
-//! [`Image`](phasmid_pattern::Image)s into [`Decoded`] maps in passes over rows. Each pass is parallel and gives
-//! the same result on any number of threads:
+//! [`Decoder`] holds the tables and buffers for one plan, image size and rig, and turns
+//! [`Image`](phasmid_pattern::Image)s into [`Decoded`] maps in passes over rows. Each pass is parallel
+//! and gives the same result on any number of threads:
 //!
 //! 1. least squares over the steps of every fringe set ([`FringeSet`]), Gray bits ([`GrayCode`]), the
 //!    fringe order with a test of its certainty, and one standard deviation per pixel. A pixel is
 //!    rejected as damaged in one of its frames if its steps, or the means of its sets, contradict each
-//!    other by more than is usual in the capture (`robust_scale`), or if a Gray bit contradicts the phase; it
-//!    is also rejected if its Gray bits come from two places at once, as at a silhouette (`order`);
+//!    other by more than is usual in the capture (`robust_scale`), or if a Gray bit contradicts the
+//!    phase; it is also rejected if its Gray bits come from two places at once, as at a silhouette
+//!    (`order`);
 //! 2. mixed pixels and outliers that lie on neither side's extrapolation (`edges`), then pixels that
 //!    border on a step or a hole (`borders`);
 //! 3. correction of the error due to held projector pixels (`held`);

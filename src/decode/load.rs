@@ -8,9 +8,9 @@ use phasmid_pattern::{Image, MAX_SIDE_PX, Manifest};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Maximum number of pixels of a frame: 8192 x 8192, above the 65 million of the largest common
-/// sensors. Decoding takes about 30 bytes per pixel besides the frames, and a small compressed file
-/// may hold any number of equal pixels.
+/// Maximum number of pixels of a frame: 8192 x 8192, above the 65 million of the largest common sensors.
+/// Decoding takes about 30 bytes per pixel besides the frames, and without a limit a small compressed
+/// file could claim any number of equal pixels.
 const MAX_PIXELS: u64 = 1 << 26;
 /// Maximum total size of a sequence's samples, in bytes.
 const MAX_BYTES: u64 = 4 << 30;
@@ -19,8 +19,8 @@ const MAX_DECODING: u64 = 1 << 30;
 /// Bytes per pixel of the widest format, 16-bit RGBA.
 const WIDEST_PIXEL: u64 = 8;
 
-/// Loads the images that `plan` needs from `folder`, in parallel, all of one size and as many bits
-/// per sample. The others are empty.
+/// Loads the images that `plan` needs from `folder`, in parallel. They must have one size and one number
+/// of bits per sample. The images that `plan` does not need are returned empty.
 ///
 /// # Errors
 /// Returns an error that names the file if a frame has no file name, if an image is missing or
@@ -149,7 +149,7 @@ fn size(path: &Path) -> Result<(u32, u32)> {
 fn open(path: &Path) -> Result<Image> {
     let (w, h) = size(path)?;
     let mut reader = reader(path)?;
-    // Bounds what a file can hold besides its pixels, such as a colour profile.
+    // Limits the memory, because a file can contain more than its pixels, such as a colour profile.
     let mut limits = Limits::default();
     limits.max_alloc = Some((u64::from(w) * u64::from(h) * 16).max(1 << 20));
     reader.limits(limits);
@@ -190,7 +190,8 @@ mod tests {
         let path = dir.path().join("bomb.png");
         image::GrayImage::new(16, 16).save(&path).unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
-        // The header's width and height, and its checksum; no pixels follow that would fill them.
+        // Sets width and height in the header to 16384 and updates its checksum; the file has far fewer
+        // pixels.
         bytes[16..24].copy_from_slice(&[0, 0, 64, 0, 0, 0, 64, 0]);
         let checksum = crc(&bytes[12..29]);
         bytes[29..33].copy_from_slice(&checksum.to_be_bytes());

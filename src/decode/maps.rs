@@ -114,7 +114,7 @@ pub struct Decoded {
     pub x: Option<AxisMap>,
     /// Projector rows, if the sequence encodes them.
     pub y: Option<AxisMap>,
-    /// Modulation B in DN of the finest fringes of the first axis; for Gray code alone, its half
+    /// Modulation B in DN of the finest fringes of the first axis; for Gray code alone, half its
     /// contrast.
     pub modulation: Vec<f32>,
     /// White minus black (without them: twice the modulation) over the camera's range, 0 to 1.

@@ -8,10 +8,10 @@
 //!
 //! Pixels are binned by mean, outliers are removed from each bin, and the line is fitted to the bins by
 //! weighted least squares. Two precautions matter for a board in a dark room. Bins have about equal
-//! widths in grey value, so that the few lit pixels fill as many bins as their range of values
-//! requires. And the variance of a bin is never assumed to be more precise than a tenth of its value,
-//! nor than the rounding variance: unlit pixels round to one constant, seem to have no noise, and would
-//! dominate the fit by their number.
+//! widths in grey value, so that the few lit pixels fill as many bins as their range of values requires.
+//! And the variance of a bin is never assumed to be more precise than a tenth of its value, nor than the
+//! rounding variance: unlit pixels round to one constant, seem to have no noise, and would otherwise
+//! dominate the fit because there are many of them.
 
 use super::plan::Plan;
 use super::steps::FringeSet;
@@ -25,8 +25,8 @@ const PIXELS: usize = 60_000;
 const VALUES: usize = 16;
 /// Approximate number of bins between the darkest and the brightest mean.
 const BINS: f64 = 16.0;
-/// Minimum number of estimates in a bin: the total divided by the first number, and at least the
-/// second.
+/// Minimum number of estimates in a bin: the total number of estimates divided by the first number, but
+/// at least the second number.
 const FEWEST: (usize, usize) = (400, 30);
 /// Smallest relative standard error assumed for a bin's variance.
 const KNOWN: f64 = 0.1;
@@ -46,7 +46,7 @@ struct Bin {
     weight: f64,
 }
 
-/// Estimates a noise model from the frames' redundancy; `None` if there is too little.
+/// Estimates a noise model from the frames' redundancy; `None` if there is too little redundancy.
 pub fn estimate_noise(plan: &Plan, images: &[ImageView<'_>]) -> Option<NoiseModel> {
     let first = images.iter().find(|image| !image.is_empty())?;
     let pixels = first.width() * first.height();
@@ -224,8 +224,8 @@ fn residual(set: &FringeSet) -> Option<Residual> {
 
 /// Fits s0 and K of variance = s0 + K (mean - black); `rounding` is the variance of rounding, the lower
 /// bound of s0. If the fitted s0 is below that bound, the black level is the mean at which the line
-/// crosses the bound, limited to 0 up to the darkest mean. If not, the black level is set to 0 and is
-/// part of s0.
+/// crosses the bound, limited to 0 up to the darkest mean. If not, the black level is set to 0, and s0
+/// includes its effect.
 fn transfer_line(mut estimates: Vec<Estimate>, rounding: f64) -> Option<(f64, f64, f64)> {
     if estimates.len() < 100 {
         return None;
@@ -297,7 +297,7 @@ impl Bin {
 fn robust_variance(bin: &[Estimate]) -> Option<f64> {
     let mut sizes: Vec<f64> = bin.iter().map(|e| e.variance).collect();
     sizes.sort_by(f64::total_cmp);
-    // If rounding hides the noise, the median is 0; the ninth decile is then the start.
+    // If rounding hides the noise, the median is 0, and the iteration starts from the ninth decile.
     let median = sizes[sizes.len() / 2] * 2.2;
     let mut variance = median.max(sizes[sizes.len() * 9 / 10] / 2.7);
     for _ in 0..5 {

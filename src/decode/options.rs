@@ -12,10 +12,10 @@ pub struct Options {
     pub unwrap_spatial: bool,
     /// Minimum modulation B in DN.
     pub min_modulation_dn: f32,
-    /// Minimum modulation B relative to half of white minus black or, if that is larger (clipped
-    /// white), to the fringes' mean minus black. Applies if the sequence has white and black. A pixel
-    /// that spans w > 1 periods sees the fringe inverted, half a period off, with at most
-    /// max |sin(pi w) / (pi w)| = 0.217 of its contrast; the default adds a margin for noise.
+    /// Minimum modulation B relative to half of white minus black or, if that is larger (clipped white),
+    /// to the fringes' mean minus black. Applies if the sequence has white and black. A pixel that spans
+    /// w > 1 periods sees the fringe inverted, half a period off, with at most max |sin(pi w) / (pi w)|
+    /// = 0.217 of its contrast; the default is this contrast plus a margin for noise.
     pub min_contrast: f32,
     /// Maximum standard deviation of a set's phase in radians; less precise phases are rejected.
     pub max_phase_sigma_rad: f32,

@@ -10,19 +10,18 @@ pub(super) const SURE: f32 = 4.0;
 const GAP: f32 = 25.0;
 /// Fraction of the full contrast below which the pixel counts as lying on the bit's edge.
 const EDGE_CONTRAST: f32 = 0.25;
-/// Fraction of the full contrast below which two bits of a pixel cannot come from one place. Code
-/// words of neighbouring cells differ in one bit, so a pixel that sees one surface has at most one
-/// bit between black and white while its footprint is no wider than a cell. Two bits fall below
-/// half of the contrast only if it spans two cells, which is more than fringes as wide as a cell
-/// can resolve.
+/// Fraction of the full contrast below which two bits of a pixel cannot come from one place. Code words
+/// of neighbouring cells differ in one bit, so a pixel that sees one surface has at most one bit between
+/// black and white while its footprint is no wider than a cell. Two bits fall below half of the contrast
+/// only if the footprint spans two cells; such a pixel cannot resolve fringes as wide as a cell.
 pub(super) const TWO_PLACES: f32 = 0.5;
 /// Maximum misfit of a fringe set, as a fraction of its period, if there is only one candidate.
 const MISFIT: f32 = 0.15;
-/// Search range on either side of a set's positions, in standard deviations: no candidate beyond it
-/// can compete with one that only noise has displaced.
+/// Search range on either side of a set's positions, in standard deviations: a candidate beyond this
+/// range cannot compete with a candidate that only noise has displaced.
 const SPREAD: f32 = 8.0;
-/// Fraction of a cell by which a phase may lie beyond its cell's edge, whichever bit is the
-/// weakest: response curves displace it by that much.
+/// Fraction of a cell by which a phase may lie beyond its cell's edge, whichever bit is the weakest:
+/// response curves displace phases by that much.
 const OFF_CELL: f32 = 0.0625;
 
 /// Candidates of one or several fringe sets over a range of positions.
@@ -32,7 +31,7 @@ pub(super) struct Ensemble {
 }
 
 impl Ensemble {
-    /// Periods in projector pixels, finest first.
+    /// Creates the ensemble of fringe sets with these periods in projector pixels, finest first.
     pub(super) fn new(periods: Vec<f32>) -> Self {
         Self { periods }
     }
@@ -46,8 +45,8 @@ impl Ensemble {
     pub(super) fn best(&self, wrapped: &[f32], variance: &[f32], lo: f32, hi: f32) -> Candidate {
         // Only candidates near all sets' positions matter if the best one is good enough: a candidate
         // outside its reach of a set's position costs at least the square of the reach over both
-        // variances. With noise alone one or two candidates are evaluated, with larger errors a few, in
-        // the worst case all.
+        // variances. If there are no errors besides noise, one or two candidates are evaluated; with
+        // larger errors a few; in the worst case all.
         let spread = |j: usize| SPREAD * (variance[j] + variance[0]).sqrt();
         let wide = |j: usize| spread(j).max(MISFIT * self.periods[j]);
         if let Some(found) = self.within(wrapped, variance, [lo, hi], spread) {
@@ -82,8 +81,8 @@ impl Ensemble {
         }
         let search = self.among(wrapped, variance, range, reach);
         let found = search.found(beyond);
-        // Stop if no candidate that was not evaluated can win, or if an evaluated one already makes the
-        // best one uncertain.
+        // Stop if no other candidate can win, or if the second best candidate already makes the best one
+        // uncertain.
         let settled = search.best.0 < beyond
             && search.second.is_finite()
             && !search.is_certain(search.second);
@@ -119,7 +118,7 @@ struct Search<'a> {
     variance: &'a [f32],
     /// Sum of inverse variances.
     total: f32,
-    /// Cost, position, worst misfit.
+    /// Cost, position and worst misfit of the best candidate.
     best: (f32, f32, f32),
     /// Cost of the second best candidate.
     second: f32,
@@ -149,7 +148,7 @@ impl Search<'_> {
         }
     }
 
-    /// Searches the ranges that set `j` allows, with `then`.
+    /// Calls `then` on each range between `lo` and `hi` that set `j` allows.
     #[inline(always)]
     fn near(
         &mut self,
@@ -197,7 +196,8 @@ impl Search<'_> {
         }
     }
 
-    /// Returns the result if candidates that were not evaluated cost at least `beyond`.
+    /// Returns the best candidate, given that every candidate that was not evaluated costs at least
+    /// `beyond`.
     fn found(&self, beyond: f32) -> Candidate {
         Candidate {
             x: self.best.1,
@@ -263,8 +263,8 @@ impl GrayJoin {
     }
 
     /// Returns whether the two weakest bits show that a pixel sees two places at once, as at a
-    /// silhouette. The fringes of one place may be too fine to resolve, so that the phase comes from
-    /// the other. Low contrast that noise can explain does not count.
+    /// silhouette. The fringes of one place may be too fine to resolve, so that the phase comes from the
+    /// other place. Low contrast that noise can explain does not count.
     #[inline(always)]
     fn two_places(second: f32, half: f32, doubt: f32) -> bool {
         (second < TWO_PLACES * half) & (second + doubt < half)
@@ -274,11 +274,11 @@ impl GrayJoin {
     /// cell uncertain.
     ///
     /// A bit is weak if its contrast is within [`SURE`] standard deviations or a quarter of the full
-    /// contrast of its threshold. Without weak bits, x becomes the repeat nearest to the cell's
-    /// centre. With one weak bit, the pixel may equally lie in the cell on the other side of that
-    /// bit's edge: if the two cells touch, x becomes the repeat nearest to their common edge. If that
-    /// differs from the cell's own repeat (cells as wide as the repeat), it is accepted only if noise
-    /// could not have made the bit weak. All other cases are uncertain.
+    /// contrast of its threshold. Without weak bits, x becomes the repeat nearest to the cell's centre.
+    /// With one weak bit, the pixel may equally lie in the cell on the other side of that bit's edge: if
+    /// the two cells touch, x becomes the repeat nearest to their common edge. If this repeat differs
+    /// from the repeat nearest to the cell's centre (with cells as wide as the repeat), it is accepted
+    /// only if noise could not have made the bit weak. All other cases are uncertain.
     #[inline(always)]
     pub(super) fn join(
         &self,
@@ -402,7 +402,8 @@ mod tests {
         assert!((2_000..19_000).contains(&certain), "{certain}");
     }
 
-    /// Cells of 16 px and fringes of 16 px, at 700 px; bits with noise of 1 DN.
+    /// Joins bits of these contrasts with a fringe phase at 700 px; cells and fringes are 16 px wide,
+    /// and samples have noise of 1 DN.
     fn joined(bits: &[f32], half: f32) -> (f32, bool) {
         let mut gray = GrayRow::default();
         gray.reset(1);
@@ -451,7 +452,7 @@ mod tests {
 
     #[test]
     fn a_tie_is_uncertain_and_so_is_the_seam_of_a_single_period() {
-        // 66.67 and 100 repeat after 200.
+        // Periods of 66.67 px and 100 px repeat together after 200 px.
         let ensemble = Ensemble::new(vec![200.0 / 3.0, 100.0]);
         let wrapped = [50.0, 50.0];
         assert!(ensemble.best(&wrapped, &[0.01, 0.01], 0.0, 200.0).certain);

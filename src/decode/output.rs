@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::path::Path;
 
-/// Returns every name that [`write_outputs`] may write.
+/// Returns the name of every file that [`write_outputs`] may write.
 pub const fn output_names() -> &'static [&'static str] {
     &[
         "projector_x.npy",
@@ -32,10 +32,10 @@ pub const fn output_names() -> &'static [&'static str] {
     ]
 }
 
-/// Writes the maps of a decoding into `folder`, which must exist: `projector_x.npy`, `sigma_x.npy`,
-/// `phase_x.png` and, unless it is negligible, `sampling_x.npy` (and `_y`) for the decoded axes,
-/// `modulation.npy`, `mask.png`, and with a rig `depth.npy` and `cloud.ply`. Returns the names
-/// written.
+/// Writes the maps of a decoding into `folder`, which must exist. For each decoded axis (`x` or `y`)
+/// these are `projector_x.npy`, `sigma_x.npy`, `phase_x.png` and, unless the error due to held projector
+/// pixels is negligible, `sampling_x.npy`. In addition it writes `modulation.npy`, `mask.png` and, with
+/// a rig, `depth.npy` and `cloud.ply`. Returns the names of the files written.
 ///
 /// # Errors
 /// Returns an error if a file cannot be written.
@@ -222,7 +222,7 @@ impl Summary {
     }
 }
 
-/// Maximum number of points for which the effect of the calibration is computed.
+/// Maximum number of points at which the uncertainty due to the calibration is computed.
 const CALIBRATION_POINTS: usize = 200;
 
 fn calibration_sigma(decoder: &Decoder, decoded: &Decoded) -> Option<f32> {

@@ -6,9 +6,9 @@ use super::weighted;
 use phasmid_geometry::NoiseModel;
 use std::f64::consts::TAU;
 
-/// Standard deviation of the error of the model of a sample, as a fraction of the modulation: a
-/// projector rounds levels to 8 bits, which gives 1 / sqrt(12) / 127.5 = 0.0023. Projectors of fewer
-/// bits have a larger one.
+/// Standard deviation of samples about their model, apart from the camera's noise, as a fraction of the
+/// modulation: a projector rounds levels to 8 bits, which gives 1 / sqrt(12) / 127.5 = 0.0023. It is
+/// larger for projectors of fewer bits.
 pub const MODEL_ERROR: f64 = 0.0025;
 
 /// Minimum response of a check to a harmonic, relative to the maximum possible, for the harmonic to
@@ -39,7 +39,7 @@ impl RowNoise {
     }
 }
 
-/// The consistency check of a pixel's samples of a set.
+/// How the samples of a fringe set at a pixel are checked for consistency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Check {
     /// No check.
@@ -57,7 +57,8 @@ pub(super) struct SetKernel {
     pub(super) frames: Vec<usize>,
     /// Phase of each step in radians.
     phases: Vec<f64>,
-    /// Weights of each frame in A, C, S and the check; the check's are zero if the set has none.
+    /// Weights of each frame in A, C, S and the check; the weights in the check are zero if the set has
+    /// no check.
     pub(super) weights: Vec<[f32; 4]>,
     /// The consistency check of the set.
     pub(super) check: Check,
@@ -108,7 +109,8 @@ impl SetKernel {
         }
     }
 
-    /// Variance of the coordinate due to the error of the model of a sample, in projector pixels^2.
+    /// Variance of the coordinate due to model errors of the samples ([`MODEL_ERROR`]), in projector
+    /// pixels^2.
     pub(super) fn model_variance(&self) -> f32 {
         // Averages over all phases.
         let of_phase = 0.5 * (self.gram[0] + self.gram[2]);

@@ -313,7 +313,7 @@ mod tests {
     use super::*;
 
     fn manifest(frames: &[(&str, f64, f64)]) -> Manifest {
-        // (kind and axis, period or cell, phase or bit)
+        // Each entry of `frames`: (kind and axis, period or cell, phase or bit).
         let mut text = "[projector]\nwidth_px = 1920\nheight_px = 1080\n".to_owned();
         for (kind, a, b) in frames {
             let (kind, axis) = kind.split_once(' ').unwrap_or((kind, ""));

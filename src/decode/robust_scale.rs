@@ -3,11 +3,11 @@
 //! Four or more steps leave a residual ([`FringeSet::check`](super::FringeSet::check)). A set of three
 //! steps on an axis with several sets is checked by the difference of its mean from that of the other
 //! sets. Residuals contain more than noise: a flickering lamp adds a fraction of the light and of the
-//! fringe itself; a response curve adds its second harmonic with four steps, the third with six steps
-//! and in the mean of three, and both with five. Each is the same fraction everywhere, so a fit over
-//! the capture determines and removes them; damage to one pixel of one frame remains. The remainder is
-//! compared with the camera's noise and the model error of a sample, or with the remainder of most
-//! pixels if that is larger.
+//! fringe itself; a response curve adds its second harmonic with four steps, its third harmonic with six
+//! steps and to the mean of three steps, and both with five steps. Each of these parts is the same
+//! fraction everywhere, so a fit over the capture determines and removes it; damage to one pixel of one
+//! frame remains. The remainder is compared with the camera's noise and the model error of a sample, or
+//! with the remainder of most pixels if that is larger.
 
 use super::deviation;
 use super::options::Options;
@@ -24,7 +24,8 @@ const PIXELS: usize = 4000;
 const FEWEST: usize = 50;
 /// Maximum residual in standard deviations; noise exceeds it in 6 of 100,000 pixels.
 const SIGMAS: f64 = 4.0;
-/// Allowance for blur, which changes the harmonics between parts of the image, as a fraction of them.
+/// Allowance for blur, as a fraction of the harmonics: blur changes them from one part of the image to
+/// another.
 const BLURRED: f64 = 0.75;
 /// Number of fitted terms: the light, the two components of the fringe, and the two components each of
 /// its second and third harmonics, if the set responds to them.
@@ -36,7 +37,8 @@ const RIDGE: f64 = 1e-12;
 const ROUNDS: usize = 4;
 /// Residual in standard deviations above which a pixel is down-weighted in the fit.
 const BENT: f64 = 2.0;
-/// Minimum difference of the light in standard errors; chance exceeds it in one of 60,000 captures.
+/// Minimum difference of a step's light, in standard errors; chance exceeds it in one of 60,000
+/// captures.
 const CERTAIN: f32 = 5.0;
 /// Maximum length of the mean phasor: above it, coarse fringes do not determine the light of their
 /// steps.
@@ -50,7 +52,7 @@ const LEAST: f64 = 0.5;
 /// sin theta), where w is the step's weight in the residual and theta its phase.
 #[derive(Debug, Clone)]
 pub(super) struct Shared {
-    /// Fractions of the light above black and of the two components of the fringe.
+    /// The common part, as fractions of the light above black and the two components of the fringe.
     light: [f32; 3],
     /// Weight of each step in the residual.
     weights: Vec<f32>,
@@ -99,7 +101,8 @@ impl Shared {
         size * (1.0 - lopsided * lopsided)
     }
 
-    /// Returns the step that alone explains the difference best, and its light relative to the others.
+    /// Returns the step that alone explains the difference best, and its light relative to the other
+    /// steps.
     pub(super) fn step(&self, set: &FringeSet) -> (usize, f64) {
         let along = |k: &usize| {
             let (sin, cos) = set.phases[*k].sin_cos();
@@ -291,8 +294,8 @@ fn terms(light: f32, c: f32, s: f32, modulation: f32) -> [f32; TERMS] {
     [light, c, s, second[0], second[1], third[0], third[1]]
 }
 
-/// Least-squares fit of the terms; pixels far off in the last iteration are down-weighted. Also returns the
-/// standard error of the first three terms, for remainders with a scale of 1.
+/// Fits the terms by least squares; pixels far off in the last iteration are down-weighted. Also returns
+/// the standard error of the first three terms, for remainders with a scale of 1.
 fn fit(pixels: &[Pixel], scale: f64) -> Option<(SVector<f64, TERMS>, f64)> {
     let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
     let mut right = SVector::<f64, TERMS>::zeros();

@@ -10,7 +10,7 @@ pub(super) trait Sample: Copy + Send + Sync + 'static {
     fn slice(image: ImageView<'_>) -> Option<&[Self]>;
 }
 
-/// The samples of each image; empty for an image of another sample type, such as a frame that was not
+/// The samples of each image; empty for an image of another sample type, and for a frame that was not
 /// loaded.
 pub(super) fn typed<'a, T: Sample>(images: &[ImageView<'a>]) -> Vec<&'a [T]> {
     let samples = images.iter().map(|image| T::slice(*image));

@@ -154,9 +154,9 @@ impl FringeSet {
     }
 }
 
-/// The residual of +1, -1, +1, ... after the fit, as a unit vector. For an even number N of equal steps
-/// all entries have the same magnitude, and the vector responds only to harmonics of order N / 2 (the
-/// highest that N steps resolve) and its odd multiples.
+/// Returns the residual of the samples +1, -1, +1, ... after the fit, as a unit vector. For an even
+/// number N of equal steps all entries have the same magnitude, and the vector responds only to
+/// harmonics of order N / 2 (the highest that N steps resolve) and its odd multiples.
 fn check(rows: &[Vector3<f64>], weights: &[[f64; 3]]) -> Vec<f64> {
     if rows.len() < 4 {
         return Vec::new();

@@ -3,8 +3,8 @@
 //! Blur reduces the contrast of the finest stripes first. A pixel with two bits of low contrast is
 //! rejected, because it may see two places at once ([`super::order`]), so a code finer than the camera
 //! resolves loses most pixels. If many pixels of a capture are lost, the contrast of the bits decides
-//! whether this is the reason. The finest bits are then left out, which merges their cells, and stay
-//! out if that recovers most of the lost pixels.
+//! whether this is the reason. If so, the finest bits are left out, which merges their cells. They stay
+//! out if this recovers most of the lost pixels.
 
 use super::gray::{GrayBit, Threshold};
 use super::maps::{AxisMap, Verdict};
@@ -16,8 +16,8 @@ use phasmid_pattern::Axis;
 
 /// Fraction of uncertain pixels, among uncertain and valid ones, above which the bits are examined.
 const LOSS: f64 = 0.05;
-/// Maximum fraction of the lost pixels that may stay lost when the bits are left out; above it, the
-/// bits are used.
+/// Maximum fraction of the lost pixels that may stay lost when the bits are left out; if more stay lost,
+/// the bits are used.
 const LEFT: f64 = 0.5;
 /// Approximate number of pixels sampled.
 const PIXELS: usize = 60_000;
@@ -34,7 +34,7 @@ pub(super) struct UnresolvedBits {
     pub(super) axis: Axis,
     /// Number of pixels with uncertain order while the bits are used.
     lost: usize,
-    /// Number of bits.
+    /// Number of bits that are left out.
     pub(super) count: usize,
     /// Typical contrast of the finest bit as a fraction of the full contrast.
     contrast: f32,
@@ -43,7 +43,8 @@ pub(super) struct UnresolvedBits {
 }
 
 impl UnresolvedBits {
-    /// Returns whether the bits are the reason for most of the losses, given the map without them.
+    /// Returns whether the bits are the reason for most of the losses, given the map decoded without
+    /// these bits.
     pub(super) fn explain(&self, without: &AxisMap) -> bool {
         without.count(Verdict::Uncertain) as f64 <= LEFT * self.lost as f64
     }

@@ -10,14 +10,14 @@
 //! Berkeley Symposium 1, 1967: weighted least squares equals unweighted least squares minus its
 //! regression on the residuals).
 //!
-//! With t = m / 2, U_2 alone reduces the variance by the factor 1 - t^2; U_2 and U_3 by
-//! 1 - t^2 / (1 - t^2). All harmonics reach the Cramer-Rao bound, (1 + sqrt(1 - m^2)) / 2; at
-//! m = 0.85 the standard deviation with the first two is within a hundredth of it.
+//! With t = m / 2, the variance is multiplied by 1 - t^2 with U_2 alone, and by 1 - t^2 / (1 - t^2) with
+//! U_2 and U_3. All harmonics reach the Cramer-Rao bound, (1 + sqrt(1 - m^2)) / 2; at m = 0.85 with U_2
+//! and U_3 the standard deviation is within a hundredth of that bound.
 //!
 //! A memoryless response curve of projector or camera creates harmonics cos(k psi), which no U_k
 //! contains, so it biases these phases no more than those of plain least squares. With fewer than six
-//! steps such harmonics alias, so these sets keep equal weights. Light that varies from step to step,
-//! and motion, do affect the correction.
+//! steps such harmonics alias, so these sets keep equal weights. Motion, and light that varies from step
+//! to step, do affect the correction.
 
 use super::steps::FringeSet;
 use std::f64::consts::TAU;
@@ -60,9 +60,9 @@ pub(super) fn harmonics(set: &FringeSet) -> Option<Vec<[f32; 4]>> {
     Some(set.phases.iter().map(weights).collect())
 }
 
-/// Returns the correction of the phase in radians and the factor of its variance, from the cosine and
-/// sine of the least-squares phase, its modulation `b`, half the relative amplitude of the variance,
-/// and the sums of the weights of [`harmonics`].
+/// Returns the correction of the phase in radians and the factor by which it changes the phase's
+/// variance, from the cosine and sine of the least-squares phase, its modulation `b`, half the relative
+/// amplitude of the variance, and the sums of the weights of [`harmonics`].
 #[inline(always)]
 pub(super) fn correction(
     [cos, sin]: [f32; 2],

@@ -6,8 +6,9 @@
 use super::{Device, Firmware, FrameSink, Machine, State};
 use std::sync::Arc;
 
-/// A clock that stands still until something waits for a time and then jumps there: a sequence
-/// takes no longer than its rendering, and every run is identical to the nanosecond.
+/// A clock that stands still until something waits for a point in time; the clock then jumps to that
+/// point. A sequence therefore takes no longer than its rendering, and every run is identical to the
+/// nanosecond.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct VirtualClock {
     now_ns: u64,
@@ -26,17 +27,19 @@ impl VirtualClock {
 }
 
 impl Device {
-    /// Puts the device on a virtual clock, stepped by function calls; `sink` receives its frames.
+    /// Puts the device on a virtual clock, where function calls advance time; `sink` receives its
+    /// frames.
     pub fn bench<S: FrameSink>(self, sink: S) -> Bench<S> {
         Bench::new(self, sink)
     }
 }
 
-/// A device without port, socket, thread or waiting.
+/// A device in memory, without port, socket or thread, whose virtual time needs no waiting.
 pub struct Bench<S> {
     device: Device,
     clock: VirtualClock,
-    /// Bytes sent to the client and not fetched yet.
+    /// Bytes that the device has sent to the client and that [`Self::take_output`] has not returned
+    /// yet.
     output: Vec<u8>,
     /// Receives the frames.
     pub sink: S,
@@ -76,7 +79,7 @@ impl<S: FrameSink> Bench<S> {
         self.render();
     }
 
-    /// Takes the device's output.
+    /// Takes the bytes that the device has sent to the client since the last call.
     pub fn take_output(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.output)
     }
@@ -111,7 +114,7 @@ impl<S: FrameSink> Bench<S> {
         &self.device.machine
     }
 
-    /// Returns the device, for changes.
+    /// Returns the device for modification.
     pub fn device_mut(&mut self) -> &mut Device {
         &mut self.device
     }

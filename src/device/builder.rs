@@ -13,22 +13,22 @@ use phasmid_render::Options;
 use phasmid_render::shot::Shot;
 use std::sync::Arc;
 
-/// An emulated device that is switched on, without links.
+/// An emulated device that is switched on, without links to clients.
 pub struct Device {
     /// Firmware, control port, serial line and faults.
     pub machine: Machine,
     /// The optics.
     pub renderer: Renderer,
-    /// Its profile.
+    /// Profile of the device.
     pub profile: Profile,
-    /// The scene in front of it.
+    /// The scene in front of the device.
     pub scene: Scene,
-    /// Seed of its sensor noise.
+    /// Seed of the sensor noise.
     pub seed: u64,
 }
 
 impl Device {
-    /// Starts to assemble a device with a profile in front of a scene.
+    /// Returns a builder for a device with a profile in front of a scene.
     pub fn builder<'a>(profile: &'a Profile, scene: &'a Scene) -> DeviceBuilder<'a> {
         DeviceBuilder {
             profile,
@@ -76,19 +76,19 @@ impl<'a> DeviceBuilder<'a> {
         Self { seed, ..self }
     }
 
-    /// Sets how the optics render.
+    /// Sets the options with which the optics render.
     pub fn options(self, options: Options) -> Self {
         Self { options, ..self }
     }
 
-    /// Sets the request with which another thread can end [`Self::build`] early. The device's
-    /// renderer keeps it as its own request ([`Renderer::stop`]).
+    /// Sets the stop request with which another thread can end [`Self::build`] early. The device's
+    /// renderer keeps the same request ([`Renderer::stop`]).
     pub fn stop(self, stop: Stop) -> Self {
         Self { stop, ..self }
     }
 
-    /// Uses optics prepared earlier for the same profile and scene. They keep their own seed and
-    /// options.
+    /// Uses optics prepared earlier for the same profile and scene. These optics keep their own seed
+    /// and options.
     pub fn renderer(self, renderer: Renderer) -> Self {
         Self {
             renderer: Some(renderer),
@@ -96,7 +96,7 @@ impl<'a> DeviceBuilder<'a> {
         }
     }
 
-    /// Stores sequences in the device, besides the profile's.
+    /// Stores sequences in the device, in addition to the profile's.
     pub fn sequences(self, sequences: Vec<UserSequence>) -> Self {
         Self { sequences, ..self }
     }
@@ -121,7 +121,7 @@ impl<'a> DeviceBuilder<'a> {
     ///
     /// # Errors
     /// Returns an error if the profile, a sequence, the dialect or a fault is invalid, if the scene
-    /// cannot be rendered, or if the request of [`Self::stop`] is made.
+    /// cannot be rendered, or if another thread makes the request of [`Self::stop`].
     pub fn build(self) -> Result<Device> {
         let profile = self.profile;
         let firmware = Firmware::new(profile, &self.sequences)?;

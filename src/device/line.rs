@@ -5,18 +5,18 @@
 use phasmid_profile::Control;
 use std::collections::VecDeque;
 
-/// Number of bytes in transit to the device above which a sender must wait: the buffer size of a
+/// Number of bytes in transit to the device from which on a sender must wait: the buffer size of a
 /// UART driver.
 const CROWDED_TO_DEVICE: usize = 1 << 10;
-/// Number of bytes in transit to the client above which the device stops reading.
+/// Number of bytes in transit to the client from which on the device stops reading.
 const CROWDED_TO_HOST: usize = 64 << 10;
 /// Maximum number of bytes in transit to the client; a message beyond it is lost.
 const MAX_TO_HOST: usize = 1 << 20;
 /// Bytes to the client that arrive within this time are delivered together unless a message ends
-/// earlier: no host driver wakes its program for every byte.
+/// earlier, because a host driver does not wake its program for every byte.
 const TOGETHER_NS: u64 = 1_000_000;
 
-/// Transmission time of bytes.
+/// Transmission time of one byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct ByteTime {
     half_bits: u32,
@@ -24,7 +24,7 @@ struct ByteTime {
 }
 
 impl ByteTime {
-    /// Nanoseconds that `bytes` bytes take.
+    /// Returns the number of nanoseconds that `bytes` bytes take.
     fn after(time: Option<Self>, bytes: u64) -> u64 {
         let Some(Self { half_bits, baud }) = time else {
             return 0;
@@ -34,7 +34,7 @@ impl ByteTime {
         u64::try_from(ns).unwrap_or(u64::MAX)
     }
 
-    /// Number of bytes transmitted within `ns` nanoseconds.
+    /// Returns the number of bytes transmitted within `ns` nanoseconds.
     fn within(time: Option<Self>, ns: u64) -> u64 {
         let Some(Self { half_bits, baud }) = time else {
             return u64::MAX;
@@ -73,7 +73,7 @@ impl Way {
         if bytes.is_empty() {
             return;
         }
-        // A busy wire continues with these bytes.
+        // If the wire is still busy, these bytes continue its last burst.
         let busy = self.bursts.back().is_some_and(|burst| {
             let lasts = ByteTime::after(time, burst.total());
             now_ns < burst.start_ns.saturating_add(lasts)
@@ -137,7 +137,7 @@ impl Way {
 #[derive(Debug, Default)]
 pub struct SerialLine {
     time: Option<ByteTime>,
-    /// Mask of the bits of a byte that the line does not carry.
+    /// Mask of the bits of each byte that the line does not carry.
     lost: u8,
     to_device: Way,
     to_host: Way,
@@ -175,8 +175,8 @@ impl SerialLine {
         self.to_device.next_ns(self.time)
     }
 
-    /// Puts a message of the device on the line; returns `false` if it is lost because too much is
-    /// in transit.
+    /// Puts a message of the device on the line. Returns `false` if the message is lost because too
+    /// many bytes are in transit.
     pub fn send(&mut self, bytes: &[u8], now_ns: u64) -> bool {
         if self.to_host.len > 0 && self.to_host.len + bytes.len() > MAX_TO_HOST {
             return false;
@@ -204,13 +204,14 @@ impl SerialLine {
         self.to_host = Way::default();
     }
 
-    /// Returns whether so much is in transit that senders should wait.
+    /// Returns whether enough bytes are in transit that senders should wait.
     pub fn crowded(&self) -> bool {
         self.to_device.len >= CROWDED_TO_DEVICE || self.to_host.len >= CROWDED_TO_HOST
     }
 
     /// Returns the time of the next arrival at either end. Bytes to the client that arrive within a
-    /// millisecond count as one arrival, at the last of them; the end of a message always counts.
+    /// millisecond count as one arrival, at the time of the last byte; the end of a message always
+    /// counts as an arrival.
     pub fn next_event_ns(&self) -> Option<u64> {
         let to_host = self.to_host.next_together_ns(self.time);
         self.next_received_ns().into_iter().chain(to_host).min()
@@ -229,7 +230,7 @@ mod tests {
         })
     }
 
-    /// Closed form for 8N1.
+    /// Closed form of the transmission time with 8 data bits, no parity and 1 stop bit.
     fn ns(bytes: u64, baud: u32) -> u64 {
         (u128::from(bytes) * 10 * 1_000_000_000).div_ceil(u128::from(baud)) as u64
     }
@@ -273,7 +274,7 @@ mod tests {
         line.receive(b"cd", ns(1, 115_200));
         assert_eq!(line.received(ns(4, 115_200) - 1), b"abc");
         assert_eq!(line.received(ns(4, 115_200)), b"d");
-        // The wire is free again: the next byte starts when it is sent.
+        // The wire is idle again, so the transmission of the next byte starts when the byte is sent.
         line.receive(b"e", 1_000_000);
         assert_eq!(line.next_received_ns(), Some(1_000_000 + ns(1, 115_200)));
     }
@@ -295,7 +296,7 @@ mod tests {
         assert!(line.send(&[0; 300], 0));
         assert_eq!(line.next_event_ns(), Some(ns(3, 1_000_000)));
         assert_eq!(line.sent(ns(3, 1_000_000)), b"ok\n");
-        // The next byte arrives after 10 us, and a hundred more within the following millisecond.
+        // The next byte arrives after 10 us, and a hundred more within the millisecond after it.
         assert_eq!(line.next_event_ns(), Some(ns(104, 1_000_000)));
     }
 
@@ -317,8 +318,8 @@ mod tests {
     }
 
     proptest! {
-        /// Bursts sent and taken at arbitrary times: each byte arrives when it would on a wire that
-        /// sends it as soon as wire and byte are available, without drift inside a burst.
+        /// For bursts sent and taken at arbitrary times, each byte arrives as on a wire that
+        /// transmits a byte as soon as wire and byte are available, without drift inside a burst.
         #[test]
         fn bytes_arrive_as_on_a_real_wire(
             baud in prop_oneof![Just(9600u32), Just(115_200), 50u32..12_000_000],
@@ -327,7 +328,7 @@ mod tests {
         ) {
             let mut line = line(baud);
             let (mut now, mut expected) = (0, Vec::new());
-            // (start of the burst, bytes in it)
+            // Start of the burst, and number of bytes in it.
             let mut burst = (0u64, 0u64);
             let mut looked = 0;
             let mut seen = Vec::new();
@@ -347,7 +348,7 @@ mod tests {
                     expected.push(burst.0 + ns(burst.1, baud));
                 }
             }
-            // Each call returns exactly what has arrived by then.
+            // Each call returns exactly the bytes that have arrived by `looked`.
             while seen.len() < expected.len() {
                 looked += look_ns;
                 let came = line.sent(looked);

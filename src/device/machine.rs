@@ -1,5 +1,5 @@
 //! The whole device without its optics: firmware, control port and faults. It neither waits nor
-//! reads a clock; the caller passes the time in.
+//! reads a clock; the caller passes the time to each method.
 //!
 //! ```text
 //!  link --bytes--> [ line ] --> [ faults ] --> [ port ] --commands--> [ firmware ] --exposures--.
@@ -8,7 +8,7 @@
 //!  link <--frames------------------ [ faults ] <------------------ optics <-- [ faults ] <-----'
 //! ```
 //!
-//! Faults wrap the inputs and outputs; the firmware does not know about them.
+//! Faults wrap the inputs and outputs of the firmware, which does not know about them.
 
 use super::faults::{Faults, Incoming};
 use super::line::SerialLine;
@@ -23,9 +23,9 @@ pub struct Machine {
     port: Port,
     line: SerialLine,
     faults: Faults,
-    /// Number of bytes received over the line.
+    /// Number of bytes that the device has received over the line.
     taken_in: u64,
-    /// Rendered frames that the firmware does not yet count as delivered.
+    /// Number of rendered frames that the firmware does not yet count as delivered.
     rendered: u64,
 }
 
@@ -82,7 +82,7 @@ impl Machine {
         self.port.hang_up(&mut self.firmware);
     }
 
-    /// Processes everything due up to `now_ns`, each event at its own time.
+    /// Processes everything due up to `now_ns`, each event at its own due time.
     pub fn advance(&mut self, now_ns: u64) {
         let mut last = None;
         while let Some(next) = self.next_step_ns(last).filter(|&next| next < now_ns) {
@@ -92,7 +92,8 @@ impl Machine {
         self.step(now_ns);
     }
 
-    /// Time of the next event after the last step. A free-running camera catches up by itself.
+    /// Returns the time of the next event to step to, after a step to `last`. A free-running camera
+    /// needs no steps, because it catches up by itself.
     fn next_step_ns(&self, last: Option<u64>) -> Option<u64> {
         let running = matches!(self.firmware.state(), State::Running { .. });
         [
@@ -125,7 +126,7 @@ impl Machine {
             Incoming::Bytes(bytes) => self.port.receive(&bytes, &mut self.firmware, now_ns),
             Incoming::Refused(reply) if reply.is_empty() => self.firmware.input_lost(),
             Incoming::Refused(reply) => {
-                // After the answers to earlier input.
+                // The refusal follows the answers to earlier input.
                 self.collect(now_ns);
                 if !self.line.send(&reply, now_ns) {
                     self.firmware.reply_lost();
@@ -150,12 +151,12 @@ impl Machine {
         self.port.power_on(now_ns);
     }
 
-    /// Returns whether the control port is present; while it is not, no client can have it open.
+    /// Returns whether the control port is present. While it is absent, no client can have it open.
     pub fn connected(&self, now_ns: u64) -> bool {
         self.faults.connected(now_ns)
     }
 
-    /// Puts the device's output on the line.
+    /// Puts the output of port and firmware on the line.
     fn collect(&mut self, now_ns: u64) {
         for message in self.port.collect(&mut self.firmware, now_ns) {
             self.faults.reply(message, now_ns);
@@ -175,7 +176,7 @@ impl Machine {
         self.collect(now_ns);
     }
 
-    /// Returns whether so much is in transit that a link should stop reading from its client.
+    /// Returns whether enough bytes are in transit that a link should stop reading from its client.
     pub fn crowded(&self) -> bool {
         self.line.crowded()
     }
@@ -204,8 +205,8 @@ impl Machine {
         exposures
     }
 
-    /// Reports that an exposure's frame has been rendered, or with `None` that it never will be
-    /// because no client reads.
+    /// Reports that the frame of an exposure has been rendered or, with `None`, that it will not be
+    /// rendered because no client reads.
     pub fn rendered(&mut self, frame: Option<Arc<Frame>>, now_ns: u64) {
         if let Some(frame) = frame {
             self.faults.frame(frame, now_ns);
@@ -213,18 +214,19 @@ impl Machine {
         self.rendered += 1;
     }
 
-    /// Reports that the links hold no frames back: the device counts all rendered frames as
-    /// delivered, whatever happened to them on the way.
+    /// Reports that the links hold back no frames. The device then counts all rendered frames as
+    /// delivered, even if some were lost on the way.
     pub fn frames_left(&mut self) {
         self.firmware.delivered(std::mem::take(&mut self.rendered));
     }
 
-    /// Returns the next frame that leaves by `now_ns`.
+    /// Returns the next frame that leaves the device by `now_ns`.
     pub fn next_frame(&mut self, now_ns: u64) -> Option<Arc<Frame>> {
         self.faults.next_frame(now_ns)
     }
 
-    /// Returns the device time of the next event. With `behind`, exposures wait for the optics.
+    /// Returns the device time of the next event. If `behind`, exposures wait for the optics and are
+    /// not counted as events.
     pub fn next_event_ns(&self, behind: bool) -> Option<u64> {
         let exposure = self.firmware.next_event_ns().filter(|_| !behind);
         [
@@ -238,12 +240,13 @@ impl Machine {
         .min()
     }
 
-    /// Returns whether the input is inside a message that must continue without a pause.
+    /// Returns whether the input is inside a message whose remaining bytes must arrive without a
+    /// pause.
     pub fn inside_block(&self) -> bool {
         self.faults.holds_back() || self.port.inside_block(&self.firmware)
     }
 
-    /// Abandons a message that stopped arriving.
+    /// Abandons a message whose remaining bytes have stopped arriving.
     pub fn input_stalled(&mut self) {
         let held_back = self.faults.input_stalled();
         if !held_back.is_empty() {

@@ -1,15 +1,16 @@
-//! The projector's output over time: patterns for their exposures and darkness between them. A
-//! DMD's mirrors are on or off, so it shows a grey pattern as a series of bit planes, bit k for 2^k
-//! / (2^n - 1) of the time, least significant first (the order depends on the controller; DLP
-//! LightCrafter 4500 user's guide DLPU011, section 4.1, gives the weights). An exposure that covers
-//! the whole pattern cannot distinguish this from light at the grey level, so a pattern is split
-//! into bit planes only if some camera row does not cover it.
+//! The projector's output over time: patterns, each shown for its exposure time, and darkness
+//! between them. A DMD's mirrors are either on or off, so a DMD shows a grey pattern as a series of
+//! bit planes: bit k for 2^k / (2^n - 1) of the time, least significant bit first. (The order
+//! depends on the controller; DLP LightCrafter 4500 user's guide DLPU011, section 4.1, gives the
+//! weights.) An exposure that covers the whole pattern cannot distinguish the bit planes from
+//! constant light at the grey level. A pattern is therefore split into bit planes only if some
+//! camera row is not exposed for the whole pattern.
 
 use super::{PatternImage, Shot, Showing};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A pattern and when it is shown, in nanoseconds of device time.
+/// A pattern and the interval in which it is shown, in nanoseconds of device time.
 #[derive(Debug, Clone)]
 pub(super) struct Lit {
     pub(super) pattern_image: Arc<PatternImage>,
@@ -17,9 +18,9 @@ pub(super) struct Lit {
     pub(super) to_ns: u64,
 }
 
-/// Sets what a shot sees: patterns in order of time, without overlap, and darkness around them.
-/// With `planes`, given the projector's bit depth, patterns that are not fully covered are split
-/// into bit planes.
+/// Sets the patterns that a shot sees, in order of time, without overlap and with darkness between
+/// them. If `planes` is given (with the projector's bit depth), patterns that some row does not see
+/// completely are split into bit planes.
 pub(super) fn show(
     shot: &mut Shot,
     patterns: impl IntoIterator<Item = Lit>,
@@ -77,8 +78,8 @@ fn covered(shot: &Shot, lit: &Lit) -> bool {
     shot.row_start_ns(u32::MAX) <= lit.from_ns && lit.to_ns <= first_ends_ns
 }
 
-/// Start of a bit plane: the planes below it take (2^bit - 1) / (2^bits - 1) of the time. Whole
-/// nanoseconds, rounded down.
+/// Returns the start of a bit plane in nanoseconds of device time, rounded down. The planes below it
+/// take (2^bit - 1) / (2^bits - 1) of the pattern's time.
 fn plane_start_ns(lit: &Lit, bit: u32, bits: u32) -> u64 {
     let part = |bits: u32| (1u128 << bits) - 1;
     let lasts_ns = u128::from(lit.to_ns.saturating_sub(lit.from_ns));
@@ -87,7 +88,7 @@ fn plane_start_ns(lit: &Lit, bit: u32, bits: u32) -> u64 {
 }
 
 /// Returns whether all bit planes of a pattern image are equal, so that it does not matter which
-/// are seen.
+/// planes an exposure sees.
 fn binary(pattern_image: &PatternImage, bits: u32) -> bool {
     let full = (1u16 << bits) - 1;
     pattern_image
@@ -96,8 +97,8 @@ fn binary(pattern_image: &PatternImage, bits: u32) -> bool {
         .all(|level| [0, full].contains(level))
 }
 
-/// Bit planes of the pattern images split most recently, kept so that the renderer sees identical
-/// objects again.
+/// Bit planes of the pattern images split most recently. They are kept so that the renderer gets the
+/// same objects again.
 #[derive(Debug, Default)]
 pub(super) struct Planes {
     known: Mutex<VecDeque<Known>>,
@@ -116,7 +117,7 @@ impl Known {
 }
 
 impl Planes {
-    /// Maximum number of bytes kept.
+    /// Maximum total size in bytes of the bit planes kept.
     const MAX_BYTES: usize = 64 << 20;
 
     /// Returns the bit planes of a pattern image, least significant first.
@@ -173,8 +174,8 @@ mod tests {
         }
     }
 
-    /// Mean level, 0 to 1, of each column over an exposure from `start_ns` on, according to the
-    /// shot.
+    /// Returns the mean level, 0 to 1, that the shot gives each column over an exposure that starts
+    /// at `start_ns`.
     fn mean(shot: &Shot, start_ns: u64) -> Vec<f64> {
         let mut sum = vec![0.0; 256];
         for (place, time) in shot.seen(start_ns) {
@@ -193,8 +194,9 @@ mod tests {
         sum
     }
 
-    /// Time within an exposure `from..to` for which the mirror of a level is on, computed from the
-    /// intervals of the bits, 1000 ns and its doublings. The pattern takes 255,000 ns.
+    /// Returns the time within an exposure `from..to` for which the mirror of a level is on,
+    /// computed from the intervals of the bits, which last 1000 ns and doublings of that. The
+    /// pattern lasts 255,000 ns.
     fn on_ns(level: u64, from: u64, to: u64) -> u64 {
         (0..8)
             .filter(|bit| level >> bit & 1 == 1)
@@ -261,7 +263,8 @@ mod tests {
         }
     }
 
-    /// Without bit planes the level is shown all the time, and a one-bit pattern needs no split.
+    /// A projector without bit planes shows a pattern's level all the time, and a one-bit pattern is
+    /// not split.
     #[test]
     fn pattern_without_bit_planes_is_not_split() {
         let ramp = ramp();
@@ -283,7 +286,7 @@ mod tests {
         assert_eq!(half.then, []);
     }
 
-    /// Rows that start late see the darkness and the next pattern's first bits.
+    /// Rows that start late see the darkness after a pattern and the first bits of the next one.
     #[test]
     fn a_rolling_shutter_sees_each_row_s_own_time() {
         let ramp = ramp();
@@ -309,7 +312,8 @@ mod tests {
                 let white_ns = 255_000u64.saturating_sub(start);
                 let ramp_ns = on_ns(level as u64, 0, (start + 255_000).saturating_sub(300_000));
                 let expected = match &*white {
-                    // A uniform pattern image has one level, that of column 0.
+                    // A uniform pattern image has a single level, which is the expected level of
+                    // column 0.
                     PatternImage::Uniform(_) if level == 0 => (white_ns + ramp_ns) as f64 / 255e3,
                     _ => ramp_ns as f64 / 255e3,
                 };

@@ -1,15 +1,15 @@
-//! Readout: converts a rendered frame to what the camera sends. Crops the region, prepends the
-//! embedded data line and packs the pixels in the link's format.
+//! Readout: converts a rendered frame to the frame that the camera sends. Crops the frame to the
+//! region, prepends the embedded data line and packs the pixels in the link's format.
 
 use super::{Roi, Shot, Stream};
 use phasmid_protocol::{Frame, PixelFormat, data_line};
 
-/// A shot and its readout.
+/// A shot and the parameters of its readout.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Exposure {
     /// Input of the optics.
     pub shot: Shot,
-    /// Conversion to what the camera sends.
+    /// Conversion of the rendered frame to the frame that the camera sends.
     pub readout: Readout,
 }
 
@@ -18,9 +18,10 @@ pub struct Exposure {
 pub struct Readout {
     /// Region of the sensor.
     pub roi: Roi,
-    /// One of the sensor's formats; YUYV requires a region of even width.
+    /// Pixel format, which the sensor must support; YUYV requires a region of even width.
     pub format: PixelFormat,
-    /// Full-scale value of the sensor if there is an embedded data line.
+    /// Full-scale value of the sensor if the frame gets an embedded data line; `None` if it does
+    /// not.
     pub data_line: Option<u16>,
 }
 
@@ -37,7 +38,7 @@ impl Readout {
         frame.into_depth(self.format)
     }
 
-    /// Returns the stream format of the frames that the camera sends, at an interval.
+    /// Returns the stream format of the frames that the camera sends, with this frame interval.
     pub fn stream(&self, interval_ns: u64) -> Stream {
         Stream {
             width: self.roi.width,
@@ -100,8 +101,8 @@ mod tests {
             }
         }
     }
-    /// A frame that needs no cropping, conversion or data line leaves in the memory that the sensor
-    /// pass wrote.
+    /// A frame that needs no cropping, conversion or data line keeps the memory that the sensor pass
+    /// wrote.
     #[test]
     fn a_whole_frame_is_not_copied() {
         let frame = rendered();

@@ -18,8 +18,9 @@ pub struct Roi {
 }
 
 impl Roi {
-    /// Crops a whole frame to the region; a frame that does not contain the region stays whole. The
-    /// pixels of the frame's format must be whole bytes: packed formats are cropped before packing.
+    /// Crops a frame of the whole sensor to the region; a frame that does not contain the region is
+    /// returned unchanged. Each pixel of the frame must take whole bytes, so packed formats are
+    /// cropped before packing.
     pub fn crop(self, frame: Frame) -> Frame {
         let inside = |first: u32, len: u32, all: u32| {
             len > 0 && first.checked_add(len).is_some_and(|end| end <= all)
@@ -50,7 +51,8 @@ impl Roi {
         }
     }
 
-    /// Returns the rig as seen through the region: a smaller image with a shifted principal point.
+    /// Returns the rig as seen through the region: the image is smaller and the principal point is
+    /// shifted.
     pub fn rig(self, mut rig: Rig) -> Rig {
         rig.camera.lens.width_px = self.width;
         rig.camera.lens.height_px = self.height;

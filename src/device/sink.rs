@@ -7,14 +7,14 @@ use std::sync::Arc;
 
 /// Receives the frames of a device.
 pub trait FrameSink {
-    /// Returns whether a client reads. Without a reader a free-running camera does not expose.
+    /// Returns whether a client reads frames. A free-running camera exposes only if one does.
     fn attended(&self) -> bool;
 
     /// Receives a frame; must not block.
     fn put(&mut self, frame: Arc<Frame>);
 }
 
-/// Format of the frames to come.
+/// Format of the frames that follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stream {
     /// Columns.
@@ -56,19 +56,20 @@ impl std::fmt::Display for Stream {
     }
 }
 
-/// A link that must know the stream format in advance and may be unable to change it.
+/// A link that must know the stream format in advance and may be unable to change to another.
 pub trait StreamSink {
     /// Prepares for a new format; frames in progress are lost.
     ///
     /// # Errors
-    /// Returns an error with the reason if the link cannot change; the format is then unchanged.
+    /// Returns an error with the reason if the link cannot change to the new format and keeps the
+    /// old one.
     fn announce(&mut self, stream: &Stream) -> Result<()>;
 }
 
-/// Keeps the frames in memory.
+/// Keeps the received frames in memory.
 #[derive(Debug, Default)]
 pub struct MemorySink {
-    /// The frames that have come, in order.
+    /// The received frames, in order.
     pub frames: VecDeque<Arc<Frame>>,
 }
 

@@ -6,10 +6,10 @@ use super::{Check, Feature, Machine, Status};
 use std::fs::File;
 
 const CONTROLLER: &str = "sys/devices/platform/vhci_hcd.0";
-/// Each driver, and the start of its module's file name.
+/// Name of each driver, and start of the file name of the driver's kernel module.
 const DRIVERS: [(&str, &str); 2] = [("uvcvideo", "uvcvideo.ko"), ("cdc_acm", "cdc-acm.ko")];
 
-/// Checks the pty and the run directory.
+/// Checks the pty and the folder of run directories.
 pub(super) fn ports(machine: &Machine) -> Vec<Check> {
     vec![pty(machine), run_directory(machine)]
 }
@@ -89,7 +89,8 @@ pub(super) fn usb(machine: &Machine) -> Vec<Check> {
             .unwrap_or_default()
     };
     let known = [list("modules.dep"), list("modules.builtin")].concat();
-    // Kernels for cloud machines omit drivers.
+    // Debian's kernels for cloud machines lack these drivers; the package linux-image-amd64 has
+    // them.
     let apt = machine.has("usr/bin/apt-get");
     let install = || apt.then(|| "sudo apt-get install linux-image-amd64".to_owned());
     let drivers = DRIVERS.iter().map(|&(driver, file)| {

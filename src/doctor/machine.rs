@@ -1,4 +1,4 @@
-//! The examined machine: a tree of files and a user.
+//! The examined machine, described by a tree of files and a user.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -12,28 +12,29 @@ const MAX_BYTES: u64 = 16 << 20;
 pub struct User {
     /// Effective user number.
     pub uid: u32,
-    /// Numbers of the process's groups, including the effective one.
+    /// Numbers of the process's groups, including the effective group.
     pub groups: Vec<u32>,
 }
 
 /// A machine, described by its files.
 #[derive(Debug, Clone)]
 pub struct Machine {
-    /// Root of its file system.
+    /// Root of the machine's file system.
     pub root: PathBuf,
     /// The running kernel's release, as printed by `uname -r`.
     pub release: String,
     /// The user who runs the check.
     pub user: User,
-    /// Whether the environment marks a container (systemd's `container=`).
+    /// Whether an environment variable marks a container (systemd's `container`).
     pub container_env: bool,
     /// Folder in which run directories are created.
     pub run_parent: PathBuf,
-    /// Checks whether this user may read and write a path, including access control lists, without
-    /// opening it.
+    /// Checks whether this user may read and write a path. Takes access control lists into account
+    /// and does not open the path.
     pub access: fn(&Path, &User) -> io::Result<()>,
-    /// Whether a v4l2loopback node has lost both its capture and its output side. Opens the node,
-    /// which does not disturb other users; `false` if it is not a V4L2 device or cannot be opened.
+    /// Whether a v4l2loopback node has lost both its capture and its output side. The function
+    /// opens the node, which does not disturb other programs. It returns `false` if the path is not
+    /// a V4L2 device or cannot be opened.
     pub forgotten: fn(&Path) -> bool,
 }
 
@@ -43,7 +44,8 @@ impl Machine {
         self.root.join(path)
     }
 
-    /// Formats a path of the machine's tree as its user knows it.
+    /// Formats a path in the machine's tree as the machine's user knows it, without the tree's
+    /// root.
     pub(super) fn shown(&self, path: &Path) -> String {
         match path.strip_prefix(&self.root) {
             Ok(rest) => format!("/{}", rest.display()),
@@ -72,12 +74,12 @@ impl Machine {
         paths
     }
 
-    /// Returns whether a path exists; links are followed.
+    /// Returns whether a path exists; symbolic links are followed.
     pub(super) fn has(&self, path: impl AsRef<Path>) -> bool {
         self.path(path).exists()
     }
 
-    /// Whether this looks like a container.
+    /// Returns whether the machine looks like a container.
     pub(super) fn container(&self) -> bool {
         let marks = [".dockerenv", "run/.containerenv", "run/systemd/container"];
         self.container_env || marks.iter().any(|mark| self.has(mark))

@@ -2,8 +2,8 @@
 //!
 //! Everything is read from files in `/sys`, `/proc`, `/etc` and `/dev`. The only devices opened are
 //! `/dev/ptmx` and the v4l2loopback nodes that are labelled for Phasmid, so a check does not disturb
-//! other programs. The root of the file system, the user and the environment are parameters, so the
-//! tests examine machines made of files.
+//! other programs. The root of the file system, the user and the environment are parameters, so that
+//! tests can examine imitated machines that are trees of files.
 //!
 //! | file | contents |
 //! | --- | --- |

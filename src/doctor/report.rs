@@ -10,13 +10,13 @@ use std::fmt::{self, Display, Formatter};
 pub enum Status {
     /// No problem.
     Ok,
-    /// It works, but not as well as it could.
+    /// The subject works, but not as well as it could.
     Note,
-    /// Missing, which disables the feature.
+    /// The subject is missing, so the feature does not work.
     Missing,
 }
 
-/// A feature that checks belong to.
+/// A feature of Phasmid; each check belongs to one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Feature {
@@ -55,13 +55,13 @@ impl Feature {
 pub struct Check {
     /// Subject of the check.
     pub topic: &'static str,
-    /// The feature that needs it.
+    /// The feature that needs the subject.
     pub feature: Feature,
     /// The result.
     pub status: Status,
-    /// Finding and its consequence.
+    /// The finding and its consequence, as text.
     pub found: String,
-    /// The command that fixes it.
+    /// The command that fixes the problem.
     pub fix: Option<String>,
 }
 
@@ -98,9 +98,10 @@ fn plain(text: &str) -> String {
 pub struct Report {
     /// The running kernel's release.
     pub kernel: String,
-    /// Whether this looks like a container, whose modules are loaded by the host.
+    /// Whether the machine looks like a container. The kernel modules of a container are loaded by
+    /// its host.
     pub container: bool,
-    /// The checks, in the order in which a reader would fix them.
+    /// The checks, in the order in which problems are best fixed.
     pub checks: Vec<Check>,
 }
 

@@ -3,7 +3,7 @@
 /// A system file that Phasmid ships.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Shipped {
-    /// Its name for `phasmid doctor --print`.
+    /// Name of the file for `phasmid doctor --print`.
     pub name: &'static str,
     /// Path where it is installed.
     pub path: &'static str,

@@ -1,4 +1,4 @@
-//! Tests with machines made of files.
+//! Tests with imitated machines, each a tree of files.
 
 use super::*;
 use std::fs;
@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 const RELEASE: &str = "6.1.0-test";
 
-/// Checks access by the mode's bits, as for a user who is not root.
+/// Checks access by the file's mode bits alone, as for a user who is not root.
 fn by_mode(path: &Path, user: &User) -> io::Result<()> {
     let file = fs::metadata(path)?;
     let shift = if file.uid() == user.uid {
@@ -61,7 +61,7 @@ impl Fake {
         fake
     }
 
-    /// A machine that lacks nothing.
+    /// A machine that has everything that Phasmid can use.
     fn good() -> Self {
         let fake = Self::bare();
         fake.loaded("Y,N", 32);
@@ -203,7 +203,7 @@ fn complete_machine_passes_all_checks() {
         "/dev/phasmid/1 is /dev/video10"
     );
     assert!(fake.check("other node").found.contains("\"Other\""));
-    // Release 0.12 has no file with its version.
+    // In release 0.12 the module has no file that states its version.
     fs::remove_file(fake.path("sys/module/v4l2loopback/version")).unwrap();
     assert!(fake.check("v4l2loopback").found.contains("unknown"));
     fake.file("var/lib/dkms/v4l2loopback/0.12.8/source", "");
@@ -242,7 +242,7 @@ fn bad_module_options_are_reported_with_their_effect() {
     let camera = fake.check("camera");
     assert_eq!(camera.status, Status::Note);
     assert!(camera.found.contains("exclusive_caps=0"), "{camera:?}");
-    // The camera works in spite of these options.
+    // The camera works although these options are not the recommended ones.
     assert!(fake.report().suffices(&[Feature::V4l2]));
 }
 
@@ -287,7 +287,7 @@ fn a_node_without_sides_is_not_free() {
     assert!(!camera.found.contains("free"), "{camera:?}");
     assert!(fix(&camera).starts_with("sudo modprobe -r"), "{camera:?}");
     assert!(!fake.report().suffices(&[Feature::V4l2]));
-    // A second, usable node is enough.
+    // One usable node besides an unusable one is enough.
     fake.node(11, "Phasmid 2", "32");
     let report = fake.report();
     assert!(report.suffices(&[Feature::V4l2]));
@@ -325,7 +325,7 @@ fn a_user_outside_the_group_is_told_to_join_it() {
     assert!(check.found.ends_with("join the group and log in anew"));
     assert_eq!(fix(&check), "sudo usermod -aG video bob");
     assert!(!fake.report().suffices(&[Feature::V4l2]));
-    // Ann joined the group after she logged in.
+    // The user with number 70002, Ann, joined the group after she logged in.
     fake.machine.user.uid = 70002;
     assert_eq!(fix(&fake.check("permission")), "newgrp video");
     // Only the owner has access, so joining the group would not help.
@@ -352,7 +352,7 @@ fn in_a_container_the_host_is_to_load_the_module() {
     assert!(!fake.report().container);
     fake.machine.container_env = true;
     assert!(fake.report().container);
-    // The host's nodes show in /sys, but not in /dev.
+    // In a container, the host's nodes appear in /sys but not in /dev.
     fake.loaded("Y", 32);
     fake.node(10, "Phasmid", "32");
     fs::remove_file(fake.path("dev/video10")).unwrap();

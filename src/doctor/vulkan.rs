@@ -59,7 +59,7 @@ fn library(machine: &Machine, name: &str) -> Option<PathBuf> {
     let mut folders: Vec<_> = ["usr/lib", "usr/lib64", "usr/local/lib", "lib"]
         .map(|folder| machine.path(folder))
         .into();
-    // Debian has one folder per architecture.
+    // Debian has one library folder per architecture.
     let triples = machine.list("usr/lib").into_iter().filter(|path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.contains("-linux-gnu")
@@ -69,7 +69,7 @@ fn library(machine: &Machine, name: &str) -> Option<PathBuf> {
     paths.find(|path| path.exists())
 }
 
-/// Checks access to the GPUs' render nodes; a software driver needs none.
+/// Checks access to the render nodes of the GPUs. A software driver needs no render node.
 fn render_nodes(machine: &Machine) -> Vec<Check> {
     let nodes = machine.list("dev/dri").into_iter().filter(|path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();

@@ -1,4 +1,4 @@
-//! Stands in for `v4l2` in builds without the feature `v4l2`.
+//! Replaces the module `v4l2` in builds without the feature `v4l2`.
 
 use super::{Check, Feature, Machine, Status};
 use std::path::Path;
@@ -8,7 +8,7 @@ pub(super) fn checks(_: &Machine) -> Vec<Check> {
     vec![Check::ok("V4L2", Feature::V4l2, found).but(Status::Missing, None)]
 }
 
-/// Returns `false`, as for a node that cannot be opened.
+/// Always returns `false`, as for a node that cannot be opened.
 pub fn is_forgotten(_: &Path) -> bool {
     false
 }

@@ -38,7 +38,7 @@ impl<T> Source<T> {
     }
 }
 
-/// Implements `From` for a source type: from a name or path, and from a value.
+/// Implements the conversions into a source type: from a name or path, and from a profile or scene.
 macro_rules! source_of {
     ($source:ident, $given:ident) => {
         impl From<&str> for $source {
@@ -111,7 +111,7 @@ impl Default for DeviceBuilder {
 }
 
 impl Device {
-    /// Starts to build a device.
+    /// Returns a builder with default settings.
     pub fn builder() -> DeviceBuilder {
         DeviceBuilder::default()
     }
@@ -168,15 +168,16 @@ impl DeviceBuilder {
         self
     }
 
-    /// Sets the number of instants per exposure at which a moving scene is rendered: 1 to 256, 4 by
-    /// default.
+    /// Sets the number of points in time per exposure at which a moving scene is rendered: 1 to
+    /// 256, 4 by default.
     pub fn time_samples(mut self, time_samples: u32) -> Self {
         self.options.time_samples = time_samples;
         self
     }
 
-    /// Sets the error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated
-    /// between key instants instead of traced at each instant; 0, the default, traces at each.
+    /// Sets the maximum error, 0 to 1 projector pixels, with which the geometry of a moving scene may be
+    /// interpolated between points in time. With 0, the default, the geometry is traced at every point
+    /// in time.
     pub fn motion_tolerance(mut self, pixels: f64) -> Self {
         self.options.motion_tolerance_px = pixels;
         self
@@ -188,34 +189,34 @@ impl DeviceBuilder {
         self
     }
 
-    /// Sets whether the device reports its exact rig or a factory calibration with errors;
-    /// overrides the profile.
+    /// Sets whether the device reports its exact rig (`true`) or a factory calibration with errors
+    /// (`false`); overrides the profile.
     pub fn exact_calibration(mut self, exact: bool) -> Self {
         self.exact_calibration = Some(exact);
         self
     }
 
-    /// Sets the dialect of the control port instead of the profile's: a built-in name or the path of a
-    /// TOML file.
+    /// Sets the dialect of the control port, which replaces the profile's: a built-in name or the path
+    /// of a TOML file.
     pub fn dialect(mut self, name_or_path: impl Into<String>) -> Self {
         self.dialect = Some(name_or_path.into());
         self
     }
 
-    /// Stores a sequence in the device besides the profile's: the path of a manifest, with its images
-    /// in the same folder.
+    /// Stores another sequence in the device, in addition to the profile's sequences. `manifest` is the
+    /// path of the sequence's manifest, whose folder also contains the images.
     pub fn sequence(mut self, manifest: impl Into<PathBuf>) -> Self {
         self.sequences.push(manifest.into());
         self
     }
 
-    /// Adds a fault; see [`Device::inject`] for one at run time.
+    /// Adds a fault. [`Device::inject`] adds a fault at run time.
     pub fn fault(mut self, fault: Fault) -> Self {
         self.schedule.fault.push(fault);
         self
     }
 
-    /// Sets the faults, and the seed for faults that occur by chance.
+    /// Replaces the faults, and the seed for faults that occur by chance.
     pub fn faults(mut self, schedule: Schedule) -> Self {
         self.schedule = schedule;
         self
@@ -232,8 +233,9 @@ impl DeviceBuilder {
     ///
     /// # Errors
     /// Returns all errors of the profile, the scene, the dialect, the sequence files and the
-    /// options together; or else an error of their combination or of a fault; or
-    /// [`Error::Interrupted`] if the handle of [`Self::stop`] is asked.
+    /// options together. If each of these is valid, returns an error if they do not fit together or
+    /// if a fault is invalid. Returns [`Error::Interrupted`] if the handle of [`Self::stop`] is
+    /// asked.
     pub fn build(self) -> Result<Device> {
         let mut wrong = Vec::new();
         let mut keep = |error: Error| wrong.push(error);
@@ -318,7 +320,8 @@ mod tests {
             message.contains("camera.max_gain_db=3: a profile that is given as a value"),
             "{message}"
         );
-        // The scene's error is reported too: the built-in scene has no `light[0]`.
+        // The error of the scene is reported together with the others: the built-in scene has no
+        // `light[0]`.
         assert!(message.contains("light[0].depth=1"), "{message}");
     }
 }

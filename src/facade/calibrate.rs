@@ -7,15 +7,15 @@ use phasmid_core::error::{Error, Result};
 use phasmid_decode::Capture;
 use phasmid_geometry::Board;
 
-/// Calibrates a scanner from captures of a board in several poses, each of a sequence with patterns
-/// along both axes. The rig is `solution.rig` of the result, with the covariance of its parameters; the
-/// poses without a board are in `missed`.
+/// Calibrates a scanner from captures of a board, one capture for each pose of the board. The captured
+/// sequence must have patterns along both axes. In the result, `solution.rig` is the rig, with the
+/// covariance of its parameters, and `missed` lists the poses without a board.
 ///
 /// The example `calibrate` of the repository shows an emulated device a board in eight poses.
 ///
 /// # Errors
-/// Returns an error if too few captures show the board, or if the poses do not determine the rig,
-/// which takes at least three boards that are not parallel. The error's source is an [`Unsolved`].
+/// Returns an error if too few captures show the board, or if the poses do not determine the rig:
+/// at least three poses that are not parallel are needed. The error's source is an [`Unsolved`].
 pub fn calibrate(captures: &[Capture], board: &Board, choice: Choice) -> Result<Calibration> {
     calibrate_with_stop(captures, board, choice, &Stop::default())
 }
@@ -32,7 +32,7 @@ pub fn calibrate(captures: &[Capture], board: &Board, choice: Choice) -> Result<
 /// ```
 ///
 /// # Errors
-/// Returns [`Error::Interrupted`] soon after `stop` is asked, and the errors of [`calibrate`].
+/// Returns [`Error::Interrupted`] soon after a stop is requested, and the errors of [`calibrate`].
 pub fn calibrate_with_stop(
     captures: &[Capture],
     board: &Board,

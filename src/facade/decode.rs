@@ -16,7 +16,7 @@ pub struct Decoding {
     /// The decoder, for further captures of the same sequence, size and calibration.
     pub decoder: Decoder,
     /// Per pixel, row by row: projector coordinates, depth in millimetres in the camera's frame, a
-    /// standard deviation for each, and why a pixel was rejected.
+    /// standard deviation for each, and the reason if a pixel was rejected.
     pub maps: Decoded,
 }
 
@@ -41,7 +41,8 @@ impl Decoding {
     }
 }
 
-/// Decodes a capture by a calibration. Without one the result has projector coordinates but no depth.
+/// Decodes a capture with a calibration. Without a calibration, the result has projector coordinates but
+/// no depth.
 ///
 /// ```
 /// use phasmid::{DecodeOptions, Device};

@@ -17,11 +17,11 @@ use phasmid_study::desk::{Desk, Link};
 use std::fmt;
 use std::time::Duration;
 
-/// Device time to wait for a reply or a frame; it passes without waiting in real time.
+/// Maximum device time to wait for a reply or a frame. It passes without waiting in real time.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// An emulated scanner in memory, on a clock of its own that does not wait: no sockets, no processes,
-/// no threads of its own.
+/// An emulated scanner in memory, without sockets, processes or threads of its own. It has its own
+/// clock, which does not wait in real time.
 ///
 /// ```
 /// let mut device = phasmid::Device::builder().profile("webcam-grey").scene("sphere").seed(1).build()?;
@@ -87,18 +87,18 @@ impl Device {
         self.desk.run_until(self.desk.now_ns().saturating_add(ns));
     }
 
-    /// Scans with a sequence of the device, over its port and camera, as a host does, so the
-    /// capture contains only data that a host receives.
+    /// Scans with a sequence of the device. It uses the device's port and camera as a host does, so
+    /// the capture contains only data that a host receives.
     ///
     /// # Errors
-    /// Returns an error if the device has no such sequence, or if the scan fails, as it does with
-    /// faults that a host cannot recover from.
+    /// Returns an error if the device has no such sequence, or if the scan fails, for example
+    /// because of a fault from which a host cannot recover.
     pub fn scan(&mut self, sequence: &str) -> Result<Capture> {
         self.scan_with(sequence, |_| ())
     }
 
     /// [`Self::scan`], and reports the progress. `progress` may return `ControlFlow::Break(())` to end
-    /// the scan between two frames; [`Self::stop`] also ends it within one.
+    /// the scan between two frames; [`Self::stop`] ends it even during a frame.
     ///
     /// # Errors
     /// Returns [`Error::Interrupted`] if the scan was ended, and the errors of [`Self::scan`].
@@ -177,11 +177,12 @@ impl Device {
         self.desk.control(bytes)
     }
 
-    /// Returns the calibration that the device reports: its factory's, with an uncertainty, unless it
-    /// was built with its exact rig.
+    /// Returns the calibration that the device reports: the factory calibration with its uncertainty, or
+    /// the exact rig if the device was built to report that.
     ///
     /// # Errors
-    /// Returns an error if the factory could not calibrate the device; it then reports none.
+    /// Returns an error if the factory could not calibrate the device, which then reports no
+    /// calibration.
     pub fn factory_calibration(&self) -> Result<Rig> {
         self.desk.with(|device| {
             let calibration = device.machine.firmware().factory_calibration();
@@ -194,7 +195,8 @@ impl Device {
         self.profile.nominal_rig()
     }
 
-    /// Returns the truth of the last scan; if the scene moves, at the middle of the scan.
+    /// Returns the truth of the last scan. If the scene moves, this is the truth at the middle of
+    /// the scan.
     ///
     /// # Errors
     /// Returns an error if there has been no scan.
@@ -229,7 +231,7 @@ impl Device {
         })
     }
 
-    /// Returns a truth of the last scan, with the objects at their places during that scan.
+    /// Computes a truth of the last scan, with each object where it was during that scan.
     fn truth_of(
         &mut self,
         of: impl FnOnce(&mut Renderer, &[(Pattern, Shot)]) -> Truth,
@@ -254,8 +256,8 @@ impl Device {
     /// in millimetres and the rotation in degrees, as in the scene's file.
     ///
     /// # Errors
-    /// Returns an error if there is no such object or the numbers are not finite; the scene is then
-    /// unchanged.
+    /// Returns an error if the object does not exist or the numbers are not finite; the scene is
+    /// then unchanged.
     ///
     /// ```
     /// let mut device = phasmid::Device::builder().profile("webcam-grey").scene("plane").build()?;
@@ -283,10 +285,10 @@ impl Device {
         Ok(())
     }
 
-    /// Injects a fault from now on and returns its number.
+    /// Adds a fault, which may occur from now on, and returns its number.
     ///
     /// # Errors
-    /// Returns an error if the device cannot have the fault.
+    /// Returns an error if the fault does not apply to this device.
     ///
     /// ```
     /// use phasmid::profile::faults::{Fault, What};
@@ -315,8 +317,8 @@ impl Device {
             .with(|device| device.machine.faults().struck().cloned().collect())
     }
 
-    /// Serves the device on threads of its own: a control port, a frame socket, and the links that
-    /// the options add. The device ends when the result is dropped.
+    /// Serves the device on new threads, over a control port, a frame socket, and the further links
+    /// that the options request. The device ends when the result is dropped.
     ///
     /// # Errors
     /// Returns an error if the run directory cannot be used, or if the system refuses a port, a socket,
@@ -408,11 +410,11 @@ mod tests {
         let mut position = device.scene().object[0].position_mm;
         position[2] -= 100.0;
         device.place(0, position, [0.0; 3]).unwrap();
-        // Device time beyond any timeout of a host.
+        // Let more device time pass than any timeout of a host.
         device.wait(Duration::from_secs(3600));
         let stop = device.stop();
         let serving = device.serve(&ServeOptions::default()).unwrap();
-        // This handle has no effect on a served device.
+        // The handle that was taken before serving has no effect on the served device.
         stop.ask();
         let at = serving.endpoints();
         let options = ScanOptions {

@@ -1,5 +1,5 @@
-//! The calls of the library's front page: a device in memory, a scanner at its addresses, and the
-//! processing of their captures.
+//! The items that the library exports at its root: a device in memory, a scanner at its addresses,
+//! and the processing of their captures.
 //!
 //! | file | contents |
 //! | --- | --- |

@@ -21,23 +21,24 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How a [`Scanner`] is connected and scans.
+/// Options of a [`Scanner`]: how it is connected, and how it scans.
 #[derive(Debug, Clone)]
 pub struct ScanOptions {
-    /// Sequence to select; `None` keeps the one selected in the device.
+    /// Sequence to select; `None` keeps the sequence that is selected in the device.
     pub sequence: Option<String>,
     /// Manifest of the sequence, for a device that does not report it.
     pub manifest: Option<Manifest>,
     /// Dialect of the control port: a built-in name or the path of a TOML file. `None` selects the
     /// dialect in the `device.json` beside the port if there is one, else SCPI.
     pub dialect: Option<String>,
-    /// Calibration to use instead of the device's own. If it has no noise model, the device's is used.
+    /// Calibration to use instead of the device's own. If this calibration has no noise model, the
+    /// device's noise model is used.
     pub calibration: Option<Rig>,
     /// How a camera at `/dev/videoN` is read.
     pub driver: CameraDriver,
     /// Maximum time to wait for a reply, or for a device to open.
     pub reply_timeout: Duration,
-    /// Maximum time to wait for a frame, from the trigger or the frame before.
+    /// Maximum time to wait for a frame, counted from the trigger or from the previous frame.
     pub frame_timeout: Duration,
 }
 
@@ -93,8 +94,8 @@ impl fmt::Debug for Scanner {
 impl Scanner {
     /// Connects to the camera and the control port of a device. `camera` is `/dev/videoN`,
     /// `socket:PATH` or `tcp:HOST:PORT`; `control` is the path of a serial port. If `camera` is
-    /// `usb:HOST:PORT/BUSID`, the USB device provides the control port too, and `control` only
-    /// tells where to look for its `device.json`.
+    /// `usb:HOST:PORT/BUSID`, the USB device also provides the control port, and `control` is used
+    /// only to find the device's `device.json`, in the same folder.
     ///
     /// A free-running camera is stopped; [`Self::finish`] lets it run again.
     ///
@@ -113,7 +114,7 @@ impl Scanner {
         Self::connect(&at.camera, &at.control, options)
     }
 
-    /// [`Self::connect`], and shows the traffic to an observer.
+    /// Connects like [`Self::connect`], and shows the traffic to an observer.
     ///
     /// # Errors
     /// Same as [`Self::connect`].
@@ -126,7 +127,7 @@ impl Scanner {
         Self::recorded(camera, control, options, Some(Tape::shown(observer)))
     }
 
-    /// [`Self::connect`], and records the traffic on a tape if there is one.
+    /// Connects like [`Self::connect`], and records the traffic on a tape if there is one.
     pub(crate) fn recorded(
         camera: &str,
         control: impl AsRef<Path>,
@@ -182,8 +183,9 @@ impl Scanner {
         }
     }
 
-    /// Returns captures without checking that their frames follow the sequence, for a caller that checks
-    /// them while the next scan is running ([`check_sequence`](crate::decode::check_sequence)).
+    /// Makes scans return captures without checking that the frames follow the sequence, for a caller
+    /// that checks them while the next scan is running
+    /// ([`check_sequence`](crate::decode::check_sequence)).
     #[must_use]
     pub fn without_checks(self) -> Self {
         Self {
@@ -197,7 +199,7 @@ impl Scanner {
         self.scanner.identifies()
     }
 
-    /// Returns the sequence that is selected in the device, if it reports it.
+    /// Returns the name of the sequence that is selected in the device, if the device reports it.
     ///
     /// # Errors
     /// Returns an error if the port fails.
@@ -205,7 +207,7 @@ impl Scanner {
         self.scanner.selected()
     }
 
-    /// Selects a sequence in the device at once.
+    /// Selects a sequence in the device now, without a scan.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -257,9 +259,9 @@ impl Scanner {
         captured.map_err(|e| name_stepped_clock(e, &self.control))
     }
 
-    /// Returns the truth of the selected sequence with the scene as it stands now, so ask right after a
-    /// scan. The device must be emulated: the `device.json` beside its control port names its service
-    /// channel.
+    /// Returns the truth of the selected sequence for the present state of the scene, so call this right
+    /// after a scan. The device must be emulated: the `device.json` beside its control port names its
+    /// service channel.
     ///
     /// # Errors
     /// Returns an error if the device has no service channel, which only emulated devices have.
@@ -268,7 +270,7 @@ impl Scanner {
         Truth::from_maps(maps)
     }
 
-    /// Closes camera and port; a camera that was free-running before runs again.
+    /// Closes camera and port. A camera that was free-running when it was opened resumes.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -281,7 +283,7 @@ impl Scanner {
 ///
 /// # Errors
 /// Returns an error if the directory has no `device.json`, or if the device has ended, because the
-/// name of its port may then belong to another terminal.
+/// name of the device's port may then belong to another terminal.
 pub(crate) fn endpoints_in(run_dir: &Path) -> Result<Endpoints> {
     let place = run_dir.display();
     let expected = "the run directory of a device that is being served";
@@ -401,8 +403,9 @@ fn device_json(control: &Path) -> Option<(Endpoints, PathBuf)> {
     own.then(|| (found, folder.join(endpoints::FILE_NAME)))
 }
 
-/// Adds to a device's error that its clock is stepped, if the `device.json` beside its control port
-/// says so: a wait on such a device may last until a client advances its clock.
+/// Adds a remark to an error of a device with a stepped clock, if the `device.json` beside the
+/// control port states that clock: a wait for such a device may last until a client advances the
+/// clock.
 fn name_stepped_clock(error: Error, control: &Path) -> Error {
     let (Error::Device(message), Some((found, place))) = (&error, device_json(control)) else {
         return error;

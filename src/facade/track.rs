@@ -27,7 +27,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use tracker::Gathered;
 
-/// Maximum time between two reports while a scan is awaited.
+/// Maximum time between two progress reports while a scan is awaited.
 const SLICE: Duration = Duration::from_millis(50);
 
 /// A scanner at a known place in the treatment room.
@@ -70,7 +70,7 @@ impl Pod {
         self.scanner.finish().map_err(|e| e.at(&self.name))
     }
 
-    /// Scans once; ends early if `ended` is set.
+    /// Scans once with this pod; ends the scan early if `ended` is set.
     fn scan(&mut self, ended: &AtomicBool) -> Result<Taken> {
         let mut arrived = Instant::now();
         let capture = self.scanner.scan_with(|progress| {
@@ -105,7 +105,7 @@ struct Taken {
 pub enum TrackProgress<'a> {
     /// The surface of the scan that was reported last.
     Surface {
-        /// The points that were fitted, of all pods, in the room frame.
+        /// The points of all pods that were fitted, in the room frame.
         measured: &'a Measured,
         /// Pose and breathing of the patient, for [`Planned::model`]; `None` if the skin is lost.
         state: Option<&'a MotionState>,
@@ -114,9 +114,9 @@ pub enum TrackProgress<'a> {
     },
     /// A scan by all pods was evaluated.
     Scan(&'a Tracked),
-    /// The next scan is overdue, or will not come because a pod has failed: the beam is held.
-    /// Reported once for a scan, whatever the number of pods, at the deadline: three times the
-    /// longest of the last five intervals between scans, and at least
+    /// The next scan is overdue, or will not come because a pod has failed, so the beam is held.
+    /// This is reported once per missing scan, whatever the number of pods, at the deadline: three
+    /// times the longest of the last five intervals between scans, and at least
     /// [`HoldRules::stale_ns`](phasmid_sgrt::HoldRules::stale_ns).
     Overdue {
         /// Number of the missing scan, from 0.
@@ -124,8 +124,8 @@ pub enum TrackProgress<'a> {
         /// The state of the beam: held.
         beam: &'a Beam,
     },
-    /// The fringes of a pod's first scan are not sinusoidal, so its points may be biased. The beam is
-    /// not held for this.
+    /// The fringes in a pod's first scan are not sinusoidal, so the pod's points may be biased. This
+    /// does not hold the beam.
     Doubtful {
         /// Name of the pod.
         pod: &'a str,
@@ -136,7 +136,7 @@ pub enum TrackProgress<'a> {
     Waiting,
 }
 
-/// Receives the progress of tracking and returns whether to go on.
+/// A function that receives the progress of tracking and returns whether to go on.
 type Watch<'a> = dyn FnMut(TrackProgress<'_>) -> ControlFlow<()> + 'a;
 
 /// Tracks a patient: scans with one pod after the other, because their projectors take turns, and
@@ -207,7 +207,8 @@ pub fn track<F: Flow>(
     }
     let places = pods.iter().map(|pod| (pod.name.as_str(), pod.place));
     let mut tracker = Tracker::new(planned, places, options)?;
-    // The channel holds one scan per pod, so the pods never scan further ahead than that.
+    // The channel holds one capture per pod, so the pods are at most one scan ahead of the
+    // evaluation.
     let (send, taken) = sync_channel(pods.len());
     let ended = AtomicBool::new(false);
     let (ends, wanted) = (&ended, options.scans);
@@ -224,7 +225,8 @@ pub fn track<F: Flow>(
         let scanned = scanning
             .join()
             .unwrap_or_else(|_| Err(Error::device("the thread of the pods panicked")));
-        // An error at the ports takes precedence: it is the reason why the scans ended.
+        // An error at the ports takes precedence over an error of the evaluation, because it is the
+        // reason why the scans ended.
         scanned.and(followed)
     })
 }
@@ -252,7 +254,8 @@ fn scan_in_turn(
     Ok(())
 }
 
-/// Evaluates and reports scan by scan, until the scans end, the time is over or `progress` ends it.
+/// Evaluates and reports one scan after the other, until the scans end, the time limit is reached,
+/// or `progress` ends tracking.
 fn follow(
     tracker: &mut Tracker<'_>,
     scans: &Receiver<Taken>,
@@ -433,7 +436,8 @@ mod tests {
                 TrackProgress::Scan(tracked) if tracked.scan == 2 => {
                     return ControlFlow::Break(());
                 }
-                // The first pod scans after the deadline, and the second one later.
+                // The scan of the first pod arrives after the deadline, and the scan of the second
+                // pod later still.
                 TrackProgress::Overdue { scan: number, .. } => {
                     overdue.push(number);
                     if overdue.len() == 1 {
@@ -453,7 +457,7 @@ mod tests {
     fn capture_without_frame_information_is_not_identified() {
         let planned = planned();
         let mut capture = captured();
-        // Saturated frames are accepted only if they identify themselves.
+        // A capture whose frames are saturated is accepted only if the frames identify themselves.
         for image in &mut capture.images {
             for level in image.as_u8_mut().unwrap() {
                 *level = level.saturating_mul(20);
@@ -511,7 +515,7 @@ mod tests {
         assert!(matches!(scans[0].beam, Beam::Held(_)));
         let lost = |warning: &ScanWarning| matches!(warning, ScanWarning::Lost(_));
         assert!(scans[0].warnings.iter().any(lost), "{scans:?}");
-        // A scan takes longer than this limit, which the second scan exceeds.
+        // The limit is shorter than a scan, so tracking ends with the second scan.
         let options = TrackOptions {
             scans: None,
             duration: Some(Duration::from_millis(1)),

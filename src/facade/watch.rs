@@ -8,9 +8,9 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-/// Time between two calls of the function that says whether to go on.
+/// Time between two calls of `flow`, which decides whether to go on.
 const STEP: Duration = Duration::from_millis(100);
-/// Time that a camera has to open.
+/// Maximum time to open a camera.
 const OPENING: Duration = Duration::from_secs(2);
 /// Time between two attempts to open a camera that is gone.
 const RETRY: Duration = Duration::from_millis(500);
@@ -58,8 +58,9 @@ pub fn watch_camera(
             Err(why) => {
                 see(&camera, Event::Note(why.to_string()));
                 see(&camera, Event::Unplugged);
-                // Keep a camera that can reopen itself, because its node may come back under another
-                // number. Close any other camera first: some can be opened only once at a time.
+                // Keep the camera object if it can reopen its camera, whose node may come back under
+                // another number. Else close the camera before it is opened again, because some cameras
+                // can be opened only once at a time.
                 let mut gone = camera.has_gone().then_some(camera);
                 camera = loop {
                     thread::sleep(RETRY);

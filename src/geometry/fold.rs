@@ -90,8 +90,8 @@ impl Lens {
             .all(|c| lower_bound(c, 0.0, r) > 0.0 || first_zero(c, 0.0, r).is_none())
     }
 
-    /// Returns the ideal point of a distorted one by damped Newton steps on the convex function
-    /// phi(p) - d p, starting from the axis: the inverse within the disc, or NaN if there is none.
+    /// Returns the ideal point of a distorted point by damped Newton steps on the convex function phi(p)
+    /// - d p, starting from the axis: the inverse within the disc, or NaN if there is none.
     pub(super) fn descend(&self, d: DVec2) -> DVec2 {
         let reach = self.unfolded_radius();
         let height = |p: DVec2| self.potential(p) - d.dot(p);

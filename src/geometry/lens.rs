@@ -124,7 +124,7 @@ impl Lens {
             && px.y < f64::from(self.height_px) - 0.5
     }
 
-    /// Returns the distorted image point of an ideal one, both in units of the focal length.
+    /// Returns the distorted image point of an ideal image point, both in units of the focal length.
     #[inline]
     pub fn distort<V: Vector2>(&self, p: V) -> V {
         if !self.is_distorted() {
@@ -163,8 +163,8 @@ impl Lens {
         )
     }
 
-    /// Returns the ideal image point of a distorted one by Newton's method, exact to rounding. A result
-    /// must be connected to the axis without crossing a fold; NaN if there is none.
+    /// Returns the ideal image point of a distorted point by Newton's method, exact to rounding. A
+    /// result must be connected to the axis without crossing a fold; NaN if there is none.
     pub fn undistort<V: Vector2>(&self, d: V) -> V {
         if !self.is_distorted() {
             return d;

@@ -1,4 +1,4 @@
-//! Triangle meshes, as returned by every file reader, their validation and cleaning.
+//! Triangle meshes, which all file readers return, with their validation and cleaning.
 
 use glam::DVec3;
 use phasmid_core::error::{Error, Result};
@@ -44,7 +44,7 @@ impl fmt::Display for Removed {
     }
 }
 
-/// Triangles over shared vertices, in millimetres in the mesh's own frame. Seen from outside, the
+/// A triangle mesh with shared vertices, in millimetres in the mesh's own frame. Seen from outside, the
 /// corners of a triangle run counter-clockwise, so `(b - a) x (c - a)` points outwards.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
@@ -118,9 +118,9 @@ impl Mesh {
         Ok(self)
     }
 
-    /// Removes triangles without area and all but the first of triangles with equal corners and
-    /// orientation. They change no surface, but overlap in every search tree. The vertices stay.
-    /// The mesh must have passed [`Self::checked`]; `place` names it in messages.
+    /// Removes triangles without area. Of triangles with equal corners and orientation, keeps only the
+    /// first. The removed triangles change no surface, but they would overlap in every search tree. The
+    /// vertices stay. The mesh must have passed [`Self::checked`]; `place` names it in messages.
     ///
     /// # Errors
     /// Returns an error if no triangle is left.
@@ -128,8 +128,9 @@ impl Mesh {
         self.clean_deforming(&[], place)
     }
 
-    /// Cleans a mesh that deforms, like [`Self::clean`]: removes triangles that are without area, or
-    /// equal to an earlier one, both here and in all `keyframes`, which hold as many vertices.
+    /// Cleans a mesh that deforms, like [`Self::clean`]: removes triangles that have no area, or equal
+    /// an earlier triangle, both in this shape and in all `keyframes`. Each keyframe has as many
+    /// vertices as the mesh.
     ///
     /// # Errors
     /// Returns an error if no triangle is left.

@@ -1,4 +1,4 @@
-//! Reads meshes from files of any of the formats, which the extension selects.
+//! Reads meshes from files; the extension selects the format.
 
 use super::{Mesh, file, obj, ply, stl};
 use phasmid_core::error::{Error, Result};

@@ -130,15 +130,16 @@ fn vertex_colour<'a>(words: impl Iterator<Item = &'a [u8]>) -> Result<Option<f32
 #[derive(Default)]
 struct Coordinates {
     of: Vec<[f32; 2]>,
-    /// Indices from 1 at the corners of each triangle; 0 for a corner without texture coordinates.
+    /// Indices, counted from 1, at the corners of each triangle; 0 for a corner without texture
+    /// coordinates.
     corners: Vec<[u32; 3]>,
-    /// Highest index used, and its line.
+    /// Highest index that a face uses, and the line of the file that uses it.
     highest: (u32, usize),
 }
 
 impl Coordinates {
-    /// Returns a corner's texture index, counted from 1: the second of its slash-separated words; 0
-    /// if it is missing or invalid.
+    /// Returns a corner's texture index, counted from 1, which is the second of its slash-separated
+    /// words; 0 if that word is missing or invalid.
     fn index(&mut self, corner: &[u8], line: usize) -> u32 {
         let word = corner.split(|&b| b == b'/').nth(1).unwrap_or_default();
         let count = self.of.len() as i64;
@@ -192,11 +193,11 @@ fn face<'a>(
         if corner.starts_with(b"#") {
             break;
         }
-        // position/texture/normal, of which only the position is used here.
+        // The corner is position/texture/normal; only the position is used here.
         let word = corner.split(|&b| b == b'/').next().unwrap_or_default();
         let index = match number::<i64>(word) {
             Some(i @ 1..=0x7fff_ffff) => i,
-            // -1 is the last vertex so far.
+            // Index -1 is the last vertex so far.
             Some(i) if i < 0 && i.checked_add(count).is_some_and(|at| at >= 0) => i + count + 1,
             _ => {
                 return Err(Error::input(

@@ -127,7 +127,7 @@ fn first_root(o: DVec3, d: DVec3, radius: f64, t_min: f64) -> Option<f64> {
 
 fn cylinder(radius: f64, half_length: f64, o: DVec3, d: DVec3, t_min: f64) -> Option<SolidHit> {
     let flat = |v: DVec3| DVec3::new(v.x, 0.0, v.z);
-    // Check both roots: the near one may lie beyond the end of the cylinder.
+    // Check both roots: the near intersection may lie beyond the end of the cylinder.
     let side = |t_min: f64| {
         let t = first_root(flat(o), flat(d), radius, t_min)?;
         Some(SolidHit {
@@ -225,7 +225,7 @@ mod tests {
             .intersect(DVec3::new(0.5, 9.0, 0.0), DVec3::NEG_Y, 0.0)
             .unwrap();
         assert_eq!((cap.t, cap.facet), (4.0, 1));
-        // Enters through the cap, although the infinite side is hit first.
+        // The ray enters through the cap, although it meets the infinite side before the cap.
         let slant = DVec3::new(0.0, -1.0, 0.5);
         assert_eq!(
             c.intersect(DVec3::new(0.0, 9.0, -3.0), slant, 0.0)
@@ -246,7 +246,7 @@ mod tests {
             .intersect(DVec3::new(10.0, -20.0, -1000.0), DVec3::Z, 0.0)
             .unwrap();
         assert!((top.t - 920.0).abs() < 1e-12 && top.facet == 0);
-        // Half-way out, half-way down.
+        // Half-way between the edges of top and base, the surface is at half the height.
         let side = f
             .intersect(DVec3::new(75.0, 0.0, -1000.0), DVec3::Z, 0.0)
             .unwrap();

@@ -47,8 +47,8 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Mesh> {
 fn binary(records: &[u8], place: &str) -> Result<Mesh> {
     let mut welder = Welder::default();
     for (triangle, record) in records.chunks_exact(RECORD).enumerate() {
-        // Skip 12 bytes of normal, which follows from the winding, and 2 attribute bytes at the
-        // end.
+        // Skip the normal (12 bytes), because the winding determines it, and the 2 attribute bytes at
+        // the end.
         for (corner, xyz) in record[12..48].chunks_exact(12).enumerate() {
             let [x, y, z] = [0, 4, 8].map(|i| {
                 f64::from(f32::from_le_bytes([

@@ -18,7 +18,7 @@ pub struct Span {
     /// Keyframe before the start, the start, the end, and the keyframe after the end. At the ends
     /// of the timeline the start or the end is repeated.
     pub keys: [usize; 4],
-    /// Their times in seconds, continued across the wrap-around of a period.
+    /// Times of `keys` in seconds, continued across the wrap-around of a period.
     pub times_s: [f64; 4],
     /// Relative position between start and end, 0 to 1.
     pub share: f64,

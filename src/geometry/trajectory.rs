@@ -5,11 +5,11 @@ use glam::{DMat3, DQuat, DVec3};
 
 /// A pose over time.
 ///
-/// Positions follow the [`Timeline`]'s splines. Rotations follow the equivalent on unit
-/// quaternions: cubic Hermite curves in cumulative form (Kim, Kim, Shin: "A general construction
-/// scheme for unit quaternion curves with simple high order derivatives", SIGGRAPH 1995, section
-/// 4.2) with the same tangents, so that a rotation at constant speed stays one. Between two
-/// keyframes, the rotation takes the shorter way.
+/// Positions follow the [`Timeline`]'s splines. Rotations follow the equivalent on unit quaternions:
+/// cubic Hermite curves in cumulative form (Kim, Kim, Shin: "A general construction scheme for unit
+/// quaternion curves with simple high order derivatives", SIGGRAPH 1995, section 4.2) with the same
+/// tangents, so that a rotation at constant speed stays at constant speed. Between two keyframes, the
+/// rotation takes the shorter way.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
     timeline: Timeline,

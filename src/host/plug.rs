@@ -22,11 +22,13 @@ pub(super) struct Plug {
     device: Label,
     /// `bInterfaceNumber`.
     interface: String,
-    /// Index of the node within the interface, if any: uvcvideo's second node has no frames.
+    /// Index of the node among the nodes of the interface, if the kernel states it. It matters for
+    /// uvcvideo, whose second node delivers no frames.
     index: Option<String>,
     /// USB location, such as `1-2.4`.
     place: String,
-    /// Whether the location must match too, because the device has no unique serial number.
+    /// Whether the device is found again only at the same USB location, because it has no unique
+    /// serial number.
     stays: bool,
 }
 
@@ -39,8 +41,9 @@ struct Label {
 }
 
 impl Plug {
-    /// Identifies the USB device that a node, or a link to one, belongs to; `None` if it is not a
-    /// USB device. `class` is the kernel class of the node, `tty` or `video4linux`.
+    /// Identifies the USB device that a node (or the target of a link) belongs to; `None` if the
+    /// node does not belong to a USB device. `class` is the kernel class of the node, `tty` or
+    /// `video4linux`.
     pub(super) fn of(class: &'static str, node: &str) -> Option<Self> {
         Self::of_node(Path::new(SYSFS), class, Path::new(node))
     }
@@ -50,7 +53,8 @@ impl Plug {
         self.node_in(Path::new(SYSFS))
     }
 
-    /// Returns the path of the device's node: `given` if it still leads to that node.
+    /// Returns the path of the device's current node, or `given` if that path leads to the same
+    /// node.
     ///
     /// # Errors
     /// Returns an error if the device is not plugged in.
@@ -110,7 +114,7 @@ impl Plug {
             == (&other.device, &other.interface, &other.index)
     }
 
-    /// Reads a node's entry in sysfs; `None` if it disappears meanwhile.
+    /// Reads a node's entry in sysfs; `None` if the entry disappears while it is read.
     fn read(sysfs: &Path, class: &'static str, name: &Path) -> Option<Self> {
         let entry = sysfs.join(folder(class)).join(name);
         let lowest = fs::canonicalize(entry.join("device")).ok()?;
@@ -289,7 +293,8 @@ mod tests {
         symlink(&below, fake.0.path().join("class/tty/ttyUSB0/device")).unwrap();
         let port = fake.of("tty", "ttyUSB0").unwrap();
         assert_eq!(port.interface, "02");
-        // Not USB devices: a serial port on the mainboard, a pty, a node that does not exist.
+        // None of these belongs to a USB device: a serial port on the mainboard, a pty, a node that
+        // does not exist.
         let board = fake.0.path().join("devices/pnp0");
         fs::create_dir(&board).unwrap();
         fake.put("class/tty/ttyS0/uevent", "DEVNAME=ttyS0\n");

@@ -1,5 +1,5 @@
-//! Recording, on the host's side, of the traffic between host and device. The wrappers around a
-//! camera and a port do not change their behaviour.
+//! Recording, on the host's side, of the traffic between host and device. Wrapped cameras and ports
+//! behave as without the wrapper.
 
 use super::{Camera, CommandPort, monotonic_ns};
 use phasmid_core::error::{Error, Result};
@@ -8,15 +8,15 @@ use phasmid_protocol::record::{Channel, Event, Observer, Recorder};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A recording shared by a camera and a port, which ends when both are dropped; or an observer of their
-/// traffic.
+/// A recording that a camera and a port share and that ends when both are dropped; or an observer of
+/// their traffic.
 #[derive(Clone)]
 pub struct Tape {
     kept: Kept,
     now_ns: Arc<dyn Fn() -> u64 + Send + Sync>,
 }
 
-/// Where the traffic goes.
+/// Destination of the traffic.
 #[derive(Clone)]
 enum Kept {
     Recorded(Arc<Recorder>),
@@ -32,7 +32,8 @@ impl Tape {
         }
     }
 
-    /// Shows the traffic to an observer, at times on the system's monotonic clock.
+    /// Creates a tape that passes the traffic to an observer, with times on the system's monotonic
+    /// clock.
     pub fn shown(observer: Observer) -> Self {
         Self {
             kept: Kept::Shown(observer),
@@ -40,7 +41,7 @@ impl Tape {
         }
     }
 
-    /// Adds a note.
+    /// Adds a text note to the recording.
     pub fn note(&self, text: String) {
         self.put(Channel::Recording, Event::Note(text));
     }
@@ -54,7 +55,7 @@ impl Tape {
     }
 }
 
-/// A camera whose frames are recorded as the host receives them, if there is a tape.
+/// A camera. If there is a tape, its frames are recorded as the host receives them.
 pub struct RecordedCamera<C: Camera> {
     camera: C,
     tape: Option<Tape>,
@@ -144,7 +145,7 @@ impl<C: Camera> Drop for RecordedCamera<C> {
     }
 }
 
-/// A port whose traffic is recorded in both directions, if there is a tape.
+/// A command port. If there is a tape, its traffic is recorded in both directions.
 pub struct RecordedPort<P: CommandPort> {
     port: P,
     tape: Option<Tape>,
@@ -184,8 +185,8 @@ impl<P: CommandPort> CommandPort for RecordedPort<P> {
     }
 
     fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()> {
-        // Record before sending, so that no answer precedes its question. Bytes sent to a device
-        // that is known to be gone are not part of the conversation.
+        // Record before sending, so that in the recording no answer precedes its question. Bytes
+        // sent to a device that is known to be gone are not part of the conversation.
         if !self.unplugged {
             self.put(|| Event::Sent(bytes.to_vec()));
         }

@@ -1,5 +1,5 @@
-//! Sockets: Unix domain sockets, with a stub for systems that do not have them, TCP connections to
-//! `HOST:PORT`, and the token for devices that require one.
+//! Unix domain sockets (a stub on systems that do not have them), TCP connections to `HOST:PORT`,
+//! and the token for devices that require one.
 
 #[cfg(not(unix))]
 pub(super) use absent::UnixStream;

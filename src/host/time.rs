@@ -17,15 +17,15 @@ pub fn monotonic_ns() -> u64 {
     seconds * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or(0)
 }
 
-/// Always returns 0: on this system no frames are timestamped by this clock.
+/// Always returns 0, because no driver on this system timestamps frames by a monotonic clock.
 #[cfg(not(unix))]
 pub fn monotonic_ns() -> u64 {
     0
 }
 
 /// The remaining time of a wait. A receive that returns no data counts as having used all the time
-/// it was given, because an in-memory device lets virtual time pass and returns at once. A receive
-/// that returns data counts with the time measured by the system clock.
+/// it was given, because an in-memory device lets virtual time pass and returns at once. For a
+/// receive that returns data, the time measured by the system clock counts.
 pub(super) struct Deadline {
     left: Duration,
 }
@@ -40,7 +40,7 @@ impl Deadline {
         self.left = self.left.min(most);
     }
 
-    /// Receives within the remaining time; returns 0 when nothing came and no time is left.
+    /// Receives within the remaining time; returns 0 when no data came and no time is left.
     ///
     /// # Errors
     /// Returns an error if the port is gone.

@@ -11,9 +11,9 @@
 //! - 95th percentile of d, by the nearest rank;
 //! - gross error rate: the fraction of d above [`GROSS_MM`].
 //!
-//! If the cloud states standard deviations s along the camera's rays, the values d / s tell whether
-//! they are right ([`Stated`]). On a surface that the ray meets at an angle, d is smaller than the
-//! error along the ray.
+//! If the cloud states standard deviations s along the camera's rays, the values d / s show whether the
+//! stated standard deviations are right ([`Stated`]). On a surface that the ray meets at an angle, d is
+//! smaller than the error along the ray.
 //!
 //! Over both directions: the mean distance to agreement (MDTA) and the MAE are the mean of the two
 //! directed means; RMSE is the root of the mean of the two mean squares; the Hausdorff distance and
@@ -69,7 +69,8 @@ pub struct Stated {
 }
 
 impl Stated {
-    /// Returns the statistics of errors and their standard deviations. A NaN counts as beyond.
+    /// Returns the statistics of errors and their standard deviations. A NaN counts as beyond
+    /// [`GROSS_SIGMAS`].
     pub fn of(all: impl Iterator<Item = (f64, f64)>) -> Self {
         let (mut points, mut within, mut sum) = (0usize, 0usize, 0.0);
         for (error, sigma) in all {
@@ -121,7 +122,8 @@ pub struct Comparison {
     pub points_ignored: usize,
     /// Distances from each measured point to the true surface.
     pub cloud_to_truth: Directed,
-    /// The same distances in units of the cloud's standard deviations, if it has any.
+    /// Distances from each measured point to the true surface in units of the point's standard
+    /// deviation, if the cloud states any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stated: Option<Stated>,
     /// Distances from each lit and seen true point to the measured surface.
@@ -292,7 +294,7 @@ mod tests {
         let d = Directed::of((1..=100).map(|i| f64::from(i) / 50.0).collect()).unwrap();
         assert_eq!(d.points, 100);
         assert!((d.mae_mm - 1.01).abs() < 1e-12);
-        // Sum of squares n (n + 1) (2 n + 1) / 6.
+        // The squares of 1 to n add up to n (n + 1) (2 n + 1) / 6.
         assert!((d.rmse_mm - (338_350.0_f64 / 100.0).sqrt() / 50.0).abs() < 1e-12);
         assert_eq!((d.hausdorff_mm, d.p95_mm), (2.0, 1.9));
         assert_eq!(d.gross_error_rate, 0.5);

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 /// Minimum angle of incidence in degrees at which a ray measures nothing.
 pub const GRAZING_DEG: f64 = 80.0;
 
-/// Margin at both ends of an occlusion ray, relative to its length, so that the surface it starts
-/// from does not block it.
+/// Margin at both ends of an occlusion ray, relative to its length, so that the surface from which the
+/// ray starts does not block the ray.
 const MARGIN: f64 = 1e-7;
 
 /// Returns points evenly distributed over the part of a mesh that the rig's camera sees and its

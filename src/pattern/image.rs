@@ -116,7 +116,7 @@ impl Image {
         }
     }
 
-    /// Returns the samples of an 8-bit image, row by row, to be changed.
+    /// Returns the samples of an 8-bit image, row by row, for modification.
     #[inline]
     pub fn as_u8_mut(&mut self) -> Option<&mut [u8]> {
         match &mut self.samples {
@@ -125,7 +125,7 @@ impl Image {
         }
     }
 
-    /// Returns the samples of a 16-bit image, row by row, to be changed.
+    /// Returns the samples of a 16-bit image, row by row, for modification.
     #[inline]
     pub fn as_u16_mut(&mut self) -> Option<&mut [u16]> {
         match &mut self.samples {
@@ -134,7 +134,7 @@ impl Image {
         }
     }
 
-    /// Returns whether the image has no pixels, as that of a frame that was not loaded.
+    /// Returns whether the image has no pixels, like the image of a frame that was not loaded.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.samples.is_empty()
@@ -196,7 +196,7 @@ impl Image {
         }
     }
 
-    /// Returns every n-th column.
+    /// Returns the image of every `every`-th column, the first included.
     #[must_use]
     pub fn columns(&self, every: usize) -> Self {
         fn of<T: Copy>(samples: &[T], width: usize, every: usize) -> Vec<T> {
@@ -296,7 +296,7 @@ impl<'a> ImageView<'a> {
         }
     }
 
-    /// Returns whether the image has no pixels, as that of a frame that was not loaded.
+    /// Returns whether the image has no pixels, like the image of a frame that was not loaded.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.len() == 0

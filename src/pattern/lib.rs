@@ -7,10 +7,10 @@
 //! | [`manifest`] | the sequence manifest: patterns and frame files, checked |
 //! | [`written`] | patterns as files write them: one by one or in sets |
 //!
-//! A projector shows constant pixels of its own bit depth: pixel i covers [i - 0.5, i + 0.5) along
-//! its axis and has one level there. A fringe is `A + B cos(2 pi x / period_px + phase_rad)`,
-//! sampled at pixel index x, with A = B = half of full scale. Gray code is the reflected binary
-//! code of `floor(x / cell_px)`; bit 0 is the least significant.
+//! A projector shows pixels of constant level, in its own bit depth: pixel i covers [i - 0.5, i + 0.5)
+//! along its axis and has one level there. A fringe is `A + B cos(2 pi x / period_px + phase_rad)`,
+//! sampled at pixel index x, with A = B = half of full scale. Gray code is the reflected binary code of
+//! `floor(x / cell_px)`; bit 0 is the least significant.
 
 pub mod image;
 pub mod manifest;
@@ -150,7 +150,8 @@ impl Pattern {
                 phase_rad,
                 ..
             } => {
-                // Reduce to one turn in f64 before the cosine: exact for any index.
+                // Reduce the angle to one turn in f64 before the cosine is taken: this is exact for any
+                // index.
                 let turn = (f64::from(x) / period_px).fract();
                 Some(0.5 + 0.5 * (TAU * turn + phase_rad).cos())
             }

@@ -1,4 +1,5 @@
-//! Patterns as a manifest or a profile writes them: one by one, or in sets that stand for several.
+//! Patterns as a manifest or a profile writes them: one by one, or in sets that stand for several
+//! patterns.
 
 use super::manifest::MAX_FRAMES;
 use super::{Axis, ManifestFrame, Pattern};

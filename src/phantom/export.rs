@@ -1,4 +1,4 @@
-//! Exports the planning folder of a generated patient, which is all that a host knows of it.
+//! Exports the planning folder of a generated patient. A host knows nothing else about the patient.
 
 use super::{PHASES, Phantom, REFERENCE_PHASE, SKIN_TRIANGLES, State, hounsfield};
 use glam::DVec3;
@@ -95,7 +95,7 @@ fn around((lo, hi): (DVec3, DVec3), spacing_mm: f64) -> Grid {
     Grid::upright(steps.map(|n| n as usize + 1), DVec3::splat(spacing_mm), lo)
 }
 
-/// Returns the voxels of one k.
+/// Returns the voxels of plane `k`, i fastest, then j.
 fn plane<T: Copy + Default + Send>(
     grid: &Grid,
     k: usize,

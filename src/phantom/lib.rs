@@ -26,9 +26,9 @@
 //!
 //! Displacement is u(x, t) = sum over k of w_k(t) m_k(x): five fields of the body (`modes.rs`) with
 //! weights over device time (`breathing`). At the reference phase, end-exhale of the mean cycle at
-//! planning, all weights are 0. Three fields move the skin, which is therefore at any time a blend
-//! of four key meshes. The others move lungs, diaphragm and tumour and lag behind, which causes the
-//! hysteresis between skin and tumour.
+//! planning, all weights are 0. Three fields move the skin, which is therefore at any time a blend of
+//! four key meshes. The other two fields move lungs, diaphragm and tumour; they lag behind the skin,
+//! which causes the hysteresis between skin and tumour.
 //!
 //! Coordinates are in the patient frame: LPS in millimetres, with the origin at the planning
 //! isocentre, which is the tumour's centroid at the reference phase.
@@ -68,7 +68,7 @@ use tumour::Shape;
 
 /// Default number of triangles of a skin.
 pub const SKIN_TRIANGLES: u32 = 60_000;
-/// Weight of its mode at which a key mesh is made, in millimetres.
+/// Weight of a mode at which the mode's key mesh is computed, in millimetres.
 pub const KEY_MM: f64 = 10.0;
 /// Allowed number of triangles of a skin.
 pub const TRIANGLES: std::ops::RangeInclusive<u32> = 1000..=4_000_000;
@@ -92,7 +92,7 @@ pub struct Phantom {
 pub struct State {
     /// Weights of the modes in millimetres, indexed by [`THORAX`] etc.
     pub weights_mm: [f64; MODES],
-    /// Maps planned positions to those on the couch, in the patient frame.
+    /// Maps planned positions to the positions on the couch, in the patient frame.
     pub setup: Pose,
     /// Phase of the cycle, 0 to 1; 0 is end-inhale.
     pub phase: f64,
@@ -215,8 +215,8 @@ impl Phantom {
         self.hounsfield_of(y_mm, state, hounsfield::BORDER_MM)
     }
 
-    /// [`Self::hounsfield`] with borders that extend `border_mm` to either side: the value of a
-    /// voxel of twice that size.
+    /// Returns the value of [`Self::hounsfield`] with tissue borders that extend `border_mm` to either
+    /// side, which is the value of a voxel of twice that size.
     fn hounsfield_of(&self, y_mm: DVec3, state: &State, border_mm: f64) -> f64 {
         let x = self.origin(y_mm, state);
         let place = hounsfield::Place {

@@ -5,9 +5,9 @@
 //! determine the side and the partial volume of a voxel at the border, but are not accurate
 //! elsewhere.
 //!
-//! At end-exhale the right dome is 2 cm above the tip of the breastbone and the left one 12 mm
-//! lower, and the lungs including tissue have a volume of some 4 litres in a man (functional
-//! residual capacity 3.3 l and 0.5 kg of tissue: ICRP Publication 89, 2002).
+//! At end-exhale the right dome is 2 cm above the tip of the breastbone and the left dome is 12 mm
+//! lower, and the lungs including tissue have a volume of some 4 litres in a man (functional residual
+//! capacity 3.3 l and 0.5 kg of tissue: ICRP Publication 89, 2002).
 
 use super::outline::{FIRST, ROWS, STATURE_MM, STEP};
 use super::parameters::{Lobe, Patient, Sex};
@@ -27,7 +27,7 @@ const BACK: [f64; ROWS] = [
     55., 62., 68., 72., 74., 74., 74., 74., 75., 77., 80., 84., 88., 90., 91., 90., 86., 78., 66.,
     52., 42., 38., 38., 38.,
 ];
-/// Ratio of a woman's cavity to a man's of the same stature, in size.
+/// Linear size of a woman's cavity relative to the cavity of a man of the same stature.
 const FEMALE: f64 = 0.93;
 
 /// The organs of one patient.
@@ -38,7 +38,7 @@ pub(super) struct Organs {
     back: Spline,
     /// Stature of the patient divided by the stature of the tables.
     scale: f64,
-    /// The same factor across the body, smaller for women.
+    /// Scale factor across the body: `scale`, or less for women.
     across: f64,
     stature_mm: f64,
 }

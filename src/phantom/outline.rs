@@ -6,12 +6,12 @@
 //! at the height of the tip of the breastbone, in millimetres.
 //!
 //! Proportions follow the mean adult: heights of landmarks, breadths and depths from Gordon et al.,
-//! "1988 Anthropometric Survey of U.S. Army Personnel", NATICK/TR-89/044, with the core on the lean
-//! side of the mean. The trunk between the notch of the breastbone and the hip joints has 43.46 %
-//! (male) or 42.57 % (female) of the body's mass at a mass index of 24 kg/m2 (de Leva, J.
-//! Biomechanics 29, 1996, table 4), and 0.6 % of that more for each further kg/m2, the slope of
-//! Pearsall, Reid and Ross, Annals of Biomedical Engineering 22, 1994, for a man of 175 cm. Its
-//! density is taken as that of water, lungs included. Children are modelled as small adults.
+//! "1988 Anthropometric Survey of U.S. Army Personnel", NATICK/TR-89/044, with the core on the lean side
+//! of the mean. The trunk between the notch of the breastbone and the hip joints has 43.46 % (male) or
+//! 42.57 % (female) of the body's mass at a mass index of 24 kg/m2 (de Leva, J. Biomechanics 29, 1996,
+//! table 4), and 0.6 % of this fraction more for each further kg/m2, which is the slope of Pearsall,
+//! Reid and Ross, Annals of Biomedical Engineering 22, 1994, for a man of 175 cm. The trunk, lungs
+//! included, is given the density of water. Children are modelled as small adults.
 
 use super::parameters::{Patient, Sex};
 use super::spline::Spline;
@@ -96,8 +96,8 @@ pub(super) const UPPER_END: f64 = 0.2;
 /// Lengths of the rounded ends, relative to stature.
 const LOWER_CAP: f64 = 0.035;
 const UPPER_CAP: f64 = 0.02;
-/// Levels between which the trunk is weighed, relative to stature: hip joints and notch of the
-/// breastbone.
+/// Heights between which the trunk's fraction of the body mass is known, relative to stature: hip joints
+/// and notch of the breastbone.
 const HIPS: f64 = -0.16;
 const NOTCH: f64 = 0.122;
 
@@ -226,7 +226,8 @@ impl Outline {
         [LOWER_END, UPPER_END].map(|end| end * self.stature_mm)
     }
 
-    /// Scale factor of cross-sections that rounds the ends: 1 between them, 0 at and beyond both.
+    /// Scale factor of cross-sections that rounds the ends: 1 between the rounded ends, 0 at and beyond
+    /// both ends of the body.
     pub(super) fn cap(&self, z: f64) -> f64 {
         let h = z / self.stature_mm;
         let into = ((LOWER_END + LOWER_CAP - h) / LOWER_CAP)

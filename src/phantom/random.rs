@@ -1,5 +1,5 @@
-//! Random numbers of a patient: Philox4x32-10 by seed, stream and index, so that the numbers of a
-//! breath do not depend on those before it.
+//! Random numbers of a patient: Philox4x32-10 by seed, stream and index, so that the numbers of a breath
+//! do not depend on the numbers of earlier breaths.
 
 use phasmid_core::philox::philox;
 
@@ -50,7 +50,7 @@ mod tests {
             squares += v * v;
         }
         let n = count as f64;
-        // Five standard deviations of both means.
+        // Allow five standard deviations for each of the two means.
         assert!((sum / n).abs() < 5.0 * (1.0 / (3.0 * n)).sqrt());
         assert!((squares / n - 1.0 / 3.0).abs() < 5.0 * (4.0 / (45.0 * n)).sqrt());
         assert_eq!(draws.unit(-7), Draws::new(3, 4).unit(-7));

@@ -17,7 +17,7 @@ const WAVES: i64 = 8;
 const STREAM: u32 = 1;
 /// Exponent k of a breast's profile exp(-(r^2/2)^k), fuller than a Gaussian.
 const FULLNESS: f64 = 1.3;
-/// Volume of that profile relative to the Gaussian's: gamma(1/k)/k.
+/// Volume of this profile relative to the volume of a Gaussian: gamma(1/k)/k.
 const FULL_VOLUME: f64 = 0.915_0;
 /// Extent of the lower part of a breast, relative to its width.
 const BELOW: f64 = 0.78;
@@ -167,8 +167,8 @@ impl Relief {
             .sum()
     }
 
-    /// Grooves across the abdomen, one below the ribs and one above the hips, with the overhang
-    /// above it, and two on each flank.
+    /// Height of the skin folds: a groove across the abdomen below the ribs, a groove above the hips
+    /// with an overhang above the groove, and two grooves on each flank.
     fn folds(&self, angle: f64, q: f64, z: f64) -> f64 {
         if self.fold_mm <= 0.0 {
             return 0.0;

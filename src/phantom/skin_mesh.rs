@@ -121,7 +121,7 @@ impl Measure {
     }
 }
 
-/// The points of a ring within all vertices.
+/// The range of a ring's points in the list of vertices.
 struct Ring {
     first: u32,
     count: usize,

@@ -1,8 +1,8 @@
 //! Uniform cubic B-splines: outlines along the body, and smooth random functions of time.
 //!
-//! The value is a convex combination of the coefficients, and the slope one of their differences
-//! over a step (de Boor, "A Practical Guide to Splines", 1978, chapters IX and X), so that bounds
-//! on these hold everywhere.
+//! The value is a convex combination of the coefficients, and the slope is a convex combination of their
+//! differences divided by the step (de Boor, "A Practical Guide to Splines", 1978, chapters IX and X).
+//! Bounds of coefficients and differences therefore bound value and slope everywhere.
 
 use super::random::Draws;
 use super::real::Real;
@@ -61,7 +61,8 @@ fn blend(c: [f64; 4], share: f64) -> (f64, f64) {
 
 /// Ratio of the standard deviation of [`wander`] at integers to that of its coefficients.
 const AT_KNOTS: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// Standard deviation of the difference between adjacent integers, on the same scale.
+/// Ratio of the standard deviation of differences of [`wander`] between adjacent integers to that of its
+/// coefficients.
 const BETWEEN_KNOTS: f64 = 0.745_355_992_499_929_9;
 
 /// A random function over unlimited time, which can be evaluated at any time independently. Its

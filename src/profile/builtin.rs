@@ -125,8 +125,8 @@ mod tests {
     use phasmid_geometry::raycast::{Bvh, LANES, Packet, Scratch};
     use phasmid_geometry::shapes::linac_head;
 
-    /// Returns whether the linac head at a gantry angle in degrees blocks the line from the isocentre
-    /// to `place` (mm).
+    /// Returns whether the linac head, at a gantry angle in degrees, blocks the line of sight from the
+    /// isocentre to `place` (mm).
     fn hides(gantry_deg: f64, place: DVec3) -> bool {
         let gantry = Pose::from_xyz_deg(DVec3::ZERO, DVec3::new(0.0, gantry_deg, 0.0));
         let mesh = linac_head();
@@ -144,7 +144,8 @@ mod tests {
         let Configuration::Station(station) = Configuration::load("sgrt-ceiling").unwrap() else {
             panic!("no station");
         };
-        // Left, right and foot pod, in the station's order.
+        // Gantry angle; for the left, right and foot pod (the station's order) whether it is
+        // hidden.
         for (gantry_deg, hidden) in [
             (0.0, [false, false, false]),
             (40.0, [false, true, false]),
@@ -162,7 +163,7 @@ mod tests {
                     "{} at {gantry_deg} degrees",
                     device.name
                 );
-                // If the camera is hidden, the projector next to it is too.
+                // If the camera of a pod is hidden, so is the projector next to it.
                 let profile = Profile::load(&station.profile(device)).unwrap();
                 let room_from_rig =
                     Pose::from_xyz_deg(camera, DVec3::from_array(place.rotation_deg));

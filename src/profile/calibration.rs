@@ -1,5 +1,5 @@
-//! Calibration defaults of a scanner model, used by `phasmid calibrate` unless overridden, and the
-//! calibration of its factory.
+//! Calibration defaults of a scanner model, which `phasmid calibrate` uses unless options override
+//! them; and the model's factory calibration.
 
 use super::Sequence;
 use phasmid_core::check::Check;
@@ -26,8 +26,8 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Returns the calibration sequence among a device's: the named one, or else the first with
-    /// patterns along both axes.
+    /// Returns the calibration sequence among a device's sequences: the one with the name
+    /// `self.sequence`, or else the first with patterns along both axes.
     pub(super) fn sequence_among<'a>(&self, sequences: &'a [Sequence]) -> Option<&'a Sequence> {
         let wanted = self.sequence.as_ref();
         sequences.iter().find(|sequence| match wanted {

@@ -89,7 +89,7 @@ pub struct Camera {
     pub sensor: Sensor,
 }
 
-/// Aspect of square pixels.
+/// The aspect ratio of square pixels.
 fn square() -> f64 {
     1.0
 }
@@ -109,7 +109,7 @@ fn exposure_range_us() -> [f64; 2] {
 fn max_gain_db() -> f64 {
     24.0
 }
-/// 30 frames per second.
+/// The interval for 30 frames per second.
 fn frame_interval_us() -> f64 {
     33_333.0
 }

@@ -51,9 +51,9 @@ impl CameraResponse {
         }
     }
 
-    /// Fits a straight line to the variance of frame DN over frame DN between two linear DN
-    /// (`ends`: dark, light), given the `variance` of linear DN. Returns (slope, value at the dark
-    /// end).
+    /// Fits a straight line to the variance of frame DN as a function of frame DN, between two
+    /// linear DN (`ends`: dark, light). `variance` gives the variance of a linear DN. Returns the
+    /// line's slope and its value at the dark end.
     pub(super) fn line(
         &self,
         variance: impl Fn(f64) -> f64,
@@ -64,7 +64,7 @@ impl CameraResponse {
         let samples = (0..64).map(|k| {
             let dn = dark + (light - dark) * (f64::from(k) + 0.5) / 64.0;
             let linear = self.invert(dn, full_scale);
-            // Slope of the curve, averaged over one DN.
+            // Average slope of the curve over one frame DN.
             let (low, high) = ((dn - 0.5).max(0.0), (dn + 0.5).min(full_scale));
             let span = self.invert(high, full_scale) - self.invert(low, full_scale);
             let slope = (high - low) / span;
@@ -83,7 +83,7 @@ impl CameraResponse {
         } else {
             0.0
         };
-        // Neither coefficient may be negative; if one would be, it is set to zero.
+        // Neither coefficient of the line may be negative; a negative one is set to zero.
         let slope = slope.clamp(0.0, if x > 0.0 { y / x } else { 0.0 });
         (slope, y - slope * x)
     }

@@ -49,7 +49,7 @@ impl Default for Places {
 }
 
 impl Places {
-    /// Looks up the locations in a profile's source.
+    /// Looks up the locations of these settings in a profile's source.
     pub(super) fn of(source: &TomlSource) -> Self {
         let all = Self::default();
         Self {
@@ -95,7 +95,8 @@ impl Control {
     pub fn dialect_path(&self, folder: &Path) -> String {
         let name = &self.dialect;
         let built_in = Dialect::names().any(|built_in| built_in == name);
-        // A name that is not a file is returned unchanged, so that messages quote it as written.
+        // If the file does not exist, return the name unchanged, so that messages quote it as
+        // written.
         let path = Some(folder.join(name)).filter(|path| !built_in && path.is_file());
         let path = path.and_then(|path| path.to_str().map(str::to_owned));
         path.unwrap_or_else(|| name.clone())
@@ -105,7 +106,7 @@ impl Control {
     ///
     /// # Errors
     /// Returns an error if [`Dialect::load`] fails or if a binary dialect is combined with 7 data
-    /// bits. Both name the location of the setting.
+    /// bits. Both errors name the location of the setting.
     pub fn load_dialect(&self, folder: &Path) -> Result<Dialect> {
         let dialect = Dialect::load(&self.dialect_path(folder));
         let dialect = dialect.map_err(|error| error.at(&self.places.dialect))?;

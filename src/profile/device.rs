@@ -90,7 +90,7 @@ impl Profile {
         Self::load_with(name_or_path, &Settings::default())
     }
 
-    /// Loads a profile as [`Self::load`] does, with settings on top.
+    /// Loads a profile as [`Self::load`] does, with settings that override its fields.
     ///
     /// # Errors
     /// Returns an error as [`Self::load`] does, or if a setting names no field or an invalid value.
@@ -111,7 +111,7 @@ impl Profile {
         Self::parse_with(text, place, &Settings::default())
     }
 
-    /// Parses a profile as [`Self::parse`] does, with settings on top.
+    /// Parses a profile as [`Self::parse`] does, with settings that override its fields.
     ///
     /// # Errors
     /// Returns an error as [`Self::parse`] does, or if a setting names no field or an invalid value.
@@ -154,14 +154,14 @@ impl Profile {
         }
     }
 
-    /// Returns the calibration sequence: the named one, or else the first with patterns along both
-    /// axes.
+    /// Returns the calibration sequence: the sequence that `calibration.sequence` names, or else
+    /// the first sequence with patterns along both axes.
     pub fn calibration_sequence(&self) -> Option<&Sequence> {
         self.calibration.sequence_among(&self.sequence)
     }
 
-    /// Returns the exact rig, which is what a perfect calibration would find; for what the device
-    /// reports see [`Self::factory_rig`].
+    /// Returns the exact rig, which a perfect calibration would find. The rig that the device
+    /// reports is [`Self::factory_rig`].
     pub fn nominal_rig(&self) -> Rig {
         Rig {
             camera: self.camera.view(),
@@ -195,7 +195,7 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
         ("identity.serial", &p.identity.serial),
         ("identity.firmware", &p.identity.firmware),
     ] {
-        // An absent model equals the profile's name, which is checked above.
+        // If the model is absent, it is the profile's name, which is checked above.
         if check.source.has(field) {
             check.section(|check| check_identity(text, field, check));
         }
@@ -210,7 +210,7 @@ fn check(p: &Profile, check: &Check<'_>) -> Result<()> {
     for (i, s) in p.sequence.iter().enumerate() {
         let is_valid =
             check.section(|check| sequence::check(s, i, (&p.camera, &p.projector), check));
-        // All default sequences have the same period, so report its error only once.
+        // All default sequences have the same period, so report an error of that period only once.
         if !is_valid && !check.source.has(&format!("sequence[{i}]")) {
             break;
         }
@@ -256,7 +256,8 @@ position_mm = [150.0, 0.0, 0.0]
         let [sequence, both] = &profile.sequence[..] else {
             panic!("{:?}", profile.sequence)
         };
-        // 4 fringe steps; 6 bits for 54 periods across 854 columns; the half-cell bit; white and black.
+        // Expected frames: 4 fringe steps; 6 Gray-code bits for the 54 periods across 854 columns; the
+        // half-cell bit; white and black.
         assert_eq!(sequence.frame.len(), 4 + 6 + 1 + 2);
         assert_eq!(sequence.period_us, 33_333.0);
         assert_eq!(both.frame.len(), (4 + 6 + 1) + (4 + 5 + 1) + 2);
@@ -360,8 +361,8 @@ frame = [{ pattern = { kind = \"fringe-set\", axis = \"x\", period_px = 16, step
     #[test]
     fn errors_name_what_the_user_wrote() {
         let errors = |text: &str| Profile::parse(text, "m.toml").unwrap_err().to_string();
-        // The errors do not mention the gain, which follows from the full well, nor the model, which
-        // follows from the name.
+        // The errors mention neither the gain nor the model, because the gain follows from the full well
+        // and the model from the name.
         let text = format!("{LEAST}[camera.sensor]\nfull_well_e = 0\n").replace("least", "a,b");
         let message = errors(&text);
         assert_eq!(message.lines().count(), 2, "{message}");

@@ -1,8 +1,10 @@
-//! Rig that a device reports: what its factory measured, which is not the truth.
+//! The rig that a device reports. It is the result of a simulated factory calibration and differs
+//! from the true rig.
 //!
-//! One draw from the joint covariance of a calibration with a board in 20 poses. Errors of the
-//! parameters are strongly correlated (a longer focal length is nearly a more distant board), so
-//! draws that ignore the correlation would exaggerate errors of depth several times.
+//! The errors are one draw from the joint covariance of the parameters, for a calibration with a
+//! board in 20 poses. Errors of the parameters are strongly correlated (a longer focal length is
+//! nearly a more distant board), so draws that ignore the correlation would exaggerate errors of
+//! depth several times.
 
 use super::Profile;
 use phasmid_core::error::{Error, Result};
@@ -12,9 +14,9 @@ use phasmid_geometry::parameters::{LENS, RIG};
 use phasmid_geometry::{Board, Covariance, Pose, Rig};
 use std::f64::consts::TAU;
 
-/// Factor between the boards that are tried in turn, from that of `[calibration]` down.
+/// Ratio of sizes of successive boards that are tried, beginning with the board of `[calibration]`.
 const SMALLER: f64 = 0.7;
-/// Number of boards tried; the smallest is a thousandth of the first.
+/// Maximum number of boards that are tried; the last one is a thousandth of the size of the first.
 const BOARDS: i32 = 21;
 
 impl Profile {
@@ -55,11 +57,11 @@ impl Profile {
         let default = Board::DOTS.scaled(self.calibration.board_scale.unwrap_or(1.0));
         let wanted = Wanted {
             distance_mm: self.calibration.distance_mm,
-            // A factory finds small dots, too.
+            // Assume that a factory can measure dots of any size.
             least_dot_px: 0.0,
             ..Wanted::default()
         };
-        // A factory takes a board that fits into the field.
+        // Use the largest of the boards that fits into the field of view.
         let mut fitting = Err(String::new());
         for smaller in 0..BOARDS {
             let board = default.scaled(SMALLER.powi(smaller));
@@ -84,7 +86,7 @@ impl Profile {
                 "a drawn {field} of {found} at corner_px {corner_px}"
             ))
         })?;
-        // A factory knows its estimate only, so it states the covariance there.
+        // A factory does not know the true rig, so the stated covariance is that at its estimate.
         rig.covariance = Some(spread(&rig).ok_or_else(undetermined)?);
         Ok(rig)
     }
@@ -103,7 +105,8 @@ impl Profile {
     }
 }
 
-/// Independent standard normal numbers of a serial number (Box and Muller 1958).
+/// Returns independent standard normal numbers that a serial number determines (Box and Muller
+/// 1958).
 fn normals(serial: &str) -> [f64; RIG] {
     // FNV-1a, 64 bits.
     let hash = serial
@@ -148,7 +151,8 @@ mod tests {
 
     #[test]
     fn errors_of_many_serial_numbers_are_as_large_as_their_covariances_say() {
-        // An undistorted and a distorted device; the latter takes ten times as long.
+        // A device without lens distortion and one with; the latter takes ten times as long per
+        // serial number.
         for (name, serials) in [("dlp-evm", 200), ("pmp-real", 20)] {
             let (mut squares, mut count) = (0.0, 0);
             for serial in 0..serials {

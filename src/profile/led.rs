@@ -34,7 +34,7 @@ pub struct Droop {
 impl Led {
     /// Maximum number of `droop` entries.
     pub const MAX_DROOPS: usize = 8;
-    /// Maximum total fraction of light lost. At 1 the source would be off.
+    /// Maximum of the sum of all `fraction` values. At 1 the warm source would emit no light.
     pub const MOST_LOST: f64 = 0.9;
 }
 

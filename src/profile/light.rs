@@ -1,10 +1,10 @@
-//! Light in a scene other than the projector's.
+//! Light sources in a scene other than the projector.
 
 use phasmid_core::check::Check;
 use phasmid_core::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// Maximum number of lamps in a scene: shadow edges are detected with one bit per lamp.
+/// Maximum number of lamps in a scene, because shadow edges are detected with one bit per lamp.
 const MAX_LIGHTS: usize = 32;
 
 /// Constant light that is equal on all surfaces.
@@ -92,7 +92,7 @@ impl Light {
         self.flicker().filter(pulsates)
     }
 
-    /// Returns the flicker as configured.
+    /// Returns the configured flicker, even if the light is off.
     #[inline]
     pub fn flicker(&self) -> Option<Flicker> {
         match *self {

@@ -70,7 +70,8 @@ pub struct MeshKeyframe {
 }
 
 impl Motion {
-    /// Returns whether any keyframe differs from the rest pose.
+    /// Returns whether any keyframe differs from the object's rest pose (no translation, no
+    /// rotation).
     pub fn goes_anywhere(&self) -> bool {
         let elsewhere = |k: &Keyframe| k.position_mm != [0.0; 3] || k.rotation_deg != [0.0; 3];
         self.keyframes.iter().any(elsewhere)

@@ -66,7 +66,7 @@ pub struct Object {
 }
 
 impl Object {
-    /// Returns whether it moves or deforms.
+    /// Returns whether the object moves or deforms.
     pub fn moves(&self) -> bool {
         self.motion.as_ref().is_some_and(Motion::goes_anywhere)
             || self.deform.is_some()
@@ -77,7 +77,7 @@ impl Object {
 fn one() -> f64 {
     1.0
 }
-/// White paint and many plastics.
+/// Albedo of white paint and of many plastics.
 fn albedo() -> f64 {
     0.8
 }
@@ -97,7 +97,7 @@ pub enum Shape {
     /// A calibration board: a sheet in the plane z = 0, centred on its grid, x along increasing
     /// columns and y along increasing rows. The side facing -z is printed.
     Board {
-        /// Printed pattern. Its lengths are before scaling.
+        /// Printed pattern, with its lengths before the object's scale is applied.
         board: Board,
         /// Reflectance of ink relative to the paper, whose reflectance is the albedo: 0 to 1.
         #[serde(default = "ink")]
@@ -213,7 +213,7 @@ impl Shape {
         Patient::load(&name).map(Some)
     }
 
-    /// Returns whether it is a freely breathing patient.
+    /// Returns whether the shape is a freely breathing patient.
     pub fn breathes(&self) -> bool {
         let held = |held: &Option<f64>| held.is_some();
         matches!(self, Self::Patient { held_percent, .. } if !held(held_percent))
@@ -221,7 +221,8 @@ impl Shape {
 }
 
 impl Object {
-    /// Sets the skin from the patient's file unless the object has its own.
+    /// If the shape is a patient, sets the object's skin from the patient's file, unless the object
+    /// has its own skin.
     ///
     /// # Errors
     /// Returns an error if [`Shape::patient`] fails.

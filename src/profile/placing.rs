@@ -6,8 +6,8 @@ use phasmid_core::error::{Error, Result};
 use phasmid_core::source::Setting;
 
 impl Scene {
-    /// Sets the position and rotation of an object, which have the same meaning as in the file.
-    /// `object` counts from 0 in file order.
+    /// Sets the position and rotation of an object; both have the same meaning as in the scene's
+    /// file. `object` is the object's index in the file, from 0.
     ///
     /// # Errors
     /// Returns an error if the object does not exist or moves, or if a number is outside the

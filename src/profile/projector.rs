@@ -67,7 +67,7 @@ pub struct Projector {
     pub led: Option<Led>,
 }
 
-/// Aspect of square pixels.
+/// The aspect ratio of square pixels.
 fn square() -> f64 {
     1.0
 }
@@ -75,7 +75,7 @@ fn square() -> f64 {
 fn bits() -> u32 {
     8
 }
-/// About 100 lm of green light over 0.3 sr.
+/// The radiant intensity of about 100 lm of green light over 0.3 sr.
 fn radiant_intensity_w_sr() -> f64 {
     0.5
 }

@@ -1,5 +1,5 @@
 //! Scene: objects in front of the scanner, the pose of the rig, and light other than the
-//! projector's. Without a `[rig]` the scene's frame is the rig's.
+//! projector's. Without a section `[rig]`, the scene's frame is the rig's frame.
 
 use super::{Ambient, Interreflection, Light, Object, Settings, TomlSource};
 use super::{builtin, interreflection, light, object};
@@ -77,7 +77,7 @@ impl Scene {
         Self::load_with(name_or_path, &Settings::default())
     }
 
-    /// Loads a scene as [`Self::load`] does, with settings on top.
+    /// Loads a scene as [`Self::load`] does, with settings that override its fields.
     ///
     /// # Errors
     /// Returns an error as [`Self::load`] does, or if a setting names no field or an invalid value.
@@ -86,7 +86,7 @@ impl Scene {
         Self::from_source(&source.with(&settings.scene), folder)
     }
 
-    /// Returns the TOML of a scene as written.
+    /// Returns the TOML text of a scene exactly as in its file.
     ///
     /// # Errors
     /// Returns an error as [`Self::load`] does.
@@ -96,7 +96,8 @@ impl Scene {
         Ok(source.text().to_owned())
     }
 
-    /// Returns the TOML of a scene with all that it extends and with settings, without comments.
+    /// Returns the TOML of a scene, merged with the documents that it extends and with settings,
+    /// without comments.
     ///
     /// # Errors
     /// Returns an error as [`Self::load_with`] does.
@@ -115,7 +116,7 @@ impl Scene {
         Self::parse_with(text, place, &Settings::default())
     }
 
-    /// Parses a scene as [`Self::parse`] does, with settings on top.
+    /// Parses a scene as [`Self::parse`] does, with settings that override its fields.
     ///
     /// # Errors
     /// Returns an error as [`Self::parse`] does, or if a setting names no field or an invalid value.

@@ -55,7 +55,8 @@ impl Document {
     }
 
     /// Returns the JSON Schema, draft 7, of files of this kind. The schema states fields, types and
-    /// names, but not the ranges of numbers. Files that may extend another have no required fields.
+    /// names, but not the ranges of numbers. For kinds of files that may extend another file, it
+    /// requires no fields.
     pub fn schema(self) -> String {
         let schema = match self {
             Self::Profile => of::<Profile>(),
@@ -95,7 +96,8 @@ fn of<T: JsonSchema>() -> Schema {
     draft7().into_generator().into_root_schema_for::<T>()
 }
 
-/// Adds the key `extends`, and requires no field except the tags of enumerations.
+/// Adds the key `extends` to a schema, and makes all fields optional except the tags of
+/// enumerations.
 fn extend(root: &mut Map<String, Value>, kind: &str) {
     for part in root.values_mut() {
         relax(part);
@@ -113,7 +115,8 @@ fn extend(root: &mut Map<String, Value>, kind: &str) {
 /// Fields whose default follows from other fields.
 const COMPUTED: [&str; 1] = ["gain_dn_per_e"];
 
-/// Removes defaults that follow from other fields or cannot be written in TOML.
+/// Removes stated defaults from a schema that follow from other fields or cannot be written in
+/// TOML.
 fn tidy(part: &mut Value) {
     match part {
         Value::Object(part) => {

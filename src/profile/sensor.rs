@@ -7,7 +7,7 @@ use phasmid_geometry::NoiseModel;
 use phasmid_protocol::PixelFormat;
 use serde::{Deserialize, Serialize};
 
-/// Path of the gain in a profile.
+/// Path of the field `gain_dn_per_e` in a profile.
 pub(super) const GAIN: &str = "camera.sensor.gain_dn_per_e";
 
 /// An image sensor described by EMVA 1288 parameters.
@@ -78,7 +78,7 @@ fn filling_gain(bits: u32, black_level_dn: f64, full_well_e: f64) -> f64 {
 }
 
 impl Sensor {
-    /// Sets the gain at which a full well has the largest digital number.
+    /// Sets `gain_dn_per_e` to the value at which a full well has the largest digital number.
     pub(super) fn fill_range(&mut self) {
         self.gain_dn_per_e = filling_gain(self.bits, self.black_level_dn, self.full_well_e);
     }
@@ -174,7 +174,7 @@ pub(super) fn check(s: &Sensor, format: PixelFormat, check: &Check<'_>) -> Resul
         0.0..=100.0,
     )?;
     super::camera_response::check(s.response, check)?;
-    // An absent gain follows from values that are checked themselves.
+    // Do not check an absent gain: it follows from other values, which are checked.
     if check.source.has(GAIN) {
         check.within(GAIN, s.gain_dn_per_e, 1e-6..=1e4)?;
     }

@@ -33,7 +33,8 @@ impl Sequence {
     pub(super) fn plain(projector: &Projector, period_us: f64) -> [Self; 2] {
         const PERIOD_PX: f64 = 16.0;
         let along = |axis, size_px: u32| {
-            // Clamp the size here; the projector's checks report an invalid one.
+            // Clamp the projector's size here, because it may be invalid; the projector's checks
+            // report an invalid size.
             let size_px = f64::from(size_px.clamp(32, MAX_SIDE_PX));
             let bits = (size_px / PERIOD_PX).log2().ceil() as u32;
             let mut patterns = Pattern::fringe_set(axis, PERIOD_PX, 4, 0.0);
@@ -59,7 +60,7 @@ impl Sequence {
     }
 }
 
-/// Checks a sequence of a device with this camera and projector.
+/// Checks that a device with this camera and projector can run a sequence.
 pub(super) fn check(
     s: &Sequence,
     index: usize,

@@ -1,4 +1,4 @@
-//! Settings on top of a profile or a scene, as `--set` gives them.
+//! Settings that override fields of a profile or a scene, as `--set` gives them.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_core::source::Setting;
@@ -27,7 +27,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Sorts settings by the document that they belong to.
+    /// Sorts settings into those for a profile and those for a scene.
     ///
     /// # Errors
     /// Returns an error if the first key of a setting is neither a section of a profile nor of a scene.
@@ -54,17 +54,17 @@ impl Settings {
         Ok(sorted)
     }
 
-    /// Returns the settings of a profile.
+    /// Returns the settings for the profile.
     pub fn profile(&self) -> &[Setting] {
         &self.profile
     }
 
-    /// Returns the settings of a scene.
+    /// Returns the settings for the scene.
     pub fn scene(&self) -> &[Setting] {
         &self.scene
     }
 
-    /// Returns an error if there are settings of a scene, for commands that have none.
+    /// Returns an error if there are settings of a scene, for commands without a scene.
     ///
     /// # Errors
     /// Returns an error that names the first such setting.

@@ -102,8 +102,9 @@ impl Configuration {
         Self::load_with(name_or_path, &Settings::default())
     }
 
-    /// Loads a profile or a station as [`Self::load`] does. A profile gets the settings; those for a
-    /// station belong to the profiles of its devices and to its scene, which are loaded later.
+    /// Loads a profile or a station as [`Self::load`] does. The settings are applied to a profile. For a
+    /// station they are not applied here: they concern its devices' profiles and its scene, which are
+    /// loaded later.
     ///
     /// # Errors
     /// Returns an error as [`Self::load`] does, or if a setting names no field or an invalid value.
@@ -124,7 +125,7 @@ impl Configuration {
 }
 
 impl Configuration {
-    /// Returns the TOML of a profile or a station as written.
+    /// Returns the TOML text of a profile or a station exactly as in its file.
     ///
     /// # Errors
     /// Returns an error as [`Self::load`] does.
@@ -134,7 +135,8 @@ impl Configuration {
         Ok(source.text().to_owned())
     }
 
-    /// Returns the TOML of a profile or a station with all that it extends and with settings, without comments.
+    /// Returns the TOML of a profile or a station, merged with the documents that it extends and with
+    /// settings, without comments.
     ///
     /// # Errors
     /// Returns an error as [`Self::load_with`] does.
@@ -193,7 +195,7 @@ impl Station {
 }
 
 impl StationDevice {
-    /// Returns the pose of the device's rig in the scene, if it is set.
+    /// Returns the pose of the device's rig in the scene, if the station states it.
     pub fn rig(&self) -> Option<RigPlace> {
         (self.position_mm.is_some() || self.rotation_deg.is_some()).then(|| RigPlace {
             position_mm: self.position_mm.unwrap_or_default(),
@@ -223,7 +225,7 @@ fn check_device(s: &Station, i: usize, check: &Check<'_>) -> Result<()> {
         check_identity(serial, &field("serial"), check)?;
     }
     name(&device.name, &field("name"), check)?;
-    // Device names are also directory names.
+    // A device's name is also the name of its run directory, so it must not begin with a dot.
     check.that(
         !device.name.starts_with('.'),
         &field("name"),
@@ -269,7 +271,8 @@ mod tests {
             Scene::load(&station.scene().unwrap()).unwrap();
             for device in &station.device {
                 Profile::load(&station.profile(device)).unwrap();
-                // Equal serial numbers would mean equal errors of the calibration.
+                // Devices with equal serial numbers would have equal errors of the factory
+                // calibration.
                 let of = |serial: &Option<String>| serial == &device.serial;
                 let count = station.device.iter().filter(|d| of(&d.serial)).count();
                 assert!(device.serial.is_some() && count == 1, "{name}");

@@ -75,7 +75,7 @@ fn microsecond() -> f64 {
     1.0
 }
 
-/// Converts a checked time to nanoseconds.
+/// Converts a time in microseconds that has been checked to nanoseconds.
 fn ns(us: f64) -> u64 {
     (us * 1e3).round() as u64
 }
@@ -134,7 +134,7 @@ impl Timing {
         patterns.into_iter().map(shortest).max().unwrap_or(0)
     }
 
-    /// Returns the maximum exposure in nanoseconds that fits a period; 0 if none fits.
+    /// Returns the maximum exposure in nanoseconds that fits a period; 0 if no exposure fits.
     pub fn longest_exposure_ns(&self, period_ns: u64) -> u64 {
         match self.dark_ns() {
             0 => period_ns,
@@ -154,8 +154,8 @@ impl Timing {
         ns(self.dark_before_us) + ns(self.dark_after_us)
     }
 
-    /// Returns `(found, allowed)` if an exposure does not fit a period or is shorter than
-    /// `shortest_ns`, the patterns' minimum. All in nanoseconds.
+    /// Returns `(found, allowed)` for a message if an exposure does not fit a period or is shorter
+    /// than `shortest_ns`, the minimum exposure of the patterns. All arguments are in nanoseconds.
     pub fn conflict(
         &self,
         period_ns: u64,
@@ -301,7 +301,8 @@ mod tests {
         }
     }
 
-    /// Checks the rules of a DLPC350 and of a DLPC3478, which has dark times.
+    /// Compares with the rules of two controllers: the DLPC350, and the DLPC3478, which needs dark
+    /// times.
     #[test]
     fn an_exposure_is_the_period_or_shorter_by_the_margin() {
         let dlpc350 = timing();

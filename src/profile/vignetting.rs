@@ -24,7 +24,7 @@ pub struct Vignetting {
 }
 
 impl Vignetting {
-    /// Returns whether the factor is 1 everywhere.
+    /// Returns whether the attenuation factor is 1 over the whole image.
     #[inline]
     pub fn is_none(&self) -> bool {
         !self.natural && self.falloff == [0.0; 3]

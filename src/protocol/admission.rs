@@ -1,4 +1,4 @@
-//! Admission to the stream of frames over TCP: the lines that may precede the first frame.
+//! Admission of TCP clients to the stream of frames: the lines that may precede the first frame.
 //!
 //! Each line of the device is four letters, optionally a space and a text, and a newline:
 //!
@@ -26,7 +26,7 @@ pub const ADMITTED: [u8; 4] = *b"PHOK";
 pub const REFUSED: [u8; 4] = *b"PHNO";
 /// Maximum length of a line of the device in bytes, including its newline.
 pub const MAX_LINE: usize = 512;
-/// Time a client has to present its token.
+/// Maximum time in which a client must present its token.
 pub const DEADLINE: Duration = Duration::from_secs(5);
 /// Minimum length of a token in characters.
 pub const MIN_TOKEN_CHARS: usize = 16;
@@ -44,8 +44,8 @@ impl std::fmt::Debug for Token {
 }
 
 impl Token {
-    /// Reads a token from a file with one line. White space around it is ignored. No message contains
-    /// the token.
+    /// Reads a token from a file with one line. White space around the token is ignored. Error
+    /// messages do not contain the token.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read, or if it does not hold one line of allowed length.
@@ -53,7 +53,8 @@ impl Token {
         let io = |e| Error::io(path, e);
         let mut bytes = Vec::new();
         let file = File::open(path).map_err(io)?;
-        // Leaves room for white space around it, and bounds a file such as /dev/zero.
+        // This limit leaves room for white space around the token, and bounds the size of a file
+        // such as /dev/zero.
         let limit = 4 * MAX_TOKEN_BYTES as u64;
         file.take(limit).read_to_end(&mut bytes).map_err(io)?;
         Self::parse(&bytes).map_err(|found| {
@@ -65,10 +66,10 @@ impl Token {
         })
     }
 
-    /// Reads a token from a line. White space around it is ignored.
+    /// Reads a token from a line. White space around the token is ignored.
     ///
     /// # Errors
-    /// Returns what was found instead.
+    /// Returns a description of the invalid text.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         let text = std::str::from_utf8(bytes).map_err(|_| "no UTF-8 text".to_owned())?;
         let token = text.trim();
@@ -89,8 +90,8 @@ impl Token {
         format!("{}\n", self.0)
     }
 
-    /// Compares a client's line, with or without its newline, with the token. The time it takes does
-    /// not depend on where they differ.
+    /// Returns whether a client's line, with or without its newline, holds the token. The time that
+    /// this takes does not depend on where the two differ.
     pub fn matches(&self, line: &[u8]) -> bool {
         let given = line.trim_ascii();
         let padded = |bytes: &[u8]| {

@@ -68,8 +68,8 @@ pub fn prepend(frame: Frame, full_scale_dn: u16) -> Frame {
     }
 }
 
-/// Removes the line from an image and copies its identity and times into the frame. Without a valid
-/// line the frame is unchanged.
+/// Removes the data line from an image and copies the identity and times that it holds into the
+/// frame. A frame without a valid line is unchanged.
 #[must_use]
 pub fn strip(mut frame: Frame) -> (Frame, Found) {
     let row = frame.format.row_bytes(frame.width);
@@ -96,7 +96,7 @@ pub fn strip(mut frame: Frame) -> (Frame, Found) {
     (frame, Found::Line)
 }
 
-/// Returns the line's bits in pixel order.
+/// Returns the bits of a frame's data line in pixel order.
 fn encode(frame: &Frame) -> [bool; 8 * LEN] {
     let mut bytes = [0u8; LEN];
     let exposure_ns = frame
@@ -119,8 +119,9 @@ fn encode(frame: &Frame) -> [bool; 8 * LEN] {
     std::array::from_fn(|i| bytes[i / 8] >> (7 - i % 8) & 1 == 1)
 }
 
-/// Returns the first row's bits, thresholded midway between its darkest and brightest pixel,
-/// because the bit depth of a Y16 sensor is unknown here; `None` if these two levels are too close.
+/// Returns the bits of the first row. The threshold is midway between the row's darkest and
+/// brightest pixel, because the bit depth of a Y16 sensor is unknown here. Returns `None` if these
+/// two levels are too close.
 fn read_bits(frame: &Frame) -> Option<[u8; LEN]> {
     let mut levels = [0u16; 8 * LEN];
     frame.format.unpack_row(&frame.data, &mut levels);
@@ -167,7 +168,7 @@ mod tests {
         }
     }
 
-    /// Applies the luma change of a viewer that treats YUYV as limited range.
+    /// Converts a level as a viewer does that treats YUYV as limited range.
     fn stretched(level: u8) -> u8 {
         ((f64::from(level) - 16.0) * 255.0 / 219.0).clamp(0.0, 255.0) as u8
     }

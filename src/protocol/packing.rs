@@ -21,7 +21,7 @@ impl PixelFormat {
         }
     }
 
-    /// Reads the pixel values of a row. Values for which there are no bytes become 0.
+    /// Reads the pixel values of a row. Values whose bytes are missing become 0.
     pub fn unpack_row(self, bytes: &[u8], values: &mut [u16]) {
         let byte = |at: usize| u16::from(bytes.get(at).copied().unwrap_or(0));
         for (i, value) in values.iter_mut().enumerate() {
@@ -42,8 +42,8 @@ impl PixelFormat {
     }
 }
 
-/// Packs groups of `N` values: one byte of high bits per value, then one byte with the `low` low
-/// bits of each, the first value's in the lowest bits.
+/// Packs groups of `N` values: first one byte with the high bits of each value, then one byte with
+/// the `low` low bits of all values, with the first value's bits lowest.
 fn pack_groups<const N: usize>(
     low: u32,
     values: &[u16],

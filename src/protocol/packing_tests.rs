@@ -1,4 +1,4 @@
-//! Packing of rows, against byte vectors written out from the kernel's layout tables.
+//! Packing of rows is compared with byte vectors written out from the kernel's layout tables.
 
 use super::*;
 use crate::Frame;
@@ -25,7 +25,8 @@ fn rows_have_the_layout_of_the_kernel_documentation() {
         (Y16, &[0x1234, 0xFFFF], &[0x34, 0x12, 0xFF, 0xFF]),
         (Y10, &[0x3FF, 0x102], &[0xFF, 0x03, 0x02, 0x01]),
         (Y12, &[0xFFF, 0x102], &[0xFF, 0x0F, 0x02, 0x01]),
-        // Y0[9:2], Y1[9:2], Y2[9:2], Y3[9:2], then Y3[1:0] Y2[1:0] Y1[1:0] Y0[1:0].
+        // Bytes Y0[9:2], Y1[9:2], Y2[9:2], Y3[9:2], then one byte of Y3[1:0] Y2[1:0] Y1[1:0]
+        // Y0[1:0].
         (
             Y10P,
             &[0x3FF, 0x001, 0x202, 0x100],
@@ -39,7 +40,7 @@ fn rows_have_the_layout_of_the_kernel_documentation() {
             &[4, 8, 12, 16, 0x155],
             &[1, 2, 3, 4, 0, 0x55, 0, 0, 0, 0b01],
         ),
-        // Y0[11:4], Y1[11:4], then Y1[3:0] Y0[3:0].
+        // Bytes Y0[11:4], Y1[11:4], then one byte of Y1[3:0] Y0[3:0].
         (Y12P, &[0xABC, 0x123], &[0xAB, 0x12, 0x3C]),
         (Y12P, &[0xABC], &[0xAB, 0, 0x0C]),
         (

@@ -1,6 +1,6 @@
 //! A frame on the frame socket: a header of 72 bytes, little-endian, then the pixels. The device
-//! sends and the application receives. Only lines of [`crate::admission`] may come before the first
-//! frame, and after it the socket carries nothing but frames.
+//! sends and the application receives. Only lines of [`crate::admission`] may precede the first
+//! frame; after that the socket carries nothing except frames.
 //!
 //! | offset | bytes | field |
 //! | --- | --- | --- |
@@ -45,7 +45,7 @@ const CRC_AT: usize = HEADER_LEN - 4;
 
 /// Encodes the header of a frame.
 ///
-/// Does not panic for a frame whose data length matches its size and format.
+/// Does not panic if the frame's data has the length that its size and format require.
 pub fn encode_header(frame: &Frame) -> [u8; HEADER_LEN] {
     let mut header = [0; HEADER_LEN];
     let mut at = 0;
@@ -199,7 +199,7 @@ impl FrameHeader {
 #[derive(Debug)]
 pub struct FrameDecoder {
     header: Option<FrameHeader>,
-    /// Header or payload as received so far: `filled` bytes.
+    /// Bytes of the header or payload; the first `filled` of them have been received.
     buffer: Vec<u8>,
     filled: usize,
     counted: bool,
@@ -222,11 +222,12 @@ impl FrameDecoder {
         &mut self.buffer[self.filled..]
     }
 
-    /// Marks the first `len` bytes of the space as read; returns the frame they complete, if any.
+    /// Marks the first `len` bytes of [`Self::space`] as read. Returns the frame if these bytes
+    /// complete one.
     ///
     /// # Errors
-    /// Returns an error if [`FrameHeader`] rejects the header or payload; [`Self::in_step`] tells
-    /// whether the stream can still be read.
+    /// Returns an error if [`FrameHeader`] rejects the header or payload; [`Self::in_step`] then
+    /// says whether the stream can still be read.
     pub fn advance(&mut self, len: usize) -> Result<Option<Frame>> {
         self.filled = (self.filled + len).min(self.buffer.len());
         if self.filled < self.buffer.len() {
@@ -255,9 +256,9 @@ impl FrameDecoder {
         self.counted
     }
 
-    /// Returns whether reading can continue after an error. After a damaged payload the next frame
-    /// starts where the header says that the payload ends; after a damaged header its position is
-    /// unknown.
+    /// Returns whether reading can continue after an error. After a damaged payload it can, because
+    /// the header says where the payload ends and the next frame begins. After a damaged header the
+    /// position of the next frame is unknown.
     pub fn in_step(&self) -> bool {
         self.filled < self.buffer.len()
     }
@@ -322,7 +323,7 @@ mod tests {
             prop_assert!(decode(&bytes, 50).map_or(true, |frames| frames.is_empty()));
         }
 
-        /// With a correct checksum the fields themselves are validated before memory is allocated.
+        /// A header with a correct checksum is validated field by field before memory is allocated.
         #[test]
         fn header_with_valid_checksum_is_still_checked(mut bytes in proptest::collection::vec(any::<u8>(), HEADER_LEN - 12)) {
             let mut header = Vec::from(MAGIC);

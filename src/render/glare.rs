@@ -1,26 +1,27 @@
 //! Veiling glare: spreads a fraction of the light over the whole image with a wide Gaussian.
 //!
-//! The blur is computed on a coarse grid with cells of a quarter to an eighth of its standard
-//! deviation: mean of each cell, separable Gaussian, bilinear interpolation. Averaging and
-//! interpolation add variances of 1/12 and 1/6 of a squared cell, which are subtracted from the
-//! Gaussian's. Light that would fall outside the image is reflected into it, and the total is
-//! preserved exactly.
+//! The blur is computed on a coarse grid whose cells are a quarter to an eighth of its standard
+//! deviation wide: mean of each cell, separable Gaussian, bilinear interpolation. Averaging and
+//! interpolation add variances of 1/12 and 1/6 of a squared cell width, which are subtracted from
+//! the variance of the Gaussian. Light that would fall outside the image is reflected into it, so
+//! the total is preserved exactly.
 
 use phasmid_profile as profile;
 use rayon::prelude::*;
 
-/// The Gaussian is truncated at this many standard deviations.
+/// Distance, in standard deviations, at which the Gaussian is truncated.
 const REACH: f64 = 4.0;
 /// Maximum cell size in pixels, so that an image has several cells.
 const LARGEST_CELL: usize = 64;
 
-/// Returns the standard deviation of the Gaussian along columns and rows in pixels, for pixels of
-/// an aspect, their width over their height.
+/// Returns the standard deviations of the Gaussian along columns and rows in pixels; `aspect` is the
+/// width of a pixel over its height.
 pub(super) fn sigmas_px(glare: &profile::Glare, aspect: f64) -> [f64; 2] {
     [glare.sigma_px, glare.sigma_px * aspect]
 }
 
-/// Applies glare to a frame of mean electrons with `width` pixels per row of an aspect.
+/// Applies glare to a frame of mean electrons. `width` is the number of pixels per row; `aspect` is
+/// the width of a pixel over its height.
 pub(super) fn spread(electrons: &mut [f32], width: usize, glare: &profile::Glare, aspect: f64) {
     let share = (glare.percent / 100.0) as f32;
     if share == 0.0 || electrons.is_empty() {
@@ -46,7 +47,8 @@ pub(super) fn spread(electrons: &mut [f32], width: usize, glare: &profile::Glare
         });
 }
 
-/// Returns the approximate cell size in pixels.
+/// Returns the approximate cell size in pixels for a Gaussian with these standard deviations in
+/// pixels.
 fn cell_px([across, down]: [f64; 2]) -> usize {
     let sigma_px = across.min(down);
     let mut cell = 8;
@@ -60,11 +62,11 @@ fn sum(values: &[f32]) -> f64 {
     values.iter().map(|&e| f64::from(e)).sum()
 }
 
-/// Cell means; a whole number of cells covers the image.
+/// Means over the cells; a whole number of cells covers the image.
 struct Grid {
     width: usize,
     height: usize,
-    /// Width and height of a cell in pixels, generally fractional.
+    /// Width and height of a cell in pixels, which are generally fractional.
     pitch: [f64; 2],
     values: Vec<f32>,
 }
@@ -105,7 +107,8 @@ impl Grid {
         self
     }
 
-    /// Convolves lines of `length` values `step` apart; `lines` of them start `next` apart.
+    /// Convolves `lines` lines, each of `length` values that are `step` apart; the starts of the
+    /// lines are `next` apart.
     fn along(
         &self,
         kernel: &[f64],
@@ -128,7 +131,7 @@ impl Grid {
         out
     }
 
-    /// Returns a row of pixels, interpolated between the cells' centres.
+    /// Returns a row of pixels, interpolated between the centres of the cells.
     fn row(&self, row: usize, width: usize) -> Vec<f32> {
         let (top, bottom, down) = between(row, self.pitch[1], self.height);
         let line = |r: usize| &self.values[r * self.width..(r + 1) * self.width];
@@ -146,19 +149,20 @@ impl Grid {
     }
 }
 
-/// Returns, for each axis, the number of cells of about `cell` pixels that fit the image, and their
-/// exact width in pixels.
+/// Returns, for each axis, the number of cells of about `cell` pixels that cover the image, and
+/// their exact width in pixels.
 fn cells(size: [usize; 2], cell: usize) -> ([usize; 2], [f64; 2]) {
     let count = size.map(|side| side.div_ceil(cell));
     let pitch = std::array::from_fn(|axis| size[axis] as f64 / count[axis] as f64);
     (count, pitch)
 }
 
-/// Returns the Gaussian kernel for a standard deviation in cells, minus the variance added by
-/// averaging and interpolation; `most` is the number of cells along the longer side.
+/// Returns the Gaussian kernel for a standard deviation in cells, from whose variance the variance
+/// added by averaging and interpolation is subtracted; `most` is the number of cells along the
+/// longer side.
 fn kernel(sigma: f64, most: usize) -> Vec<f64> {
     let variance = sigma.powi(2) - 1.0 / 12.0 - 1.0 / 6.0;
-    // For a larger sigma the reflections make the result uniform anyway.
+    // For a larger sigma the reflections make the result uniform, so sigma is limited.
     let most = 2.0 * most as f64;
     let sigma = variance.sqrt().min(most);
     let reach = (REACH * sigma).ceil() as usize;
@@ -166,8 +170,8 @@ fn kernel(sigma: f64, most: usize) -> Vec<f64> {
     (0..=2 * reach).map(bell).collect()
 }
 
-/// Folds a kernel onto a line with reflection: for each position, the weights of all `length`
-/// values.
+/// Folds a kernel onto a line that reflects at both ends: for each position, returns the weights of
+/// all `length` values.
 fn folded(kernel: &[f64], length: usize) -> Vec<f64> {
     (0..length)
         .flat_map(|place| {
@@ -182,14 +186,15 @@ fn folded(kernel: &[f64], length: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Precomputed tables along one axis, valid for all images of one size.
+/// Precomputed tables along one axis, which are valid for all images of one size.
 pub(super) struct Axis {
     pub(super) cells: usize,
-    /// For each cell, the first pixel it covers and the weights of that and the following pixels.
+    /// For each cell, the first pixel that it covers, and the weights of this pixel and the
+    /// following ones.
     pub(super) covers: Vec<(usize, Vec<f32>)>,
     /// For each cell, the weights of all cells in the line.
     pub(super) weights: Vec<f64>,
-    /// For each pixel, the preceding cell and the fraction of the way to the next.
+    /// For each pixel, the cell before it and the fraction of the way to the next cell.
     pub(super) between: Vec<(usize, f32)>,
 }
 
@@ -213,7 +218,7 @@ pub(super) fn axes(size: [usize; 2], sigmas_px: [f64; 2]) -> [Axis; 2] {
     })
 }
 
-/// Returns the first pixel that a cell covers and the weights of that and the following pixels.
+/// Returns the first pixel that a cell covers, and the weights of this pixel and the following ones.
 fn cover(cell: usize, pitch: f64, pixels: usize) -> (usize, Vec<f32>) {
     let [from, to] = [cell, cell + 1].map(|c| (c as f64 * pitch).min(pixels as f64));
     let shares = (from as usize..to.ceil() as usize).map(|pixel| {
@@ -233,7 +238,7 @@ fn between(pixel: usize, pitch: f64, cells: usize) -> (usize, usize, f32) {
     (first, (first + 1).min(cells - 1), at - first as f32)
 }
 
-/// Reflects an index into a line of `length`, repeating the end values.
+/// Reflects an index at both ends of a line of `length` values; the end values are repeated.
 fn reflected(at: i64, length: usize) -> usize {
     let period = 2 * length as i64;
     let at = at.rem_euclid(period);
@@ -256,7 +261,8 @@ mod tests {
         image
     }
 
-    /// Integrates a Gaussian centred on `from`, reflected at 0 and `length`, over [a, b].
+    /// Returns the integral over [a, b] of a Gaussian centred on `from` and reflected at 0 and
+    /// `length`.
     fn share(from: f64, [a, b]: [f64; 2], length: f64, sigma: f64) -> f64 {
         let steps = 400;
         let h = (b - a) / f64::from(steps);
@@ -269,7 +275,8 @@ mod tests {
         middles.sum::<f64>() / (sigma * std::f64::consts::TAU.sqrt())
     }
 
-    /// Reference: the Gaussian integrated over the bright rectangle and its reflections.
+    /// Glare matches a reference: the Gaussian integrated over the bright rectangle and its
+    /// reflections.
     #[test]
     fn glare_matches_the_integrated_gaussian() {
         for (sigma_px, aspect) in [

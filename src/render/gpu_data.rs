@@ -1,5 +1,4 @@
-//! Input and output of the passes on a GPU. The types also exist in builds without the feature
-//! `gpu`.
+//! Inputs and outputs of the GPU passes. These types also exist in builds without the feature `gpu`.
 
 use crate::exposure::{Optics, Table};
 use crate::scene::Worlds;
@@ -16,7 +15,7 @@ use std::sync::Arc;
 pub struct Adapter {
     /// Device name.
     pub name: String,
-    /// Discrete, integrated, virtual, or software running on the CPU.
+    /// Kind of adapter: discrete, integrated, virtual, or software that runs on the CPU.
     pub kind: &'static str,
     /// Driver name and version.
     pub driver: String,
@@ -33,7 +32,7 @@ pub struct PassTime {
     pub total_ns: f64,
 }
 
-/// The renderer's state that the passes read.
+/// The parts of the renderer's state that the passes read.
 pub(crate) struct View<'a> {
     pub(crate) profile: &'a Profile,
     pub(crate) worlds: &'a Worlds,
@@ -43,20 +42,21 @@ pub(crate) struct View<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) options: Options,
     pub(crate) fixed: Option<&'a FixedPattern>,
-    /// Revision counter of scene and plan.
+    /// Revision of scene and plan; it changes whenever one of them does.
     pub(crate) revision: u64,
 }
 
-/// Light that a shot exposes the pixels to.
+/// The light to which a shot exposes the pixels.
 pub(crate) struct Shown<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) when: &'a Timetable,
     /// Tables of the visible patterns, numbered as in the timetable.
     pub(crate) tables: &'a [Arc<Table>],
-    /// The projector's blur along y over that along x.
+    /// Ratio of the projector's blur along y to its blur along x.
     pub(crate) blur_aspect: f64,
     /// Number of pixels of the image.
     pub(crate) pixels: usize,
-    /// Whether to add to `electrons`, which already holds other instants of the exposure.
+    /// Whether to add to `electrons`, which already holds the light of other instants of the
+    /// exposure.
     pub(crate) adds: bool,
 }

@@ -1,4 +1,5 @@
-//! Image files as patterns: decodes PNG, BMP or TIFF of the projector's size to greyscale.
+//! Image files as patterns: decodes PNG, BMP or TIFF files that have the projector's size to
+//! greyscale.
 
 use image::{DynamicImage, GrayImage, ImageDecoder, ImageReader, Limits};
 use phasmid_core::error::{Error, Result};
@@ -10,7 +11,7 @@ use std::path::Path;
 /// Maximum image file size in bytes.
 const MAX_FILE: u64 = 64 << 20;
 
-/// Decodes an image of the projector's size; `place` names it in messages.
+/// Decodes an image that must have the projector's size; `place` names the image in messages.
 ///
 /// # Errors
 /// Returns an error if the bytes are not an image or if it has another size, which is checked before
@@ -66,7 +67,7 @@ mod tests {
             image.write_to(&mut bytes, format).unwrap();
             let mut bytes = bytes.into_inner();
             if format == ImageFormat::Png {
-                // The file ends before its pixels, so only the check of the size can reject it.
+                // The file ends before its pixel data, so only the check of the size can reject it.
                 bytes.truncate(60);
             }
             let error = decode(&bytes, &projector, "big").unwrap_err().to_string();

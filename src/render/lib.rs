@@ -2,7 +2,7 @@
 //! ground truth. A device-side crate: it depends on core, shaders (feature `gpu`), geometry, pattern,
 //! protocol, phantom and profile, and no host-side crate may depend on it.
 //!
-//! Rendering has three passes, each skipped when a scene does not need it.
+//! Rendering has three passes; the terms of a pass that a scene does not need are skipped.
 //!
 //! 1. `transport`: once per camera and scene state; computes for each pixel the surface it sees, the
 //!    projector coordinate of its light and how much light arrives. Its `geometry` traces the pixels'
@@ -16,8 +16,8 @@
 //! shutter: `scene` computes its state at those times. Its surfaces have the properties in `material`
 //! and `skin`.
 //!
-//! The second and third pass run fused over chunks of pixels that stay in cache. [`mod@reference`]
-//! is the slow f64 path that the tests compare them with.
+//! The second and third pass run together over chunks of pixels that stay in cache.
+//! [`mod@reference`] is a slow renderer in f64 with which the tests compare the passes.
 //!
 //! | module | contents |
 //! | --- | --- |

@@ -1,4 +1,4 @@
-//! Archives of NumPy arrays.
+//! Archives of NumPy arrays (`.npz`).
 
 use phasmid_core::npy;
 use std::io::Write;
@@ -10,11 +10,11 @@ use zip::{CompressionMethod, ZipWriter};
 pub struct Array {
     /// Name.
     pub name: &'static str,
-    /// NumPy's name of the type of its numbers, such as `<f4`.
+    /// NumPy's name of the element type, such as `<f4`.
     pub kind: &'static str,
     /// Shape.
     pub shape: Vec<usize>,
-    /// Numbers in C order.
+    /// Elements in C order, as bytes.
     pub bytes: Vec<u8>,
 }
 
@@ -33,7 +33,7 @@ impl Array {
 /// Writes an archive that `numpy.load` reads, without compression.
 ///
 /// # Errors
-/// Returns an error if `out` does.
+/// Returns an error if writing to `out` fails.
 pub fn write(out: impl Write, arrays: impl IntoIterator<Item = Array>) -> std::io::Result<()> {
     let mut archive = ZipWriter::new_stream(out);
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);

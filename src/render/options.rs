@@ -1,4 +1,4 @@
-//! Rendering options: trade-off between error and time.
+//! Rendering options: trade-off between error and render time.
 
 use phasmid_core::error::{Error, Result};
 use serde::Serialize;
@@ -6,24 +6,26 @@ use serde::Serialize;
 /// Rendering options.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Rays per pixel: 1, 4, 16 or 64. With 1, only pixels that differ from a neighbour are sampled
-    /// (with 16 rays), so details thinner than a pixel may be missed. With more, every pixel is
-    /// sampled, and the samples' mean is used unless they see one smooth, evenly lit surface. Depth
-    /// of field uses at least 16.
+    /// Number of rays per pixel: 1, 4, 16 or 64. With 1, only pixels that differ from a neighbour
+    /// are sampled (with 16 rays), so details thinner than a pixel may be missed. With more, every
+    /// pixel is sampled; the mean of its samples is used unless they all see one smooth, evenly lit
+    /// surface. Depth of field uses at least 16 rays.
     pub samples: u32,
-    /// Instants per exposure at which a moving scene is evaluated, 1 to 256. Each costs a geometry
-    /// pass; the error of the motion blur falls with the square of their number. If nothing moves
-    /// by more than an eighth of a pixel during an exposure, one instant is used.
+    /// Number of instants per exposure at which a moving scene is evaluated, 1 to 256. Each instant
+    /// costs a geometry pass; the error of the motion blur falls with the square of the number of
+    /// instants. If nothing moves by more than an eighth of a pixel during an exposure, one instant
+    /// is used.
     pub time_samples: u32,
-    /// Error in projector pixels up to which the geometry of a moving scene is interpolated between key
-    /// instants instead of traced at each instant; 0 traces at each. Ground truth is always traced.
+    /// Maximum error in projector pixels with which the geometry of a moving scene may be
+    /// interpolated between key instants instead of traced at each instant. With 0, it is traced at
+    /// each instant. Ground truth is always traced.
     pub motion_tolerance_px: f64,
     /// Processor that runs the passes.
     pub backend: Backend,
 }
 
-/// Processor that runs the passes. CPU and GPU images differ by f32 rounding, hence occasionally by
-/// a grey level; ground truth is always computed on the CPU, in f64.
+/// Processor that runs the passes. The images of CPU and GPU differ by f32 rounding and therefore
+/// occasionally by a grey level. Ground truth is always computed on the CPU, in f64.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Backend {
@@ -75,7 +77,8 @@ impl Options {
         Ok(self)
     }
 
-    /// Returns the number of samples along a side of a pixel; with depth of field at least four.
+    /// Returns the number of samples along a side of a pixel, which is at least four with depth of
+    /// field.
     pub(super) fn side(self, depth_of_field: bool) -> usize {
         let side = self.samples.isqrt() as usize;
         if depth_of_field { side.max(4) } else { side }

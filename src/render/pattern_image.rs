@@ -1,4 +1,5 @@
-//! A pattern image: a pattern as actually displayed, in pixels of the projector's bit depth.
+//! A pattern image: a pattern as the projector displays it, in projector pixels with the projector's
+//! bit depth.
 
 use image::GrayImage;
 use phasmid_core::error::{Error, Result};
@@ -54,7 +55,8 @@ impl PatternImage {
         })
     }
 
-    /// Returns one bit plane (0 is the least significant): full level where the bit is set, else 0.
+    /// Returns the image of one bit plane (0 is the least significant bit): full level where the bit
+    /// is set, else 0.
     #[must_use]
     pub fn plane(&self, bit: u32, bits: u32) -> Self {
         let full = (1u16 << bits) - 1;
@@ -74,7 +76,7 @@ impl PatternImage {
         }
     }
 
-    /// Returns the levels: one, one per column or row, or one per pixel.
+    /// Returns the levels: one level, one per column or row, or one per pixel.
     pub fn levels(&self) -> &[u16] {
         match self {
             Self::Uniform(level) => std::slice::from_ref(level),

@@ -1,5 +1,5 @@
-//! Plan: which terms of image formation a scene and its patterns need, and why. Terms it omits
-//! would not change a byte.
+//! Plan: the terms of image formation that a scene and its patterns need, with reasons. Computing a
+//! term that the plan omits would not change a byte of a frame.
 
 use crate::exposure::Optics;
 use crate::scene::World;
@@ -14,7 +14,7 @@ pub struct Decision {
     pub pass: Pass,
     /// The term.
     pub term: Term,
-    /// Whether it is computed.
+    /// Whether the term is computed.
     pub included: bool,
     /// Reason for the decision.
     pub why: &'static str,
@@ -28,7 +28,7 @@ pub(super) struct Needs<'a> {
 }
 
 impl Plan {
-    /// Creates the plan for profile and scene, before any pattern is known.
+    /// Creates the plan for a profile and a scene, before any pattern is known.
     pub(super) fn new(needs: &Needs<'_>) -> Self {
         let mut plan = Self::default();
         for term in Term::ALL {
@@ -164,7 +164,7 @@ impl Needs<'_> {
             Term::PatternTiming => choose(
                 self.profile.projector.timing.is_some() || self.profile.projector.led.is_some(),
                 "projector.timing or projector.led is given",
-                "neither projector.timing nor projector.led: patterns are shown at once, evenly",
+                "neither projector.timing nor projector.led: patterns appear without delay, in steady light",
             ),
             Term::Glare => choose(
                 self.profile.camera.glare.is_some_and(|g| g.percent > 0.0),

@@ -2,11 +2,11 @@
 //! compare the passes with it.
 //!
 //! Every ray is tested against every triangle (Moller and Trumbore 1997) and, by an independent
-//! method, every solid (a frustum as twelve triangles, quadrics by the plain quadratic formula). A
-//! pixel's signal is the mean over rays through its whole area, each of which looks up one pattern
-//! pixel: no footprints, derivatives or pattern sums. With a focus distance the rays also sample
-//! the whole pupil. Each ray evaluates one texel, one interpolated vertex colour and one value of
-//! the microfacet formula; highlights use facet normals.
+//! method, against every solid (a frustum as twelve triangles, quadrics by the plain quadratic
+//! formula). The signal of a pixel is the mean over rays through the pixel's whole area, each of
+//! which looks up one pattern pixel; there are no footprints, derivatives or sums of patterns. With
+//! a focus distance the rays also sample the whole pupil. Each ray evaluates one texel, one
+//! interpolated vertex colour and one value of the microfacet formula; highlights use facet normals.
 
 mod material;
 mod microfacets;
@@ -21,8 +21,8 @@ use phasmid_pattern::Axis;
 use phasmid_profile::{Light, Profile, Response, Scene, Shape, Vignetting};
 use primitive::{Crossing, Primitive, frustum};
 
-/// A scene for the reference renderer: lamps at their mean power, objects at rest, without
-/// interreflection and skin.
+/// A scene for the reference renderer, with lamps at their mean power, objects at rest, and neither
+/// interreflection nor skin.
 pub struct Reference {
     camera: View,
     projector: View,
@@ -48,7 +48,8 @@ pub struct Found {
     pub normal: DVec3,
     /// Projector pixel whose ray passes through the point.
     pub projector_px: DVec2,
-    /// Whether the point is in the projector's field, faces the projector and is not occluded.
+    /// Whether the point is in the projector's field, faces the projector and is not occluded from
+    /// it.
     pub lit: bool,
     /// Unit vector from the point back along the ray.
     view: DVec3,
@@ -59,7 +60,7 @@ pub struct Found {
 }
 
 impl Reference {
-    /// Loads a scene, with the same meshes as the production renderer.
+    /// Loads a scene with the same meshes that the production renderer uses.
     ///
     /// # Errors
     /// Returns an error if a mesh or texture cannot be read.
@@ -114,7 +115,7 @@ impl Reference {
         })
     }
 
-    /// Returns the hit of the ray through an image point; `None` if it leaves the scene.
+    /// Returns the hit of the camera ray through an image point; `None` if the ray leaves the scene.
     pub fn trace(&self, px: DVec2) -> Option<Found> {
         self.follow(self.camera.center(), self.camera.ray(px).normalize())
     }
@@ -167,9 +168,9 @@ impl Reference {
         })
     }
 
-    /// Returns the noise-free, unrounded signal of a pixel in digital numbers: the mean over `rays`
-    /// rays through its area, placed as a Hammersley set, which is uniform and has no period that
-    /// could alias with the pattern.
+    /// Returns the signal of a pixel in digital numbers, without noise and rounding. It is the mean
+    /// over `rays` rays through the pixel's area, placed as a Hammersley set. Such a set is uniform
+    /// and has no period that could alias with the pattern.
     pub fn signal_dn(
         &self,
         px: DVec2,
@@ -191,7 +192,7 @@ impl Reference {
             / f64::from(rays);
         let camera = &self.profile.camera;
         let sensor = &camera.sensor;
-        // E = rho E_surface / (4 N^2); photons by h c / lambda.
+        // Camera equation E = rho E_surface / (4 N^2); the energy of a photon is h c / lambda.
         let photon_j =
             6.626_070_15e-34 * 299_792_458.0 / (self.profile.projector.wavelength_nm * 1e-9);
         let pixel_width_m = camera.sensor_width_mm / f64::from(camera.width_px) * 1e-3;
@@ -202,9 +203,9 @@ impl Reference {
         dn.min(f64::from((1u32 << sensor.bits) - 1))
     }
 
-    /// Returns the ray through an image point and a pupil position (two numbers from 0 to 1). With
-    /// a focus distance it starts there and passes through the pinhole ray's point on the focal
-    /// plane.
+    /// Returns the ray through an image point from a pupil position, which is given by two numbers
+    /// from 0 to 1. With a focus distance, the ray starts at the pupil position and passes through
+    /// the point where the pinhole ray meets the focal plane.
     fn sight(&self, px: DVec2, [share, turn]: [f64; 2]) -> (DVec3, DVec3) {
         let (center, ray) = (self.camera.center(), self.camera.ray(px));
         let camera = &self.profile.camera;
@@ -218,9 +219,9 @@ impl Reference {
         (from, (center + ray * focus - from).normalize())
     }
 
-    /// Returns the light reflected towards an image point from a pupil position, as the equivalent
-    /// irradiance in W/m^2 of a white Lambertian surface. The pattern is sampled at one position
-    /// within the blur, chosen by two numbers from 0 to 1.
+    /// Returns the light that is reflected towards an image point from a pupil position, as the
+    /// irradiance in W/m^2 of a white Lambertian surface that would reflect as much. The pattern is
+    /// sampled at one position within the projector's blur, chosen by two numbers from 0 to 1.
     fn irradiance(
         &self,
         px: DVec2,
@@ -250,7 +251,8 @@ impl Reference {
                 Some(Response::Gamma(gamma)) => level.powf(*gamma),
                 Some(Response::Table(table)) => {
                     let steps = (table.len() - 1) as f64;
-                    // Linear interpolation: each value has a triangular weight two steps wide.
+                    // Linear interpolation: each table value has a triangular weight two table steps
+                    // wide.
                     let under = |(i, light): (usize, &f64)| {
                         light * (1.0 - (level * steps - i as f64).abs()).max(0.0)
                     };
@@ -281,10 +283,10 @@ impl Reference {
         irradiance * falloff(&camera.vignetting, &self.camera, off_axis, 4)
     }
 
-    /// Returns a random offset of the projector's blur at a point, in projector pixels. The cone of
-    /// light from the aperture to a point of the focal plane, cut by the plane through the given
-    /// point, is the blur disc. The sample is drawn from a Gaussian with a standard deviation of a
-    /// quarter of the disc's diameter (Box and Muller 1958).
+    /// Returns a random offset, in projector pixels, within the projector's blur at a point. The
+    /// blur disc is the section, by the plane through `point`, of the cone of light from the
+    /// aperture to a point of the focal plane. The offset is drawn from a Gaussian with a standard
+    /// deviation of a quarter of the disc's diameter (Box and Muller 1958).
     fn blur(&self, point: DVec3, [u, v]: [f64; 2]) -> DVec2 {
         let Some(focus) = self.profile.projector.focus else {
             return DVec2::ZERO;
@@ -296,8 +298,8 @@ impl Reference {
         DVec2::from_angle(v * std::f64::consts::TAU) * radius_mm / pixel_mm
     }
 
-    /// Returns the direction from a point to a lamp, and the irradiance in W/m^2 on a surface at
-    /// the point that faces the lamp; 0 if occluded.
+    /// Returns the direction from a point to a lamp, and the irradiance in W/m^2 of a surface at the
+    /// point that faces the lamp; 0 if the lamp is occluded.
     fn lamp(&self, light: &Light, found: &Found) -> (DVec3, f64) {
         let (way, facing) = match *light {
             Light::Point {
@@ -344,8 +346,8 @@ impl Reference {
     }
 }
 
-/// Returns the relative illumination left by vignetting at an angle with this cosine to the axis;
-/// `cosines` is the exponent of the natural falloff.
+/// Returns the relative illumination that vignetting leaves at an angle to the axis with this
+/// cosine; `cosines` is the exponent of the natural falloff.
 fn falloff(vignetting: &Vignetting, view: &View, cos: f64, cosines: i32) -> f64 {
     let lens = &view.lens;
     let [width, height] = [lens.width_px, lens.height_px].map(f64::from);
@@ -379,7 +381,7 @@ fn level(pattern_image: &PatternImage, px: DVec2) -> f64 {
 }
 
 /// Returns the radical inverse of a number in a base (van der Corput): its digits mirrored at the
-/// radix point, from 0 to 1.
+/// radix point, which gives a number from 0 to 1.
 fn mirrored(mut number: u32, base: u32) -> f64 {
     let (mut digit, mut sum) = (1.0, 0.0);
     while number > 0 {

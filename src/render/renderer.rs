@@ -40,8 +40,8 @@ use phasmid_protocol::Frame;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Pixels that pass through exposure and sensor together. They fit in the L1 cache and are whole
-/// blocks of random numbers.
+/// Number of pixels that pass through exposure and sensor together. They fit in the L1 cache and are
+/// a whole number of blocks of random numbers.
 const CHUNK: usize = 2048;
 
 /// Renders the frames of one camera in front of one scene.
@@ -51,13 +51,14 @@ pub struct Renderer {
     scene: Scene,
     worlds: Worlds,
     optics: Optics,
-    /// Moment of the worlds, and the device time in nanoseconds if geometry may be interpolated there;
-    /// `None` at power-on.
+    /// Moment at which `worlds` is, and the device time in nanoseconds if geometry may be
+    /// interpolated at that moment; `None` at power-on.
     moment: Option<(Moment, Option<f64>)>,
     /// Geometry at key instants of a moving scene.
     keys: Keys,
     plan: Plan,
-    /// Terms that are included or excluded regardless of what the scene needs.
+    /// Terms that are included (`true`) or excluded (`false`) regardless of whether the scene needs
+    /// them.
     forced: Vec<(Term, bool)>,
     options: Options,
     seed: u64,
@@ -66,22 +67,24 @@ pub struct Renderer {
     buffer: GeometryBuffer,
     /// Whether the buffer is valid for the current scene state and plan.
     geometry_done: bool,
-    /// Sensitivities and offsets of the pixels, if in the plan.
+    /// Sensitivities and offsets of the pixels, if the plan includes them.
     fixed: Option<FixedPattern>,
     /// Tables of the patterns seen so far.
     tables: Vec<(Arc<PatternImage>, Arc<Table>)>,
-    /// Revision counter of scene and plan.
+    /// Revision of scene and plan; it increases whenever one of them changes.
     revision: u64,
-    /// The GPU passes, if a GPU is used.
+    /// The GPU passes; `None` if no GPU is used.
     gpu: Option<Box<Passes>>,
     news: News,
 }
 
-/// Memory for pattern tables: hundreds of fringes, or a dozen images. The oldest are evicted first.
+/// Maximum memory for pattern tables in bytes: hundreds of fringes, or a dozen images. The oldest
+/// tables are evicted first.
 const TABLE_BYTES: usize = 256 << 20;
 
 impl Renderer {
-    /// Prepares a scene for rendering with one ray per pixel. `seed` keys the sensor noise.
+    /// Prepares a scene for rendering with one ray per pixel. `seed` is the seed of the sensor
+    /// noise.
     ///
     /// # Errors
     /// Returns an error if a mesh cannot be read or if there are too many triangles.
@@ -102,12 +105,13 @@ impl Renderer {
         Self::with_stop(profile, scene, seed, options, Stop::default())
     }
 
-    /// Same as [`Self::with_options`]; another thread can end the preparation early. Later,
-    /// [`Self::stop`] returns the same request.
+    /// Same as [`Self::with_options`], but another thread can end the preparation early with the
+    /// request `stop`. [`Self::stop`] later returns the same request.
     ///
     /// # Errors
-    /// Returns [`Error::Interrupted`] soon after `stop` is asked (the file, the material and the
-    /// hierarchy of one mesh are each completed first), and the errors of [`Self::with_options`].
+    /// Returns [`Error::Interrupted`] soon after a stop is requested, and the errors of
+    /// [`Self::with_options`]. The file, the material and the hierarchy of one mesh are each
+    /// completed before `stop` is checked.
     pub fn with_stop(
         profile: &Profile,
         scene: &Scene,
@@ -165,7 +169,7 @@ impl Renderer {
         }
     }
 
-    /// Returns the terms computed for the patterns seen so far.
+    /// Returns the terms that are computed for the patterns seen so far.
     pub fn plan(&self) -> Plan {
         self.plan
     }
@@ -179,8 +183,8 @@ impl Renderer {
         })
     }
 
-    /// Includes or excludes a term regardless of what the scene needs, from now on. A term that is not
-    /// needed changes no byte.
+    /// Includes or excludes a term from now on, regardless of whether the scene needs it. Including
+    /// a term that the scene does not need changes no byte of a frame.
     pub fn force(&mut self, term: Term, included: bool) {
         self.forced.retain(|(forced, _)| *forced != term);
         self.forced.push((term, included));
@@ -192,8 +196,8 @@ impl Renderer {
     /// Switches to another plan.
     fn go_by(&mut self, plan: Plan) {
         self.plan = plan;
-        // Without a table the lens model distorts the rays, so its coefficients are cleared when
-        // the term is off.
+        // Without a table of rays, the lens model distorts the rays, so its coefficients are cleared
+        // when the term is off.
         self.optics.camera.lens.distortion = match plan.has(Term::CameraDistortion) {
             true => self.profile.camera.distortion,
             false => [0.0; 5],
@@ -205,13 +209,14 @@ impl Renderer {
         self.tables.clear();
     }
 
-    /// Returns the request with which another thread ends rendering early. Frames and truths
-    /// rendered while the request stands are invalid.
+    /// Returns the request with which another thread ends rendering early. Frames and truths that
+    /// are rendered while the request stands are invalid.
     pub fn stop(&self) -> Stop {
         self.worlds.stop.clone()
     }
 
-    /// Replaces the request by a new one; copies of the old one no longer affect this renderer.
+    /// Replaces the stop request by a new one; copies of the old request no longer affect this
+    /// renderer.
     pub fn renew_stop(&mut self) {
         self.worlds.stop = Stop::default();
     }
@@ -239,8 +244,8 @@ impl Renderer {
         }
     }
 
-    /// Runs the geometry pass unless it is up to date; for a moving scene, at the current instant.
-    /// Returns whether it ran.
+    /// Runs the geometry pass unless its result is up to date; a moving scene is traced at the
+    /// current instant. Returns whether the pass ran.
     pub fn prepare(&mut self) -> bool {
         if self.geometry_done {
             return false;
@@ -283,7 +288,7 @@ impl Renderer {
         }
     }
 
-    /// Discards the result of the geometry pass, as after a motion of the scene.
+    /// Discards the result of the geometry pass, for example after the scene has moved.
     pub fn invalidate(&mut self) {
         self.outdate();
     }
@@ -294,7 +299,7 @@ impl Renderer {
         self.outdate_moment();
     }
 
-    /// Marks the moment as changed.
+    /// Marks the current instant of the scene as changed.
     fn outdate_moment(&mut self) {
         self.geometry_done = false;
         self.revision += 1;
@@ -330,7 +335,7 @@ impl Renderer {
         }
     }
 
-    /// Returns the noise-free, unrounded signal in digital numbers.
+    /// Returns the signal of each pixel in digital numbers, without noise and rounding.
     pub fn expected_dn(&mut self, shot: &Shot) -> Vec<f32> {
         let light = self.light(shot);
         self.expected(shot, light)
@@ -363,8 +368,8 @@ impl Renderer {
         Schedule::new(when, tables, &self.plan, &self.buffer)
     }
 
-    /// Returns the timetable of a shot's patterns, and their tables; updates the plan with their
-    /// terms.
+    /// Returns the timetable of a shot's patterns and the tables of these patterns; adds the terms
+    /// that the patterns need to the plan.
     fn pattern_images(&mut self, shot: &Shot) -> (Timetable, Vec<Arc<Table>>) {
         let camera = &self.profile.camera;
         let size = [camera.width_px, camera.height_px].map(|side| side as usize);
@@ -399,10 +404,10 @@ impl Renderer {
         )
     }
 
-    /// Exposes chunks of pixels in parallel and reads each out into the `per_pixel` elements of
-    /// `out` that belong to each pixel. A term that moves light or charge between pixels needs the
-    /// whole frame between its stages, and so does light summed over instants; without either, a
-    /// chunk passes through all stages while it is in the cache.
+    /// Exposes chunks of pixels in parallel and reads each chunk out into `out`, which has
+    /// `per_pixel` elements for each pixel. A term that moves light or charge between pixels needs
+    /// the whole frame between its stages, and so does light that is summed over instants. Without
+    /// either, a chunk passes through all stages while it is in the cache.
     fn pixels<T: Send>(
         &self,
         light: Light,
@@ -456,8 +461,8 @@ impl Renderer {
             .for_each(|(i, (electrons, out))| read(i * CHUNK, electrons, out));
     }
 
-    /// Runs the exposure pass over chunks of pixels in parallel and passes each chunk's electrons
-    /// on, with its `per_pixel` elements of `out` per pixel.
+    /// Runs the exposure pass over chunks of pixels in parallel. Passes the electrons of each chunk
+    /// on, together with the chunk's part of `out`, which has `per_pixel` elements for each pixel.
     fn electrons<T: Send>(
         &self,
         schedule: &Schedule,
@@ -481,7 +486,7 @@ impl Renderer {
             );
     }
 
-    /// Returns the prepared table of a pattern; a dark one for `None`.
+    /// Returns the prepared table of a pattern, or a table without light for `None`.
     fn table(&mut self, pattern_image: Option<&Arc<PatternImage>>) -> Arc<Table> {
         let Some(pattern_image) = pattern_image else {
             return Arc::new(Table::Uniform(0.0));
@@ -519,8 +524,8 @@ fn fixed_pattern(plan: &Plan, profile: &Profile) -> Option<FixedPattern> {
 mod tests {
     use super::*;
 
-    /// A lens with its distortion term disabled gives exactly the image of a straight lens, and is
-    /// distorted again afterwards.
+    /// With the distortion term disabled, a lens gives exactly the image of a lens without
+    /// distortion; with the term enabled again, the lens distorts as before.
     #[test]
     fn disabled_distortion_term_gives_image_of_straight_lens() {
         let straight = Profile::load("webcam-grey").unwrap();

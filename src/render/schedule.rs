@@ -1,5 +1,5 @@
 //! Applies the timetable of an exposure ([`Timetable`]) to pixels: sums the light of the patterns
-//! that each sensor row sees, mains flicker and indirect light.
+//! that each sensor row sees, the mains flicker and the indirect light.
 
 use super::exposure::{self, GeometryBuffer, Indirect, Table};
 use super::timetable::{Line, Timetable};
@@ -10,12 +10,12 @@ use std::sync::Arc;
 pub(super) struct Schedule {
     /// Tables of the visible patterns, numbered as in the timetable.
     tables: Vec<Arc<Table>>,
-    /// Indirect light of the patterns; empty if not in the plan.
+    /// Indirect light of each visible pattern; empty if the plan does not include it.
     indirect: Vec<Indirect>,
     when: Timetable,
 }
 
-/// Light of a shot's pixels.
+/// Light to which a shot exposes the pixels.
 pub(super) enum Light {
     /// Schedule that computes the light from the current geometry.
     Scheduled(Schedule),
@@ -24,7 +24,8 @@ pub(super) enum Light {
 }
 
 impl Schedule {
-    /// Creates the schedule of a timetable; `tables` holds the tables of its visible pattern images.
+    /// Creates the schedule of a timetable; `tables` holds the tables of the timetable's visible
+    /// pattern images.
     pub(super) fn new(
         when: Timetable,
         tables: Vec<Arc<Table>>,
@@ -45,7 +46,7 @@ impl Schedule {
         }
     }
 
-    /// Computes the mean electrons of the pixels from `first` on.
+    /// Computes the mean electrons of the pixels that start at index `first`.
     pub(super) fn run(&self, map: &GeometryBuffer, first: usize, electrons: &mut [f32]) {
         self.by_line(first, electrons, |line, from, here| {
             self.line(map, line, from, here);
@@ -66,8 +67,8 @@ impl Schedule {
         }
     }
 
-    /// Splits the pixels from `first` on into ranges with the same exposure and calls `run` for each,
-    /// with its line, first pixel and electrons.
+    /// Splits the pixels that start at index `first` into ranges with the same exposure. Calls `run`
+    /// for each range with its line, first pixel and electrons.
     fn by_line(
         &self,
         first: usize,

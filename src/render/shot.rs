@@ -8,23 +8,22 @@ use std::sync::Arc;
 /// One exposure: its light and its timing in device time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Shot {
-    /// Id of the frame, never repeated by a device.
+    /// Id of the frame; a device never repeats an id.
     pub id: u64,
-    /// Seeds the noise. Triggered and free-running exposures are counted separately, so that a
-    /// sequence looks the same however long the camera ran free before it.
+    /// Number that seeds the noise. Triggered and free-running exposures are counted separately, so
+    /// that a sequence has the same noise however long the camera ran free before it.
     pub noise_id: u64,
     /// Index of the pattern in the selected sequence; `None` when free-running.
     pub pattern_index: Option<u32>,
-    /// Pattern shown by the projector; `None` if its light is off.
+    /// Pattern that the projector shows first; `None` if its light is off.
     pub pattern_image: Option<Arc<PatternImage>>,
     /// Projector light relative to full current, 0 to 1.
     pub light: f64,
-    /// Later patterns, each with its start time, in time order. Requires
-    /// [`Term::RollingShutter`](crate::Term), where only rows still exposing at that time see them,
-    /// or [`Term::PatternTiming`](crate::Term).
+    /// Patterns shown later, in order of time. They require [`Term::RollingShutter`](crate::Term),
+    /// so that only rows that are still exposing see them, or [`Term::PatternTiming`](crate::Term).
     pub then: Vec<Showing>,
-    /// Light source output over device time, which replaces every `light` while a pattern is shown.
-    /// Requires [`Term::PatternTiming`](crate::Term).
+    /// Output of the light source over device time, which replaces every `light` while a pattern is
+    /// shown. It requires [`Term::PatternTiming`](crate::Term).
     pub emission: Option<Arc<Emission>>,
     /// Start of the first row's exposure in nanoseconds of device time.
     pub start_ns: u64,
@@ -36,7 +35,7 @@ pub struct Shot {
     pub gain_db: f64,
 }
 
-/// A pattern shown from a given time.
+/// A pattern that the projector shows from a given time on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Showing {
     /// Start time in nanoseconds of device time.
@@ -47,21 +46,22 @@ pub struct Showing {
     pub light: f64,
 }
 
-/// The electronic shutter: the exposure of the r-th row read out starts r line times after the
-/// first. The default is a global shutter.
+/// The electronic shutter: the exposure of the r-th row that is read out starts r line times after
+/// the exposure of the first. The default is a global shutter.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Shutter {
-    /// Nanoseconds from the start of one row to that of the next; 0 for a global shutter.
+    /// Nanoseconds from the start of one row's exposure to the start of the next row's; 0 for a
+    /// global shutter.
     pub line_time_ns: u64,
     /// First row that is read out, counted on the sensor.
     pub first_row: u32,
-    /// Rows that are read out.
+    /// Number of rows that are read out.
     pub rows: u32,
 }
 
 impl Shutter {
-    /// Returns the delay of a sensor row relative to the first row, in nanoseconds. A row that is
-    /// not read out starts with the nearest row that is.
+    /// Returns the delay of a sensor row relative to the first row that is read out, in nanoseconds.
+    /// A row that is not read out has the delay of the nearest row that is.
     pub fn delay_ns(&self, row: u32) -> u64 {
         let line = row
             .saturating_sub(self.first_row)
@@ -91,9 +91,10 @@ impl Shot {
         self.row_start_ns(u32::MAX).saturating_add(self.exposure_ns)
     }
 
-    /// Returns the interval of each pattern within an exposure that starts at `start_ns`: its index
-    /// (0 is `pattern_image`, higher numbers refer to `then`) and nanoseconds of device time. There
-    /// is at least one interval, and none is empty unless the exposure is.
+    /// Returns the interval in which each pattern is seen by an exposure that starts at `start_ns`:
+    /// the index of the pattern (0 is `pattern_image`, higher indices refer to `then`) and the
+    /// interval in nanoseconds of device time. There is at least one interval; an interval is empty
+    /// only if the exposure is.
     pub fn seen(&self, start_ns: u64) -> impl Iterator<Item = (usize, Range<u64>)> {
         let end_ns = start_ns.saturating_add(self.exposure_ns);
         // A zero-length exposure sees the pattern shown at that instant.

@@ -17,14 +17,14 @@ pub enum Pass {
     Sensor,
 }
 
-/// An optional term of image formation. If omitted, it costs nothing per pixel, not even a factor
-/// or a branch.
+/// An optional term of image formation. A term that is omitted costs nothing per pixel, not even a
+/// factor or a branch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Term {
-    /// The camera's rays are undistorted, from a table.
+    /// Distortion of the camera's lens: its rays come from a table.
     CameraDistortion,
-    /// Projector coordinates are distorted.
+    /// Distortion of the projector's lens: projector coordinates are distorted.
     ProjectorDistortion,
     /// The camera's image darkens towards its edge.
     CameraVignetting,
@@ -40,29 +40,29 @@ pub enum Term {
     AlbedoMaps,
     /// Specular lobes: highlights.
     Specular,
-    /// Lamps beside the projector.
+    /// Lamps in addition to the projector.
     Lights,
-    /// Light travels under skin: fringes lose contrast, and oblique light exits shifted.
+    /// Light travels under skin: fringes lose contrast, and oblique light exits at a shifted point.
     Subsurface,
     /// Light that surfaces reflect onto each other: one diffuse bounce.
     Interreflection,
     /// Footprints along x, over which pattern images that vary along x are averaged.
     FootprintX,
-    /// Footprints along y.
+    /// Footprints along y, over which pattern images that vary along y are averaged.
     FootprintY,
     /// The projector's light is a non-linear function of the pattern image's levels.
     ProjectorResponse,
-    /// The projector's black emits light.
+    /// The projector emits light even where the pattern is black.
     ContrastRatio,
-    /// Objects move: an exposure is the mean over instants.
+    /// Objects move: the light of an exposure is the mean over several instants.
     Motion,
     /// Mains flicker of ambient light and lamps.
     Flicker,
-    /// Rows start one after the other: each has its own phase of the mains period and sees its own
-    /// part of the pattern sequence.
+    /// Rows start one after the other, so each row has its own phase of the mains period and sees
+    /// its own interval of the pattern sequence.
     RollingShutter,
-    /// Patterns are shown for a part of an exposure, and their light rises and fades: an exposure
-    /// sees whatever is shown during it.
+    /// Patterns are shown for only a part of an exposure, and their light rises and fades: an
+    /// exposure sees whatever the projector shows during it.
     PatternTiming,
     /// Veiling glare: light scattered over the whole image.
     Glare,
@@ -192,7 +192,7 @@ impl Plan {
         };
     }
 
-    /// Adds the terms a pattern needs; returns whether the plan changed.
+    /// Adds the terms that a pattern needs; returns whether this changed the plan.
     pub(super) fn include(&mut self, pattern_image: &PatternImage) -> bool {
         let before = *self;
         match pattern_image {

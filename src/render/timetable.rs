@@ -2,50 +2,50 @@
 //! which phase of the mains period. With a global shutter all rows are the same.
 //!
 //! A row of a rolling shutter integrates from its own start, so a pattern that starts before the
-//! last row has ended leaks into the lower rows in proportion to the shared time. With pattern
-//! timing this applies to all rows. Dark time next to a pattern needs no separate pass, because
-//! ambient light is the same then: the duration is added to the pattern's, and the projector light
-//! is reduced accordingly.
+//! last row's exposure has ended also reaches the lower rows, in proportion to the time that they
+//! share. With pattern timing this applies to all rows. Dark time next to a pattern needs no
+//! separate pass, because ambient light is the same in it: its duration is added to the pattern's
+//! duration, and the projector light is reduced accordingly.
 
 use super::exposure::Flicker;
 use super::{Plan, Term};
 use crate::shot::Shot;
 use std::ops::Range;
 
-/// Pattern images of a shot that each pixel sees, and for how long.
+/// The pattern images of a shot that each pixel sees, and for how long it sees each of them.
 pub(super) struct Timetable {
-    /// Number of pixels with the same exposure: one row, or all.
+    /// Number of adjacent pixels with the same exposure: one row, or all pixels.
     pub(super) width: usize,
     pub(super) lines: Vec<Line>,
     pub(super) parts: Vec<Part>,
-    /// Visible pattern images by their index in the shot: 0 is the shot's own pattern image, higher
-    /// numbers are the pattern images that follow.
+    /// Visible pattern images, each given by its index in the shot: 0 is the shot's own pattern
+    /// image, higher indices are the pattern images that follow it.
     pub(super) places: Vec<usize>,
 }
 
 /// Pixels with the same exposure.
 pub(super) struct Line {
     pub(super) parts: Range<usize>,
-    /// Exposure time in seconds times the mean over it of the flicker waveform; `None` without
-    /// flicker.
+    /// Exposure time in seconds times the mean of the flicker waveform over the exposure; `None`
+    /// without flicker.
     pub(super) swing: Option<f32>,
 }
 
-/// Share of one pattern image in the exposure of a line.
+/// Contribution of one pattern image to the exposure of a line.
 pub(super) struct Part {
-    /// Index into the visible pattern images.
+    /// Index of the pattern image among the visible pattern images.
     pub(super) table: usize,
-    /// Time in seconds for which the pattern image is seen, and the projector's light relative to
-    /// full.
+    /// Time in seconds for which the pattern image is seen, and the projector's light during that
+    /// time relative to full.
     pub(super) exposure: [f32; 2],
 }
 
-/// Index of a pattern image in the shot, the time in nanoseconds that it is seen, and its mean
+/// Index of a pattern image in the shot, the time in nanoseconds for which it is seen, and its mean
 /// light during that time.
 type Share = (usize, u64, f64);
 
 impl Timetable {
-    /// Creates the timetable of a shot for an image of the given size.
+    /// Creates the timetable of a shot for an image of this size.
     pub(super) fn new(
         shot: &Shot,
         plan: &Plan,
@@ -53,7 +53,7 @@ impl Timetable {
         [columns, rows]: [usize; 2],
     ) -> Self {
         let seconds = |ns: u64| (ns as f64 * 1e-9) as f32;
-        // If the term is forced but nothing flickers, the amplitude is zero.
+        // If the term is forced although nothing flickers, the flicker amplitude is zero.
         let swing = |start_ns: u64| {
             plan.has(Term::Flicker).then(|| {
                 let swing = flicker.map_or(0.0, |f| f.swing(start_ns, shot.exposure_ns));
@@ -102,7 +102,7 @@ impl Timetable {
     }
 }
 
-/// Returns the pattern images seen by a row whose exposure starts at `start_ns`.
+/// Returns the pattern images that a row sees whose exposure starts at `start_ns`.
 fn shares(shot: &Shot, plan: &Plan, start_ns: u64) -> Vec<Share> {
     let timed = plan.has(Term::PatternTiming);
     if !timed && !plan.has(Term::RollingShutter) {
@@ -140,7 +140,7 @@ fn light(shot: &Shot, place: usize) -> f64 {
     }
 }
 
-/// Merges dark time into a lit pattern, or into a single dark entry if none is lit.
+/// Merges the dark time into a lit pattern, or into a single dark entry if no pattern is lit.
 fn without_darkness(mut shares: Vec<Share>) -> Vec<Share> {
     let dark_ns: u64 = shares.iter().filter(|s| s.2 == 0.0).map(|s| s.1).sum();
     if shares.iter().any(|(.., light)| *light != 0.0) {
@@ -177,8 +177,8 @@ mod tests {
         lit.then(|| Arc::new(PatternImage::Uniform(255)))
     }
 
-    /// Dark for 2 ms, a pattern for 5 ms, dark, and from 8 ms on as `again` selects; exposed for 10
-    /// ms.
+    /// Returns a shot with an exposure of 10 ms that sees darkness for 2 ms, a pattern for 5 ms,
+    /// darkness again and, from 8 ms on, the pattern (`again`) or darkness.
     fn shot(again: bool) -> Shot {
         let show = |from_ms, lit| Showing {
             from_ns: from_ms * MS,
@@ -229,7 +229,7 @@ mod tests {
             assert_eq!(places, [0]);
             assert!(parts.iter().all(|part| *part == (0, 0.010, 1.0)));
         }
-        // Without the term, the rest of the timing is ignored.
+        // If the plan lacks the term, the rest of the timing is ignored.
         assert_eq!(table(&shot(true), &[]), (vec![0], vec![(0, 0.010, 0.0)]));
     }
 
@@ -256,7 +256,8 @@ mod tests {
         let when = Timetable::new(&shot, &both, None, [4, 3]);
         assert_eq!((when.width, when.lines.len(), when.parts.len()), (4, 3, 3));
         for part in &when.parts {
-            // The pattern ends before the first row does, and starts when the last row starts.
+            // The pattern ends before the first row's exposure does, and starts when the last row's
+            // exposure starts.
             let lit = emission.mean(102 * MS, 107 * MS) * 0.5;
             assert_eq!((part.table, part.exposure), (0, [0.010, lit as f32]));
         }
@@ -264,7 +265,7 @@ mod tests {
         let when = Timetable::new(&shot, &both, None, [4, 3]);
         let last = emission.mean(106 * MS, 107 * MS) * 0.1;
         assert_eq!(when.parts[2].exposure, [0.010, last as f32]);
-        // A single instant sees the light of that instant; in the dark, none.
+        // An exposure of zero length sees the light of its instant, or no light if it is dark.
         let moment = |start_ms| {
             let shot = Shot {
                 start_ns: start_ms * MS,

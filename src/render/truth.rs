@@ -1,5 +1,5 @@
-//! Ground truth: the actual scene at each pixel. It leaves the device on a channel that no physical
-//! scanner has, never on the control port.
+//! Ground truth: the geometry and light of the scene at each pixel. It leaves the device on a
+//! channel that no physical scanner has, never on the control port.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -11,26 +11,28 @@ pub struct Truth {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// z of the surface point at the pixel centre, in the camera's frame, in millimetres.
+    /// Depth z of the surface point that the pixel's centre sees, in the camera's frame, in
+    /// millimetres.
     pub depth_mm: Vec<f32>,
-    /// Projector column of the point, also outside the projector's field or in shadow.
+    /// Projector column of that point; also given outside the projector's field and in shadow.
     pub projector_x: Vec<f32>,
-    /// Projector row of the point, likewise.
+    /// Projector row of that point; also given outside the projector's field and in shadow.
     pub projector_y: Vec<f32>,
-    /// The surface point at the pixel centre, in the rig's frame (the camera's), in millimetres.
+    /// The surface point that the pixel's centre sees, in the rig's frame (the camera's), in
+    /// millimetres.
     pub point_mm: Vec<[f32; 3]>,
-    /// Unit normal of the surface, facing the camera, in the rig's frame.
+    /// Unit normal of the surface on the camera's side, in the rig's frame.
     pub normal: Vec<[f32; 3]>,
     /// Number of the object in the scene, from 0; [`Truth::NO_OBJECT`] if there is none.
     pub object: Vec<u16>,
     /// Fraction of light that the surface reflects diffusely, averaged over the pixel's footprint.
     pub albedo: Vec<f32>,
-    /// Irradiance on the surface from the projector's full white, in W/m^2, without the projector's blur;
-    /// 0 in shadow and outside its field.
+    /// Irradiance in W/m^2 that the projector's full white gives the surface, without the
+    /// projector's blur; 0 in shadow and outside the projector's field.
     pub irradiance_w_m2: Vec<f32>,
     /// Noise-free signal in digital numbers, black level included, averaged over the fringes.
     pub mean_dn: Vec<f32>,
-    /// Noise-free modulation B of the finest fringes in digital numbers.
+    /// Noise-free modulation B of the sequence's finest fringes in digital numbers.
     pub modulation_dn: Vec<f32>,
     /// Predicted standard deviation of a grey level at `mean_dn`, in digital numbers.
     pub noise_dn: Vec<f32>,
@@ -47,7 +49,7 @@ impl Truth {
     pub const SQUARE: u8 = 4;
     /// The pixel's footprint covers more than one facet, object or shadow region.
     pub const CREASE: u8 = 8;
-    /// Some frame of the sequence's finest fringes is saturated at the pixel even without noise: it
+    /// At the pixel, some frame of the sequence's finest fringes is saturated even without noise: it
     /// reads the value of a full well or the converter's maximum.
     pub const SATURATED: u8 = 16;
     /// The finest fringes of the sequence are unresolved at the pixel: its footprint spans at least
@@ -107,7 +109,7 @@ impl Truth {
     }
 }
 
-/// Flags pixels whose rounded signal is at least the saturation level.
+/// Flags the pixels whose rounded signal reaches the saturation level.
 pub(crate) fn flag_saturated(flags: &mut [u8], signal_dn: &[f32], saturation_dn: f64) {
     for (flags, dn) in flags.iter_mut().zip(signal_dn) {
         if f64::from(*dn).round() >= saturation_dn {
@@ -117,8 +119,8 @@ pub(crate) fn flag_saturated(flags: &mut [u8], signal_dn: &[f32], saturation_dn:
 }
 
 /// Computes the mean and modulation of each of `pixels` pixels from noise-free signals at known
-/// phases of one fringe period: the least-squares fit of A + B cos(x + phase), solved by its normal
-/// equations. NaN if there are fewer than three distinct phases.
+/// phases of one fringe period, by a least-squares fit of A + B cos(x + phase) with normal
+/// equations. Returns NaN if there are fewer than three distinct phases.
 pub(crate) fn harmonic(
     phases: &[f64],
     signals: &[Vec<f32>],

@@ -7,7 +7,7 @@ use phasmid_core::error::{Error, Result};
 use phasmid_core::new_file::{replace, replace_image};
 use std::path::Path;
 
-/// Unit of the depth image in millimetres.
+/// Unit of the numbers in the depth image, in millimetres.
 const UNIT_MM: f32 = 0.1;
 
 impl Truth {

@@ -4,7 +4,7 @@ use crate::truth::Truth;
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::service::Maps;
 
-/// Maps that depend on device settings, not only on the scene.
+/// Names of maps that depend on device settings and not only on the scene.
 const LEVELS: [&str; 3] = ["mean_dn", "modulation_dn", "noise_dn"];
 
 impl Truth {

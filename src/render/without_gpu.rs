@@ -1,4 +1,4 @@
-//! Stands in for `gpu` in builds without the feature `gpu`: no GPU can be opened.
+//! Replaces the module `gpu` in builds without the feature `gpu`: no GPU can be opened.
 
 pub use super::gpu_data::{Adapter, PassTime};
 pub(super) use super::gpu_data::{Shown, View};
@@ -26,7 +26,7 @@ pub(super) struct Passes(Arc<Gpu>);
 /// A frame in flight.
 pub(super) struct Ticket;
 
-/// Returns no adapters.
+/// Returns no adapters, since this build cannot use any.
 pub fn adapters() -> Vec<Adapter> {
     Vec::new()
 }
@@ -37,10 +37,10 @@ pub(super) fn fits(_: &World, _: &Optics) -> Result<(), String> {
 }
 
 impl Gpu {
-    /// Refuses the GPU.
+    /// Fails, because this build cannot open a GPU.
     ///
     /// # Errors
-    /// Returns an error that names the feature.
+    /// Returns an error that names the missing feature.
     pub fn open(software: bool) -> Result<Arc<Self>> {
         let why = "this program was built without the feature gpu";
         Err(match software {

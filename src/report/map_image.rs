@@ -9,7 +9,7 @@ use image::{Rgb, RgbImage};
 
 const PAPER: [u8; 3] = [255; 3];
 const INK: [u8; 3] = [32, 32, 36];
-/// Colour of a pixel without a value, which is on neither scale.
+/// Colour of a pixel without a value; neither colour scale contains it.
 const INVALID: [u8; 3] = [112; 3];
 /// Minimum fraction of values beyond the bar for which the legend has an entry.
 const BEYOND: f32 = 0.005;

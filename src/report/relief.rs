@@ -10,7 +10,7 @@
 pub fn shades(width: u32, height: u32, depth_mm: &[f32], focal_px: [f32; 2]) -> Vec<f32> {
     const LAMP: [f32; 3] = [-0.45, -0.6, -0.66];
     let z = |x: u32, y: u32| value(depth_mm, width, x, y);
-    // Central difference if both neighbours are known, one-sided if one is.
+    // Central difference if both neighbours are known, one-sided difference if only one is known.
     let slope = |before: Option<f32>, here: f32, after: Option<f32>| {
         let known = |v: Option<f32>| v.filter(|v| v.is_finite());
         match (known(before), known(after)) {

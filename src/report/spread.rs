@@ -12,7 +12,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Computes the quartiles of measurements in any order; NaN without any.
+    /// Computes the quartiles of measurements in any order; NaN without measurements.
     pub fn new(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
         let [low, median, high] = [0.25, 0.5, 0.75].map(|share| quantile(&values, share));
@@ -28,8 +28,8 @@ impl Spread {
     }
 }
 
-/// Returns the quantile `share` (0 to 1) of sorted values, linear between neighbours (Hyndman and Fan 1996,
-/// definition 7); NaN without any.
+/// Returns the quantile `share` (0 to 1) of sorted values, linear between neighbours (Hyndman and Fan
+/// 1996, definition 7); NaN without values.
 pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else {
         return f64::NAN;

@@ -9,11 +9,12 @@ pub type Clock<'a> = &'a (dyn Fn() -> Duration + Sync);
 
 /// Target duration of a round of frames in seconds, which limits the number of frames per round.
 pub const ROUND_S: f64 = 1.0;
-/// Number of rounds of frames. The fastest counts, because other programs can only slow a round down.
+/// Number of rounds of frames. The fastest round counts, because other programs can only slow a round
+/// down.
 const ROUNDS: usize = 3;
-/// Number of copies, of which the fastest counts.
+/// Number of memory copies, of which the fastest counts.
 const COPIES: usize = 200;
-/// Number of copies per round of [`Stopwatch::beside_a_copy`].
+/// Number of memory copies per round of [`Stopwatch::beside_a_copy`].
 const BESIDE: usize = 3;
 
 /// Measures durations.
@@ -77,8 +78,8 @@ impl<'a> Stopwatch<'a> {
         rounds.fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the duration in seconds of a memory copy of `bytes` bytes on one thread: the fastest of
-    /// many.
+    /// Returns the duration in seconds of a memory copy of `bytes` bytes on one thread: the shortest of
+    /// many copies.
     pub fn seconds_a_copy(self, bytes: usize) -> f64 {
         let from = vec![1u8; bytes];
         let mut to = vec![0u8; bytes];
@@ -87,8 +88,8 @@ impl<'a> Stopwatch<'a> {
         copies.fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the fastest durations in seconds of `work` and of a memory copy of `bytes` bytes. They run
-    /// in alternation for `enough_s` seconds, so that a change in the machine's speed affects both
+    /// Returns the shortest durations in seconds of `work` and of a memory copy of `bytes` bytes. They
+    /// run in alternation for `enough_s` seconds, so that a change in the machine's speed affects both
     /// equally.
     pub fn beside_a_copy(self, bytes: usize, enough_s: f64, mut work: impl FnMut()) -> [f64; 2] {
         let from = vec![1u8; bytes];
@@ -107,8 +108,8 @@ impl<'a> Stopwatch<'a> {
         fastest
     }
 
-    /// Returns the fastest durations in seconds of two works, which run in alternation for `enough_s`
-    /// seconds, after one run of each.
+    /// Returns the shortest durations in seconds of two pieces of work, which run in alternation for
+    /// `enough_s` seconds, after one run of each.
     pub fn in_turns(self, enough_s: f64, works: &mut [Box<dyn FnMut()>; 2]) -> [f64; 2] {
         works.iter_mut().for_each(|work| work());
         let mut fastest = [f64::INFINITY; 2];

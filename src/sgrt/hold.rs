@@ -260,9 +260,9 @@ mod tests {
         let mut hold = on_after((0..=400).step_by(100));
         assert_eq!(hold.beam(), &Beam::Held(Reason::Settling));
         assert_eq!(hold.update(500 * MS, &reading(0.5)), &Beam::On);
-        // Between the two bands the beam stays on: 2.3 + 0.5 of 3.
+        // Between the narrower band and the tolerance of 3 the beam stays on: 2.3 + 0.5 = 2.8.
         assert_eq!(hold.update(600 * MS, &reading(-2.3)), &Beam::On);
-        // The uncertainty exceeds the tolerance: 2.6 + 0.5 of 3.
+        // With its uncertainty, the value exceeds the tolerance of 3: 2.6 + 0.5 = 3.1.
         let out = hold.update(700 * MS, &reading(2.6)).clone();
         assert!(matches!(
             out,
@@ -346,7 +346,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the readings, the beam is on only if every reading of the last `settle_ns` was within
+        /// For any readings, the beam is on only if every reading of the last `settle_ns` was within
         /// tolerance and without a warning.
         #[test]
         fn beam_is_on_only_after_settled_readings(steps in proptest::collection::vec((0_u64..300, 0.0_f64..4.0, 0..20_u8), 1..60)) {

@@ -64,7 +64,7 @@ impl Measured {
         for k in 0..taken {
             let i = k * count / taken;
             let p = DVec3::from_array(points[i].map(f64::from));
-            // Standard deviation of the depth, converted to one along the ray.
+            // Convert the standard deviation of the depth to the standard deviation along the ray.
             let sigma = f64::from(depth_sigma_mm[i]) * p.length() / p.z.abs();
             self.push(room_from_rig.point(p), sigma, pod);
         }

@@ -6,10 +6,11 @@ use super::surface::Region;
 use glam::{DMat3, DVec3};
 use phasmid_geometry::Pose;
 
-/// Number of points per scan that are fitted, of all pods together. More add no information, because
-/// errors of points a few millimetres apart are correlated.
+/// Number of points per scan that are fitted, of all pods together. More points add no information,
+/// because errors of points a few millimetres apart are correlated.
 pub const POINTS: usize = 5_000;
-/// Extent of the tracked skin along and across the couch, from the isocentre, in millimetres.
+/// Extent of the tracked skin from the isocentre along and across the couch, to either side, in
+/// millimetres.
 const REACH_MM: f64 = 250.0;
 /// Extent of the tracked skin below the isocentre, in millimetres; excludes the couch.
 const BELOW_MM: f64 = 40.0;
@@ -35,9 +36,9 @@ impl RigidFit {
 
 impl MotionFit {
     /// Computes the covariance of the tumour's position in square millimetres: noise, subsurface
-    /// scattering, and breathing that differs from planning. The last grows with the distance from
-    /// the planned position, `planned_mm`; its variance is twice as large along that direction as
-    /// across.
+    /// scattering, and breathing that differs from planning. The contribution of breathing grows with
+    /// the distance from the planned position, `planned_mm`; its variance is twice as large along the
+    /// direction from that position as across.
     pub fn total_covariance(&self, planned_mm: DVec3) -> DMat3 {
         let way = DAY_SHARE * (self.tumour_mm - planned_mm);
         let day = DMat3::from_cols(way * way.x, way * way.y, way * way.z)

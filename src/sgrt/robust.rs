@@ -97,11 +97,11 @@ mod tests {
             let scale = spread.scale(&mut sizes);
             assert!((scale - 2.0).abs() < 0.02, "{scale}");
         }
-        // Four times the variance, divided by an efficiency of 95 %.
+        // The expected factor is four times the variance, divided by an efficiency of 95 %.
         let mean_weight = residuals.iter().map(|r| biweight(r / 2.0)).sum::<f64>() / 200_000.0;
         let factor = inflation.factor(6) / mean_weight;
         assert!((factor - 4.0 / 0.95).abs() < 0.05, "{factor}");
-        // With 20 % gross errors the scale from the median stays close.
+        // With 20 % gross errors, the scale from the median hardly changes.
         for r in residuals.iter_mut().step_by(5) {
             *r = 100.0;
         }

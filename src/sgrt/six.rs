@@ -1,11 +1,12 @@
 //! Poses as therapists read them: three translations and three rotations of IEC 61217.
 //!
-//! The room frame is the fixed frame of IEC 61217: x to the right as seen from the foot end towards
-//! the gantry, y to the gantry, z up, with its origin at the isocentre. Couch directions are named
-//! LAT (x), LNG (y) and VRT (z). Yaw is the rotation of the patient support about z, pitch that of
-//! the table top about its x axis, roll that about its y axis, all right-handed (clockwise as seen
-//! along the positive axis). The chain of coordinate systems is fixed, patient support, table top,
-//! and pitch is applied before roll (DICOM PS3.3, C.8.8.14.12), so `R = Rz(yaw) Rx(pitch) Ry(roll)`.
+//! The room frame is the fixed frame of IEC 61217: x to the right as seen from the foot end towards the
+//! gantry, y to the gantry, z up, with its origin at the isocentre. Couch directions are named LAT (x),
+//! LNG (y) and VRT (z). Yaw is the rotation of the patient support about z, pitch is the rotation of the
+//! table top about its x axis, roll is its rotation about its y axis, all right-handed (clockwise as
+//! seen along the positive axis). The chain of coordinate systems is: fixed frame, patient support,
+//! table top; and pitch is applied before roll (DICOM PS3.3, C.8.8.14.12), so `R = Rz(yaw) Rx(pitch)
+//! Ry(roll)`.
 
 use glam::{DMat3, DVec3};
 use nalgebra::Matrix6;

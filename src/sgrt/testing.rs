@@ -98,7 +98,7 @@ pub(super) fn cylinder() -> Mesh {
     })
 }
 
-/// The upper half of a torus about the z axis, stretched along x: a circular one would rotate freely.
+/// The upper half of a torus about the z axis, stretched along x: a circular torus would rotate freely.
 pub(super) fn torus() -> Mesh {
     sheet(160, 60, |u, v| {
         let (a, b) = (TAU * u, std::f64::consts::PI * v);

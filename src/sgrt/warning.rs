@@ -12,7 +12,7 @@ pub enum Warning {
     Undetermined {
         /// The undetermined motions.
         free: Vec<Freedom>,
-        /// Smallest of their expected standard deviations in millimetres; infinite if there is no
+        /// Smallest expected standard deviation of these motions in millimetres; infinite if there is no
         /// information.
         deviation_mm: f64,
         /// Standard deviation above which a motion counts as undetermined, in millimetres.
@@ -39,7 +39,7 @@ pub enum Warning {
         /// RMS distance between the region's points under the two poses, in millimetres.
         apart_mm: f64,
     },
-    /// The surface differs from those seen in planning by more than the model allows.
+    /// The surface differs from the surfaces of planning by more than the model allows.
     OutsideModel {
         /// Largest absolute coefficient of the motion, in standard deviations of planning.
         deviations: f64,

@@ -1,5 +1,5 @@
-//! Calibration boards in front of an emulated device in this process, and the data that a calibration
-//! keeps from each.
+//! Shows calibration boards to an emulated device in this process, and returns the data that a
+//! calibration keeps of each board.
 
 use super::scanned::Stage;
 use phasmid_calibrate::board::{BoardImage, NotFound};

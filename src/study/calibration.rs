@@ -8,7 +8,7 @@ use serde::Serialize;
 /// Errors of a calibration, as in `truth.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Truth {
-    /// Squared Mahalanobis distance of lenses, rig and all poses together.
+    /// Squared Mahalanobis distance between solution and truth, over lenses, rig and all poses together.
     pub mahalanobis_squared: f64,
     /// Number of parameters in this distance.
     pub degrees_of_freedom: usize,

@@ -1,6 +1,6 @@
 //! A complete device in memory, with camera and port as an application opens them, on a virtual clock.
-//! Waiting for a frame or a reply advances device time until it arrives, or up to the timeout. So a run
-//! takes only its computing time, and is reproducible.
+//! Waiting for a frame or a reply advances device time until the frame or reply arrives, or up to the
+//! timeout. A run therefore takes only its computing time, and is reproducible.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_device::{Bench, Device, FrameSink, State};

@@ -1,5 +1,5 @@
 //! Study `left-out`: the terms of image formation that the plan omits for each device and scene, the
-//! time that this saves, and whether it changes any byte.
+//! time that this saves, and a check that the omission changes no byte of a frame.
 
 use crate::timing::Timing;
 use phasmid_core::error::Result;
@@ -47,7 +47,8 @@ impl Study for LeftOut {
     }
 
     fn about(&self) -> &'static str {
-        "What does a scene not need, what does it save to leave that out, and does it change a byte?"
+        "Which terms does a scene not need, what does leaving them out save, and does it change a \
+         byte?"
     }
 
     fn title(&self) -> &'static str {
@@ -87,10 +88,11 @@ impl Study for LeftOut {
     }
 
     fn sections(&self, rows: &Rows, _: &Folder, _: &Settings) -> Result<Vec<Section>> {
-        let about = "Image formation consists of terms, and the plan of a device and a scene includes those \
-            that they need. Here all others are forced in as well: this must not change a byte of a frame, and \
-            the time that it takes is what the plan saves. Times are nanoseconds per pixel on all threads; the frames of \
-            a moving scene have their own geometry.";
+        let about = "Image formation consists of terms, and the plan of a device and a scene \
+            includes only those that they need. Here all other terms are forced in as well: this \
+            must not change a byte of a frame, and the time that it takes is what the plan saves. \
+            Times are nanoseconds per pixel on all threads; each frame of a moving scene has its \
+            own geometry.";
         let counts = [
             ("device", "profile", 0),
             ("scene", "scene", 0),
@@ -101,7 +103,8 @@ impl Study for LeftOut {
             ("frames compared", "frames", 0),
             ("bytes that differ", "different", 0),
         ];
-        let caption = "Terms of the plan and those that it leaves out, and the frames with and without the latter.";
+        let caption = "Numbers of terms in the plan and left out of it, and comparison of the \
+            frames with and without the latter.";
         let names = [
             ("device", "profile", 0),
             ("scene", "scene", 0),
@@ -110,11 +113,7 @@ impl Study for LeftOut {
         let different: f64 = rows.all.iter().map(|row| row.value("different")).sum();
         let none = rows.all.iter().filter(|row| row.value("left_out") < 1.0);
         let checks = vec![
-            Check::at_most(
-                "bytes that terms change that are not needed",
-                different,
-                0.0,
-            ),
+            Check::at_most("bytes changed by terms that are not needed", different, 0.0),
             Check::at_most(
                 "devices and scenes that need every term",
                 none.count() as f64,
@@ -125,9 +124,10 @@ impl Study for LeftOut {
             Block::Words(about.to_owned()),
             Block::Table(Table::of("left-out", caption, &rows.all, &counts)),
             Block::Table(times(rows)),
-            Block::Figure(
-                chart(rows).figure("left-out", "Times with all terms over those of the plan"),
-            ),
+            Block::Figure(chart(rows).figure(
+                "left-out",
+                "Times with all terms against those with the plan",
+            )),
             Block::Table(
                 Table::of(
                     "left-out-terms",

@@ -53,11 +53,11 @@ pub struct Summary {
     pub capture_s: f64,
     /// Seconds for decoding frames to points.
     pub decode_s: f64,
-    /// Seconds for the truth and the comparison with it.
+    /// Seconds for computing the truth and comparing the points with it.
     pub compare_s: f64,
     /// Seconds for the files, without this summary.
     pub write_s: f64,
-    /// Seconds of the whole run: the sum of the others without `render_s`.
+    /// Seconds of the whole run: the sum of the other durations except `render_s`.
     pub total_s: f64,
 }
 
@@ -132,7 +132,7 @@ impl fmt::Display for Summary {
     }
 }
 
-/// A number with its unit, or a dash where there is none.
+/// Formats a number with its unit, or a dash if the number is not finite.
 fn cell(value: f64, digits: usize, unit: &str) -> String {
     if value.is_finite() {
         format!("{value:.digits$} {unit}").trim_end().to_owned()
@@ -141,9 +141,10 @@ fn cell(value: f64, digits: usize, unit: &str) -> String {
     }
 }
 
-/// Writes `depth.png`, the measured surface in colour and relief, `error.png`, measured minus true
-/// depth, and `overview.png`: `frame`, an image of the camera, above the two, all cut to the measured
-/// region. Each has a title, a scale with its unit, and a legend for pixels without a measurement.
+/// Writes three images, all cut to the measured region: `depth.png` shows the measured surface in colour
+/// and relief, `error.png` shows measured minus true depth, and `overview.png` shows the camera image
+/// `frame` above depth and error. Each image has a title, a scale with its unit, and a legend for pixels
+/// without a measurement.
 ///
 /// # Errors
 /// Returns an error if a file cannot be written.
@@ -325,7 +326,7 @@ const BINS: usize = 100;
 /// Minimum length of the gap before a background, in bins.
 const SHORTEST_GAP: usize = 10;
 
-/// Two quantiles of the finite values; `None` without any.
+/// Returns two quantiles of the finite values; `None` if no value is finite.
 fn quantiles(values: &[f32], low: f64, high: f64) -> Option<(f32, f32)> {
     let mut finite: Vec<f32> = values.iter().copied().filter(|v| v.is_finite()).collect();
     finite.sort_unstable_by(f32::total_cmp);

@@ -18,8 +18,8 @@ pub const TILT_DEG: f64 = 20.0;
 /// pixels.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Sampling {
-    /// Distance of the plane along the camera's axis in millimetres: where the axes of camera and
-    /// projector meet.
+    /// Distance of the plane along the camera's axis in millimetres; the axes of camera and projector
+    /// meet there.
     pub distance_mm: f64,
     /// Standard deviation due to noise; `None` if no pixel has a coordinate.
     pub sigma_px: Option<f32>,

@@ -21,7 +21,7 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Puts the profile's device before a scene. `seed` keys the sensor's noise.
+    /// Creates the profile's device in front of a scene. `seed` keys the sensor's noise.
     ///
     /// # Errors
     /// Returns the errors of building a [`Device`].

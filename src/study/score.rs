@@ -11,30 +11,30 @@ use phasmid_render::truth::Truth;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Errors of pixels whose footprint lies on one smooth surface, and of all other pixels. NaN (null in
-/// JSON) without pixels of the kind.
+/// Errors of pixels whose footprint lies on one smooth surface; `crease` has the errors of all other
+/// pixels. An error is NaN (null in JSON) without such pixels.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Score {
     /// Pixels with a measured point.
     pub points: usize,
     /// Fraction of valid pixels among those that are lit and seen at less than 80 degrees of incidence.
     pub coverage: f64,
-    /// Fraction of points more than 1 mm off in depth, or where there is no surface.
+    /// Fraction of points that are more than 1 mm off in depth, or at pixels that see no surface.
     pub gross_error_rate: f64,
     /// Root mean square depth error of the points without a gross error, in millimetres.
     pub inlier_rmse_mm: f64,
     /// Mean absolute depth error of all points that have a true depth, in millimetres.
     pub mae_mm: f64,
-    /// Largest distance between the measured and the true surface, both ways, in millimetres.
+    /// Largest distance between the measured and the true surface, in both directions, in millimetres.
     pub hausdorff_mm: f64,
-    /// Mean distance to agreement: the mean distance to the other surface, both ways.
+    /// Mean distance to agreement: the mean distance from each surface to the other one, in millimetres.
     pub mdta_mm: f64,
     /// Root mean square over pixels of the bound sqrt(2/N) sigma/B propagated to depth, in millimetres.
     pub bound_mm: f64,
     /// Root mean square of the ratio of the inliers' errors to their pixels' bounds.
     pub ratio_to_bound: f64,
-    /// Errors relative to the standard deviations stated by the decoder; a point where there is no
-    /// surface counts as beyond five of them.
+    /// Errors relative to the standard deviations stated by the decoder; a point at a pixel without a
+    /// surface counts as off by more than five standard deviations.
     #[serde(flatten)]
     pub stated: Stated,
     /// Errors of pixels that contain more than one facet or object.
@@ -134,7 +134,7 @@ struct Tally {
     absolute: f64,
     inliers: usize,
     squares: f64,
-    /// Number of pixels that a scanner should measure, then of those that it measured.
+    /// Number of pixels that a scanner should measure, then the number of these that it measured.
     expected: usize,
     found: usize,
 }
@@ -160,7 +160,7 @@ impl Tally {
             t.points += 1;
             let error = f64::from(errors[i]).abs();
             if error.is_nan() {
-                // The point lies where there is no surface.
+                // The pixel of this point sees no surface.
                 t.gross += 1;
                 continue;
             }
@@ -260,7 +260,8 @@ impl<'a> Noise<'a> {
     }
 }
 
-/// Returns the projector pixels that a point moves along its camera ray per millimetre of depth.
+/// Returns by how many projector pixels a point's projection moves per millimetre of depth along its
+/// camera ray.
 pub(super) fn px_per_mm(rig: &Rig, px: DVec2, depth: f64, axis: Axis) -> f64 {
     let ray = rig.camera.ray(px);
     let step = depth * 1e-4;

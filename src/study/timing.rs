@@ -1,6 +1,6 @@
 //! Timing for commands, studies and benchmarks, with a clock that is passed in. Work is repeated in
-//! rounds: the fastest shows its cost, the others the load of the machine. A memory copy serves as
-//! reference. The passes of a renderer are timed with and without their terms.
+//! rounds: the fastest round shows the cost of the work, the others the load of the machine. A memory
+//! copy serves as reference. The passes of a renderer are timed with and without their terms.
 
 pub use phasmid_report::spread::{Spread, quantile};
 pub use phasmid_report::stopwatch::{Clock, ROUND_S, Stopwatch};
@@ -45,7 +45,7 @@ impl<'a> Timing<'a> {
         rounds.map(once).fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the times of this renderer and another, measured in alternating rounds.
+    /// Returns the times of a pass with this renderer and with another, measured in alternating rounds.
     pub fn beside_ns(&mut self, other: &mut Self, pass: Pass) -> [f64; 2] {
         let rounds = self.rounds();
         let both = rounds.map(|_| [self.once_ns(pass), other.once_ns(pass)]);

@@ -5,7 +5,7 @@ use std::os::raw::c_void;
 use v4l::device::Handle;
 use v4l::v4l2::{self, vidioc};
 
-/// Calls the driver; retries if interrupted by a signal.
+/// Calls the driver, and repeats the call if a signal interrupts it.
 ///
 /// # Safety
 /// The argument of `request` must be of type `T`, and all pointers in `T` must be valid for it.

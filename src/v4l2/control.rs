@@ -31,11 +31,11 @@ pub struct Control {
     pub kind: &'static str,
     /// Minimum, maximum, step and default; `None` if the control has none.
     pub range: Option<(i64, i64, u64, i64)>,
-    /// Current value, if it is a single number or text and could be read.
+    /// Present value, if it is a single number or a text and could be read.
     pub value: Option<Value>,
-    /// Menu entries by value.
+    /// Entries of the menu, each with its value.
     pub menu: Vec<(i64, String)>,
-    /// Whether the control cannot be set, or not at present.
+    /// Whether the control cannot be set at all or at present.
     pub read_only: bool,
 }
 
@@ -50,8 +50,8 @@ pub enum Value {
     Text(String),
 }
 
-/// Returns the controls of a device, without headings and disabled controls; empty if there are
-/// none.
+/// Returns the controls of a device, without headings and disabled controls; empty if the device has
+/// no controls.
 pub fn controls(device: &Device) -> Vec<Control> {
     let mut found = Vec::new();
     let mut id = 0;
@@ -66,7 +66,7 @@ pub fn controls(device: &Device) -> Vec<Control> {
         // SAFETY: VIDIOC_QUERY_EXT_CTRL takes a `v4l2_query_ext_ctrl`.
         #[allow(unsafe_code)]
         let done = unsafe { ioctl(&device.handle(), vidioc::VIDIOC_QUERY_EXT_CTRL, &mut query) };
-        // Stop if the driver does not advance, which would loop forever.
+        // Stop if the driver returns no further control, since the loop would never end.
         if done.is_err() || query.id <= id {
             break;
         }
@@ -95,7 +95,7 @@ fn describe(device: &Device, query: &v4l2_query_ext_ctrl) -> Option<Control> {
     };
     let array = query.nr_of_dims > 0;
     let readable = !array && query.flags & V4L2_CTRL_FLAG_WRITE_ONLY == 0;
-    // Masks are unsigned 32-bit values that drivers may have sign-extended to 64 bits.
+    // Masks are unsigned 32-bit values, which drivers may have sign-extended to 64 bits.
     let limit = |value: i64| match query.type_ {
         MASK => i64::from(value as u32),
         _ => value,
@@ -124,7 +124,7 @@ fn value(device: &Device, query: &v4l2_query_ext_ctrl) -> Option<Value> {
         1..=3 | 9 => plain(device, query.id).map(|value| Value::Number(value.into())),
         5 => {
             let (control, _) = extended(device, query.id, 0)?;
-            // SAFETY: every member is plain bits, and all were initialised before.
+            // SAFETY: every member of the union is plain bits, and all bits have been initialised.
             #[allow(unsafe_code)]
             let value = unsafe { control.__bindgen_anon_1.value64 };
             Some(Value::Number(value))
@@ -138,7 +138,8 @@ fn value(device: &Device, query: &v4l2_query_ext_ctrl) -> Option<Value> {
     }
 }
 
-/// Reads a value that does not fit 32 bits; `size` is the length of a text in bytes, else 0.
+/// Reads a value that does not fit 32 bits; `size` is the length in bytes of a text, or 0 for a
+/// number.
 fn extended(device: &Device, id: u32, size: u32) -> Option<(v4l2_ext_control, Vec<u8>)> {
     let mut bytes = vec![0; size as usize];
     // SAFETY: both structs consist of plain numbers and pointers, for which zero is valid.
@@ -181,7 +182,8 @@ fn menu(device: &Device, query: &v4l2_query_ext_ctrl) -> Vec<(i64, String)> {
         // SAFETY: VIDIOC_QUERYMENU takes a `v4l2_querymenu`.
         #[allow(unsafe_code)]
         unsafe { ioctl(&device.handle(), vidioc::VIDIOC_QUERYMENU, &mut item) }.ok()?;
-        // SAFETY: both members are plain numbers, and the struct was zeroed before.
+        // SAFETY: both members of the union are plain numbers, and the struct was zeroed before the
+        // call.
         #[allow(unsafe_code)]
         let (name, number) = unsafe { (item.__bindgen_anon_1.name, item.__bindgen_anon_1.value) };
         let words = if query.type_ == 3 {
@@ -191,6 +193,6 @@ fn menu(device: &Device, query: &v4l2_query_ext_ctrl) -> Vec<(i64, String)> {
         };
         Some((index, words))
     };
-    // Drivers may leave out entries.
+    // Drivers may leave out entries of a menu.
     (query.minimum..=last).filter_map(entry).collect()
 }

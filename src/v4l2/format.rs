@@ -1,7 +1,7 @@
 //! Format and frame interval of a node.
 //!
 //! Implemented without the `v4l` crate, whose `Format` panics on unknown values of the colour
-//! fields; a loopback node returns whatever its producer wrote there.
+//! fields; a loopback node returns whatever values its producer has set.
 
 use super::call::ioctl;
 use std::io;
@@ -54,9 +54,9 @@ impl PixFormat {
         Ok(Self::of(&format))
     }
 
-    /// Returns this format as the driver would adjust it for frames written to the node.
-    /// v4l2loopback reports the bytes per frame here, but the bytes per buffer when the format is
-    /// set.
+    /// Returns the format to which the driver would adjust this one for frames written to the node.
+    /// Here v4l2loopback reports the bytes per frame; when a format is set, it reports the bytes per
+    /// buffer.
     ///
     /// # Errors
     /// Returns the driver's error.

@@ -1,4 +1,4 @@
-//! Pixel formats of a capture node: the current one and those offered.
+//! Pixel formats of a capture node: the current format and the formats that the node offers.
 //!
 //! Implemented without the `v4l` crate, which panics on colour spaces, field orders and
 //! descriptions that it does not know.
@@ -28,7 +28,7 @@ pub struct PixelLayout {
     pub fourcc: FourCc,
     /// Bytes per row, including padding; 0 for compressed formats.
     pub stride: u32,
-    /// Maximum bytes per frame.
+    /// Maximum number of bytes per frame.
     pub size: u32,
 }
 
@@ -69,7 +69,7 @@ pub fn current_format(device: &Device) -> io::Result<PixelLayout> {
     Ok(layout(&format))
 }
 
-/// Requests a format of `width` x `height` and returns what the driver chose.
+/// Requests a format of `width` x `height` pixels and returns the format that the driver has chosen.
 ///
 /// # Errors
 /// Returns the driver's error: EBUSY while another program streams.
@@ -91,7 +91,8 @@ pub fn set_format(
     Ok(layout(&format))
 }
 
-/// Returns the formats offered, with the driver's descriptions; empty if there are none yet.
+/// Returns the formats that the node offers, with the driver's descriptions; empty if it offers none
+/// yet.
 pub fn offered_formats(device: &Device) -> Vec<(FourCc, String)> {
     let mut found = Vec::new();
     for index in 0..MAX_FORMATS {

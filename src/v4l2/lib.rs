@@ -11,11 +11,11 @@
 //! | `node` | device nodes and their capabilities |
 //! | `queue` | capture and output queues of mapped buffers |
 //!
-//! Only frame sizes and intervals offered by a node are read through the `v4l` crate. Its formats
-//! and controls panic on unknown values. Its output stream passes no timestamp and dequeues buffers
-//! in an order that v4l2loopback does not keep. Its capture stream returns the whole mapping
-//! instead of the used bytes, and is out of step after a timeout. Both streams panic when dropped
-//! on a failed device. Hence this crate's own `queue`.
+//! Through the `v4l` crate, only the frame sizes and intervals that a node offers are read. That
+//! crate's formats and controls panic on unknown values. Its output stream passes no timestamp and
+//! dequeues buffers in an order that v4l2loopback does not keep. Its capture stream returns the
+//! whole mapping instead of the used bytes, and is out of step after a timeout. Both streams panic
+//! when they are dropped on a failed device. This crate therefore has its own `queue`.
 
 #![cfg(target_os = "linux")]
 

@@ -14,10 +14,10 @@ use v4l::v4l2::vidioc;
 
 /// Driver name of v4l2loopback.
 pub const LOOPBACK_DRIVER: &str = "v4l2 loopback";
-/// Explanation of a node for which [`Node::is_forgotten`] holds.
+/// Explanation for the user of a node for which [`Node::is_forgotten`] is true.
 pub const FORGOTTEN: &str = "it has neither a capture nor an output side, because a program that \
                              used write(), such as ffmpeg, has closed it";
-/// Command that reloads v4l2loopback, which restores lost sides.
+/// Command that reloads v4l2loopback, which restores capture and output sides that nodes have lost.
 pub const RELOAD: &str = "sudo modprobe -r v4l2loopback && sudo modprobe v4l2loopback";
 
 /// Identity and capabilities reported by a node.
@@ -69,7 +69,8 @@ impl Node {
         unsafe {
             ioctl(&device.handle(), vidioc::VIDIOC_QUERYCAP, &mut caps)?;
         }
-        // `capabilities` covers the whole device; a webcam's metadata node is not a camera.
+        // `capabilities` covers all nodes of the device, but a webcam's metadata node is not a
+        // camera.
         let can = if caps.capabilities & V4L2_CAP_DEVICE_CAPS != 0 {
             caps.device_caps
         } else {
@@ -94,16 +95,16 @@ impl Node {
         self.driver == LOOPBACK_DRIVER
     }
 
-    /// Returns whether this is a loopback node that has lost its capture and its output side.
-    /// v4l2loopback 0.12 drops the output side of a node whose producer used write(), and the
+    /// Returns whether this is a loopback node that has lost both its capture side and its output
+    /// side. v4l2loopback 0.12 drops the output side of a node whose producer used write(), and the
     /// kernel then refuses formats in either direction.
     pub fn is_forgotten(&self) -> bool {
         self.is_loopback() && !self.captures && !self.outputs
     }
 }
 
-/// Locks a node for writing; returns `false` if another Phasmid process holds the lock. The lock is
-/// released when the device is closed. It is advisory: other programs are not kept out.
+/// Locks a node for writing; returns `false` if another Phasmid process holds the lock. Closing the
+/// device releases the lock. The lock is advisory: it does not keep other programs out.
 ///
 /// # Errors
 /// Returns the system's error.

@@ -1,6 +1,6 @@
 //! Queues of buffers shared with the driver (V4L2 memory-mapped streaming I/O).
 //!
-//! Other processes may access the same memory at any time, so no reference to it is ever created:
+//! Other processes may access the buffers at any time, so no Rust reference to them is ever created:
 //! bytes are copied in and out.
 
 use super::call::ioctl;
@@ -19,7 +19,7 @@ use v4l::v4l_sys::{
 };
 use v4l::v4l2::{self, vidioc};
 
-/// Maximum number of buffers requested, the limit of v4l2loopback.
+/// Maximum number of buffers to request, which is the limit of v4l2loopback.
 const MAX_BUFFERS: u32 = 32;
 /// Maximum size of a mapped buffer in bytes.
 const MAX_BUFFER_BYTES: usize = 1 << 30;
@@ -32,7 +32,7 @@ const POLLOUT: i16 = 4;
 struct Mapping {
     start: NonNull<u8>,
     len: usize,
-    /// Offset in the device's memory, which v4l2loopback uses to identify a buffer.
+    /// Offset of the buffer in the device's memory, by which v4l2loopback identifies the buffer.
     offset: u32,
 }
 
@@ -49,7 +49,7 @@ impl Drop for Mapping {
     }
 }
 
-/// Buffers of one open device, in one direction.
+/// Buffers of an open device, for one direction.
 struct Queue {
     handle: Arc<Handle>,
     kind: v4l2_buf_type,
@@ -99,7 +99,7 @@ impl Queue {
         }
     }
 
-    /// Calls a request that takes a buffer.
+    /// Makes a request to the driver that takes a buffer.
     fn call(&self, request: vidioc::_IOC_TYPE, mut buffer: v4l2_buffer) -> io::Result<v4l2_buffer> {
         // SAFETY: this module only passes QUERYBUF, QBUF and DQBUF, which take a `v4l2_buffer`, for
         // mapped single-plane buffers, which carry no pointers.
@@ -144,8 +144,8 @@ impl Queue {
         Ok(Mapping { start, len, offset })
     }
 
-    /// Maps the buffers again if the driver no longer regards them as mapped: v4l2loopback 0.12
-    /// forgets mappings whenever any program requests or releases buffers, and then delivers no
+    /// Maps the buffers again if the driver no longer regards them as mapped. v4l2loopback 0.12
+    /// forgets the mappings whenever any program requests or releases buffers, and then delivers no
     /// frames.
     fn keep_mapped(&mut self) -> io::Result<()> {
         let first = self.query(0)?;
@@ -174,7 +174,7 @@ impl Queue {
         }
     }
 
-    /// Waits for readiness; returns `false` on timeout.
+    /// Waits until the device is ready; returns `false` on timeout.
     fn ready(&self, events: i16, timeout: Duration) -> io::Result<bool> {
         // Round up, so that a short wait does not become a busy loop.
         let ms = timeout.as_nanos().div_ceil(1_000_000).min(i32::MAX as u128);
@@ -188,7 +188,7 @@ impl Queue {
 
 impl Drop for Queue {
     fn drop(&mut self) {
-        // A device that is gone has already stopped.
+        // If this fails, the device is gone and has already stopped.
         let _ = self.stream(false);
     }
 }
@@ -205,9 +205,9 @@ fn offset(buffer: &v4l2_buffer) -> u32 {
 /// Properties of a captured frame, as reported by the driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Taken {
-    /// The driver's time of the frame; most drivers use the system's monotonic clock.
+    /// Timestamp of the frame; most drivers take it from the system's monotonic clock.
     pub timestamp: Duration,
-    /// Frame counter of the driver.
+    /// Frame number counted by the driver.
     pub sequence: u32,
     /// Whether the driver marked the frame as damaged.
     pub damaged: bool,
@@ -236,8 +236,8 @@ impl CaptureQueue {
         Ok(Self(queue))
     }
 
-    /// Copies the used bytes of the next frame, at most `limit`, to `bytes` and returns the buffer
-    /// to the driver; `None` on timeout.
+    /// Copies the used bytes of the next frame, at most `limit` bytes, to `bytes` and returns the
+    /// buffer to the driver. Returns `None` on timeout.
     ///
     /// # Errors
     /// Returns the driver's error: ENODEV if the device is gone.
@@ -266,8 +266,8 @@ impl CaptureQueue {
         let used = (buffer.bytesused as usize).min(mapping.len).min(limit);
         bytes.clear();
         bytes.reserve(used);
-        // SAFETY: the mapping holds `used` bytes, the vector has room for them, and they do not
-        // overlap. Others may write meanwhile, but any byte value is valid.
+        // SAFETY: the mapping holds `used` bytes, the vector has room for them, and the two do not
+        // overlap. Other processes may write meanwhile, but any byte value is valid.
         #[allow(unsafe_code)]
         unsafe {
             std::ptr::copy_nonoverlapping(mapping.start.as_ptr(), bytes.as_mut_ptr(), used);
@@ -290,10 +290,10 @@ impl CaptureQueue {
 
 /// Output stream to a v4l2loopback node.
 ///
-/// When a buffer is dequeued, v4l2loopback 0.12 returns the one queued last, which readers may
-/// still be reading. A reader that requests few buffers shrinks the ring for everybody. So buffers
-/// are filled in turn and never dequeued, and the driver is asked for a buffer's current offset
-/// before each use.
+/// When a buffer is dequeued, v4l2loopback 0.12 returns the buffer that was queued last, which
+/// readers may still be reading. A reader that requests few buffers shrinks the ring for all
+/// programs. Buffers are therefore filled in turn and never dequeued, and the driver is asked for
+/// the present offset of a buffer before each use.
 pub struct OutputQueue {
     queue: Queue,
     next: u32,
@@ -317,7 +317,7 @@ impl OutputQueue {
         lens.min().unwrap_or(0)
     }
 
-    /// Writes a frame with its time on the system's monotonic clock.
+    /// Writes a frame, with its timestamp on the system's monotonic clock.
     ///
     /// # Errors
     /// Returns an error if the frame exceeds a buffer, `WouldBlock` if no buffer is ready, else the
@@ -329,7 +329,7 @@ impl OutputQueue {
         }
         let index = self.next % queue.mappings.len() as u32;
         self.next = index + 1;
-        // Retry once if a reader shrinks the ring meanwhile, which moves the buffer.
+        // Retry once, because a reader that shrinks the ring meanwhile moves the buffer.
         for _ in 0..2 {
             let at = offset(&queue.query(index)?);
             let mapping = queue.mappings.iter().find(|mapping| mapping.offset == at);

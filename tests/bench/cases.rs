@@ -12,9 +12,9 @@ use phasmid::study::scanned::Stage;
 use std::hint::black_box;
 use std::path::Path;
 
-/// One pass on one scene.
+/// A pass, timed on one scene.
 pub struct Case {
-    /// Number of times that `work` runs the pass on each pixel.
+    /// Number of times that a call of `work` runs the pass on each pixel.
     pub count: usize,
     /// Number of pixels, or of triangles.
     pub pixels: usize,
@@ -24,9 +24,9 @@ pub struct Case {
     pub work: Box<dyn FnMut()>,
 }
 
-/// Bytes per pixel that the geometry pass writes: ten maps.
+/// Bytes per pixel that the geometry pass writes, in ten maps.
 const GEOMETRY_BYTES: usize = 45;
-/// Bytes per pixel that a frame reads and writes.
+/// Bytes per pixel that the passes of a frame read and write.
 const FRAME_BYTES: usize = 21;
 
 /// The names of all cases.
@@ -55,7 +55,8 @@ pub const NAMES: [&str; 22] = [
     "scan to points, lit all over",
 ];
 
-/// Creates a case with a profile like the bench's. Files are written to the folder.
+/// Creates a case with a profile like that of the bench of Wu et al. Files are written to the
+/// folder.
 ///
 /// # Errors
 /// Returns an error if the name is unknown or files cannot be written.
@@ -118,7 +119,7 @@ fn scene_of(name: &str, how: &str) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Returns the profile with a projector that lights everything that the camera sees of a plane.
+/// Returns the profile with a projector that lights the whole of a plane that the camera sees.
 pub fn lit_all_over(profile: &Profile) -> Profile {
     let mut wide = profile.clone();
     wide.projector.throw_ratio = 0.5;
@@ -151,7 +152,8 @@ fn frames((scene, how): (&str, &str), profile: &Profile) -> Result<Case> {
     };
     let mut setup = Setup::of(&profile, &scene, Options::default())?;
     if let Some(electrons) = dim {
-        // White light that gives each pixel this many electrons. The full well is 10,500.
+        // White light that gives each pixel this number of electrons. The full well is 10,500
+        // electrons.
         bytes = 9;
         let white = |shot: &&Shot| matches!(shot.pattern_image.as_deref(), Some(PatternImage::Uniform(level)) if *level > 0);
         let white = setup.shots.iter().find(white).cloned();
@@ -184,7 +186,7 @@ fn torso() -> Mesh {
     })
 }
 
-/// Frames of a moving torso, each with the geometry of four instants.
+/// Creates a case that renders frames of a moving torso, each with the geometry of four instants.
 fn moving(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
     let mut scene = Scene::load("torso")?;
     let period_s = Some(4.0);
@@ -236,7 +238,8 @@ fn moving(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
     })
 }
 
-/// Decoding of the sequence's frames to depths or, if the name says so, also to points.
+/// Creates a case that decodes the sequence's frames to depths or, if the name says so, also to
+/// points.
 fn decode(name: &str, profile: &Profile) -> Result<Case> {
     let profile = match name.ends_with("lit all over") {
         true => lit_all_over(profile),
@@ -254,7 +257,7 @@ fn decode(name: &str, profile: &Profile) -> Result<Case> {
         pixels: scanned.images[0].samples().len(),
         bytes_per_pixel: scanned.images.len(),
         work: Box::new(move || {
-            // Always `Ok`: the same images have been decoded above.
+            // Always `Ok`, since the same images have been decoded before.
             if decoder.decode_into(&scanned.images, &mut out).is_ok() && to_points {
                 decoder.points_into(&out, &mut points);
             }

@@ -1,17 +1,17 @@
-//! Minimum times of calls of the facade: a scan in memory, its decoding, and the decoding of 64 x
-//! 64 pixels with a decoder that is kept, with one built from a manifest, and with one built from a
-//! manifest's text.
+//! Measures the minimum times of calls of the facade: a scan in memory, its decoding, and the
+//! decoding of 64 x 64 pixels with a decoder that is kept, with a decoder built from a manifest, and
+//! with a decoder built from a manifest's text.
 //!
-//! `python/tests/bench.py` runs it beside the same calls in Python.
+//! `python/tests/bench.py` runs this program and times the same calls in Python.
 
 use phasmid::pattern::Manifest;
 use phasmid::profile::Profile;
 use phasmid::{Capture, DecodeOptions, Device, Result};
 use std::time::Instant;
 
-/// Scans of a run; the first ones fill caches.
+/// Number of scans in a run; the first scans fill caches.
 const SCANS: usize = 12;
-/// Calls on small images.
+/// Number of calls on small images.
 const CALLS: usize = 3000;
 
 /// Returns the minimum time of a call in milliseconds.

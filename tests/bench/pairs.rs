@@ -11,7 +11,7 @@ use phasmid::study::scanned::Stage;
 use std::hint::black_box;
 use std::rc::Rc;
 
-/// Names of the pairs: the option that is compared with decoding without it.
+/// Names of the pairs: the option with which decoding is compared to decoding without it.
 pub const PAIRS: [&str; 6] = [
     "consistency of single pixels",
     "consistency of pixels and frames",
@@ -20,8 +20,8 @@ pub const PAIRS: [&str; 6] = [
     "held pixels, smooth prior",
     "held pixels, left out",
 ];
-/// Focus that blurs the projector's pixels on the plane by 0.6 px, and factor on the profile's
-/// exposure. With both, the error of held pixels is negligible compared with the noise.
+/// Focus that blurs the projector's pixels on the plane by 0.6 px, and the factor on the profile's
+/// exposure. With both, the error due to held pixels is negligible compared with the noise.
 const BLURRED: Focus = Focus {
     distance_mm: 700.0,
     aperture_mm: 6.0,
@@ -34,7 +34,7 @@ pub struct Pair {
     pub works: [Box<dyn FnMut()>; 2],
 }
 
-/// Creates a pair with a profile like the bench's, all pixels lit.
+/// Creates a pair with a profile like that of the bench of Wu et al., with all pixels lit.
 ///
 /// # Errors
 /// Returns an error if the name is unknown or the profile cannot be used.
@@ -67,7 +67,7 @@ pub fn pair(name: &str, profile: &Profile) -> Result<Pair> {
                 let known = Known::new(false, scanned.calibration.as_ref());
                 let _ = black_box(check_sequence(&scanned.manifest, &scanned.images, known));
             }
-            // Always `Ok`: the same images have been decoded above.
+            // Always `Ok`, since the same images have been decoded before.
             let _ = black_box(decoder.decode_into(&scanned.images, &mut out));
             black_box(&out);
         }))

@@ -1,8 +1,9 @@
-//! Measures the rate of each pass relative to a memory copy of the same bytes in the same run: this
-//! ratio varies less between machines and over time than the rate itself. Finally measures the cost of
-//! the decoder's options, as ratios to decoding without them.
+//! Measures the rate of each pass relative to a memory copy of the same number of bytes in the same
+//! run: this ratio varies less between machines and over time than the rate itself. Then measures
+//! the cost of the decoder's options, as ratios to decoding without them.
 //!
-//! `cargo bench` runs all; `cargo bench -- geometry` runs those whose name contains a word.
+//! `cargo bench` runs all cases; `cargo bench -- geometry` runs the cases whose name contains a
+//! word.
 
 mod cases;
 mod pairs;

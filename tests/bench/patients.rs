@@ -61,7 +61,7 @@ fn main() {
             voxels,
             2 * voxels,
             &mut || {
-                black_box(read_volume(&path).expect("as it was written"));
+                black_box(read_volume(&path).expect("a readable volume"));
             },
         );
     }
@@ -90,7 +90,7 @@ fn main() {
     );
 }
 
-/// A trunk with lungs and a couch in 256 x 256 x 128 voxels, with a scanner's noise.
+/// Returns a trunk with lungs and a couch in 256 x 256 x 128 voxels, with the noise of a CT scanner.
 fn ct() -> Volume {
     let size = [256, 256, 128];
     let grid = Grid::upright(size, DVec3::new(1.6, 1.6, 3.0), DVec3::splat(-200.0));
@@ -108,7 +108,7 @@ fn ct() -> Volume {
         state = state
             .wrapping_mul(6364136223846793005)
             .wrapping_add(1442695040888963407);
-        // Uniform, 20 Hounsfield units RMS.
+        // The noise is uniform with 20 Hounsfield units RMS.
         let noise = (state >> 40) as f32 / (1 << 24) as f32 - 0.5;
         (smooth.voxels().get(n) + 69.3 * noise) as i16
     });

@@ -1,10 +1,10 @@
 //! Measures the cost of each term of image formation on its own, and compares plans with the full
 //! plan.
 //!
-//! Times the paper's bench in front of a torso, alternately with and without a typical parameter of
-//! the term, and compares the cost with a memory copy of the data of the term's pass. A term that
-//! the bench always has is disabled for the comparison, and a term that no parameter here enables
-//! is forced on.
+//! Times the bench of Wu et al. in front of a torso, alternately with and without a typical
+//! parameter that enables the term, and compares the cost with a memory copy of the data of the
+//! term's pass. A term that this bench always has is disabled for the comparison, and a term that no
+//! parameter here enables is forced on.
 //!
 //! `cargo bench --bench terms`
 
@@ -55,16 +55,16 @@ fn main() {
         plan(watch, &format!("{name}, {scene}"), &profile, scene);
     }
     let (mut profile, mut scene) = plain(folder.path());
-    // The cost of the pupil's samples would hide everything else.
+    // Leave depth of field out, because the cost of the pupil's samples would hide all other costs.
     for term in Term::ALL.into_iter().filter(|t| *t != Term::DepthOfField) {
         need(term, &mut profile, &mut scene);
     }
     plan(watch, "all of a profile, torso", &profile, "torso");
 }
 
-/// Bytes per pixel that the geometry pass writes: ten maps.
+/// Bytes per pixel that the geometry pass writes, in ten maps.
 const GEOMETRY_BYTES: usize = 45;
-/// Bytes per pixel that a frame reads and writes.
+/// Bytes per pixel that the passes of a frame read and write.
 const FRAME_BYTES: usize = 21;
 
 /// Prints a line of the table of plans.
@@ -83,21 +83,21 @@ fn plan(watch: Stopwatch<'_>, name: &str, profile: &Profile, scene: &str) {
     );
 }
 
-/// The paper's bench in front of a torso.
+/// Returns the bench of Wu et al. and a torso in front of it.
 fn plain(folder: &Path) -> (Profile, Scene) {
     let mut scene = Scene::load("torso").expect("built in");
     scene.folder = folder.to_path_buf();
     (Profile::load("pmp-bench").expect("built in"), scene)
 }
 
-/// Returns [`plain`] with a typical parameter of a term.
+/// Returns [`plain`] with a typical parameter that enables a term.
 fn needing(term: Term, folder: &Path) -> (Profile, Scene) {
     let (mut profile, mut scene) = plain(folder);
     need(term, &mut profile, &mut scene);
     (profile, scene)
 }
 
-/// Nanoseconds per pixel of a term's pass, without and with the term.
+/// Returns the nanoseconds per pixel of a term's pass, without and with the term.
 fn costs(
     watch: Stopwatch<'_>,
     term: Term,
@@ -106,8 +106,8 @@ fn costs(
 ) -> [f64; 2] {
     let [mut off_shots, mut on_shots] = [shots(&off.0), shots(&on.0)];
     if term == Term::Motion {
-        // A moving scene needs its geometry pass in every frame, a still one only in the first:
-        // compare one frame of each.
+        // A moving scene needs its geometry pass in every frame, a still scene only in the first
+        // frame, so one frame of each is compared.
         off_shots.truncate(1);
         on_shots.truncate(1);
     }
@@ -120,7 +120,7 @@ fn costs(
     timing.beside_ns(&mut Timing::new(&mut with, &on_shots, watch), term.pass())
 }
 
-/// Shots of the profile's first sequence.
+/// Returns the shots of the profile's first sequence.
 fn shots(profile: &Profile) -> Vec<Shot> {
     let firmware = Firmware::new(profile, &[]).expect("sound");
     let sequence = firmware.selected_sequence();
@@ -137,7 +137,7 @@ fn renderer(profile: &Profile, scene: &Scene, shots: &[Shot]) -> Renderer {
     renderer
 }
 
-/// Nanoseconds per pixel of a memory copy of this many bytes per pixel.
+/// Returns the nanoseconds per pixel of a memory copy of `bytes_per_pixel` bytes per pixel.
 fn copy_ns(watch: Stopwatch<'_>, pixels: usize, bytes_per_pixel: usize) -> f64 {
     watch.seconds_a_copy(pixels * bytes_per_pixel) * 1e9 / pixels as f64
 }

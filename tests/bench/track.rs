@@ -160,7 +160,7 @@ fn main() {
     }
 }
 
-/// A scan by a pod under the ceiling.
+/// Returns a scan by a pod under the ceiling.
 fn captured() -> Capture {
     let profile = Profile::load("sgrt-pod").expect("built in");
     let mut scene = Scene::load("torso").expect("built in");
@@ -171,7 +171,7 @@ fn captured() -> Capture {
     device.expect("a device").scan(0).expect("a scan")
 }
 
-/// A supine patient in the room frame, with the isocentre in the chest.
+/// Returns a supine patient in the room's frame, with the isocentre in the chest.
 fn patient() -> Mesh {
     let mut mesh = torso(&Torso {
         seed: 3,
@@ -184,7 +184,8 @@ fn patient() -> Mesh {
     mesh
 }
 
-/// Centroids of evenly spaced triangles on the front, with 0.2 mm RMS of pseudo-noise in height.
+/// Returns the centroids of evenly spaced triangles on the front of a mesh, with pseudo-noise of 0.2
+/// mm RMS in height.
 fn points(mesh: &Mesh) -> Vec<DVec3> {
     let front: Vec<DVec3> = (0..mesh.triangles.len())
         .map(|i| mesh.corners(i).iter().sum::<DVec3>() / 3.0)
@@ -198,7 +199,7 @@ fn points(mesh: &Mesh) -> Vec<DVec3> {
         .collect()
 }
 
-/// Breathing: chest and abdomen rise one after the other.
+/// Returns snapshots of breathing, in which chest and abdomen rise one after the other.
 fn breathing(skin: &Mesh) -> Snapshots {
     let mut snapshots = Snapshots::default();
     for k in 0..10 {
@@ -217,7 +218,8 @@ fn breathing(skin: &Mesh) -> Snapshots {
     snapshots
 }
 
-/// A torso from the same generator, scaled to 6 % and moved to the tumour's place.
+/// Returns a tumour made by the generator of the torso: scaled to 6 % and moved to the tumour's
+/// position.
 fn tumour() -> Mesh {
     let mut mesh = torso(&Torso {
         triangles: 3000,

@@ -1,5 +1,5 @@
-//! Frame rate over USB/IP on loopback TCP, compared with a bare socket and a memory copy of the
-//! same bytes in the same run.
+//! Measures the frame rate over USB/IP on loopback TCP, and compares it with a bare socket and a
+//! memory copy of the same number of bytes in the same run.
 //!
 //! `cargo bench --bench usb`
 
@@ -40,7 +40,7 @@ fn main() {
     }
 }
 
-/// Best rate of a few runs, in bytes per microsecond.
+/// Returns the best rate of a few runs, in bytes per microsecond.
 fn best(run: impl Fn() -> Duration) -> f64 {
     let bytes = FRAMES as f64 * f64::from(WIDTH) * f64::from(HEIGHT);
     let times = (0..5).map(|_| run().as_secs_f64());
@@ -90,7 +90,7 @@ fn usb(bytes: &[u8], speed: Speed) -> Duration {
         .expect("descriptors");
     let frame = Arc::new(Frame {
         id: 0,
-        // Triggered frames, all of which wait for the host.
+        // Triggered frames, since all of them wait for the host.
         pattern_index: Some(0),
         width: WIDTH,
         height: HEIGHT,

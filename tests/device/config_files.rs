@@ -1,5 +1,5 @@
-//! Profiles, scenes and manifests with mistakes: each gives one message that names the line, what
-//! was found and what is allowed; and no text makes a parser panic.
+//! Profiles, scenes and manifests with mistakes: each gives one message with the line, the text
+//! found and the texts allowed. No text makes a parser panic.
 
 use phasmid::geometry::Rig;
 use phasmid::patient::phantom::Patient;
@@ -11,7 +11,7 @@ use proptest::prelude::*;
 const BENCH: &str = include_str!("../../device-profiles/pmp-bench.toml");
 const SPHERE: &str = include_str!("../../device-profiles/scenes/sphere.toml");
 
-/// The error of a text in which `from` is replaced by `to`, and the line of the replacement.
+/// Returns the error of a text in which `from` is replaced by `to`, and the line of the replacement.
 fn broken<T>(
     text: &str,
     from: &str,
@@ -31,7 +31,7 @@ fn broken<T>(
     }
 }
 
-/// The message names the line that enables the option, whichever other option it conflicts with.
+/// The message names the line that enables the data line, whichever other option conflicts with it.
 #[test]
 fn data_line_refuses_narrow_images_and_long_exposures() {
     for (from, to, needles) in [
@@ -233,8 +233,8 @@ fn impossible_profiles_are_refused_with_line_and_range() {
     }
 }
 
-/// Reading a rolling-shutter frame takes one line time per row. Frame intervals and sequence
-/// periods cannot be shorter.
+/// Frame intervals and sequence periods cannot be shorter than the readout of a rolling-shutter
+/// frame, which takes one line time per row.
 #[test]
 fn rows_have_to_be_read_before_the_next_exposure() {
     let with = |line_time_us: &str, from: &str, to: &str| {
@@ -242,8 +242,8 @@ fn rows_have_to_be_read_before_the_next_exposure() {
         let text = BENCH.replacen("f_number = 16.0", &line, 1);
         Profile::parse(&text.replacen(from, to, 1), "file.toml")
     };
-    // 489 rows take 9.78 ms at 20 us each and 9.99956 ms at 20.449 us each: both fit in the
-    // sequence's period of 10 ms.
+    // The readout of 489 rows takes 9.78 ms at 20 us per row and 9.99956 ms at 20.449 us per row;
+    // both fit in the sequence's period of 10 ms.
     for line_time_us in ["20.0", "20.449"] {
         with(line_time_us, "", "").unwrap();
     }
@@ -257,7 +257,8 @@ fn rows_have_to_be_read_before_the_next_exposure() {
         message.contains("camera.frame_interval_us") && message.contains("20049 to"),
         "{message}"
     );
-    // The data line records the time of the end of the last row.
+    // The data line records when the last row's exposure ends, so the limit includes the delay of
+    // that row.
     let range = "exposure_range_us = [20.0, 1000000.0]";
     let message = with("10", range, "exposure_range_us = [20.0, 4290088]")
         .unwrap_err()
@@ -464,7 +465,7 @@ fn built_in_profiles_and_scenes_load() {
     assert!((fringes_per_mm - 0.172f64).abs() < 5e-4);
 }
 
-/// A text with a few of its bytes replaced, removed or doubled.
+/// Returns a text with a few of its bytes replaced, removed or doubled.
 fn mutated(text: &'static str) -> impl Strategy<Value = String> {
     let edit = (0..text.len(), any::<u8>(), 0..3u8);
     proptest::collection::vec(edit, 1..8).prop_map(move |edits| {
@@ -519,8 +520,8 @@ fn a_reader_that_leaves_ends_a_list_quietly() {
     assert_eq!(said, "", "nothing to say to nobody");
 }
 
-/// Checks that no list of numbers in a text can be longer or shorter: all of them have a fixed
-/// length. Takes the text and its parsers; returns the number of lists.
+/// Checks that a list of numbers in a text cannot be made longer or shorter, since all lists have a
+/// fixed length. Takes the text and its parsers; returns the number of lists.
 fn no_list_may_be_longer_or_shorter(
     name: &str,
     text: &str,
@@ -571,7 +572,7 @@ fn lists_of_numbers_have_the_length_that_they_have_everywhere() {
     for folder in ["", "scenes", "stations", "faults", "patients"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
-            // The folder also contains the files of its crate.
+            // The folder also contains the crate's own files.
             let of_the_crate = path.ends_with("Cargo.toml") || path.ends_with("lib.rs");
             if !path.is_file() || of_the_crate {
                 continue;
@@ -590,7 +591,7 @@ fn lists_of_numbers_have_the_length_that_they_have_everywhere() {
     assert!(lists >= 33, "{lists}");
     let rig = Profile::load("pmp-real").unwrap().nominal_rig().to_toml();
     let read = |text: &str| Rig::from_toml(text, AT).map(drop);
-    // Includes the rows of the rotation matrices.
+    // The 14 lists include the rows of the rotation matrices.
     assert_eq!(no_list_may_be_longer_or_shorter("rig", &rig, read), 14);
     let row = rig.find("rotation = [").unwrap();
     let end = row + rig[row..].find("],").unwrap();

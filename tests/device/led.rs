@@ -1,5 +1,5 @@
-//! Light source with rise time, warm-up and partial illumination of an exposure; frames compared
-//! with closed forms.
+//! Light source with a rise time and warm-up that shines for only a part of an exposure: frames are
+//! compared with closed forms.
 
 use phasmid::emulator::led::{Model, Source};
 use phasmid::emulator::render::{Renderer, Term};
@@ -25,7 +25,8 @@ fn led(rise_us: f64, droop: &[(f64, f64)]) -> Led {
     }
 }
 
-/// A small camera without noise, data line or light source model of its own.
+/// Returns a profile with a small camera without noise and data line, and with this light source
+/// model.
 fn small(source: Option<Led>) -> Profile {
     let mut profile = Profile::load("webcam-grey").unwrap();
     let camera = &mut profile.camera;
@@ -46,7 +47,7 @@ fn fringe(profile: &Profile, axis: Axis) -> Arc<PatternImage> {
     Arc::new(PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
-/// Signal of a plane lit by white in some rows, relative to full light.
+/// Returns the signal, in some row, of a plane lit by white, relative to full light.
 fn light(renderer: &mut Renderer, shot: &Shot, row: usize) -> f64 {
     let mut pixel = |light: Option<f64>| {
         let shot = match light {
@@ -110,13 +111,13 @@ fn frame_is_the_mean_of_the_patterns_shown() {
             "{i}: {dn} {exact}"
         );
     }
-    // Patterns shown outside of the exposure are not seen.
+    // Patterns that are shown outside the exposure are not seen.
     let later = Shot {
         start_ns: start_ns + 20 * MS,
         ..shot.clone()
     };
     assert!(renderer.expected_dn(&later) == parts[0].1);
-    // With the term disabled, only the first pattern image is seen.
+    // With the term disabled, only the first pattern image of the shot is seen.
     renderer.force(Term::PatternTiming, false);
     assert!(renderer.expected_dn(&shot) == parts[0].1);
 }
@@ -157,7 +158,8 @@ fn frames_see_the_source_rise_and_fade() {
     }
 }
 
-/// Frames, up to some time, of a device that receives these command lines at these milliseconds.
+/// Returns the frames, up to `end_ms`, of a device that receives these command lines at these times
+/// in milliseconds.
 fn frames(profile: &Profile, lines: &[(u64, &str)], end_ms: u64) -> Vec<Frame> {
     let mut bench = Device::builder(profile, &Scene::parse(LIT, "lit").unwrap())
         .seed(1)
@@ -192,7 +194,8 @@ fn brightness(frame: &Frame) -> f64 {
     sum / frame.data.len() as f64
 }
 
-/// A source with neither a rise time nor warm-up changes no byte.
+/// An LED with neither rise time nor warm-up gives exactly the frames of a projector without an LED
+/// model.
 #[test]
 fn ideal_source_changes_no_byte() {
     let lines = [
@@ -205,8 +208,8 @@ fn ideal_source_changes_no_byte() {
     assert!(frames(&small(Some(led(1.0, &[(10.0, 0.0)]))), &lines, 4000) == plain);
 }
 
-/// With a free-running camera, the light depends on the lamp's state, its current and their
-/// history, all in device time.
+/// With a free-running camera, the light depends on the lamp's state and current and on the history
+/// of both, all in device time.
 #[test]
 fn light_follows_lamp_commands_in_device_time() {
     let source = led(5.0, &[(1.5, 0.3)]);
@@ -237,8 +240,8 @@ fn light_follows_lamp_commands_in_device_time() {
     assert_eq!(partly, 1, "one sees the lamp go off");
 }
 
-/// A projector with pattern timing lights its source only while it shows patterns: it stays cooler
-/// than one that is always on, and each frame sees the corresponding light.
+/// A projector with pattern timing lights its source only while it shows patterns. The source stays
+/// cooler than a source that is always on, and each frame sees the corresponding light.
 #[test]
 fn source_is_lit_only_while_patterns_are_shown() {
     let source = led(30.0, &[(0.2, 0.4)]);

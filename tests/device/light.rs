@@ -1,5 +1,5 @@
 //! Light of projector and lenses: response, contrast, vignetting, defocus, and fringes too fine to
-//! resolve, compared with closed forms and the slow f64 reference path.
+//! resolve. Compared with closed forms and with the slow reference renderer in f64.
 
 use glam::{DVec2, DVec3};
 use phasmid::decode::{Decoder, Options};
@@ -15,7 +15,8 @@ fn bench() -> Profile {
     Profile::load("pmp-bench").unwrap()
 }
 
-/// A plane that faces camera and projector, fully lit by the projector of [`wide`].
+/// Returns a scene with a plane that faces camera and projector and is fully lit by the projector of
+/// [`wide`].
 fn wall(z_mm: f64, ambient: f64) -> Scene {
     let text = format!(
         "name = \"wall\"\ndescription = \"\"\nambient = {{ irradiance_w_m2 = {ambient:?} }}\n\
@@ -47,7 +48,7 @@ fn shot(pattern_image: &Arc<PatternImage>) -> Shot {
     }
 }
 
-/// All terms tested in this file at once.
+/// Returns the profile with all terms that this file tests.
 fn everything(mut profile: Profile) -> Profile {
     profile.projector.response = Some(Response::Gamma(1.8));
     profile.projector.contrast_ratio = Some(300.0);
@@ -98,7 +99,7 @@ fn each_term_agrees_with_the_reference_path() {
     for (i, profile) in profiles.iter().enumerate() {
         for scene in ["plane", "trapezoid"] {
             let scene = Scene::load(scene).unwrap();
-            // Blur adds two dimensions to sample.
+            // Blur adds two dimensions that the reference must sample.
             let (rays, step) = match profile.projector.focus {
                 Some(_) => (30_000, 4001),
                 None => (2584, 977),
@@ -112,7 +113,7 @@ fn each_term_agrees_with_the_reference_path() {
                     light: 1.0,
                     ..shot(&pattern_image)
                 });
-                // Sixteen samples may miss an edge that cuts off a corner.
+                // Sixteen samples may miss an edge that cuts off only a corner of a pixel.
                 let even = |i: usize| {
                     let flags = truth.flags.get(i).copied().unwrap_or(0);
                     flags & (Truth::LIT | Truth::CREASE) == Truth::LIT
@@ -132,7 +133,7 @@ fn each_term_agrees_with_the_reference_path() {
                         (f64::from(fast[i]) - slow).abs()
                     })
                     .reduce(|| 0.0, f64::max);
-                // Most of this error is the sampling error of the reference.
+                // Most of this error is the sampling error of the reference renderer.
                 assert!(worst < 0.5, "profile {i}, {pattern:?}: {worst}");
             }
         }
@@ -148,7 +149,8 @@ fn levels_are_those_of_exact_clipping_down_to_pixels_wider_than_a_period() {
         let z = 1000.0;
         let mut renderer = Renderer::new(&profile, &wall(z, 0.0), 1).unwrap();
         let (camera, projector) = (profile.camera.view().lens, profile.projector.view().lens);
-        // Both see the wall perpendicularly: every pixel's footprint is a box of this width.
+        // Camera and projector both see the wall perpendicularly, so every pixel's footprint is a
+        // box of this width.
         let width = projector.focal_px.x / camera.focal_px.x;
         let black = profile.camera.sensor.black_level_dn;
         let white = renderer.expected_dn(&shot(&pattern_image(&Pattern::White {}, &profile)));
@@ -172,7 +174,7 @@ fn levels_are_those_of_exact_clipping_down_to_pixels_wider_than_a_period() {
                 if low < 0.0 || high > 1919.0 {
                     continue;
                 }
-                // Held pixel k covers k - 1/2 to k + 1/2.
+                // Held pixel k covers coordinates from k - 1/2 to k + 1/2.
                 let exact = (low.round() as usize..=high.round() as usize)
                     .map(|k| {
                         let part = high.min(k as f64 + 0.5) - low.max(k as f64 - 0.5);
@@ -206,7 +208,7 @@ fn natural_vignetting_is_the_fourth_power_of_the_cosine() {
         natural: true,
         ..Vignetting::default()
     };
-    // The camera facing a wall, with ambient light only.
+    // The camera faces a wall with ambient light only.
     let mut profile = bench();
     profile.camera.vignetting = natural;
     let (seen, truth) = signal(&profile, &wall(700.0, 0.5), &Pattern::Black {});
@@ -222,7 +224,8 @@ fn natural_vignetting_is_the_fourth_power_of_the_cosine() {
         assert!((f64::from(seen[i]) / expected - 1.0).abs() < 1e-5, "{i}");
     }
     assert!(truth.flags.iter().all(|f| f & Truth::SEEN != 0));
-    // The projector's white on a wall that it faces, so that only its own angles matter.
+    // The projector shows white on a wall that it faces, so that only the angles of the projector's
+    // rays matter.
     profile.camera.vignetting = Vignetting::default();
     profile.projector.vignetting = natural;
     let (shown, truth) = signal(&profile, &wall(1000.0, 0.0), &Pattern::White {});
@@ -256,7 +259,7 @@ fn a_fringe_off_the_focus_has_the_contrast_of_the_closed_form() {
         let truth = renderer.truth(&sequence);
         let middle = 244 * 1138 + 569;
         assert!(truth.flags[middle] & Truth::LIT != 0);
-        // Averages over pixels at all phases within the held pixels.
+        // Average over pixels at all phases within the projector's held pixels.
         let near = &truth.modulation_dn[middle - 40..middle + 40];
         near.iter().map(|&b| f64::from(b)).sum::<f64>() / 80.0
     };
@@ -267,7 +270,8 @@ fn a_fringe_off_the_focus_has_the_contrast_of_the_closed_form() {
         aperture_mm: 9.0,
     });
     for z in [700.0, 850.0, 1000.0, 1200.0, 1500.0] {
-        // Similar triangles: the cone from the aperture to the focused plane, cut at z.
+        // Similar triangles: the blur disc is the section at depth z of the cone from the aperture
+        // to the focused plane.
         let disc_mm = 9.0 * (z - 1000.0f64).abs() / 1000.0;
         let disc_px = disc_mm / z * 1.433 * 1920.0;
         let sigma = disc_px / 4.0;
@@ -297,8 +301,8 @@ fn defocus_leaves_a_sharp_plane_and_its_noise_to_the_byte() {
     assert!(sharp.data == renderer.expose(&shot(&pattern)).data);
 }
 
-/// Twelve steps, a Gray code and its complementary bit, like the bench's sequence but with another
-/// period.
+/// Returns a sequence of twelve steps, a Gray code and its complementary bit, like the bench's
+/// sequence but with another period.
 fn sequence(period_px: f64, profile: &Profile) -> Manifest {
     let mut manifest = profile.manifest(&profile.sequence[0]);
     let bits = (1920.0 / period_px).log2().ceil() as u32;

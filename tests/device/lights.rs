@@ -1,4 +1,4 @@
-//! Lamps and mains flicker, against closed forms and the reference path.
+//! Lamps and mains flicker, compared with closed forms and the reference renderer.
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
@@ -22,7 +22,7 @@ fn dark(start_ns: u64, exposure_ns: u64) -> Shot {
 const PLANE: &str = "[[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0, 0, 1000]\n\
                      rotation_deg = [5, -8, 0]\nalbedo = 0.7\n";
 
-/// Points, in the rig's frame, that the pixels see.
+/// Returns the points that the pixels see, in the rig's frame.
 fn points(profile: &Profile, truth: &Truth) -> Vec<DVec3> {
     let view = profile.camera.view();
     (0..truth.flags.len())
@@ -52,7 +52,7 @@ fn lamps_on_a_plane_follow_their_closed_form() {
         let way = DVec3::new(-300.0, 200.0, 400.0) - point;
         let one = 0.12 * 1e6 * normal.dot(way) / way.length().powi(3);
         let other = 0.3 * normal.dot(-DVec3::new(3.0, 1.0, 2.0).normalize());
-        // The third lamp is behind the plane.
+        // The third lamp is behind the plane and adds nothing.
         let exact = black + scale * (one + other);
         assert!(exact > 10.0 && exact < 250.0);
         assert!(
@@ -66,7 +66,7 @@ fn lamps_on_a_plane_follow_their_closed_form() {
     assert!(without.iter().all(|&dn| dn == black as f32));
 }
 
-/// A sphere meshed by longitude and latitude, and two triangles behind it.
+/// Returns a sphere meshed by longitude and latitude, and two triangles behind it.
 fn ball_before_wall(center: DVec3, radius: f64, wall_z: f64) -> Mesh {
     let (columns, rows) = (512, 256);
     let mut mesh = Mesh::default();
@@ -136,14 +136,14 @@ fn shadows_end_where_the_occluder_does() {
                 };
                 let to_center = center - point;
                 let on_wall = (point.z - wall).abs() < 1e-3;
-                // On the sphere, parts that face away from the light are dark.
+                // The parts of the sphere that face away from the light are dark.
                 let off = if on_wall {
                     to_center.cross(along).length() - radius
                 } else {
                     -along.dot(-to_center) * 2.0
                 };
-                // The facets of the mesh lie up to 0.004 mm inside the sphere, and its terminator
-                // is up to a facet's 0.6 mm off.
+                // The facets of the mesh lie up to 0.004 mm inside the sphere, and its terminator is
+                // off by up to the size of a facet, 0.6 mm.
                 if off.abs() < 2.0 {
                     continue;
                 }
@@ -187,8 +187,8 @@ fn lamps_agree_with_the_reference_path() {
         .collect();
     let worst = errors.iter().copied().fold(0.0, f64::max);
     let exact = errors.iter().filter(|&&e| e < 0.5).count();
-    // The fast path treats a crease below 15 degrees as one smooth surface; the reference averages
-    // it.
+    // The production renderer treats a crease below 15 degrees as one smooth surface; the reference
+    // averages the light on both sides of it.
     assert!(
         exact * 100 >= errors.len() * 97 && worst < 6.0,
         "{exact} of {}: {worst}",
@@ -196,7 +196,8 @@ fn lamps_agree_with_the_reference_path() {
     );
 }
 
-/// Lamps and their shadows seen through the whole pupil, with the camera's vignetting.
+/// Lamps and their shadows agree with the reference when seen through the whole pupil, with the
+/// camera's vignetting.
 #[test]
 fn lamps_are_seen_out_of_focus_and_dimmed_towards_the_edge() {
     let mut profile = Profile::load("pmp-bench").unwrap();
@@ -238,7 +239,8 @@ fn lamps_are_seen_out_of_focus_and_dimmed_towards_the_edge() {
     }
 }
 
-/// The rig rotated by 90 degrees about z and shifted, computed by hand.
+/// A rig rotated by 90 degrees about z and shifted gives the lamp positions that are computed by
+/// hand.
 #[test]
 fn lamps_stand_in_the_frame_of_the_scene() {
     let profile = Profile::load("pmp-bench").unwrap();
@@ -292,7 +294,7 @@ fn flicker_is_the_integral_over_each_exposure() {
     ] {
         let n = 4000;
         let step = exposure as f64 * 1e-9 / f64::from(n);
-        // Multiples of 0.1 s are whole periods.
+        // Multiples of 0.1 s are whole periods of the flicker, so they are left out.
         let begin = (start % 100_000_000) as f64 * 1e-9;
         let integral: f64 = (0..n)
             .map(|i| {
@@ -313,7 +315,7 @@ fn flicker_is_the_integral_over_each_exposure() {
     }
 }
 
-/// If all light flickers by one factor, so do all pixels, however they are averaged.
+/// If all light flickers by the same factor, so do all pixels, however they are averaged.
 #[test]
 fn mixed_pixels_flicker_by_the_same_factor() {
     let mut profile = Profile::load("pmp-bench").unwrap();
@@ -327,7 +329,7 @@ fn mixed_pixels_flicker_by_the_same_factor() {
          albedo = 0.9\n"
     );
     let (start, exposure) = (1_700_000, 2_100_000);
-    // Integral of the pulse, from its antiderivative.
+    // Integral of the flicker over the exposure, from its antiderivative.
     let (w, phase) = (2.0 * PI * 120.0, f64::to_radians(-40.0));
     let (from, to) = (start as f64 * 1e-9, (start + exposure) as f64 * 1e-9);
     let mean = ((w * to + phase).sin() - (w * from + phase).sin()) / (w * (to - from));

@@ -1,5 +1,5 @@
-//! A projector with pattern timing, through the whole device: allowed profiles, and what a scan
-//! sees.
+//! A projector with pattern timing, tested through the whole device: allowed profiles, and the
+//! frames of a scan.
 
 use phasmid::decode::{Decoded, Decoder, Options, Verdict};
 use phasmid::emulator::{Device, Firmware, MemorySink, Renderer, Shot, Truth};
@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 const EVM: &str = include_str!("../../device-profiles/dlp-evm.toml");
 
-/// Contradictory lines of the profile are rejected by name.
+/// Contradictory lines of a profile are rejected with the name of the field.
 #[test]
 fn contradictory_timing_is_refused_by_field() {
     for (line, instead, field, words) in [
@@ -115,7 +115,7 @@ fn contradictory_timing_is_refused_by_field() {
             "{instead}: {message}"
         );
     }
-    // Each of these changes alone is valid.
+    // Each of these changes is valid without the others.
     for instead in [
         "",
         "dark_before_us = 171.0\ndark_after_us = 31.0\n",
@@ -131,7 +131,8 @@ struct Seen {
     truth: Truth,
 }
 
-/// The built-in module, with frames without the data line that identifies them.
+/// Returns the profile of the built-in projector module, without the data line that identifies
+/// frames.
 fn evm() -> Profile {
     let mut profile = Profile::load("dlp-evm").unwrap();
     profile.camera.data_line = false;
@@ -160,8 +161,8 @@ fn scan(profile: &Profile, commands: &str) -> Seen {
     }
 }
 
-/// Fraction of the lit pixels that was decoded, and the RMS error of the decoded pixels in
-/// projector pixels.
+/// Returns the fraction of the lit pixels that were decoded, and the RMS error of the decoded pixels
+/// in projector pixels.
 fn error_px(seen: &Seen) -> (f64, f64) {
     let maps = seen.decoded.x.as_ref().unwrap();
     let truth = &seen.truth;
@@ -188,9 +189,9 @@ fn a_scan_decodes_as_well_as_its_noise_allows() {
     assert!(error < 0.05, "{error} px");
 }
 
-/// In half of a pattern's time the projector shows the lower seven bits and almost none of the
-/// highest. The frame is the sum of the bit planes, each weighted by its share of the exposure: bit
-/// k lasts 2^k / 255 of the pattern.
+/// In half of a pattern's time, the projector shows the lower seven bits and almost nothing of the
+/// highest. The frame is the sum of the bit planes, each weighted by its fraction of the exposure:
+/// bit k lasts 2^k / 255 of the pattern.
 #[test]
 fn half_of_a_pattern_shows_the_sum_of_its_bits() {
     let mut profile = evm();
@@ -206,7 +207,7 @@ fn half_of_a_pattern_shows_the_sum_of_its_bits() {
     let half = shots("4250us");
     assert!(whole.iter().all(|shot| shot.then.is_empty()));
     let black = renderer.expected_dn(&half[2]);
-    // A white pattern is white from the start, and half its duration gives half the brightness.
+    // A white pattern is white from its start, so half its duration gives half the brightness.
     let (white, all_white) = (
         renderer.expected_dn(&half[1]),
         renderer.expected_dn(&whole[1]),
@@ -234,9 +235,9 @@ fn half_of_a_pattern_shows_the_sum_of_its_bits() {
     let seen = renderer.expected_dn(&half[0]);
     let worst = seen.iter().zip(&expected).map(|(a, b)| (a - b).abs());
     let worst = worst.fold(0.0, f32::max);
-    // Bits start at whole nanoseconds, 2e-7 of the exposure.
+    // Bits start at whole nanoseconds, which rounds them by up to 2e-7 of the exposure.
     assert!(worst < 2e-3, "{worst} DN");
-    // The host cannot decode fringes from this.
+    // The host cannot decode fringes from such frames.
     let (_, well) = error_px(&scan(&evm(), "CAM:EXP 8500us"));
     let (coverage, badly) = error_px(&scan(&evm(), "CAM:EXP 4250us"));
     assert!(

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [400, 240];
 
-/// The centre of the paper's bench with the given aspects of camera and projector.
+/// Returns the centre of the bench of Wu et al. with these pixel aspects of camera and projector.
 fn bench(camera: f64, projector: f64) -> Profile {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.camera.sensor_width_mm *= f64::from(SIZE[0]) / f64::from(profile.camera.width_px);
@@ -33,7 +33,7 @@ fn tilted_plane() -> Scene {
     )
 }
 
-/// A built-in profile's text with an aspect in one of its tables.
+/// Returns the text of a built-in profile with an aspect in one of its tables.
 fn with_aspect(table: &str, aspect: &str) -> String {
     let header = format!("[{table}]\n");
     let text = profile_text("pmp-bench").unwrap();
@@ -86,7 +86,7 @@ fn rejects_pixel_aspect_out_of_range_with_its_line() {
     }
 }
 
-/// The exact rig decodes the frames as well as with square pixels.
+/// Frames decode with the exact rig as accurately as frames of square pixels.
 #[test]
 fn decoded_depth_is_as_accurate_as_with_square_pixels() {
     let scene = tilted_plane();
@@ -103,7 +103,7 @@ fn decoded_depth_is_as_accurate_as_with_square_pixels() {
     assert!((other.mae_mm / square.mae_mm - 1.0).abs() < 0.08);
 }
 
-/// Truth and light agree with the slow reference path where fx and fy differ strongly: areas of
+/// Truth and light agree with the slow reference renderer if fx and fy differ strongly: areas of
 /// pixels, vignetting, footprints, and the projector's blur along both axes.
 #[test]
 fn truth_and_grey_levels_agree_with_the_reference() {
@@ -124,7 +124,7 @@ fn truth_and_grey_levels_agree_with_the_reference() {
     });
     let scene = tilted_plane();
     compare(&profile, &scene);
-    // A camera with depth of field.
+    // The same camera with depth of field.
     profile.camera.distortion = [0.0; 5];
     profile.camera.focus_mm = Some(700.0);
     profile.camera.exposure_us *= (4.0 / profile.camera.f_number).powi(2);
@@ -179,12 +179,12 @@ fn compare(profile: &Profile, scene: &Scene) {
         }
         println!("{pattern:?}: {worst:.3} of {brightest:.0} DN, {lit} points");
         assert!(lit >= 15 && brightest > 30.0 && brightest < 250.0);
-        // The reference's own sampling error is 0.02 to 0.05 DN.
+        // The sampling error of the reference renderer is 0.02 to 0.05 DN.
         assert!(worst < 0.1, "{pattern:?}: {worst} DN");
     }
 }
 
-/// Glare is as wide in millimetres along columns as along rows.
+/// On the sensor, glare is as wide in millimetres along columns as along rows.
 #[test]
 fn glare_is_isotropic_on_the_sensor() {
     let mut profile = bench(2.0, 1.0);

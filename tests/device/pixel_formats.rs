@@ -1,5 +1,5 @@
-//! Pixel formats of more than 8 bits: which a profile accepts, what the control port offers, and
-//! what the camera sends of a region.
+//! Pixel formats of more than 8 bits: the formats that a profile accepts, the formats that the
+//! control port offers, and the bytes that the camera sends for a region.
 
 use phasmid::emulator::{Device, MemorySink, Readout, Roi};
 use phasmid::profile::{Profile, Scene};
@@ -7,7 +7,7 @@ use phasmid::protocol::{Frame, PixelFormat, data_line};
 
 use PixelFormat::{Grey, Y10, Y10P, Y12, Y12P, Y16, Yuyv};
 
-/// A profile as text, with another format and bit depth.
+/// Returns the text of a profile with another format and bit depth.
 fn text(format: &str, bits: u32) -> String {
     let text = include_str!("../../device-profiles/webcam-grey.toml");
     let text = text.replacen("format = \"GREY\"", &format!("format = \"{format}\""), 1);
@@ -53,7 +53,7 @@ fn control_port_switches_between_the_formats_of_the_sensor() {
         String::from_utf8(reply).unwrap().trim_end().to_owned()
     };
     assert_eq!(ask("CAM:FORM?"), "Y12P");
-    // A packed row may end with a group that the region does not fill.
+    // The last group of pixels in a packed row may extend beyond the region.
     assert_eq!(ask("CAM:ROI 3,2,301,5;ROI?"), "3,2,301,5");
     for format in ["Y12", "Y16", "Y12P"] {
         assert_eq!(ask(&format!("CAM:FORM {format};FORM?")), format);

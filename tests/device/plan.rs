@@ -1,10 +1,10 @@
-//! `phasmid plan`: which terms are computed, why, and at what cost.
+//! `phasmid plan`: the terms that are computed, the reasons, and the cost of each term.
 
 use phasmid::emulator::render::Term;
 use serde_json::Value;
 use std::process::Command;
 
-/// A small image, because each pass is timed.
+/// Options for a small image, because each pass is timed.
 const SMALL: [&str; 6] = [
     "--set",
     "camera.width_px=160",
@@ -58,7 +58,8 @@ fn plan_lists_every_term_with_reason_and_cost() {
         // No machine computes a pixel in a picosecond.
         assert!(pass["ns_per_pixel"].as_f64().unwrap() > 1e-3, "{pass}");
     }
-    // Random numbers for every pixel take most of a frame's time, so the cost cannot be zero.
+    // Drawing random numbers for every pixel takes most of a frame's time, so its cost cannot be
+    // zero.
     assert!(term(&plane, "noise")["ns_per_pixel"].as_f64().unwrap() > 0.0);
     assert_eq!(term(&plane, "shadows")["included"], false);
     assert_eq!(term(&plane, "footprint-x")["included"], true);
@@ -112,7 +113,7 @@ fn plan_names_the_fastest_setting_for_an_accuracy() {
     let output = plan(&[&with("0.1mm")[..], &["--json"]].concat());
     assert!(output.status.success(), "{output:?}");
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-    // A setting that finds no points has no error.
+    // A setting with which the scan finds no points has no error.
     let number = |row: &Value, name: &str| row[name].as_f64().unwrap_or(f64::NAN);
     let total = |row: &Value| number(row, "render_ms") + number(row, "decode_ms");
     let best = &report["cheapest"];

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 const SHORT: Duration = Duration::from_millis(5);
-/// Number of messages of a scan; the last ones follow its frames.
+/// Number of messages of a scan; the last messages come after its frames.
 const MESSAGES: u32 = 20;
 
 #[derive(Clone, Copy, Debug)]
@@ -23,18 +23,18 @@ enum Fault {
     None,
     /// The reply is lost.
     Lost,
-    /// The reply comes with the next one.
+    /// The reply comes together with the next reply.
     Late,
     Twice,
     GarbageBefore,
     GarbageInside,
-    /// One bit of the reply is flipped.
+    /// The bit of the reply with this index is flipped.
     Reply(usize),
-    /// One bit of the message is flipped.
+    /// The bit of the message with this index is flipped.
     Message(usize),
-    /// Flips the bit of the reply that turns a sequence's name into the other sequence's name.
+    /// The bit of the reply is flipped that turns one sequence's name into the other's.
     OtherInReply,
-    /// Flips the same bit in the message.
+    /// The same bit is flipped in the message.
     OtherInMessage,
     /// The cable is pulled before the message, and the port has to be reopened.
     Gone,
@@ -103,7 +103,7 @@ impl Port {
         self.replies.clear();
     }
 
-    /// Drops all but the first `frames` waiting frames.
+    /// Drops all waiting frames except the first `frames`.
     fn keep(&mut self, frames: usize) {
         let mut kept = Vec::new();
         while let Some(frame) = self.camera.next_frame(Duration::ZERO).unwrap() {
@@ -187,12 +187,12 @@ fn scan(fault: Fault, nth: u32) -> (Result<Capture, Error>, Vec<String>) {
     scan_in(&Dialect::load("scpi").unwrap(), fault, nth)
 }
 
-/// [`scan`] in a dialect.
+/// Same as [`scan`] in a dialect.
 fn scan_in(dialect: &Dialect, fault: Fault, nth: u32) -> (Result<Capture, Error>, Vec<String>) {
     scan_of(dialect, Some(OTHER), fault, nth)
 }
 
-/// [`scan_in`] of the given sequence, or of the one currently selected.
+/// Same as [`scan_in`] for the given sequence, or for the present one if `None`.
 fn scan_of(
     dialect: &Dialect,
     sequence: Option<&str>,
@@ -229,7 +229,7 @@ fn scan_of(
     (captured, retries)
 }
 
-/// Whether two captures show the same, apart from noise, which differs from run to run.
+/// Returns whether two captures are equal except for noise, which differs from run to run.
 fn same(one: &Capture, other: &Capture) -> bool {
     let alike = |(a, b): (&Image, &Image)| {
         let [a, b] = [a, b].map(|image| image.as_u8().unwrap());
@@ -247,7 +247,8 @@ fn same(one: &Capture, other: &Capture) -> bool {
         && one.images.iter().zip(&other.images).all(alike)
 }
 
-/// Scans with a fault at each message in turn; all scans must give the same result as without.
+/// Scans with a fault at each message in turn; all scans must give the result of a scan without
+/// faults.
 fn recovered(fault: Fault) -> Vec<String> {
     let good = scan(Fault::None, 0).0.unwrap();
     let mut retries = Vec::new();
@@ -285,7 +286,8 @@ fn a_device_that_is_reset_is_set_up_anew() {
     assert!(!recovered(Fault::ResetAfter).is_empty());
 }
 
-/// Flips a few bits of each message and each reply; the host's unit tests flip all of them.
+/// Flips a few bits of each message and each reply, and never gets a wrong cloud; the host's unit
+/// tests flip all bits.
 #[test]
 fn flipped_bits_never_give_another_cloud() {
     let good = scan(Fault::None, 0).0.unwrap();
@@ -307,8 +309,8 @@ fn flipped_bits_never_give_another_cloud() {
     assert_eq!(reported, [""; 0]);
 }
 
-/// The same scan in every dialect, driven by its file alone; with a fault at some message, the
-/// result is the same or an error.
+/// In every dialect, driven only by its file, the same scan gives the same result; with a fault at
+/// some message it gives the same result or an error.
 #[test]
 fn dialects_scan_as_scpi_does() {
     let good = scan(Fault::None, 0).0.unwrap();
@@ -338,8 +340,8 @@ fn dialects_scan_as_scpi_does() {
     }
 }
 
-/// The sequences' names differ in one bit. Flipping it never changes which sequence is scanned, and
-/// never aborts a scan.
+/// The names of the two sequences differ in one bit. Flipping this bit never changes which sequence
+/// is scanned, and never aborts a scan.
 #[test]
 fn damaged_sequence_name_does_not_select_another() {
     for name in ["scpi", "okline", "dlpc350"] {

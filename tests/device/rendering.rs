@@ -1,5 +1,5 @@
-//! Compares the fast passes with the slow f64 reference path, which shares no approximation with
-//! them.
+//! Compares the passes of the production renderer with the slow reference renderer in f64, which
+//! shares no approximation with them.
 
 use glam::DVec2;
 use phasmid::emulator::render::reference::Reference;
@@ -26,7 +26,7 @@ fn scenes() -> Vec<Scene> {
     let object = |shape: &str, place: &str| {
         format!("[[object]]\nshape = {{ {shape} }}\n{place}\nalbedo = 0.7\n")
     };
-    // Tilted solids that shade each other, one of them partly without a floor behind it.
+    // Tilted solids that shade each other; one of them extends beyond the floor behind it.
     let solids = [
         "name = \"solids\"\ndescription = \"\"\nambient = { irradiance_w_m2 = 0.05 }\n".to_string(),
         object(
@@ -47,7 +47,7 @@ fn scenes() -> Vec<Scene> {
         ),
     ];
     scenes.push(Scene::parse(&solids.concat(), "solids").unwrap());
-    // A mesh small enough for a path that tests every triangle.
+    // A mesh small enough for the reference renderer, which tests every triangle.
     let mesh = [
         "name = \"mesh\"\ndescription = \"\"\n".to_string(),
         object("kind = \"plane\"", "position_mm = [0, 0, 1150]"),
@@ -101,7 +101,7 @@ fn projector_coordinates_light_and_sight_agree() {
                     continue;
                 }
                 let px = DVec2::new(truth.projector_x[i].into(), truth.projector_y[i].into());
-                // Far outside of the pattern image, f32 coordinates have fewer significant digits.
+                // Far outside the pattern image, f32 coordinates have fewer significant digits.
                 let bar = 1e-3 + found.projector_px.length().max(8192.0) * 6e-8 - 8192.0 * 6e-8;
                 let error = (px - found.projector_px).abs().max_element();
                 worst = worst.max(error.min(bar));
@@ -180,7 +180,8 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                         .filter(|&i| {
                             let flags = flags[i];
                             let lit = flags & Truth::LIT != 0;
-                            // Sixteen samples may miss an edge that cuts off a corner.
+                            // Sixteen samples may miss an edge that cuts off only a corner of a
+                            // pixel.
                             let near =
                                 [i.wrapping_sub(1138), i.wrapping_sub(1), i, i + 1, i + 1138];
                             let even = near
@@ -207,8 +208,8 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                 let image = matches!(**pattern_image, PatternImage::Image { .. });
                 let bar = match (image, scene.name.as_str()) {
                     (true, _) => 6.0,
-                    // Spheres of 20 pixels have curved footprints; the reference uses 512 rays on
-                    // the mesh.
+                    // Spheres of 20 pixels have curved footprints; on the mesh the reference uses
+                    // only 512 rays.
                     (_, "solids") => 2.5,
                     (_, "mesh") => 1.0,
                     _ => 0.5,
@@ -231,7 +232,8 @@ fn grey_levels_agree_away_from_edges_and_are_bounded_on_them() {
                     "{} slide {k} distorted {distorted}: {worst} DN",
                     scene.name
                 );
-                // Sixteen samples of an edge: a few per cent of the step between its sides.
+                // Sixteen samples resolve an edge to a few per cent of the step between its two
+                // sides.
                 let edges = errors(true);
                 let mean = edges.iter().sum::<f64>() / edges.len().max(1) as f64;
                 let far = edges.iter().filter(|&&e| e > 25.0).count();
@@ -299,8 +301,8 @@ fn terms_left_out_by_the_plan_change_no_byte() {
     }
 }
 
-/// Includes pixels beside a surface that ends within the projector's light, even if both are in one
-/// block of pixels that are averaged together.
+/// A pixel without a surface reads the black level, even beside a surface in the projector's light
+/// and in the same block of pixels that are averaged together.
 #[test]
 fn pixels_without_surface_read_the_black_level() {
     let profile = bench(false);
@@ -323,8 +325,8 @@ fn pixels_without_surface_read_the_black_level() {
 
 #[test]
 fn noise_is_that_of_the_sensor() {
-    // A photon transfer: variance against mean over frames of one still scene gives back the
-    // gain, and its intercept the read noise and the rounding's 1/12 (EMVA 1288, section 6).
+    // A photon transfer curve: variance against mean over frames of one still scene gives back the
+    // gain, and its intercept gives the read noise plus 1/12 for rounding (EMVA 1288, section 6).
     let profile = bench(false);
     let scene = Scene::load("trapezoid").unwrap();
     let mut renderer = Renderer::new(&profile, &scene, 5).unwrap();
@@ -382,7 +384,7 @@ fn noise_is_that_of_the_sensor() {
 #[test]
 fn a_solid_around_the_camera_is_shaded_by_its_own_wall() {
     let profile = bench(false);
-    // The projector's pupil is 400 mm to the side: outside of the first sphere, inside the second.
+    // The projector's pupil is 400 mm to the side: outside the first sphere and inside the second.
     for (radius, lit) in [(395.0, false), (405.0, true)] {
         let text = format!(
             "name = \"shell\"\ndescription = \"\"\n[[object]]\n\

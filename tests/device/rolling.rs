@@ -1,5 +1,5 @@
-//! A rolling shutter compared with closed forms: leakage into rows that expose late, mains flicker
-//! bands, and whole scans through the firmware.
+//! A rolling shutter compared with closed forms: patterns that leak into rows exposed late, bands of
+//! mains flicker, and whole scans through the firmware.
 
 use crate::photometry::{dn_per_irradiance, scene};
 use phasmid::decode::{Decoded, Decoder, Held, Options, Verdict};
@@ -39,8 +39,8 @@ fn fringe(profile: &Profile, axis: Axis, period_px: f64) -> Arc<PatternImage> {
     Arc::new(PatternImage::new(&pattern, &profile.projector, &|_| unreachable!()).unwrap())
 }
 
-/// Each row equals the mean of its images under each pattern image alone, weighted by the time for
-/// which the row sees that pattern image. This includes the pixels on edges, which are sampled.
+/// Each row is the mean of the row under each pattern image alone, weighted by the time for which
+/// the row sees that pattern image. This includes pixels on edges, which are sampled.
 #[test]
 fn pattern_images_leak_into_rows_by_the_time_that_they_share() {
     let mut profile = rolling(10.0);
@@ -152,7 +152,7 @@ fn rolling_shutter_sees_bands_of_mains_light() {
         let exact = black + scale * 0.3 * (exposure_s + 0.8 * wave);
         assert!((f64::from(dn) - exact).abs() < 1e-3, "{i}: {dn} {exact}");
     }
-    // A band every 1 / (f line time) rows, of the contrast depth sin(pi f T) / (pi f T).
+    // One band every 1 / (f line time) rows, with the contrast sin(pi f T) / (pi f T).
     let bands = (1.0 / (100.0 * line_s)).round() as usize;
     assert_eq!(bands, 400);
     for r in 0..ROWS as usize - bands {
@@ -164,7 +164,7 @@ fn rolling_shutter_sees_bands_of_mains_light() {
     let contrast = (high - low) / (high + low - 2.0 * black);
     let x = TAU / 2.0 * 100.0 * exposure_s;
     assert!((contrast - 0.8 * x.sin() / x).abs() < 1e-4, "{contrast}");
-    // Exposures of whole periods show no bands.
+    // Exposures that last a whole number of periods show no bands.
     let mut whole_periods = |shutter| {
         renderer.expected_dn(&Shot {
             exposure_ns: 10_000_000,
@@ -175,8 +175,9 @@ fn rolling_shutter_sees_bands_of_mains_light() {
     assert!(whole_periods(shutter(25_000)) == whole_periods(Shutter::default()));
 }
 
-/// With steady light and one pattern image, the bytes do not depend on the shutter. With a line
-/// time of 0, this holds in any light. Pattern images after the end of the last row have no effect.
+/// With steady light and one pattern image, the bytes of a frame do not depend on the shutter. With
+/// a line time of 0, this holds in any light. Pattern images after the end of the last row's
+/// exposure have no effect.
 #[test]
 fn without_a_cause_rows_are_those_of_a_global_shutter() {
     let flickering = scene(
@@ -219,7 +220,7 @@ fn without_a_cause_rows_are_those_of_a_global_shutter() {
     }
 }
 
-/// Frames of the first sequence through the firmware, with a period in microseconds.
+/// Returns frames of the first sequence through the firmware, with a period in microseconds.
 fn scan(profile: &Profile, period_us: u32) -> Vec<Frame> {
     let scene = Scene::load("plane").unwrap();
     let mut bench = Device::builder(profile, &scene)
@@ -237,8 +238,8 @@ fn decode(profile: &Profile, frames: &[Frame]) -> Decoded {
     let manifest = profile.manifest(&profile.sequence[0]);
     let (w, h) = (frames[0].width as usize, frames[0].height as usize);
     let rig = profile.nominal_rig();
-    // Held pixels are not corrected: the correction depends on the whole image, so rows would
-    // affect each other.
+    // Held projector pixels are not corrected, since the correction depends on the whole image and
+    // rows would affect each other.
     let options = Options {
         held: Held::State,
         ..Options::default()
@@ -251,8 +252,8 @@ fn decode(profile: &Profile, frames: &[Frame]) -> Decoded {
     decoder.decode(&images).unwrap()
 }
 
-/// For some rows: number of pixels valid in one decoding, number of those also valid in the other,
-/// and the largest difference of their coordinates.
+/// Returns, for some rows, the number of pixels that are valid in one decoding, the number of them
+/// that are also valid in the other, and the largest difference of their coordinates.
 fn compared(one: &Decoded, other: &Decoded, rows: std::ops::Range<usize>) -> (usize, usize, f32) {
     let [one, other] = [one, other].map(|decoded| decoded.x.as_ref().unwrap());
     let width = 640;
@@ -267,11 +268,11 @@ fn compared(one: &Decoded, other: &Decoded, rows: std::ops::Range<usize>) -> (us
         })
 }
 
-/// With a period as long as the frame, the scan equals a global shutter's. With a shorter period,
-/// the lower rows see the next pattern image. This biases coordinates in proportion, and the check
-/// of the sequence rejects the capture: the steps contradict each other even where the decoder's
-/// masks keep most pixels. If the next pattern image lights a row for a quarter of its exposure,
-/// the fringe order becomes uncertain (`Verdict::Uncertain`).
+/// With a period as long as the frame, the scan equals a scan with a global shutter. With a shorter
+/// period, the lower rows also see the next pattern image. This biases coordinates in proportion,
+/// and the check of the sequence rejects the capture, because its steps contradict each other even
+/// where the decoder's masks keep most pixels. If the next pattern image lights a row for a quarter
+/// of its exposure, the fringe order becomes uncertain (`Verdict::Uncertain`).
 #[test]
 fn a_period_too_short_for_the_rows_is_seen_in_the_frames() {
     let mut global = Profile::load("webcam-grey").unwrap();
@@ -315,8 +316,8 @@ fn a_period_too_short_for_the_rows_is_seen_in_the_frames() {
     }
     let (valid, both, worst) = compared(&sound, &leaking, 0..201);
     assert!(valid == both && worst < 0.02, "{valid} {both} {worst}");
-    // A tenth of the next step shifts the phase by atan(0.1 / 0.9), 0.28 px of 16, and leakage of
-    // the Gray frame after the last step shifts it somewhat more.
+    // A tenth of the next step shifts the phase by atan(0.1 / 0.9), which is 0.28 px with a period
+    // of 16 px. The Gray frame after the last step leaks too and shifts the phase somewhat more.
     let (valid, both, worst) = compared(&sound, &leaking, 250..270);
     // Steps that leak into each other leave a residual, which rejects one pixel in a thousand.
     assert!(

@@ -1,11 +1,12 @@
-//! Saturation: the truth marks saturated pixels, and the host's mask agrees.
+//! Saturation: the truth marks saturated pixels, and the host's mask marks the same pixels.
 
 use phasmid::decode::{Decoded, Decoder, Options, Verdict};
 use phasmid::emulator::{Device, MemorySink, Renderer, Shot, Truth};
 use phasmid::pattern::{Image, Pattern, finest_fringe};
 use phasmid::profile::{Profile, Scene};
 
-/// A wide range of light: a steep ball, far too bright at its centre, in front of a dark plane.
+/// Returns a profile for a wide range of light: a steep ball, far too bright at its centre, in front
+/// of a dark plane.
 fn profile(gain_dn_per_e: f64) -> Profile {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.camera.data_line = false;
@@ -14,7 +15,7 @@ fn profile(gain_dn_per_e: f64) -> Profile {
     profile
 }
 
-/// The device's replies and frames, and what a host decodes from them.
+/// Replies and frames of a device, and a host's decoding of them.
 struct Seen {
     sequence: Vec<(Pattern, Shot)>,
     truth: Truth,
@@ -69,9 +70,9 @@ impl Seen {
     }
 }
 
-/// Uses the linearity of light: a sixteenth of the exposure saturates no pixel, and sixteen times
-/// its signal predicts which pixels would saturate. Tested with the limit at the full well, at the
-/// converter, and at both.
+/// Truth and mask mark the pixels that the linearity of light predicts: a sixteenth of the exposure
+/// saturates no pixel, and sixteen times its signal shows which pixels would saturate. Tested with
+/// the limit at the full well, at the converter, and at both.
 #[test]
 fn truth_and_mask_name_the_pixels_that_would_be_beyond_full() {
     for (gain, last) in [(0.0239, 254.0), (0.05, 255.0), (0.01805, 193.0)] {

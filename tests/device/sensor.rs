@@ -1,6 +1,6 @@
-//! The sensor as measured by a camera test bench: EMVA 1288 release 4.0, from its frames alone.
+//! The sensor, measured as on a camera test bench by EMVA 1288 release 4.0, from its frames alone.
 //!
-//! Each measured figure is compared with the profile's, with fixed seeds.
+//! Each measured figure is compared with the profile's value, with fixed seeds.
 
 use phasmid::emulator::render::{Renderer, Term};
 use phasmid::emulator::{PatternImage, Shot};
@@ -8,8 +8,8 @@ use phasmid::profile::{CameraResponse, Glare, Profile, Scene};
 use phasmid::protocol::PixelFormat;
 use std::sync::Arc;
 
-/// A plane that fills the image, uniformly lit by ambient light alone: the bench's integrating
-/// sphere.
+/// Returns a scene like the integrating sphere of a test bench: a plane that fills the image,
+/// uniformly lit by ambient light alone.
 fn sphere() -> Scene {
     let text = "name = \"sphere\"\ndescription = \"\"\nambient = { irradiance_w_m2 = 0.5 }\n\
                 [[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0, 0, 1000]\n\
@@ -17,7 +17,7 @@ fn sphere() -> Scene {
     Scene::parse(text, "sphere").unwrap()
 }
 
-/// A 12-bit camera whose read noise is several DN, so that a test of it can fail.
+/// Returns a profile of a 12-bit camera whose read noise is several DN, large enough to be measured.
 fn camera(change: impl FnOnce(&mut Profile)) -> Profile {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.camera.format = PixelFormat::Y16;
@@ -71,8 +71,8 @@ impl Bench {
             .collect()
     }
 
-    /// Returns the mean over the pixels, and the temporal variance from the difference of two
-    /// frames (EMVA 1288, equations 32 and 33), without the quantisation's 1/12.
+    /// Returns the mean over the pixels, and the temporal variance from the difference of two frames
+    /// (EMVA 1288, equations 32 and 33), without the 1/12 of quantisation.
     fn photon_transfer(&mut self, seconds: f64) -> (f64, f64) {
         let (a, b) = (self.frame(seconds), self.frame(seconds));
         let n = a.len() as f64;
@@ -117,7 +117,7 @@ fn shot(seconds: f64, id: u64) -> Shot {
     }
 }
 
-/// Slope and intercept of a least-squares line.
+/// Returns the slope and intercept of a least-squares line.
 fn line(points: &[(f64, f64)]) -> (f64, f64) {
     let n = points.len() as f64;
     let (x, y) = points
@@ -148,7 +148,7 @@ fn photon_transfer_gives_back_gain_and_read_noise() {
             .collect();
         let (slope, _) = line(&points);
         assert!((slope / gain - 1.0).abs() < 0.01, "gain {slope} of {gain}");
-        // Also at few electrons, each point lies on the line.
+        // Each point lies on the line, even at few electrons.
         for (mean, variance) in &points {
             assert!(
                 (variance / mean / gain - 1.0).abs() < 0.02,
@@ -205,7 +205,7 @@ fn prnu_and_dsnu_are_found_by_the_standards_method() {
     assert!((prnu / 0.8 - 1.0).abs() < 0.02, "PRNU {prnu}");
 }
 
-/// The fixed pattern depends on the device, not on the noise seed; another device has another
+/// The fixed pattern of a device does not depend on the noise seed; another device has another fixed
 /// pattern.
 #[test]
 fn fixed_pattern_depends_on_device_not_on_noise_seed() {
@@ -254,7 +254,7 @@ fn a_gamma_response_is_its_formula_and_its_inverse_gives_light_back() {
         let off = (mean - f64::from(linear)).abs();
         assert!(off < 0.02 + 1e-3 * f64::from(linear), "{mean} {linear}");
     }
-    // The noise model reported to the host is only a linear fit, but finite.
+    // The noise model that the device reports to the host is only a linear fit, but it is finite.
     let told = bench.profile.camera.sensor.noise_model(0.0, 8e-3);
     let black = 4095.0 * (64.0f64 / 4095.0).powf(1.0 / 2.2);
     assert!((told.black_level_dn - black).abs() < 1e-9);
@@ -263,7 +263,7 @@ fn a_gamma_response_is_its_formula_and_its_inverse_gives_light_back() {
     assert!((0.4..2.5).contains(&ratio), "{ratio}");
 }
 
-/// Light and charge of a bright rectangle: glare preserves the sum, and a bloomed column is full.
+/// Glare preserves the sum of the light of a bright rectangle, and blooming fills a column.
 #[test]
 fn glare_and_blooming_reach_the_frames() {
     let scene = Scene::load("plane").unwrap();
@@ -295,21 +295,23 @@ fn glare_and_blooming_reach_the_frames() {
         .filter(|(before, _)| **before == 64.0)
         .map(|(_, &scattered)| scattered)
         .fold(0.0, f32::max);
-    // At a straight edge half of the scattered light comes from the other side.
+    // At a straight edge, half of the scattered light comes from the other side of the edge.
     let white = before.iter().copied().fold(0.0, f32::max) - 64.0;
     assert!(
         (0.02 * white..0.03 * white).contains(&(halo - 64.0)),
         "{halo} {white}"
     );
-    // Four times the full well at the centre: the streak is at least as long as that excess.
+    // The centre has four times the full well, so the streak is at least as long as this excess
+    // requires.
     let full = (64.0 + 0.38 * 10500.0f32).min(4095.0);
     let count = |profile: &Profile| lit(profile, 3e-2).iter().filter(|&&dn| dn >= full).count();
     let bloomed = count(&camera(|p| p.camera.sensor.blooming_percent = 100.0));
     assert!(bloomed as f64 > 1.5 * count(&plain) as f64, "{bloomed}");
 }
 
-/// All terms at once give the same bytes, within the converter's range, for any number of threads:
-/// a billion frames into a run, in the dark and far beyond saturation, at 1 us and at 10 s.
+/// With all terms at once, frames are within the converter's range and have the same bytes for any
+/// number of threads: after a billion frames, in the dark and far beyond saturation, and at 1 us and
+/// 10 s.
 #[test]
 fn extremes_are_numbers_and_the_same_on_any_number_of_threads() {
     let all = camera(|p| {

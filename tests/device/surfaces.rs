@@ -1,5 +1,5 @@
-//! Specular highlights compared with closed forms and with the reference path, with textures below
-//! them.
+//! Specular highlights, also over textures, compared with closed forms and with the reference
+//! renderer.
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
@@ -77,7 +77,7 @@ fn a_highlight_on_a_plane_is_the_microfacet_formula() {
     );
 }
 
-/// A sphere meshed by longitude and latitude.
+/// Returns a sphere meshed by longitude and latitude.
 fn ball(radius: f64, across: u32) -> Mesh {
     let (columns, rows) = (2 * across, across);
     let mut mesh = Mesh::default();
@@ -140,15 +140,16 @@ fn highlights_on_meshes_are_smooth_across_facets() {
         compared += 1;
         worst = worst.max((round[i] - facets[i]).abs());
     }
-    // Facets of 3 degrees: flat shading would differ by a large part of the highlight.
+    // The facets are 3 degrees apart, so flat shading would differ by a large fraction of the
+    // highlight.
     assert!(
         compared > 3000 && worst < 0.03 * peak,
         "{compared}: {worst} of {peak}"
     );
 }
 
-/// Specular lobes over textures and vertex colours, under all kinds of light, through the whole
-/// renderer.
+/// Specular lobes over textures and vertex colours agree with the reference renderer under all kinds
+/// of light.
 #[test]
 fn reflection_agrees_with_the_reference_path() {
     let mut profile = Profile::load("pmp-bench").unwrap();
@@ -216,8 +217,8 @@ fn reflection_agrees_with_the_reference_path() {
         let close = errors.iter().filter(|&&e| e < 0.25).count();
         let (n, dark) = (errors.len(), found.iter().filter(|&&dn| dn < 8.0).count());
         assert!(n > 200 && dark < found.len() / 2, "{n} {dark}");
-        // Edges of texels, which the reference samples with 610 rays and the fast path averages
-        // over rectangles.
+        // Pixels at edges of texels, which the reference samples with 610 rays and the production
+        // renderer averages over rectangles, may differ more.
         assert!(
             close * 100 >= n * 99 && worst < 0.6,
             "{object}: {close} of {n}, worst {worst}"

@@ -19,7 +19,7 @@ fn white(profile: &Profile) -> Shot {
     }
 }
 
-/// A checkerboard of `n` x `n` texels as a PNG.
+/// Writes a checkerboard of `n` x `n` texels as a PNG.
 fn checkerboard(path: &Path, n: u32) {
     let texel = |x: u32, y: u32| image::Luma([if (x + y).is_multiple_of(2) { 0 } else { 255u8 }]);
     image::GrayImage::from_fn(n, n, texel).save(path).unwrap();
@@ -134,12 +134,14 @@ fn checkerboard_out_of_focus_matches_rays_through_the_pupil() {
         bias / count,
         (spread / count).sqrt(),
     );
-    // The exact means spread little, because the board is out of focus; in focus the spread is 0.5.
+    // The exact means spread little because the board is out of focus; in focus their spread would
+    // be 0.5.
     assert!(spread < 0.3, "{spread}");
     assert!(rms < 0.05 && bias.abs() < 0.005, "{rms} {bias}");
 }
 
-/// The rig rotated by 90 degrees about z and shifted, computed by hand.
+/// A texture stays on its object if the rig is rotated by 90 degrees about z and shifted; the poses
+/// relative to the rig are computed by hand.
 #[test]
 fn textures_lie_on_their_objects_wherever_the_rig_stands() {
     let profile = Profile::load("pmp-bench").unwrap();
@@ -157,7 +159,7 @@ fn textures_lie_on_their_objects_wherever_the_rig_stands() {
     };
     let here = seen("", "[30, 10, 900]", "[20, 35, 0]");
     let rig = "[rig]\nposition_mm = [100, -50, 200]\nrotation_deg = [0, 0, 90]\n";
-    // Rotations about fixed axes, z last.
+    // Rotations are about fixed axes, about z last.
     let there = seen(rig, "[90, -20, 1100]", "[20, 35, 90]");
     let dark = profile.camera.sensor.black_level_dn as f32 + 1.0;
     assert!(here.iter().filter(|&&dn| dn > dark).count() > 10_000);
@@ -175,7 +177,7 @@ fn a_texture_by_the_meshs_coordinates_is_the_one_laid_over_the_plane() {
         image::Rgb([(x * 36) as u8, (y * 60) as u8, ((x + 2 * y) * 15) as u8])
     });
     picture.save(dir.path().join("p.png")).unwrap();
-    // A rectangle of 600 x 400 mm, defined in two ways.
+    // A rectangle of 600 x 400 mm, defined once as a plane and once as a mesh.
     let corners = [
         (-300, -200, 0, 1),
         (300, -200, 1, 1),
@@ -210,7 +212,7 @@ fn a_texture_by_the_meshs_coordinates_is_the_one_laid_over_the_plane() {
     for file in ["m.obj", "m.ply"] {
         let mesh = image(&format!("kind = \"mesh\", file = \"{file}\""), "");
         let off = |(a, b): (&f32, &f32)| (a - b).abs();
-        // Pixels on the rectangle's rim have footprints that reach into the next repeat of the
+        // Pixels at the rim of the rectangle have footprints that reach into the next copy of the
         // texture.
         let far = plane
             .iter()
@@ -258,7 +260,7 @@ fn vertex_colours_are_interpolated() {
             let p = o - d * (o.z / d.z);
             let c = (p.y + 2000.0) / 5000.0;
             let b = (p.x + 2000.0 - 2000.0 * c) / 4000.0;
-            // At the triangle's own edge the footprint averages it with the empty background.
+            // At the triangle's own edge, the footprint also covers the empty background.
             if (1.0 - b - c).min(b).min(c) < 0.01 {
                 continue;
             }

@@ -34,7 +34,8 @@ fn bench_reports_figures_of_the_cpu() {
     assert_eq!(run["backend"], "cpu");
     assert_eq!(run["adapter"], Value::Null);
     let rate = |name: &str| run[name]["frames_per_s"].as_f64().unwrap();
-    // Rendering a frame takes longer than copying its bytes, and a geometry pass takes time.
+    // Rendering a frame takes longer than copying its bytes, and the geometry pass of a moving scene
+    // takes additional time.
     assert!(run["still"]["over_copy"].as_f64().unwrap() > 1.0, "{run}");
     assert!(
         rate("still") > rate("moving") && rate("moving") > 0.0,
@@ -100,7 +101,7 @@ fn every_link_has_figures_or_a_reason() {
     let output = command(&["--json"]);
     assert!(output.status.success(), "{output:?}");
     let speeds: Value = serde_json::from_slice(&output.stdout).unwrap();
-    // 1138 x 489 pixels and the data line.
+    // Bytes of 1138 x 489 pixels and of the data line.
     assert_eq!(speeds["frame_bytes"], 557_620);
     let copy_us = speeds["copy_us"].as_f64().unwrap();
     let links = speeds["links"].as_array().unwrap();
@@ -122,7 +123,7 @@ fn every_link_has_figures_or_a_reason() {
         assert!(copy_us < latency[0] && latency.is_sorted(), "{link}");
         assert!(0.0 < rate[0] && rate.is_sorted(), "{link}");
         assert!(rate[2] < 1e6 / copy_us, "{link}");
-        // Three rounds of a sequence.
+        // Three runs of the sequence.
         assert_eq!(
             (&figures["triggers"], &figures["frames"]),
             (&66.into(), &66.into())

@@ -26,7 +26,7 @@ fn words(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Runs the command, which must succeed, and returns its figures.
+/// Runs the command, which must succeed, and returns the figures that it prints.
 fn figures(out: &Path, arguments: &[&str]) -> Value {
     let output = calibrate(out, &[arguments, &["--json"]].concat());
     assert!(output.status.success(), "{}", words(&output));
@@ -38,8 +38,8 @@ fn figures(out: &Path, arguments: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// Requires that the command is rejected as a user's mistake, in one line that contains these
-/// words.
+/// Requires that the command is rejected as a user's mistake, in one line that contains the words
+/// `needles`.
 fn refused(out: &Path, arguments: &[&str], needles: &[&str]) {
     let output = calibrate(out, arguments);
     let words = words(&output);
@@ -50,7 +50,7 @@ fn refused(out: &Path, arguments: &[&str], needles: &[&str]) {
     }
 }
 
-/// A calibration of webcam-grey with its captures, computed once.
+/// Returns a calibration of webcam-grey with its captures, which is computed once.
 fn calibrated() -> &'static (TempDir, Value) {
     static MADE: OnceLock<(TempDir, Value)> = OnceLock::new();
     MADE.get_or_init(|| {
@@ -145,7 +145,7 @@ fn output_that_cannot_be_made_is_refused_before_the_device_starts() {
     let output = Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(["calibrate", "--profile", "webcam-grey", "--out"])
         .arg(out)
-        // The device could not start.
+        // With this setting the device could not start.
         .env("TMPDIR", "/nonexistent")
         .output()
         .unwrap();
@@ -190,7 +190,7 @@ fn its_captures_give_the_same_rig() {
         assert!(first == second, "{file}");
     }
     assert!(!again.path().join("truth.json").exists());
-    // A wrong board size is detected by means of the device's own calibration.
+    // A wrong board size is detected by comparison with the device's own calibration.
     let scaled = tempdir().unwrap();
     let f = figures(scaled.path(), &["--captures", captures, "--scale", "6"]);
     let warnings = f["warnings"].to_string();
@@ -218,11 +218,12 @@ fn unusable_poses_are_named_and_left_out() {
         picture
     };
     change(&pose(4), blank);
-    // Changes the first pose with a board, so that its image size differs from that of most images.
+    // Crops the first pose with a board, so that its image size differs from the size of most
+    // images.
     change(&pose(3), |picture| {
         image::imageops::crop_imm(&picture, 0, 0, 640, 479).to_image()
     });
-    // Frames in another order.
+    // Exchanges two frames.
     fs::copy(pose(6).join("frame_02.png"), pose(6).join("kept")).unwrap();
     fs::copy(pose(6).join("frame_03.png"), pose(6).join("frame_02.png")).unwrap();
     fs::rename(pose(6).join("kept"), pose(6).join("frame_03.png")).unwrap();
@@ -390,7 +391,7 @@ fn results_of_an_earlier_run_are_removed() {
     let folder = tempdir().unwrap();
     let target = folder.path().join("out");
     copy(&out(), &target);
-    // Remains of a run that was killed, and the folder of a run in progress.
+    // Files left by a killed run, and the folder of a run in progress.
     let (draft, locked) = (".phasmid-a1b2c3.partial", ".phasmid-d4e5f6.partial");
     for name in [draft, locked] {
         fs::DirBuilder::new()
@@ -421,7 +422,8 @@ fn results_of_an_earlier_run_are_removed() {
     assert!(target.join("notes.txt").is_file());
 }
 
-/// Only a calibration that succeeds replaces captures, and only captures of the same poses.
+/// Only a calibration that succeeds replaces captures, and it replaces only captures of the same
+/// poses.
 #[test]
 fn captures_are_replaced_by_a_calibration_that_succeeds() {
     let folder = tempdir().unwrap();
@@ -446,7 +448,7 @@ fn captures_are_replaced_by_a_calibration_that_succeeds() {
     let fewer = run("3", &[]);
     assert_eq!(fewer.status.code(), Some(2));
     assert!(words(&fewer).contains("pose_03"), "{}", words(&fewer));
-    // A calibration that fails.
+    // A calibration that fails replaces nothing.
     let fails = run(
         "4",
         &[

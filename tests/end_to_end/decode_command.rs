@@ -7,10 +7,10 @@ use std::process::{Command, Output};
 
 const SIZE: (u32, u32) = (64, 20);
 
-/// Saves an image of levels, 0 to 1.
+/// Saves an image whose level at each pixel, 0 to 1, a function gives.
 type Save<'a> = &'a dyn Fn(&Path, &dyn Fn(u32, u32) -> f64);
 
-/// The projector column of each pixel.
+/// Returns the projector column of a pixel.
 fn column(u: u32, v: u32) -> f64 {
     30.0 + 6.1 * f64::from(u) + 0.4 * f64::from(v)
 }
@@ -29,8 +29,8 @@ fn write_sequence(folder: &Path, extension: &str, save: Save<'_>) {
         let level = |u, v| 0.5 + 0.4 * (TAU * column(u, v) / 500.0 + phase).cos();
         save(&folder.join(name), &level);
     }
-    // An image among the patterns that is not part of a code: neither its file nor its photograph
-    // is needed, and both are missing.
+    // An image among the patterns that is not needed for decoding. Neither its file nor its
+    // photograph is needed, and both are missing.
     text += "[[frame]]\nfile = \"gone.png\"\n\
              pattern = { kind = \"image\", file = \"speckle.png\" }\n";
     std::fs::write(folder.join("sequence.toml"), text).unwrap();
@@ -61,7 +61,7 @@ fn refused(args: &[&str], needles: &[&str]) {
     }
 }
 
-/// Shape and values of a float32 array file.
+/// Returns the shape and values of a float32 array file.
 fn read_npy(path: &Path) -> (String, Vec<f32>) {
     let bytes = std::fs::read(path).unwrap();
     let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -144,7 +144,7 @@ fn pictures_in_wrong_order_are_warned_of_or_refused() {
     write_sequence(&frames, "png", &save_grey8);
     let manifest = frames.join("sequence.toml");
     let text = std::fs::read_to_string(&manifest).unwrap();
-    // Without the missing image: an incomplete sequence cannot be checked.
+    // Remove the entry of the missing image, since an incomplete sequence cannot be checked.
     let (whole, _) = text.split_once("[[frame]]\nfile = \"gone.png\"").unwrap();
     std::fs::write(&manifest, whole).unwrap();
     let [manifest, out] = [&manifest, &out].map(|path| path.to_str().unwrap());
@@ -211,7 +211,8 @@ fn with_a_calibration_there_are_points() {
     let (_, depth) = read_npy(&out.join("depth.npy"));
     let points = depth.iter().filter(|z| !z.is_nan()).count();
     assert_eq!(points, 64 * 20);
-    // Closed form of the intersection of the ray through pixel i with its column's plane.
+    // Closed form: intersection of the ray through pixel i with the plane of the pixel's projector
+    // column.
     for (i, z) in depth.iter().enumerate().filter(|(_, z)| !z.is_nan()) {
         let (u, v) = (i as u32 % SIZE.0, i as u32 / SIZE.0);
         let camera = (f64::from(u) - 32.0) / 80.0;
@@ -228,7 +229,7 @@ fn with_a_calibration_there_are_points() {
         text.contains("property float nx") && text.contains("intensity"),
         "{text}"
     );
-    // The same calibration in OpenCV's format, which states no sizes: they are taken from the
+    // The same calibration in OpenCV's format. It states no sizes, so they are taken from the
     // photographs and the manifest.
     let opencv = root.path().join("rig.yml");
     let matrix = |name: &str, rows: u32, data: &str| {
@@ -249,8 +250,8 @@ fn with_a_calibration_there_are_points() {
     let output = run(&opencv);
     assert!(output.status.success(), "{output:?}");
     assert_eq!(read_npy(&out.join("depth.npy")).1, depth);
-    // The paper's formula, which is exact if the image planes are parallel to the plane, and its
-    // options.
+    // The formula of Wu et al., which is exact if the image planes are parallel to the plane, and
+    // its options.
     let with = |more: &[&str]| {
         let args = args(&calibration);
         let args = [&args.each_ref().map(String::as_str)[..], &["--force"], more].concat();
@@ -295,7 +296,7 @@ fn with_a_calibration_there_are_points() {
             .collect();
         refused(&args, &[needle]);
     }
-    // Another camera's calibration.
+    // The calibration of another camera is refused.
     let other = root.path().join("other.toml");
     std::fs::write(&other, rig.replace("width_px = 64", "width_px = 65")).unwrap();
     std::fs::remove_dir_all(&out).unwrap();

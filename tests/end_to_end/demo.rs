@@ -77,7 +77,7 @@ fn without_noise_the_error_is_that_of_rounding() {
     );
     assert_eq!(s["calibration"], "exact");
     assert!(s["mae_mm"].as_f64().unwrap() <= 0.012, "{s}");
-    // A second run into the same folder, which belongs to the demo.
+    // A second run may replace the folder, because it belongs to the demo.
     summary(
         folder.path(),
         &["--scene", "sphere", "--profile", "webcam-grey"],
@@ -117,15 +117,15 @@ fn truth_is_written_as_arrays_and_as_an_image() {
     assert!(!folder.path().join("truth.npz").exists());
 }
 
-/// By default a demo measures with the calibration that a device would have.
+/// By default a demo uses the calibration that the device's factory would have measured.
 #[test]
 fn demo_states_the_error_of_the_factory_calibration() {
     let folder = tempdir().unwrap();
     let s = summary(folder.path(), &["--scene", "trapezoid", "--no-noise"]);
     assert_eq!(s["calibration"], "factory");
     let number = |key: &str| s[key].as_f64().unwrap_or_else(|| panic!("no {key} in {s}"));
-    // The error of the calibration is a single draw that is common to all points, so the ratio
-    // varies widely.
+    // The error of the calibration is a single draw that is common to all points, so the ratio of
+    // error and standard deviation varies widely.
     let ratio = number("inlier_rmse_mm") / number("calibration_sigma_mm");
     assert!((0.02..4.0).contains(&ratio), "{s}");
     let calibration = std::fs::read_to_string(folder.path().join("calibration.toml")).unwrap();
@@ -231,7 +231,7 @@ fn the_next_demo_removes_what_a_killed_one_has_left() {
         let mut paths = entries.map(|entry| entry.unwrap().path());
         paths.find(|path| path.to_string_lossy().contains("/phasmid-"))
     };
-    // Renders for long enough to be killed.
+    // The demo renders for long enough to be killed.
     let mut child = start(&["--samples", "64"]);
     let begin = Instant::now();
     while !run_dir().is_some_and(|dir| dir.join("device.json").exists()) {
@@ -292,7 +292,7 @@ fn signals_leave_no_folder_of_the_output_or_of_the_device() {
     ] {
         let folder = tempdir().unwrap();
         let out = folder.path().join("new/out");
-        // Renders for long enough to be interrupted.
+        // The demo renders for long enough to be interrupted.
         let mut child = Command::new(env!("CARGO_BIN_EXE_phasmid"))
             .args(["demo", "--samples", "64", "--out"])
             .arg(&out)
@@ -330,7 +330,7 @@ fn output_that_cannot_be_made_is_refused_before_the_device_starts() {
     let output = Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(["demo", "--profile", "dlp-evm", "--scene", "plane"])
         .args(["--out", out])
-        // The device could not start.
+        // With this setting the device could not start.
         .env("TMPDIR", "/nonexistent")
         .output()
         .unwrap();

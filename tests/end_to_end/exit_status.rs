@@ -23,7 +23,7 @@ fn phasmid(args: &[&str]) -> Command {
     command
 }
 
-/// A shell script that finds the program as `$0`.
+/// Returns a command that runs a shell script, in which `$0` is the program.
 fn shell(script: &str) -> Command {
     let mut command = Command::new("sh");
     command.args(["-c", script, env!("CARGO_BIN_EXE_phasmid")]);
@@ -55,7 +55,7 @@ fn closed_standard_error_keeps_the_exit_status() {
 
 #[test]
 fn too_little_memory_ends_the_program_with_a_message_and_status_1() {
-    // Limits of the address space in KiB, until one is too low.
+    // Limits of the address space in KiB, lowered until one is too low.
     let limits = std::iter::successors(Some(8_000_000_u64), |limit| Some(limit * 9 / 10));
     let refused = limits.take(60).find_map(|limit| {
         let script = format!("ulimit -v {limit}; exec \"$0\" profile check pmp-bench");
@@ -108,7 +108,7 @@ fn missing_files_are_named_with_their_option() {
     }
 }
 
-/// Runs a command in a folder that must be refused with status 2 and these words.
+/// Runs a command in a folder, and requires that it is refused with status 2 and these words.
 fn refused(folder: &Path, line: &str, words: &[&str]) {
     let args: Vec<&str> = line.split(' ').collect();
     let output = phasmid(&args).current_dir(folder).output().unwrap();
@@ -256,7 +256,7 @@ fn full_standard_output_is_a_failure() {
     }
 }
 
-/// A file size limit, whose signal is ignored, stands in for a full disk.
+/// A limit on file size, whose signal is ignored, has the same effect as a full disk.
 #[test]
 fn file_that_cannot_be_completed_does_not_block_the_next_run() {
     let folder = tempfile::tempdir().unwrap();
@@ -272,7 +272,7 @@ fn file_that_cannot_be_completed_does_not_block_the_next_run() {
     assert_eq!(board("").status.code(), Some(0));
 }
 
-/// A device outlives the reader of its announcements.
+/// A device continues to run after the reader of its announcements has closed the stream.
 #[test]
 fn serve_survives_closed_output_streams() {
     let folder = tempfile::tempdir().unwrap();

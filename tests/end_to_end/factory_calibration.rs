@@ -1,5 +1,5 @@
-//! The calibration that a device reports: its depth errors, pooled over serial numbers, are as
-//! large as its covariance predicts.
+//! The calibration that a device reports: the errors of depth that it causes, pooled over serial
+//! numbers, are as large as its covariance predicts.
 
 use crate::served::{Served, phasmid, text as words};
 use glam::{DVec2, DVec3};
@@ -10,7 +10,8 @@ use phasmid::profile::{Profile, profile_names};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Camera pixels over the image with the projector pixels that light a tilted plane there.
+/// Returns camera pixels over the image, each with the projector pixel that lights a tilted plane
+/// there and the depth.
 fn lit(truth: &Rig) -> Vec<(DVec2, DVec2, f64)> {
     let lens = &truth.camera.lens;
     let size = DVec2::new(lens.width_px.into(), lens.height_px.into());
@@ -43,8 +44,8 @@ fn measured(px: f64) -> Option<Measured> {
     Some(Measured { px, sigma: 0.01 })
 }
 
-/// Sums over points and serial numbers of a profile: squares of the depth error over its sigma,
-/// squares of the error, and the number of points.
+/// Returns sums over points and serial numbers of a profile: the squares of the depth error divided
+/// by its sigma, the squares of the depth error, and the number of points.
 fn depth_errors(name: &str, serials: Range<u32>) -> [f64; 3] {
     let profile = Profile::load(name).unwrap();
     let truth = profile.nominal_rig();
@@ -73,7 +74,7 @@ fn depth_errors(name: &str, serials: Range<u32>) -> [f64; 3] {
     [0, 1, 2].map(|i| sums.iter().map(|sum| sum[i]).sum())
 }
 
-/// Prints a profile's figures, and checks the ratio of errors to standard deviations.
+/// Prints the figures of a profile, and checks the ratio of errors to standard deviations.
 fn check(name: &str, [normalised, square, count]: [f64; 3], bounds: Range<f64>) {
     let ratio = (normalised / count).sqrt();
     let rms_mm = (square / count).sqrt();
@@ -101,7 +102,8 @@ fn depth_errors_of_200_serial_numbers_of_each_profile_are_as_large() {
     }
 }
 
-/// Shows why the errors of all parameters are drawn jointly.
+/// Drawing the errors of the parameters independently would exaggerate the errors of depth, so they
+/// are drawn jointly.
 #[test]
 fn independent_errors_of_the_parameters_would_exaggerate_errors_of_depth() {
     for name in profile_names() {
@@ -133,13 +135,13 @@ fn independent_errors_of_the_parameters_would_exaggerate_errors_of_depth() {
     }
 }
 
-/// A device without a calibration shows frames; its user calibrates it.
+/// A device that could not be calibrated can still be scanned, and its user can calibrate it.
 #[test]
 fn device_that_could_not_be_calibrated_is_scanned() {
     let folder = tempfile::tempdir().unwrap();
     let text = phasmid::profile::profile_text("webcam-grey").unwrap();
     let away = folder.path().join("away.toml");
-    // Camera and projector share no field there.
+    // At this distance camera and projector share no field.
     let text = text.replace("[calibration]\n", "[calibration]\ndistance_mm = 20.0\n");
     std::fs::write(&away, text).unwrap();
     let away = away.to_str().unwrap();

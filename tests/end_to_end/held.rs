@@ -5,8 +5,8 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
 
-/// A camera with 0.51 projector pixels per pixel: the middle of the image of a 12 mm lens on 1280 x
-/// 1024 pixels of 4.8 um, and a projector of 912 x 1140 pixels without blur.
+/// Returns a profile with 0.51 projector pixels per camera pixel: the centre of the image of a 12 mm
+/// lens on 1280 x 1024 pixels of 4.8 um, and a projector of 912 x 1140 pixels without blur.
 fn profile() -> String {
     let mut text = include_str!("../../device-profiles/webcam-grey.toml")
         .split("[calibration]")
@@ -48,7 +48,7 @@ fn profile() -> String {
     text
 }
 
-/// Runs a command with `--json`.
+/// Runs a command with `--json` and returns its output.
 fn phasmid(arguments: &[&str]) -> Value {
     let output = Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(arguments)
@@ -95,8 +95,9 @@ fn flat_plane_of_a_fine_camera_is_measured_and_its_error_is_stated() {
         assert!(notes.contains("held projector pixels"), "{notes}");
         report["axes"][0]["median_sampling_px"].as_f64().unwrap()
     });
-    // The closed form for half a projector pixel per pixel without blur, and the error that remains
-    // after a correction by each pixel's own coordinate.
+    // The first value is the closed form for half a projector pixel per camera pixel without blur,
+    // the second the error that remains after a correction that uses only each pixel's own
+    // coordinate.
     let [stated, left] = decoded;
     assert!((0.12..0.15).contains(&stated), "{stated}");
     assert!(left < 0.7 * stated, "{left}");

@@ -1,4 +1,4 @@
-//! Calls of the library in a pool of threads of the caller.
+//! Calls of the library within a thread pool of the caller.
 
 use phasmid::calibrate::solve::Choice;
 use phasmid::geometry::Board;
@@ -11,12 +11,12 @@ use phasmid::{
 use std::num::NonZeroUsize;
 use std::process::Command;
 
-/// Set in the process that makes the calls.
+/// Environment variable that is set in the process that makes the calls.
 const ALONE: &str = "PHASMID_TEST_ALONE";
 
 #[test]
 fn calls_in_a_pool_of_the_caller_do_not_start_the_global_pool() {
-    // In a process of its own, because other tests use the global pool.
+    // Make the calls in a process of their own, because other tests use the global pool.
     if std::env::var_os(ALONE).is_none() {
         let name = "library_pool::calls_in_a_pool_of_the_caller_do_not_start_the_global_pool";
         let mut alone = Command::new(std::env::current_exe().unwrap());
@@ -31,7 +31,7 @@ fn calls_in_a_pool_of_the_caller_do_not_start_the_global_pool() {
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
     pool.build().unwrap().install(calls);
-    // Fails if the global pool has been started before.
+    // Fails if the global pool has already been started.
     let global = rayon::ThreadPoolBuilder::new().build_global();
     global.expect("the global pool was started");
 }

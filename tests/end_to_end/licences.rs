@@ -4,7 +4,7 @@ use spdx::{Expression, ParseMode};
 use std::collections::BTreeSet;
 use std::process::Command;
 
-/// Whether allowed licences satisfy an SPDX expression.
+/// Returns whether the allowed licences satisfy an SPDX expression.
 fn allowed(expression: &str, allow: &[String]) -> bool {
     let parsed = Expression::parse_mode(expression, ParseMode::LAX);
     let parsed = parsed.unwrap_or_else(|e| panic!("{expression:?}: {e}"));
@@ -52,8 +52,8 @@ fn every_dependency_has_an_allowed_licence() {
     for line in packages {
         let (package, licence) = line.split_once('|').unwrap();
         assert!(allowed(licence, &allow), "{package}: {licence}");
-        // In parentheses after the version: a member's folder, `proc-macro`, or a source other than
-        // crates.io.
+        // The version is followed, in parentheses, by a workspace member's folder, `proc-macro`, or
+        // a source other than crates.io.
         let source = package.split_once(" (").map_or("", |(_, source)| source);
         let known = source.is_empty() || source.starts_with('/') || source == "proc-macro)";
         assert!(known, "{package}: expected it from crates.io");

@@ -25,8 +25,8 @@ mod serve;
 mod soak;
 mod weighted;
 
-/// Returns a mask of signals from the status of a process: `SigIgn:` for ignored ones, `SigCgt:`
-/// for handled ones. Bit 0 is signal 1.
+/// Returns a bit mask of signals from the status file of a process: ignored signals for `SigIgn:`,
+/// handled signals for `SigCgt:`. Bit 0 is signal 1.
 #[cfg(target_os = "linux")]
 fn signals(process: u32, name: &str) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
@@ -34,14 +34,14 @@ fn signals(process: u32, name: &str) -> u64 {
     u64::from_str_radix(mask.unwrap().trim(), 16).unwrap()
 }
 
-/// Returns the signal of Ctrl-C, or TERM as [`or_term`] does.
+/// Returns the signal that Ctrl-C sends, or TERM as [`or_term`] does.
 #[cfg(target_os = "linux")]
 fn interrupt() -> rustix::process::Signal {
     or_term(rustix::process::Signal::INT)
 }
 
 /// Returns the signal, or TERM if the tests ignore the signal, as in the background of a shell
-/// script or under `nohup`: processes that they start then ignore it too.
+/// script or under `nohup`: processes that the tests start then ignore the signal too.
 #[cfg(target_os = "linux")]
 fn or_term(signal: rustix::process::Signal) -> rustix::process::Signal {
     match signals(std::process::id(), "SigIgn:") >> (signal.as_raw() - 1) & 1 {

@@ -1,4 +1,5 @@
-//! A device in another process, driven only through its ports, against the same device in memory.
+//! A device in another process, driven only through its ports, compared with the same device in
+//! memory.
 
 use crate::served::{LONG, Served, phasmid, serve, text};
 use phasmid::{Device, ScanOptions, Scanner};
@@ -52,7 +53,7 @@ fn scan_takes_the_addresses_from_the_run_directory_and_writes_the_truth() {
     let absent = scan(&["--run-dir", "absent", "--out", "other"]);
     assert_eq!(absent.status.code(), Some(2), "{}", text(&absent));
     assert!(text(&absent).contains("--run-dir"), "{}", text(&absent));
-    // The same addresses without their device.json, as a physical device has them.
+    // The same addresses without a `device.json`, as for a physical device.
     let link = folder.path().join("port");
     std::os::unix::fs::symlink(&served.at.control, &link).unwrap();
     let physical = [
@@ -73,7 +74,7 @@ fn scan_takes_the_addresses_from_the_run_directory_and_writes_the_truth() {
     );
 }
 
-/// The port of a killed device may be another terminal by now, so it must not be opened.
+/// A scan refuses the run directory of a killed device: by now its port may be another terminal.
 #[test]
 fn scan_refuses_the_run_directory_of_a_killed_device() {
     let mut served = Served::start(&[]);

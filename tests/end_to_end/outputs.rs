@@ -1,4 +1,4 @@
-//! Runs writing commands with `--force` over links, and on a full disk.
+//! Commands that write files are run with `--force` where links exist, and on a full disk.
 #![cfg(target_os = "linux")]
 
 use crate::served::{Served, phasmid, text};
@@ -17,7 +17,7 @@ pub(crate) fn run(arguments: &str) -> Output {
         .unwrap()
 }
 
-/// Names of the files in a folder, sorted, without subfolders' contents.
+/// Returns the sorted names of the files in a folder, without the contents of subfolders.
 fn files(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = fs::read_dir(folder)
         .unwrap()
@@ -29,8 +29,8 @@ fn files(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Runs `command FOLDER` where each of these names is a link to a file, and checks that the links
-/// are replaced.
+/// Runs `command FOLDER` where each of these names is a link to a file, and checks that the command
+/// replaces the links and not their targets.
 fn replaces_links(command: &str, names: &[String]) {
     let (dir, elsewhere) = (tempdir().unwrap(), tempdir().unwrap());
     let target = elsewhere.path().join("mine");
@@ -72,14 +72,14 @@ fn leaves_nothing(command: &str, out: &Path, blocks: u64) {
     assert_eq!(left, 0, "{command}: {:?}", files(out));
 }
 
-/// [`leaves_nothing`] with a limit below the largest of the files that the command wrote to
-/// `whole`.
+/// Same as [`leaves_nothing`], with a limit below the size of the largest file that the command has
+/// written to `whole`.
 fn leaves_nothing_in_folder(command: &str, whole: &Path) {
     let bytes = |name: &String| whole.join(name).metadata().unwrap().len();
     let most = files(whole).iter().map(bytes).max().unwrap();
     let dir = tempdir().unwrap();
     let out = dir.path().join("out");
-    // Blocks of 1024 bytes.
+    // The limit is in blocks of 1024 bytes.
     let blocks = (most - 1) / 1024;
     leaves_nothing(&format!("{command} {}", out.display()), &out, blocks);
 }

@@ -1,5 +1,5 @@
-//! Runs every command that writes files where one of its names already exists: as a file, a dangling
-//! link, or a folder. The command must be refused before it has written anything.
+//! Runs every command that writes files where one of the names that it writes already exists: as a
+//! file, a dangling link, or a folder. The command must be refused before it has written anything.
 #![cfg(target_os = "linux")]
 
 use crate::outputs::{run, succeeds};
@@ -12,9 +12,9 @@ use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use tempfile::tempdir;
 
-/// Stands for the path of the output in a command.
+/// Placeholder for the output path in a command.
 const OUT: &str = "@OUT";
-/// Name of the file that a user has at the output of a command that writes a single one.
+/// Name of a user's file at the output path of a command that writes a single file.
 const SINGLE: &str = "years-of-work";
 
 /// Commands that write files; a test below runs each of them.
@@ -98,8 +98,8 @@ fn tree(folder: &Path) -> BTreeMap<PathBuf, Entry> {
     all
 }
 
-/// Returns the names in a folder, but only the first and the last if they differ in their
-/// digits, such as `frame_00.png`.
+/// Returns the names in a folder. Of names that differ only in digits, such as `frame_00.png`,
+/// returns only the first and the last.
 fn names(folder: &Path) -> Vec<String> {
     let mut families: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -124,7 +124,8 @@ fn written(command: &str) -> Vec<String> {
     names(&out)
 }
 
-/// Runs `command`, in which [`OUT`] stands for a folder, with each of these names in the folder.
+/// Runs `command`, in which [`OUT`] stands for a folder, once for each of these names, which exists
+/// in the folder, and requires that it is refused.
 fn refuses_each(command: &str, names: impl IntoIterator<Item = impl AsRef<str>>) {
     let mut count = 0;
     for name in names {
@@ -135,7 +136,7 @@ fn refuses_each(command: &str, names: impl IntoIterator<Item = impl AsRef<str>>)
     assert!(count > 0, "{command}");
 }
 
-/// Runs `command`, in which [`OUT`] stands for a file, with that file existing.
+/// Runs `command`, in which [`OUT`] stands for an existing file, and requires that it is refused.
 fn refuses_single(command: &str) {
     refuses(command, SINGLE, SINGLE);
 }
@@ -168,7 +169,7 @@ fn refuses(command: &str, output: &str, name: &str) {
             .unwrap();
         let words = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{place}: {words}");
-        // The file, not the command line, must be the reason.
+        // The existing file, not the command line, must be the reason for the refusal.
         let usage = words.contains("Usage:");
         assert!(words.contains(name) && !usage, "{place}: {words}");
         let after = tree(dir.path());
@@ -204,7 +205,7 @@ fn demo_keeps_what_exists_but_its_own_output() {
     succeeds(&own);
     let names = names(dir.path());
     refuses_each(command, &names);
-    // A demo replaces its own output, but not after the file that marks it as such is gone.
+    // A demo replaces its own output, unless the file that marks the folder as a demo's is missing.
     succeeds(&own);
     fs::remove_file(dir.path().join("summary.json")).unwrap();
     let before = tree(dir.path());

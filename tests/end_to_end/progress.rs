@@ -1,4 +1,4 @@
-//! Progress of long commands: lines on a terminal, and nothing in a pipe.
+//! Progress of long commands: lines are shown on a terminal, and nothing is written to a pipe.
 
 use crate::served::{phasmid, text};
 use rustix::fs::{Mode, OFlags};
@@ -24,7 +24,7 @@ fn on_terminal(mut command: Command) -> (Duration, String) {
     drop(command);
     let mut terminal = File::from(terminal);
     let (mut first, mut shown, mut buffer) = (None, Vec::new(), [0; 4096]);
-    // The error is that the last user of the terminal has closed it.
+    // Reading fails when the last user of the terminal has closed it.
     while let Ok(count @ 1..) = terminal.read(&mut buffer) {
         first.get_or_insert_with(|| begin.elapsed());
         shown.extend_from_slice(&buffer[..count]);
@@ -64,7 +64,7 @@ fn terminal_shows_steps_and_the_remaining_time() {
         for words in expected {
             assert!(shown.contains(words), "{words}: {shown}");
         }
-        // On an idle machine 0.1 s.
+        // On an idle machine the first output takes 0.1 s.
         assert!(first < Duration::from_secs(5), "{name}: {first:?}");
     }
 }

@@ -1,9 +1,8 @@
-//! A device served for a long time with a fast clock: unlimited triggers and clients leak no
+//! A device is served for a long time with a fast clock: any number of triggers and clients leaks no
 //! memory, descriptors, threads or files.
 //!
-//! The ordinary run is a hundredth of the full one, which is `#[ignore]`d:
-//! `cargo test --release --test end_to_end -- --ignored --nocapture soak::` prints what it
-//! measured.
+//! The ordinary run is a hundredth of the full run, which is marked `#[ignore]`: `cargo test
+//! --release --test end_to_end -- --ignored --nocapture soak::` prints the figures that it measures.
 #![cfg(target_os = "linux")]
 
 use phasmid::host::{Instrument, SerialPort};
@@ -21,15 +20,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Triggers sent in one line.
+/// Number of triggers sent in one line.
 const BATCH: u64 = 100;
 /// Maximum time for an answer or a frame.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Allowed growth in kB between the first hundredth and the end; not zero, because allocators round
-/// up.
+/// Maximum growth of memory in kB from the end of the first hundredth of the run to the end; not
+/// zero, because allocators round sizes up.
 const GROWTH_KB: u64 = 1024;
 
-/// Resources of a process.
+/// Resources that a process holds.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Held {
     memory_kb: u64,
@@ -93,7 +92,7 @@ impl Device {
         }
     }
 
-    /// Resources that the device holds after all clients have left.
+    /// Returns the resources that the device holds after all clients have disconnected.
     fn held_at_rest(&self, like: Option<&Held>) -> Held {
         let deadline = Instant::now() + Duration::from_secs(10);
         loop {
@@ -121,7 +120,7 @@ impl Device {
         UnixStream::connect(self.at.camera_socket.strip_prefix("socket:").unwrap()).unwrap()
     }
 
-    /// Sends this many triggers, and receives a frame for each.
+    /// Sends `count` triggers, and receives a frame for each.
     fn trigger(&self, count: u64) {
         let port = SerialPort::open(self.at.control.to_str().unwrap()).unwrap();
         // The previous client may have disconnected in the middle of a line.
@@ -138,7 +137,8 @@ impl Device {
         let line = format!("{}*OPC?", batch.trim_end_matches(':'));
         for batch in 1..=count / BATCH {
             assert_eq!(control.query(&line).unwrap(), "1");
-            // A reader that falls behind by more than the queue's length loses frames, as intended.
+            // Wait for the reader, since a reader that falls behind by more than the queue's length
+            // loses frames.
             let deadline = Instant::now() + PATIENCE;
             while read.load(Ordering::Relaxed) < batch * BATCH && Instant::now() < deadline {
                 thread::yield_now();
@@ -150,7 +150,7 @@ impl Device {
         control.order("TRIG:SOUR INT").unwrap();
     }
 
-    /// Connects this many clients, one after the other, of all kinds and behaviours.
+    /// Connects `count` clients, one after the other, of all kinds and behaviours.
     fn connect(&self, count: u64) {
         for client in 0..count {
             match client % 5 {
@@ -166,7 +166,7 @@ impl Device {
                     BufReader::new(control).read_line(&mut reply).unwrap();
                     assert!(reply.ends_with('\n'), "{reply:?}");
                 }
-                // Disconnects in the middle of a command.
+                // This client disconnects in the middle of a command.
                 3 => self.control().write_all(b"SEQ:LIST?;:*IDN").unwrap(),
                 _ => {
                     let mut service = UnixStream::connect(&self.at.service).unwrap();
@@ -187,7 +187,7 @@ impl Drop for Device {
     }
 }
 
-/// A scanner of 16 x 8 pixels whose sequence is one white frame.
+/// Returns a profile of a scanner of 16 x 8 pixels whose sequence is one white frame.
 fn tiny() -> Profile {
     let mut profile = Profile::load("webcam-grey").unwrap();
     profile.camera.width_px = 16;
@@ -201,7 +201,7 @@ fn tiny() -> Profile {
     profile
 }
 
-/// Ids of `count` frames; `read` counts them as they arrive.
+/// Returns the ids of `count` frames; counts the frames in `read` as they arrive.
 fn frames(mut camera: UnixStream, count: u64, read: &AtomicU64) -> Vec<u64> {
     camera.set_read_timeout(Some(PATIENCE)).unwrap();
     let mut decoder = FrameDecoder::default();

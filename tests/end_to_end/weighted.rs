@@ -1,5 +1,5 @@
-//! `--weighted` as a user runs it: less noise, smaller standard deviations to match, and the same
-//! result from `demo`, `decode` and `scan`.
+//! `--weighted` as a user runs it: there is less noise, standard deviations shrink accordingly, and
+//! `demo`, `decode` and `scan` give the same result.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -33,7 +33,7 @@ fn decode(frames: &Path, out: &Path, options: &[&str]) {
     phasmid(&[&["decode", "--out", text(out)], &files[..], options].concat());
 }
 
-/// Values of a float32 array file.
+/// Returns the values of a float32 array file.
 fn read_npy(path: &Path) -> Vec<f32> {
     let bytes = std::fs::read(path).unwrap();
     let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -44,8 +44,8 @@ fn read_npy(path: &Path) -> Vec<f32> {
         .collect()
 }
 
-/// Returns the root mean square of the differences where both values are known, and the number of
-/// such values.
+/// Returns the root mean square of the differences at pixels where both values are known, and the
+/// number of such pixels.
 fn rms(a: &[f32], b: &[f32]) -> (f64, usize) {
     let both = a.iter().zip(b).map(|(a, b)| f64::from(a - b));
     let known: Vec<f64> = both.filter(|d| d.is_finite()).collect();
@@ -99,7 +99,7 @@ fn weighted_phases_are_less_noisy_and_report_it() {
     assert!(cloud("weighted") != cloud("noisy"));
 }
 
-/// A served device, stopped when dropped.
+/// A served device; dropping this value stops it.
 #[cfg(target_os = "linux")]
 struct Served(Child);
 

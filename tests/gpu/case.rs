@@ -1,4 +1,4 @@
-//! Scenes and profiles, each of which needs one term, small enough for a software Vulkan device.
+//! Scenes and profiles that each need one term and are small enough for a software Vulkan device.
 
 use phasmid::emulator::led::{Model, Source};
 use phasmid::emulator::render::{Backend, Options, Renderer};
@@ -8,13 +8,13 @@ use phasmid::profile::{Droop, Led, Profile, Scene};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Columns and rows of the camera.
+/// Number of columns and rows of the camera.
 const SIZE: [u32; 2] = [400, 240];
 
 /// A profile, a scene, and the patterns to expose.
 #[derive(Clone)]
 pub struct Case {
-    /// Name in messages and of the folder that keeps the images of a failure.
+    /// Name of the case, for messages and for the folder in which the images of a failure are kept.
     pub name: &'static str,
     pub profile: Profile,
     pub scene: Scene,
@@ -23,13 +23,13 @@ pub struct Case {
 }
 
 impl Case {
-    /// The centre of the paper's bench in front of a built-in scene or a scene of a few lines of
-    /// TOML. Exposes a fringe and white.
+    /// Returns a case with the centre of the bench of Wu et al. in front of a scene, which is built
+    /// in or given by a few lines of TOML. It exposes a fringe and white.
     pub fn new(name: &'static str, scene: &str) -> Self {
         Self::with(name, "pmp-bench", scene, Path::new("."), |_| {})
     }
 
-    /// The same with a modified profile, and files in a folder.
+    /// Same as [`Self::new`], with a modified profile and with files in a folder.
     pub fn with(
         name: &'static str,
         profile: &str,
@@ -66,7 +66,7 @@ impl Case {
         case
     }
 
-    /// Exposes these patterns instead, one after the other.
+    /// Replaces the patterns to expose by these, one after the other.
     pub fn shoot(&mut self, patterns: &[Pattern]) {
         let pattern_images: Vec<_> = patterns.iter().map(|p| self.pattern_image(p)).collect();
         self.shots = pattern_images
@@ -138,8 +138,8 @@ impl Case {
         }
     }
 
-    /// Enables pattern timing with a finite rise time, in a period that begins before the exposure:
-    /// darkness, the pattern, darkness, and part of the next pattern.
+    /// Enables pattern timing with a finite rise time. The period begins before the exposure, which
+    /// sees darkness, the pattern, darkness, and the start of the next pattern.
     pub fn time(&mut self) {
         let droop = Droop {
             time_constant_s: 0.02,

@@ -7,15 +7,15 @@ use phasmid::emulator::render::{Backend, Plan, Renderer};
 use phasmid::protocol::{Frame, PixelFormat};
 use std::path::Path;
 
-/// Maximum fraction of the pixels that may differ by more than one grey level, not counting
-/// silhouettes and pixels that rounding decides.
+/// Maximum fraction of the pixels that may differ by more than one grey level, not counting pixels
+/// on silhouettes and pixels that rounding decides.
 const MORE_THAN_ONE: f64 = 1e-4;
-/// Maximum difference of a pixel, except on silhouettes.
+/// Maximum difference of a pixel in grey levels, except on silhouettes.
 const MOST: u32 = 3;
 /// Maximum fraction of the silhouettes' pixels that may differ by more than [`MOST`].
 const SILHOUETTES: f64 = 2e-3;
-/// Translations of the scene, in millimetres, that reveal pixels decided by rounding: a few units
-/// in the last place of f32 at its distance.
+/// Translations of the scene, in millimetres, that reveal pixels decided by rounding. They are a few
+/// units in the last place of f32 at the scene's distance.
 const NUDGES: [[f64; 3]; 4] = [
     [4e-4, 3e-4, 5e-4],
     [-4e-4, -3e-4, -5e-4],
@@ -62,13 +62,14 @@ impl Difference {
     }
 }
 
-/// Exposes all shots of a case on both GPU and CPU and compares them; returns the plan that was
-/// used.
+/// Exposes all shots of a case on both GPU and CPU and compares the frames; returns the plan that
+/// was used.
 pub fn agree(case: &Case) -> Plan {
     let mut here = case.renderer(Backend::Cpu);
     let mut there = case.renderer(Backend::Gpu);
     let silhouettes = silhouettes(case, &mut here);
-    // Levels are compared at 8 bits: at higher depths the scene's own gradients would change them.
+    // Levels are compared at 8 bits: at higher bit depths, the nudges would change levels by the
+    // scene's own gradients.
     let coarse = (1u32 << case.profile.camera.sensor.bits) / 256;
     let mut nudged = NUDGES.map(|by| nudged(case, by));
     for (i, shot) in case.shots.iter().enumerate() {
@@ -109,8 +110,8 @@ pub fn agree(case: &Case) -> Plan {
     here.plan()
 }
 
-/// The CPU renderer for a slightly displaced scene. A pixel whose level changes is one that f32
-/// rounding may decide, for example where a ray barely passes an edge between two triangles, or
+/// Returns the CPU's renderer for a slightly displaced scene. If a pixel's level changes, f32
+/// rounding may decide it, for example where a ray barely passes an edge between two triangles, or
 /// where a pixel's samples barely count as one surface.
 fn nudged(case: &Case, by: [f64; 3]) -> Renderer {
     let mut case = case.clone();
@@ -122,7 +123,7 @@ fn nudged(case: &Case, by: [f64; 3]) -> Renderer {
     case.renderer(Backend::Cpu)
 }
 
-/// Grey levels at the converter's full bit depth.
+/// Returns grey levels at the converter's full bit depth.
 fn levels(frame: &Frame) -> Vec<u32> {
     match frame.format {
         PixelFormat::Y16 => {
@@ -135,7 +136,7 @@ fn levels(frame: &Frame) -> Vec<u32> {
     }
 }
 
-/// Pixels on edges of surfaces and shadows, and their neighbours.
+/// Returns the pixels on edges of surfaces and shadows, and their neighbours.
 fn silhouettes(case: &Case, renderer: &mut Renderer) -> Vec<bool> {
     let first = case.shots[0].start_ns;
     let mut found = Vec::new();
@@ -156,8 +157,8 @@ fn silhouettes(case: &Case, renderer: &mut Renderer) -> Vec<bool> {
     found
 }
 
-/// Writes both images and their difference, in red where the first is brighter and blue where the
-/// second is.
+/// Writes both images and their difference, which is red where the first image is brighter and blue
+/// where the second is brighter.
 fn leave(case: &Case, i: usize, a: &[u32], b: &[u32]) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/gpu-parity");
     std::fs::create_dir_all(&folder).unwrap();

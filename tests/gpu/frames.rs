@@ -1,4 +1,4 @@
-//! Several frames in progress on the GPU at once.
+//! Several frames in progress on the GPU at the same time.
 
 use crate::case::Case;
 use phasmid::emulator::Shot;
@@ -20,7 +20,8 @@ fn frames_submitted_together_equal_single_ones() {
     assert!(frames[0].data != frames[2].data, "noise");
 }
 
-/// The same for a moving scene, in which edges come into view from frame to frame.
+/// Frames submitted together equal frames rendered one by one for a moving scene too, in which edges
+/// come into view from frame to frame.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn frames_of_moving_scene_submitted_together_equal_single_ones() {
@@ -48,8 +49,8 @@ fn frames_of_moving_scene_submitted_together_equal_single_ones() {
     same_together(&case, &shots);
 }
 
-/// Renders shots that are each begun before the previous one is finished, and checks that they
-/// equal those rendered alone.
+/// Renders shots, each of which is begun before the previous one is finished, and checks that the
+/// frames equal frames rendered one by one.
 fn same_together(case: &Case, shots: &[Shot]) -> Vec<Frame> {
     let mut alone = case.renderer(Backend::Gpu);
     let mut together = case.renderer(Backend::Gpu);

@@ -1,5 +1,5 @@
-//! Compares the passes on a GPU with those on the CPU, over every term of image formation. Needs a
-//! Vulkan adapter; a software one is enough:
+//! Compares the passes on a GPU with the passes on the CPU, over every term of image formation.
+//! Needs a Vulkan adapter; a software adapter is enough:
 //!
 //! ```text
 //! cargo test --release --test gpu -- --include-ignored

@@ -1,5 +1,5 @@
-//! Parity of GPU and CPU over every pass and every term of image formation, once each.
-//! [`crate::variations`] has more.
+//! GPU and CPU agree for every pass and every term of image formation, with one case each.
+//! [`crate::variations`] has more cases.
 
 use crate::case::Case;
 use crate::compare::agree;
@@ -8,7 +8,7 @@ use phasmid::pattern::{Axis, Pattern};
 use phasmid::profile::{CameraResponse, Profile, Response};
 use std::path::Path;
 
-/// Two tilted solids in front of a wall that shade each other.
+/// Two tilted solids that shade each other, in front of a wall.
 pub const SOLIDS: &str = "ambient = { irradiance_w_m2 = 0.05 }
 [[object]]
 shape = { kind = \"plane\" }
@@ -31,7 +31,8 @@ rotation_deg = [0, 0, 30]
 albedo = 0.7
 ";
 
-/// A mesh in front of a wall, with additional fields for its object.
+/// Returns a scene with a mesh in front of a wall; `more` holds additional fields of the mesh's
+/// object.
 pub fn torso(more: &str) -> String {
     format!(
         "ambient = {{ irradiance_w_m2 = 0.05 }}
@@ -73,7 +74,8 @@ pub fn solids() -> Case {
     case
 }
 
-/// Distortions, vignetting, both focuses, contrast, glare, dark current and fixed pattern.
+/// Returns a case with distortions, vignetting, both focuses, contrast, glare, dark current and
+/// fixed pattern.
 fn real_bench() -> Case {
     let mut case = real("real-bench", &torso(""), |_| {});
     case.shoot(&[fringe(Axis::X, 16.0), fringe(Axis::Y, 24.0)]);
@@ -81,7 +83,8 @@ fn real_bench() -> Case {
     case
 }
 
-/// A 12-bit sensor with blooming and a nonlinear response, and a projector with a gamma.
+/// Returns a case with a 12-bit sensor with blooming and a non-linear response, and a projector with
+/// a gamma.
 fn bent() -> Case {
     real("bent", SOLIDS, |profile| {
         let sensor = &mut profile.camera.sensor;
@@ -167,7 +170,7 @@ albedo = 0.9
     case
 }
 
-/// A moving object, a deforming object, and a rolling shutter.
+/// Returns a case with a moving object, a deforming object, and a rolling shutter.
 pub fn motion(folder: &Path) -> Case {
     for (name, height) in [("out", 0.0), ("in", 12.0)] {
         std::fs::write(folder.join(format!("{name}.obj")), hill(height)).unwrap();
@@ -200,7 +203,7 @@ deform = { period_s = 0.2, keyframes = [
     case
 }
 
-/// A wall of 200 mm with a hill of some height in the centre, towards the camera.
+/// Returns a mesh of a wall of 200 mm with a hill of this height in the centre, towards the camera.
 fn hill(height: f64) -> String {
     const N: usize = 24;
     let mut text = String::new();
@@ -251,7 +254,8 @@ fn gpu_matches_cpu_for_interreflection() {
     agree(&interreflection());
 }
 
-/// Pattern timing, with a global shutter and with a rolling one in a moving scene.
+/// GPU and CPU agree for pattern timing, with a global shutter and with a rolling shutter in a
+/// moving scene.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn gpu_matches_cpu_for_pattern_timing() {
@@ -281,7 +285,7 @@ fn timed() -> Case {
     case
 }
 
-/// Requires that every term is used by a case, as otherwise it would not be compared.
+/// Every term is used by a case; a term without a case would not be compared.
 #[test]
 fn every_term_has_a_case() {
     let folder = tempfile::tempdir().unwrap();

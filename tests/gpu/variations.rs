@@ -1,4 +1,5 @@
-//! Parity over more cases of terms that [`crate::terms`] already covers; only for full runs.
+//! GPU and CPU agree for further cases of terms that [`crate::terms`] already covers; only for full
+//! runs.
 
 use crate::case::Case;
 use crate::compare::agree;
@@ -40,7 +41,8 @@ fn gpu_matches_cpu_for_a_mesh() {
     agree(&Case::new("mesh", &torso("")));
 }
 
-/// Both focuses, both vignettings and glare, through lenses with different fx and fy.
+/// GPU and CPU agree for both focuses, both vignettings and glare, through lenses with different fx
+/// and fy.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn gpu_matches_cpu_for_pixels_that_are_not_square() {
@@ -94,7 +96,7 @@ fn gpu_matches_cpu_far_out_of_focus() {
     let mut case = real("defocus", SOLIDS, |profile| {
         profile.camera.f_number = 2.0;
         profile.camera.focus_mm = Some(850.0);
-        // As bright as at f/16.
+        // The lower quantum efficiency makes the image as bright as at f/16.
         profile.camera.sensor.quantum_efficiency /= 64.0;
     });
     case.shots.truncate(1);

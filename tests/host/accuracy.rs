@@ -1,5 +1,5 @@
-//! Decodes rendered frames and compares them with the device's truth, in one process: the
-//! tolerances that the demo must meet.
+//! Decodes rendered frames and compares them with the device's truth, in one process. The tolerances
+//! are those that the demo must meet.
 
 use phasmid::calibrate::height::Mapping;
 use phasmid::decode::{Decoded, Decoder, Held, Options};
@@ -19,7 +19,7 @@ struct Scan {
     score: Score,
     truth: Truth,
     decoded: Decoded,
-    /// Decoded with the error of held projector pixels stated only.
+    /// Result of decoding in which the error of held projector pixels is stated but not corrected.
     uncorrected: Decoded,
     /// Signals of the fringe frames before noise and rounding, in DN, and their phases in radians.
     fringes: Vec<(Vec<f32>, f64)>,
@@ -96,8 +96,9 @@ fn trapezoid_is_accurate_with_default_noise() {
     );
 }
 
-/// Mean absolute errors on the trapezoid by three methods: triangulation, phase-to-height over a
-/// computed reference plane, and phase-to-height over a captured one.
+/// Returns the mean absolute errors on the trapezoid by three methods: triangulation,
+/// phase-to-height over a computed reference plane, and phase-to-height over a captured reference
+/// plane.
 fn both_ways(name: &str) -> [f64; 3] {
     let profile = Profile::load(name).unwrap();
     let (rig, manifest) = (
@@ -129,8 +130,8 @@ fn both_ways(name: &str) -> [f64; 3] {
 fn phase_to_height_is_as_good_as_triangulation_on_the_bench() {
     let [cut, computed, captured] = both_ways("pmp-bench");
     assert!((computed / cut - 1.0).abs() < 0.01);
-    // The reference plane's noise adds to the error; the plane is brighter than the trapezoid's
-    // floor.
+    // The noise of the captured reference plane adds to the error; the plane is brighter than the
+    // trapezoid's floor.
     assert!((1.05..1.42).contains(&(captured / cut)));
 }
 
@@ -183,9 +184,9 @@ fn bench_with_real_parts_is_accurate() {
     }
 }
 
-/// Error in projector pixels that held projector pixels leave in a fringe of `period` px at the
-/// coordinate `x`, seen through a footprint with the derivatives `a` and `b` of x by the camera's
-/// column and row.
+/// Returns the error in projector pixels that held projector pixels leave in a fringe of `period` px
+/// at the coordinate `x`. The footprint has the derivatives `a` and `b` of x with respect to the
+/// camera's column and row.
 ///
 /// Held pixels are the fringe sampled at whole x and convolved with a box one pixel wide. Sampling
 /// repeats the fringe's spectral line at 1/period + k for every integer k. All of these lines have
@@ -208,7 +209,7 @@ fn held_pixel_error(x: f64, [a, b]: [f64; 2], period: f64) -> f64 {
     period / TAU * sum
 }
 
-/// Sources of the uncorrected error without noise, on the trapezoid (0.0120 px RMS, 0.0108 mm):
+/// Causes of the uncorrected error without noise, on the trapezoid (0.0120 px RMS, 0.0108 mm):
 ///
 /// - 0.0102 px is due to held pixels, an optical effect with a closed form (above). It is in the
 ///   light itself: the phase of the frames before rounding, computed here in f64, shows it. The

@@ -1,4 +1,4 @@
-//! Boards in scenes, compared with counted rays and with the reference path.
+//! Boards in scenes, compared with counted rays and with the reference renderer.
 
 use crate::photometry::{dn_per_irradiance, scene};
 use glam::{DVec2, DVec3};
@@ -42,7 +42,7 @@ fn board(scene: &Scene) -> Board {
     }
 }
 
-/// Whether there is ink at a position, by testing all these points of the board.
+/// Returns whether there is ink at a position, by testing all these points of the board.
 fn is_ink(board: &Board, points: &[[u32; 2]], p: DVec2) -> bool {
     let pitch = board.pitch_mm();
     match board {
@@ -59,7 +59,7 @@ fn is_ink(board: &Board, points: &[[u32; 2]], p: DVec2) -> bool {
     }
 }
 
-/// Intersection of a pixel's ray with the board's plane, in the board's own frame.
+/// Returns the intersection of a pixel's ray with the board's plane, in the board's own frame.
 fn meets(profile: &Profile, scene: &Scene, px: DVec2) -> DVec2 {
     let object = &scene.object[0];
     let pose = scene.rig_from_object(object).inverse();
@@ -141,8 +141,8 @@ fn ink_of_a_pixel_matches_4096_rays() {
     }
 }
 
-/// An intensity gradient within a pixel shifts an outline by a twelfth of its slope. Counted rays
-/// show this; one level per pixel would not.
+/// A gradient of the light within a pixel shifts an outline by a twelfth of the gradient. Counted
+/// rays show this; a renderer with one light level per pixel would not.
 #[test]
 fn light_varies_within_the_pixels_of_an_outline() {
     let profile = Profile::load("pmp-bench").unwrap();
@@ -175,7 +175,7 @@ fn light_varies_within_the_pixels_of_an_outline() {
     let board = board(&printed);
     let board_from_rig = printed.rig_from_object(&printed.object[0]).inverse();
     let pupil = board_from_rig.point(profile.projector.view().center());
-    // On a plane, the cosine is the plane's distance divided by the point's.
+    // On a plane, the cosine is the plane's distance divided by the point's distance.
     let light = |p: DVec2| pupil.distance(p.extend(0.0)).powi(-3);
     let (mut even, mut sloped, mut edges) = (0.0, 0.0, 0);
     for i in (0..found.len()).step_by(211) {
@@ -223,7 +223,7 @@ fn board_agrees_with_the_reference_path() {
         let mut scene = before(pattern, more);
         scene.ambient.irradiance_w_m2 = 0.05;
         let mut profile = profile.clone();
-        // The closed form does not model rays through the whole pupil, nor glare.
+        // The closed form models neither rays through the whole pupil nor glare.
         profile.camera.focus_mm = None;
         profile.camera.glare = None;
         profile.camera.sensor.dark_current_e_s = 0.0;
@@ -360,7 +360,7 @@ fn impossible_boards_are_refused_with_their_line() {
 
 #[test]
 fn the_middle_of_the_view_is_the_middle_of_the_board() {
-    // x to the right by columns, y down by rows, z away.
+    // In the board's frame, x points right along columns, y down along rows, z away from the camera.
     let scene = Scene::load("board").unwrap();
     let object = &scene.object[0];
     let pose = scene.rig_from_object(object);
@@ -405,7 +405,7 @@ fn a_printed_board_is_not_overwritten_unasked() {
     assert_eq!(std::fs::read_to_string(&file).unwrap(), dots);
     assert_eq!(run("--kind chess --out dots.svg --force").0, Some(0));
     let chess = std::fs::read_to_string(&file).unwrap();
-    // Half of the 70 squares, and the page.
+    // One rectangle for each dark square (half of the 70 squares), and one for the page.
     assert_eq!(chess.matches("<rect").count(), 35 + 1);
     let (status, said) = run("--kind dots --dot-mm 7 --out other.svg");
     assert_eq!(status, Some(2));

@@ -12,7 +12,7 @@ const SIZES: Sizes = Sizes {
     projector: Some([1920, 1080]),
 };
 
-/// Bytes with a meaning in one of the formats.
+/// Bytes that have a meaning in one of the formats.
 const SPOIL: &[u8] = b"<>/[]:-.,#%!'\" \n\t0e\xff";
 
 fn files() -> Vec<PathBuf> {
@@ -26,7 +26,7 @@ fn files() -> Vec<PathBuf> {
     files
 }
 
-/// Largest relative difference between the numbers of two rigs.
+/// Returns the largest relative difference between the numbers of two rigs.
 fn apart(a: &Rig, b: &Rig) -> f64 {
     let numbers = |rig: &Rig| {
         let views = [rig.camera, rig.projector].into_iter();
@@ -86,7 +86,7 @@ fn damaged_files_are_read_or_refused() {
         calibration::run(&bytes);
         for at in (0..bytes.len()).step_by(2) {
             calibration::run(&bytes[..at]);
-            // Varies the byte with the position.
+            // The byte depends on the position.
             let mut spoilt = bytes.clone();
             spoilt[at] = SPOIL[at / 2 % SPOIL.len()];
             calibration::run(&spoilt);

@@ -22,7 +22,8 @@ fn complaint(dir: &Path, args: &[&str]) -> String {
     String::from_utf8(output.stderr).unwrap()
 }
 
-/// Writes a torso at 1 m, its front as a cloud 0.1 mm nearer to the camera, and a rig above it.
+/// Writes a torso at a distance of 1 m, a cloud of its front that is 0.1 mm nearer to the camera,
+/// and a rig.
 fn scene(dir: &Path) {
     let mut mesh = torso(&Torso {
         triangles: 20_000,
@@ -199,8 +200,8 @@ fn invalid_points_and_redundant_triangles_are_dropped_with_a_note() {
     };
     mesh.triangles.push([0, 0, 1]);
     ply::write_mesh(&dir.join("truth.ply"), &mesh).unwrap();
-    // A plane, with the origin as often as a scanner writes it for pixels without a measurement,
-    // and one other point many times.
+    // A plane, the origin as often as a scanner writes it for pixels without a measurement, and one
+    // other point many times.
     let grid = (0..100).flat_map(|x| (0..100).map(move |y| [x as f32, y as f32, 500.0]));
     let mut points: Vec<[f32; 3]> = grid.collect();
     points.extend([[5.0, 5.0, 500.0]; 40_000]);
@@ -229,7 +230,7 @@ fn invalid_points_and_redundant_triangles_are_dropped_with_a_note() {
     assert_eq!(found["truth_triangles_removed"]["degenerate"], 1);
     assert_eq!(found["truth_triangles_removed"]["duplicate"], 49_999);
     assert_eq!(found["cloud_to_truth"]["hausdorff_mm"], 0.0);
-    // The same cloud as truth.
+    // The same cloud serves as the truth.
     let (found, notes) = run("scan.ply");
     assert_eq!(notes.matches(dropped).count(), 2, "{notes}");
     assert_eq!(found["truth_points_at_origin"], 40_000);

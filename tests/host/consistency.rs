@@ -1,5 +1,5 @@
-//! Cameras whose frames carry only a counter: a lost, swapped or repeated frame is detected from
-//! the images alone, and an intact capture is never reported as doubtful.
+//! Cameras whose frames carry only a counter: a lost, swapped or repeated frame is detected by the
+//! images alone, and an intact capture is never reported as doubtful.
 
 use phasmid::decode::{
     Capture, FrameDoubt, Known, Options, check_modulation, check_sequence, doubt_of_fringes,
@@ -23,8 +23,8 @@ fn doubt(captured: &Capture) -> Option<FrameDoubt> {
     doubt_of_fringes(&captured.manifest, &captured.images, Known::default())
 }
 
-/// A link whose frames carry no pattern identity; the frames of the first `bad_runs` runs are
-/// changed.
+/// A link whose frames carry no pattern identity. It changes the frames of the first `bad_runs`
+/// runs.
 struct Way {
     camera: MemoryCamera,
     held: Vec<Frame>,
@@ -130,12 +130,13 @@ fn profile(name: &str, dimmed: f64) -> Profile {
     profile
 }
 
-/// Scenes at bench distance. Excludes treatment rooms, which are larger and whose patients breathe.
+/// Returns scenes at the distance of the bench. Treatment rooms are left out, because they are
+/// larger and their patients breathe.
 fn bench_scenes() -> impl Iterator<Item = &'static str> {
     phasmid::profile::scene_names().filter(|name| !name.starts_with("treatment-room"))
 }
 
-/// Captures of a profile in all bench scenes, and in two of them with a dim projector.
+/// Returns captures by a profile of all bench scenes, and of two of them with a dim projector.
 fn captures(name: &str) -> impl Iterator<Item = (String, Capture)> {
     bench_scenes()
         .map(|scene| (scene, 1.0))
@@ -148,9 +149,9 @@ fn captures(name: &str) -> impl Iterator<Item = (String, Capture)> {
         })
 }
 
-/// Whether frames give nearly the same points as a capture's sound frames: at most one point in
-/// twenty is lost (the decoder drops it), and at most one in a thousand is off by more than five of
-/// its standard deviations.
+/// Returns whether frames give nearly the same points as the undamaged frames of a capture: at most
+/// one point in twenty is lost (the decoder drops it), and at most one in a thousand is off by more
+/// than five of its standard deviations.
 fn is_harmless(captured: &Capture, frames: &[Image]) -> bool {
     let bad = Capture {
         images: frames.to_vec(),
@@ -169,8 +170,8 @@ fn is_harmless(captured: &Capture, frames: &[Image]) -> bool {
     lost * 20 <= due && moved * 1000 <= due
 }
 
-/// Every single fault of a run with the right number of frames: a frame lost (and another one at
-/// the end), a frame repeated (and the last one dropped), neighbours swapped.
+/// Returns every single fault of a run that keeps the number of frames: a frame lost (and the last
+/// frame received twice), a frame repeated (and the last frame dropped), two neighbours swapped.
 fn faults(frames: &[Image]) -> Vec<(String, Vec<Image>)> {
     let n = frames.len();
     let mut all = Vec::new();
@@ -198,8 +199,8 @@ fn faults(frames: &[Image]) -> Vec<(String, Vec<Image>)> {
     all
 }
 
-/// Returns the names of the faults that are neither detected nor harmless, among all faults or
-/// every fifth one from a position on. The four kinds of faults alternate, so every fifth fault
+/// Returns the names of the faults that are neither detected nor harmless. Tests all faults, or
+/// every fifth fault from a position on: the four kinds of faults alternate, so every fifth fault
 /// covers all kinds.
 fn missed(captured: &Capture, fifth: Option<usize>) -> Vec<String> {
     let (first, step) = fifth.map_or((0, 1), |place| (place % 5, 5));
@@ -238,8 +239,8 @@ fn refused(captured: &Capture) -> [Result<(), FrameDoubt>; 2] {
     })
 }
 
-/// Tests full-size captures, in scenes with large and small lit areas, with several seeds of the
-/// noise.
+/// Full-size captures of built-in devices are not rejected, in scenes with large and small lit areas
+/// and with several seeds of the noise.
 #[test]
 fn sound_captures_of_built_in_devices_are_not_refused() {
     for name in [
@@ -363,8 +364,8 @@ fn finds_faults_of_other_sequences_and_accepts_sound_captures() {
     every_fault_of_other_sequences_is_found(false);
 }
 
-/// Tests sequences that no built-in profile has, with all faults, or with a fifth of them that
-/// differs between captures, except the undetectable fault described below.
+/// Tests sequences that no built-in profile has, with all faults or with a fifth of them that
+/// differs between captures. The undetectable fault described below is left out.
 fn every_fault_of_other_sequences_is_found(all: bool) {
     let three_sets = |fine, steps| {
         [fine, 106.0, 854.0]
@@ -508,15 +509,15 @@ fn camera_that_does_not_see_the_projector_is_reported() {
     assert!(error.to_string().contains("no modulation"), "{error}");
 }
 
-/// The frames of a capture, one of which is changed.
+/// Returns the frames of a capture, one of which is changed.
 fn changed(captured: &Capture, k: usize, change: impl Fn(&mut [u8])) -> Vec<Image> {
     let mut frames = captured.images.clone();
     change(frames[k].as_u8_mut().unwrap());
     frames
 }
 
-/// Rows missing from one fringe frame, and flipped bits in it. On an unshaded plane there is almost
-/// nothing to distinguish rows by.
+/// Missing rows in one fringe frame, and flipped bits in it, are detected. On an unshaded plane,
+/// almost nothing distinguishes rows.
 #[test]
 fn missing_rows_and_flipped_bits_of_fringes_are_found() {
     for (name, scene) in [
@@ -560,7 +561,8 @@ fn missing_rows_and_flipped_bits_of_fringes_are_found() {
     }
 }
 
-/// Depths of a capture, decoded with default checks; `None` if a check rejects it.
+/// Returns the depths of a capture, decoded with default checks; `None` if a check rejects the
+/// capture.
 fn depths(captured: &Capture) -> Option<Vec<f32>> {
     check_modulation(&captured.manifest, &captured.images).ok()?;
     let decoded = captured.decode(Options::default());
@@ -601,7 +603,7 @@ fn missing_rows_of_a_frame_are_found_or_harmless() {
     }
 }
 
-/// Bit planes missed by an exposure leave steps in the fringes, the same in every frame.
+/// Bit planes that an exposure misses leave steps in the fringes, which are the same in every frame.
 #[test]
 fn exposure_shorter_than_the_patterns_is_reported() {
     let mut short = profile("dlp-evm", 1.0);
@@ -643,8 +645,8 @@ fn partial_bit_planes_are_doubted_or_give_the_same_surface() {
     }
 }
 
-/// One or several frames, Gray code or fringes, lit for part of their exposure: either detected, or
-/// the points are present and correct.
+/// If one or several frames, Gray code or fringes, are lit for only a fraction of their exposure,
+/// this is detected, or the points are present and correct.
 #[test]
 fn frames_with_less_light_are_found_or_harmless() {
     for (name, scene) in [
@@ -708,8 +710,8 @@ fn frames_with_less_light_are_found_or_harmless() {
     }
 }
 
-/// Flips bits in a large part of the pixels of every second frame, so that in most pixels some
-/// frame is damaged.
+/// Flipped bits are detected if they are in a large fraction of the pixels of every second frame, so
+/// that most pixels have some damaged frame.
 #[test]
 fn flipped_bits_in_most_pixels_are_found() {
     for name in ["pmp-bench", "webcam-grey", "dlp-evm", "sgrt-pod"] {
@@ -790,7 +792,7 @@ fn frame_torn_anywhere_is_found() {
 }
 
 /// If patterns run along the image's columns, an edge of the code changes one frame along a whole
-/// row, which must not count as a tear.
+/// row. This must not count as a tear.
 #[test]
 fn patterns_down_the_image_are_not_torn() {
     let mut across = profile("webcam-grey", 1.0);
@@ -849,7 +851,8 @@ fn a_camera_on_its_side_is_not_doubted() {
     }
 }
 
-/// A ceiling pod's capture, with sets of three steps only, of the sphere at its working distance.
+/// Returns a capture by a ceiling pod, whose sequence has only sets of three steps, of the sphere at
+/// the pod's working distance.
 fn pod(light: f64, gamma: f64) -> Capture {
     let mut profile = profile("sgrt-pod", light);
     if gamma != 1.0 {
@@ -913,8 +916,8 @@ fn sets_of_three_steps_are_checked_against_each_other() {
     }
 }
 
-/// The first and third of four steps, exchanged, mirror the phase within each period and leave no
-/// residual.
+/// If the first and third of four steps are exchanged, the phase is mirrored within each period
+/// without a residual. This is detected, because the fringes then run against the code.
 #[test]
 fn fringes_that_run_against_the_code_are_found() {
     for (name, scene) in [
@@ -940,8 +943,8 @@ fn reordered_sets_and_codes_are_found() {
         scan(&profile("webcam-grey", 1.0), "torso", |frames| frames, 0).unwrap(),
         scan(&profile("webcam-grey", 0.15), "torso", |frames| frames, 0).unwrap(),
     ];
-    // Permutations: the first and third step of a set swapped, a set that starts elsewhere, a code
-    // that starts elsewhere.
+    // Permutations of the frames: the first and third step of a set swapped, a set that starts with
+    // another step, and a code that starts with another bit.
     let orders: [(&Capture, &[usize]); 5] = [
         (&captured[0], &[2, 1, 0]),
         (&captured[0], &[1, 2, 0]),
@@ -959,7 +962,8 @@ fn reordered_sets_and_codes_are_found() {
     }
 }
 
-/// Stripes along the rows of the image: an image row may lie on an edge over its whole length.
+/// Sequences along both axes are not doubted: with stripes along the rows of the image, a whole row
+/// may lie on an edge.
 #[test]
 fn sequences_of_both_axes_are_not_doubted() {
     for scene in ["plane", "sphere", "trapezoid", "torso"] {

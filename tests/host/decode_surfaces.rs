@@ -1,6 +1,6 @@
-//! Depth edges, steep slopes and shadows: profiles z(X) that are constant along Y, seen by a rig
-//! like the bench's, with each pixel integrated over its footprint here in f64. Points that the
-//! decoder keeps must be right, and it must not remove surfaces that are merely steep.
+//! Depth edges, steep slopes and shadows: depth profiles z(X) that are constant along Y, seen by a
+//! rig like the bench's. Each pixel is integrated over its footprint here in f64. Points that the
+//! decoder keeps must be right, and it must not remove surfaces only because they are steep.
 
 use glam::{DVec2, DVec3};
 use phasmid::decode::{Decoded, Decoder, Options};
@@ -71,7 +71,7 @@ fn manifest() -> Manifest {
     }
 }
 
-/// One sample of a footprint: depth, and the projector column if it is lit.
+/// One sample of a footprint: its depth, and the projector column that lights it if it is lit.
 #[derive(Clone, Copy)]
 struct Hit {
     z: f64,
@@ -81,7 +81,7 @@ struct Hit {
 
 fn trace(rig: &Rig, surface: &(dyn Fn(f64) -> f64 + Sync), u: f64) -> Hit {
     let slope = (u - 568.5) / 632.2;
-    // March until behind the surface, then bisect the interval.
+    // Step along the ray to a point behind the surface, then bisect the last interval.
     let (mut near, mut far) = (800.0, 800.0);
     while far < surface(slope * far) && far < 1100.0 {
         near = far;
@@ -115,7 +115,7 @@ fn trace(rig: &Rig, surface: &(dyn Fn(f64) -> f64 + Sync), u: f64) -> Hit {
 }
 
 struct Case {
-    /// Hits over each pixel column's footprint, and at its centre.
+    /// Hits over the footprint of each pixel column.
     footprints: Vec<Vec<Hit>>,
     middles: Vec<Hit>,
     decoded: Decoded,
@@ -220,7 +220,8 @@ fn figures(case: &Case, decoded: &Decoded) -> Figures {
         let lo = lit.iter().copied().fold(f64::INFINITY, f64::min);
         let hi = lit.iter().copied().fold(0.0, f64::max);
         let broken = hits.windows(2).any(|w| (w[0].z - w[1].z).abs() > 2.0);
-        // A crease: the depth at the footprint's centre differs from the mean of its ends.
+        // At a crease, the depth at the footprint's centre differs from the mean of the depths at
+        // its ends.
         let crease = (hits[0].z + hits[SUB - 1].z - 2.0 * middle.z).abs() > 0.05;
         let z = f64::from(decoded.depth[i]);
         if lit.len() == SUB && !broken {
@@ -268,7 +269,8 @@ fn judge(name: &str, surface: &(dyn Fn(f64) -> f64 + Sync), coverage: f64) -> (F
 
 #[test]
 fn slopes_of_a_frustum_are_not_removed() {
-    // 200 mm base, 100 mm top, 80 mm high: 58 degrees.
+    // The frustum has a base of 200 mm, a top of 100 mm and a height of 80 mm, so its sides slope by
+    // 58 degrees.
     let frustum = |x: f64| 1000.0 - 80.0 * ((100.0 - x.abs()) / 50.0).clamp(0.0, 1.0);
     let (f, _) = judge("frustum", &frustum, 0.99);
     assert_eq!(f.edge_gross, 0, "{f:?}");

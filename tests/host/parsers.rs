@@ -1,6 +1,6 @@
-//! Runs every parser on its seeds, on truncated seeds and on mutations that are the same in each
-//! run (`PHASMID_FUZZ_CASES=FIRST..END` runs others). `tests/fuzz` runs the same functions for an
-//! unlimited time.
+//! Runs every parser on its seeds, on truncated seeds and on mutations of them. The mutations are
+//! the same in each run; `PHASMID_FUZZ_CASES=FIRST..END` selects others. `tests/fuzz` runs the same
+//! functions for an unlimited time.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -32,7 +32,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Inputs that a parser accepts: its seeds.
+/// Returns the seeds of a parser, which are inputs that it accepts.
 fn corpus(parser: &Parser) -> Vec<Vec<u8>> {
     let mut paths = Vec::new();
     let own = root().join("tests/fuzz/seeds").join(parser.name);

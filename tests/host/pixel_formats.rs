@@ -11,11 +11,12 @@ use phasmid::protocol::{Frame, PixelFormat};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Sends frames as the bytes of the frame socket.
+/// A camera that passes frames through the bytes of the frame socket.
 struct Wire {
     camera: MemoryCamera,
     format: PixelFormat,
-    /// Removes the identity beside the pixels, so that only the data line names the frame.
+    /// Whether to remove the identity that frames carry beside the pixels, so that only the data
+    /// line identifies them.
     anonymous: bool,
 }
 
@@ -45,8 +46,8 @@ impl FrameSink for Wire {
     }
 }
 
-/// The middle of the built-in webcam's image, with a sensor of more bits. The width fills no group
-/// of a packed format.
+/// Returns a profile of the centre of the built-in webcam's image, with a sensor of more bits. The
+/// width is not a multiple of the group size of a packed format.
 fn profile(bits: u32, format: PixelFormat, data_line: bool) -> Profile {
     let mut profile = Profile::load("webcam-grey").unwrap();
     let camera = &mut profile.camera;

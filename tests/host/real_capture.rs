@@ -1,6 +1,6 @@
-//! Decodes photographs of a real projector's patterns by a real camera. They are not part of the
-//! repository: run `PHASMID_FOAM_DIR=FOLDER cargo test --release --test host -- --ignored
-//! real_capture::` with the folder of `sequence.toml` and its photographs.
+//! Decodes photographs of a physical projector's patterns by a physical camera. The photographs are
+//! not part of the repository: run `PHASMID_FOAM_DIR=FOLDER cargo test --release --test host --
+//! --ignored real_capture::` with the folder of `sequence.toml` and its photographs.
 
 use phasmid::decode::{Decoder, Options, Plan, load_frames};
 use phasmid::pattern::{Axis, Image, Manifest};

@@ -1,5 +1,5 @@
-//! Compares the V4L2 bindings with the kernel's own header, through a C program compiled here, and
-//! with published numbers; also checks the build requirements.
+//! Compares the V4L2 bindings with the kernel's own header, by a C program that is compiled here,
+//! and with published numbers. Also checks which tools a build requires.
 #![cfg(all(target_os = "linux", feature = "v4l2"))]
 
 use std::collections::BTreeMap;
@@ -13,7 +13,8 @@ use v4l::v4l2::vidioc;
 #[derive(Default)]
 struct Bindings(BTreeMap<String, u64>);
 
-/// `fields!(bindings, struct: field, field = its name in C, ...)`: size and offsets of a struct.
+/// `fields!(bindings, struct: field, field = its name in C, ...)` adds the size of a struct and the
+/// offsets of its fields.
 macro_rules! fields {
     ($bindings:ident, $name:ident: $($field:ident $(= $c:literal)?),*) => {
         $bindings.put(format!("sizeof(struct {})", stringify!($name)), size_of::<sys::$name>());
@@ -27,14 +28,14 @@ macro_rules! fields {
     };
 }
 
-/// `requests!(bindings, NAME, ...)`: codes of ioctls.
+/// `requests!(bindings, NAME, ...)` adds the codes of ioctls.
 macro_rules! requests {
     ($bindings:ident, $($name:ident),*) => {
         $($bindings.put(stringify!($name).to_owned(), vidioc::$name as usize);)*
     };
 }
 
-/// `constants!(bindings, NAME or NAME = its name in C, ...)`.
+/// `constants!(bindings, NAME or NAME = its name in C, ...)` adds constants.
 macro_rules! constants {
     ($bindings:ident, $($name:ident $(= $c:literal)?),*) => {
         $($bindings.put([$($c,)? stringify!($name)][0].to_owned(), sys::$name as usize);)*
@@ -158,7 +159,7 @@ fn the_bindings_are_laid_out_as_the_kernel_has_them() {
     }
 }
 
-/// Values as printed by strace and the kernel's documentation for 64-bit systems.
+/// The bindings have the values that strace and the kernel's documentation give for 64-bit systems.
 #[test]
 #[cfg(target_pointer_width = "64")]
 fn request_codes_match_published_values() {

@@ -73,8 +73,8 @@ fn a_recording_has_a_device_and_a_place_of_its_own() {
         assert!(words.contains("a file in the run directory"), "{words}");
         assert!(!at("run").exists());
     }
-    // The recording of the second of two devices already exists: the first one's must not be left
-    // behind.
+    // The recording of the second of two devices already exists, so the recording of the first must
+    // not be left behind.
     fs::write(at("a-webcam-grey-2.rec"), "years of work").unwrap();
     let refused = serve()
         .args(["--profile", "webcam-grey", "--record"])
@@ -136,7 +136,7 @@ fn recording_is_exported_as_text_and_read_by_python() {
     let exported = picture(&at("exported").join("frame_000012.png"));
     assert_eq!(exported, picture(&at("scan").join("frame_12.png")));
 
-    // The script from the documentation, if Python is installed.
+    // Run the script from the documentation if Python is installed.
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/src/protocol/record/read.py");
     if let Ok(python) = Command::new("python3").arg(script).arg(&file).output() {
         assert!(python.status.success(), "{}", text(&python));

@@ -1,8 +1,9 @@
-//! Recordings of served devices and of scans, their replays, and what happens when a process is
-//! killed or a client departs from the recorded path.
+//! Recordings of served devices and of scans, replays of recordings, processes that are killed, and
+//! clients that depart from the recording.
 //!
-//! A separate test program whose tests run one after the other: its clients reconnect to the ports
-//! of killed devices, and the kernel may assign such a port's number to a device of another test.
+//! This is a separate test program whose tests run one after the other. Its clients reconnect to the
+//! ports of killed devices, and the kernel may assign the number of such a port to a device of
+//! another test.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

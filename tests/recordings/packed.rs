@@ -13,8 +13,8 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// `phasmid serve`, with a recording, of the built-in webcam with another format, a sensor of more
-/// bits, and a data line.
+/// Returns the command `phasmid serve` with a recording, for the built-in webcam with another
+/// format, a sensor of more bits, and a data line.
 fn serve(dir: &Path, format: PixelFormat, bits: u32, recording: &Path) -> Command {
     let mut text = include_str!("../../device-profiles/webcam-grey.toml").to_owned();
     let gain = 0.02091 * f64::from(1u32 << (bits - 8));
@@ -58,7 +58,7 @@ fn expose_sequence(served: &Served) -> Vec<Frame> {
     frames
 }
 
-/// Frames of a recording.
+/// Returns the frames of a recording.
 fn recorded_frames(file: &Path) -> Vec<Frame> {
     let mut reader = Reader::new(fs::File::open(file).unwrap(), "recording").unwrap();
     let records = std::iter::from_fn(|| reader.read().unwrap());

@@ -1,4 +1,4 @@
-//! Scans of replays, and clients that depart from the recorded path.
+//! Scans of replays, and clients that depart from the recording.
 
 use crate::alone;
 use crate::served::{Served, phasmid, serve, text};
@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// `phasmid replay` of a file.
+/// Returns the command `phasmid replay` for a file.
 pub(crate) fn replay(file: &Path, args: &[&str]) -> Command {
     let mut command = phasmid();
     command.arg("replay").arg(file).args(args);
@@ -91,7 +91,7 @@ fn a_scan_of_a_replay_is_the_scan_that_was_recorded() {
     assert_eq!(host["about"]["side"], "host");
 }
 
-/// Sends a question to the port and returns the reply line.
+/// Sends a query to the port and returns the reply line.
 fn ask(port: &mut BufReader<fs::File>, question: &str) -> String {
     port.get_mut().write_all(question.as_bytes()).unwrap();
     let mut answer = String::new();
@@ -110,7 +110,7 @@ fn open(served: &Served) -> BufReader<fs::File> {
     )
 }
 
-/// Waits until a file contains this many received bytes.
+/// Waits until a recording contains this number of bytes that the device has sent.
 fn wait_for(file: &Path, received: u64) {
     let end = Instant::now() + Duration::from_secs(60);
     loop {
@@ -163,14 +163,14 @@ fn departure_is_located_and_killed_recorder_lost_nothing() {
     let mut port = open(&replayed);
     assert_eq!(ask(&mut port, "*IDN?\n"), name);
     port.get_mut().write_all(b"CAM:EXP?\n").unwrap();
-    // The client disconnects after it has been heard: unread data is lost when its writer
-    // disconnects.
+    // The client disconnects only after its departure has been reported, because unread data is lost
+    // when its writer disconnects.
     let mut stderr = BufReader::new(replayed.child.stderr.take().unwrap());
     let mut told = String::new();
     stderr.read_line(&mut told).unwrap();
     drop(port);
-    // The next client gets its own answers, and the port has forgotten the previous client's
-    // question.
+    // The next client gets only its own answers, since the port has discarded the previous client's
+    // query.
     let mut port = open(&replayed);
     assert_eq!(ask(&mut port, "*TST?\n"), "0\n");
     drop(port);
@@ -183,7 +183,7 @@ fn departure_is_located_and_killed_recorder_lost_nothing() {
     let end = "1 client has left the recorded path; 16 of the 22 bytes";
     assert!(words.contains(end), "{words}");
 
-    // Half of the recorded path is not a complete replay.
+    // A client that follows only half of the recording has not replayed it completely.
     let mut command = replay(&file, &["--clock", "fast"]);
     let replayed = Served::spawn_as_it_is(command.stderr(Stdio::piped()));
     assert_eq!(ask(&mut open(&replayed), "*IDN?\n"), name);
@@ -191,7 +191,7 @@ fn departure_is_located_and_killed_recorder_lost_nothing() {
     assert_eq!(status, Some(1), "{words}");
 }
 
-/// The port fails in the middle of a scan, at any of its messages.
+/// A scan during which the port fails, at any of its messages, is replayed from either side.
 #[test]
 fn a_scan_during_which_the_port_went_is_replayed_from_either_side() {
     let _alone = alone();
@@ -234,8 +234,8 @@ fn a_scan_during_which_the_port_went_is_replayed_from_either_side() {
     }
 }
 
-/// A device killed during a scan disappears at once, port and camera; so does its replay, and a
-/// client that scans the replay has not departed from the recorded path.
+/// If a device was killed during a scan, port and camera disappear at the same time, in the replay
+/// as well. A client that scans the replay has then not departed from the recording.
 #[test]
 fn a_device_that_was_killed_in_a_scan_is_killed_in_its_replay() {
     let _alone = alone();

@@ -1,4 +1,4 @@
-//! Shared by tests of light: scenes from a few lines, and the conversion of irradiance to digital
+//! Shared by tests of light: parses scenes from a few lines, and converts irradiance to digital
 //! numbers.
 
 use phasmid::profile::{Profile, Scene};
@@ -12,8 +12,8 @@ pub fn scene(lines: &str, folder: &Path) -> Scene {
     scene
 }
 
-/// Digital numbers per W/m^2 on a white Lambertian surface, from the camera equation and the
-/// photon's energy.
+/// Returns the digital numbers per W/m^2 on a white Lambertian surface, from the camera equation and
+/// the energy of a photon.
 pub fn dn_per_irradiance(profile: &Profile, exposure_s: f64) -> f64 {
     let camera = &profile.camera;
     let area_m2 = (camera.sensor_width_mm / f64::from(camera.width_px) * 1e-3).powi(2);

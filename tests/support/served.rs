@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// Limit for a wait that would otherwise hang; normal replies take milliseconds.
+/// Time limit for waits; normal replies take milliseconds.
 pub const LONG: Duration = Duration::from_secs(60);
 
-/// A served device, stopped when dropped.
+/// A served device; dropping this value stops it.
 pub struct Served {
     pub child: Child,
     pub dir: PathBuf,
@@ -21,7 +21,7 @@ pub fn phasmid() -> Command {
     Command::new(env!("CARGO_BIN_EXE_phasmid"))
 }
 
-/// `phasmid serve` of the device and scene that all tests use.
+/// Returns the command `phasmid serve` for the device and scene that all tests use.
 pub fn serve() -> Command {
     let mut command = phasmid();
     command.args(["serve", "--profile", "webcam-grey", "--scene", "plane"]);
@@ -38,12 +38,12 @@ impl Served {
         Self::spawn(serve().args(args))
     }
 
-    /// [`Self::start`] with a command that lacks clock and directory.
+    /// Same as [`Self::start`], for a command that sets neither clock nor run directory.
     pub fn spawn(command: &mut Command) -> Self {
         Self::spawn_as_it_is(command.args(["--clock", "fast"]))
     }
 
-    /// [`Self::start`] with a command that lacks only the directory.
+    /// Same as [`Self::start`], for a command that sets the clock but not the run directory.
     pub fn spawn_as_it_is(command: &mut Command) -> Self {
         let base = tempfile::tempdir().unwrap();
         let dir = base.path().join("run");
@@ -94,7 +94,7 @@ impl Drop for Served {
     }
 }
 
-/// Waits until a device reports its endpoints.
+/// Waits until a device reports its endpoints, and returns them.
 fn come_up(child: &mut Child, dir: &Path) -> Endpoints {
     let end = Instant::now() + LONG;
     while !dir.join("device.json").exists() {

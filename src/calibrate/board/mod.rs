@@ -2,10 +2,11 @@
 //!
 //! - `image`: the image a board is searched in, combined from all frames of a sequence.
 //! - `dots`, `chess`: locate and measure the board's points.
-//! - `lit`: projector coordinates at those points; `smooth` is a robust fit for it.
+//! - `lit`: projector coordinates at those points; `smooth`: the robust fit of a smooth map that
+//!   `lit` uses.
 //! - `bias`: offset between the centroid of an imaged dot and the image of its centre.
 //! - `sighting`: measured points, and reasons for a failed search.
-//! - `draw`: image of the result, for inspection.
+//! - `draw`: draws the measured points into the image, for inspection.
 
 pub mod bias;
 pub mod chess;
@@ -33,7 +34,7 @@ pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
     search(board, image, &Stop::default())
 }
 
-/// [`find`], which returns [`NotFound::Interrupted`] soon after `stop` is asked.
+/// [`find`], which returns [`NotFound::Interrupted`] soon after a stop is requested.
 pub(crate) fn search(
     board: &Board,
     image: &BoardImage,

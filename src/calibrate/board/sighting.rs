@@ -90,7 +90,7 @@ pub enum NotFound {
         /// Features of an image that shows the board.
         wanted: String,
     },
-    /// A grid with several possible orientations, or with none that fits.
+    /// A grid that fits the board in several orientations, or in none.
     #[error("a board whose orientation is ambiguous: {found}; expected {wanted}")]
     Ambiguous {
         /// Description of the image's content.
@@ -104,7 +104,7 @@ pub enum NotFound {
         /// Evidence of the mirroring.
         found: String,
     },
-    /// Only some of the board's points, if all are required.
+    /// Only some of the board's points were found, although all are required.
     #[error("part of a board: {found}; expected {wanted}")]
     Partial {
         /// The part that was found.

@@ -1,13 +1,13 @@
 //! Smooth map between the images of a plane: a homography plus a polynomial for lens distortion.
 //!
-//! Points of a plane seen through two pinholes correspond by a homography. Lenses add a smooth
-//! offset of some pixels, which a polynomial of low degree in the coordinates follows over the part
-//! of an image that a board covers. Both are fitted robustly, so that a few wrong pairs have little
-//! effect: iterated least squares with the biweight of Beaton and Tukey (Technometrics 16, 1974),
-//! its scale taken from the median of the residuals. The homography's equations are linear in
-//! normalised coordinates (Hartley, "In defense of the eight-point algorithm", IEEE PAMI 19, 1997).
-//! Each equation is divided by the homography's denominator from the previous iteration, so that
-//! residuals are proportional to pixels.
+//! The two images of a plane's points through two pinholes are related by a homography. Lenses add
+//! a smooth offset of some pixels, which a polynomial of low degree in the coordinates follows over
+//! the part of an image that a board covers. Both are fitted robustly, so that a few wrong pairs
+//! have little effect: iterated least squares with the biweight of Beaton and Tukey (Technometrics
+//! 16, 1974), its scale taken from the median of the residuals. The homography's equations are
+//! linear in normalised coordinates (Hartley, "In defense of the eight-point algorithm", IEEE PAMI
+//! 19, 1997). Each equation is divided by the homography's denominator from the previous iteration,
+//! so that residuals are proportional to pixels.
 
 use glam::{DMat2, DMat3, DVec2};
 use nalgebra::{DMatrix, DVector};

@@ -4,7 +4,8 @@ use super::node::{Fault, Node, Nodes, Value, names};
 use glam::{DMat3, DVec2, DVec3};
 use phasmid_geometry::{Lens, Pose, Rig, View};
 
-/// Maximum difference of an element of R R' from the identity. Files may be written with few digits.
+/// Maximum difference between an element of R R' and the identity matrix. It is not zero, because files
+/// may be written with few digits.
 const WORST_ROTATION: f64 = 1e-4;
 
 /// Image sizes (columns, rows), for files that do not contain them.
@@ -108,8 +109,8 @@ fn lens(
     })
 }
 
-/// Reads OpenCV's k1 k2 p1 p2 (k3 (k4 k5 k6 (s1 s2 s3 s4 (tx ty)))). `Lens` has the first five; the
-/// others must be zero.
+/// Reads OpenCV's k1 k2 p1 p2 (k3 (k4 k5 k6 (s1 s2 s3 s4 (tx ty)))). `Lens` has the first five
+/// coefficients; the others must be zero.
 fn coefficients(node: &Node) -> Result<[f64; 5], Fault> {
     let list = node.value.numbers();
     let wrong = |found: String| {
@@ -139,7 +140,7 @@ fn rotation(node: &Node) -> Result<DMat3, Fault> {
         let off = off.to_cols_array();
         off.iter().fold(0.0, |worst: f64, x| worst.max(x.abs()))
     };
-    // Negated, so that NaN is refused.
+    // The comparison is negated so that NaN is refused.
     let wrong = match away(found) {
         off if !(off <= WORST_ROTATION) => Some(format!("a matrix {off:.1e} away from a rotation")),
         _ if found.determinant() < 0.0 => Some("a reflection, determinant -1".to_owned()),

@@ -52,7 +52,7 @@ fn value(piece: Piece<'_>) -> Result<Value, Fault> {
     numbers(&[inside(piece)]).map(Value::List)
 }
 
-/// Removes the brackets of a list; returns a single number unchanged.
+/// Returns the text between the brackets of a list; returns a single number unchanged.
 fn inside(piece: Piece<'_>) -> Piece<'_> {
     let (line, text) = piece;
     let list = text.strip_prefix('[').and_then(|t| t.strip_suffix(']'));

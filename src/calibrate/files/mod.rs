@@ -9,17 +9,17 @@
 //! | OpenCV `FileStorage`, JSON | begins with `{` | `cv::FileStorage` |
 //! | text with `Kc`, `kc`, `Kp`, `kp`, `Rp`, `Tp` | begins with `%%`, `#V`, or with one of the names, alone or before `=` | SLStudio (`.slcalib`, `.m`) |
 //!
-//! Under any of the names, the numbers have the meaning of OpenCV's `stereoCalibrate`: camera
-//! matrices with pixel centres at integers, distortion k1 k2 p1 p2 k3, and R, T that transform a
-//! point from the camera's frame to the projector's, `X_p = R X_c + T`. SLStudio uses the same
-//! convention: its triangulation projects with `Kc [I | 0]` and `Kp [Rp | Tp]`. Lengths are in
-//! millimetres.
+//! In every format except `calibration.toml`, the numbers have the meaning of OpenCV's
+//! `stereoCalibrate`: camera matrices with pixel centres at integers, distortion k1 k2 p1 p2 k3,
+//! and R, T that transform a point from the camera's frame to the projector's, `X_p = R X_c + T`.
+//! SLStudio uses the same convention: its triangulation projects with `Kc [I | 0]` and `Kp [Rp |
+//! Tp]`. Lengths are in millimetres.
 //!
 //! The parsers for YAML, XML and JSON support OpenCV's dialects only and are part of this module
-//! instead of a library. They are small, as nothing in a calibration nests. A strict YAML parser
-//! rejects `%YAML:1.0`, which OpenCV up to version 4 writes, and a general XML parser supports
-//! features that are dangerous in untrusted files: entities, namespaces, tags of any size. All
-//! parsers take time and memory in proportion to the file, whose size is limited.
+//! instead of a library. They are small, because the values of a calibration are not nested. A
+//! strict YAML parser rejects `%YAML:1.0`, which OpenCV up to version 4 writes, and a general XML
+//! parser supports features that are dangerous in untrusted files: entities, namespaces, tags of
+//! any size. All parsers take time and memory in proportion to the file, whose size is limited.
 //!
 //! | File | Contents |
 //! | ---- | -------- |
@@ -56,7 +56,7 @@ const MAX_BYTES: u64 = 8 << 20;
 ///
 /// # Errors
 /// Returns an error, with the line if possible, if the file cannot be read, has no supported
-/// format, lacks a matrix or an image size, or describes no valid rig.
+/// format, lacks a matrix or an image size, or describes an invalid rig.
 pub fn read_rig(path: &Path) -> Result<Rig> {
     read_rig_sized(path, Sizes::default())
 }

@@ -3,7 +3,7 @@
 use super::number::number;
 use phasmid_geometry::file;
 
-/// An error on a line of the file (0 if it concerns no particular line).
+/// An error with the line of the file that it concerns (0 if it concerns no particular line).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Fault {
     pub line: usize,
@@ -55,7 +55,7 @@ pub(super) struct Node {
     pub value: Value,
 }
 
-/// The nodes of a file that are relevant for a calibration. All others are ignored, whatever they
+/// The nodes of a file that are relevant for a calibration. Other nodes are ignored, whatever they
 /// contain.
 #[derive(Debug, Default)]
 pub(super) struct Nodes(Vec<Node>);
@@ -86,7 +86,7 @@ impl Nodes {
         Ok(())
     }
 
-    /// Returns the node with any of these synonymous names; `None` if there is none.
+    /// Returns the node that has one of these synonymous names; `None` if no node has one.
     ///
     /// # Errors
     /// Returns an error if two of them have different values.
@@ -109,7 +109,7 @@ impl Nodes {
     }
 }
 
-/// Names of nodes in our own files, in SLStudio's, and in files of other tools based on OpenCV.
+/// Names of nodes in files written by Phasmid, by SLStudio, and by other tools based on OpenCV.
 pub(super) mod names {
     pub const CAMERA: &[&str] = &["camera_matrix", "Kc", "cam_K", "M1"];
     pub const CAMERA_LENS: &[&str] = &["distortion_coefficients", "kc", "cam_kc", "D1"];
@@ -205,7 +205,8 @@ impl Fields<'_> {
     }
 }
 
-/// Number of channels of OpenCV's element type: a count (1 if absent) and a letter.
+/// Parses the number of channels from OpenCV's element type, which is a channel count (1 if absent)
+/// and a letter.
 fn channels(dt: &str) -> Option<usize> {
     let dt = dt.trim().trim_matches('"');
     let digits = dt.trim_end_matches(|c: char| "ucwsifdhIUL".contains(c));

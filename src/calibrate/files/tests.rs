@@ -104,7 +104,7 @@ fn every_format_brings_the_numbers_back() {
 #[test]
 fn r_and_t_take_the_camera_s_points_to_the_projector() {
     let text = to_opencv(&rig(), &Reprojection::default(), Format::Yaml);
-    // This fails if R and T are written in the opposite direction.
+    // This assertion fails if R and T are written in the opposite direction.
     let direct = rig().projector.rig_from_view.inverse();
     let back = read(&text).unwrap();
     let p = DVec3::new(10.0, -20.0, 900.0);
@@ -277,7 +277,7 @@ fn skips_unrelated_content_of_a_file() {
         names: [ a, b,\n]\n";
     let with = yaml.replacen("---\n", &format!("---\n{rest}"), 1);
     assert_eq!(read(&with).unwrap().camera, rig().camera);
-    // The beginnings that OpenCV 5 and ROS write.
+    // The first lines that OpenCV 5 and ROS write.
     let five = yaml.replace("%YAML:1.0", "%YAML 1.2").replace('\n', "\r\n");
     assert_eq!(read(&five).unwrap().camera, rig().camera);
     let ros = yaml
@@ -295,7 +295,7 @@ fn skips_unrelated_content_of_a_file() {
 fn errors_name_line_and_field() {
     let yaml = to_opencv(&rig(), &Reprojection::default(), Format::Yaml);
     let xml = to_opencv(&rig(), &Reprojection::default(), Format::Xml);
-    // Remove SLStudio's names, which repeat the values.
+    // Remove the nodes with SLStudio's names, which repeat the values of Phasmid's nodes.
     let ours = yaml.split("Kc:").next().unwrap().to_owned();
     for (text, from, to, needle) in [
         (
@@ -468,7 +468,7 @@ fn format_is_recognised_by_content_not_by_extension() {
 }
 
 proptest! {
-    /// Reading any text terminates, and a resulting rig is valid.
+    /// Reading terminates for any text, and yields an error or a valid rig.
     #[test]
     fn any_text_is_read_or_refused(
         format in 0usize..5,

@@ -1,4 +1,5 @@
-//! Writes a rig as OpenCV's `FileStorage`, in YAML or XML, under our own names and SLStudio's.
+//! Writes a rig as OpenCV's `FileStorage`, in YAML or XML, under Phasmid's node names and again
+//! under SLStudio's.
 
 use super::number::written;
 use phasmid_core::error::{Error, Result};

@@ -37,7 +37,7 @@ pub(super) fn parse(text: &str) -> Result<Nodes, Fault> {
     Ok(nodes)
 }
 
-/// Whether a line continues the previous node.
+/// Whether a line belongs to the node that began on an earlier line.
 fn belongs(line: &str) -> bool {
     line.trim().is_empty()
         || line.starts_with([' ', '\t', '-', ']', '}']) && !line.starts_with("---")
@@ -78,8 +78,8 @@ fn value(head: Piece<'_>, body: &[Piece<'_>]) -> Result<Value, Fault> {
     numbers(&[head]).map(Value::List)
 }
 
-/// Reads a list `[ ... ]` that begins in `head` and may continue over lines of `body`. Returns its
-/// pieces and the number of lines of the body it used.
+/// Reads a list `[ ... ]` that begins in `head` and may continue over lines of `body`. Returns the
+/// pieces of the list and the number of lines of `body` that it spans.
 fn flow<'a>(head: Piece<'a>, body: &[Piece<'a>]) -> Result<(Vec<Piece<'a>>, usize), Fault> {
     let mut pieces = Vec::new();
     let first = (head.0, head.1.strip_prefix('[').unwrap_or(head.1));

@@ -31,7 +31,7 @@
 //!
 //! # Files
 //!
-//! The constants L, D, f0 and the formula are in this file.
+//! This file has the constants L, D, f0 and the formula.
 //!
 //! - `plane`: the reference plane and its fit
 //! - `reference`: the reference of each camera pixel, and the conversion of coordinates to depths
@@ -83,7 +83,7 @@ impl Constants {
         self.distance_mm * stride / ((stride + dphi) * (stride + dphi))
     }
 
-    /// Returns the constants with the given ones replaced.
+    /// Returns these constants, with each one that `given` contains replaced.
     #[must_use]
     pub fn with(&self, given: &Given) -> Self {
         Self {
@@ -95,7 +95,8 @@ impl Constants {
         }
     }
 
-    /// 2 pi f0 D in radians: the negated phase shift of a point at infinity behind the plane.
+    /// 2 pi f0 D in radians. A point at infinity behind the plane has this phase shift with the
+    /// opposite sign.
     fn stride(&self) -> f64 {
         TAU * self.fringes_per_mm * self.baseline_mm
     }

@@ -5,7 +5,7 @@ use phasmid_core::statistics::normal_scale;
 
 /// Minimum number of pixels for a fit.
 const FEWEST: usize = 100;
-/// Number of fits, each without the outliers of the one before.
+/// Number of fits, each without the outliers of the previous fit.
 const ROUNDS: usize = 4;
 /// Outlier threshold in standard deviations, which are estimated from the median absolute residual.
 const OFF: f64 = 4.0;

@@ -9,8 +9,8 @@ use phasmid_pattern::Axis;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Maximum RMS distance of a captured reference from its fitted plane, as a fraction of the plane's
-/// distance.
+/// Maximum RMS distance of the points of a captured reference from the plane fitted to them, as a
+/// fraction of the plane's distance from the camera.
 const WORST_PLANE: f64 = 0.01;
 
 /// Measures of how well the formula's assumptions hold for a reference.
@@ -70,9 +70,9 @@ impl Mapping {
         Self::new(rig, axis, period_px, (plane, 0.0), rays, reference, lit)
     }
 
-    /// Takes the reference from a captured plane. Coordinates along `axis` and their sigmas are in
-    /// projector pixels, depths and their sigmas in mm. Each map is height x width in row-major
-    /// order; missing values are NaN.
+    /// Creates the mapping from a captured reference plane. Coordinates along `axis` and their
+    /// sigmas are in projector pixels, depths and their sigmas in mm. Each map is height x width in
+    /// row-major order; missing values are NaN.
     ///
     /// # Errors
     /// Returns an error if the maps do not have the size of the camera's image, if the points are
@@ -202,7 +202,7 @@ impl Mapping {
         let dphi_sigma = TAU / self.period_px * sigma.hypot(self.reference[i][1]);
         let slope = self.constants.slope_mm(dphi) / self.plane.normal.dot(ray);
         let s = slope.abs() * dphi_sigma;
-        // NaN fails each of these.
+        // Each of these comparisons is false for NaN.
         (z > 0.0 && s <= WORST_RELATIVE_SIGMA * z && z.is_finite()).then_some((z, s))
     }
 

@@ -1,5 +1,5 @@
-//! Tests against closed forms: `pmp-bench`, where the formula is exact, with the projector on any
-//! side; and the error that the module documents for other rigs.
+//! Tests against closed forms: depths on the rig of `pmp-bench`, where the formula is exact, with
+//! the projector on any side; and, for other rigs, the errors that the module documents.
 
 use super::*;
 use crate::{Measured, Triangulator};
@@ -210,9 +210,10 @@ fn error_of_violated_assumptions_is_as_documented() {
     let mapping = Mapping::of_plane(&nearer, Axis::X, PERIOD, 1000.0).unwrap();
     assert!((mapping.quality.farther_mm + 40.0).abs() < 1e-9);
     let (error, _) = worst(&nearer, &mapping, &[80.0]);
-    // 80 mm times e (1 + x / D) at x up to 350 mm.
+    // Expected: 80 mm times e (1 + x / D), for x up to 350 mm.
     assert!((2.0..7.0).contains(&error), "{error}");
-    // Rotated by 10 degrees: a relative error of up to 2 a x / L, here of 80 mm.
+    // With the projector rotated by 10 degrees, the error is at most 2 a x / L times the height,
+    // here 80 mm.
     let mut turned = rig(DVec3::new(400.0, 0.0, 0.0), false);
     turned.projector.rig_from_view.rotation = glam::DMat3::from_rotation_y(-0.17);
     turned.projector.lens.principal_px.x = 959.5 + 600.0;

@@ -8,7 +8,7 @@ pub struct About {
     /// Other entries of the report's head, as name and value: device, sequence, seed, distance to a
     /// known truth.
     pub remarks: Vec<(String, String)>,
-    /// Name of each pose, including those without a board, and the image file in the report's
+    /// For each pose, including poses without a board: its name, and the image file in the report's
     /// folder that shows the detected board.
     pub images: Vec<(String, String)>,
 }
@@ -29,7 +29,7 @@ const KEPT: usize = 100;
 pub fn image_names<S: AsRef<str>>(poses: &[S]) -> Vec<String> {
     let plain: Vec<String> = poses.iter().map(|name| plain(name.as_ref())).collect();
     let mut taken = std::collections::BTreeSet::new();
-    // Names that need no change have priority over names that are changed.
+    // A name that needs no change keeps it even if another name is changed to the same text.
     let mut names: Vec<Option<String>> = poses
         .iter()
         .zip(&plain)

@@ -111,8 +111,8 @@ fn row(board: &Board, sighting: &Sighting, residual: Option<&PointResidual>) -> 
     fields.join(",")
 }
 
-/// Covariance of an observed projector coordinate: its own noise and the effect of the camera
-/// point's error.
+/// Covariance of an observed projector coordinate: the noise of the coordinate itself, plus the
+/// error that it inherits from the camera point.
 fn observed(lit: &Lit, camera: DMat2) -> DMat2 {
     lit.slope * camera * lit.slope.transpose() + lit.covariance
 }

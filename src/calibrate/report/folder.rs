@@ -16,7 +16,7 @@ pub const FILES: [&str; 7] = [
     MARKER,
 ];
 
-/// The file that marks a folder as a calibration.
+/// The file whose presence marks a folder as a calibration.
 pub const MARKER: &str = "summary.json";
 
 /// Returns the names of the files in a folder that a calibration would replace: any of [`FILES`] and

@@ -1,9 +1,9 @@
 //! Writes the results of a calibration: the rig, every point it is based on, how well it fits, and
 //! an HTML page that shows all of this.
 //!
-//! [`check_folder`] checks the folder before the work begins; [`write()`] fills it, or a draft of it, at
-//! the end. The caller stores images of the detected boards there under the names from
-//! [`image_names`].
+//! [`check_folder`] checks the output folder before the calibration begins; [`write()`] fills the
+//! folder, or a draft of it, at the end. The caller stores images of the detected boards in the same
+//! folder under the names from [`image_names`].
 //!
 //! | File | Contents |
 //! | --- | --- |

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// Shortest text that reads back as the same number; empty if the number is not finite.
+/// Returns the shortest text that reads back as the same number; empty if the number is not finite.
 pub(super) fn exact(value: f64) -> String {
     let size = value.abs();
     if !value.is_finite() {
@@ -23,8 +23,8 @@ pub(super) fn field(name: &str) -> Cow<'_, str> {
     }
 }
 
-/// Formats a value to the second digit of its standard deviation, or with six digits if there is
-/// none.
+/// Formats a value to the second digit of its standard deviation, or with six digits if it has no
+/// standard deviation.
 pub(super) fn to_sigma(value: f64, sigma: f64) -> String {
     if !value.is_finite() {
         return "-".to_owned();

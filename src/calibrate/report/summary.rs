@@ -47,7 +47,7 @@ pub struct Summary {
     pub rounds: usize,
     /// Largest distance from a dot's centroid to the image of its centre, in pixels.
     pub largest_bias_px: f64,
-    /// Largest distance that a point would move in another round, in pixels.
+    /// Largest distance that a corrected point would move in one more solver run, in pixels.
     pub last_move_px: f64,
     /// Parameters of the two lenses and of the projector's pose.
     pub parameters: Vec<SummaryParameter>,
@@ -68,7 +68,7 @@ pub struct Figures {
     pub rms_px: f64,
     /// Maximum reprojection error in pixels.
     pub max_px: f64,
-    /// RMS of the whitened components; about 1 if the covariances are right.
+    /// RMS of the components of the whitened residuals; about 1 if the covariances are right.
     pub whitened_rms: f64,
 }
 

@@ -1,5 +1,5 @@
-//! Tests on an invented calibration: the page shows the numbers of the data, and no data make it
-//! malformed.
+//! Tests with an invented calibration: the page shows the calibration's numbers, and remains
+//! well-formed for any data.
 
 use super::*;
 use crate::board::{Lit, Sighting};
@@ -324,8 +324,8 @@ fn tables_hold_numbers_at_full_precision() {
             None => assert_eq!(row[column("projector_u_px")], ""),
         }
     }
-    // Residuals divided by their sigmas have variance 1, within three standard deviations of a mean
-    // of squares.
+    // The mean square of the residuals divided by their sigmas is 1, within three sigmas of such a
+    // mean.
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
     let off = 3.0 * (2.0 / squares.len() as f64).sqrt();
     assert!((mean - 1.0).abs() < off, "{mean} over {}", squares.len());

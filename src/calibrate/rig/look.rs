@@ -10,7 +10,7 @@ use phasmid_decode::{Decoder, Options};
 use phasmid_geometry::{Board, NoiseModel, Rig};
 use phasmid_pattern::{Axis, Image, Manifest};
 
-/// Content of the images of one pose.
+/// Results of decoding the images of one pose.
 #[derive(Debug, Clone)]
 pub struct Looked {
     /// The points of the board, or why the board was not found.
@@ -46,7 +46,7 @@ pub fn look(
 /// [`look`], which another thread can end early.
 ///
 /// # Errors
-/// Returns [`Error::Interrupted`] soon after `stop` is asked, and the errors of [`look`].
+/// Returns [`Error::Interrupted`] soon after a stop is requested, and the errors of [`look`].
 pub fn look_with_stop(
     board: &Board,
     name: &str,

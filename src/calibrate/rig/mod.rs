@@ -1,7 +1,7 @@
 //! Calibrates a rig from images of a board in many poses.
 //!
-//! [`sight`] extracts from each pose what is needed later, so that frames and maps can be freed:
-//! the board's points in the image, and local fits of the projector's coordinates about each point.
+//! [`sight`] extracts from each pose the board's points in the image and local fits of the
+//! projector's coordinates about each point. After that, the pose's frames and maps can be freed.
 //! [`calibrate`] solves for the rig.
 //!
 //! The centroid of a dot's image is not the image of the dot's centre. Their difference (the bias)
@@ -12,9 +12,9 @@
 //!
 //! - `look`: decodes and detects one pose
 //! - `poses`: the poses of a calibration
-//! - `sight`: detection in one pose
-//! - `rounds`: the calibration loop, with a comparison with the nominal rig; the loop for one board
-//!   with a known rig
+//! - `sight`: detects the board in one pose and fits the projector's coordinates
+//! - `rounds`: the loop that calibrates a rig and compares it with the nominal rig; the loop that
+//!   locates one board with a known rig
 //! - `unusable`: reasons why a pose cannot be used
 
 mod look;
@@ -33,7 +33,7 @@ use super::solve::{Choice, PoseSightings, Solution};
 use phasmid_core::Stop;
 use phasmid_geometry::{Board, NoiseModel, Rig};
 
-/// Input of a calibration apart from the poses.
+/// The input of a calibration, except the poses.
 #[derive(Debug, Clone, Copy)]
 pub struct Task<'a> {
     /// The calibration board.
@@ -48,7 +48,7 @@ pub struct Task<'a> {
     pub noise: Option<NoiseModel>,
     /// Options of the solver: distortion coefficients to estimate, exclusion of outliers.
     pub choice: Choice,
-    /// Request with which another thread ends the calibration early, with
+    /// Request with which another thread ends the calibration early; it then returns
     /// [`Unsolved::Interrupted`](super::solve::Unsolved::Interrupted).
     pub stop: Option<&'a Stop>,
 }
@@ -78,7 +78,7 @@ pub struct Calibration {
     pub rounds: usize,
     /// Largest bias correction of a point, in pixels.
     pub largest_bias_px: f64,
-    /// Largest distance that a point would move in another round, in pixels.
+    /// Largest distance that a corrected point would move in one more solver run, in pixels.
     pub last_move_px: f64,
     /// Warnings about the reliability of the result: from the solver and from the comparison with
     /// the nominal rig.

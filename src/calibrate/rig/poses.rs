@@ -96,7 +96,7 @@ impl Gathering {
             mut missed,
         } = self;
         let many = |sizes: Sizes| found.iter().filter(|pose| pose.sizes == sizes).count();
-        // Prefer the first of equal counts: `max_by_key` returns the last one, so reverse the
+        // Among equal counts prefer the first. `max_by_key` returns the last one, so reverse the
         // order.
         let most = found.iter().rev().max_by_key(|pose| many(pose.sizes));
         let sizes = most.map(|pose| pose.sizes).unwrap_or_default();
@@ -143,7 +143,7 @@ impl Poses {
     /// [`Self::calibrate`], which another thread can end early.
     ///
     /// # Errors
-    /// Returns [`Unsolved::Interrupted`] soon after `stop` is asked, and the errors of
+    /// Returns [`Unsolved::Interrupted`] soon after a stop is requested, and the errors of
     /// [`Self::calibrate`].
     pub fn calibrate_with_stop(
         &self,
@@ -167,8 +167,8 @@ impl Poses {
     }
 }
 
-/// Returns a warning if too few points of the board are lit and pixels are saturated. The solver
-/// reports other causes.
+/// Returns a warning if too few points of the board have projector coordinates and the cause is
+/// saturation. The solver reports other causes.
 fn unlit(pose: &Found) -> Option<String> {
     let (lit, all) = (pose.data.lit(), pose.data.seen.len());
     let (name, why) = (&pose.data.name, saturation(pose.saturated));

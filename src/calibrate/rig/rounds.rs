@@ -12,16 +12,18 @@ use glam::DVec2;
 use phasmid_core::Stop;
 use phasmid_geometry::{Board, Lens, Pose, Rig, View};
 
-/// Points that move less than this have converged: a thousandth of the precision of a dot's centre.
+/// Points have converged if they move by less than this many pixels, a thousandth of the precision
+/// of a dot's centre.
 const STAYS_PX: f64 = 1e-5;
-/// Maximum number of rounds. The bias depends only weakly on lens and poses, so three are enough; a
-/// pose that is used in one round and excluded in the next could take more.
+/// Maximum number of solver runs. The bias depends only weakly on lens and poses, so three runs are
+/// usually enough; more may be needed if a pose is used in one run and excluded in the next.
 const ROUNDS: usize = 6;
 
 /// Solves for the rig from its poses. `missed` lists the poses without a board, for the report.
 ///
 /// # Errors
-/// Returns an error if the poses do not determine the rig, or if [`Task::stop`] is asked.
+/// Returns an error if the poses do not determine the rig, or if a stop is requested through
+/// [`Task::stop`].
 pub fn calibrate(
     task: &Task<'_>,
     poses: &[PoseData],
@@ -166,7 +168,8 @@ fn largest<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVec2)>) -> f64 {
     pairs.map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max)
 }
 
-/// Accepted ratio of calibrated to nominal values: how far a real rig may differ from its design.
+/// Accepted ratio of calibrated to nominal values. A real rig may differ from its design by this
+/// much.
 const ALLOWED: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
 /// Returns warnings about baseline and focal lengths that differ from nominal by more than the

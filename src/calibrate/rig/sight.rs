@@ -8,14 +8,15 @@ use phasmid_core::Stop;
 use phasmid_decode::Decoded;
 use phasmid_geometry::Board;
 
-/// Data of a pose that a calibration keeps in memory: some hundred bytes per point.
+/// Data of a pose that a calibration keeps in memory; it takes a few hundred bytes per point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseData {
     /// Name of the pose.
     pub name: String,
     /// The detected board points.
     pub seen: Vec<Seen>,
-    /// Local fit of the projector's coordinates about each point, or why there is none.
+    /// For each point, the local fit of the projector's coordinates or the reason why it is
+    /// missing.
     pub fits: Vec<Result<LocalFit, Unread>>,
 }
 
@@ -32,7 +33,7 @@ pub fn sight(
     sight_with_stop(board, name, image, decoded, &Stop::default())
 }
 
-/// [`sight`], which returns [`NotFound::Interrupted`] soon after `stop` is asked.
+/// [`sight`], which returns [`NotFound::Interrupted`] soon after a stop is requested.
 pub(super) fn sight_with_stop(
     board: &Board,
     name: &str,

@@ -19,7 +19,7 @@ const BOARD: Board = Board::Dots {
 };
 const NOISE_PX: f64 = 0.003;
 
-/// Poses with noise of points (scaled from [`NOISE_PX`]) and of maps.
+/// Creates poses with noise in the points ([`NOISE_PX`] times `noise`) and in the decoded maps.
 fn poses(noise: f64, count: usize) -> Vec<(Case, PoseData)> {
     let rig = rig(220.0, [400, 240]);
     let one = |i: usize| {

@@ -3,7 +3,7 @@
 use crate::board::NotFound;
 use std::fmt;
 
-/// Minimum fraction of saturated pixels that is mentioned in messages.
+/// Messages mention saturation if at least this fraction of the pixels is saturated.
 const SATURATED: f64 = 0.01;
 
 /// Width and height of the camera's and of the projector's images.

@@ -32,7 +32,7 @@ pub(super) struct Solved {
     pub inflation: [f64; 2],
 }
 
-/// The minimum for one selection of free unknowns.
+/// Result of `Bundle::settle`: the minimum for one selection of free unknowns.
 pub(super) struct Settled {
     pub state: State,
     /// Covariance of the rig's free unknowns, then six unknowns per board.
@@ -72,7 +72,7 @@ impl Bundle {
             .sum()
     }
 
-    /// Fits the models in the given order (larger ones first) and returns the first one that the
+    /// Fits the models in the given order (larger models first) and returns the first fit that the
     /// data determine and whose distortion does not fold the image over.
     pub fn largest(
         &mut self,
@@ -301,7 +301,8 @@ impl Bundle {
     }
 }
 
-/// Whether automatically chosen distortions can be inverted over the whole image.
+/// Whether the distortion of each lens whose coefficients are chosen automatically can be inverted
+/// over the whole image.
 pub(super) fn unfolded(state: &State, model: &Model, choice: &Choice) -> bool {
     let lenses = [&state.camera, &state.projector];
     let auto = [choice.camera, choice.projector].map(|c| c == Coefficients::Auto);

@@ -17,8 +17,8 @@ const FEW_POSES: usize = 5;
 const CELLS: [u32; 2] = [8, 6];
 /// If points cover a smaller fraction of the grid's cells than this, a warning is issued.
 const LITTLE_COVERAGE: f64 = 0.5;
-/// Maximum relative standard deviation of focal lengths and baseline without a warning. For a
-/// principal point, the standard deviation is taken relative to the image's width.
+/// Maximum relative standard deviation of focal lengths and baseline without a warning. The
+/// standard deviation of a principal point is taken relative to the image's width.
 const VAGUE: f64 = 0.01;
 /// Correlations between the rig's parameters above this magnitude cause a warning.
 const CORRELATED: f64 = 0.999;
@@ -26,7 +26,8 @@ const CORRELATED: f64 = 0.999;
 const INFLATED: f64 = 1.5;
 /// Fraction of outliers above which a warning is issued.
 const OUTLIERS: f64 = 0.01;
-/// A pose whose whitened RMS residual exceeds this multiple of all poses' causes a warning.
+/// A pose causes a warning if its whitened RMS residual exceeds that of all poses together by this
+/// factor.
 const UNEVEN: f64 = 2.0;
 
 /// Returns an error if the solution is too uncertain, folds an image over, or does not fit the

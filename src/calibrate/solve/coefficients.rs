@@ -30,7 +30,8 @@ pub struct Choice {
     pub camera: Coefficients,
     /// Coefficients of the projector to estimate.
     pub projector: Coefficients,
-    /// Whether to exclude outlier points and inconsistent poses. If false, all have equal standing.
+    /// Whether to exclude outlier points and inconsistent poses. If false, all points and poses are
+    /// used.
     pub robust: bool,
 }
 

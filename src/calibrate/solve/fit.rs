@@ -30,7 +30,7 @@ pub(super) struct Effort {
 }
 
 impl Effort {
-    /// Stops early: close enough to the minimum for the next stage.
+    /// Ends as soon as the state is close enough to the minimum for the next stage.
     pub const ROUGH: Self = Self {
         most: 25,
         gain: 1e-3,
@@ -42,8 +42,8 @@ impl Effort {
     };
 }
 
-/// Iteration ends at a step shorter than this (squared length in standard deviations). Convergence
-/// is quadratic, so the following step would be negligible.
+/// Iteration ends after a step whose squared length (in standard deviations) is below this.
+/// Convergence is quadratic, so the next step would be negligible.
 const SHORT: f64 = 1e-8;
 /// Damping below this is set to zero.
 const UNDAMPED: f64 = 1e-8;
@@ -56,7 +56,8 @@ const MOST_DAMPING: f64 = 1e8;
 /// Minimises the loss from a starting state.
 ///
 /// # Errors
-/// Returns [`Why::NoStart`] if the loss is undefined there, and [`Why::Stopped`] if `stop` is asked.
+/// Returns [`Why::NoStart`] if the loss is undefined at the starting state, and [`Why::Stopped`] if
+/// a stop is requested.
 pub(super) fn minimise(
     poses: &[PoseObservations],
     start: &State,

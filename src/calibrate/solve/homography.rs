@@ -18,10 +18,10 @@ pub(super) const FEWEST_POINTS: usize = 6;
 /// Points with a residual beyond this multiple of the median are outliers. The factor is large
 /// because the residuals still contain the lens distortion.
 const OUTLYING: f64 = 10.0;
-/// Number of four-point samples. With 30 % outliers, the probability that every sample contains one
-/// is 1e-24.
+/// Number of four-point samples. With 30 % outliers, the probability that every sample contains an
+/// outlier is 1e-24.
 const SAMPLES: u32 = 200;
-/// Maximum number of points that score a sample.
+/// Maximum number of points with which the homography of a four-point sample is scored.
 const VOTERS: usize = 100;
 
 /// A homography and the pairs it was fitted to.
@@ -34,7 +34,7 @@ pub(super) struct Homography {
 }
 
 impl Homography {
-    /// Fits a homography. Returns `None` if the points do not determine one.
+    /// Fits a homography. Returns `None` if the points do not determine a homography.
     pub fn fit(pairs: &[Pair], robust: bool) -> Option<Self> {
         if pairs.len() < 4 {
             return None;

@@ -8,8 +8,8 @@
 //! - Bundle adjustment minimises the whitened residuals over all unknowns: first with a robust
 //!   loss, then with plain least squares and without the outliers, in the distortion model that the
 //!   data support.
-//! - The inverse of the normal matrix is the covariance. If residuals exceed what the given
-//!   covariances of the points explain, the given covariances are inflated first.
+//! - The inverse of the normal matrix is the covariance. If residuals exceed the given covariances
+//!   of the points, these covariances are inflated before.
 //!
 //! | Files | Contents |
 //! | --- | --- |
@@ -83,7 +83,7 @@ pub fn solve(
 /// [`solve`], which another thread can end early.
 ///
 /// # Errors
-/// Returns [`Unsolved::Interrupted`] soon after `stop` is asked, and the errors of [`solve`].
+/// Returns [`Unsolved::Interrupted`] soon after a stop is requested, and the errors of [`solve`].
 pub fn solve_with_stop(
     board: &Board,
     poses: &[PoseSightings],

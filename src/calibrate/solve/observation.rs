@@ -49,7 +49,7 @@ pub(super) struct LitObservation {
 #[derive(Debug, Clone)]
 pub(super) struct PoseObservations {
     pub name: String,
-    /// Index in the given list of poses.
+    /// Index of this pose in the caller's list of poses.
     pub given: usize,
     pub points: Vec<Observation>,
     /// Number of given points that cannot be used: their index is off the board, or their position

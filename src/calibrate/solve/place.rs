@@ -1,4 +1,5 @@
-//! Pose of a board for a known rig: six unknowns, by the same least squares as the whole rig.
+//! Computes the pose of a board (six unknowns) for a known rig, by the same least squares as for a
+//! whole rig.
 
 use super::bundle::Bundle;
 use super::homography::{FEWEST_POINTS, Homography};
@@ -16,8 +17,8 @@ const WANTED: &str =
 /// Requirement on board and rig, for error messages.
 const FITTING: &str = "a board of the specified size, in front of the calibrated rig";
 
-/// Maximum RMS residual in pixels. Even a poor calibration leaves one or two pixels; more than this
-/// means another board or another rig.
+/// Maximum RMS residual in pixels. A poor calibration causes one or two pixels; larger residuals
+/// mean that the board or the rig is another one.
 const MOST_RMS_PX: f64 = 3.0;
 
 /// Pose of a board relative to a rig.
@@ -29,8 +30,9 @@ pub struct Placed {
     /// then of its origin's position (mm, in the camera's frame). It is inflated if the residuals
     /// exceed what the covariances of the points predict.
     pub covariance: [[f64; 6]; 6],
-    /// The board's pose in the camera's frame and the residuals of its points. A whitened RMS
-    /// residual above 1 exceeds the noise: the rig differs from its calibration.
+    /// The board's pose in the camera's frame and the residuals of its points. If its whitened RMS
+    /// residual is above 1, the residuals exceed the noise, because the rig differs from its
+    /// calibration.
     pub pose: SolvedPose,
 }
 

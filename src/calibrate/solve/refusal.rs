@@ -5,9 +5,9 @@ use super::model::State;
 use super::observation::PoseObservations;
 use glam::DVec3;
 
-/// Minimum standard deviation of a point, as a fraction of the image's width, that f64 resolves in
-/// a bundle adjustment. A projection is rounded to about 1e-15 of the width, and the last step of
-/// 1e-4 standard deviations (see `fit`) is a sum over dozens of unknowns.
+/// Minimum standard deviation of a point, as a fraction of the image's width, with which a bundle
+/// adjustment in f64 can converge. A projection is rounded to about 1e-15 of the width, and the
+/// last step of 1e-4 standard deviations (see `fit`) is a sum over dozens of unknowns.
 const FINEST: f64 = 1e-10;
 
 /// If the largest angle between two boards is below this, a warning is issued.
@@ -27,7 +27,7 @@ pub(super) enum Why {
     Open,
     /// The caller ended the call early.
     Stopped,
-    /// Steps do not become small; holds the squared length of the last one in standard deviations.
+    /// Steps do not become small; holds the last step's squared length in standard deviations.
     Restless(f64),
 }
 

@@ -21,8 +21,8 @@ const MEDIAN: f64 = 1.177_410_022_515_474_7;
 /// points are beyond the outlier threshold.
 pub(super) const OUTLYING_POSE: f64 = OUTLYING / MEDIAN;
 
-/// Loss of a whitened residual of two components. The arrays hold a value for the camera and one
-/// for the projector.
+/// Loss as a function of a whitened residual with two components. Each array holds a value for the
+/// camera and a value for the projector.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Loss {
     /// Squared length divided by the group's variance inflation.

@@ -38,8 +38,8 @@ pub struct Solution {
     pub condition: f64,
     /// Distances between observed and predicted points, in camera pixels.
     pub camera_errors: Errors,
-    /// Distances between decoded and predicted coordinates, in projector pixels. They include the
-    /// effect of the camera points' errors.
+    /// Distances between decoded and predicted coordinates, in projector pixels. They include
+    /// errors that the coordinates inherit from the camera points.
     pub projector_errors: Errors,
     /// Warnings about the reliability of the result, with numbers.
     pub warnings: Vec<String>,
@@ -106,7 +106,8 @@ pub struct PointResidual {
     pub index: [u32; 2],
     /// Observed minus predicted camera pixel.
     pub camera_px: [f64; 2],
-    /// `camera_px` whitened with its given covariance: components of variance 1.
+    /// `camera_px` whitened with the given covariance of the camera point: components of variance
+    /// 1.
     pub camera_whitened: [f64; 2],
     /// 1 if the camera's observation is used, 0 if it is an outlier.
     pub camera_weight: f64,
@@ -119,8 +120,8 @@ pub struct PointResidual {
 pub struct ProjectorResidual {
     /// Decoded minus predicted projector pixel.
     pub px: [f64; 2],
-    /// The part of `px` that the camera point's error does not explain, whitened with its given
-    /// covariance: components of variance 1.
+    /// `px` without the contribution of the camera point's residual, whitened with the given
+    /// covariance of the coordinate: components of variance 1.
     pub whitened: [f64; 2],
     /// 1 if the observation is used, 0 if it is an outlier.
     pub weight: f64,
@@ -135,8 +136,8 @@ pub struct Parameter {
     pub unit: &'static str,
     /// Value. For a rotation, a component of the rotation vector.
     pub value: f64,
-    /// Standard deviation. For a rotation, the standard deviation of a small rotation about the
-    /// axis of the rig's frame.
+    /// Standard deviation. For a rotation, that of a small rotation about the corresponding axis of
+    /// the rig's frame.
     pub sigma: f64,
 }
 

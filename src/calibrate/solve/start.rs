@@ -14,8 +14,8 @@ use glam::{DMat3, DVec2, DVec3};
 use phasmid_core::statistics::median;
 use phasmid_geometry::{Lens, Pose};
 
-/// Boards count as parallel if the largest angle between their normals is below this, estimated
-/// with a guessed lens whose focal length is the larger side of the image.
+/// Boards count as parallel if the largest angle between their normals is below this. The angle is
+/// estimated with a guessed lens, whose focal length is the larger side of the image.
 const PARALLEL_DEG: f64 = 0.5;
 /// Homographies of the usable poses, in the order of the poses.
 pub(super) struct Maps {
@@ -25,7 +25,7 @@ pub(super) struct Maps {
     pub projector: Vec<Option<(Homography, Vec<usize>)>>,
 }
 
-/// Fits the homographies and excludes poses that have none or a mirrored one.
+/// Fits the homographies and excludes poses without a homography or with a mirrored one.
 pub(super) fn maps(bundle: &mut Bundle, robust: bool) -> Result<Maps, Unsolved> {
     let mut maps = Maps {
         camera: Vec::new(),
@@ -222,8 +222,8 @@ fn camera_alone(
     Ok(state)
 }
 
-/// Estimates the projector by resection from the illuminated points in space and from its own
-/// homographies, and returns whichever fits better.
+/// Estimates the projector by resection from the illuminated points in space and from the
+/// homographies of the projector's image, and returns whichever estimate fits better.
 fn projector(
     bundle: &Bundle,
     maps: &Maps,
@@ -267,8 +267,8 @@ fn projector(
             .collect()
     };
     let mut found: Vec<(Lens, Pose)> = Vec::new();
-    // Resect from all poses, then repeatedly from the poses with a misfit of at most four times the
-    // median.
+    // First resect from all poses. Then repeat with the poses whose misfit is at most four times
+    // the median misfit.
     let mut used = lit.clone();
     for _ in 0..4 {
         let Some((lens, place)) = resect(&pairs(bundle, maps, state, &used), size) else {

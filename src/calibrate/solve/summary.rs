@@ -141,7 +141,7 @@ fn point(o: &Observation, state: &State, board: usize) -> Option<PointResidual> 
     })
 }
 
-/// Residuals in pixels and whitened, of inliers only.
+/// Returns the residuals of the inliers, in pixels and whitened.
 fn camera_errors(pose: &SolvedPose) -> Vec<(DVec2, DVec2)> {
     let points = pose.points.iter().filter(|p| p.camera_weight > 0.0);
     let pair = |p: &PointResidual| (p.camera_px.into(), p.camera_whitened.into());

@@ -47,7 +47,8 @@ pub(super) fn candidates(maps: &[DMat3], size_px: [u32; 2]) -> Vec<Lens> {
     found
 }
 
-/// Focal lengths and principal point (scaled units) from the unknowns B11, B22, B13, B23, B33.
+/// Computes focal lengths and principal point (scaled units) from the unknowns B11, B22, B13, B23,
+/// B33.
 fn all_four(maps: &[DMat3]) -> Option<(DVec2, DVec2)> {
     let mut normal = SMatrix::<f64, 5, 5>::zeros();
     for h in maps {

@@ -1,5 +1,5 @@
-//! Captures poses with an emulated device: shows it a board in each pose and scans it over its
-//! ports, which stay open throughout.
+//! Captures poses with an emulated device: places a board in front of the device in each pose and
+//! scans over the device's ports, which stay open for all poses.
 
 use super::args::Args;
 use super::folder::CAPTURES;
@@ -142,7 +142,7 @@ impl Emulated {
         progress: impl FnMut(usize, usize),
     ) -> Result<(Gathered, String)> {
         let names = self.names();
-        // Declare this before the device, so that it is dropped after the device.
+        // Declare `_run_dir` before the device, so that it is dropped after the device.
         let _run_dir;
         let served = self.serve(args, name)?;
         let endpoints = served.endpoints();
@@ -165,8 +165,8 @@ impl Emulated {
                 .map_err(|e| Error::io("the thread that analyses the captures", e))?;
             let scan = || scanner.scan_with(|_| flow());
             let captured = self.capture(&endpoints.service, &names, scan, sender, progress);
-            // An error of the analysis takes precedence: the capture then stops only because the
-            // channel is closed.
+            // An error of the analysis takes precedence over an error of the capture, which then
+            // stops only because the channel is closed.
             let session = analysis.join().unwrap_or_else(|_| {
                 Err(Error::device(
                     "the thread that analyses the captures panicked",
@@ -227,12 +227,12 @@ impl Emulated {
     }
 }
 
-/// Index of a pose and its capture, or why it cannot be used.
+/// Index of a pose, and its capture or the error of capturing it.
 type Taken = (usize, Result<Capture>);
 
 /// Captures the poses in order until the receiver is gone. A pose that fails is left out. Two
-/// failures in succession end the calibration, because the device must be at fault; after an
-/// interrupt by the user, one failure does.
+/// failures in succession end the calibration, because then the device is probably at fault. After
+/// an interrupt by the user, a single failure ends it.
 fn capture_each(
     names: &[String],
     sender: SyncSender<Taken>,
@@ -335,7 +335,8 @@ mod tests {
         }
     }
 
-    /// Runs four poses, `failing` of which fail; returns the poses received, and the outcome.
+    /// Captures four poses; those with an index in `failing` fail. Returns the received poses
+    /// (index, success) and the result.
     fn run(failing: &[usize], interrupted: bool) -> (Vec<(usize, bool)>, Result<()>) {
         let names = ["a", "b", "c", "d"].map(str::to_owned);
         let (sender, receiver) = sync_channel(4);

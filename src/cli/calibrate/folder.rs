@@ -20,18 +20,19 @@ pub(super) struct Folder {
     folder: Unfinished,
     /// Names of files of an earlier calibration and, if captures are kept, of its captures.
     earlier: Vec<PathBuf>,
-    /// Whether the folder had captures before; only a calibration that succeeds replaces them.
+    /// Whether the folder contained captures before this calibration. They are replaced only if
+    /// this calibration succeeds.
     had_captures: bool,
 }
 
 impl Folder {
     /// Creates the folder. Without `--force`, rejects existing files with names of results. New
-    /// captures replace earlier captures of the same poses; `poses` are the names.
+    /// captures replace earlier captures of the same poses; `poses` are the names of the poses.
     ///
     /// # Errors
-    /// Returns the errors of [`report::check_folder`]. If new captures are to be kept beside
-    /// earlier ones, also returns an error without `--force`, or if earlier captures are of other
-    /// poses, because all of them would later be taken for one calibration.
+    /// Returns the errors of [`report::check_folder`]. If new captures are to be kept and the
+    /// folder has earlier captures, also returns an error without `--force`, or if earlier captures
+    /// are of other poses: old and new captures would later be taken for one calibration.
     pub(super) fn prepare(args: &Args, poses: &[String]) -> Result<Self> {
         let captures = args.out.join(CAPTURES);
         let had_captures = captures.symlink_metadata().is_ok();
@@ -59,7 +60,7 @@ impl Folder {
         })
     }
 
-    /// Protects the captures from which the calibration is computed: they are not replaced.
+    /// Protects the captures from which the calibration is computed, so that they are not replaced.
     pub(super) fn sparing(mut self, poses: &[PathBuf]) -> Self {
         let files = |pose: &PathBuf| {
             let frames = Capture::frames_in(pose).unwrap_or_default();
@@ -91,7 +92,7 @@ impl Folder {
         }
     }
 
-    /// Moves all other files to the output folder.
+    /// Moves all remaining files of the draft to the output folder.
     ///
     /// # Errors
     /// Returns an error if a file cannot be moved.

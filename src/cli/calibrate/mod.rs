@@ -127,7 +127,8 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
     finish(args, out, &calibration, images, remarks, Some(&truth))
 }
 
-/// Returns what was found and what was expected, for the case that no pose shows the board.
+/// Returns the parts `found` and `expected` of the error message for the case that no pose shows
+/// the board.
 fn no_board(poses: &Poses, board: &Board) -> (String, String) {
     let [columns, rows] = board.grid();
     (

@@ -1,4 +1,5 @@
-//! Stand-in for the emulated device in builds without one: only captures can be calibrated.
+//! Replaces the emulated device in builds without emulation, in which only captures can be
+//! calibrated.
 
 use super::args::Args;
 use super::session::Gathered;

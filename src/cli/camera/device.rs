@@ -13,7 +13,8 @@ use v4l::framesize::FrameSizeEnum;
 use v4l::video::Capture as _;
 use v4l::{Device, FourCC, Fraction};
 
-/// Maximum number of sizes listed per format; also of intervals listed per size.
+/// Maximum number of sizes that are listed for a format. Also the maximum number of intervals that
+/// are listed for a size.
 const MAX_LISTED: usize = 64;
 
 /// Prints the report.

@@ -1,4 +1,4 @@
-//! `phasmid camera info`: reports what a camera is and offers.
+//! `phasmid camera info`: reports a camera's identity, formats and controls.
 
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 mod device;

@@ -10,7 +10,7 @@ use phasmid_protocol::{printable, printable_json};
 use serde_json::{Value, json};
 use std::time::Duration;
 
-/// A control: its name, the unit of its values, and its state or why that could not be read.
+/// A control: its name, the unit of its values, and its state or the error of reading the state.
 type Control = (&'static str, String, Result<ControlState>);
 
 /// Prints the report.
@@ -128,7 +128,8 @@ fn size(mode: &VideoMode) -> String {
     }
 }
 
-/// Describes a speed, given by its number in USB/IP, which is also the kernel's number.
+/// Describes a USB speed. `number` is the speed's number in USB/IP, which is the same as the Linux
+/// kernel's.
 fn speed(number: u32) -> String {
     match number {
         1 => "low, 1.5 Mbit/s".to_owned(),

@@ -88,7 +88,8 @@ impl Args {
         self.isocentre.as_deref().map(point).transpose()
     }
 
-    /// Returns the given name, or the folder's if it is a valid name.
+    /// Returns the given name, or else the output folder's name if that is a valid name of a
+    /// patient.
     fn name(&self) -> String {
         let folder = || {
             let name = self.out.file_name()?.to_str()?;

@@ -1,4 +1,4 @@
-//! `phasmid plan --accuracy`: the setting that reaches an accuracy in the least time.
+//! `phasmid plan --accuracy`: finds the setting that reaches an accuracy in the least time.
 
 use crate::cli::progress::ProgressLine;
 use phasmid_core::error::Result;
@@ -11,7 +11,8 @@ use phasmid_study::tradeoff::{
 use serde::Serialize;
 use std::time::Instant;
 
-/// Maximum number of timed rounds per setting; no round begins after this many seconds.
+/// Maximum number of timed rounds per setting, and the time in seconds after which no further round
+/// begins.
 const ROUNDS: (usize, f64) = (5, 0.5);
 
 #[derive(Serialize)]
@@ -28,7 +29,8 @@ struct Report<'a> {
 struct Line<'a> {
     #[serde(flatten)]
     measured: &'a Measured,
-    /// No other setting is both faster and more accurate.
+    /// Whether no other setting is both faster and more accurate (the setting is on the Pareto
+    /// front).
     front: bool,
 }
 

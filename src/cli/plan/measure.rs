@@ -1,5 +1,6 @@
-//! Times the passes and their terms. A renderer is timed with and without a term in alternation, so
-//! that a change in the machine's speed affects both times equally.
+//! Measures the run times of the render passes and of the terms of image formation that a plan
+//! selects. A renderer is timed with and without a term in alternation, so that a change in the
+//! machine's speed affects both times equally.
 
 use crate::cli::output::step;
 use phasmid_render::{Decision, Pass, Term};
@@ -16,16 +17,16 @@ pub(super) struct PassCost {
     pub(super) pass: &'static str,
     /// How often the pass runs.
     pub(super) runs: &'static str,
-    /// Nanoseconds per pixel, with all threads.
+    /// Run time in nanoseconds per pixel, using all threads.
     pub(super) ns_per_pixel: f64,
 }
 
-/// A term, and its actual or potential cost.
+/// A term of image formation, and the time that it costs or would cost.
 #[derive(Debug, Serialize)]
 pub(super) struct TermCost {
     #[serde(flatten)]
     pub(super) decision: Decision,
-    /// Additional nanoseconds per pixel with the term.
+    /// Additional run time with the term, in nanoseconds per pixel.
     pub(super) ns_per_pixel: f64,
 }
 
@@ -33,8 +34,8 @@ pub(super) struct TermCost {
 pub(super) fn costs(renderer: &mut Renderer, shots: &[Shot]) -> (Vec<PassCost>, Vec<TermCost>) {
     step("timing the passes");
     let decisions = renderer.decisions();
-    // In a moving scene, each frame has its own geometry passes. They are the cost of motion, so the
-    // other terms are timed without it.
+    // In a moving scene, each frame has its own geometry passes, which are the cost of motion. Therefore
+    // time the other terms without motion.
     renderer.force(Term::Motion, false);
     let begin = Instant::now();
     let clock = || begin.elapsed();

@@ -1,5 +1,5 @@
-//! Interpolated geometry of a moving scene: the key instants, the error of coordinates, and the
-//! cost of a frame with and without interpolation.
+//! Measures the interpolation of a moving scene's geometry: the key instants, the error of
+//! projector coordinates, and the time per frame with and without interpolation.
 
 use crate::cli::output::step;
 use phasmid_render::{Interpolation, Renderer, Term, shot::Shot};
@@ -15,7 +15,8 @@ const TIMES_NS: [u64; 4] = [437_000_000, 1_263_000_000, 2_391_000_000, 3_517_000
 #[derive(Debug, Serialize)]
 pub(super) struct Motion {
     tolerance_px: f64,
-    /// Device time in seconds, and the interpolation there; `None` where geometry is traced.
+    /// Device time in seconds, and the interpolation at that time; `None` if the geometry is
+    /// traced.
     instants: Vec<(f64, Option<Interpolation>)>,
     /// Milliseconds per frame of the sequence.
     ms_per_frame: f64,

@@ -10,7 +10,7 @@ use phasmid_protocol::record::{Channel, Event, Record};
 use std::io::Write;
 use std::path::Path;
 
-/// File of the conversation in the folder.
+/// Name of the file in the output folder that contains the conversation as text.
 const CONVERSATION: &str = "conversation.txt";
 
 pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
@@ -35,7 +35,7 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
         records += 1;
         let mut words = words(&record);
         if let Event::Frame(frame) = record.event {
-            // Named by number, because frame ids may repeat.
+            // Name frames by their number in the recording, because frame ids may repeat.
             let name = frame_name(frames);
             words = format!("{words}: {name}");
             write_png(
@@ -50,7 +50,8 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
     }
     lines.finish()?;
     let mut earlier = Capture::frames_in(out)?;
-    // Replace frames of an earlier export only: the names of a scan's frames have fewer digits.
+    // Replace only frames of an earlier export, not frames of a scan, whose names have fewer
+    // digits.
     earlier.retain(|frame| frame.as_os_str().len() == frame_name(0).len());
     folder.sparing([path]).finish(earlier, Some(CONVERSATION))?;
     println!(

@@ -50,7 +50,8 @@ pub(super) fn run(path: &Path, json: bool) -> Result<()> {
     sound(path, &summary)
 }
 
-/// Determines the exit status, after the report is printed.
+/// Returns an error, which sets the exit status, if the recording is damaged. Call this after the
+/// report is printed.
 ///
 /// # Errors
 /// Returns an error if the recording is damaged. A killed writer does not count as damage.
@@ -91,7 +92,7 @@ fn tell_about(about: &About) {
 
 fn tell_size(bytes: u64, seconds: f64) {
     let mebibytes = bytes as f64 / f64::from(1 << 20);
-    // The rate is undefined for a duration of 0.
+    // The data rate is undefined for a recording with a duration of 0.
     match seconds > 0.0 {
         true => println!(
             "size         {mebibytes:.1} MiB, {:.1} MiB/s",

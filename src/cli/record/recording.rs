@@ -26,11 +26,12 @@ pub(crate) fn unix_s() -> u64 {
     since.map_or(0, |since| since.as_secs())
 }
 
-/// A recording in progress. Its file gets its name with the first frame: a scan that is refused
-/// before that leaves no recording, and keeps an earlier one.
+/// A recording in progress. The file gets its final name when the first frame is recorded. If a
+/// scan is refused before its first frame, no recording remains, and an earlier recording of that
+/// name is kept.
 pub(crate) struct Recording {
     path: PathBuf,
-    /// Folder with the file, until it has its name.
+    /// Draft folder that contains the file until the file gets its final name.
     unnamed: Option<Unfinished>,
     /// Result of giving the file its name.
     named: Result<()>,
@@ -74,7 +75,7 @@ impl Recording {
         Ok((recording, Tape::new(recorder, now_ns)))
     }
 
-    /// Gives the file its name, if it does not have it yet.
+    /// Gives the file its final name, unless it already has it.
     pub(crate) fn keep(&mut self) {
         let Some(unnamed) = self.unnamed.take() else {
             return;
@@ -89,8 +90,8 @@ impl Recording {
         });
     }
 
-    /// Ends the recording, after its last tape is dropped. A recording without a frame is kept only
-    /// if it has traffic and the user's input did not cause the failure.
+    /// Ends the recording. Call this after the last tape is dropped. A recording without a frame is
+    /// kept only if it has traffic and the user's input did not cause the failure.
     ///
     /// # Errors
     /// Returns an error if the file could not be given its name; then it is deleted.
@@ -115,7 +116,7 @@ impl Recording {
     }
 }
 
-/// Returns the path of the recording until it has its name.
+/// Returns the path of the recording's file until the file gets its final name.
 fn file_in(unnamed: &Unfinished, path: &Path) -> PathBuf {
     unnamed.draft().join(path.file_name().unwrap_or_default())
 }
@@ -133,7 +134,8 @@ mod tests {
     use super::*;
     use std::fs;
 
-    /// Starts a recording over an existing file, and ends it.
+    /// Starts a recording with the name of an existing file, ends it, and returns the content of
+    /// the file with that name.
     fn record(path: &Path, frame: bool, failed: Option<Error>) -> String {
         fs::write(path, "earlier").unwrap();
         let begun = Recording::start(path, true, ["camera", ""], Instant::now());

@@ -1,4 +1,4 @@
-//! Messages when devices become reachable and when they end.
+//! Messages that are printed when devices become reachable and when they end.
 
 use phasmid_protocol::Endpoints;
 use phasmid_protocol::service::Clock;

@@ -154,7 +154,7 @@ impl From<Pace> for ClockPace {
     }
 }
 
-/// Returns how to serve frames over TCP, for the options `--tcp` and `--tcp-token`.
+/// Returns the TCP port and token for serving frames, from the options `--tcp` and `--tcp-token`.
 ///
 /// # Errors
 /// Returns an error if the file holds no token.

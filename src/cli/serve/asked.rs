@@ -17,11 +17,11 @@ pub(super) struct Asked {
     pub(super) name: String,
     /// Name or path of the device's profile, as given.
     pub(super) label: String,
-    /// Its profile.
+    /// The device's profile.
     pub(super) profile: Profile,
-    /// Index of the device's scene.
+    /// Index of the device's scene in the list of scenes.
     pub(super) scene: usize,
-    /// Pose of the device's rig, if it differs from the scene's.
+    /// Pose of the device's rig in the scene; `None` for the pose that the scene states.
     pub(super) rig: Option<RigPlace>,
     /// Seed of the device's noise.
     pub(super) seed: u64,
@@ -30,7 +30,7 @@ pub(super) struct Asked {
 /// A scene, and its name or path as given.
 pub(super) type Chosen = (String, Scene);
 
-/// A device before its index is known.
+/// A requested device whose index among all devices is not known yet.
 struct Draft {
     name: String,
     label: String,
@@ -187,7 +187,8 @@ mod tests {
         assert_eq!((scenes.len(), scenes[0].0.as_str()), (1, "torso"));
         let (found, scenes) = devices(&[&line[..], &["--scene", "plane"]].concat()).unwrap();
         assert!(found.iter().all(|device| device.scene == 0) && scenes[0].0 == "plane");
-        // With one `--scene` for each device, equal scenes are not shared.
+        // If `--scene` is given once per device, each device has its own scene, even if the scenes
+        // are equal.
         let each = ["--scene", "plane"].repeat(3);
         let (found, scenes) = devices(&[&line[..], &each].concat()).unwrap();
         assert_eq!((found[2].scene, scenes.len()), (2, 3));

@@ -7,12 +7,12 @@ use phasmid_core::error::Result;
 use phasmid_protocol::Endpoints;
 use phasmid_protocol::record::Observer;
 
-/// The page, if it was asked for.
+/// The page, if `--console` is given.
 pub(super) struct Page {
     console: Option<Console>,
-    /// One for each device, in order.
+    /// One follower for each device, in the order of the devices.
     followers: Vec<Follower>,
-    /// Plays recordings, if there is a folder for them.
+    /// Plays recordings, if `--recordings` names a folder.
     _playback: Option<Playback>,
 }
 
@@ -54,14 +54,15 @@ impl Page {
         self.followers.get(device).map(Follower::observer)
     }
 
-    /// Gives a device's follower the service channel, which describes the device's frames.
+    /// Tells a device's follower the path of the service channel, which reports the device's
+    /// sequence and calibration.
     pub(super) fn served(&self, device: usize, endpoints: &Endpoints) {
         if let Some(follower) = self.followers.get(device) {
             follower.ask_at(&endpoints.service);
         }
     }
 
-    /// Returns the addresses, for the operator.
+    /// Returns a text with the page's addresses, for the person who serves the devices.
     pub(super) fn about(&self) -> String {
         self.console.as_ref().map_or_else(String::new, |console| {
             let (control, view) = (console.url(), console.view_url());

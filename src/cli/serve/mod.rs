@@ -44,7 +44,8 @@ use tokio::sync::mpsc;
 use unit::Unit;
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    // Watch before anything else, so that a signal ends the program in the same way at any time.
+    // Watch for signals before anything else, so that a signal ends the program in the same way at
+    // any time.
     let runtime = unit::runtime()?;
     let shutdown = {
         let _inside = runtime.enter();
@@ -194,7 +195,7 @@ fn recording_path(path: &Path, dir: &Path, alone: bool) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Runs each device on a thread of its own, until one ends or all are asked to end.
+/// Runs each device on a thread of its own, until a device ends or the program is asked to end.
 async fn supervise(
     units: Vec<(Unit, RunDir)>,
     clock: impl Fn() -> Duration + Clone + Send + 'static,

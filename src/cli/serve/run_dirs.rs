@@ -5,12 +5,13 @@ use super::asked::Asked;
 use phasmid_core::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Returns a directory for each device: the default one under [`run_parent`], the requested one, or, with
-/// several devices, a folder in the requested one.
+/// Returns a directory for each device: the default directory under [`run_parent`], the requested
+/// directory, or, with several devices, a folder in the requested directory.
 pub(super) fn run_dirs(args: &Args, devices: &[Asked]) -> Result<Vec<PathBuf>> {
     let names: Vec<&str> = devices.iter().map(|device| device.name.as_str()).collect();
     match &args.run_dir {
-        // Absolute, because device.json is read from other working directories.
+        // Make the path absolute, because device.json, which contains it, is read by programs with
+        // other working directories.
         Some(dir) => {
             let dir = std::path::absolute(dir).map_err(|e| Error::io(dir, e))?;
             Ok(match names.as_slice() {
@@ -63,7 +64,7 @@ fn runtime_dir() -> Option<PathBuf> {
 }
 
 /// Marks a parent directory that was created for the run directories of several devices. A later
-/// run recognises it by the mark, even if the process that created it was killed.
+/// run recognises the directory by this mark, even if the process that created it was killed.
 const MARK: &str = ".phasmid-made-this";
 
 /// Parent directory of the run directories of several devices. Dropping this value removes the
@@ -106,7 +107,8 @@ impl Drop for Holder {
         let Some(path) = &self.0 else {
             return;
         };
-        // Keeps a directory with any other content, such as the devices of another station.
+        // Keep the directory if it contains anything except the mark, such as the devices of
+        // another station.
         let others = std::fs::read_dir(path).map_or(true, |mut entries| {
             entries.any(|entry| entry.map_or(true, |entry| entry.file_name() != MARK))
         });
@@ -130,8 +132,8 @@ mod tests {
         std::fs::create_dir(&dirs[0]).unwrap();
         drop(holder);
         assert!(run.exists(), "somebody's");
-        // The parent and its mark remain, as after a kill. Another holder removes the parent once
-        // it is empty.
+        // Leave the parent and its mark in place, as after a kill. Another holder then removes the
+        // parent once it is empty.
         let holder = Holder::make(&dirs, true).unwrap();
         std::fs::remove_dir(&dirs[0]).unwrap();
         drop(holder);

@@ -5,7 +5,7 @@ use phasmid_core::error::{Error, Result};
 use std::time::Duration;
 use tokio::sync::oneshot;
 
-/// Watches for reasons to end, from its creation on.
+/// Watches for reasons to end the program, from the creation of this value on.
 pub(crate) struct Shutdown {
     signals: Signals,
     parent: Option<oneshot::Receiver<()>>,
@@ -28,7 +28,7 @@ impl Shutdown {
 
     /// Returns whether there has been a reason to end.
     pub(super) async fn has_come(&mut self) -> bool {
-        // The event loop polls the signals only while a task waits, so wait briefly.
+        // The event loop checks for signals only while a task waits, so wait briefly.
         let wait = Duration::from_millis(1);
         tokio::time::timeout(wait, self.wait()).await.is_ok()
     }
@@ -42,11 +42,12 @@ impl Shutdown {
     }
 }
 
-/// Notifies when standard input closes: the process at its other end is gone, even if it was killed.
+/// Returns a channel that reports when standard input closes, which happens when the process at its
+/// other end ends or is killed.
 fn end_of_input() -> std::io::Result<oneshot::Receiver<()>> {
     let (ended, wait) = oneshot::channel();
     std::thread::Builder::new().spawn(move || {
-        // The content is ignored. An error also counts as the end.
+        // Discard the content. A read error also counts as the end of standard input.
         let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
         let _ = ended.send(());
     })?;
@@ -55,7 +56,8 @@ fn end_of_input() -> std::io::Result<oneshot::Receiver<()>> {
 
 async fn gone(parent: Option<&mut oneshot::Receiver<()>>) {
     match parent {
-        // The thread sends or ends without sending; both count as the end.
+        // The thread sends a message or ends without sending. Both count as the end of standard
+        // input.
         Some(wait) => {
             let _ = wait.await;
         }

@@ -35,7 +35,8 @@ struct Made {
 impl Drop for Made {
     fn drop(&mut self) {
         if !self.kept.get() {
-            // Best effort: the reported error is the reason why the device did not start.
+            // Ignore an error here: the error that is reported is the reason why the device did not
+            // start.
             let _ = std::fs::remove_file(&self.path);
         }
     }
@@ -43,7 +44,7 @@ impl Drop for Made {
 
 impl Unit {
     /// Prepares a requested device with its scene, its access to the shared timeline and scene, and
-    /// the faults that apply to it. `observer` sees its traffic.
+    /// the faults that apply to it. `observer` sees the device's traffic.
     pub(super) fn new(
         args: &Args,
         asked: &Asked,
@@ -107,7 +108,7 @@ impl Unit {
         self.served.device.machine.firmware()
     }
 
-    /// Sets the device's USB link and the description of the link.
+    /// Sets the USB link of the device, and the description of its camera to that of the link.
     pub(super) fn set_usb(&mut self, (link, about): (UsbLink, String)) {
         self.served.usb = Some(link);
         self.about = about;

@@ -27,7 +27,7 @@ pub(super) fn listen_address(text: &str) -> std::result::Result<SocketAddr, &'st
 /// Rejects devices that a host could not distinguish.
 pub(super) fn check<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Result<()> {
     let profiles: Vec<_> = profiles.collect();
-    // udev derives the names of its by-id links from these three fields.
+    // Compare these three fields, because udev derives the names of its by-id links from them.
     let id = |profile: &Profile| {
         let identity = &profile.identity;
         [&identity.manufacturer, &identity.model, &identity.serial].map(Clone::clone)
@@ -52,7 +52,8 @@ pub(super) fn check<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Result<(
     Ok(())
 }
 
-/// Serves a USB device for each firmware, inside a tokio runtime. Returns each with a description.
+/// Serves a USB device for each firmware, inside a tokio runtime. Returns the USB link of each
+/// device with a description.
 ///
 /// # Errors
 /// Returns an error if the address is in use, or a device cannot be attached.

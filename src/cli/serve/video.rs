@@ -6,7 +6,7 @@ use phasmid_device::Firmware;
 use phasmid_device::link::VideoOutput;
 use std::time::Duration;
 
-/// Returns the option that selects a pace.
+/// Returns the command-line option that selects this pace of the clock.
 fn option(pace: Pace) -> &'static str {
     match pace {
         Pace::Real => "--clock real",
@@ -49,7 +49,7 @@ pub(super) fn open_video(
     let stream = firmware.stream();
     let opened = match &args.camera {
         CameraChoice::Socket => return Ok((None, String::new())),
-        // The USB device provides the camera.
+        // With `--usb`, the USB device provides the camera, so no V4L2 node is needed.
         CameraChoice::Auto if args.usb.is_some() => return Ok((None, String::new())),
         CameraChoice::Node(path) => Ok(VideoOutput::open(path, &stream, bits, power_on)?),
         CameraChoice::Auto if args.clock != Pace::Real => Err(format!(

@@ -8,7 +8,7 @@ use phasmid_core::error::Result;
 use phasmid_protocol::record::Observer;
 use phasmid_sgrt::Planned;
 
-/// The page and what it shows, if it was asked for.
+/// The page and its views, if `--console` is given.
 pub(super) struct Page<'a>(Option<(Console, RoomViews<'a>)>);
 
 impl<'a> Page<'a> {
@@ -35,7 +35,7 @@ impl<'a> Page<'a> {
                 views = views.with_service(i, service);
             }
         }
-        // Use standard error, because standard output may carry the CSV lines.
+        // Print to standard error, because the CSV lines may go to standard output.
         eprintln!(
             "Console\n  control  {}\n  view     {}\nCtrl-C ends it.",
             console.url(),
@@ -49,7 +49,7 @@ impl<'a> Page<'a> {
         self.0.as_ref().map(|(_, views)| views.observer(pod))
     }
 
-    /// Shows what tracking reports.
+    /// Shows a progress report of tracking.
     pub(super) fn show(&mut self, progress: &TrackProgress<'_>) {
         if let Some((_, views)) = &mut self.0 {
             views.show(progress);

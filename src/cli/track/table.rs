@@ -18,7 +18,7 @@ pub(super) struct Table {
     begin: Instant,
     /// Number of coefficients of the motion model.
     modes: usize,
-    /// `None` before the first line.
+    /// Destination of the lines; `None` until the first line is written.
     to: Option<BufWriter<Box<dyn Write>>>,
 }
 
@@ -70,7 +70,7 @@ impl Table {
         names
     }
 
-    /// Adds a line that the beam is held because no scan has arrived.
+    /// Adds a line which states that the beam is held because no scan has arrived.
     ///
     /// # Errors
     /// Returns an error as [`Self::row`] does.
@@ -82,7 +82,7 @@ impl Table {
         self.line(&fields)
     }
 
-    /// Returns the first fields: the scan's number and the times.
+    /// Returns the first fields of a line: the scan's number and the times.
     fn first(&self, scan: u64, device_s: &str) -> Vec<String> {
         let unix = SystemTime::now().duration_since(UNIX_EPOCH);
         vec![

@@ -10,7 +10,7 @@ use std::ops::RangeInclusive;
 pub enum FrameDoubt {
     /// The frames differ in size; the text lists the sizes.
     Sizes(String),
-    /// Many pixels reach the camera's full scale, and hardly any of the others vary.
+    /// Many pixels reach the camera's full scale, and hardly any other pixel varies.
     Saturated {
         /// Fraction of the pixels that reach full scale, 0 to 1.
         share: f64,
@@ -20,14 +20,14 @@ pub enum FrameDoubt {
         /// Positions of the two frames in the sequence.
         frames: [usize; 2],
     },
-    /// A step of fringes had more or less light than the others of its set, or another pattern.
+    /// One step of a fringe set had more or less light than the other steps, or showed another pattern.
     Light {
         /// Position of the step's frame in the sequence.
         frame: usize,
-        /// Light of the step relative to that of the others.
+        /// Light of the step relative to the light of the other steps.
         part: f64,
     },
-    /// Fringes had distinctly less light than white.
+    /// The fringes had distinctly less light than the white frame.
     Dark {
         /// First and last frame of the fringe set.
         frames: RangeInclusive<usize>,

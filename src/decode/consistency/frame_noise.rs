@@ -7,7 +7,8 @@ use phasmid_geometry::NoiseModel;
 use phasmid_pattern::Image;
 use rayon::prelude::*;
 
-/// Maximum ratio of the frames' noise to that of the calibration; beyond it the factor is clamped.
+/// Maximum factor by which the calibration's noise is scaled up to match the frames; larger factors are
+/// clamped.
 const KNOWN: f64 = 2.0;
 /// Minimum light of a bright frame, relative to the brightest frame.
 const BRIGHTEST: f64 = 0.6;
@@ -15,7 +16,7 @@ const BRIGHTEST: f64 = 0.6;
 const THIN: usize = 3;
 /// Number of rows from which the noise between neighbouring pixels is estimated.
 const ROWS: usize = 16;
-/// Approximate number of pixels in these rows.
+/// Approximate number of pixels used for the estimate of the noise between neighbouring pixels.
 const SMOOTH: usize = 3_000;
 /// Minimum light of a lit pixel in its brightest frame, relative to the 99th percentile of all pixels.
 const LIT: f32 = 0.25;
@@ -23,10 +24,11 @@ const LIT: f32 = 0.25;
 /// pixels.
 const BRIGHT_PART: f32 = 0.5;
 
-/// Returns the noise of the frames, given by some columns and some rows: the smaller of the noise
-/// estimated from redundancy and the noise between neighbouring pixels in the smoothest frames. Damage
-/// raises the first estimate, texture the second. Noise that is `known` from a calibration is used
-/// instead, scaled up to the estimate if that is larger, by at most [`KNOWN`].
+/// Returns the noise of the frames, of which some columns and some rows are given: the smaller of the
+/// noise estimated from redundancy and the noise between neighbouring pixels in the smoothest frames.
+/// Damage raises the first estimate, texture the second. If the noise is `known` from a calibration,
+/// this noise is returned, scaled up towards the estimate if the estimate is larger, but by a factor of
+/// at most [`KNOWN`].
 pub(super) fn noise_of(
     plan: &Plan,
     columns: &[Image],
@@ -76,7 +78,7 @@ fn smoothness(rows: &Pixels, full: f64) -> (f64, NoiseModel) {
             f64::from((a + e - 4.0 * (b + d) + 6.0 * c).abs())
         };
         let mut steps: Vec<f64> = bright.iter().map(step).collect();
-        // A difference 1, -4, 6, -4, 1 has 70 times the variance of a sample.
+        // A difference with the weights 1, -4, 6, -4, 1 has 70 times the variance of a sample.
         let deviation = deviation::of_most(&mut steps, 3.0, 2.0) / 70f64.sqrt();
         Some((f64::from(light), deviation * deviation))
     };

@@ -25,14 +25,14 @@ use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Maximum phase error in radians that a response curve explains with four or more steps: with four
-/// steps a projector of gamma 0.6 has 0.06, one of gamma 2.2 has 0.01.
+/// steps, a projector of gamma 0.6 causes 0.06, and a projector of gamma 2.2 causes 0.01.
 const LARGEST_RAD: f64 = 0.08;
 /// Maximum phase error in radians that a response curve explains with three steps: gamma 2.2 gives
 /// 0.29.
 const BELIEVED_RAD: f64 = 0.35;
-/// Minimum number of steps of a set for which a larger error is rejected.
+/// A phase error above [`LARGEST_RAD`] is rejected only for sets of at least this many steps.
 const REFUSED_STEPS: usize = 4;
-/// Phase errors up to this one in radians are not reported: 0.05 projector pixels for a period of 16.
+/// Maximum phase error in radians that is not reported; for a period of 16 px it is 0.05 px.
 const WORTH_RAD: f64 = 0.02;
 /// Number of standard errors by which a phase error must exceed [`WORTH_RAD`] or [`LARGEST_RAD`].
 const SIGMAS: f64 = 4.0;
@@ -50,8 +50,8 @@ const LEAST_SIGMAS: f64 = 4.0;
 const CONTRAST: f32 = 10.0;
 /// Minimum contrast of white and black in DN: below it, rounding errors follow the phase.
 const CONTRAST_DN: f32 = 12.0;
-/// Modulation, relative to the median pixel, of the pixels that are used: blur lowers the modulation,
-/// and larger values are implausible.
+/// Allowed modulation of the pixels that are used, relative to the median pixel: blur lowers the
+/// modulation, and larger values are implausible.
 const USUAL: std::ops::Range<f64> = 0.5..2.0;
 /// Maximum phase change between neighbouring pixels, and maximum difference of two successive changes,
 /// in radians: larger ones are edges.
@@ -117,7 +117,7 @@ pub(super) fn of_capture(sample: &Sample) -> Vec<Bent> {
 }
 
 /// Returns the amplitude of the phase error and its standard deviation, in radians, from rows and
-/// columns along which the phase changes enough to show it; `None` if too few pixels do.
+/// columns along which the phase changes enough to show the error; `None` if these have too few pixels.
 fn phase_error(set: &FringeSet, sample: &Sample) -> Option<(f64, f64)> {
     let lines = [true, false].map(|rows| along_lines(set, sample, rows));
     let shown = lines.into_iter().filter(Sums::is_shown);
@@ -132,7 +132,7 @@ fn phase_error(set: &FringeSet, sample: &Sample) -> Option<(f64, f64)> {
     Some((error.norm(), (variance * most).sqrt()))
 }
 
-/// The sums over lines along the rows or down the columns.
+/// Returns the sums over some rows, or over some columns if `rows` is false.
 fn along_lines(set: &FringeSet, sample: &Sample, rows: bool) -> Sums {
     let pixels = if rows { &sample.rows } else { &sample.columns };
     let Some(fringes) = pixels.fringes(set) else {
@@ -246,7 +246,7 @@ fn ripple(set: &FringeSet, sample: &Sample) -> Option<f64> {
     Some(fitted[1].hypot(fitted[2]) / fitted[0])
 }
 
-/// Reduces a difference of two angles, each between -pi and pi, to the same range.
+/// Reduces a difference of two angles, each between -pi and pi, to that range.
 fn wrapped(difference: f64) -> f64 {
     if difference < -PI {
         difference + TAU

@@ -1,9 +1,9 @@
-//! The bits of a Gray code, by their edges.
+//! Checks the bits of a Gray code by the edges between its cells.
 //!
 //! Along a surface the code counts up or down by one or stays. Where exactly one bit changes between
-//! neighbouring pixels, their cells should be adjacent. If two bits are exchanged, or one frame shows
-//! another pattern, the cells are far apart. At depth steps several bits change at once; such changes
-//! are not evaluated.
+//! neighbouring pixels, the two pixels should lie in adjacent cells. If two bits are exchanged, or one
+//! frame shows another pattern, the cells are far apart. At depth steps several bits change at once;
+//! such changes are not evaluated.
 
 use super::pixels::{Line, Pixels};
 use super::sample::Sample;
@@ -13,18 +13,17 @@ use rayon::prelude::*;
 
 /// Number of rows and of columns that are examined.
 const LINES: usize = 32;
-/// Minimum contrast of a bit, relative to the full contrast, for a clear bit.
+/// Minimum contrast of a clear bit, relative to the full contrast.
 const CLEAR: f32 = 0.25;
-/// Minimum contrast in standard deviations of the noise.
+/// Minimum full contrast of a pixel, in standard deviations of the noise.
 const CONTRAST: f64 = 14.0;
-/// Maximum distance in pixels between two compared pixels: pixels between them lie on an edge and are
-/// not clear.
+/// Maximum distance in pixels between two compared pixels; the pixels in between lie on an edge and have
+/// an unclear bit.
 const APART: usize = 4;
 /// Minimum number of edges of a bit for a verdict.
 const FEWEST: usize = 12;
 
-/// Whether, for some bit of an axis, more of its edges lie between distant cells than between adjacent
-/// ones.
+/// Whether an axis has a bit with more edges between distant cells than between adjacent cells.
 pub(super) fn has_jumps(sample: &Sample, axis: &AxisPlan) -> bool {
     let Some(code) = &axis.gray else {
         return false;
@@ -108,7 +107,7 @@ fn words(
     pixels: &Pixels,
     least: f32,
 ) -> Vec<Option<u64>> {
-    // White and black, or the fringes if these are missing, give the mean and half of the contrast.
+    // White and black give the mean and half of the contrast; if they are missing, the fringes do.
     let light = match (plan.references(), axis.sets.first()) {
         (Some((white, black)), _) => {
             let [white, black] = [white, black].map(|frame| pixels.frame(frame));

@@ -1,4 +1,4 @@
-//! Whether the frames of a capture are those of its sequence, judged by one model of a capture.
+//! Checks whether the frames of a capture belong to its sequence, by one model of a capture.
 //!
 //! **Model.** A pixel sees one place of the projector. It has one mean and, in each fringe set, one
 //! contrast (blur reduces that of fine fringes more), and all patterns of an axis agree on one
@@ -8,8 +8,8 @@
 //! and surfaces may see two places and are left out, as are pixels whose noise makes the fringe order
 //! uncertain.
 //!
-//! **Statistics**, of about 25,000 pixels from all rows, decoded by the decoder itself. Scale and light
-//! use 4,000 of these pixels; jumps of the code and phase errors also use some whole rows:
+//! **Statistics**, of about 25,000 pixels from all rows, which the decoder itself decodes. Scale and
+//! light use 4,000 of these pixels; jumps of the code and phase errors also use some whole rows:
 //!
 //! | statistic | sound captures | limit |
 //! | --- | --- | --- |
@@ -20,7 +20,7 @@
 //! | error of the phase that follows the phase | at most 0.06 rad | `harmonics::LARGEST_RAD` |
 //!
 //! The second column was measured on captures of 400 random devices and of built-in ones; captures of a
-//! physical scanner and of calibrations pass too. The book's page on the faults matrix names the
+//! physical scanner and of calibrations pass too. The page on the fault matrix in `docs` names the
 //! commands. The allowance for chance is exceeded in one of ten thousand scans of a capture at the
 //! limit.
 //!
@@ -29,12 +29,12 @@
 //! calibration it is the smaller of two estimates: from the residuals, and from neighbouring lit pixels
 //! in the smoothest frames.
 //!
-//! **Detectable damage.** N steps of a set leave N - 3 residuals. Four or more steps show in each pixel
-//! that one of them is wrong. A set of three steps can only be compared with the mean of the other sets
-//! of its axis; a single set of three steps shows nothing. A Gray code with cells of half a period
-//! checks every bit against the phase: each wrong bit reverses the order of all finer ones. If an
-//! exchange of two frames explains the capture, the message names them; if not, it names the rows if
-//! the damage is confined to some.
+//! **Detectable damage.** N steps of a set leave N - 3 residuals. With four or more steps, each pixel
+//! shows that one step is wrong. A set of three steps can only be compared with the mean of the other
+//! sets of its axis; a single set of three steps shows nothing. A Gray code with cells of half a period
+//! checks every bit against the phase: each wrong bit reverses the order of all finer bits. If an
+//! exchange of two frames explains the capture, the message names them; if not, it names the rows if the
+//! damage is confined to some.
 //!
 //! **Undetectable damage**: two frames that are equal where the camera sees them; a rotation or
 //! reversal of the steps of a single set, or of a set whose code has no half cells, except for jumps
@@ -66,35 +66,37 @@ use sample::{Count, FEWEST, Sample};
 
 /// Maximum fraction of contradictory pixels: more than twice that of sound captures.
 const RATE: f64 = 2.5e-3;
-/// The same for a code whose edges coincide with the ends of fringe periods, where pixels are
-/// uncertain.
+/// Maximum fraction of contradictory pixels for a code whose edges coincide with the ends of fringe
+/// periods, where pixels are uncertain.
 const EDGES: f64 = 0.08;
-/// Quantile of the normal distribution for one in ten thousand, with two axes and a margin for
-/// correlated neighbours.
+/// Quantile of the normal distribution for a probability of one in ten thousand, with two axes and a
+/// margin for correlated neighbours.
 const QUANTILE: f64 = 4.0;
-/// Largest scale of residuals, in standard deviations of noise and model error.
+/// Maximum scale of the residuals, in standard deviations of noise and model error.
 const SCALE: f32 = 3.0;
-/// Maximum difference in light of a set's steps, in units of the residual: it rejects one of four steps
-/// with 0.92 of the light of the others, and one of three with 0.9.
+/// Maximum difference in light of a set's steps, in units of the residual. It rejects a set of four
+/// steps if one has 0.92 of the light of the others, and a set of three steps if one has 0.9.
 const LIGHT: f32 = 0.055;
-/// Minimum ratio of the residuals' scale before the common part is removed to the scale after it, for
-/// which the common part explains them.
+/// The common part of the residuals explains them if removing it divides their scale by at least this
+/// factor.
 const EXPLAINED: f32 = 10.0;
-/// Minimum mean of the fringes between black and white, 0 to 1: a projector of gamma 2.2 has 0.36.
+/// Minimum mean of the fringes on a scale from 0 (black) to 1 (white): a projector of gamma 2.2 has
+/// 0.36.
 const DARK: f64 = 0.28;
 /// Minimum contrast of white and black, in standard deviations of noise, of pixels that are used for
 /// the fringes' mean.
 const CONTRAST: f32 = 20.0;
 /// Minimum fraction of lit pixels for a check.
 const LEAST_LIT: f64 = 1e-3;
-/// Below this fraction of lit pixels, the camera may see objects other than the surface.
+/// If less than this fraction of the pixels is lit, at least half of the lit pixels must have a
+/// coordinate.
 const FEW_LIT: f64 = 2e-2;
 /// Minimum number of valid pixels of a small surface.
 const LEAST_PIXELS: usize = 12;
 /// Minimum fraction of saturated pixels for which saturation is reported as the cause of missing
 /// modulation.
 const MANY_SATURATED: f64 = 0.2;
-/// Maximum distance in frames between two that are tested for an exchange.
+/// Maximum distance, in frames of the sequence, between two frames that are tested for an exchange.
 const NEAR: usize = 3;
 /// Maximum cell width of a code, in periods, for which an edge lies within each period.
 const HALF_CELL: f64 = 0.75;
@@ -109,7 +111,8 @@ pub struct Known {
 }
 
 impl Known {
-    /// Describes a capture by whether the link identifies its frames, and by the device's calibration.
+    /// Collects what is known: whether the link identifies frames, and the noise in the device's
+    /// calibration.
     pub fn new(identified: bool, calibration: Option<&Rig>) -> Self {
         Self {
             identified,
@@ -118,12 +121,12 @@ impl Known {
     }
 }
 
-/// Checks that the frames follow the sequence: as many as the sequence has, of one size and format.
-/// Frames that hardly vary pass; [`check_modulation`] rejects them. A sequence passes unchecked if some
-/// of its frames were not loaded because no decoder needs them.
+/// Checks that the frames follow the sequence: their number and patterns are those of the sequence, and
+/// all have one size and format. Frames that hardly vary pass; [`check_modulation`] rejects them. A
+/// sequence passes unchecked if some of its frames were not loaded because no decoder needs them.
 ///
 /// # Errors
-/// Returns how the frames differ from the sequence.
+/// Returns a [`FrameDoubt`] that states how the frames differ from the sequence.
 pub fn check_sequence(
     manifest: &Manifest,
     frames: &[Image],
@@ -214,11 +217,11 @@ pub fn check_modulation(manifest: &Manifest, frames: &[Image]) -> Result<()> {
     )))
 }
 
-/// Fractions of all pixels.
+/// How much of the image is lit, as fractions of all pixels.
 struct Lit {
-    /// Modulated and not saturated.
+    /// Fraction of the pixels that are modulated and not saturated.
     share: f64,
-    /// With a coordinate.
+    /// Fraction of the pixels that have a coordinate.
     valid: f64,
 }
 
@@ -317,8 +320,8 @@ fn is_too_many(count: Count, rate: f64) -> bool {
     count.odd as f64 > most
 }
 
-/// Whether each order is determined twice: by several periods, or by a code with an edge within each
-/// period. If not, pixels on the edges of the code are uncertain.
+/// Whether the fringe order of each pixel is determined twice: by several periods, or by a code with an
+/// edge within each period. If not, pixels on the edges of the code are uncertain.
 fn has_half_cells(axis: &AxisPlan) -> bool {
     match (&axis.gray, axis.order) {
         (Some(code), Order::Resolved { repeat_px }) => code.cell_px < HALF_CELL * repeat_px,

@@ -4,11 +4,11 @@ use crate::{FringeSet, Plan};
 use phasmid_pattern::{Image, Samples};
 use rayon::prelude::*;
 
-/// Relative change of the light between neighbouring pixels above which a surface or its colour ends
-/// there.
+/// Relative change of the light between neighbouring pixels above which an edge of a surface or colour
+/// lies between them.
 const STEP: f32 = 0.2;
 
-/// The same rows of all frames.
+/// The samples of the same rows in all frames, and the fringes computed from them.
 pub(super) struct Pixels {
     pub(super) width: usize,
     pub(super) height: usize,

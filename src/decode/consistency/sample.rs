@@ -14,7 +14,8 @@ use std::ops::RangeInclusive;
 
 /// Minimum number of pixels for an estimate of a property of all pixels.
 pub(super) const FEWEST: usize = 400;
-/// Maximum difference between sums of complementary bits, relative to the contrast.
+/// Maximum difference, between the bits of an axis, in the sum of a bit and its complement, relative to
+/// the contrast.
 const UNLIKE: f32 = 0.5;
 /// Spacing in pixels of the samples that test which frames are exchanged.
 const THIN: usize = 3;
@@ -61,7 +62,8 @@ impl Count {
 }
 
 impl Sample {
-    /// Decodes some pixels of frames; `None` if they differ in size, are empty or cannot be decoded.
+    /// Decodes some pixels of the frames; `None` if the frames differ in size, are empty or cannot be
+    /// decoded.
     pub(super) fn new(
         manifest: &Manifest,
         frames: &[Image],
@@ -162,7 +164,8 @@ impl Sample {
     fn complements_disagree(&self, axis: &AxisPlan) -> Vec<bool> {
         let range = |[low, high]: [f32; 2], v: f32| [low.min(v), high.max(v)];
         let none = [f32::INFINITY, f32::NEG_INFINITY];
-        // Ranges of the sums and of the samples, for each pixel.
+        // For each pixel, the range of the sums of a bit and its complement, and the range of the
+        // samples.
         let mut ranges = vec![[none; 2]; self.columns.len()];
         let bits = axis.gray.iter().flat_map(|code| &code.bits);
         for (plain, inverse) in bits.filter_map(|bit| bit.plain.zip(bit.inverse)) {
@@ -192,7 +195,7 @@ impl Sample {
     }
 
     /// Returns the pair of frames whose exchange gives the most pixels of an axis a coordinate, if that
-    /// recovers more than half of the lit pixels without one.
+    /// recovers more than half of the lit pixels without a coordinate.
     pub(super) fn exchanged(
         &self,
         manifest: &Manifest,

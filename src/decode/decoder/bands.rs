@@ -137,7 +137,7 @@ impl Decoder {
     }
 }
 
-/// Chunks of a map's three vectors, in parallel.
+/// Splits the three vectors of a map into chunks of `size` pixels, and iterates over matching chunks.
 fn bands(
     map: &mut Option<AxisMap>,
     size: usize,

@@ -1,5 +1,5 @@
-//! The decoder: tables prepared once from a plan, an image size and a rig, which then turn frames
-//! into maps.
+//! The decoder turns frames into maps, with tables that are prepared once from a plan, an image size and
+//! a rig.
 //!
 //! `bands` runs pass 1 and `neighbours` pass 2.
 
@@ -120,7 +120,7 @@ impl Decoder {
         }
     }
 
-    /// Lets another thread end decoding early: it then returns [`Error::Interrupted`].
+    /// Lets another thread end decoding early; decoding then returns [`Error::Interrupted`].
     #[must_use]
     pub fn with_stop(self, stop: Stop) -> Self {
         Self { stop, ..self }
@@ -136,8 +136,8 @@ impl Decoder {
         self.triangulator.as_ref()
     }
 
-    /// Decodes images in the manifest's order. An image that no coordinate needs (of an image pattern)
-    /// may be empty.
+    /// Decodes images in the manifest's order. An image that no coordinate depends on, such as the image
+    /// of an image pattern, may be empty.
     ///
     /// # Errors
     /// Returns an error if the number or size of the images differs from that given to [`Self::new`],

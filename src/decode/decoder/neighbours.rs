@@ -12,7 +12,8 @@ use rayon::prelude::*;
 pub(super) struct Finest {
     /// Period in projector pixels times the spacing of the decoded pixels; infinite without fringes.
     pub(super) period: f32,
-    /// Variance of the coordinate due to the error of the model of a sample, in projector pixels^2.
+    /// Variance of the coordinate due to model errors of the samples (rounded levels), in projector
+    /// pixels^2.
     pub(super) model: f32,
 }
 
@@ -127,7 +128,7 @@ fn pad<'a>(buffer: &'a mut [f32], row: &[f32]) -> &'a [f32] {
     buffer
 }
 
-/// Period that a map is known modulo; 0 if it is absolute.
+/// Returns the period modulo which a map's coordinates are known; 0 if they are absolute.
 fn period(map: &AxisMap) -> f32 {
     map.wrapped_px.unwrap_or(0.0) as f32
 }

@@ -15,13 +15,13 @@ use std::f64::consts::{PI, TAU};
 
 /// Number of intervals per projector pixel.
 pub(super) const POINTS: usize = 256;
-/// Number of harmonics on either side. Without blur, a_m falls as 1 / m^2; the omitted harmonics add
-/// less than 1e-3 px.
+/// Maximum order m of the harmonics; orders from -m to m are summed. Without blur, a_m falls as 1 / m^2;
+/// the omitted harmonics add less than 1e-3 px.
 const HARMONICS: i32 = 32;
 
-/// Distances between neighbouring camera pixels, in tenths of the footprint's width: smaller than the
-/// width for lines across the direction in which the coordinate changes most, and one larger because
-/// widths are not exact.
+/// Distances between neighbouring camera pixels for which [`Curve::bend`] is computed, in tenths of the
+/// footprint's width. They are smaller than the width along lines on which the coordinate changes more
+/// slowly; one is larger because widths are not exact.
 const TENTHS: std::ops::RangeInclusive<u8> = 1..=11;
 
 /// Footprint and blur at a node, in projector pixels.
@@ -52,7 +52,8 @@ impl Curve {
             .map(|m| (f64::from(m), strength(period, width, blur, m)))
             .collect();
         let mut error = [0.0; POINTS + 1];
-        // The curve is odd about the pixel's centre and about its edge.
+        // The curve is an odd function about the pixel's centre and about its edge, so one half is
+        // computed.
         for i in 1..POINTS / 2 {
             let x = i as f64 / POINTS as f64;
             let (mut re, mut im) = (0.0, 0.0);

@@ -2,9 +2,9 @@
 //!
 //! At each node of the grid a parabola is fitted to a run of coordinates along a line of pixels. Its
 //! slope is the width of the footprint. Its residuals contain the error of held pixels. The error
-//! without blur is known ([`super::curve`]), and a regression of the residuals on it gives the fraction
-//! that blur has left. The regression uses all harmonics, since at widths such as 2/3 they look alike
-//! from pixel to pixel.
+//! without blur is known ([`super::curve`]), and a regression of the residuals on that error gives the
+//! fraction of it that remains after blur. The regression uses all harmonics, since at widths such as
+//! 2/3 the harmonics look alike from pixel to pixel.
 
 use super::curve::Footprint;
 use super::posterior::Table;
@@ -22,20 +22,22 @@ const HALF: [usize; 2] = [6, 40];
 const MOST: usize = 2 * HALF[1] + 1;
 /// Minimum number of pixels of a run.
 const LEAST: usize = 9;
-/// Half length of a run in projector pixels: long enough for the parabola to average out their errors.
+/// Half length of a run in projector pixels: long enough for the parabola to average out the errors of
+/// held projector pixels.
 const PERIODS: f32 = 5.0;
 /// Maximum half length, in pixels, of a run that is extended because its error repeats slowly.
 const BEAT: f32 = 12.0;
-/// Prior standard deviations of the fraction of the error that blur leaves: of the whole image's
-/// fraction from 1, and of a node's fraction from the image's, since blur varies with depth.
+/// Prior standard deviations of the fraction of the error that blur leaves: the first for the difference
+/// of the whole image's fraction from 1, the second for the difference of a node's fraction from the
+/// image's, since blur varies with depth.
 const PRIOR: [f32; 2] = [0.5, 0.15];
-/// A fraction above this counts as no blur. The blur is the square root of the fraction's logarithm and
-/// sensitive there: an error of 0.005 in the fraction would give a blur of 0.016 px.
+/// A fraction above this counts as no blur. The blur is the square root of the fraction's logarithm,
+/// which is steep near 1: an error of 0.005 in the fraction would give a blur of 0.016 px.
 const SHARP: f32 = 0.95;
 /// Distance in nodes, on either side, over which the fraction is averaged.
 const REACH: usize = 2;
-/// Error of the model itself in projector pixels: rounding of the pattern's levels, and light that
-/// differs within a pixel.
+/// Minimum residual that is assumed for a run, in projector pixels: the model omits the rounding of the
+/// pattern's levels, and light that differs within a pixel.
 const MODEL_PX: f32 = 0.004;
 /// Maximum relative change of the width between neighbouring nodes of a smooth surface.
 const EVEN: f32 = 0.2;
@@ -325,7 +327,7 @@ impl Grid {
         grid
     }
 
-    /// Gives cells without a footprint that of a neighbour.
+    /// Gives each cell without a footprint the footprint of a neighbour.
     fn fill(&mut self) {
         let old = self.cells.clone();
         let columns = self.columns;
@@ -368,8 +370,8 @@ impl Lines<'_> {
         if least.is_finite() { least } else { 0.0 }
     }
 
-    /// Returns true if the width at a node is measured and near that of a neighbour along the line. At
-    /// a crease it differs from both.
+    /// Returns true if the width at a node is measured and near the width at a neighbour along the line.
+    /// At a crease it differs from the widths at both neighbours.
     fn is_even(&self, fits: &[Option<Fit>], size: [usize; 2], i: usize) -> bool {
         let Some(here) = fits[i] else { return false };
         let differs = |there: &Fit| (there.slope - here.slope).abs() > EVEN * here.slope;
@@ -421,7 +423,7 @@ fn blur_of(share: f32) -> f32 {
     if share > SHARP {
         0.0
     } else {
-        // The smallest share is a blur with which the error vanishes.
+        // The lower bound of the share is a blur at which the error vanishes.
         (-share.max(1e-4).ln() / (2.0 * PI * PI)).sqrt()
     }
 }

@@ -44,8 +44,8 @@ const COARSE: usize = 32;
 const LARGE: f32 = 0.5;
 /// Approximate number of pixels sampled for a note.
 const SAMPLES: usize = 4000;
-/// Limits of a negligible error: fractions of the noise, and fractions of the image in which the error
-/// may exceed them. Even where blur removes all error, the measured blur scatters.
+/// Limits of a negligible error, as pairs: a fraction of the noise, and the fraction of the image in
+/// which the error may exceed it. Even where blur removes all error, the measured blur scatters.
 const FEW: [[f32; 2]; 2] = [[NEGLIGIBLE, 0.1], [3.0 * NEGLIGIBLE, 0.01]];
 
 /// The footprints of a map's pixels on the projector's.

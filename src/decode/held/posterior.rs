@@ -5,7 +5,7 @@ use super::curve::{Curve, Footprint, POINTS, at};
 use std::iter::repeat_with;
 use std::sync::OnceLock;
 
-/// Intervals of a decoded coordinate per projector pixel.
+/// Number of intervals per projector pixel into which decoded coordinates are divided.
 const BINS: usize = 64;
 /// Spacing of the table's footprints in projector pixels; the curves in between are interpolated.
 const WIDTH_STEP: f32 = 0.05;
@@ -14,8 +14,8 @@ const WIDEST: f32 = 6.0;
 const WIDTHS: usize = 121;
 /// The table's blurs in projector pixels; with the last one the error vanishes.
 const BLURS: [f32; 9] = [0.0, 0.06, 0.12, 0.18, 0.25, 0.32, 0.4, 0.52, 0.7];
-/// Minimum noise and model error in projector pixels. A smaller one would decide between true
-/// coordinates by differences below the accuracy of the footprint's model.
+/// Minimum standard deviation of noise and model error together, in projector pixels. A smaller one
+/// would decide between true coordinates by differences below the accuracy of the footprint's model.
 const LEAST_SIGMA: f32 = 0.004;
 /// Ratio of successive noise levels in the table; the nearest level is used.
 const SIGMA_RATIO: f32 = 1.2;
@@ -28,7 +28,8 @@ const REACH: f32 = 5.0;
 /// Correction and its uncertainty over one projector pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Profile {
-    /// True minus decoded coordinate in projector pixels, by the decoded coordinate modulo one pixel.
+    /// True minus decoded coordinate in projector pixels, tabulated over the decoded coordinate modulo
+    /// one pixel.
     shift: [f32; BINS + 1],
     /// Variance of the true coordinate in square projector pixels, noise included.
     variance: [f32; BINS + 1],
@@ -107,7 +108,7 @@ impl Profile {
 pub(super) struct Estimate {
     /// True minus decoded coordinate in projector pixels.
     pub(super) shift: f32,
-    /// Derivative of the estimate with respect to the decoded coordinate: the factor on its noise.
+    /// Derivative of the estimate with respect to the decoded coordinate, whose noise it multiplies.
     pub(super) gain: f32,
     /// Standard deviation of the true coordinate in projector pixels, without the contribution of
     /// noise.
@@ -245,7 +246,7 @@ fn between(place: f32, entries: usize) -> Between {
     (first, place - first as f32)
 }
 
-/// The two entries with their weights.
+/// Returns the indices of the two entries, each with its weight.
 fn corners((first, share): Between) -> [(usize, f32); 2] {
     [(first, 1.0 - share), (first + 1, share)]
 }

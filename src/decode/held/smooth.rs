@@ -30,7 +30,7 @@ const MODEL_PX: f32 = 0.004;
 struct Smooth {
     /// Coordinate in projector pixels; NaN if too few pixels around are known.
     value: f32,
-    /// Its variance due to noise, relative to that of one pixel.
+    /// Variance of `value` due to noise, relative to the noise variance of one pixel's coordinate.
     variance: f32,
 }
 
@@ -176,7 +176,7 @@ impl Lines<'_> {
 struct Prior {
     /// The error at x = 0, 1 / `POINTS`, ... 1, blurred by the uncertainty of the smooth map.
     error: [f32; POINTS + 1],
-    /// Variance of the smooth map without that due to noise.
+    /// Variance of the smooth map, without the variance due to noise.
     misfit: f32,
     /// Variance of the error that the smooth map does not explain.
     unexplained: f32,
@@ -190,8 +190,8 @@ struct Estimate {
 }
 
 impl Prior {
-    /// Judges a cell by its decoded coordinates, their noise and the smooth map; `None` if something is
-    /// missing or the error is negligible.
+    /// Creates the prior of a cell from its decoded coordinates, their noise and the smooth map; `None`
+    /// if one of these is missing or the error is negligible.
     fn new(
         pixels: impl Iterator<Item = (f32, f32, Smooth)>,
         footprint: Footprint,

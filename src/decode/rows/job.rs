@@ -104,7 +104,7 @@ pub(crate) struct Scratch {
     pub(super) sum: Vec<f32>,
     /// Mean of white and black.
     pub(super) middle: Vec<f32>,
-    /// Half of white minus black; without these frames the modulation.
+    /// Half of white minus black; if the sequence lacks these frames, the modulation.
     pub(super) half: Vec<f32>,
     /// Standard deviation of a sample at the pixel's mean.
     pub(super) sigma: Vec<f32>,

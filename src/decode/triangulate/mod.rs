@@ -150,8 +150,8 @@ impl Triangulator {
         view.point(local * f64::from(depth)).as_vec3().to_array()
     }
 
-    /// Writes the points of row `v` whose depth is not NaN into `points`, whose length must be their
-    /// number.
+    /// Writes the points of row `v` whose depth is not NaN into `points`, which must have exactly that
+    /// many elements.
     pub fn points_row(&self, v: usize, depth: &[f32], points: &mut [[f32; 3]]) {
         let at = v * self.width;
         let (rx, ry) = (&self.rays[0][at..], &self.rays[1][at..]);
@@ -218,9 +218,9 @@ pub type Lit = ([f64; 2], [Option<Measured>; 2]);
 impl Triangulator {
     /// Computes the standard deviation in mm that errors of the calibration cause in the depth of each
     /// pixel, to first order, from the covariance of the rig. These errors are common to all scans and
-    /// nearly equal at neighbouring pixels; the sigma of noise does not contain them. NaN where
-    /// a pixel has no depth; infinite where it has none with a rig one standard deviation away; `None`
-    /// if the rig has no covariance.
+    /// nearly equal at neighbouring pixels; the sigma of noise does not contain them. NaN where a pixel
+    /// has no depth; infinite where it has no depth with a rig that is one standard deviation off;
+    /// `None` if the rig has no covariance.
     pub fn calibration_sigma(&self, pixels: &[Lit]) -> Option<Vec<f64>> {
         let covariance = self.rig.covariance.as_ref()?;
         // Effects of independent steps add up in squares.
@@ -246,7 +246,7 @@ impl Triangulator {
         Some(sigma.collect())
     }
 
-    /// Without a table of rays: for [`Self::depth`] only.
+    /// Creates a triangulator without a table of rays; only [`Self::depth`] may be used with it.
     fn bare(rig: &Rig) -> Self {
         Self::with_rays(rig, 0, [Vec::new(), Vec::new()])
     }

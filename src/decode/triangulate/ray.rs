@@ -12,10 +12,10 @@ const WORST_MISS_PX: f64 = 5.0;
 const ITERATIONS: usize = 8;
 
 impl Triangulator {
-    /// Computes the depth (z in the camera's frame) and its standard deviation, both in mm, of the
-    /// ray through camera pixel `camera_px` lit from the given projector coordinates, in f64 directly
-    /// from the lens model. Returns `None` without a coordinate, behind either lens, or without
-    /// parallax.
+    /// Computes the depth (z in the camera's frame) and its standard deviation, both in mm, of the point
+    /// at camera pixel `camera_px` that is lit from the given projector coordinates, in f64 directly
+    /// from the lens model. Returns `None` if no coordinate is given, if the point is behind a lens, or
+    /// if there is too little parallax.
     pub fn depth<V: Vector2>(
         &self,
         camera_px: V,
@@ -29,7 +29,8 @@ impl Triangulator {
         )
     }
 
-    /// The depth and its standard deviation along the camera ray (X/Z, Y/Z).
+    /// Computes the depth and its standard deviation along the camera ray with the direction (X/Z, Y/Z,
+    /// 1).
     pub(super) fn solve(
         &self,
         ray: DVec2,
@@ -64,9 +65,9 @@ impl Triangulator {
         (ahead && s <= WORST_RELATIVE_SIGMA * t).then_some((t, s))
     }
 
-    /// Refines from infinity, for far points: distortion can move a column by more than their parallax,
-    /// and the undistorted plane is then a bad start. The result must lie where the distortion model is
-    /// valid (has not folded over).
+    /// Refines from infinity, for far points: distortion can move a column by more than the parallax of
+    /// such points, and the undistorted plane is then a bad start. The result must lie where the
+    /// distortion model is valid (has not folded over).
     #[cold]
     fn refine_from_afar(&self, ray: [DVec3; 2], of: [Option<Measured>; 2]) -> Option<(f64, f64)> {
         let lens = &self.rig.projector.lens;

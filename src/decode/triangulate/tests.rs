@@ -106,7 +106,7 @@ fn impossible_coordinates_give_no_depth() {
     let px = DVec2::new(80.0, 40.0);
     let x = |px| Some(Measured { px, sigma: 0.02 });
     assert!(triangulator.depth(px, None, None).is_none());
-    // The vanishing point of the ray, and beyond it.
+    // A column at the ray's vanishing point gives no depth, nor does a column beyond it.
     let far = rig.projector.project(rig.camera.ray(px) * 1e7).unwrap();
     assert!(triangulator.depth(px, x(far.x), None).is_none());
     assert!(triangulator.depth(px, x(far.x + 500.0), None).is_none());

@@ -1,12 +1,12 @@
-//! One fault of a schedule: counts events and decides which of them it strikes.
+//! One fault of a schedule: counts events and decides which of the events the fault strikes.
 
 use super::chance::{Chance, Draws};
 use phasmid_protocol::faults::{Direction, Fault, Frames, Side, What};
 
-/// Where a fault strikes.
+/// Kind of event that a fault strikes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Way {
-    /// Frames, from their exposure on.
+    /// Frames, at the start of their exposure.
     Camera,
     /// Messages to the device.
     ToDevice,
@@ -47,7 +47,7 @@ impl Armed {
         }
     }
 
-    /// Returns where the fault strikes.
+    /// Returns the kind of event that the fault strikes.
     pub(super) fn way(&self) -> Way {
         if self.fault.side() == Side::Camera {
             return Way::Camera;
@@ -87,7 +87,8 @@ impl Armed {
         self.fault.times.is_some_and(|times| self.struck >= times)
     }
 
-    /// Counts an event. If the fault strikes it, returns what goes wrong and the event's random draws.
+    /// Counts an event. If the fault strikes the event, returns what goes wrong and the event's
+    /// random draws.
     pub(super) fn strike(&mut self, event: &Event<'_>, chance: Chance) -> Option<(What, Draws)> {
         if self.is_over() || !self.counts(event) {
             return None;
@@ -236,7 +237,7 @@ mod tests {
             ..When::default()
         };
         let hit = struck(armed(What::Dark, when.clone(), None), 10_000, "");
-        // Five standard deviations of a binomial distribution.
+        // Five standard deviations of the binomial distribution of the number of hits.
         let far = 5.0 * (10_000.0f64 * 0.25 * 0.75).sqrt();
         assert!((hit.len() as f64 - 2500.0).abs() < far, "{}", hit.len());
         assert_eq!(hit, struck(armed(What::Dark, when, None), 10_000, ""));

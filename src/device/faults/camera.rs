@@ -1,5 +1,6 @@
-//! Faults of frames. Whether a fault strikes is decided at exposure; effects on the light are
-//! applied then, effects on the finished frame when it arrives.
+//! Faults of frames. Whether a fault strikes a frame is decided at the frame's exposure. Effects on
+//! the light are applied to the exposure, effects on the finished frame when the frame arrives from
+//! the renderer.
 
 use super::armed::{Event, Way};
 use super::chance::Draws;
@@ -9,16 +10,16 @@ use phasmid_protocol::Frame;
 use phasmid_protocol::faults::What;
 use std::sync::Arc;
 
-/// Maximum number of struck exposures whose frames have not arrived. Beyond it the oldest entry is
-/// dropped; a served device never has that many frames in flight.
+/// Maximum number of exposures that a fault has struck and whose frames have not arrived. Beyond it
+/// the oldest entry is dropped; a served device never has that many frames in flight.
 const MAX_PLANNED: usize = 16_384;
 
 /// Pattern images of the selected sequence; `None` where the projector's light is off.
 pub type PatternImages<'a> = &'a dyn Fn() -> Vec<Option<Arc<PatternImage>>>;
 
 impl Faults {
-    /// Applies faults to exposures on their way to the optics. The number of exposures is
-    /// unchanged; `pattern_images` returns the pattern images of the sequence being exposed.
+    /// Applies faults to exposures on their way to the optics, without changing their number.
+    /// `pattern_images` returns the pattern images of the sequence being exposed.
     pub fn exposures(
         &mut self,
         mut exposures: Vec<Exposure>,
@@ -58,7 +59,7 @@ impl Faults {
         exposures
     }
 
-    /// Receives a frame on its way out.
+    /// Accepts a finished frame from the optics, on its way to the client.
     pub fn frame(&mut self, frame: Arc<Frame>, now_ns: u64) {
         self.now_ns = self.now_ns.max(now_ns);
         while self.planned.front().is_some_and(|(id, _)| *id < frame.id) {
@@ -96,13 +97,13 @@ impl Faults {
                 What::BitsFlipped { count } => {
                     frame::bits_flipped(&mut Arc::make_mut(&mut frame).data, count, &mut draws);
                 }
-                // Applied to the exposure.
+                // Already applied to the exposure.
                 What::Dark
                 | What::WrongPattern { .. }
                 | What::PartialExposure { .. }
                 | What::Disconnect { .. }
                 | What::Reset => {}
-                // Effects on the port.
+                // Effects on the port do not concern frames.
                 What::Nak
                 | What::BitErrors { .. }
                 | What::NoReply

@@ -91,7 +91,7 @@ mod tests {
         }
         let mut draws = chance.draws(3, 3);
         let mean = (0..10_000).map(|_| draws.unit()).sum::<f64>() / 1e4;
-        // Five standard deviations of the mean of 10000 uniform numbers.
+        // Five standard deviations of the mean of 10,000 uniform numbers.
         assert!((mean - 0.5).abs() < 5.0 * (1.0f64 / 12e4).sqrt(), "{mean}");
         assert!((0..10_000).all(|_| draws.below(3) < 3));
         assert_eq!(draws.below(0), 0);

@@ -1,11 +1,11 @@
-//! Effects of faults on the bytes of a frame. The frame's identity is unchanged: a link carries it
-//! beside the pixels and does not know about the change.
+//! Effects of faults on the bytes of a frame. The frame's identity is unchanged: a link carries the
+//! identity beside the pixels and does not know about the fault.
 
 use super::chance::Draws;
 use phasmid_protocol::Frame;
 
-/// Replaces the rows from `row` on by the same rows of the previous frame, or by black if the
-/// previous frame has another shape.
+/// Replaces all rows from `row` on by the corresponding rows of the previous frame, or by black if
+/// the previous frame has another shape.
 pub(super) fn torn(frame: &mut Frame, before: Option<&Frame>, row: Option<u32>) {
     let at = offset(frame, row);
     let same = before.filter(|before| {
@@ -18,7 +18,7 @@ pub(super) fn torn(frame: &mut Frame, before: Option<&Frame>, row: Option<u32>) 
     }
 }
 
-/// Removes rows; the rows below move up and the bottom is filled with black.
+/// Removes rows, moves the rows below them up, and fills the bottom with black.
 pub(super) fn rows_missing(frame: &mut Frame, row: Option<u32>, rows: u32) {
     let at = offset(frame, row);
     let lost = (row_bytes(frame) * rows as usize).min(frame.data.len() - at);
@@ -27,7 +27,7 @@ pub(super) fn rows_missing(frame: &mut Frame, row: Option<u32>, rows: u32) {
     frame.data[end..].fill(0);
 }
 
-/// Inverts bits at random places.
+/// Inverts bits at random positions.
 pub(super) fn bits_flipped(bytes: &mut [u8], count: u32, draws: &mut Draws) {
     for _ in 0..count {
         let at = draws.below(bytes.len());
@@ -42,8 +42,8 @@ fn row_bytes(frame: &Frame) -> usize {
     frame.format.row_bytes(frame.width)
 }
 
-/// Returns the byte offset of a row, by default of the middle one. Rows beyond the last one give
-/// the end of the frame.
+/// Returns the byte offset of a row, or of the middle row if `row` is `None`. For a row beyond the
+/// last one, returns the end of the frame.
 fn offset(frame: &Frame, row: Option<u32>) -> usize {
     let row = row.unwrap_or(frame.height / 2) as usize;
     row_bytes(frame).saturating_mul(row).min(frame.data.len())
@@ -99,8 +99,8 @@ mod tests {
     fn as_many_bits_are_flipped_as_are_asked_for() {
         let mut bytes = vec![0u8; 1 << 16];
         bits_flipped(&mut bytes, 20, &mut Chance::new(1, "").draws(1, 1));
-        // Two of twenty draws hit the same of half a million bits with a probability of 4e-4, and
-        // the seed is fixed.
+        // The probability that two of twenty draws hit the same one of half a million bits is 4e-4,
+        // and the seed is fixed.
         assert_eq!(bytes.iter().map(|b| b.count_ones()).sum::<u32>(), 20);
         bits_flipped(&mut [], 20, &mut Chance::new(1, "").draws(1, 1));
     }

@@ -1,8 +1,9 @@
-//! A bounded queue of items that must not leave before their time; it keeps their order.
+//! A bounded queue of items that must not leave before their due times; items leave in order.
 
 use std::collections::VecDeque;
 
-/// Items in transit: each leaves no earlier than its time and no earlier than the item ahead of it.
+/// Items in transit: each leaves no earlier than its due time and no earlier than the item ahead of
+/// it.
 #[derive(Debug)]
 pub(super) struct Held<T> {
     queue: VecDeque<(u64, usize, T)>,
@@ -20,8 +21,8 @@ impl<T> Held<T> {
         }
     }
 
-    /// Appends an item of `bytes` bytes. Returns `false` and drops it if it does not fit behind
-    /// items that are not due yet.
+    /// Appends an item of `bytes` bytes that is due at `from_ns`. Returns `false` and drops the item
+    /// if it does not fit behind items that are not due yet.
     pub(super) fn push(&mut self, now_ns: u64, from_ns: u64, bytes: usize, thing: T) -> bool {
         let waits = self.next_ns().is_some_and(|next_ns| next_ns > now_ns);
         if waits && self.bytes.saturating_add(bytes) > self.most_bytes {

@@ -4,13 +4,13 @@ use phasmid_protocol::dialect::{Cut, Cutter, Dialect, Direction};
 use phasmid_protocol::scpi::{Framer, Framing};
 use std::sync::Arc;
 
-/// Maximum number of bytes of a command that are kept.
+/// Maximum number of bytes kept of a command.
 const COMMAND_BYTES: usize = 256;
 
-/// Follows the bytes of a line.
+/// Follows the bytes that the client sends to the device.
 #[derive(Debug, Default)]
 pub(super) struct Listener {
-    /// `None` for SCPI.
+    /// Dialect of the port and its message cutter; `None` for SCPI.
     dialect: Option<(Arc<Dialect>, Cutter)>,
     framer: Framer,
 }
@@ -25,8 +25,8 @@ impl Listener {
         }
     }
 
-    /// Processes a byte. If it ends a message, returns the text of a line or the command name of a
-    /// packet, or an empty string for a message that cannot be parsed.
+    /// Processes a byte. If the byte ends a message, returns the message's text (line dialects) or
+    /// command name (packet dialects), or an empty string if the message cannot be parsed.
     pub(super) fn hear(&mut self, byte: u8) -> Option<String> {
         let mut ended = None;
         match &mut self.dialect {
@@ -50,7 +50,8 @@ impl Listener {
         ended
     }
 
-    /// Returns the reply of a busy device to a message; empty if the dialect has no such reply.
+    /// Returns the reply that a busy device gives to a message; empty if the dialect has no such
+    /// reply.
     pub(super) fn busy(&self, message: &[u8]) -> Vec<u8> {
         let Some((dialect, _)) = &self.dialect else {
             return Vec::new();

@@ -2,8 +2,8 @@
 //! [schedule](phasmid_protocol::faults). Firmware, optics and links do not know about them.
 //!
 //! All times are device time and random draws are counter-based, so that the same schedule always
-//! gives the same run. Delayed items are bounded; beyond the bound frames and replies are lost, as
-//! in any driver.
+//! gives the same run. The total size of delayed items is bounded; frames and replies beyond the
+//! bound are lost, as in any driver.
 
 mod armed;
 mod camera;
@@ -27,14 +27,14 @@ use phasmid_protocol::faults::{Fault, Flaw, MAX_FAULTS, Schedule, Struck, What};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Maximum size of frames waiting behind a delayed one, in bytes.
+/// Maximum total size in bytes of frames that wait behind a delayed frame.
 const MAX_FRAME_BYTES: usize = 256 << 20;
-/// Maximum size of replies waiting behind a delayed one, in bytes.
+/// Maximum total size in bytes of replies that wait behind a delayed reply.
 const MAX_REPLY_BYTES: usize = 4 << 20;
 /// Number of log entries kept; older ones are only counted.
 const REMEMBERED: usize = 4096;
 
-/// Milliseconds in nanoseconds.
+/// Converts milliseconds to nanoseconds.
 fn ns(ms: f64) -> u64 {
     (ms * 1e6) as u64
 }
@@ -50,16 +50,16 @@ pub struct Faults {
     next_id: u64,
     chance: Chance,
     log: Log,
-    /// Latest time passed in.
+    /// Latest device time passed to any method, in nanoseconds.
     now_ns: u64,
-    /// Effects to apply to frames when they arrive, by frame id.
+    /// Effects to apply to frames that have not arrived yet, by frame id.
     planned: VecDeque<(u64, Vec<(What, Draws)>)>,
     /// The previous frame.
     before: Option<Arc<Frame>>,
-    /// A frame that waits to be overtaken by the next one, and its latest departure.
+    /// A frame that waits until the next frame has overtaken it, and its latest departure time.
     aside: Option<(u64, Arc<Frame>)>,
     frames: Held<Arc<Frame>>,
-    /// Id of the last frame lost to a reset.
+    /// Id of the last frame lost because of a reset.
     lost_to: Option<u64>,
     listener: Listener,
     /// The last command received.
@@ -67,9 +67,9 @@ pub struct Faults {
     /// Bytes of an incomplete message that a fault may strike.
     unfinished: Vec<u8>,
     replies: Held<Vec<u8>>,
-    /// The port is disconnected until this time.
+    /// Device time until which the port is disconnected, in nanoseconds.
     gone_until_ns: u64,
-    /// The port was disconnected and this has not been reported yet.
+    /// Whether the port was disconnected without [`Self::take_broken`] having reported it.
     broken: bool,
     /// A restart of the device is pending.
     reset: bool,
@@ -123,10 +123,11 @@ impl Faults {
         }
     }
 
-    /// Limits the faults to a camera with `rows` rows.
+    /// Checks that the faults fit a camera with `rows` rows, which later faults must fit as well.
     ///
     /// # Errors
-    /// Returns the first fault that starts beyond the last row, by its number.
+    /// Returns an error, with the fault's number, for the first fault that starts beyond the last
+    /// row.
     pub fn of_rows(mut self, rows: u32) -> Result<Self, Flaw> {
         self.rows = rows;
         for armed in &self.armed {
@@ -153,7 +154,7 @@ impl Faults {
         }
     }
 
-    /// Adds a fault, which counts events from now on, and returns its number.
+    /// Adds a fault and returns its number. The fault counts events from now on.
     ///
     /// # Errors
     /// Returns an error for an invalid fault, a fault of another device, or if there are too many.
@@ -177,7 +178,8 @@ impl Faults {
         Ok(id)
     }
 
-    /// Removes a fault; returns `false` if no fault has this number. Effects already applied stay.
+    /// Removes a fault; returns `false` if no fault has this number. Effects that it has already had
+    /// stay.
     pub fn remove(&mut self, id: u64) -> bool {
         let count = self.armed.len();
         self.armed.retain(|armed| armed.id != id);
@@ -198,7 +200,7 @@ impl Faults {
         })
     }
 
-    /// Returns the latest faults that have struck, in order.
+    /// Returns the latest strikes of faults, oldest first.
     pub fn struck(&self) -> impl DoubleEndedIterator<Item = &Struck> {
         self.log.latest()
     }
@@ -208,19 +210,20 @@ impl Faults {
         self.log.total()
     }
 
-    /// Returns when the next delayed item is due.
+    /// Returns the time of the next event: a delayed item is due or the port reconnects.
     pub fn next_event_ns(&self) -> Option<u64> {
         let gone = (!self.connected(self.now_ns)).then_some(self.gone_until_ns);
         let aside = self.aside.as_ref().map(|(until_ns, _)| *until_ns);
         [self.frames.next_ns(), aside, self.replies.next_ns(), gone]
             .into_iter()
             .flatten()
-            // An item that is already due waits to be taken and is not an event.
+            // An item that is already due waits to be taken; it is not a future event.
             .filter(|time_ns| *time_ns > self.now_ns)
             .min()
     }
 
-    /// Returns whether the port was disconnected since the last call, which hangs up the client.
+    /// Returns whether the port was disconnected since the last call. A disconnection hangs up the
+    /// client.
     pub fn take_broken(&mut self) -> bool {
         std::mem::take(&mut self.broken)
     }
@@ -236,8 +239,8 @@ impl Faults {
         self.hang_up();
     }
 
-    /// Restarts the device: everything not sent is lost, including frames of exposures up to
-    /// `last`.
+    /// Restarts the device: everything that has not been sent is lost, including the frames of all
+    /// exposures up to id `last`.
     fn reset(&mut self, last: Option<u64>) {
         self.reset = true;
         self.lost_to = self.lost_to.max(last);
@@ -267,7 +270,7 @@ impl Faults {
     }
 }
 
-/// The latest faults that have struck, and their total number.
+/// The latest strikes of faults, and their total number.
 #[derive(Debug, Clone, Default)]
 struct Log {
     latest: VecDeque<Struck>,

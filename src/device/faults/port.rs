@@ -9,17 +9,17 @@ use phasmid_protocol::dialect::Dialect;
 use phasmid_protocol::faults::What;
 use std::sync::Arc;
 
-/// Maximum length of a message in bytes. A longer one passes in parts, and faults strike its last
-/// part.
+/// Maximum length of a message in bytes. A longer message passes in pieces, and faults strike only
+/// its last piece.
 const MAX_MESSAGE: usize = 1 << 20;
 
-/// Result of the faults for bytes on their way to the device, in order.
+/// Bytes on their way to the device, after the faults have been applied.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Incoming {
     /// Bytes that arrive.
     Bytes(Vec<u8>),
-    /// A message refused because the device is busy, with the device's reply; empty if the dialect
-    /// has no such reply.
+    /// Reply of the device to a message that it refuses because it is busy; empty if the dialect has
+    /// no such reply.
     Refused(Vec<u8>),
 }
 
@@ -29,8 +29,8 @@ impl Faults {
         self.listener = Listener::new(dialect);
     }
 
-    /// Passes bytes to the device. While a fault may strike messages in this direction, they are
-    /// delivered message by message.
+    /// Passes bytes on to the device. As long as some fault may strike messages to the device, the
+    /// bytes are delivered message by message.
     pub fn incoming(&mut self, bytes: &[u8], now_ns: u64) -> Vec<Incoming> {
         self.now_ns = self.now_ns.max(now_ns);
         if !self.connected(now_ns) {
@@ -55,7 +55,7 @@ impl Faults {
                 let message = std::mem::take(&mut self.unfinished);
                 out.extend(self.message(message));
                 if self.reset || !self.connected(now_ns) {
-                    // The remaining bytes arrive after the disconnection and are lost.
+                    // The remaining bytes arrive after the disconnection or reset and are lost.
                     return out;
                 }
             } else if self.unfinished.len() >= MAX_MESSAGE {
@@ -86,7 +86,7 @@ impl Faults {
                     self.reset(None);
                     return None;
                 }
-                // All other effects are applied elsewhere.
+                // All other effects are applied elsewhere in this module or to frames.
                 _ => {}
             }
         }
@@ -96,7 +96,7 @@ impl Faults {
         })
     }
 
-    /// Receives a message on its way to the client.
+    /// Accepts a message of the device on its way to the client.
     pub fn reply(&mut self, message: Message, now_ns: u64) {
         self.now_ns = self.now_ns.max(now_ns);
         if !self.connected(now_ns) {
@@ -127,8 +127,8 @@ impl Faults {
         }
         let due_ns = now_ns.saturating_add(late_ns);
         for _ in 0..copies {
-            // A reply without room in the queue is lost: the client sends queries and does not
-            // read.
+            // A reply without room in the queue is lost: the client sends queries without reading
+            // the replies.
             let _ = self
                 .replies
                 .push(now_ns, due_ns, bytes.len(), bytes.clone());
@@ -153,19 +153,20 @@ impl Faults {
         self.listener.reset();
     }
 
-    /// Returns whether the beginning of a message is held back until it is complete.
+    /// Returns whether the beginning of a message is held back until the message is complete.
     pub fn holds_back(&self) -> bool {
         !self.unfinished.is_empty()
     }
 
-    /// Delivers the incomplete message when its remainder has stopped arriving.
+    /// Returns an incomplete message whose remainder has stopped arriving.
     pub fn input_stalled(&mut self) -> Vec<u8> {
         self.listener.reset();
         std::mem::take(&mut self.unfinished)
     }
 }
 
-/// Inverts bits of a message: a number of them, one if there is no rate either.
+/// Inverts bits of a message: each bit with probability `rate` or, without a rate, `count` random
+/// bits (1 by default).
 fn flip(bytes: &mut [u8], count: Option<u32>, rate: Option<f64>, draws: &mut Draws) {
     match rate {
         None => frame::bits_flipped(bytes, count.unwrap_or(1), draws),

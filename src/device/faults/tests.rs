@@ -53,7 +53,7 @@ fn pattern_images() -> Vec<Option<Arc<PatternImage>>> {
         .collect()
 }
 
-/// Passes eight frames, 100 ns apart. Returns time, id and last byte of each frame that leaves.
+/// Passes eight frames, 100 ns apart. Returns time, id and last byte of each frame when it leaves.
 fn eight(faults: &mut Faults) -> Vec<(u64, u64, u8)> {
     let mut out = Vec::new();
     let mut take = |faults: &mut Faults, now: u64| {
@@ -81,7 +81,7 @@ fn eight(faults: &mut Faults) -> Vec<(u64, u64, u8)> {
     out
 }
 
-/// Same as [`eight`] without the bytes; times are in hundreds of nanoseconds.
+/// Same as [`eight`], but returns only times, in hundreds of nanoseconds, and ids.
 fn ids(text: &str) -> Vec<(u64, u64)> {
     let out = eight(&mut faults(text)).into_iter();
     out.map(|(now, id, _)| (now / 100, id)).collect()
@@ -156,7 +156,7 @@ fn frames_are_torn_cut_and_flipped_with_their_identity() {
     };
     let flipped = bytes(flip);
     let bits: u32 = flipped.iter().map(|b| (b ^ 2).count_ones()).sum();
-    // Nine draws of 128 bits; two equal draws cancel.
+    // Nine of 128 bits are drawn and inverted; two equal draws cancel.
     assert!(bits % 2 == 1 && bits <= 9, "{bits}");
     assert_eq!(flipped, bytes(flip));
     assert_ne!(flipped, bytes(&flip.replace("seed = 3", "seed = 4")));
@@ -190,7 +190,7 @@ fn exposures_are_dark_partial_and_of_another_pattern() {
     assert_eq!((shot.light, shot.exposure_ns), (0.25, 50));
 }
 
-/// Returns the replies to questions asked 100 ns apart: time and bytes.
+/// Asks the questions 100 ns apart. Returns the time and bytes of each reply.
 fn ask(faults: &mut Faults, questions: &[&str]) -> Vec<(u64, Vec<u8>)> {
     let mut out = Vec::new();
     let mut now = 0;
@@ -295,7 +295,7 @@ fn disconnected_port_returns_and_reset_device_reboots() {
     for id in 0..7 {
         faults.frame(frame(id), 600);
     }
-    // Frames exposed before the restart are lost, later ones are not.
+    // Frames exposed before the restart are lost; later frames are not.
     let left: Vec<_> = std::iter::from_fn(|| faults.next_frame(600)).collect();
     assert_eq!(left.iter().map(|f| f.id).collect::<Vec<_>>(), [5, 6]);
 }

@@ -1,10 +1,10 @@
 //! Access to the firmware without commands: camera settings for the controls of a USB host, the
 //! state that the service channel reports, and snapshots that undo a refused request.
 //!
-//! A USB control changes the same setting as a command does, but clamps a value out of range
-//! instead of rejecting it. If a message of a request is refused, the snapshot restores the
-//! settings that earlier messages of the request have changed, since a refused request changes
-//! nothing.
+//! A USB control changes the same setting as a command does, but clamps a value out of range instead
+//! of rejecting it. A request may consist of several messages. If one of them is refused, the
+//! snapshot restores the settings that earlier messages of the request have changed, since a refused
+//! request must change nothing.
 
 use super::memory::Stored;
 use super::settings::Settings;
@@ -83,7 +83,8 @@ impl Firmware {
     }
 
     /// Returns the pattern that a pattern image shows. If several patterns share the pattern image,
-    /// the one at `index` of the selected sequence is preferred, then others of that sequence.
+    /// prefers the pattern at `index` of the selected sequence, then other patterns of that
+    /// sequence.
     pub fn shown(&self, pattern_image: &Arc<PatternImage>, index: Option<u32>) -> Shown {
         for (rest, pattern) in [
             (&self.white, Pattern::White {}),
@@ -148,8 +149,9 @@ impl Firmware {
         }
     }
 
-    /// Restores a snapshot at the same device time at which it was taken, so that nothing has been
-    /// exposed since. Counters, cleared registers and the memory keep their present state.
+    /// Restores a snapshot. Call at the device time at which the snapshot was taken, so that nothing
+    /// has been exposed in between. Counters, cleared registers and the memory keep their present
+    /// state.
     pub fn put_back(&mut self, before: Before) {
         let now = self.settings.clone();
         if self.apply(before.settings.clone()).is_err() {

@@ -1,5 +1,5 @@
-//! Exposures started by the trigger system, of the selected sequence or free-running, and the light in
-//! them.
+//! Exposures that the trigger system starts, of the selected sequence or free-running, and the light
+//! that reaches them.
 
 use super::memory::Stored;
 use super::settings::{Settings, Shown, seconds};
@@ -16,13 +16,13 @@ use phasmid_render::led::Emission;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Separates the noise of free-running exposures from that of triggered ones.
+/// Flag bit by which free-running exposures get other noise than triggered exposures.
 const FREE_RUNNING: u64 = 1 << 63;
 
 impl Firmware {
-    /// Returns the patterns and shots of the selected sequence with the present settings, for
-    /// ground truth. Start times are taken from the last complete run of the sequence. Without one
-    /// they assume a start now. Exposes nothing.
+    /// Returns the patterns and shots of the selected sequence with the present settings, for ground
+    /// truth, without exposing anything. Start times come from the last complete run of the
+    /// sequence; if there is none, the sequence is assumed to start now.
     pub fn selected_sequence(&self) -> Vec<(Pattern, Shot)> {
         let count = self.selected.pattern_images.len();
         let start_ns = |i: usize| {
@@ -51,10 +51,10 @@ impl Firmware {
         frames.map(|f| f.pattern.clone()).zip(shots).collect()
     }
 
-    /// Sets what a shot of the selected sequence sees with the lamp on. `patterns` gives positions
-    /// in the sequence and exposure starts; the first one is the shot's own. A projector without
-    /// timing switches directly from one pattern to the next and keeps the last one until the frame
-    /// ends; a projector with timing is dark before and after each pattern.
+    /// Sets the patterns that a shot of the selected sequence sees with the lamp on. `patterns`
+    /// gives positions in the sequence and exposure starts; the first entry is the shot's own. A
+    /// projector without timing switches directly from one pattern to the next and keeps the last
+    /// pattern until the frame ends; a projector with timing is dark before and after each pattern.
     fn show(&self, shot: &mut Shot, patterns: impl IntoIterator<Item = (usize, u64)>) {
         let pattern_images = &self.selected.pattern_images;
         let end_ns = shot.end_ns();
@@ -253,8 +253,8 @@ impl Firmware {
     }
 }
 
-/// A pattern's period, and the part of it in which the pattern is shown, in nanoseconds of device
-/// time.
+/// A pattern's period, and the interval within it in which the pattern is shown, in nanoseconds of
+/// device time.
 struct Period {
     all: Range<u64>,
     lit: Range<u64>,
@@ -268,8 +268,8 @@ impl Firmware {
         }
     }
 
-    /// Returns when a projector with timing shows the pattern of an exposure that starts at
-    /// `start_ns`.
+    /// Returns the period in which a projector with this `timing` shows the pattern of an exposure
+    /// that starts at `start_ns`.
     fn period(&self, timing: &Timing, start_ns: u64) -> Period {
         let period_ns = self.settings.period_ns;
         let begins_ns = start_ns.saturating_sub(timing.camera_delay_ns());
@@ -308,7 +308,7 @@ impl Firmware {
         Some(shining.expose(index, start_ns))
     }
 
-    /// Returns whether the projector may emit light: with its lamp on, or with a modelled source,
+    /// Returns whether the projector may emit light: its lamp is on, or it has a modelled source,
     /// which glows on after it is switched off.
     fn shows(&self) -> bool {
         self.settings.lamp || self.shining.is_some()

@@ -61,7 +61,7 @@ pub(super) struct Stored {
     pub(super) period_ns: u64,
     pub(super) manifest: Manifest,
     pub(super) pattern_images: Vec<Arc<PatternImage>>,
-    /// Shortest time in which the projector can show the patterns, in nanoseconds.
+    /// Shortest time for which the projector can show each pattern, in nanoseconds.
     pub(super) shortest_ns: u64,
     /// Time to load the sequence from flash memory, in nanoseconds.
     pub(super) load_ns: u64,
@@ -73,7 +73,7 @@ pub(super) struct Stored {
 #[derive(Clone)]
 pub(super) struct Memory {
     projector: Projector,
-    /// Period of sequences that state none, in nanoseconds.
+    /// Period of a sequence whose manifest states none, in nanoseconds.
     period_ns: u64,
     sequences: Vec<Arc<Stored>>,
     pictures: BTreeMap<String, GrayImage>,
@@ -201,7 +201,7 @@ impl Memory {
         self.sequences.iter().map(|stored| stored.name.as_str())
     }
 
-    /// Stores an image received over the port.
+    /// Stores an image received over the control port.
     pub(super) fn upload(&mut self, file: &str, bytes: &[u8]) -> Result<(), DeviceError> {
         if file.is_empty() || file.len() > MAX_NAME || file.contains(char::is_control) {
             return Err(ErrorCode::IllegalParameterValue.with(format!(
@@ -222,8 +222,8 @@ impl Memory {
         Ok(())
     }
 
-    /// Defines a sequence from a manifest received over the port, unless `refuse` returns an error
-    /// for it.
+    /// Defines a sequence from a manifest received over the control port, unless `refuse` returns an
+    /// error for the sequence.
     pub(super) fn define(
         &mut self,
         name: &str,
@@ -321,8 +321,8 @@ impl Memory {
         Ok(pattern_images)
     }
 
-    /// Size in bytes of the result of [`Self::pattern_images`], computed before any allocation: a
-    /// manifest may have many frames and name one image often.
+    /// Returns the size in bytes of the result of [`Self::pattern_images`]. Computed before any
+    /// allocation, because a manifest may have many frames that all name one large image.
     fn pattern_image_bytes(&self, manifest: &Manifest) -> usize {
         let (width, height) = (self.projector.width_px, self.projector.height_px);
         let (width, height) = (width as usize, height as usize);
@@ -357,8 +357,8 @@ impl Memory {
     }
 }
 
-/// Returns a key that identifies a pattern. The debug format writes numbers with the shortest
-/// decimal that reads back exactly.
+/// Returns a key that identifies a pattern. The key is exact, since the debug format writes each
+/// number with the shortest decimal that reads back to the same number.
 fn key_of(pattern: &Pattern) -> String {
     format!("{pattern:?}")
 }
@@ -406,8 +406,8 @@ mod tests {
         assert_eq!(memory.room(), 0);
         let full = memory.define("other", fringes(1, |i| i).as_bytes(), all);
         assert_eq!(full.unwrap_err().code, ErrorCode::OutOfMemory);
-        // A sequence that replaces itself reuses its own space; frames with the same pattern count
-        // once.
+        // A sequence that replaces itself reuses its own space, and frames with the same pattern
+        // count once.
         let stored = memory
             .define("own", fringes(4096, |i| i % 2).as_bytes(), all)
             .unwrap();

@@ -1,4 +1,4 @@
-//! Order of messages: which one executes, which ones wait, and where answers go.
+//! Order of messages: which message executes, which messages wait, and where answers go.
 //!
 //! A line of the control port is answered on the port, and its errors are queued for
 //! `SYSTem:ERRor?`. A message submitted with a ticket returns both with the ticket instead.
@@ -10,20 +10,20 @@ use phasmid_protocol::scpi::{DeviceError, ErrorCode, Unit, parse};
 
 /// Maximum number of messages that wait behind `*WAI` or `*OPC?`.
 const MAX_WAITING: usize = 64;
-/// Maximum total size of waiting messages in bytes.
+/// Maximum total size in bytes of waiting messages.
 const MAX_WAITING_BYTES: usize = 64 << 20;
 /// Maximum length of the command line kept with a reply, in bytes.
 const MAX_TO: usize = 256;
 
 impl Firmware {
-    /// Submits a message, a line without its newline. [`Self::take_done`] returns its answers and
-    /// errors with the ticket once it has completed.
+    /// Submits a message, a line without its newline. Once the message has completed,
+    /// [`Self::take_done`] returns its answers and errors with the ticket.
     pub fn submit(&mut self, message: &[u8], ticket: u64, now_ns: u64) {
         self.advance(now_ns);
         self.message(message, Origin::Ticket(ticket));
     }
 
-    /// Returns whether a message executes at once even while others wait.
+    /// Returns whether a message executes at once even while other messages wait.
     pub fn acts_at_once(message: &[u8]) -> bool {
         let program = parse(message);
         program.error.is_none() && program.units.iter().all(urgent)
@@ -41,7 +41,7 @@ impl Firmware {
         program.error.map_or(Ok(()), Err)
     }
 
-    /// Takes the messages with tickets that have completed since the last call.
+    /// Takes the messages that were submitted with tickets and have completed since the last call.
     pub fn take_done(&mut self) -> Vec<Done> {
         std::mem::take(&mut self.done)
     }
@@ -107,7 +107,7 @@ impl Firmware {
         }
     }
 
-    /// Executes everything that can be executed now.
+    /// Executes all units and messages that need not wait.
     pub(super) fn run(&mut self) {
         self.settle();
         loop {
@@ -128,7 +128,7 @@ impl Firmware {
                 match self.execute(&unit) {
                     Ok(answer) => self.answers.extend(answer),
                     Err(error) => {
-                        // A command error voids the rest of its message.
+                        // A command error voids the remaining units of its message.
                         if error.code.number() > -200 {
                             self.units.clear();
                             self.current_error = None;
@@ -164,9 +164,9 @@ impl Firmware {
         }
     }
 
-    /// Returns whether an operation is pending: an unfinished `INITiate`, frames of one that have
-    /// not left the device, a pattern still shown, or a sequence being loaded. Free-running or
-    /// continuously armed operation never completes and does not count.
+    /// Returns whether an operation is pending: an `INITiate` is unfinished, frames of an `INITiate`
+    /// have not left the device, a pattern is still shown, or a sequence is being loaded.
+    /// Free-running or continuously armed operation never completes and does not count.
     fn pending(&self) -> bool {
         match self.state {
             State::Free { .. } => false,
@@ -195,7 +195,7 @@ impl Firmware {
     }
 }
 
-/// Returns whether a unit executes even while others wait.
+/// Returns whether a unit executes at once even while messages wait.
 fn urgent(unit: &Unit) -> bool {
     matches!(
         table::find(unit),

@@ -48,7 +48,7 @@ use std::sync::Arc;
 /// Maximum number of events kept until the host fetches them.
 const MAX_EVENTS: usize = 1024;
 
-/// The device behind the control port.
+/// The firmware: the device as seen through its control port.
 ///
 /// State after power-on and `*RST`: lamp on and white, the profile's exposure, gain 0, the whole
 /// sensor, the first sequence selected, `TRIGger:SOURce INTernal` (free-running while a client
@@ -57,7 +57,7 @@ pub struct Firmware {
     profile: Profile,
     settings: Settings,
     memory: Memory,
-    /// Copy of the memory at power-on.
+    /// Copy of the memory at power-on, which a power cycle restores.
     loaded: Memory,
     selected: Arc<Stored>,
     white: Arc<PatternImage>,
@@ -75,38 +75,39 @@ pub struct Firmware {
     waiting: VecDeque<Waiting>,
     waiting_bytes: usize,
     block: Option<Block>,
-    /// `*OPC` was received and its event bit is not set yet.
+    /// Whether `*OPC` was received and its event bit is not set yet.
     completion_asked: bool,
-    /// Answers so far to the message being executed.
+    /// Answers so far of the message being executed.
     answers: Vec<Vec<u8>>,
     output: Vec<Answered>,
     /// Completed messages that were submitted with a ticket.
     done: Vec<Done>,
     exposures: Vec<Exposure>,
-    /// Events not fetched yet.
+    /// Events that [`Self::take_events`] has not returned yet.
     events: VecDeque<Event>,
     next_id: u64,
-    /// Triggered exposures since power-on.
+    /// Number of triggered exposures since power-on.
     triggered: u64,
     /// Exposure start of each pattern of the selected sequence in its last run, in nanoseconds.
     taken_ns: Vec<u64>,
-    /// Model of a light source that is not simply on or off.
+    /// State of the projector's light source, if the profile models one.
     shining: Option<Shining>,
-    /// Exposures whose frames have not left the device.
+    /// Number of exposures whose frames have not left the device.
     in_flight: u64,
-    /// Triggers since power-on or `*RST` that came too early.
+    /// Number of triggers since power-on or `*RST` that came too early.
     missed: u64,
-    /// Device time at which the selected sequence has been loaded into the controller's memory.
+    /// Device time at which the controller has finished loading the selected sequence, in
+    /// nanoseconds.
     loaded_ns: u64,
-    /// Earliest start of the next exposure: until then the projector still shows the last pattern
-    /// or the camera is not ready.
+    /// Earliest device time at which the next exposure can start, in nanoseconds: until then the
+    /// projector still shows the last pattern or the camera is not ready.
     free_from_ns: u64,
-    /// Bit planes of the grey patterns that were split most recently.
+    /// Bit planes of the grey patterns that were split into bit planes most recently.
     planes: Planes,
     streaming: bool,
     /// Serial line settings of the host; they have no effect on the device.
     line: LineCoding,
-    /// The factory calibration, or why there is none; computed when first asked for.
+    /// The factory calibration or the error of computing it; computed on first use.
     calibration: OnceCell<Result<Rig>>,
     /// Link that must know the stream format in advance.
     link: Option<Box<dyn StreamSink + Send>>,
@@ -181,8 +182,8 @@ impl Firmware {
             self.select(self.memory.first().clone());
             self.rest();
         } else {
-            // A link that refuses the change keeps its format; no client is connected to report it
-            // to.
+            // A link that refuses the change keeps its format. No client is connected that could be
+            // notified.
             let _ = self.reset();
         }
         self.events.clear();
@@ -193,8 +194,8 @@ impl Firmware {
         self.run();
     }
 
-    /// Attaches a link that is asked before the stream format changes. It must be ready for
-    /// [`Self::stream`].
+    /// Attaches a link that is asked before the stream format changes. The link must already be
+    /// ready for the format of [`Self::stream`].
     pub fn attach(&mut self, link: Box<dyn StreamSink + Send>) {
         self.link = Some(link);
     }
@@ -209,8 +210,8 @@ impl Firmware {
         self.memory.names()
     }
 
-    /// Returns the calibration that the device reports, for the whole sensor. The first call computes
-    /// it, in 10 to 100 ms.
+    /// Returns the calibration that the device reports, for the whole sensor. The first call
+    /// computes the calibration, which takes 10 to 100 ms.
     ///
     /// # Errors
     /// Returns the errors of [`Profile::factory_rig`].
@@ -240,7 +241,7 @@ impl Firmware {
         }
     }
 
-    /// Returns the note of a recording about the selected sequence and the calibration.
+    /// Returns the note that a recording stores about the selected sequence and the calibration.
     pub fn note(&self) -> String {
         let rig = self.reported_calibration().ok();
         self.selected().to_note(rig.map(|rig| rig.to_toml()))
@@ -295,7 +296,7 @@ impl Firmware {
         }
     }
 
-    /// Earliest time of a trigger that is not missed.
+    /// Returns the earliest device time at which a trigger is not missed.
     fn ready_ns(&self) -> u64 {
         let delay_ns = self.settings.start_delay_ns();
         self.loaded_ns

@@ -1,22 +1,22 @@
-//! Messages that are executed or wait, and what completed ones return.
+//! Messages that are executing or waiting, and results of completed messages.
 
 use phasmid_protocol::scpi::{DeviceError, Program};
 
-/// The command that holds up a message until no operation is pending.
+/// The command that delays all further messages until no operation is pending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Block {
-    /// `*WAI`.
+    /// `*WAI`, which gives no answer.
     Silent,
-    /// `*OPC?`, which then answers 1.
+    /// `*OPC?`, which answers 1 when no operation is pending.
     Answer,
 }
 
-/// A reply and the line that it answers.
+/// A reply and the command line that it answers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Answered {
     /// The reply, with its newline.
     pub bytes: Vec<u8>,
-    /// The line that it answers, truncated to `MAX_TO` bytes.
+    /// The command line that the reply answers, truncated to `MAX_TO` bytes.
     pub to: String,
 }
 
@@ -31,16 +31,16 @@ pub struct Done {
     pub errors: Vec<DeviceError>,
 }
 
-/// Where answers and errors of a message go.
+/// Destination of a message's answers and errors.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Origin {
-    /// The control port; holds the line.
+    /// The control port; holds the command line.
     Line(String),
     /// The holder of the ticket.
     Ticket(u64),
 }
 
-/// A message queued behind others.
+/// A message queued behind other messages.
 #[derive(Debug)]
 pub(super) struct Waiting {
     pub(super) program: Program,

@@ -1,4 +1,4 @@
-//! Settings of the commands, and their values after power-on and `*RST`.
+//! Settings that commands change, and their values after power-on and `*RST`.
 
 use super::super::{Roi, Shutter};
 use phasmid_profile::{Profile, Timing};
@@ -42,8 +42,8 @@ pub(super) struct Settings {
     pub(super) interval_ns: u64,
     /// Line time of a rolling shutter, fixed by the sensor; 0 for a global shutter.
     pub(super) line_time_ns: u64,
-    /// Readout time of the whole sensor with a global shutter, in nanoseconds, and its number of
-    /// rows; fixed by the sensor.
+    /// Readout time of the whole sensor with a global shutter, in nanoseconds, and number of rows of
+    /// the sensor; both are fixed by the sensor.
     pub(super) readout: (u64, u32),
     /// Shortest time between the starts of two frames in nanoseconds; fixed by the camera.
     pub(super) shortest_interval_ns: u64,
@@ -57,7 +57,7 @@ pub(super) struct Settings {
     pub(super) pattern_ns: Option<u64>,
     pub(super) source: Source,
     pub(super) delay_ns: u64,
-    /// The hardware's fixed part of the delay.
+    /// The part of the trigger delay that the hardware fixes, in nanoseconds.
     pub(super) own_delay_ns: u64,
     pub(super) mode: Mode,
     pub(super) continuous: bool,
@@ -123,7 +123,7 @@ impl Settings {
     }
 
     /// Shortest time between the starts of two exposures: no row starts a new exposure before its
-    /// last one has ended and all rows have been read.
+    /// previous exposure has ended and all rows have been read.
     pub(super) fn shortest_period_ns(&self) -> u64 {
         self.exposure_ns
             .saturating_add(self.readout_ns())
@@ -143,12 +143,12 @@ impl Settings {
     }
 }
 
-/// Converts microseconds, checked to be positive, to nanoseconds.
+/// Converts microseconds, already checked to be positive, to nanoseconds.
 pub(super) fn microseconds(us: f64) -> u64 {
     (us * 1e3).round() as u64
 }
 
-/// Converts seconds, checked to be non-negative, to nanoseconds.
+/// Converts seconds, already checked to be non-negative, to nanoseconds.
 pub(super) fn from_seconds(s: f64) -> u64 {
     (s * 1e9).round() as u64
 }
@@ -158,8 +158,8 @@ pub(super) fn seconds(ns: u64) -> f64 {
     ns as f64 / 1e9
 }
 
-/// Rejects settings whose exposures do not fit a period, and, for a projector with timing, settings
-/// with which it cannot show patterns that take at least `shortest_ns`.
+/// Rejects settings whose exposures do not fit the period. For a projector with timing, also rejects
+/// settings that do not let each pattern be shown for at least `shortest_ns`.
 pub(super) fn check_period(
     settings: &Settings,
     period_ns: u64,

@@ -1,11 +1,11 @@
-//! The light source and what it has emitted, for profiles that model one.
+//! The light source of a profile that models one, and the light that it has emitted.
 
 use super::settings::Settings;
 use phasmid_profile::Profile;
 use phasmid_render::led::{Emission, Model, Source};
 use std::sync::Arc;
 
-/// A light source and its emission during the sequence exposed last.
+/// A light source, and its emission during each pattern of the sequence exposed last.
 pub(super) struct Shining {
     pub(super) source: Source,
     taken: Vec<Arc<Emission>>,
@@ -21,8 +21,8 @@ impl Shining {
         Some(Self { source, taken })
     }
 
-    /// Returns the emission that an exposure from `start_ns` on sees; `index` is the pattern's
-    /// position in the sequence.
+    /// Returns the emission that an exposure from `start_ns` on sees, and stores it for the pattern
+    /// at position `index` of the sequence.
     pub(super) fn expose(&mut self, index: Option<u32>, start_ns: u64) -> Arc<Emission> {
         let emission = self.source.emission(start_ns);
         if let Some(index) = index {
@@ -55,7 +55,7 @@ impl Shining {
     }
 }
 
-/// Output level requested by lamp and current.
+/// Returns the output level that the lamp and current settings request, 0 to 1.
 pub(super) fn level(settings: &Settings) -> f64 {
     match settings.lamp {
         true => settings.current,

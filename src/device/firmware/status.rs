@@ -25,8 +25,8 @@ pub(super) const LOADING: u16 = 1 << 1;
 /// Bit of the questionable register: a trigger came too early. SCPI leaves this bit to the device.
 pub(super) const TRIGGER_MISSED: u16 = 1 << 9;
 
-/// A condition register with its event and enable registers; an event bit is set when its condition
-/// becomes true.
+/// A condition register with its event and enable registers. An event bit is set when the condition
+/// bit becomes 1.
 #[derive(Debug, Default)]
 pub(super) struct Register {
     condition: u16,
@@ -44,7 +44,7 @@ impl Register {
         self.condition = condition;
     }
 
-    /// Sets event bits for a condition without duration.
+    /// Sets event bits for an event without duration.
     pub(super) fn happen(&mut self, event: u16) {
         self.event |= event;
     }
@@ -58,7 +58,7 @@ impl Register {
     }
 }
 
-/// All registers and the queue.
+/// All status registers and the error queue.
 #[derive(Debug)]
 pub(super) struct Status {
     event: u8,
@@ -102,8 +102,8 @@ impl Status {
         std::mem::take(&mut self.event)
     }
 
-    /// Queues an error and sets the bit of its class. When the queue is full, its last entry
-    /// becomes -350 and the new error is lost (SCPI-1999 vol 1, 21.8.1).
+    /// Queues an error and sets the event bit of the error's class. If the queue is full, its last
+    /// entry becomes -350 and the new error is lost (SCPI-1999 vol 1, 21.8.1).
     pub(super) fn report(&mut self, error: DeviceError) {
         self.event |= match error.code.number() / 100 {
             -1 => COMMAND_ERROR,
@@ -129,7 +129,8 @@ impl Status {
         self.errors.len()
     }
 
-    /// `*STB?` with the master summary in bit 6; `message` says whether a reply is waiting.
+    /// Returns the answer of `*STB?`, with the master summary in bit 6; `message` says whether a
+    /// reply is waiting.
     pub(super) fn byte(&self, message: bool) -> u8 {
         let summary = u8::from(!self.errors.is_empty()) << 2
             | u8::from(self.questionable.summary()) << 3

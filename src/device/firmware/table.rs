@@ -90,7 +90,7 @@ mod tests {
     use super::*;
     use phasmid_protocol::scpi::parse;
 
-    /// Every header in its short and its long form finds its own command, and no other's.
+    /// The short and the long form of every header find the header's own command and no other.
     #[test]
     fn every_header_finds_its_own_command() {
         for (pattern, command) in TABLE {

@@ -24,38 +24,39 @@ pub enum State {
         /// Start of the next exposure in nanoseconds of device time.
         start_ns: u64,
     },
-    /// Waiting for a trigger. It exposes pattern `next` and, unless in STEP mode, all later
+    /// Waiting for a trigger, which exposes pattern `next` and, unless in STEP mode, all later
     /// patterns.
     Armed {
-        /// Position in the sequence.
+        /// Position in the sequence of the next pattern.
         next: u32,
     },
-    /// Exposing patterns `next..end`, the first of them from `start_ns` on.
+    /// Exposing patterns `next..end`; pattern `next` is exposed from `start_ns` on.
     Running {
-        /// Position in the sequence.
+        /// Position in the sequence of the pattern being exposed.
         next: u32,
-        /// Position after the last one.
+        /// Position after the last pattern that this trigger exposes.
         end: u32,
-        /// Nanoseconds of device time.
+        /// Start of the exposure of pattern `next` in nanoseconds of device time.
         start_ns: u64,
     },
 }
 
-/// An exposure that has ended.
+/// A completed exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Exposed {
-    /// Position in the sequence; `None` when running free.
+    /// Position in the sequence; `None` when free-running.
     pub(super) index: Option<u32>,
     pub(super) start_ns: u64,
-    /// Position after the last exposure of the same trigger.
+    /// Position after the last exposure that the same trigger started.
     pub(super) end: u32,
 }
 
-/// A free-running camera that lags behind by more than this skips frames instead of catching up.
+/// Maximum lag in nanoseconds of a free-running camera that catches up; a camera that lags more
+/// skips frames.
 const MAX_LAG_NS: u64 = 1_000_000_000;
 
 impl State {
-    /// Returns the state in which no operation is pending.
+    /// Returns the state of the trigger system when no operation is pending.
     pub(super) fn rest(settings: &Settings, streaming: bool, now_ns: u64) -> Self {
         if settings.source == Source::Internal {
             if streaming {
@@ -72,7 +73,7 @@ impl State {
         matches!(self, Self::Armed { .. } | Self::Running { .. })
     }
 
-    /// `INITiate`.
+    /// Handles `INITiate`.
     pub(super) fn initiate(&mut self, settings: &Settings) -> Result<(), DeviceError> {
         if self.initiated() {
             return Err(ErrorCode::InitIgnored.into());

@@ -17,8 +17,8 @@ use phasmid_render::{Decision, Term};
 use std::time::Duration;
 use tokio::sync::oneshot;
 
-/// Maximum time that the kernel may take to deliver bytes written to a port before a step was
-/// requested.
+/// Bytes that were written to a port before a step was requested may still be in the kernel; it
+/// delivers them within this time.
 const IN_TRANSIT: Duration = Duration::from_millis(2);
 
 type Sender = oneshot::Sender<Answer>;
@@ -135,8 +135,8 @@ impl Server {
         self.answer_truth(truth, Reply::default(), reply);
     }
 
-    /// Returns the render job for the truth of a frame, and the part of the reply that needs no
-    /// rendering.
+    /// Returns the render job for the truth of a frame, the fields of the reply that need no
+    /// rendering, and the receiver of the truth.
     fn truth_of_frame(&mut self, id: u64) -> Result<(TruthJob, Reply, Truthful), String> {
         self.follow_others();
         let taken = self.history.find(id)?;
@@ -168,7 +168,8 @@ impl Server {
         Ok((job, about, truth))
     }
 
-    /// Replies once the truth has been computed; `about` is the part already known.
+    /// Replies once the truth has been computed; `about` holds the fields of the reply that are
+    /// already known.
     fn answer_truth(&self, truth: Truthful, about: Reply, reply: Sender) {
         let render_us = self.render_thread.render_us();
         tokio::spawn(async move {
@@ -201,7 +202,7 @@ impl Server {
         self.shared_scene.set(setting.given_by("set"))
     }
 
-    /// Replies with the plan, after a term has been included or excluded if one is named.
+    /// Replies with the plan. If `forced` names a term, the term is included or excluded first.
     fn plan(&self, forced: Option<(Term, bool)>, reply: Sender) {
         let (sender, decided) = oneshot::channel();
         self.render_thread.plan(forced, sender);
@@ -220,8 +221,9 @@ impl Server {
         });
     }
 
-    /// Replies once the optics have applied or rejected a change of the scene. Before that, `ended`
-    /// is called with `false` if they rejected it, so that it undoes the change, else with `true`.
+    /// Replies once the optics have applied or rejected a change of the scene. Before the reply,
+    /// calls `ended` with `true` if the optics applied the change, or with `false` if they rejected
+    /// it, so that the caller can undo it.
     fn answer_change(
         &mut self,
         ended: impl FnOnce(&SharedScene, bool) + Send + 'static,
@@ -249,8 +251,8 @@ impl Server {
         });
     }
 
-    /// Advances stepped time and replies when it has arrived; if the client disconnects earlier,
-    /// its step is cancelled.
+    /// Advances stepped time and replies when the step is complete. If the client disconnects before
+    /// that, its step is cancelled.
     fn step(&self, step: Step, mut reply: Sender) {
         let timeline = self.seat.timeline().clone();
         tokio::spawn(async move {

@@ -30,19 +30,19 @@ use std::time::Duration;
 pub struct ServedDevice {
     /// The device.
     pub device: Device,
-    /// Its seat on the timeline.
+    /// The device's seat on the timeline.
     pub seat: Seat,
     /// The scene, shared with other devices.
     pub shared_scene: SharedScene,
     /// Pose of the device's rig in the scene.
     pub rig: RigPlace,
-    /// `*IDN?` of the device, for `device.json`.
+    /// Answer of the device to `*IDN?`, for `device.json`.
     pub name: String,
-    /// Name of the device in its server, for messages.
+    /// Name of the device among the devices of its server, for messages.
     pub label: String,
-    /// Profile as selected, for `device.json`.
+    /// Profile as the user selected it, for `device.json`.
     pub profile: String,
-    /// Scene as selected, for `device.json`.
+    /// Scene as the user selected it, for `device.json`.
     pub scene: String,
     /// Seed of the noise, for `device.json`.
     pub seed: u64,
@@ -50,25 +50,25 @@ pub struct ServedDevice {
     pub dialect: String,
     /// Baud rate of the control port, for `device.json`.
     pub baud: Option<u32>,
-    /// Also serve frames over TCP.
+    /// Options for serving frames over TCP in addition to the Unix socket.
     pub tcp: Option<Tcp>,
-    /// The camera as a V4L2 node, ready for the firmware's stream, in addition to the frame socket.
+    /// V4L2 node that also receives the frames; it is ready for the firmware's stream format.
     pub video: Option<VideoOutput>,
-    /// Camera and port as a USB device, in addition to pty and frame socket.
+    /// USB device that offers camera and control port in addition to pty and frame socket.
     pub usb: Option<UsbLink>,
     /// Recording of the traffic between the device and its clients.
     pub recording: Option<Recording>,
-    /// Sees the traffic as it happens.
+    /// Receives the traffic as it happens.
     pub observer: Option<Observer>,
     /// Receives messages for the operator.
     pub notice: Notice,
-    /// Number of threads that render; `None` for rayon's global pool.
+    /// Number of rendering threads; `None` for rayon's global pool.
     pub threads: Option<NonZeroUsize>,
 }
 
 impl ServedDevice {
-    /// Prepares a device to be served over a pty and a frame socket only, and described by the names
-    /// of its profile and scene.
+    /// Prepares to serve a device over a pty and a frame socket only. Profile and scene are
+    /// described by their own names.
     pub fn new(device: Device, seat: Seat, shared_scene: SharedScene) -> Self {
         let (profile, scene) = (&device.profile, &device.scene);
         let id = &profile.identity;
@@ -99,8 +99,8 @@ impl ServedDevice {
 }
 
 /// Serves a device from a run directory, in a tokio runtime, until `shutdown` completes. `wall`
-/// returns how long the device has been on. `published` is called with the content of `device.json`:
-/// first when all ports and sockets are reachable, then whenever it has changed.
+/// returns how long the device has been on. `published` is called with the content of `device.json`
+/// when all ports and sockets are reachable, and again whenever that content changes.
 ///
 /// # Errors
 /// Returns an error if the system refuses a port or socket, or if the render thread has failed.

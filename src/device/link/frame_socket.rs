@@ -1,7 +1,7 @@
 //! The camera as a socket: every client receives every frame exposed after it connected, in the
-//! format of [`phasmid_protocol::wire`]. A client that is too slow loses frames, which it can
-//! detect by their ids; one whose connection fails or that stops reading is dropped. No client can
-//! delay the device or another client.
+//! format of [`phasmid_protocol::wire`]. A client that is too slow loses frames, which it can detect
+//! by the gaps in their ids. A client whose connection fails or that stops reading is dropped. No
+//! client can delay the device or another client.
 //!
 //! The Unix socket and TCP have separate limits on clients and on queued frames: any user of the
 //! machine can connect over TCP, and must neither shut the owner out of the Unix socket nor cost the
@@ -28,33 +28,35 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::sync::{Notify, Semaphore, oneshot};
 
-/// Maximum number of clients of the Unix socket. TCP has as many of its own.
+/// Maximum number of clients of the Unix socket. TCP has a separate limit of the same size.
 const MAX_CLIENTS: usize = 32;
-/// Maximum number of TCP clients that have not presented their token yet. The oldest of them makes
-/// room for another after [`HEARING`]; until then, further connections stay in the kernel's queue.
+/// Maximum number of TCP clients that have not presented their token yet. Beyond it the oldest of
+/// these clients is evicted after [`HEARING`]; until then, further connections stay in the kernel's
+/// queue.
 const MAX_PENDING: usize = 32;
-/// Minimum time for a TCP client to present its token after the challenge. Long enough for a client
-/// on a busy machine, short enough to work off a full queue of the kernel (128) in 0.4 s.
+/// Minimum time that a TCP client has to present its token after the challenge. It is long enough
+/// for a client on a busy machine, and short enough to work off a full queue of the kernel (128) in
+/// 0.4 s.
 ///
-/// Guaranteed, however many clients connect: the kernel's queue is served in order, about
+/// This is guaranteed however many clients connect: the kernel's queue is served in order, about
 /// [`MAX_PENDING`] connections per `HEARING`, and a client whose token arrives within `HEARING` of
-/// the challenge is heard. Not guaranteed: that a slower client is heard during a flood, or that a
-/// connection gets into a kernel queue that a flood keeps full. The client's system then retries
-/// the connection.
+/// the challenge is admitted. Two things are not guaranteed: that a slower client is admitted during
+/// a flood, and that a connection gets into a kernel queue that a flood keeps full. The client's
+/// system then retries the connection.
 const HEARING: Duration = Duration::from_millis(100);
 /// Maximum number of TCP connections accepted at a time, so that a flood of them cannot hold the
 /// device.
 const MAX_ACCEPTED: usize = 64;
-/// Maximum number of refused clients of each kind that are being sent the reason; further
-/// connections are closed without one.
+/// Maximum number of refused clients of each link (Unix socket, TCP) that are being sent the reason;
+/// further refused connections are closed without a reason.
 const MAX_REFUSED: usize = MAX_PENDING;
-/// How long to read from a refused client: it may have written before it reads, and a reset
-/// connection would hide the reason from it.
+/// Maximum time to read from a refused client. It may have written before it reads, and closing the
+/// connection with unread input would reset it and hide the reason from the client.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 /// Maximum number of frames queued for one client.
 const MAX_FRAMES: usize = 1024;
-/// Maximum total size in bytes of the frames queued for clients of the Unix socket. A frame queued for
-/// several of them counts once. The limit for TCP is separate and of the same size.
+/// Maximum total size in bytes of the frames queued for clients of the Unix socket. A frame queued
+/// for several clients counts once. TCP has a separate limit of the same size.
 const MAX_BYTES: usize = 256 << 20;
 /// A client that reads nothing for this long while frames are queued is disconnected.
 const STALL: Duration = Duration::from_secs(30);
@@ -63,7 +65,7 @@ const STALL: Duration = Duration::from_secs(30);
 struct Packet {
     header: [u8; wire::HEADER_LEN],
     frame: Arc<Frame>,
-    /// Total size of all packets for clients of the same kind, including this one.
+    /// Total size in bytes of all packets for clients of the same link, including this packet.
     held: Arc<AtomicUsize>,
 }
 
@@ -115,23 +117,24 @@ impl Queue {
     }
 }
 
-/// How to serve frames over TCP.
+/// Options for serving frames over TCP.
 #[derive(Debug, Clone)]
 pub struct Tcp {
     /// Port on the loopback interface; 0 picks a free one.
     pub port: u16,
-    /// Token that clients must present. Without one, every user of the machine can read the frames.
+    /// Token that clients must present. If it is `None`, every user of the machine can read the
+    /// frames.
     pub token: Option<Token>,
 }
 
-/// How a client is connected.
+/// Link by which a client is connected.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Link {
     Unix,
     Tcp,
 }
 
-/// The TCP listener and the clients that wait at it.
+/// The TCP listener and its clients that are not registered yet.
 struct TcpSide {
     listener: TcpListener,
     ready: AsyncFd<OwnedFd>,
@@ -143,8 +146,8 @@ struct TcpSide {
 }
 
 impl TcpSide {
-    /// Returns whether a client without a token can be accepted, if necessary by evicting the
-    /// oldest. `stirred` is notified whenever this may have become true.
+    /// Returns whether another TCP client can be challenged for its token, if necessary by evicting
+    /// the oldest pending client. `stirred` is notified whenever this may have become true.
     fn has_place(&mut self) -> bool {
         self.pending.retain(|pending| !pending.place.is_closed());
         self.pending.len() < MAX_PENDING || self.pending[0].heard.load(Ordering::Relaxed)
@@ -175,10 +178,10 @@ pub(super) struct FrameSocket {
     unix_ready: AsyncFd<OwnedFd>,
     tcp: Option<TcpSide>,
     clients: Vec<Client>,
-    /// Number of clients that have connected and disconnected so far.
+    /// Number of clients that have connected, and number that have disconnected, so far.
     counts: (u64, u64),
-    /// Size in bytes of the frames that are queued or being sent: on the Unix socket, over TCP. A
-    /// frame for clients of both kinds counts in both.
+    /// Size in bytes of the frames that are queued or being sent, separately for the Unix socket and
+    /// TCP. A frame for clients of both links counts in both.
     held: [Arc<AtomicUsize>; 2],
     /// See [`MAX_BYTES`].
     max_bytes: usize,
@@ -186,14 +189,14 @@ pub(super) struct FrameSocket {
     stall: Duration,
     /// See [`HEARING`].
     hearing: Duration,
-    /// Notified when a client disconnects, is admitted or refused, or can be evicted.
+    /// Notified when a client disconnects, is admitted, is refused, or can be evicted.
     stirred: Arc<Notify>,
-    /// Limits on clients that are being refused: of the Unix socket, of TCP.
+    /// Limits on the number of clients that are being refused: for the Unix socket and for TCP.
     refusals: [Arc<Semaphore>; 2],
 }
 
 impl FrameSocket {
-    /// Listens on a path and, if asked to, on the loopback interface.
+    /// Listens on a path and, if `tcp` is given, on the loopback interface.
     pub(super) fn open(path: &Path, tcp: Option<&Tcp>) -> Result<Self> {
         let io = |e| Error::io(path, e);
         let unix = UnixListener::bind(path).map_err(io)?;
@@ -241,8 +244,8 @@ impl FrameSocket {
         self.counts
     }
 
-    /// Returns the size in bytes of the frames that clients have not read yet: of the Unix socket or
-    /// over TCP, whichever is larger. The sum would count shared frames twice.
+    /// Returns the size in bytes of the frames that clients have not read yet: the larger of the
+    /// sizes for the Unix socket and TCP, since their sum would count shared frames twice.
     pub(super) fn waiting(&self) -> usize {
         let [unix, tcp] = &self.held;
         unix.load(Ordering::Relaxed)
@@ -272,9 +275,9 @@ impl FrameSocket {
         }
     }
 
-    /// Accepts new clients and drops disconnected ones. Called before a command is executed, so
-    /// that a client that connected before the command was sent receives its frames; `first_id` is
-    /// the first of them.
+    /// Accepts new clients and drops disconnected ones. Called before a command is executed, so that
+    /// a client that connected before the command was sent receives the frames that the command
+    /// causes; `first_id` is the id of the first of these frames.
     pub(super) fn accept(&mut self, first_id: u64) {
         let before = self.clients.len();
         self.clients
@@ -338,7 +341,7 @@ impl FrameSocket {
         let task = tokio::spawn(async move {
             let mut stream = stream;
             let challenge = [&admission::TOKEN_REQUIRED[..], b"\n"].concat();
-            // If this fails, `present` fails too.
+            // If this write fails, `present` fails too.
             let _ = stream.write_all(&challenge).await;
             let evicted = async {
                 tokio::time::sleep(hearing).await;
@@ -347,7 +350,7 @@ impl FrameSocket {
                 evicted.await
             };
             let presented = tokio::select! {
-                // Read what has arrived before the client can be evicted.
+                // Read the bytes that have arrived before the client can be evicted.
                 biased;
                 presented = present(&mut stream, &token) => presented,
                 _ = evicted => Err(format!(
@@ -392,8 +395,8 @@ impl FrameSocket {
         }
     }
 
-    /// Registers a client, or refuses it if there are too many of its kind. `greeting` is sent before
-    /// the first frame.
+    /// Registers a client, or refuses it if the client's link has too many. `greeting` is sent
+    /// before the first frame.
     fn add(
         &mut self,
         stream: impl AsyncRead + AsyncWrite + Send + 'static,
@@ -441,8 +444,9 @@ impl FrameSocket {
         }
     }
 
-    /// Drops the newest frames of the client of one kind that is furthest behind until `len` more
-    /// bytes fit. A frame being sent is kept, so a single frame always fits, however large.
+    /// Makes room for `len` more bytes: drops the newest queued frames of the client of this link
+    /// that is furthest behind. A frame being sent is kept, so a single frame always fits, however
+    /// large it is.
     fn make_room(&self, link: Link, len: usize) {
         let held = &self.held[link as usize];
         let full = || held.load(Ordering::Relaxed) + len > self.max_bytes;
@@ -481,10 +485,10 @@ fn duplicate(listener: &impl AsFd) -> std::io::Result<OwnedFd> {
     listener.as_fd().try_clone_to_owned()
 }
 
-/// Waits for a client's token.
+/// Waits until a client presents its token.
 ///
-/// # Errors
-/// Returns an error, worded for the client, if it presents another token or none in time.
+/// Returns an error, worded for the client, if the client presents a wrong token or no token in
+/// time.
 async fn present(stream: &mut TcpStream, token: &Token) -> std::result::Result<(), String> {
     let expected = "expected the line in the file of the device's --tcp-token";
     let line = async {
@@ -516,7 +520,8 @@ async fn present(stream: &mut TcpStream, token: &Token) -> std::result::Result<(
     }
 }
 
-/// Closes a connection after sending the reason, unless too many are being closed.
+/// Closes a connection after sending the reason, or at once if too many connections are being
+/// closed.
 fn refuse(
     stream: impl AsyncRead + AsyncWrite + Send + 'static,
     refusals: &Arc<Semaphore>,
@@ -539,8 +544,8 @@ fn refuse(
     });
 }
 
-/// Sends a greeting and packets until the client disconnects or reads nothing for `stall`. Input from
-/// clients is ignored.
+/// Sends a greeting and packets until the client disconnects or reads nothing for the time `stall`.
+/// Ignores input from clients.
 async fn send(
     stream: impl AsyncRead + AsyncWrite,
     greeting: &[u8],
@@ -585,12 +590,12 @@ mod tests {
     use std::os::unix::net::UnixStream;
     use tokio::task::{JoinHandle, spawn_blocking};
 
-    /// Size of a frame, far above the kernel's buffer of a stream.
+    /// Size of a frame in bytes, far above the size of the kernel's buffer of a stream.
     const LEN: usize = 4 << 20;
-    /// Timeout of a test that hangs.
+    /// Timeout after which a hanging test fails.
     const LONG: Duration = Duration::from_secs(60);
     const TOKEN: &str = "correct horse battery\n";
-    /// Answer to a right token, after the challenge.
+    /// Bytes that a client with the right token reads, including the challenge.
     const ADMITTED: &str = "PHTK\nPHOK\n";
 
     fn frame(id: u64) -> Arc<Frame> {
@@ -643,20 +648,20 @@ mod tests {
         stream
     }
 
-    /// Connects fewer clients than the kernel's queue holds, but more than are accepted or wait at
-    /// a time.
+    /// Connects fewer clients than the kernel's queue holds, but more than the device accepts at a
+    /// time or keeps pending.
     fn connect_flood(socket: &FrameSocket) -> Vec<net::TcpStream> {
         (0..3 * MAX_PENDING).map(|_| connect_tcp(socket)).collect()
     }
 
-    /// Reads as many bytes as the answer to a right token has.
+    /// Reads as many bytes as a client with the right token receives.
     fn read_admission(mut client: impl Read) -> String {
         let mut lines = [0; ADMITTED.len()];
         client.read_exact(&mut lines).unwrap();
         String::from_utf8_lossy(&lines).into_owned()
     }
 
-    /// Serves connections as the device does until a client's thread has ended.
+    /// Serves connections as the device does, until the thread of `client` has ended.
     async fn serve_until<T>(socket: &mut FrameSocket, client: JoinHandle<T>) -> T {
         let served = async {
             loop {
@@ -691,7 +696,8 @@ mod tests {
                     queue.packets().iter().map(|p| p.frame.id).collect()
                 });
                 let queued: Vec<Vec<u64>> = queued.collect();
-                // Each client's queue holds the frames that it would hold without other clients.
+                // Each client's queue holds the frames that it would hold if it were the only
+                // client.
                 assert_eq!(queued, [[0, 1, 2, 5], [1, 2, 3, 5]]);
                 assert_eq!(socket.waiting(), 4 * LEN);
             });
@@ -734,7 +740,7 @@ mod tests {
             client.write_all(TOKEN.as_bytes()).unwrap();
             let read = spawn_blocking(move || read_admission(client));
             assert_eq!(serve_until(&mut socket, read).await, ADMITTED);
-            // The silent clients made room long before their deadline.
+            // The silent clients were evicted long before their deadline.
             let mut oldest = flood.swap_remove(0);
             let read = spawn_blocking(move || {
                 let mut all = String::new();
@@ -761,7 +767,7 @@ mod tests {
                 pause().await;
                 assert!(socket.waiting() <= 10 * LEN, "{id}");
             }
-            // A reader receives a whole burst, at the expense of clients that do not read.
+            // A reader receives a whole burst; clients that do not read lose frames for it.
             let reader = UnixStream::connect(path).unwrap();
             socket.accept(40);
             for id in 40..44 {

@@ -19,7 +19,7 @@ pub(super) struct Taken {
     start_ns: u64,
     exposure_ns: u64,
     end_ns: u64,
-    /// Version of the scene at the exposure.
+    /// Version of the scene at the time of the exposure.
     pub(super) version: u64,
 }
 
@@ -29,7 +29,8 @@ impl Taken {
         self.start_ns + self.end_ns.saturating_sub(self.start_ns) / 2
     }
 
-    /// Combines the metadata with the objects at the time of the frame and the faults that struck it.
+    /// Combines the metadata with the objects of the scene at the time of the frame and the faults
+    /// that struck the frame.
     pub(super) fn about(self, scene: Objects, faults: Vec<Struck>) -> FrameAbout {
         FrameAbout {
             id: self.id,
@@ -53,7 +54,7 @@ pub(super) struct History {
 }
 
 impl History {
-    /// Adds an exposure; `version` is the scene's.
+    /// Adds the frame of an exposure; `version` is the version of the scene.
     pub(super) fn push(&mut self, shot: &Shot, firmware: &Firmware, version: u64) {
         if self.frames.len() == MAX_FRAMES {
             self.frames.pop_front();

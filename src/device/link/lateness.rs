@@ -1,12 +1,13 @@
 //! How late a device in real time handles events: count, mean, maximum, and a histogram for
 //! percentiles. Memory use does not depend on the number of events.
 //!
-//! There are eight bins per factor of two (one for each value below 16 ns). A percentile is
+//! There are eight bins per factor of two (below 16 ns, one bin for each value). A percentile is
 //! reported as the upper end of its bin: at most an eighth too large and never too small.
 
 /// Number of bins per factor of two.
 const PER_OCTAVE: u64 = 8;
-/// Two octaves of exact bins, then eight bins for each factor of two up to the largest number.
+/// Number of bins: two octaves with one bin for each value, then eight bins for each factor of two
+/// up to `u64::MAX`.
 const BINS: usize = (PER_OCTAVE * (64 - 2)) as usize;
 
 /// Statistics of how late events were handled.
@@ -53,8 +54,8 @@ impl Lateness {
         self.max_ns
     }
 
-    /// Returns an upper bound, in nanoseconds, of the lateness of `percent` of 100 events; 0
-    /// without events.
+    /// Returns an upper bound, in nanoseconds, of the lateness of the `percent` percent of the
+    /// events that were least late; 0 without events.
     pub fn percentile_ns(&self, percent: u64) -> u64 {
         let rank = u128::from(self.count) * u128::from(percent.min(100));
         let mut below = 0;
@@ -70,8 +71,8 @@ impl Lateness {
 
 /// Returns the bin of a value.
 fn bin(ns: u64) -> usize {
-    // Octaves starting at 8, 16, 32 ... have numbers 0, 1, 2 ...; values below 8 belong to the
-    // first.
+    // Octaves that start at 8, 16, 32 ... have the numbers 0, 1, 2 ...; values below 8 belong to
+    // octave 0.
     let octave = u64::from((ns | PER_OCTAVE).ilog2() - PER_OCTAVE.ilog2());
     (octave * PER_OCTAVE + (ns >> octave)) as usize
 }
@@ -81,7 +82,7 @@ fn top_ns(bin: usize) -> u64 {
     let bin = bin as u64;
     let octave = (bin / PER_OCTAVE).saturating_sub(1);
     let first = bin - octave * PER_OCTAVE;
-    // In this order nothing overflows: the last bin ends at `u64::MAX`.
+    // Evaluated in this order nothing overflows: the last bin ends at `u64::MAX`.
     (first << octave) + ((1 << octave) - 1)
 }
 

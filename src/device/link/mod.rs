@@ -42,12 +42,13 @@ pub use video::VideoOutput;
 use std::fmt;
 use std::sync::Arc;
 
-/// Receives messages for the operator of a device, from any of its threads. The default ignores them.
+/// Receives messages for the operator of a device, from any of the device's threads. The default
+/// ignores them.
 #[derive(Clone)]
 pub struct Notice(Arc<dyn Fn(&str) + Send + Sync>);
 
 impl Notice {
-    /// Passes messages to a function.
+    /// Returns a notice that passes messages to a function.
     pub fn new(told: impl Fn(&str) + Send + Sync + 'static) -> Self {
         Self(Arc::new(told))
     }

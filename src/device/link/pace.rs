@@ -1,9 +1,10 @@
-//! Keeps frames as far apart as their exposures were.
+//! Delivers frames no closer together than they were exposed.
 //!
 //! Frames that were rendered late arrive in a burst, and a V4L2 reader that finds more than a few
-//! new frames skips to the newest (v4l2loopback 0.12: more than two, regardless of the number of
-//! buffers). Frames of a sequence therefore leave no closer to each other than they were exposed.
-//! Frames of a free-running camera are not delayed, since skipping one does no harm.
+//! new frames skips to the newest (v4l2loopback 0.12: if there are more than two, regardless of the
+//! number of buffers). The intervals between the departures of a sequence's frames are therefore at
+//! least as long as the intervals between their exposures. Frames of a free-running camera are not
+//! delayed, since skipping one does no harm.
 
 use phasmid_protocol::Frame;
 use std::sync::Arc;
@@ -13,11 +14,12 @@ use tokio::time::{Instant, sleep_until};
 /// Maximum delay of a frame; exposures further apart than this do not form a burst.
 const MAX_WAIT: Duration = Duration::from_secs(1);
 
-/// Holds one frame until it is due.
+/// Holds a frame back until it is due.
 #[derive(Default)]
 pub(super) struct Pace {
     held: Option<(Arc<Frame>, Instant)>,
-    /// When the last frame left, and the start of its exposure in device time.
+    /// Time at which the last frame left, and the start of its exposure in nanoseconds of device
+    /// time.
     last: Option<(Instant, u64)>,
 }
 

@@ -1,9 +1,9 @@
 //! The control port: a pseudo-terminal whose other end a client opens as a serial port.
 //!
 //! The device keeps a descriptor of the client's side open, so that the port outlives its clients;
-//! an inotify watch reports when the last client has closed it. Unread output is then discarded and
-//! an exclusive lock is cleared (the lock of a crashed client would remain), as if a cable had been
-//! pulled. Replies sent while there is no client are lost, as on a wire.
+//! an inotify watch reports when the last client has closed the port. The device then discards
+//! unread output and clears an exclusive lock, as if a cable had been pulled: otherwise the lock of
+//! a crashed client would remain. Replies sent while there is no client are lost, as on a wire.
 
 use super::readiness::{stirs, watched};
 use phasmid_core::error::{Error, Result};
@@ -19,12 +19,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::io::unix::AsyncFd;
 
-/// Maximum size of replies queued for a client in bytes.
+/// Maximum total size in bytes of the replies queued for a client.
 const MAX_OUTPUT: usize = 1 << 20;
 /// Maximum number of bytes read at a time; small, so that the reply to the first command does not
 /// wait for the last command.
 const MOST_AT_ONCE: usize = 1 << 10;
-/// Interval at which replies are retried when the kernel's buffer was full.
+/// Interval at which replies are sent again after the kernel's buffer was full.
 const RETRY: Duration = Duration::from_millis(5);
 
 /// An event on the port.
@@ -36,7 +36,7 @@ pub(super) enum Event {
     HungUp,
 }
 
-/// The device's end.
+/// The device's end of the pseudo-terminal.
 pub(super) struct Pty {
     master: AsyncFd<OwnedFd>,
     slave: OwnedFd,
@@ -44,20 +44,20 @@ pub(super) struct Pty {
     /// Reports clients that open or close the port; `None` if the system does not support it.
     watch: Option<AsyncFd<OwnedFd>>,
     clients: usize,
-    /// The last client has closed the port and this has not been reported yet.
+    /// Whether the last client has closed the port and [`Event::HungUp`] has not been returned yet.
     hung_up: bool,
-    /// A write has been reported, so the system is known to report writes.
+    /// Whether a write has been reported, so that the system is known to report writes.
     tells_writes: bool,
-    /// No write has been reported since a client opened the unused port.
+    /// Whether no write has been reported since a client opened the previously unused port.
     unwritten: bool,
-    /// A write was reported that is not known to have been read.
+    /// Whether a write was reported whose bytes may not have been read yet.
     written: bool,
     /// Value of `written` when the last client closed the port.
     left_unread: bool,
-    /// The write of the bytes read last has not been reported yet: writes are reported after their
-    /// bytes can be read.
+    /// Whether the write of the bytes read last has not been reported yet: the system reports a
+    /// write only after its bytes can be read.
     owed: bool,
-    /// Bytes read and to be returned next.
+    /// Bytes that have been read and that the next event returns.
     unread: Option<Vec<u8>>,
     output: Vec<u8>,
 }
@@ -102,7 +102,7 @@ impl Pty {
         &self.path
     }
 
-    /// Waits for the next event; meanwhile sends queued replies.
+    /// Waits for the next event and meanwhile sends queued replies.
     pub(super) async fn next(&mut self) -> Result<Event> {
         loop {
             if let Some(bytes) = self.unread.take() {
@@ -112,12 +112,12 @@ impl Pty {
                 Ok(bytes) => {
                     self.count_clients();
                     // Bytes that arrived before the last client closed the port belong to that
-                    // client and are returned before the hang-up. If a new client is already there,
-                    // the hang-up comes first.
+                    // client and are returned before the hang-up. If a new client has already opened
+                    // the port, the hang-up comes first.
                     if self.hung_up && self.clients > 0 {
                         self.hung_up = false;
-                        // The old client's writes are reported before its close: bytes without a
-                        // report belong to the new client.
+                        // The writes of the old client are reported before its close, so bytes whose
+                        // write has not been reported belong to the new client.
                         let of_old = std::mem::take(&mut self.left_unread);
                         self.unread = match of_old {
                             true => self.skip_old(bytes),
@@ -127,13 +127,13 @@ impl Pty {
                         return Ok(Event::HungUp);
                     }
                     if bytes.len() < MOST_AT_ONCE {
-                        // Nothing more is buffered.
+                        // The kernel has no more bytes buffered.
                         self.owed |= !self.written;
                         (self.written, self.left_unread) = (false, false);
                     }
                     return Ok(Event::Data(bytes));
                 }
-                // Everything reported has been read.
+                // All bytes of reported writes have been read.
                 Err(Errno::WOULDBLOCK) => (self.written, self.left_unread) = (false, false),
                 Err(e) => return Err(Error::io(&self.path, e.into())),
             }
@@ -147,8 +147,8 @@ impl Pty {
             }
             self.write();
             let io = |e| Error::io(&self.path, e);
-            // Each branch only clears a readiness that the calls above have used up; they are
-            // repeated at the top of the loop.
+            // Each branch only clears a readiness that the calls above have used up; the top of the
+            // loop repeats these calls.
             tokio::select! {
                 ready = watch_stirs(self.watch.as_ref()) => ready.map_err(io)?,
                 ready = stirs(&self.master) => ready.map_err(io)?,
@@ -161,8 +161,8 @@ impl Pty {
     /// Sends a reply or queues it until the client reads; returns `false` if the queue is full.
     pub(super) fn send(&mut self, reply: &[u8]) -> bool {
         self.count_clients();
-        // Until the hang-up has been reported, replies belong to the last client, even if a new one
-        // is there.
+        // Until the hang-up has been returned, replies belong to the last client, even if a new
+        // client has opened the port.
         if self.watch.is_some() && (self.clients == 0 || self.hung_up) {
             return true;
         }
@@ -175,13 +175,13 @@ impl Pty {
         true
     }
 
-    /// Discards bytes that the last client wrote and the device did not read, as long as the new
-    /// client has written nothing; after that the two cannot be distinguished. Returns the bytes
-    /// that may be the new client's.
+    /// Discards bytes that the old client wrote and the device did not read, as long as the new
+    /// client has written nothing; once it has, the bytes of both cannot be distinguished. Returns
+    /// the bytes that may be the new client's.
     fn skip_old(&mut self, mut bytes: Vec<u8>) -> Option<Vec<u8>> {
         loop {
             let more = self.read();
-            // Writes are reported after their bytes can be read, so the check follows the read.
+            // A write is reported after its bytes can be read, so check for reports after the read.
             self.count_clients();
             if !(self.tells_writes && self.unwritten) {
                 bytes.extend(more.unwrap_or_default());
@@ -207,8 +207,8 @@ impl Pty {
         }
     }
 
-    /// Updates the number of clients. Called after every read and before every reply: if it finds
-    /// that the last client has closed the port, all earlier replies were for that client.
+    /// Updates the number of clients. Called after every read and before every reply: if this call
+    /// finds that the last client has closed the port, all earlier replies were for that client.
     fn count_clients(&mut self) {
         let Some(watch) = &self.watch else { return };
         let mut buffer = [MaybeUninit::uninit(); 4096];
@@ -236,8 +236,9 @@ impl Pty {
         if left {
             self.hung_up = true;
             self.output.clear();
-            // Discards replies in the kernel's buffer, then replies that have reached the client's
-            // side. Failure is harmless: a client must expect stale replies on any line.
+            // The first call discards replies in the kernel's buffer, the second one replies that
+            // have reached the client's side. A failure is harmless: a client must expect stale
+            // replies on any line.
             let _ = termios::tcflush(&self.master, QueueSelector::OFlush);
             let _ = termios::tcflush(&self.slave, QueueSelector::IFlush);
             if self.clients == 0 {
@@ -265,7 +266,7 @@ async fn watch_stirs(watch: Option<&AsyncFd<OwnedFd>>) -> std::io::Result<()> {
     }
 }
 
-/// Points the control link to a pty.
+/// Creates the symbolic link `control` to a pty.
 pub(super) fn point(control: &Path, pty: &Pty) -> Result<()> {
     std::os::unix::fs::symlink(pty.path(), control).map_err(|e| Error::io(control, e))
 }
@@ -301,7 +302,7 @@ mod tests {
         run(async |mut pty| {
             let mut old = client(&pty);
             old.write_all(&b"*IDN?\n".repeat(500)).unwrap();
-            // The queries of one read are answered, the others wait.
+            // The queries of one read are answered; the remaining queries wait.
             assert_eq!(data(&mut pty).await.len(), 1024);
             drop(old);
             let mut new = client(&pty);
@@ -333,7 +334,7 @@ mod tests {
     #[test]
     fn input_is_delivered_before_the_hang_up() {
         run(async |mut pty| {
-            // The client is counted, and there is nothing to read.
+            // The client has been counted, and there is nothing to read.
             let mut old = client(&pty);
             assert!(tokio::time::timeout(RETRY, pty.next()).await.is_err());
             old.write_all(b"*IDN?\n").unwrap();
@@ -343,7 +344,7 @@ mod tests {
         });
     }
 
-    /// Ends when dropped, also by a failing test.
+    /// Keeps threads busy until it is dropped, also when a test fails.
     struct Busy(Arc<AtomicBool>);
 
     impl Busy {
@@ -363,8 +364,8 @@ mod tests {
         }
     }
 
-    /// Clients that open the port as soon as the last one has closed it, while other threads
-    /// preempt them between their write and its report.
+    /// Clients that open the port as soon as the previous client has closed it are all served, even
+    /// if other threads preempt a client between its write and the report of that write.
     #[test]
     fn clients_in_quick_succession_are_all_served() {
         const CLIENTS: usize = 3000;

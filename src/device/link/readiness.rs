@@ -1,4 +1,4 @@
-//! Descriptors in the event loop.
+//! Registers file descriptors with the event loop and waits for them.
 
 use std::os::fd::OwnedFd;
 use tokio::io::unix::AsyncFd;
@@ -8,9 +8,9 @@ use tokio::io::unix::AsyncFd;
 /// # Errors
 /// Returns the system's error.
 pub(super) fn watched(fd: OwnedFd) -> std::io::Result<AsyncFd<OwnedFd>> {
-    // SAFETY: an `OwnedFd` is an open descriptor of its own until it is dropped, which `AsyncFd`
-    // does after taking it out of the event loop. Nothing in this module calls `get_mut`, the only
-    // way to put another in its place.
+    // SAFETY: an `OwnedFd` is an open descriptor of its own until it is dropped, and `AsyncFd` drops
+    // it only after taking it out of the event loop. Nothing in this module calls `get_mut`, the
+    // only way to replace the descriptor.
     #[allow(unsafe_code)]
     let registered = unsafe { AsyncFd::register(fd) };
     registered.map_err(std::io::Error::from)

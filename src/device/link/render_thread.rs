@@ -25,7 +25,7 @@ enum Job {
     Truth(Box<TruthJob>),
     /// Changes the scene.
     Change(Change, oneshot::Sender<Result<()>>),
-    /// Includes or excludes a term, if one is named; replies with the plan.
+    /// Includes or excludes a term if one is given; replies with the plan.
     Plan(Option<(Term, bool)>, oneshot::Sender<Vec<Decision>>),
 }
 
@@ -35,7 +35,7 @@ pub(super) struct TruthJob {
     pub(super) sequence: Vec<(Pattern, Shot)>,
     /// Device time in nanoseconds; `None` is the middle of the sequence.
     pub(super) time_ns: Option<u64>,
-    /// Places of the objects at that time, and the places to restore afterwards.
+    /// Poses of the objects at that time, and the poses to restore afterwards.
     pub(super) back: (Vec<Placement>, Vec<Placement>),
     /// Receives the answer.
     pub(super) reply: oneshot::Sender<Result<Truth>>,
@@ -46,15 +46,15 @@ const MAX_FRAMES: usize = 64;
 
 /// A finished frame.
 pub(super) struct Rendered {
-    /// The frame.
+    /// The finished frame.
     pub(super) frame: Arc<Frame>,
-    /// Time that the render thread spent on it.
+    /// Time that the render thread spent on the frame.
     pub(super) took: Duration,
-    /// Interval of its exposure, as given to [`RenderThread::expose`].
+    /// Interval of the frame's exposure, as passed to [`RenderThread::expose`].
     pub(super) interval: Option<Duration>,
 }
 
-/// Handle of the render thread; dropping it stops the thread, also within a job.
+/// Handle of the render thread; dropping it stops the thread, even in the middle of a job.
 pub(super) struct RenderThread {
     jobs: Option<mpsc::Sender<Job>>,
     /// Finished frames and the time spent on each, followed by the error that ended the thread, if
@@ -82,8 +82,8 @@ struct Work<W> {
 }
 
 impl<W: Fn() -> Duration> Work<W> {
-    /// Returns the next job. Finishes frames in progress while there is none, or if the renderer is
-    /// at its limit of concurrent frames. Returns `None` when the handle has been dropped.
+    /// Returns the next job. Finishes frames in progress while there is no job, or if the renderer
+    /// is at its limit of concurrent frames. Returns `None` when the handle has been dropped.
     fn next(&mut self, queue: &mpsc::Receiver<Job>, notice: &Notice) -> Option<Job> {
         loop {
             if self.under_way.is_empty() {
@@ -161,7 +161,7 @@ impl<W: Fn() -> Duration> Work<W> {
         }
     }
 
-    /// Finishes the oldest frame in progress and sends it on.
+    /// Finishes the oldest frame in progress and sends it to the handle.
     fn finish(&mut self) {
         if let Some((exposure, pending, took)) = self.under_way.pop_front() {
             let start = (self.wall)();
@@ -174,7 +174,8 @@ impl<W: Fn() -> Duration> Work<W> {
         }
     }
 
-    /// Adds the time since `start` to the time spent on frames, and returns it.
+    /// Adds the time since `start` to the total time spent on frames, and returns the time since
+    /// `start`.
     fn account(&self, start: Duration) -> Duration {
         let took = (self.wall)().saturating_sub(start);
         self.spent
@@ -182,8 +183,8 @@ impl<W: Fn() -> Duration> Work<W> {
         took
     }
 
-    /// Reports the renderer's messages for the user. Returns `false` if the renderer has failed;
-    /// all frames in progress are then sent before the error.
+    /// Reports the renderer's messages to the user. Returns `false` if the renderer has failed,
+    /// after sending all frames in progress and then the error.
     fn goes_on(&mut self, notice: &Notice) -> bool {
         match self.renderer.news() {
             Ok(news) => {
@@ -202,8 +203,9 @@ impl<W: Fn() -> Duration> Work<W> {
 }
 
 impl RenderThread {
-    /// Starts the thread. It renders with `threads` threads, or with rayon's global pool if `None`.
-    /// `wall` returns how long the device has been on; `notice` receives messages for the user.
+    /// Starts the thread, which renders with `threads` threads, or with rayon's global pool if
+    /// `None`. `wall` returns how long the device has been on; `notice` receives messages for the
+    /// user.
     pub(super) fn start(
         renderer: Renderer,
         threads: Option<NonZeroUsize>,
@@ -276,7 +278,8 @@ impl RenderThread {
         self.submit(Job::Change(change, reply));
     }
 
-    /// Requests the plan, after a term has been included or excluded if one is named.
+    /// Requests the plan, after `forced` (a term and whether it is included) has been applied if
+    /// given.
     pub(super) fn plan(&self, forced: Option<(Term, bool)>, reply: oneshot::Sender<Vec<Decision>>) {
         self.submit(Job::Plan(forced, reply));
     }
@@ -293,12 +296,12 @@ impl RenderThread {
 
     fn submit(&self, job: Job) {
         if let Some(jobs) = &self.jobs {
-            // If the thread has died, the frames' channel ends.
+            // If the thread has died, the channel of the frames ends and [`Self::next`] reports it.
             let _ = jobs.send(job);
         }
     }
 
-    /// Receives the next frame.
+    /// Receives the next finished frame.
     ///
     /// # Errors
     /// Returns an error if the renderer has failed or the thread has died.

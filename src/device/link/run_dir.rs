@@ -1,5 +1,5 @@
-//! The run directory of a served device: mode `0700`, and restored to its earlier state when the
-//! device ends.
+//! The run directory of a served device. Its mode is `0700` while the device runs; the earlier state
+//! of the directory is restored when the device ends.
 //!
 //! A lock on the directory marks it as in use; the system releases it even if the process is
 //! killed. Files left by a killed device are recognised by name, kind and content, and removed.
@@ -25,20 +25,21 @@ pub(super) const SERVICE: &str = "service.sock";
 /// Maximum length of a Unix socket's path on Linux, without the terminating zero.
 const MAX_SOCKET_PATH: usize = 107;
 
-/// A claimed run directory; dropping it removes the files made in it, and the directory itself if
-/// it was created.
+/// A claimed run directory. Dropping it removes the files that the device made in it, and the
+/// directory itself if the device created it.
 #[derive(Debug)]
 pub struct RunDir {
     path: PathBuf,
     made: bool,
-    /// Mode to restore if the directory existed before.
+    /// Mode to restore if the directory existed before it was claimed.
     mode: Option<u32>,
     files: Vec<PathBuf>,
     _lock: OwnedFd,
 }
 
 impl RunDir {
-    /// Claims a directory: creates it, or takes an empty one or one left by a killed device.
+    /// Claims a directory: creates it, or takes over an empty directory or one left by a killed
+    /// device.
     ///
     /// # Errors
     /// Returns an error if another device uses the directory, if it belongs to another user or
@@ -61,7 +62,8 @@ impl RunDir {
             Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => false,
             Err(e) => return Err(io(e)),
         };
-        // Does not follow links: in a shared temporary directory anybody could have created one.
+        // Does not follow links, because in a shared temporary directory anybody could have created
+        // one.
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let lock = rustix::fs::open(path, flags, Mode::empty()).map_err(|e| io(e.into()))?;
         let stat = rustix::fs::fstat(&lock).map_err(|e| io(e.into()))?;
@@ -98,8 +100,8 @@ impl RunDir {
         };
         for leftover in leftovers {
             fs::remove_file(&leftover).map_err(|e| Error::io(&leftover, e))?;
-            // A directory of a killed device is removed at the end, like one that this device
-            // created.
+            // A directory left by a killed device is removed at the end, as if this device had
+            // created it.
             dir.made |= stat.st_mode & 0o777 == 0o700;
         }
         if stat.st_mode & 0o777 != 0o700 {
@@ -109,7 +111,8 @@ impl RunDir {
         Ok(dir)
     }
 
-    /// Lists the directory; `None` if it contains a file that no device leaves behind.
+    /// Lists the files of the directory; `None` if one of them is a file that no device leaves
+    /// behind.
     fn leftovers(&self) -> std::io::Result<Option<Vec<PathBuf>>> {
         let mut found = Vec::new();
         for entry in fs::read_dir(&self.path)? {
@@ -135,15 +138,15 @@ impl RunDir {
         &self.path
     }
 
-    /// Returns the path of a file to be created in the directory, and removed with it.
+    /// Returns the path of a file to be created in the directory and removed together with it.
     pub(super) fn file(&mut self, name: &str) -> PathBuf {
         let path = self.path.join(name);
         self.files.push(path.clone());
         path
     }
 
-    /// Writes `device.json` atomically, and replaces an earlier one of this device: once it exists,
-    /// everything that it names can be used.
+    /// Writes `device.json` atomically and replaces an earlier version. It is written when all the
+    /// ports and sockets that it names can be used.
     pub(super) fn publish(&mut self, endpoints: &Endpoints) -> Result<()> {
         let text = serde_json::to_string_pretty(endpoints).map_err(|why| {
             let place = format!("--run-dir {}", self.path.display());

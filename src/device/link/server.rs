@@ -1,5 +1,5 @@
-//! The event loop that serves a device: commands in, replies and frames out, in device time. It
-//! runs on one thread; rendering has its own.
+//! The event loop that serves a device: commands come in, replies and frames go out, in device time.
+//! The loop runs on one thread; rendering has a thread of its own.
 
 use super::Notice;
 use super::frame_socket::FrameSocket;
@@ -29,14 +29,15 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
-/// Maximum number of exposures waiting for the optics; device time stops beyond that.
+/// Maximum number of exposures that wait for the optics; at this number device time stops.
 const MAX_BACKLOG: usize = 8192;
-/// Maximum number of free-running exposures waiting for the optics; further ones are dropped, as a
+/// Maximum number of free-running exposures that wait for the optics; further ones are dropped, as a
 /// camera does.
 const MAX_FREE_BACKLOG: usize = 2;
-/// A data block that pauses for this long is abandoned.
+/// A data block whose bytes pause for this long is abandoned.
 const STALL: Duration = Duration::from_secs(1);
-/// Events overdue by more than this are handled at once, as after the machine was suspended.
+/// Events overdue by more than this are handled at the present time, for example after the machine
+/// was suspended.
 const MAX_LAG_NS: u64 = 1_000_000_000;
 
 /// The state of a served device.
@@ -59,24 +60,24 @@ pub(super) struct Server {
     pub(super) slowdown: Slowdown,
     /// `None` while the port is disconnected.
     pub(super) pty: Option<Pty>,
-    /// Link to the pty.
+    /// Path of the symbolic link to the pty.
     pub(super) control: PathBuf,
     pub(super) camera: FrameSocket,
     pub(super) video: Option<VideoOutput>,
     pub(super) usb: Option<Binding>,
-    /// The last command came over USB, so replies go there. Hang-ups on the other end of the port
-    /// do not affect the USB client.
+    /// Whether the last command came over USB, so that replies go there. A hang-up of the pty then
+    /// does not affect the USB client.
     pub(super) reply_to_usb: bool,
     pub(super) pace: Pace,
     pub(super) notice: Notice,
     /// Number of frames that the V4L2 node did not accept.
     pub(super) lost: u64,
-    /// A USB host has missed frames.
+    /// Whether a USB host has missed frames.
     pub(super) usb_lost: bool,
     pub(super) service: ServiceSocket,
     /// Records the traffic.
     pub(super) tap: Tap,
-    /// When to abandon a data block.
+    /// Time at which to abandon the data block being received.
     pub(super) stall: Option<Instant>,
     /// Number of bytes received when the data block last made progress.
     pub(super) stalled_at: u64,
@@ -84,8 +85,8 @@ pub(super) struct Server {
 
 impl Server {
     /// Serves until `shutdown` completes; `wall` returns how long the device has been on. `slow` is
-    /// called with the ratio of render time to real time when frames are first rendered too slowly,
-    /// and when the ratio has changed.
+    /// called with the ratio of render time to real time when rendering is first found to be too
+    /// slow, and whenever the ratio has changed.
     pub(super) async fn run(
         mut self,
         wall: impl Fn() -> Duration,
@@ -108,7 +109,7 @@ impl Server {
             let crowded = self.render_thread.backlog() >= MAX_BACKLOG;
             let full = crowded || self.machine.crowded();
             let free = matches!(self.machine.firmware().state(), State::Free { .. });
-            // In these cases the next frame of the optics wakes the loop.
+            // In both cases the next frame from the optics wakes the loop.
             let behind = crowded || free && self.render_thread.backlog() >= MAX_FREE_BACKLOG;
             let wait = Wait {
                 next_ns: self.machine.next_event_ns(behind),
@@ -124,7 +125,7 @@ impl Server {
                     self.machine.rendered(Some(frame), now);
                     if let Some(interval) = interval.filter(|interval| !interval.is_zero()) {
                         self.seat.rendered(interval, took);
-                        // The other clocks wait for the rendering and have no slowdown.
+                        // The other clocks wait for the rendering, so they have no slowdown.
                         if self.seat.timeline().pace() == ClockPace::Real
                             && let Some(factor) = self.slowdown.rendered(took, interval)
                         {
@@ -140,7 +141,8 @@ impl Server {
                 }
                 event = next_of(self.pty.as_mut()), if !full => {
                     // A client that connected before the command was sent receives the frames that
-                    // it causes, whichever of the two this loop noticed first.
+                    // the command causes, even if this loop noticed the command before the
+                    // connection.
                     self.camera.accept(self.machine.firmware().next_id());
                     let now = self.now();
                     self.tap.cameras(self.camera.counts(), now);
@@ -164,7 +166,8 @@ impl Server {
                     let now = self.now();
                     self.work_off_usb(now);
                 }
-                // After the ports: bytes sent there earlier precede this request.
+                // Polled after the ports, because bytes sent to a port before this request must be
+                // handled first.
                 call = self.service.next() => {
                     let now = self.now();
                     self.serve_call(call, now);
@@ -183,7 +186,7 @@ impl Server {
         let now_ns = self.seat.now_ns();
         while let Some(due_ns) = self.machine.next_event_ns(false)
             && due_ns <= now_ns
-            // Events that depend on more than time are handled elsewhere.
+            // Events that depend on more than device time are handled elsewhere.
             && due_ns > self.handled_ns
         {
             self.seat.handled(due_ns);
@@ -197,8 +200,8 @@ impl Server {
         now_ns
     }
 
-    /// Passes changes of the scene to the optics. The result resolves when the optics have applied or
-    /// rejected them.
+    /// Passes changes of the shared scene to the optics. The returned receiver resolves when the
+    /// optics have applied or rejected them.
     pub(super) fn follow(&mut self) -> Option<oneshot::Receiver<Result<()>>> {
         let (mut change, version) = self.shared_scene.since(self.version);
         self.version = version;
@@ -212,8 +215,9 @@ impl Server {
         Some(changed)
     }
 
-    /// Passes changes that other devices have made to the optics. If these optics reject a change,
-    /// the operator is notified, because the device that made the change does not learn of it.
+    /// Passes on to the optics the changes that other devices have made to the scene. If the optics
+    /// reject a change, the operator is notified, because the device that made the change does not learn of
+    /// the rejection.
     pub(super) fn follow_others(&mut self) {
         if let Some(changed) = self.follow() {
             let (notice, name) = (self.notice.clone(), self.name.clone());
@@ -228,7 +232,7 @@ impl Server {
     }
 
     /// Disconnects or reconnects the port as the device's faults require: a client sees that the
-    /// other end is gone, and later finds a new port under the old name.
+    /// other end has gone, and later finds a new port under the same name.
     fn plug(&mut self, now_ns: u64) -> Result<()> {
         match (self.machine.connected(now_ns), &self.pty) {
             (false, Some(_)) => {
@@ -248,7 +252,7 @@ impl Server {
         }
     }
 
-    /// Returns whether a client may read frames; a V4L2 node does not report whether it has
+    /// Returns whether clients may be reading frames; a V4L2 node does not report whether it has
     /// readers.
     fn attended(&self) -> bool {
         self.video.is_some()
@@ -256,7 +260,7 @@ impl Server {
             || self.usb.as_ref().is_some_and(Binding::attended)
     }
 
-    /// Returns whether a free-running frame is worth rendering for some client.
+    /// Returns whether some client can take another free-running frame now.
     fn keeps_up(&self) -> bool {
         self.video.is_some()
             || self.camera.attended()
@@ -278,7 +282,7 @@ impl Server {
                     self.machine.firmware_mut().set_streaming(streaming, now_ns);
                     self.machine.receive(&bytes, now_ns);
                 }
-                // The client at the other end of the port is not affected.
+                // The client of the pty is not affected.
                 PortEvent::HungUp if self.reply_to_usb => {
                     self.tap.left(Channel::Usb, now_ns);
                     self.machine.hang_up();
@@ -298,7 +302,7 @@ impl Server {
         }
     }
 
-    /// Delivers the frames that are due.
+    /// Delivers the frames that are due to the readers.
     fn hand_on(&mut self, now_ns: u64, wall: Duration) -> Result<()> {
         while !self.pace.holds()
             && let Some(frame) = self.machine.next_frame(now_ns)
@@ -346,7 +350,7 @@ impl Server {
 
     /// Passes exposures to the optics and replies to the port.
     fn dispatch(&mut self, now_ns: u64, wall: Duration) {
-        // The result is not needed: the operator is notified of a rejected change.
+        // The result is not needed: `follow_others` notifies the operator of a rejected change.
         self.follow_others();
         for exposure in self.machine.take_exposures(now_ns) {
             let (firmware, version) = (self.machine.firmware(), self.version);
@@ -406,7 +410,7 @@ async fn changed(usb: Option<&Binding>) {
 
 pub(super) async fn sleep(delay: Option<Duration>) {
     match delay {
-        // Even a zero timer takes a millisecond.
+        // Even a timer of zero takes a millisecond.
         Some(Duration::ZERO) => tokio::task::yield_now().await,
         Some(delay) => tokio::time::sleep(delay).await,
         None => std::future::pending().await,

@@ -1,4 +1,4 @@
-//! A device that is served on threads of its own, also from a program with an event loop.
+//! A device that is served on threads of its own, even if the calling program has an event loop.
 
 use super::Notice;
 use super::device::{ServedDevice, serve};
@@ -25,49 +25,49 @@ use std::time::Duration;
 use tokio::runtime::{Builder, Runtime};
 use tokio::sync::watch;
 
-/// V4L2 node that a served device's frames go to.
+/// V4L2 node that receives a served device's frames.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum CameraNode {
-    /// None: the frame socket only.
+    /// No node: frames go to the frame socket only.
     #[default]
     None,
     /// The first free v4l2loopback node whose label starts with Phasmid.
     Any,
-    /// The v4l2loopback node of this path.
+    /// The v4l2loopback node with this path.
     At(PathBuf),
 }
 
-/// A file that records every byte and frame of a served device with its time, for `phasmid replay` and
-/// `phasmid record info`.
+/// A file in which every byte and frame of a served device is recorded with its time, for `phasmid
+/// replay` and `phasmid record info`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordingFile {
     /// Path of the file, which must not exist.
     pub path: PathBuf,
-    /// The present time in seconds since 1970.
+    /// Start of the recording in seconds since 1970.
     pub started_unix_s: u64,
 }
 
-/// How a device is served.
+/// Options for serving a device.
 #[derive(Debug, Clone)]
 pub struct ServeOptions {
-    /// Directory for the endpoints; `None` for a private one in the temporary directory.
+    /// Directory for the endpoints; `None` for a private directory in the temporary directory.
     pub run_dir: Option<PathBuf>,
-    /// How the device's time passes.
+    /// Pace of the device's time.
     pub clock: ClockPace,
-    /// Also serve frames over TCP.
+    /// Options for serving frames over TCP as well.
     pub tcp: Option<Tcp>,
-    /// Also deliver frames to a V4L2 node, which requires a clock in real time.
+    /// V4L2 node that also receives the frames, which requires a clock in real time.
     pub camera: CameraNode,
-    /// Also be a USB device with camera and serial port.
+    /// Options for also serving the device as a USB device with camera and serial port.
     pub usb: Option<UsbServing>,
-    /// Also record the traffic.
+    /// File in which to record the traffic.
     pub record: Option<RecordingFile>,
-    /// Receives the traffic as it happens, as it would be recorded.
+    /// Receives the traffic as it happens, in the form in which it would be recorded.
     pub observer: Option<Observer>,
     /// Receives messages for the operator.
     pub notice: Notice,
-    /// Number of threads that render. `None` for rayon's global pool: rendering runs on the
-    /// device's own thread, so a pool that the caller runs in is not used.
+    /// Number of rendering threads; `None` for rayon's global pool. Rendering runs on the device's
+    /// own thread, so a rayon pool in which the caller runs is not used.
     pub threads: Option<NonZeroUsize>,
 }
 
@@ -89,7 +89,7 @@ impl Default for ServeOptions {
 }
 
 impl Device {
-    /// Serves the device on threads of its own, until the result is dropped.
+    /// Serves the device on threads of its own until the returned value is dropped.
     ///
     /// # Errors
     /// Returns an error if the run directory cannot be used, or if the system refuses a port, a socket,
@@ -110,11 +110,11 @@ pub struct Serving {
 }
 
 impl Serving {
-    /// Serves a device, alone on its timeline.
+    /// Serves a device that has a timeline of its own.
     fn of(mut device: Device, options: &ServeOptions) -> Result<Self> {
-        // A stop request for calls in memory must not stop the served device.
+        // A stop request made for calls in memory must not stop the served device.
         device.renderer.renew_stop();
-        // Device time continues where the device stopped in memory.
+        // Device time continues from the value that it reached in memory.
         let begin_ns = device.machine.firmware().now_ns();
         let (begin, begun) = (monotonic(), Duration::from_nanos(begin_ns));
         let power_on = begin.saturating_sub(begun);
@@ -171,8 +171,8 @@ impl Serving {
         Ok(Self { usb, ..serving })
     }
 
-    /// Serves a device that may share a timeline and a scene with others. `wall` returns how long it
-    /// has been on; `ended` is called when it ends, whatever the reason.
+    /// Serves a device that may share a timeline and a scene with others. `wall` returns how long
+    /// the device has been on; `ended` is called when the device ends, whatever the reason.
     ///
     /// # Errors
     /// Returns an error if the system refuses a thread, a port or a socket.
@@ -188,7 +188,7 @@ impl Serving {
             let _ended = Last(Some(ended));
             let published = |endpoints: &Endpoints| {
                 measured.send_replace(endpoints.slowdown);
-                // Later calls find no receiver.
+                // Only the first call finds a receiver.
                 let _ = ready.send(endpoints.clone());
             };
             runtime()?.block_on(serve(served, run_dir, wall, published, until(stopped)))
@@ -213,9 +213,9 @@ impl Serving {
         &self.endpoints
     }
 
-    /// Returns the render time of the latest frames over the interval of their exposures, if device
-    /// time is real time and the machine has been too slow for that: the present
-    /// [`Endpoints::slowdown`].
+    /// Returns the render time of the latest frames divided by the interval of their exposures. It
+    /// is `None` unless device time is real time and the machine has been too slow for it. This is
+    /// the present value of [`Endpoints::slowdown`].
     pub fn slowdown(&self) -> Option<f64> {
         *self.slowdown.borrow()
     }
@@ -230,7 +230,7 @@ impl Serving {
     }
 }
 
-/// Calls a function when it is dropped.
+/// Calls a function when this value is dropped.
 struct Last<F: FnOnce()>(Option<F>);
 
 impl<F: FnOnce()> Drop for Last<F> {
@@ -279,7 +279,8 @@ impl Drop for Worker {
     }
 }
 
-/// Exports a USB device on a thread of its own, and attaches it to this machine's kernel if wanted.
+/// Exports a USB device on a thread of its own, and also attaches it to this machine's kernel if
+/// requested.
 fn serve_usb(
     binding: Binding,
     how: UsbServing,
@@ -315,12 +316,12 @@ fn runtime() -> Result<Runtime> {
 
 /// Prefix of private run directories; sixteen hexadecimal digits follow.
 const PRIVATE: &str = "phasmid-";
-/// Number of private run directories to try: another process may remove a new one before it is
-/// locked.
+/// Maximum number of private run directories to try: another process may remove a new directory
+/// before it is locked.
 const TRIES: usize = 8;
 
-/// Claims a run directory of an unpredictable name in the temporary directory. Removes what
-/// killed programs have left there.
+/// Claims a run directory with an unpredictable name in the temporary directory. Removes the run
+/// directories that killed programs have left there.
 fn private_run_dir() -> Result<RunDir> {
     let parent = std::env::temp_dir();
     for entry in std::fs::read_dir(&parent).into_iter().flatten().flatten() {
@@ -328,8 +329,9 @@ fn private_run_dir() -> Result<RunDir> {
         let number = name.to_str().and_then(|name| name.strip_prefix(PRIVATE));
         let is_hex = |number: &str| number.bytes().all(|byte| byte.is_ascii_hexdigit());
         if number.is_some_and(|number| number.len() == 16 && is_hex(number)) {
-            // `claim` refuses a directory that is in use or contains other files. Dropping the claim
-            // deletes the device's files; an empty directory is removed while it is locked.
+            // `claim` refuses a directory that is in use or contains foreign files. Dropping the
+            // claim deletes the device's files; an empty directory is removed while it is still
+            // locked.
             if let Ok(claimed) = RunDir::claim(&entry.path()) {
                 let _ = std::fs::remove_dir(entry.path());
                 drop(claimed);
@@ -337,8 +339,8 @@ fn private_run_dir() -> Result<RunDir> {
         }
     }
     let claim = || {
-        // The keys of a `RandomState` are random numbers of the system. The name is short because the
-        // path of a socket is limited to about a hundred bytes.
+        // The keys of a `RandomState` are random numbers from the system. The name is short because
+        // the path of a socket is limited to about a hundred bytes.
         let number = RandomState::new().hash_one(std::process::id());
         RunDir::claim(&parent.join(format!("{PRIVATE}{number:016x}")))
     };
@@ -352,7 +354,7 @@ fn private_run_dir() -> Result<RunDir> {
     claimed.map_err(|e| e.at("TMPDIR, the folder of temporary files"))
 }
 
-/// Returns the system's monotonic time, with which V4L2 stamps frames.
+/// Returns the system's monotonic time, which V4L2 uses for timestamps of frames.
 pub fn monotonic() -> Duration {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
     let seconds = u64::try_from(now.tv_sec).unwrap_or(0);

@@ -1,4 +1,4 @@
-//! The scene shared by several devices: the present and past places of its objects.
+//! The scene shared by several devices: the present and past poses of its objects.
 //!
 //! Each device renders its own copy of the scene. An object moved through one device is recorded
 //! here, and every device updates its copy before its next exposure.
@@ -13,10 +13,10 @@ use phasmid_protocol::service::{ObjectAbout, Objects, PatientAbout, PlaceAbout, 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Maximum number of recorded moves.
+/// Maximum number of moves recorded.
 const MAX_MOVES: usize = 4096;
 
-/// A scene that several devices share.
+/// A scene that several devices share; clones refer to the same scene.
 #[derive(Clone)]
 pub struct SharedScene {
     shared: Arc<Mutex<Shared>>,
@@ -24,17 +24,17 @@ pub struct SharedScene {
 
 struct Shared {
     scene: Scene,
-    /// Number of moves and other changes so far.
+    /// Version of the scene: number of moves and other changes so far.
     version: u64,
-    /// The version after the last change other than a move.
+    /// Version of the scene after the last change that was not a move.
     changed: u64,
-    /// For each object, the version of its last move.
+    /// For each object, the version after its last move.
     placed: Vec<u64>,
-    /// Earlier places of objects, for the latest moves.
+    /// Poses of objects before each of the latest moves.
     moves: VecDeque<Move>,
-    /// The scene before a change that the optics have not followed yet.
+    /// The scene before a change that the optics have neither applied nor rejected yet.
     pending: Option<Scene>,
-    /// For each object, the patient if it is one.
+    /// For each object, its patient; `None` if the object is not a patient.
     patients: Vec<Option<Patient>>,
 }
 
@@ -46,8 +46,8 @@ struct Patient {
 }
 
 impl Patient {
-    /// Returns the patient of an object; `None` for other objects and for one that cannot be read,
-    /// which the renderer reports.
+    /// Returns the patient of an object. Returns `None` if the object is not a patient or its
+    /// patient cannot be read, which the renderer reports.
     fn of(scene: &Scene, object: &Object) -> Option<Self> {
         let Shape::Patient {
             day, held_percent, ..
@@ -81,21 +81,21 @@ impl Patient {
 /// A change of a scene.
 #[derive(Debug, PartialEq)]
 pub(super) enum Change {
-    /// The present places of the objects that were moved.
+    /// The present poses of the objects that were moved.
     Moves(Vec<Placement>),
-    /// The whole scene, after any other change.
+    /// The whole scene, after a change that was not only moves.
     Scene(Box<Scene>),
 }
 
 /// A move of an object.
 struct Move {
-    /// The version after the move.
+    /// Version of the scene after the move.
     version: u64,
     before: Placement,
 }
 
 impl SharedScene {
-    /// Returns the scene as described by its file.
+    /// Returns a shared scene with the objects as described by the scene's file.
     pub fn new(scene: &Scene) -> Self {
         Self {
             shared: Arc::new(Mutex::new(Shared {
@@ -110,7 +110,7 @@ impl SharedScene {
         }
     }
 
-    /// Moves an object for all devices and returns its previous place.
+    /// Moves an object for all devices and returns its previous pose.
     ///
     /// # Errors
     /// Returns the error of [`Scene::place`], or an error if another change waits to be settled. On an
@@ -137,8 +137,8 @@ impl SharedScene {
         Ok(before)
     }
 
-    /// Sets a field of the scene for all devices; [`Self::settle`] must follow. Recorded places of
-    /// objects are discarded, because they belong to the previous scene.
+    /// Sets a field of the scene for all devices; the caller must then call [`Self::settle`].
+    /// Recorded poses of objects are discarded, because they belong to the previous scene.
     ///
     /// # Errors
     /// Returns the error of [`Scene::set`], or an error if another change waits to be settled. On an
@@ -153,8 +153,8 @@ impl SharedScene {
         Ok(())
     }
 
-    /// Keeps the last [`Self::set`] if the optics have applied it; undoes it if they have rejected
-    /// it.
+    /// Keeps the change of the last [`Self::set`] if the optics have applied it (`followed`), or
+    /// undoes it if they have rejected it.
     pub(super) fn settle(&self, followed: bool) {
         let mut shared = self.shared();
         if let Some(before) = shared.pending.take()
@@ -169,7 +169,7 @@ impl SharedScene {
         self.shared().scene.clone()
     }
 
-    /// Returns what has changed since a version, and the present version.
+    /// Returns the changes since a version, and the present version.
     pub(super) fn since(&self, version: u64) -> (Change, u64) {
         let shared = self.shared();
         let change = if shared.changed > version {
@@ -184,16 +184,16 @@ impl SharedScene {
         (change, shared.version)
     }
 
-    /// Returns the places, at a version, of the objects moved since then; `None` if they are no
-    /// longer recorded.
+    /// Returns the poses, at a version, of the objects that have moved since then; `None` if these
+    /// poses are no longer recorded.
     pub(super) fn back_to(&self, version: u64) -> Option<Vec<Placement>> {
         self.shared().back_to(version)
     }
 
-    /// Returns the present places of the objects in `of`.
+    /// Returns the present poses of the objects that `of` lists.
     pub(super) fn now(&self, of: &[Placement]) -> Vec<Placement> {
         let shared = self.shared();
-        // Objects may have been removed since.
+        // Objects may have been removed since `of` was recorded.
         of.iter()
             .map(|placement| placement.object as usize)
             .filter(|at| *at < shared.scene.object.len())
@@ -201,8 +201,8 @@ impl SharedScene {
             .collect()
     }
 
-    /// Returns the objects at a device time, placed as at a version, for a device whose rig stands
-    /// at `rig`; `None` if that version is no longer recorded.
+    /// Returns the objects at a device time, posed as at a version of the scene, for a device whose
+    /// rig is at `rig`; `None` if that version is no longer recorded.
     pub(super) fn objects(&self, time_ns: u64, version: u64, rig: RigPlace) -> Option<Objects> {
         let shared = self.shared();
         let mut objects = shared.scene.object.clone();
@@ -252,7 +252,7 @@ impl Shared {
         }
     }
 
-    /// Replaces the scene, and returns the one before.
+    /// Replaces the scene and returns the previous one.
     fn change(&mut self, scene: Scene) -> Scene {
         self.version += 1;
         self.changed = self.version;
@@ -285,7 +285,7 @@ impl Shared {
             if change.version <= version {
                 break;
             }
-            // The oldest move since that version holds the object's place at that version.
+            // The oldest move since that version holds the object's pose at that version.
             let object = change.before.object;
             match back.iter_mut().find(|placement| placement.object == object) {
                 Some(placement) => *placement = change.before,
@@ -296,11 +296,11 @@ impl Shared {
     }
 }
 
-/// Returns the place of an object, before scaling, in the scene's frame.
+/// Returns the pose of an object in the scene's frame, before scaling.
 fn place(object: &Object, time_ns: u64) -> PlaceAbout {
     let moved = match &object.motion {
         Some(motion) if motion.goes_anywhere() => motion.trajectory().pose(time_ns as f64 * 1e-9),
-        // The numbers of the file, without rounding.
+        // The numbers as in the scene's file, without rounding.
         _ => {
             return PlaceAbout {
                 position_mm: object.position_mm,
@@ -430,7 +430,8 @@ mod tests {
             assert_eq!(patients.len(), 1, "the couch has none");
             patients[0]
         };
-        // The planning isocentre is the room's origin; the remainder is set-up error and breathing.
+        // The planning isocentre is the origin of the room; the remaining distance is set-up error
+        // and breathing.
         let breath: Vec<_> = (0..5).map(about).collect();
         for now in &breath {
             let [x, y, z] = now.tumour_mm;

@@ -1,43 +1,48 @@
-//! Detects that a device in real time renders its frames more slowly than it exposes them.
+//! Detects that a device whose clock is in real time renders its frames more slowly than it exposes
+//! them.
 //!
-//! Each frame has a ratio: its render time over the interval of its exposure. The slowdown is the
-//! lower quartile of the ratios of the latest frames, [`MIN_FRAMES`] or more that together took
-//! [`MIN_RENDERING`] or longer: three of four frames took at least this multiple of their interval.
-//! A single slow frame, such as the first of a scene or one during a pause of the machine, therefore
-//! has no effect.
+//! Each frame has a ratio: its render time divided by the interval of its exposure. The slowdown is
+//! the lower quartile of the ratios of the latest frames, so three of four frames took at least this
+//! multiple of their interval. It is computed from at least [`MIN_FRAMES`] frames that together took
+//! at least [`MIN_RENDERING`]. A single slow frame, such as the first frame of a scene or one during
+//! a pause of the machine, therefore has no effect.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Minimum number of frames.
+/// Minimum number of frames from which a slowdown is computed.
 const MIN_FRAMES: usize = 12;
-/// Minimum render time of all these frames together. A machine that is busy for a moment is not slow.
+/// Minimum total render time of these frames, so that a machine that is busy for a moment does not
+/// count as slow.
 const MIN_RENDERING: Duration = Duration::from_secs(1);
-/// This number of frames suffices even if they took less time; it bounds the memory.
+/// Number of frames that suffices even if they took less than [`MIN_RENDERING`]; it bounds the
+/// memory.
 const MAX_FRAMES: usize = 1000;
-/// Slowdowns below this are not reported: a sequence is then late by a fraction of its own length.
+/// Minimum slowdown that is reported. Below it, a sequence is late by only a fraction of its own
+/// length.
 const MIN_SLOWDOWN: f64 = 1.5;
-/// A known slowdown is reported again when it changes by more than this factor.
+/// Factor by which a reported slowdown must change to be reported again.
 const CHANGE: f64 = 1.5;
-/// Minimum slowdown that is reported, when the machine has become fast again.
+/// Smaller slowdowns are reported as this value when the machine has become fast again.
 const MIN_REPORTED: f64 = 0.1;
 
-/// Measures the slowdown of a device.
+/// Measures the slowdown of a device with a clock in real time.
 #[derive(Debug, Default)]
 pub(super) struct Slowdown {
     /// Pattern index and start of the last exposure of a sequence.
     previous: Option<(u32, u64)>,
     /// Render times and ratios of the latest frames.
     frames: VecDeque<(Duration, f64)>,
-    /// Sum of these render times.
+    /// Sum of the render times in `frames`.
     rendering: Duration,
     /// The slowdown that was reported last.
     reported: Option<f64>,
 }
 
 impl Slowdown {
-    /// Returns the interval of an exposure that starts at `start_ns`: `free_ns` if it runs free, else
-    /// the time since the preceding exposure of its sequence; `None` if there is none.
+    /// Returns the interval of an exposure that starts at `start_ns`: `free_ns` if the camera runs
+    /// free, else the time since the preceding exposure of the sequence; `None` if there is no
+    /// preceding exposure.
     pub(super) fn interval(
         &mut self,
         pattern_index: Option<u32>,
@@ -83,7 +88,7 @@ impl Slowdown {
         if !report {
             return None;
         }
-        // The next report requires new frames, so that it cannot follow at once.
+        // The next report needs new frames, so that it cannot follow immediately.
         self.frames.clear();
         self.rendering = Duration::ZERO;
         self.reported = Some(slowdown);
@@ -108,7 +113,7 @@ mod tests {
 
     const INTERVAL: Duration = Duration::from_millis(20);
 
-    /// Adds frames that take these milliseconds, and returns what is reported.
+    /// Adds frames with these render times in milliseconds, and returns the reported slowdowns.
     fn reports(slowdown: &mut Slowdown, ms: impl IntoIterator<Item = u64>) -> Vec<f64> {
         let add = |ms| slowdown.rendered(Duration::from_millis(ms), INTERVAL);
         ms.into_iter().filter_map(add).collect()
@@ -133,7 +138,7 @@ mod tests {
     fn slow_frames_are_reported_once() {
         let mut slowdown = Slowdown::default();
         assert_eq!(reports(&mut slowdown, [76; 100]), [3.8]);
-        // Fewer frames, which take long enough.
+        // Eleven frames are too few, however long they take.
         let mut slowdown = Slowdown::default();
         assert_eq!(reports(&mut slowdown, [8040; 11]), [0.0; 0]);
         assert_eq!(reports(&mut slowdown, [8040; 40]), [400.0]);
@@ -142,16 +147,17 @@ mod tests {
     #[test]
     fn hiccups_are_not_reported() {
         let mut slowdown = Slowdown::default();
-        // A machine that pauses, and half of the frames on a busy one.
+        // A machine that pauses now and then, and a busy machine that is slow for half of the
+        // frames, are not reported.
         let hiccups = (0..200).map(|i| if i % 10 == 0 { 2000 } else { 8 });
         assert_eq!(reports(&mut slowdown, hiccups), [0.0; 0]);
         let busy = (0..200).map(|i| if i % 2 == 0 { 90 } else { 15 });
         assert_eq!(reports(&mut slowdown, busy), [0.0; 0]);
-        // A whole sequence during a load of less than a second.
+        // A whole sequence during a load of less than a second is not reported.
         let mut slowdown = Slowdown::default();
         assert_eq!(reports(&mut slowdown, [60; 12]), [0.0; 0]);
         assert_eq!(reports(&mut slowdown, [8; 500]), [0.0; 0]);
-        // Frames that take as long as their interval.
+        // Frames that take as long as their interval are not reported.
         assert_eq!(reports(&mut slowdown, [25; 200]), [0.0; 0]);
     }
 

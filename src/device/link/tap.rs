@@ -1,5 +1,5 @@
-//! Records the traffic between a served device and its clients if requested, and shows it to an
-//! observer if there is one.
+//! Records the traffic between a served device and its clients, and passes it to an observer, each
+//! if requested.
 
 use super::Notice;
 use crate::Firmware;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 /// Destination of a device's recording.
 pub struct Recording {
-    /// The empty file.
+    /// The file, which is still empty.
     pub file: File,
     /// Path of the file, for messages.
     pub path: PathBuf,
@@ -21,23 +21,24 @@ pub struct Recording {
     pub started_unix_s: u64,
 }
 
-/// Observes the device's links.
+/// Passes the traffic on the device's links to a recorder and an observer.
 #[derive(Default)]
 pub(super) struct Tap {
     recorder: Option<Recorder>,
     observer: Option<Observer>,
-    /// Channels of port and USB on which a client has sent something and not disconnected.
+    /// Channels of the pty and of USB on which a client has sent something and has not disconnected
+    /// since.
     speaking: Vec<Channel>,
-    /// Number of camera clients that have connected and disconnected.
+    /// Number of camera clients that have connected, and number that have disconnected.
     cameras: (u64, u64),
-    /// Number of faults that have struck.
+    /// Number of times that faults have struck, as of the last record.
     struck: u64,
-    /// The last note of a sequence.
+    /// The note of the sequence that was recorded last.
     noted: String,
 }
 
 impl Tap {
-    /// Starts the recording, if there is to be one.
+    /// Starts the recording if `recording` is given.
     ///
     /// # Errors
     /// Returns an error if the file cannot be written.
@@ -109,8 +110,8 @@ impl Tap {
         }
     }
 
-    /// Records that the last client of a channel has disconnected; a client that sent nothing does
-    /// not count.
+    /// Records that the last client of a channel has disconnected; the disconnection of a client
+    /// that sent nothing is not recorded.
     pub(super) fn left(&mut self, channel: Channel, now_ns: u64) {
         if self.is_on()
             && let Some(at) = self.speaking.iter().position(|&open| open == channel)
@@ -120,7 +121,7 @@ impl Tap {
         }
     }
 
-    /// Records that the port was disconnected or is back.
+    /// Records that the port was disconnected or reconnected.
     pub(super) fn plugged(&mut self, plugged: bool, now_ns: u64) {
         if self.is_on() {
             let event = match plugged {
@@ -129,7 +130,7 @@ impl Tap {
             };
             self.put(now_ns, Channel::Control, event);
         }
-        // Disconnection of the port implies that of its clients.
+        // A disconnection of the port disconnects its clients as well.
         self.speaking.retain(|&open| open != Channel::Control);
     }
 
@@ -147,7 +148,7 @@ impl Tap {
         }
     }
 
-    /// Records changes of the number of camera clients.
+    /// Records that camera clients have connected or disconnected since the last call.
     pub(super) fn cameras(&mut self, counts: (u64, u64), now_ns: u64) {
         let before = std::mem::replace(&mut self.cameras, counts);
         if self.is_on() {
@@ -161,7 +162,8 @@ impl Tap {
         }
     }
 
-    /// Records a frame that left the device; before the first frame of a sequence, the sequence as well.
+    /// Records a frame that has left the device. Before the first frame of a sequence, also records
+    /// a note of the sequence.
     pub(super) fn frame(&mut self, frame: &Arc<Frame>, firmware: &Firmware, now_ns: u64) {
         if let Some(recorder) = self
             .recorder

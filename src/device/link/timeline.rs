@@ -1,10 +1,11 @@
 //! Device time, common to all devices of a server.
 //!
 //! Each device has a [`Seat`]. A device that has nothing left to do states in its seat the time of
-//! its next event, and a limit that time must not reach before something else has happened, such as
-//! the arrival of a frame from the optics. In real time the device is woken when its event is due.
-//! Otherwise time stands still while any device is busy; once all wait, it advances to the earliest
-//! event. Stepped time advances no further than requested.
+//! its next event. It also states a limit that time must not reach before something else has
+//! happened, such as the arrival of a frame from the optics. In real time the device is woken when
+//! its event is due. With the other clocks, time stands still while any device is busy; once all
+//! devices wait, time advances to the earliest event. Stepped time advances no further than
+//! requested.
 
 use super::lateness::Lateness;
 use super::slowdown::two_digits;
@@ -34,10 +35,11 @@ struct State {
     pace: ClockPace,
     /// Whether the pace must remain real time.
     always_real: bool,
-    /// In real time: a device time, and how long the devices had been on then.
+    /// In real time: a device time in nanoseconds, and how long the devices had been on at that
+    /// time.
     since: (u64, Duration),
     now_ns: u64,
-    /// Stepped time advances up to here.
+    /// Device time up to which stepped time advances, in nanoseconds.
     target_ns: u64,
     seats: BTreeMap<u64, Place>,
     next_seat: u64,
@@ -52,13 +54,13 @@ struct State {
 #[derive(Debug, Clone, Copy, Default)]
 struct Rendered {
     frames: u64,
-    /// Sum of the intervals at which they were exposed.
+    /// Sum of the intervals at which these frames were exposed.
     exposed: Duration,
-    /// Sum of their render times.
+    /// Sum of the render times of these frames.
     took: Duration,
 }
 
-/// A request that waits for stepped time to arrive.
+/// A request that waits for stepped time to reach a target.
 struct Step {
     number: u64,
     target_ns: u64,
@@ -68,9 +70,9 @@ struct Step {
 /// How a step ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stepped {
-    /// Everything due by then has been handled; holds the time in nanoseconds.
+    /// Everything due by the end of the step has been handled; holds that time in nanoseconds.
     Done(u64),
-    /// Cancelled at this time in nanoseconds.
+    /// The step was cancelled at this time in nanoseconds.
     CalledOff(u64),
 }
 
@@ -89,19 +91,19 @@ struct Place {
     wake: Arc<Notify>,
 }
 
-/// Conditions for which an idle device waits.
+/// Conditions under which a device with nothing left to do is woken.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Wait {
-    /// Time of the device's next event.
+    /// Time of the device's next event, in nanoseconds.
     pub next_ns: Option<u64>,
-    /// Time must not reach this before the device has something else to do.
+    /// Time in nanoseconds that the clock must not reach before the device has been busy again.
     pub limit_ns: Option<u64>,
-    /// Whether no operation of the device is in progress. Until then, stepped time stands still.
+    /// Whether no operation of the device is in progress. While one is, stepped time stands still.
     pub settled: bool,
 }
 
 impl Timeline {
-    /// Returns a timeline with a pace; `wall` returns how long the devices have been on.
+    /// Returns a timeline that runs at a pace; `wall` returns how long the devices have been on.
     pub fn new(pace: ClockPace, wall: impl Fn() -> Duration + Send + Sync + 'static) -> Self {
         Self {
             shared: Arc::new(Shared {
@@ -123,7 +125,8 @@ impl Timeline {
         }
     }
 
-    /// Lets time begin at `now_ns` instead of 0. `wall` must start at the same value.
+    /// Sets the device time at which the timeline begins, 0 by default. The function `wall` passed
+    /// to [`Self::new`] must begin at the same value.
     #[must_use]
     pub fn from(self, now_ns: u64) -> Self {
         {
@@ -156,7 +159,7 @@ impl Timeline {
         self.shared.now_ns(&self.shared.state())
     }
 
-    /// Returns how time passes.
+    /// Returns the pace at which time passes.
     pub fn pace(&self) -> ClockPace {
         self.shared.state().pace
     }
@@ -202,7 +205,7 @@ impl Timeline {
         self.go_to(&mut state, target_ns)
     }
 
-    /// Advances time to `ns`, as [`Self::step`] does.
+    /// Advances time to `ns` in the same way as [`Self::step`].
     ///
     /// # Errors
     /// Returns the errors of [`Self::step`], and an error if `ns` is in the past.
@@ -223,8 +226,8 @@ impl Timeline {
         Ok(())
     }
 
-    /// Cancels a step that no client waits for any more: time advances no further than other
-    /// clients have requested.
+    /// Cancels a step that no client waits for any more. Time then advances no further than the
+    /// other clients have requested.
     pub fn give_up(&self, number: u64) {
         let mut state = self.shared.state();
         let count = state.steps.len();
@@ -273,7 +276,7 @@ impl Timeline {
         Ok(UnderWay { number, ended })
     }
 
-    /// Returns the time, its pace, the speed of rendering, and in real time how late events were
+    /// Returns the time, its pace, the speed of rendering and, in real time, how late events were
     /// handled.
     pub fn about(&self) -> Clock {
         let state = self.shared.state();
@@ -363,7 +366,7 @@ impl State {
     }
 }
 
-/// A device's place on the [`Timeline`].
+/// A device's seat on the [`Timeline`].
 pub struct Seat {
     timeline: Timeline,
     number: u64,
@@ -397,8 +400,8 @@ impl Seat {
         rendered.took += took;
     }
 
-    /// Waits, in a tokio runtime, until the device's next event is due or the pace changes. If dropped
-    /// earlier, the device counts as busy again.
+    /// Waits, in a tokio runtime, until the device's next event is due or the pace changes. If the
+    /// returned future is dropped earlier, the device counts as busy again.
     pub async fn wait(&mut self, wait: Wait) {
         if self.timeline.pace() == ClockPace::Real {
             let left = wait.next_ns.map(|next| next.saturating_sub(self.now_ns()));
@@ -414,8 +417,8 @@ impl Seat {
             }
             return;
         }
-        // Inputs that have arrived meanwhile come first: yielding lets the event loop poll its
-        // sources.
+        // Inputs that have arrived meanwhile must be handled first: yielding lets the event
+        // loop poll their sources.
         tokio::task::yield_now().await;
         let waiting = Waiting::new(self, wait);
         while waiting.goes_on() {
@@ -442,7 +445,7 @@ impl Drop for Seat {
     }
 }
 
-/// A waiting seat; dropping it marks the device busy.
+/// A seat whose device waits; dropping this value marks the device busy.
 struct Waiting<'a>(&'a Seat);
 
 impl<'a> Waiting<'a> {
@@ -451,11 +454,11 @@ impl<'a> Waiting<'a> {
         Self(seat)
     }
 
-    /// Returns whether the device's event is still in the future.
+    /// Returns whether the device still has to wait for its event.
     fn goes_on(&self) -> bool {
         let state = self.0.timeline.shared.state();
         let place = state.seats.get(&self.0.number);
-        // The pace may have changed before this one began to wait.
+        // The pace may have changed before this device began to wait.
         state.pace != ClockPace::Real && place.is_some_and(|place| place.waits.is_some())
     }
 }

@@ -28,7 +28,7 @@ const NOTHING: Wait = Wait {
     settled: true,
 };
 
-/// Returns the times at which a device with a periodic event handles it.
+/// Logs the times at which a device with a periodic event handles the event.
 async fn beat(mut seat: Seat, period_ns: u64, count: u64, log: Arc<Mutex<Vec<(u64, u64)>>>) {
     for beat in 1..=count {
         seat.wait(until(beat * period_ns)).await;
@@ -95,7 +95,7 @@ fn stepped_time_stops_at_target_and_reports_completion() {
             log.lock().unwrap().push(timeline.now_ns());
             assert!(step.ended.try_recv().is_err(), "it is not handled yet");
         }
-        // An operation is in progress.
+        // An operation is in progress, so the step does not end.
         let wait = seat.wait(Wait::default());
         assert!(
             tokio::time::timeout(Duration::from_millis(5), wait)
@@ -110,7 +110,7 @@ fn stepped_time_stops_at_target_and_reports_completion() {
         let wait = tokio::time::timeout(Duration::from_millis(5), seat.wait(until(1001)));
         assert!(wait.await.is_err());
         assert_eq!(timeline.now_ns(), 1000);
-        // Two concurrent requests both complete.
+        // Two concurrent steps both complete.
         let mut steps = [
             timeline.step(10).unwrap(),
             timeline.run_until(1500).unwrap(),
@@ -136,13 +136,13 @@ fn steps_can_be_cancelled() {
     run(async {
         let mut long = timeline.step(DAY).unwrap();
         seat.wait(until(700)).await;
-        // A later request starts from the present time.
+        // A later step starts from the present time.
         timeline.stop().unwrap();
         assert_eq!(long.ended.try_recv(), Ok(Stepped::CalledOff(700)));
         let still = tokio::time::timeout(Duration::from_millis(5), seat.wait(until(701)));
         assert!(still.await.is_err());
         assert_eq!(timeline.now_ns(), 700);
-        // A client that disconnects cancels its own step only.
+        // If a client disconnects, only its own step is cancelled.
         let mut short = timeline.step(100).unwrap();
         let long = timeline.step(DAY).unwrap();
         timeline.give_up(long.number);
@@ -227,7 +227,8 @@ fn time_goes_on_when_its_pace_changes() {
             assert_eq!(step.ended.await.unwrap(), Stepped::Done(12_000_000));
             let _busy = timeline.seat();
             let next = timeline.step(1_000_000_000).unwrap();
-            // A waiting device continues to wait at the new pace, and the step is cancelled.
+            // A waiting device continues to wait at the new pace, and the step in progress is
+            // cancelled.
             timeline.set_pace(ClockPace::Real).unwrap();
             assert_eq!(next.ended.await.unwrap(), Stepped::CalledOff(12_000_000));
         };

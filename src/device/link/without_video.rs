@@ -1,4 +1,4 @@
-//! Stands in for `video` in builds without the feature `v4l2`: no node can be opened.
+//! Replaces the module `video` in builds without the feature `v4l2`: no node can be opened.
 
 use crate::{Stream, StreamSink};
 use phasmid_core::error::{Error, Result};
@@ -18,10 +18,10 @@ pub(super) enum Put {
 }
 
 impl VideoOutput {
-    /// Refuses a node.
+    /// Fails, because this build cannot open a node.
     ///
     /// # Errors
-    /// Returns an error that names the feature.
+    /// Returns an error that names the missing feature.
     pub fn open(path: &Path, _: &Stream, _: u32, _: Duration) -> Result<Self> {
         Err(Error::input(
             format!("--camera {}", path.display()),
@@ -30,7 +30,7 @@ impl VideoOutput {
         ))
     }
 
-    /// Finds no node.
+    /// Fails, because this build cannot open a node.
     ///
     /// # Errors
     /// Returns an error with the reason.

@@ -1,5 +1,5 @@
-//! Executes messages of a dialect one after the other: parses them, runs them on the firmware and
-//! replies.
+//! Executes messages of a dialect one after the other: parses each message, runs its firmware
+//! messages and replies.
 
 use crate::Firmware;
 use crate::firmware::{Before, Done};
@@ -16,12 +16,12 @@ const MAX_REQUESTS: usize = 64;
 pub struct Message {
     /// The bytes on the wire.
     pub bytes: Vec<u8>,
-    /// The received line, or the command name of the received packet, that it answers; `None` for
-    /// an unsolicited message.
+    /// The received line, or the command name of the received packet, that this message answers;
+    /// `None` for an unsolicited message.
     pub to: Option<String>,
 }
 
-/// Returns a message that answers nothing.
+/// Returns an unsolicited message.
 pub(super) fn unasked(bytes: Vec<u8>) -> Message {
     Message {
         bytes,
@@ -29,7 +29,7 @@ pub(super) fn unasked(bytes: Vec<u8>) -> Message {
     }
 }
 
-/// A message of the dialect that has not been answered yet.
+/// A request of the client that has not been answered yet.
 #[derive(Debug)]
 struct Request {
     asked: Asked,
@@ -39,9 +39,9 @@ struct Request {
     answers: Vec<Vec<u8>>,
     /// Ticket of the firmware message in progress.
     ticket: Option<u64>,
-    /// Executes even while earlier requests wait: a trigger or an abort.
+    /// Whether the request executes even while earlier requests wait: a trigger or an abort.
     urgent: bool,
-    /// Settings before the request started, or before it continued after a wait.
+    /// Snapshot of the settings before the request started, or before it continued after a wait.
     before: Option<Before>,
 }
 
@@ -82,7 +82,7 @@ impl Interpreter {
         std::mem::take(&mut self.said)
     }
 
-    /// Discards unfinished input and requests, after the firmware has discarded its messages.
+    /// Discards unfinished input and requests. Call after the firmware has discarded its messages.
     pub(super) fn clear(&mut self) {
         self.cutter.reset();
         self.requests.clear();
@@ -114,7 +114,8 @@ impl Interpreter {
         };
         let left: VecDeque<_> = self.dialect.runs(&asked).into();
         let urgent = left.iter().all(|m| Firmware::acts_at_once(m.as_bytes())) && !left.is_empty();
-        // An urgent request always fits, since it may be what ends the wait.
+        // An urgent request is accepted even beyond the limit, since only it may be able to end the
+        // wait.
         if self.requests.len() >= MAX_REQUESTS + usize::from(urgent) {
             let error = ErrorCode::InputBufferOverrun.with("too many requests are pending");
             let bytes = self.dialect.refusal(&asked, &error);
@@ -151,9 +152,10 @@ impl Interpreter {
         }
     }
 
-    /// Continues the requests until the firmware makes one wait. The messages of the first request
-    /// execute one by one until one fails, and so do the messages of urgent requests behind it. On
-    /// an error, settings made by the request since its last wait are restored.
+    /// Executes the requests until the firmware makes one of them wait. The firmware messages of the
+    /// first request execute one by one until one fails, and so do the messages of urgent requests
+    /// behind it. If a message fails, the settings that its request has made since the request's
+    /// last wait are restored.
     fn run(&mut self, firmware: &mut Firmware, now_ns: u64) {
         loop {
             for done in firmware.take_done() {
@@ -163,7 +165,7 @@ impl Interpreter {
                 request.ticket.is_none() && (index == 0 || request.urgent)
             };
             let Some(index) = self.requests.iter().enumerate().position(free) else {
-                // Time passes, so earlier settings can no longer be undone.
+                // Time passes now, so settings made so far can no longer be undone.
                 self.requests.iter_mut().for_each(|r| r.before = None);
                 return;
             };
@@ -187,7 +189,8 @@ impl Interpreter {
         }
     }
 
-    /// Records the result of a firmware message; the first error ends its request.
+    /// Records the result of a firmware message. After the first error, the rest of its request is
+    /// dropped.
     fn done(&mut self, done: Done, firmware: &mut Firmware) {
         let of = |request: &Request| request.ticket == Some(done.ticket);
         let Some(index) = self.requests.iter().position(of) else {

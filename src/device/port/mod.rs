@@ -18,13 +18,14 @@ use phasmid_protocol::dialect::{Dialect, Event};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// The device side of a dialect. The default speaks SCPI and sends nothing unsolicited.
+/// The device side of the control port in one dialect. By default it speaks SCPI and sends nothing
+/// unsolicited.
 #[derive(Debug, Default)]
 pub struct Port {
     dialect: Option<Arc<Dialect>>,
-    /// `None` if the firmware parses the messages itself.
+    /// Interpreter of the dialect; `None` if the firmware parses the messages itself (SCPI).
     interpreter: Option<Interpreter>,
-    /// Power-on messages still to be sent, in order of time.
+    /// Power-on messages that are still to be sent and their times, in order of time.
     boot: VecDeque<(u64, Vec<u8>)>,
 }
 
@@ -52,7 +53,7 @@ impl Port {
         Ok(port)
     }
 
-    /// Returns the dialect; `None` is SCPI.
+    /// Returns the dialect; `None` for SCPI.
     pub fn dialect(&self) -> Option<&Arc<Dialect>> {
         self.dialect.as_ref()
     }
@@ -122,7 +123,8 @@ impl Port {
         }
     }
 
-    /// Returns whether the input is inside a message that must continue without a pause.
+    /// Returns whether the input is inside a message whose remaining bytes must arrive without a
+    /// pause.
     pub fn inside_block(&self, firmware: &Firmware) -> bool {
         match &self.interpreter {
             Some(interpreter) => interpreter.inside(),
@@ -130,7 +132,7 @@ impl Port {
         }
     }
 
-    /// Abandons a message that stopped arriving.
+    /// Abandons a message whose remaining bytes have stopped arriving.
     pub fn input_stalled(&mut self, firmware: &mut Firmware) {
         match &mut self.interpreter {
             Some(interpreter) => interpreter.input_stalled(),

@@ -15,7 +15,7 @@ fn put(file: &Shipped) -> String {
     )
 }
 
-/// Returns the command that installs the rules and applies them.
+/// Returns the command that installs and applies the udev rules.
 pub(super) fn install_rules() -> String {
     format!(
         "{} && sudo udevadm control --reload && sudo udevadm trigger --subsystem-match=video4linux --action=change",
@@ -23,7 +23,7 @@ pub(super) fn install_rules() -> String {
     )
 }
 
-/// Returns the command that installs the module's options and applies them.
+/// Returns the command that installs the options of v4l2loopback and reloads the module.
 pub(super) fn install_options() -> String {
     format!("{} && {RELOAD}", put(&MODPROBE))
 }
@@ -32,7 +32,7 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
     vec![rules(machine), options(machine), loading(machine)]
 }
 
-/// Lists the files of a configuration folder over all roots, in order of precedence.
+/// Lists the files of a configuration folder under all [`ROOTS`], in order of precedence.
 fn files(machine: &Machine, folder: &str) -> Vec<PathBuf> {
     let folders = ROOTS.iter().map(|root| Path::new(root).join(folder));
     folders.flat_map(|folder| machine.list(folder)).collect()

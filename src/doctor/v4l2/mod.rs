@@ -1,4 +1,4 @@
-//! Checks the device as a V4L2 camera of the kernel.
+//! Checks the requirements for emulating a device as a V4L2 camera of the kernel.
 //!
 //! | file | contents |
 //! | --- | --- |
@@ -17,8 +17,8 @@ use std::path::Path;
 pub(super) fn checks(machine: &Machine) -> Vec<Check> {
     let mut checks = vec![module::check(machine)];
     checks.extend(nodes::checks(machine));
-    // In a container, /etc is not what the host's module tools read. The checks run there only if the
-    // module is loaded.
+    // The host's module tools do not read a container's /etc. In a container, check the installed files
+    // only if the module is loaded.
     if !machine.container() || machine.has(module::LOADED) {
         checks.extend(installed::checks(machine));
     }

@@ -1,10 +1,12 @@
-//! Checks the kernel module v4l2loopback: loaded, installed, or how to get it.
+//! Checks whether the kernel module v4l2loopback is loaded or at least installed; if not, says how
+//! to get it.
 
 use super::{Check, Feature, Machine, Status};
 
 /// Folder that exists if the module is loaded.
 pub(super) const LOADED: &str = "sys/module/v4l2loopback";
-/// Recommended number of buffers, the module's maximum: more frames pass before a buffer is overwritten.
+/// Recommended number of buffers, which is the module's maximum. The more buffers, the later a frame is
+/// overwritten.
 const BUFFERS: u32 = 32;
 
 pub(super) fn check(machine: &Machine) -> Check {
@@ -45,7 +47,8 @@ pub(super) fn check(machine: &Machine) -> Check {
     }
 }
 
-/// Names the repository that has the package, if it is not one of the distribution's own.
+/// Returns a remark that names the repository with the package, if the package is not in the
+/// distribution's own repositories.
 fn source(machine: &Machine) -> &'static str {
     if package_tool(machine) == Some("usr/bin/dnf") {
         "; RPM Fusion has it"
@@ -76,7 +79,8 @@ fn install(machine: &Machine) -> String {
 fn loaded(machine: &Machine) -> Check {
     let version = version(machine).unwrap_or_else(|| "of unknown version".into());
     let mut found = format!("{version} is loaded");
-    // Since 0.14, format and stream belong to one open file handle, so only one reader can stream.
+    // Since release 0.14, format and stream belong to one open file handle, so only one reader can
+    // stream at a time.
     let mut parts = version.split('.').map(|part| part.parse::<u32>().ok());
     if (parts.next().flatten(), parts.next().flatten()) >= (Some(0), Some(14)) {
         found += "; one reader at a time";
@@ -98,17 +102,17 @@ fn loaded(machine: &Machine) -> Check {
     }
 }
 
-/// Returns the version of the loaded module. Release 0.12 does not report it, but DKMS knows which
-/// version it built.
+/// Returns the version of the loaded module. Release 0.12 does not report its version, but DKMS
+/// knows which version it has built.
 fn version(machine: &Machine) -> Option<String> {
     machine.line(format!("{LOADED}/version")).or_else(|| {
         let built = machine.list("var/lib/dkms/v4l2loopback");
-        // The folder also contains links named after kernels.
+        // Skip the symbolic links in this folder, which are named after kernels.
         let mut versions = built
             .iter()
             .filter_map(|path| Some(path.file_name()?.to_str()?.to_owned()))
             .filter(|name| name.starts_with(|c: char| c.is_ascii_digit()));
-        // With several versions, the loaded one is unknown.
+        // If DKMS has built several versions, the loaded version is unknown.
         versions.next().filter(|_| versions.next().is_none())
     })
 }
@@ -121,14 +125,15 @@ pub(super) fn buffers(machine: &Machine) -> Option<u32> {
         .ok()
 }
 
-/// Returns whether the node with this number, the `index`-th in order of number, shows only its capture
-/// side while it has a producer (`exclusive_caps`). `None` if the module does not report it.
+/// Returns whether a node shows only its capture side while it has a producer (`exclusive_caps`).
+/// `number` is the node's number, `index` its index in order of number. `None` if the module does not
+/// report this.
 pub(super) fn exclusive(machine: &Machine, number: u32, index: usize) -> Option<bool> {
     let list = |name: &str| {
         let line = machine.line(format!("{LOADED}/parameters/{name}"))?;
         Some(line.split(',').map(str::to_owned).collect::<Vec<_>>())
     };
-    // Nodes whose number the module chose are in the order of their index.
+    // If the module chose the numbers of its nodes, the nodes are in the order of their index.
     let numbers = list("video_nr").unwrap_or_default();
     let number = number.to_string();
     let at = numbers.iter().position(|n| *n == number).unwrap_or(index);

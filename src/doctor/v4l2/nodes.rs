@@ -1,5 +1,5 @@
-//! Checks video nodes: which are labelled for Phasmid, who may open them, how many buffers they have, and
-//! their stable names.
+//! Checks video nodes: which nodes are labelled for Phasmid, who may open these, their numbers of
+//! buffers, and their stable names.
 
 use super::installed::{install_options, install_rules};
 use super::module;
@@ -10,16 +10,16 @@ use std::path::PathBuf;
 
 /// Start of the labels of nodes that `phasmid serve --camera auto` uses; case is ignored.
 const LABEL: &str = "phasmid";
-/// Maximum number of other drivers' nodes that are listed.
+/// Maximum number of nodes of other drivers that are listed.
 const MAX_OTHERS: usize = 8;
 
 struct Node {
     number: u32,
     label: String,
-    /// Whether it has an attribute that only nodes of v4l2loopback have.
+    /// Whether the node has an attribute that only nodes of v4l2loopback have.
     loopback: bool,
     driver: String,
-    /// The producer's stream, as the module reports it: `GREY:640x480@30`.
+    /// Format of the producer's stream, as the module reports it, such as `GREY:640x480@30`.
     stream: Option<String>,
     buffers: Option<u32>,
     path: PathBuf,
@@ -40,7 +40,7 @@ pub(super) fn checks(machine: &Machine) -> Vec<Check> {
     for node in nodes.iter_mut().filter(|node| node.ours()) {
         node.forgotten = (machine.forgotten)(&node.path);
     }
-    // One usable node is enough.
+    // An unusable node is only a note if another node is usable.
     let usable = nodes.iter().any(|node| node.ours() && !node.forgotten);
     let (loopbacks, others): (Vec<_>, Vec<_>) = nodes.into_iter().partition(|node| node.loopback);
     let mut checks = Vec::new();
@@ -155,14 +155,14 @@ fn camera(machine: &Machine, node: &Node, index: usize) -> Check {
     }
 }
 
-/// Checks whether the user may open a node, and how to get the permission.
+/// Checks whether the user may open a node. If not, the result says how to get the permission.
 fn access(machine: &Machine, node: &Node) -> Option<Check> {
     let place = format!("/dev/video{}", node.number);
     let check = |found: String| Check::ok("permission", Feature::V4l2, found);
     let Ok(file) = std::fs::metadata(&node.path) else {
         let found = format!("{place} is missing in /dev, although the kernel has the device");
         return Some(if machine.container() {
-            // No command, because only the user knows how the container was started.
+            // Give no command, because only the user knows how the container was started.
             check(format!(
                 "{found}: start the container with `--device {place}` (docker, podman)"
             ))
@@ -196,7 +196,7 @@ fn access(machine: &Machine, node: &Node) -> Option<Check> {
     let (then, fix) = if group == "root" || mode & 0o060 != 0o060 {
         ("", install_rules())
     } else if member(machine, &group, &user) && !machine.user.groups.contains(&file.gid()) {
-        // The user is in the group's list, but logged in before that.
+        // `/etc/group` lists the user in the group, but the user has logged in before being added.
         (
             "; the group takes effect at the next login, or at once in a new shell:",
             format!("newgrp {group}"),
@@ -217,7 +217,7 @@ fn member(machine: &Machine, group: &str, user: &str) -> bool {
     members.is_some_and(|(.., list)| list.split(',').any(|name| name == user))
 }
 
-/// Checks the names under `/dev/phasmid`.
+/// Checks the stable names of the nodes, which are links under `/dev/phasmid`.
 fn names(machine: &Machine, ours: &[&Node]) -> Check {
     let links: Vec<_> = machine
         .list("dev/phasmid")

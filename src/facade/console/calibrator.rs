@@ -1,4 +1,4 @@
-//! Calibrates a scanner from the scans that a console shows.
+//! Lets viewers of a console calibrate a scanner from the scans that the console shows.
 
 use super::ScanViews;
 use phasmid_calibrate::rig::{Calibration, Gathering, Looked, look, look_at_photograph};
@@ -16,13 +16,14 @@ use std::time::{Duration, Instant};
 
 /// Maximum number of poses.
 const MAX_POSES: usize = 200;
-/// Columns and rows of the cells of an image. Coverage is the fraction of cells that contain points.
+/// Columns and rows of the grid of cells into which an image is divided. Coverage is the fraction of
+/// cells that contain points.
 const CELLS: [usize; 2] = [8, 6];
-/// Minimum time between two searches in live frames.
+/// Minimum time between two searches for a board in live frames.
 const SOON: Duration = Duration::from_millis(300);
 
-/// Lets viewers of a source calibrate its scanner: viewers search its latest image for a board,
-/// take scans as poses, and solve for the rig.
+/// Lets viewers of a source calibrate its scanner: they search the source's latest image for a
+/// board, take scans as poses, and solve for the rig.
 pub(super) fn let_calibrate(source: &Source) {
     source.operate(Arc::new(Calibrator {
         source: source.clone(),
@@ -43,10 +44,10 @@ struct State {
     board: Board,
     /// Number of times that the board was changed.
     boards: u64,
-    /// Number of changes so far; tells viewers that their list is outdated.
+    /// Number of changes so far, by which viewers notice that their list of poses is outdated.
     changes: u64,
     poses: Vec<Pose>,
-    /// Number of the last pose taken; numbers are not reused.
+    /// Number of the pose that was taken last. Numbers are not reused.
     numbered: u64,
     solved: Option<Solved>,
 }
@@ -81,7 +82,7 @@ struct Sight {
     size: [u32; 2],
     /// Time of the search.
     at: Instant,
-    /// Data for the calibration, if the image is a scan.
+    /// The data that the calibration uses, if the image is a scan.
     looked: Option<Looked>,
 }
 
@@ -147,7 +148,8 @@ impl State {
         })
     }
 
-    /// Describes a pose: the position of each point, and its residual if the pose has been used.
+    /// Describes a pose for viewers: the position of each point and, if the solver has used the
+    /// pose, the residual of each point.
     fn about_pose(&self, pose: &Pose) -> Value {
         let given = { self.solved.as_ref() }.and_then(|solved| {
             let at = solved.numbers.iter().position(|&n| n == pose.number)?;
@@ -213,7 +215,8 @@ fn covered(size: [u32; 2], points: impl Iterator<Item = [f64; 2]>) -> f64 {
 }
 
 impl Image {
-    /// Returns whether two images are the same object; equal content is not enough.
+    /// Returns whether two values refer to the same image in memory, not merely to images with
+    /// equal content.
     fn is(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Frame(one), Self::Frame(other)) => Arc::ptr_eq(one, other),
@@ -296,8 +299,9 @@ impl Calibrator {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Searches the image that `choose` returns for the board, unless the last search was in the
-    /// same image. Viewers that ask at the same time wait for each other and share the result.
+    /// Searches the image that `choose` returns for the board. If the last search was in the same
+    /// image, uses its result. Viewers that ask at the same time wait for each other and share one
+    /// result.
     fn look<T>(
         &self,
         choose: impl FnOnce(Option<&Sight>) -> Option<Image>,
@@ -313,7 +317,7 @@ impl Calibrator {
         ))
     }
 
-    /// Looks at the latest frame, or at the last scan if the frame has a pattern.
+    /// Searches the latest frame for the board, or the last scan if the frame shows a pattern.
     fn look_at_latest(&self) -> Value {
         let choose = |known: Option<&Sight>| {
             if let Some(known) = known.filter(|known| known.at.elapsed() < SOON) {
@@ -407,7 +411,8 @@ impl Calibrator {
                 })?;
                 let mut state = self.state();
                 if state.board != *board {
-                    // A request that was made for the previous board fails in `State::check`.
+                    // A request that a viewer made for the previous board now fails in
+                    // `State::check`.
                     *state = State {
                         boards: state.boards + 1,
                         changes: state.changes + 1,
@@ -522,7 +527,7 @@ mod tests {
             device.place(0, position_mm, rotation_deg).unwrap();
             source.show(Arc::new(ScanViews::new(device.scan(&sequence).unwrap())));
             let sight = step(Step::Look {}).unwrap()["sight"].take();
-            // Some points are missing if the board extends beyond the image.
+            // The board may extend beyond the image, so not all of its points are found.
             assert!(sight["points"].as_array().unwrap().len() > 400, "{sight}");
             state = step(Step::Take {}).unwrap();
         }

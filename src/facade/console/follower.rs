@@ -1,5 +1,5 @@
-//! Finds the scans among the frames of a served device, shows them, and passes viewers' requests to its
-//! service channel.
+//! Finds the scans among the frames of a served device, shows the scans, and passes viewers' requests to
+//! the device's service channel.
 
 use super::ScanViews;
 use super::calibrator::let_calibrate;
@@ -18,10 +18,11 @@ use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// Shows the scans of a device that is being served, whichever program makes them.
+/// Shows the scans of a device that is being served, whichever program performs the scans.
 ///
-/// A follower never uses the device's port. Besides the frames it needs the sequence and the
-/// calibration, which it requests on the service channel, so it shows scans of emulated devices only.
+/// A follower never uses the device's control port. It needs the frames, the sequence and the
+/// calibration. It requests the latter two on the service channel, so it shows scans of emulated devices
+/// only.
 ///
 /// ```
 /// # #[cfg(target_os = "linux")] {
@@ -53,11 +54,11 @@ struct Seen {
     service: Option<PathBuf>,
     /// The current run.
     run: Run,
-    /// The previous run, which may be complete.
+    /// The run before the current run; it may be complete.
     before: Run,
     /// Number of runs so far.
     runs: u64,
-    /// Set by every change; cleared by the thread that shows the scans.
+    /// Whether there is a change that the thread that shows the scans has not seen yet.
     news: bool,
     /// Whether the follower is to end.
     ended: bool,
@@ -114,7 +115,7 @@ impl Inbox {
 }
 
 impl Follower {
-    /// Shows a device's scans as this source of a console.
+    /// Creates a follower that shows the scans of a device as this source of a console.
     ///
     /// # Errors
     /// Returns an error if the system refuses a thread.
@@ -123,7 +124,7 @@ impl Follower {
         Self::of_host(source)
     }
 
-    /// [`Self::start`] for frames that a host has received, at times of its own clock.
+    /// [`Self::start`] for frames that a host has received, with times on the host's clock.
     pub(super) fn of_host(source: Source) -> Result<Self> {
         let inbox = Arc::new(Inbox::default());
         let_calibrate(&source);
@@ -145,8 +146,8 @@ impl Follower {
         })
     }
 
-    /// Sets the path of the device's service channel, without which no scan is shown. Viewers can
-    /// send requests to the channel as well.
+    /// Sets the path of the device's service channel. Until it is set, no scan is shown. Viewers
+    /// can also send requests to the channel.
     pub fn ask_at(&self, service: impl Into<PathBuf>) {
         let service = service.into();
         self.source.operate(Arc::new(ServiceOperator {
@@ -213,14 +214,14 @@ fn follow(inbox: &Inbox, source: &Source) {
             {
                 selected = ask(&service, run.number);
             }
-            // A device that does not answer is not running any more.
+            // If the device did not answer, it has ended: show nothing.
             let Some(Selected { sequence, .. }) = &selected else {
                 continue;
             };
             source.show_sequence(sequence.clone());
             if run.frames.len() == sequence.manifest.frame.len() {
                 shown = run.number;
-                // The view of single frames reports a frame that cannot be unpacked.
+                // Ignore an error: viewers of single frames see which frame cannot be unpacked.
                 if let Ok(views) = views(&run.frames, sequence) {
                     source.show(Arc::new(views.with_service(&service)));
                 }
@@ -229,7 +230,7 @@ fn follow(inbox: &Inbox, source: &Source) {
     }
 }
 
-/// Asks which sequence is selected in a run.
+/// Asks the device for its selected sequence; `run` is the number of the current run.
 fn ask(service: &Path, run: u64) -> Option<Selected> {
     let (reply, _) = ask_service(service, &Request::Get(Item::Sequence)).ok()?;
     let about = reply.sequence?;

@@ -1,4 +1,4 @@
-//! Scans as a console shows them.
+//! Provides a console with scans, and lets the console's viewers operate scanners.
 //!
 //! | file | contents |
 //! | --- | --- |

@@ -19,16 +19,16 @@ use std::time::{Duration, Instant};
 
 /// Maximum number of bytes of a reply that are shown.
 const MAX_REPLY: usize = 64 << 10;
-/// Silence after which a reply that does not end with a newline is complete.
+/// A reply that does not end with a newline is complete once no byte has come for this time.
 const QUIET: Duration = Duration::from_millis(300);
 /// Time between two attempts to use the port.
 const SOON: Duration = Duration::from_millis(10);
-/// Maximum time to send a line, and then until the reply to a query begins.
+/// Maximum time to send a line. Also the maximum time from then until the reply to a query begins.
 const REPLY: Duration = Duration::from_secs(3);
 
-/// Shows a camera live, and scans and talks on its control port as viewers ask, until `flow` breaks.
-/// Between scans the camera is left as it was found and the port is closed, so that other programs can
-/// use it.
+/// Shows a camera's live frames until `flow` breaks. When viewers ask for it, scans, or sends lines to
+/// the control port. Between scans the camera is left as it was found and the port is closed, so that
+/// other programs can use it.
 ///
 /// ```no_run
 /// use phasmid::{Console, ConsoleOptions, ScanOptions};
@@ -44,7 +44,8 @@ const REPLY: Duration = Duration::from_secs(3);
 /// ```
 ///
 /// # Errors
-/// Returns an error if the camera cannot be opened the first time. Viewers are shown later errors.
+/// Returns an error if the camera cannot be opened the first time. Later errors are shown to
+/// viewers only.
 pub fn operate(
     source: &Source,
     camera: &str,
@@ -185,7 +186,7 @@ struct Asked {
     scpi: bool,
     service: Option<PathBuf>,
     observer: Observer,
-    /// Whether a scan uses the port.
+    /// Whether a scan is using the port.
     scanning: AtomicBool,
     /// Locked while the port is in use.
     port: Mutex<()>,
@@ -210,7 +211,8 @@ impl Asked {
         matches!(*self.next(), Some((Run::Stop, _)))
     }
 
-    /// Returns the SCPI headers of an emulated device, as suggestions for any device that speaks SCPI.
+    /// Returns the SCPI headers that an emulated device knows, as suggestions for lines to any device
+    /// that speaks SCPI; empty for other dialects.
     fn lines(&self) -> Vec<&'static str> {
         match self.scpi {
             true => Firmware::headers().collect(),
@@ -236,7 +238,7 @@ impl Asked {
         port.send(format!("{line}\n").as_bytes(), REPLY)?;
         let begun = Instant::now();
         let (mut reply, mut buffer) = (Vec::new(), [0; 4096]);
-        // Only a query is answered; wait briefly after any other line.
+        // Only a query has an answer; after any other line wait briefly.
         let patience = if line.contains('?') { REPLY } else { QUIET };
         while reply.len() < MAX_REPLY && !reply.ends_with(b"\n") {
             let wait = if reply.is_empty() { patience } else { QUIET };

@@ -12,16 +12,16 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Ending of the names of recordings.
+/// Extension of the file names of recordings.
 const ENDING: &str = ".rec";
 /// Maximum number of recordings that are listed.
 const MAX_LISTED: usize = 1000;
-/// Slowest and fastest playback.
+/// Minimum and maximum playback speed, in seconds of the recording per second.
 const SPEEDS: [f64; 2] = [0.05, 20.0];
-/// Number of records to show before the position that a viewer jumps to.
+/// When a viewer jumps to a position, this many records before it are shown too.
 const CONTEXT: usize = 60;
 
-/// Plays the recordings of a folder, as the viewers of a console ask.
+/// Plays the recordings of a folder; viewers of a console select and control them.
 ///
 /// Viewers can open every regular file of the folder that is named `*.rec`, and no other file.
 ///
@@ -39,8 +39,8 @@ pub struct Playback {
 }
 
 impl Playback {
-    /// Starts to play the recordings that viewers select. `sequence` is used for a recording that
-    /// does not name its sequence.
+    /// Starts a thread that plays the recordings that viewers select. `sequence` is used for a
+    /// recording that does not name its sequence.
     ///
     /// # Errors
     /// Returns an error if the folder cannot be read or the system refuses a thread.
@@ -91,7 +91,7 @@ struct State {
     go_to_ns: Option<u64>,
     playing: bool,
     speed: f64,
-    /// An instant, and the recording time that was shown at that instant.
+    /// A moment of the host's clock, and the recording time that was shown at that moment.
     since: (Instant, u64),
     /// Name and times of the open recording.
     about: Option<(String, [u64; 2])>,
@@ -255,7 +255,7 @@ fn list(folder: &Path) -> Result<Vec<(String, u64)>> {
 struct Player {
     inbox: Arc<Inbox>,
     source: Source,
-    /// Sequence for recordings that do not name one.
+    /// The sequence that is assumed for recordings that do not name their sequence.
     sequence: Option<Arc<Sequence>>,
     opened: Option<Opened>,
 }
@@ -362,7 +362,8 @@ impl Player {
         let end = recording.after(time_ns);
         let begin = end.saturating_sub(CONTEXT);
         let run = recording.run_before(end);
-        // The last frame may be older than the records that are shown, so show it first.
+        // The last frame before the position may be older than the records that are shown, so show
+        // that frame first.
         let frame = recording.frame_before(end).filter(|frame| *frame < begin);
         self.source.rewind(run.is_none());
         for at in frame.into_iter().chain(begin..end) {

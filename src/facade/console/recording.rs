@@ -10,7 +10,8 @@ use std::io::BufReader;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Maximum number of records; a longer recording is shown up to this number.
+/// Maximum number of records; of a longer recording, only the first records up to this number are
+/// shown.
 const MAX_RECORDS: usize = 4 << 20;
 /// Number of records between two reports of progress.
 const REPORTED: usize = 64;
@@ -32,7 +33,7 @@ pub(super) struct Recording {
     first: Option<usize>,
     /// Indices of the records of each run's frames; a run starts with the first frame of a sequence.
     runs: Vec<Vec<usize>>,
-    /// Sequences, and the indices of the records that note them.
+    /// Each sequence, with the index of the record that notes it.
     sequences: Vec<(usize, Arc<Sequence>)>,
     device_times: bool,
     damage: Option<Damage>,
@@ -61,7 +62,7 @@ impl Recording {
             device_times: false,
             damage: None,
         };
-        // Header of the first frame of the last run.
+        // Header of the first frame of the run that is being collected.
         let mut first = None;
         while found.entries.len() < MAX_RECORDS {
             let record = match found.reader.read() {
@@ -133,7 +134,7 @@ impl Recording {
         self.entries.len()
     }
 
-    /// Returns the times of the first event and the last one.
+    /// Returns the times of the first and of the last event.
     pub(super) fn times_ns(&self) -> [u64; 2] {
         let time = |entry: Option<&Entry>| entry.map_or(0, |entry| entry.time_ns);
         // Earlier records describe the recording itself.
@@ -151,25 +152,25 @@ impl Recording {
         self.device_times
     }
 
-    /// Returns where and why the recording becomes unreadable, if it does.
+    /// Returns where and why the recording becomes unreadable; `None` if it is readable to the end.
     pub(super) fn damage(&self) -> Option<&Damage> {
         self.damage.as_ref()
     }
 
-    /// Returns the number of records up to a time.
+    /// Returns the number of records up to and including a time.
     pub(super) fn after(&self, time_ns: u64) -> usize {
         self.entries
             .partition_point(|entry| entry.time_ns <= time_ns)
     }
 
-    /// Returns the last frame before a record.
+    /// Returns the index of the last frame's record before a record.
     pub(super) fn frame_before(&self, index: usize) -> Option<usize> {
         self.entries[..index]
             .iter()
             .rposition(|entry| entry.is_frame)
     }
 
-    /// Returns the last run that has ended before a record.
+    /// Returns the index of the last run that has ended before a record.
     pub(super) fn run_before(&self, index: usize) -> Option<usize> {
         self.runs
             .partition_point(|run| run.last().is_some_and(|last| *last < index))

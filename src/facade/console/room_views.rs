@@ -1,4 +1,4 @@
-//! The tracking of a patient as a console shows it.
+//! Shows the tracking of a patient in a console.
 
 use super::ScanViews;
 use super::scan_views::field;
@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 
 /// Distance from the planned skin, in millimetres, beyond which a point is not counted as skin.
 const FAR_MM: f64 = 50.0;
-/// Maximum number of results that wait for the truth.
+/// Maximum number of results for which the truth has been requested and has not arrived.
 const WAITING: usize = 64;
 
 /// Shows the tracking of a patient: the room with the planned and the tracked surface, the results as curves
@@ -70,7 +70,7 @@ struct Pod {
     service: Option<PathBuf>,
 }
 
-/// The patient in a scan, and what each pod saw.
+/// The patient in a scan, with figures of the part that each pod saw.
 struct Sighted {
     scan: RoomScan,
     points: Vec<usize>,
@@ -78,7 +78,7 @@ struct Sighted {
 }
 
 impl<'a> RoomViews<'a> {
-    /// Adds the room and its pods to a console. `pods` are their names and places, as for
+    /// Adds the room and its pods to a console. `pods` are the names and places of the pods, as for
     /// [`Tracker::new`](crate::Tracker::new).
     pub fn new<'p>(
         console: &Console,
@@ -130,8 +130,8 @@ impl<'a> RoomViews<'a> {
         }
     }
 
-    /// Shows the truth of an emulated pod's scans and of the tumour, which the pod's service
-    /// channel reports; `pod` is the index of the pod.
+    /// Shows the truth too: the true depth of the scans of an emulated pod, and the tumour's true
+    /// position. Both come from the pod's service channel; `pod` is the index of the pod.
     ///
     /// # Panics
     /// Panics if `pod` is not the index of a pod.
@@ -150,7 +150,7 @@ impl<'a> RoomViews<'a> {
                     }
                 }
             });
-            // Without a thread, the truth is not shown.
+            // If the thread cannot be started, the truth is not shown.
             self.truths = thread.is_ok().then_some(send);
         }
         self
@@ -165,7 +165,7 @@ impl<'a> RoomViews<'a> {
         self.pods[pod].source.observer()
     }
 
-    /// Shows what tracking reports.
+    /// Shows a progress report of tracking.
     pub fn show(&mut self, progress: &TrackProgress<'_>) {
         match progress {
             TrackProgress::Scan(tracked) => self.tracked = Some((*tracked).clone()),
@@ -332,7 +332,8 @@ impl fmt::Debug for RoomViews<'_> {
     }
 }
 
-/// Asks for the tumour's true shift (x, y, z) at a device time; the fourth value is its length.
+/// Asks for the tumour's true shift (x, y, z) from its planned position at a device time, in
+/// millimetres. The fourth value is the length of the shift.
 fn truth(service: &Path, time: Duration, target_mm: [f64; 3]) -> Option<[f64; 4]> {
     let request = Request::ObjectsAt(time.as_nanos() as u64);
     let (reply, _) = ask_service(service, &request).ok()?;

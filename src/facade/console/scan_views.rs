@@ -57,7 +57,7 @@ impl ScanViews {
         }
     }
 
-    /// Names the sequence.
+    /// Sets the name of the sequence.
     #[must_use]
     pub fn named(self, sequence: impl Into<String>) -> Self {
         let name = Some(sequence.into());
@@ -71,7 +71,7 @@ impl ScanViews {
         Self { service, ..self }
     }
 
-    /// Decodes with these threads.
+    /// Makes the views decode the scan with the threads of this pool.
     pub(super) fn in_pool(self, pool: Arc<ThreadPool>) -> Self {
         let pool = Some(pool);
         Self { pool, ..self }
@@ -89,7 +89,8 @@ impl ScanViews {
         })
     }
 
-    /// Returns a value that is computed once; after an error, the next call tries again.
+    /// Returns a value that is computed at the first call and then kept; after an error, the next
+    /// call tries again.
     fn once<'a, T>(
         &'a self,
         known: &'a OnceLock<T>,
@@ -166,7 +167,7 @@ enum Shows {
     Mask,
 }
 
-/// Name, title and unit of a layer, and what it shows.
+/// Name, title, unit and content of a layer.
 type Row = (&'static str, &'static str, &'static str, Shows);
 
 /// Name of the layer with the true depth.
@@ -244,7 +245,7 @@ fn scale(shows: Shows) -> Scale {
     }
 }
 
-/// Returns the verdict of each pixel: the first axis that rejects it says why.
+/// Returns the verdict of each pixel: the reason of the first axis that rejects the pixel.
 fn verdicts(maps: &Decoded) -> Vec<f32> {
     let of = |i: usize| {
         let mut verdicts = maps.axes().map(|(_, map)| map.verdict[i]);
@@ -269,7 +270,7 @@ pub(super) fn field(name: impl Into<Cow<'static, str>>, view: &View) -> Field {
     }
 }
 
-/// Returns the figures of a decoding.
+/// Returns the key figures of a decoding, each as a name and a value with its unit.
 fn figures(decoding: &Decoding) -> Vec<(&'static str, String)> {
     let summary = decoding.summary();
     let mut all = vec![("Frames", summary.frames.to_string())];
@@ -417,7 +418,7 @@ impl Measurement for ScanViews {
             FileKind::Arrays => {
                 let about = self.about()?;
                 let shape = [about.height, about.width];
-                // Skip layers that fail: the device may have ended and cannot report the truth.
+                // Leave out layers that fail: if the device has ended, it cannot report the truth.
                 let arrays = about.layers.iter().filter_map(|layer| {
                     let values = self.layer(layer.name).ok()?;
                     Some(Array::floats(layer.name, &shape, &values))
@@ -479,7 +480,7 @@ mod tests {
         let valid: Vec<_> = depth.iter().filter(|depth| !depth.is_nan()).collect();
         let all = views.cloud("depth", usize::MAX).unwrap();
         assert_eq!((all.every, all.points.len()), (1, valid.len()));
-        // The camera's frame is the rig's.
+        // In this profile, the camera's frame is the rig's frame.
         assert!(
             all.points
                 .iter()

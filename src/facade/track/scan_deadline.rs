@@ -3,17 +3,17 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// A timeout that never expires in practice, for when there is nothing left to report.
+/// A timeout that never expires in practice, used while no deadline applies.
 pub(super) const FOREVER: Duration = Duration::from_secs(365 * 24 * 3600);
 
 /// Number of recent intervals between scans that are remembered.
 const USUAL: usize = 5;
-/// A scan counts as missing after this many times the longest of the recent intervals.
+/// The deadline for a scan is this multiple of the longest of the recent intervals.
 const TIMES: u32 = 3;
 
 /// The deadline for the next scan, on the host's clock, because the device's clock is unknown while
-/// no frames arrive. An emulated device may need more time for a scan than its own clock shows, so
-/// the deadline also depends on the recent intervals.
+/// no frames arrive. An emulated device may need more real time for a scan than passes on its own
+/// clock, so the deadline also depends on the recent intervals.
 pub(super) struct ScanDeadline {
     least: Duration,
     last: Option<Instant>,
@@ -30,7 +30,7 @@ impl ScanDeadline {
         }
     }
 
-    /// Notes that a scan has arrived.
+    /// Notes that a scan has arrived at `now`.
     pub(super) fn heard(&mut self, now: Instant) {
         if let Some(last) = self.last.replace(now) {
             if self.usual.len() == USUAL {

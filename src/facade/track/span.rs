@@ -12,7 +12,7 @@ pub(super) struct Span {
 }
 
 impl Span {
-    /// Extends the span by the frames of a pod.
+    /// Extends the span to include the frames of one more pod.
     pub(super) fn take(&mut self, frames: &[FrameInfo]) {
         let [Some(first), Some(last)] = [frames.first(), frames.last()] else {
             return;
@@ -27,8 +27,8 @@ impl Span {
         Duration::from_nanos(self.end_ns)
     }
 
-    /// Returns the time from the middle of the scan to its end; `None` if the links carry no times. A
-    /// patient in uniform motion is measured where they were in the middle of the scan.
+    /// Returns the time from the middle of the scan to its end; `None` if the links carry no times. The
+    /// measured surface of a patient in uniform motion is the surface in the middle of the scan.
     pub(super) fn middle_to_end(&self) -> Option<Duration> {
         let length_ns = self.end_ns.checked_sub(self.begin_ns?)?;
         (length_ns > 0).then_some(Duration::from_nanos(length_ns / 2))

@@ -20,16 +20,16 @@ pub(crate) const TOLERANCE_MM: RangeInclusive<f64> = 0.001..=1000.0;
 /// How a patient is tracked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackOptions {
-    /// Maximum distance of the tumour from its planned position in millimetres, 0.001 to 1000. Beyond
-    /// it the beam is held.
+    /// Maximum distance of the tumour from its planned position in millimetres, 0.001 to 1000. At a
+    /// larger distance the beam is held.
     pub tolerance_mm: f64,
     /// Number of scans, 1 or more; `None` to track until the caller ends it.
     pub scans: Option<u64>,
     /// Duration of tracking on the device's clock, above zero; `None` for no limit. Tracking ends
-    /// with the first scan whose [`Tracked::time`] is at least this long after the first scan's.
-    /// The host's clock counts if the links carry no times.
+    /// with the first scan whose [`Tracked::time`] is at least this much later than that of the
+    /// first scan. If the links carry no times, the host's clock is used.
     pub duration: Option<Duration>,
-    /// When the beam is held, and when it comes on again.
+    /// Rules that decide when the beam is held and when it is released.
     pub rules: HoldRules,
 }
 
@@ -59,25 +59,26 @@ pub struct Tracked {
     /// times.
     pub time: Duration,
     /// Device time halfway from the start of the first exposure to the end of the last; `None` if the
-    /// links carry no times. A patient in uniform motion is measured where they were at this time.
+    /// links carry no times. The measured surface of a patient in uniform motion is the surface at this
+    /// time.
     pub middle: Option<Duration>,
-    /// Number of points of all pods.
+    /// Total number of points that the pods measured.
     pub points: usize,
-    /// The skin as a rigid body; `None` if it is lost.
+    /// Pose of the skin, tracked as a rigid body; `None` if tracking has lost the skin.
     pub skin: Option<SkinPose>,
-    /// The tumour, located with the motion model; `None` if the skin is lost.
+    /// Position of the tumour according to the motion model; `None` if tracking has lost the skin.
     pub tumour: Option<TumourPosition>,
     /// Whether the beam may be on.
     pub beam: Beam,
     /// Reasons to doubt the result. All of them hold the beam, except for [`ScanWarning::Rigid`] and
     /// [`ScanWarning::RigidLost`], which concern [`Self::skin`]: a breathing patient is not rigid.
     pub warnings: Vec<ScanWarning>,
-    /// Host time to decode the captures.
+    /// Time on the host's clock that decoding the captures took.
     pub decoding: Duration,
-    /// Host time from the arrival of the last frame to this result.
+    /// Time on the host's clock from the arrival of the last frame to this result.
     pub latency: Duration,
-    /// Time from [`Self::middle`] to this result: by the device's clock to [`Self::time`], then
-    /// [`Self::latency`]. `None` if the links carry no times.
+    /// Time from [`Self::middle`] to this result: the device time from there to [`Self::time`],
+    /// plus [`Self::latency`]. `None` if the links carry no times.
     pub since_motion: Option<Duration>,
 }
 
@@ -107,8 +108,8 @@ impl SkinPose {
     }
 }
 
-/// Position of the tumour by the motion model, with standard deviations that include light scattered
-/// inside the skin and breathing that differs from planning.
+/// Position of the tumour according to the motion model. The standard deviations include the effects of
+/// light scattered inside the skin and of breathing that differs from planning.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TumourPosition {
     /// Centroid in millimetres.
@@ -119,13 +120,13 @@ pub struct TumourPosition {
     pub off_mm: f64,
     /// Standard deviation of that distance, in millimetres.
     pub off_sd_mm: f64,
-    /// Coefficients of the motion model, in standard deviations of planning.
+    /// Coefficients of the motion model, in units of their standard deviations during planning.
     pub modes: Vec<f64>,
     /// Standard deviation of each coefficient.
     pub modes_sd: Vec<f64>,
     /// RMS distance of the fitted points from the surface, in millimetres.
     pub rms_mm: f64,
-    /// Fraction of the tracked skin that has points.
+    /// Fraction of the tracked part of the skin on which points were measured.
     pub coverage: f64,
 }
 
@@ -152,8 +153,8 @@ impl TumourPosition {
     }
 }
 
-/// Tracks a patient in captures, from wherever they come: devices in memory, files, or scanners that
-/// the caller drives. [`track`](fn@crate::track) does the same for scanners, while they scan.
+/// Tracks a patient from captures of any origin: devices in memory, files, or scanners that the caller
+/// drives. [`track`](fn@crate::track) does the same for scanners, while they scan.
 ///
 /// ```
 /// use phasmid::patient::phantom::{Patient, Phantom};
@@ -206,7 +207,7 @@ impl fmt::Debug for Tracker<'_> {
     }
 }
 
-/// The measurements of a scan by the pods that have scanned so far.
+/// The measurements of an incomplete scan, by the pods that have scanned so far.
 #[derive(Default)]
 pub(super) struct Gathered {
     measured: Measured,
@@ -272,7 +273,7 @@ impl<'a> Tracker<'a> {
         let arrived = Instant::now();
         let mut gathered = Gathered::default();
         for (pod, capture) in captures.iter().enumerate() {
-            // Frames without an identity have no pattern index, or are not listed at all.
+            // Frames without an identity have no pattern index, or `capture.frames` is empty.
             let frames = &capture.frames;
             let identified = !frames.is_empty() && frames.iter().all(|f| f.pattern_index.is_some());
             self.measure(pod, capture, identified, arrived, &mut gathered)?;
@@ -301,7 +302,7 @@ impl<'a> Tracker<'a> {
         self.hold.silent()
     }
 
-    /// Returns the maximum age of a scan, after which the beam is held.
+    /// Returns the maximum age of a scan. When the last scan is older, the beam is held.
     pub(super) fn stale(&self) -> Duration {
         self.hold.stale()
     }

@@ -1,9 +1,9 @@
 //! The share of ink in a piece of a board, such as the footprint of a pixel.
 //!
 //! The share is exact, dot by dot or square by square, if the piece meets at most 64 of them. For a
-//! larger piece, the fraction of the piece on the grid is multiplied by the grid's mean: a pixel
-//! that wide does not resolve the pattern. A piece of zero or negligible area is treated as a
-//! point.
+//! larger piece, the fraction of its area that lies on the grid is multiplied by the grid's mean share
+//! of ink: a pixel with such a footprint does not resolve the pattern. A piece of zero or negligible
+//! area is treated as a point.
 
 use super::parallelogram::Parallelogram;
 use super::{Board, MARKERS};
@@ -30,9 +30,9 @@ impl Board {
         (self.count() + cells) * self.pitch_mm()
     }
 
-    /// Returns the share of ink, 0 to 1, in the parallelogram centred at `at` with sides `across`
-    /// and `down`, all in millimetres in the board's plane. Returns the mean over the sheet if any
-    /// of them is not finite.
+    /// Returns the share of ink, 0 to 1, in the parallelogram centred at `at` with sides `across` and
+    /// `down`, all in millimetres in the board's plane. If one of these coordinates is not finite,
+    /// returns the mean over the sheet.
     ///
     /// The squares of a chessboard are dark where column + row, counted from 0, is even, so the top
     /// left square is dark.

@@ -14,7 +14,7 @@ pub(super) struct Parallelogram {
     /// Corners relative to the centre, counter-clockwise if y points up.
     corners: [DVec2; 4],
     area: f64,
-    /// Half sides of its axis-aligned bounding box.
+    /// Half sides of the parallelogram's axis-aligned bounding box.
     pub(super) half: DVec2,
 }
 

@@ -14,7 +14,7 @@ const MOST_OBLIQUE_DEG: f64 = 70.0;
 /// Minimum side of a chessboard square in pixels.
 const LEAST_SQUARE_PX: f64 = 8.0;
 
-/// Why a pose is unsuitable: what was found, and what is allowed.
+/// The reason why a pose is unsuitable: the value found, and the allowed values.
 pub(super) struct Flaw {
     pub(super) found: String,
     pub(super) allowed: String,
@@ -44,7 +44,7 @@ impl Fit<'_> {
         ] {
             self.check_turned(name, view)?;
         }
-        // Size comes before visibility because it needs fewer points.
+        // The size is checked before the visibility because its check needs fewer points.
         self.check_size(least_dot_px)?;
         self.check_whole()
     }
@@ -77,8 +77,8 @@ impl Fit<'_> {
         })
     }
 
-    /// Checks that the board is in both images: a chessboard as a whole; of a dot board all markers
-    /// and at least `LEAST_SHARE` of the dots.
+    /// Checks that the board is in both images: the whole of a chessboard; all markers and at least
+    /// `LEAST_SHARE` of the dots of a dot board.
     fn check_whole(&self) -> Result<(), Flaw> {
         let views = [
             ("the camera's image", &self.rig.camera),

@@ -23,15 +23,15 @@ use std::ops::Range;
 
 /// Number of steps from the drawn position to the middle of the shared field.
 const STEPS: u32 = 20;
-/// Fractions by which drawn depth and roll are reduced towards the given distance and no roll,
+/// Fractions by which the drawn depth is moved towards the given distance and the drawn roll towards 0,
 /// tried in turn until the board fits.
 const EASE: [f64; 3] = [0.0, 0.5, 1.0];
 /// Fractions by which the tilt is reduced towards the minimum, if nothing else helps.
 const LEVEL: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
 /// Columns and rows of the pixel grid that samples the field shared by camera and projector.
 const GRID: u32 = 33;
-/// Maximum number of poses of one calibration. The covariance matrix of 500 (six unknowns per
-/// pose) takes 72 MB.
+/// Maximum number of poses of one calibration. The covariance matrix of 500 poses (six unknowns each)
+/// takes 72 MB.
 pub const MOST_POSES: usize = 500;
 
 /// Parameters of the poses.
@@ -69,8 +69,9 @@ impl Default for Wanted {
     }
 }
 
-/// Computes poses of a board (`rig_from_board`). A chessboard is completely visible to the camera
-/// and illuminated by the projector; of a dot board all markers and at least 60 % of the dots are.
+/// Computes poses of a board (`rig_from_board`). A chessboard is completely visible to the camera and
+/// illuminated by the projector; of a dot board, all markers and at least 60 % of the dots are visible
+/// and illuminated.
 ///
 /// # Errors
 /// Returns an error, with numbers, if a parameter is out of range or the board cannot be shown to
@@ -146,7 +147,7 @@ struct Drawn {
     reach: f64,
 }
 
-/// Finds a suitable pose with this tilt, as close to the drawn one as possible.
+/// Finds a suitable pose with this tilt, as close to the drawn pose as possible.
 fn placed(
     board: &Board,
     rig: &Rig,
@@ -173,8 +174,8 @@ fn placed(
             last = Some(no_field(depth));
             continue;
         };
-        // Try the drawn tilt direction first, then the opposite one, before moving into the inner
-        // half of the way to the middle.
+        // On the outer half of the way to the middle, try the drawn tilt direction, then the opposite
+        // direction; then both on the inner half.
         let (outer, inner) = (STEPS / 2..STEPS + 1, 0..STEPS / 2);
         let turns = |steps: Range<u32>| [(0.0, steps.clone()), (0.5, steps)];
         for (turn, steps) in turns(outer).into_iter().chain(turns(inner)) {

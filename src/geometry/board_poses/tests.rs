@@ -7,7 +7,8 @@ fn rig(name: &str) -> (Rig, f64) {
     (nominal::rig(name), nominal::board_scale(name))
 }
 
-/// Distance from the camera at which a device's fields are designed to meet.
+/// Distance from the camera, in millimetres, at which the fields of a device's camera and projector are
+/// designed to meet.
 fn aimed_mm(name: &str) -> f64 {
     match name {
         // A pod on the ceiling, aimed at the isocentre.

@@ -1,9 +1,8 @@
 //! Closest point on a mesh and line-of-sight tests against a mesh, in f64 over a bounding volume
 //! hierarchy.
 //!
-//! Boxes are f32, rounded outwards, so they strictly bound the f64 corners; every distance is
-//! computed in f64. Ground truth is measured with this module, so it shares no code with the
-//! renderer.
+//! Boxes are f32, rounded outwards, so they strictly bound the f64 corners; every distance is computed
+//! in f64. Ground truth is measured with this module, so this module shares no code with the renderer.
 
 #[cfg(test)]
 mod tests;
@@ -30,7 +29,7 @@ pub struct MeshTree {
 pub struct Closest {
     /// The nearest point of the mesh, in millimetres.
     pub point: DVec3,
-    /// Distance to it in millimetres.
+    /// Distance between the query point and `point`, in millimetres.
     pub distance_mm: f64,
     /// Mesh index of a triangle that contains the point.
     pub triangle: u32,

@@ -32,7 +32,7 @@ fn soup(triangles: usize, seed: u64) -> Mesh {
     Mesh {
         triangles: (0..triangles as u32)
             .map(|i| match i % 7 {
-                // A needle, a point, and duplicates.
+                // Degenerate triangles (a needle and a point), and duplicates.
                 0 => [3 * i, 3 * i + 1, 3 * i],
                 1 => [3 * i; 3],
                 2 => [3 * i - 3, 3 * i - 3, 3 * i - 3],
@@ -116,7 +116,7 @@ fn a_wall_blocks_what_crosses_it() {
     };
     let tree = MeshTree::new(&mesh);
     let blocks = |x, y, z| tree.blocks(DVec3::ZERO, DVec3::new(x, y, z), 1e-6);
-    // Along the shared diagonal, along an axis, and beside the wall.
+    // A segment through the shared diagonal, one along an axis, and one that passes beside the wall.
     assert!(blocks(0.0, 0.0, 10.0));
     assert!(blocks(1.0, 1.0, 10.0));
     assert!(blocks(0.5, -0.2, 6.0));

@@ -117,8 +117,8 @@ pub(super) fn read(rest: &mut &[u8], place: &str) -> Result<Header> {
     let wrong = |line: usize, found: String, allowed: &str| {
         Error::input(format!("{place}:{line}"), found, allowed)
     };
-    // Detect CR line ends first: if not, the first byte of the body could be taken for the LF of a CR
-    // LF.
+    // Detect CR line ends before reading lines. Without this, the first byte of the body could be taken
+    // for the LF of a CR LF.
     let cr_only = rest.get(3) == Some(&b'\r') && rest.get(4) != Some(&b'\n');
     if next_line(rest) != Some(b"ply") {
         return Err(wrong(1, "no `ply`".into(), "a PLY file, starting with ply"));

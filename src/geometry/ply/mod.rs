@@ -14,9 +14,9 @@ use std::path::Path;
 /// Content of a PLY file.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Ply {
-    /// Faces over vertices.
+    /// A file with faces.
     Mesh(Mesh),
-    /// Vertices only.
+    /// A file with vertices only.
     Cloud(Cloud),
 }
 
@@ -54,8 +54,8 @@ pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<()> {
 /// Returns the PLY file of a cloud, as [`write_cloud`] writes it.
 ///
 /// # Errors
-/// Returns an error if the number of normals, intensities or standard deviations differs from that of the
-/// points.
+/// Returns an error if the number of normals, intensities or standard deviations differs from that of
+/// the points.
 pub fn encode_cloud(cloud: &Cloud) -> Result<Vec<u8>> {
     let count = cloud.points.len();
     let normals = cloud.normals.as_ref();

@@ -1,4 +1,4 @@
-//! PLY files written by hand, malformed ones, and round trips through the writer.
+//! Tests PLY files written by hand, malformed PLY files, and round trips through the writer.
 
 use super::*;
 use glam::DVec3;

@@ -6,16 +6,17 @@ use glam::Vec3;
 /// Number of rays in a packet: a tile of 4 x 4 pixels, or the 4 x 4 samples of one pixel.
 pub const LANES: usize = 16;
 
-/// Minimum magnitude of a direction component; a smaller one is replaced by it when inverted.
+/// Minimum magnitude of a direction component; before the inverse is computed, smaller components are
+/// replaced by it.
 const SMALLEST: f32 = 1e-30;
 
-/// Minimum as a single instruction; Rust's `min` has extra code for NaN.
+/// Returns the smaller number in a single instruction; Rust's `min` has extra code for NaN.
 #[inline(always)]
 pub(super) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Maximum as a single instruction.
+/// Returns the larger number in a single instruction.
 #[inline(always)]
 pub(super) fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
@@ -34,7 +35,7 @@ pub(super) fn reduce(mut lanes: Lanes, combine: impl Fn(f32, f32) -> f32) -> f32
     lanes[0]
 }
 
-/// `reach` of an unused lane: no hit minus its error bound is below it.
+/// `reach` of an unused lane, below which no hit minus its error bound can lie.
 pub(super) const UNUSED: f32 = f32::NEG_INFINITY;
 
 /// Maximum number of undecided hits of one packet. More occur only with many coincident surfaces,
@@ -79,7 +80,7 @@ pub struct Packet {
     pub(super) inverse: [Lanes; 3],
     /// Ray parameter of the nearest hit so far, or of the ray's end. Negative: the lane is unused.
     pub t: Lanes,
-    /// `t` plus its error bound; anything farther is skipped.
+    /// `t` plus its error bound; triangles and boxes farther away are skipped.
     pub(super) reach: Lanes,
     /// Triangle of the nearest hit so far, or [`NO_TRIANGLE`]. For shadow rays: the triangle that
     /// the lane's ray ignores (the one on which it ends).

@@ -1,8 +1,8 @@
 //! Occlusion test for sixteen parallel rays with separate origins, as for light from far away.
 //!
-//! The test is that of [`super::triangle`] (Woop, Benthin, Wald 2013) with the roles swapped: one
-//! shear for all lanes, and a sheared origin per lane. Triangles that share an edge still compute
-//! its function from the same numbers, so no ray passes between them.
+//! The test is that of [`super::triangle`] (Woop, Benthin, Wald 2013) with the roles swapped: one shear
+//! for all lanes, and a sheared origin per lane. Two triangles that share an edge still compute the
+//! function of this edge from the same numbers, so no ray passes between them.
 
 use super::bvh::{Bvh, Corners, Node};
 use super::packet::{LANES, Lanes, Scratch, max, min};
@@ -26,9 +26,9 @@ pub struct Parallel {
     shear: Vec3,
     /// Origins relative to the reference, permuted and sheared.
     sheared: [Lanes; 3],
-    /// Ray parameter from which hits count.
+    /// Ray parameter from which hits count, for each lane; nearer hits are ignored.
     start: Lanes,
-    /// Triangle ignored by each lane: the one its ray leaves from.
+    /// Triangle that each lane ignores, because the lane's ray starts on it.
     own: [u32; LANES],
     /// Lanes in use and not blocked so far.
     open: [bool; LANES],

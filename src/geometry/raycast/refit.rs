@@ -22,8 +22,8 @@ impl Bvh {
         Self { nodes, ..self }
     }
 
-    /// Updates the hierarchy to new vertex positions; `triangles` must be those it was built over.
-    /// The hierarchy must be [`Self::ordered`].
+    /// Updates the hierarchy to new vertex positions; `triangles` must be the triangles over which it
+    /// was built. The hierarchy must be [`Self::ordered`].
     pub fn refit(&mut self, vertices: &[DVec3], triangles: &[[u32; 3]]) {
         let rounded: Vec<Vec3> = vertices.iter().map(|v| v.as_vec3()).collect();
         for corners in &mut self.triangles {
@@ -78,7 +78,7 @@ mod tests {
         let mut moved = fresh.clone().ordered();
         assert_eq!(hits(&fresh), hits(&moved), "the order changes nothing");
         for k in 1..5 {
-            // Increasingly bent, swollen and shifted.
+            // The mesh is bent, swollen and shifted more and more.
             let bend = |v: DVec3| {
                 let swell = 1.0 + 0.1 * f64::from(k) * (v.y / 90.0).sin();
                 DVec3::new(

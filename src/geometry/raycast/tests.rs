@@ -1,4 +1,4 @@
-//! Packet traversal against brute force in f64, and watertightness.
+//! Tests packet traversal against brute force in f64, and tests that no ray passes between triangles.
 
 use super::{Bvh, LANES, NO_TRIANGLE, Packet, Parallel, Scratch};
 use crate::{Mesh, shapes};
@@ -63,7 +63,7 @@ fn a_soup_of_triangles_agrees_with_brute_force() {
     let bvh = Bvh::build(&mesh.vertices, &mesh.triangles);
     for k in 0..20 {
         let origin = vector(9000 + k) * 150.0;
-        // Distributed over all directions, so that the lanes of a packet disagree; plus exact axes.
+        // Directions over the whole sphere, so that the lanes of a packet diverge, and three exact axes.
         let mut directions: Vec<_> = (0..96).map(|i| vector(10_000 + 100 * k + i)).collect();
         directions.extend([DVec3::X, DVec3::NEG_Y, DVec3::Z]);
         let found = cast(&bvh, origin, &directions);

@@ -58,7 +58,7 @@ widest! {
     fn blocked(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratch) => blocked_body
 }
 
-/// Test of a triangle against a packet. A trait instead of a closure, which would not be inlined into
+/// Test of a triangle against a packet. It is a trait, because a closure would not be inlined into
 /// [`widest!`] functions and would lack their instructions.
 pub(super) trait Test {
     fn test(packet: &mut Packet, scratch: &mut Scratch, corners: &Corners);
@@ -131,7 +131,8 @@ pub(super) fn walk<T: Test>(bvh: &Bvh, packet: &mut Packet, scratch: &mut Scratc
                 T::test(packet, scratch, corners);
             }
         } else {
-            // This is not a `map`, because its closure would not be inlined.
+            // This does not use `map` over both children, because the closure of `map` would not be
+            // inlined.
             let (one, other) = (node.first, node.first + 1);
             let left = entry(&bvh.nodes[one as usize], packet);
             let right = entry(&bvh.nodes[other as usize], packet);

@@ -1,9 +1,9 @@
 //! The watertight ray/triangle test over the lanes of a packet.
 //!
-//! Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Vertices are
-//! taken relative to the origin and sheared so that the ray runs along +z; the signs of the three
-//! edge functions at the origin then decide. Two triangles that share an edge compute its function
-//! from the same numbers with the opposite sign, so no ray passes between them.
+//! Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Vertices are taken
+//! relative to the origin and sheared so that the ray runs along +z; the signs of the three edge
+//! functions at the origin then decide. Two triangles that share an edge compute the function of this
+//! edge from the same numbers with opposite signs, so no ray passes between them.
 
 use super::bvh::Corners;
 use super::packet::{LANES, Lanes, Packet, max, min};
@@ -49,7 +49,7 @@ pub(super) fn intersect(
         scaled_t[lane] = sz * (u[lane] * a.z + v[lane] * b.z + w[lane] * c.z);
         let low = min(min(u[lane], v[lane]), w[lane]);
         let high = max(max(u[lane], v[lane]), w[lane]);
-        // All of one sign, where zero matches either: a hit, or a zero that must be decided in f64.
+        // All edge functions have one sign or are zero: this is a hit, or a zero must be decided in f64.
         candidates[lane] = u32::from((low >= 0.0) | (high <= 0.0));
     }
     if candidates.iter().fold(0, |any, c| any | c) == 0 {
@@ -104,8 +104,8 @@ fn error_bound(v: [Vec3; 3], packet: &Packet, lane: usize, det: f32) -> f32 {
     let sheared = rounding * (1.0 + 2.0 * (shear[0].abs() + shear[1].abs()));
     let edge = 4.0 * size * (sheared + f32::EPSILON * size);
     let spread = high - low;
-    // In this order the quotient of an edge-on triangle is at worst infinite, and `spread` is
-    // taken.
+    // In this order of operations, the quotient of an edge-on triangle is at worst infinite, and
+    // `spread` replaces it.
     let weighed = 3.0 * edge / det.abs() * spread;
     let weighed = if weighed < spread { weighed } else { spread };
     shear[2].abs() * (weighed + 4.0 * rounding)

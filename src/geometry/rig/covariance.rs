@@ -17,7 +17,7 @@ pub struct Covariance {
     factor: [[f64; RIG]; RIG],
 }
 
-/// Digits kept of the factor: relative errors of 1e-8.
+/// Number of significant digits kept of each entry of the factor.
 const DIGITS: usize = 8;
 
 impl Covariance {
@@ -61,8 +61,8 @@ impl Covariance {
     }
 
     /// Returns a step of the parameters: F times the given numbers. If the numbers are independent and
-    /// standard normal, the step has this covariance. The steps of all unit vectors have effects on a
-    /// quantity that add up in squares to the quantity's variance, to first order.
+    /// standard normal, the step has this covariance. Apply the steps of all unit vectors: to first
+    /// order, the squares of the changes that they cause in a quantity add up to its variance.
     pub fn step(&self, numbers: &[f64; RIG]) -> [f64; RIG] {
         self.factor
             .map(|row| row.iter().zip(numbers).map(|(f, x)| f * x).sum())

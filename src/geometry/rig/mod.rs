@@ -37,8 +37,8 @@ impl View {
         self.rig_from_view.translation_mm
     }
 
-    /// Returns the pixel of a point in the rig's frame, in millimetres; `None` where
-    /// [`Lens::project`] has none.
+    /// Returns the pixel of a point in the rig's frame, in millimetres; `None` where [`Lens::project`]
+    /// returns `None`.
     #[inline]
     pub fn project<V: Vector3>(&self, p: V) -> Option<V::Image> {
         let local = self.rig_from_view.rotation.transpose() * (p.to_glam() - self.center());
@@ -173,8 +173,8 @@ impl Rig {
             view.ray((size - 1.0) / 2.0)
         });
         let between = self.projector.center() - self.camera.center();
-        // s seen and between + t lit are closest where their difference is perpendicular to both
-        // rays. The first ray's z in the camera's frame is 1, so s is the depth.
+        // The points s * seen and between + t * lit are closest where their difference is perpendicular
+        // to both rays. The first ray's z in the camera's frame is 1, so s is the depth.
         let across = seen.cross(lit);
         let square = across.length_squared();
         let s = between.cross(lit).dot(across) / square;

@@ -62,8 +62,8 @@ impl Rig {
         }
     }
 
-    /// Returns the step of the parameters from this rig to another: [`Self::stepped`] by it gives
-    /// the other's lenses and the other's projector pose in the camera's frame. The rigs may have
+    /// Returns the step of the parameters from this rig to another: [`Self::stepped`] by this step gives
+    /// the lenses of the other rig, and its projector pose in the camera's frame. The rigs may have
     /// different frames.
     pub fn step_to(&self, other: &Self) -> [f64; RIG] {
         let place = |rig: &Self| rig.camera.rig_from_view.inverse() * rig.projector.rig_from_view;
@@ -142,9 +142,9 @@ pub struct Sight {
     pub by_point: [DVec3; 2],
 }
 
-/// Writes the derivatives of a pixel by rotation and translation of a body into six columns. The
-/// body carries the point at `arm` from its origin; `by_point` holds the derivatives by the point,
-/// in the frame of `arm`. From a . (d x arm) = d . (arm x a).
+/// Writes the derivatives of a pixel by rotation and translation of a body into six columns. The body
+/// carries the point at `arm` from its origin; `by_point` holds the derivatives by the point, in the
+/// frame of `arm`. The rotation's derivatives follow from a . (d x arm) = d . (arm x a).
 pub fn by_motion(by_point: &[DVec3; 2], arm: DVec3, columns: &mut [DVec2]) {
     let turns = by_point.map(|a| arm.cross(a).to_array());
     let shifts = by_point.map(|a| a.to_array());
@@ -168,7 +168,7 @@ mod tests {
         for (i, (a, b)) in step.iter().zip(back).enumerate() {
             assert!((a - b).abs() < 1e-10, "{}: {a} {b}", PARAMETERS[i].0);
         }
-        // Another frame of the same rig.
+        // The same rig, expressed in another frame.
         let turned = crate::Pose::from_xyz_deg(DVec3::new(3.0, 1.0, 2.0), DVec3::splat(20.0));
         for view in [&mut there.camera, &mut there.projector] {
             view.rig_from_view = turned * view.rig_from_view;

@@ -13,12 +13,12 @@ use rayon::prelude::*;
 const ALL: usize = RIG + 6;
 
 impl Covariance {
-    /// Predicts the covariance of a calibration of `rig` in which the camera sees `board` in the
-    /// poses `rig_from_board`. Errors of a board point's camera pixel have sigma `corner_px` along
-    /// either axis. The projector's coordinate is read at the pixel found, so it has the pixel's
-    /// error, converted to the projector's pixels, and its own of sigma `corner_px`. Points outside
-    /// a view's image are not used. Returns `None` if the poses do not determine the parameters in
-    /// `estimated`.
+    /// Predicts the covariance of a calibration of `rig` in which the camera sees `board` in the poses
+    /// `rig_from_board`. Errors of a board point's camera pixel have sigma `corner_px` along either
+    /// axis. The projector's coordinate is read at the pixel found, so its error is the pixel's error,
+    /// converted to the projector's pixels, plus an independent error of sigma `corner_px`. Points
+    /// outside a view's image are not used. Returns `None` if the poses do not determine the parameters
+    /// in `estimated`.
     pub fn of_calibration(
         rig: &Rig,
         board: &Board,

@@ -23,8 +23,8 @@ pub struct Couch {
     pub notch_spacing_mm: f64,
     /// Depth of the notches, 0 to 20 mm.
     pub notch_depth_mm: f64,
-    /// Number of triangles, 2000 to 4,000,000; accurate to 25 % from 20,000 on. The notches and
-    /// roundings need about 6,000, so smaller values yield about that many.
+    /// Number of triangles, 2000 to 4,000,000; from 20,000 on, the mesh has this number to within 25 %.
+    /// The notches and roundings need about 6,000, so smaller values also give about 6,000.
     pub triangles: u32,
 }
 
@@ -96,14 +96,15 @@ pub fn couch(params: &Couch) -> Mesh {
     })
 }
 
-/// Position of a cross-section and how far its outline is set back from the full one.
+/// Position of a cross-section along y, and how far its outline is set back from that of the full
+/// cross-section.
 struct Station {
     y: f64,
     side: f64,
     face: f64,
 }
 
-/// Rings along y: evenly spaced in the middle, by angle over the rounded ends, so that none is
+/// Rings along y: evenly spaced in the middle, by angle over the rounded ends, so that no ring is
 /// degenerate.
 fn stations(shape: &Couch, rings: usize) -> Vec<Station> {
     let half = shape.length_mm / 2.0;
@@ -182,7 +183,8 @@ impl Couch {
         (self.thickness_mm * 0.3).min(15.0)
     }
 
-    /// Depth of the sides at y: a smooth notch at each multiple of the spacing, none near the ends.
+    /// Depth of the notches at y: there is a smooth notch at each multiple of the spacing, except near
+    /// the ends.
     fn notch(&self, y: f64) -> f64 {
         let spacing = self.notch_spacing_mm;
         let nearest = (y / spacing).round() * spacing;

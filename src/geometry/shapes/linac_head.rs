@@ -31,8 +31,8 @@ struct Part {
     rings: &'static [Ring],
 }
 
-/// Parts in order from the patient outwards, then back to the drum. Parts overlap so that there are
-/// no gaps; edges are chamfered.
+/// The parts of the head, in order from the patient outwards, then back to the drum. They overlap so
+/// that there are no gaps; their edges are chamfered.
 const PARTS: [Part; 4] = [
     // Collimator: it rotates about the beam, so it is round.
     Part {

@@ -21,7 +21,7 @@ pub struct Torso {
     pub width_mm: f64,
     /// Depth from the back to the highest point of the front (along z), 20 to 2000 mm.
     pub depth_mm: f64,
-    /// Number of triangles, 1000 to 10,000,000; accurate to a few per cent.
+    /// Number of triangles, 1000 to 10,000,000; the mesh has this number to within a few per cent.
     pub triangles: u32,
 }
 
@@ -181,7 +181,8 @@ impl Body {
         DVec3::new(x, y, -(height + front * self.relief(x, s * LENGTH)))
     }
 
-    /// Height of the relief on the front, in millimetres, at x and at `y` from the neck.
+    /// Height of the relief on the front in millimetres, at the position x across and the distance `y`
+    /// from the neck.
     fn relief(&self, x: f64, y: f64) -> f64 {
         let hill = |x0: f64, y0: f64, wide: f64, long: f64| {
             (-0.5 * (((x - x0) / wide).powi(2) + ((y - y0) / long).powi(2))).exp()

@@ -10,7 +10,8 @@ use std::time::Duration;
 /// become the frame's id, pattern index and exposure times.
 pub struct Intake<C> {
     camera: C,
-    /// A valid data line has been seen: from now on a frame without one is damaged.
+    /// A valid data line has been seen. From now on a frame without a valid data line counts as
+    /// damaged.
     lined: bool,
     skipped: bool,
 }
@@ -102,7 +103,8 @@ mod tests {
         }
     }
 
-    /// A frame as received over a link that carries no frame identity: the sender's values are replaced.
+    /// Returns a frame as received over a link that carries no frame identity: id and times are those
+    /// that such a link sets, not the device's.
     fn sent(id: u64) -> Frame {
         Frame {
             id: 99,

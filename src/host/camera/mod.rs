@@ -1,5 +1,5 @@
-//! Cameras by address: `socket:PATH`, `tcp:HOST:PORT`, `/dev/videoN` or a link to one under `/dev`;
-//! and a camera in memory.
+//! Cameras opened by address (`socket:PATH`, `tcp:HOST:PORT`, `/dev/videoN` or a symbolic link to
+//! it under `/dev`), and a camera in memory.
 //!
 //! Every camera opened here returns GREY or Y16, whatever its own format, without the embedded data
 //! line (`intake`). There are two ways to read a V4L2 device (`node`): `v4l` for monochrome cameras,
@@ -26,7 +26,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How to capture the frames of a V4L2 device.
+/// The method by which frames are captured from a V4L2 device.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum CameraDriver {
     /// Chosen by the formats the device offers: `V4l` for GREY, Y10, Y10P, Y12, Y12P and Y16, else
@@ -45,7 +45,7 @@ pub trait Camera {
     /// Returns the address, for messages.
     fn info(&self) -> &str;
 
-    /// Returns the next frame, or `None` if no complete one has arrived within the timeout; a
+    /// Returns the next frame, or `None` if no complete frame has arrived within the timeout. A
     /// partly received frame is kept for the next call.
     ///
     /// # Errors
@@ -58,16 +58,16 @@ pub trait Camera {
         false
     }
 
-    /// Returns whether the frames received so far identify themselves, that is, their id, pattern
-    /// index and times come from the device. Otherwise the id is a running number (a gap is a frame
-    /// lost by the driver), the pattern index is missing, and both times are the driver's
+    /// Returns whether the frames received so far identify themselves, that is, whether their id,
+    /// pattern index and times come from the device. Otherwise the id is a running number (a gap is
+    /// a frame lost by the driver), the pattern index is missing, and both times are the driver's
     /// timestamp, which most drivers take from the system's monotonic clock.
     fn identifies(&self) -> bool {
         true
     }
 
-    /// Returns whether the camera is gone but may come back: its device was unplugged, and
-    /// [`Self::reopen`] waits for it.
+    /// Returns whether the camera's device was unplugged but may come back; [`Self::reopen`] waits
+    /// for it.
     fn has_gone(&self) -> bool {
         false
     }

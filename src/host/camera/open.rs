@@ -13,7 +13,7 @@ const ALLOWED: &str = "/dev/videoN, socket:PATH or tcp:HOST:PORT; \
 /// producer streams into it.
 ///
 /// # Errors
-/// Returns an error if the kind of address is unknown, does not support the capture method, or if
+/// Returns an error if the kind of address is unknown or does not support the capture method, or if
 /// the camera cannot be reached within the timeout.
 pub fn open_camera(
     address: &str,

@@ -67,7 +67,7 @@ enum Opening {
     TokenRequired,
     /// The token is right.
     Admitted,
-    /// No further line: the first frame has begun.
+    /// The received bytes are not a line: the first frame has begun.
     Frames,
 }
 
@@ -75,12 +75,13 @@ enum Opening {
 pub struct SocketCamera {
     stream: Stream,
     address: String,
-    /// Bytes read so far of a line before the first frame; `None` once frames have begun.
+    /// Lines may precede the first frame. These are the bytes read so far of such a line; `None`
+    /// once frames have begun.
     opening: Option<Vec<u8>>,
     /// Kinds of lines received before the first frame.
     received: HashSet<[u8; 4]>,
     decoder: FrameDecoder,
-    /// Set after a damaged header: nothing that follows it can be trusted.
+    /// Set after a frame header was damaged: no byte that follows can be trusted.
     lost: bool,
     skipped: bool,
 }
@@ -161,15 +162,15 @@ impl SocketCamera {
         }
     }
 
-    /// Reads the next line before the first frame, or detects the start of that frame; `None` if
-    /// neither is complete in time.
+    /// Reads the next line before the first frame, or detects the start of the first frame; `None`
+    /// if neither has completely arrived by `end`.
     ///
     /// # Errors
     /// Returns an error if the device refuses the client, closes the connection or repeats a line.
     fn read_opening(&mut self, end: Instant) -> Result<Option<Opening>> {
         let mut expired = false;
         while let Some(bytes) = &mut self.opening {
-            // Bound the wait even if the peer sends single bytes.
+            // Bound the whole wait, even if the peer keeps sending single bytes.
             if expired {
                 return Ok(None);
             }
@@ -193,7 +194,8 @@ impl SocketCamera {
             if ![TOKEN_REQUIRED, ADMITTED, REFUSED].contains(&letters) {
                 self.decoder.space()[..4].copy_from_slice(bytes);
                 self.opening = None;
-                // A frame header is longer than four bytes, so this completes no frame.
+                // A frame header is longer than four bytes, so these four bytes do not complete a
+                // frame.
                 self.decoder.advance(4)?;
                 break;
             }
@@ -267,7 +269,7 @@ impl Camera for SocketCamera {
                     return Err(Error::device(format!("{}: {e}", self.address)));
                 }
             }
-            // Bound the wait even if the peer sends single bytes.
+            // Bound the whole wait, even if the peer keeps sending single bytes.
             if left.is_zero() {
                 return Ok(None);
             }

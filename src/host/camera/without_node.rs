@@ -1,10 +1,10 @@
-//! Stands in for `node` on systems other than Linux and in builds without the feature `v4l2`.
+//! Replaces the module `node` on systems other than Linux and in builds without the feature `v4l2`.
 
 use super::{Camera, CameraDriver};
 use phasmid_core::error::{Error, Result};
 use std::time::Duration;
 
-/// Refuses a V4L2 device.
+/// Always returns an error: V4L2 devices are not supported here.
 pub(super) fn open(address: &str, _: CameraDriver, _: Duration) -> Result<Box<dyn Camera + Send>> {
     let found = match cfg!(target_os = "linux") {
         true => {

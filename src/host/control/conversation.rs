@@ -1,11 +1,11 @@
-//! Common interface of conversations with a device, whatever the framing of its dialect, and the
-//! repetition of readings.
+//! The common interface of conversations with a device, whatever the framing of its dialect; and a
+//! function that repeats a reading until two readings agree.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::dialect::Value;
 use std::fmt::Display;
 
-/// Maximum number of attempts at an operation that a corrupted line may have spoiled.
+/// Maximum number of attempts at an operation that may fail because data was corrupted in transit.
 pub(super) const TRIES: u32 = 3;
 /// Maximum number of readings, two of which must agree.
 const READINGS: usize = 5;

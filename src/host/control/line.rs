@@ -9,14 +9,15 @@ use phasmid_protocol::printable;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Number of times a query is sent while it is unanswered or refused; the attempts share the
-/// timeout.
+/// Maximum number of times that a query is sent if it is unanswered or refused. All attempts
+/// together take at most the timeout.
 const ATTEMPTS: u32 = 3;
-/// Time to wait for a valid answer after an invalid one.
+/// Time to wait for a valid answer after an invalid answer.
 const GRACE: Duration = Duration::from_millis(250);
-/// Pause after a refusal, multiplied by the number of the attempt: the device may be busy.
+/// Pause after a refusal, because the device may be busy. It is multiplied by the number of the
+/// attempt.
 const PAUSE: Duration = Duration::from_millis(20);
-/// Duration of silence after which nothing is assumed to be in transit.
+/// Duration of silence after which no data is assumed to be in transit.
 const QUIET: Duration = Duration::from_millis(50);
 /// Maximum number of bytes to accept while waiting for one answer.
 const MAX_BYTES: usize = 16 << 20;
@@ -39,8 +40,8 @@ pub(super) struct Line<P> {
     timeout: Duration,
     /// Sequence number of the last query.
     sequence: u8,
-    /// Late answers to earlier queries may still arrive and cannot be distinguished from current
-    /// ones.
+    /// Late answers to earlier queries may still arrive and cannot be distinguished from answers to
+    /// the current query.
     pub(super) stray: bool,
     /// The device has reported a restart.
     pub(super) booted: bool,
@@ -226,7 +227,7 @@ impl<P: CommandPort> Line<P> {
         Ok((len > 0).then_some((cuts, len)))
     }
 
-    /// Waits for `time`, discarding what arrives except for a notice of a restart.
+    /// Waits for `time` and discards what arrives, but takes note of a power-on message.
     ///
     /// # Errors
     /// Returns an error if the port is gone.

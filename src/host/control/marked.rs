@@ -1,6 +1,6 @@
-//! Conversation in a dialect of lines or packets. The host tells the device to remember a number
-//! (mark). An answer before the mark belongs to an earlier query; a device that has forgotten its
-//! mark was switched off.
+//! Conversation in a dialect of lines or packets. The host makes the device remember a number, the
+//! mark, and then queries it. Answers that arrive before the mark's belong to earlier queries. A
+//! device that has forgotten its mark has been switched off since.
 
 use super::conversation::{Conversation, TRIES, Values, agreed};
 use super::line::Line;
@@ -13,7 +13,7 @@ use std::time::Duration;
 
 /// Maximum number of chunks in a long answer.
 const MAX_PIECES: u32 = 1 << 16;
-/// Operation that reports the mark.
+/// Name of the operation that queries the mark.
 const MARKED: &str = "marked";
 
 /// A device that speaks a dialect of lines or packets.
@@ -21,7 +21,7 @@ pub(super) struct Marked<P> {
     line: Line<P>,
     /// The mark that was last sent to the device.
     mark: u8,
-    /// The device had already forgotten its mark when the next one was sent.
+    /// The device had already forgotten its mark when the next mark was sent.
     forgotten: bool,
 }
 
@@ -54,7 +54,7 @@ impl<P: CommandPort> Marked<P> {
         if !self.is_marked() {
             return Ok(());
         }
-        // Check this before the next mark overwrites the current one.
+        // Check whether the device still knows the current mark before the next mark overwrites it.
         self.forgotten |= self.mark != 0 && !self.remembers()?;
         for _ in 0..TRIES {
             self.set_mark()?;
@@ -82,8 +82,8 @@ impl<P: CommandPort> Marked<P> {
         Ok(word.as_ref().and_then(Value::number) == Some(f64::from(self.mark)))
     }
 
-    /// Returns whether the device still knows its mark. Asks several times, because an answer with
-    /// another number may be corrupted or belong to another query.
+    /// Returns whether the device still knows its mark. Asks several times, because an answer that
+    /// differs from the mark may be corrupted or belong to another query.
     fn remembers(&mut self) -> Result<bool> {
         for _ in 0..TRIES {
             if self.says_mark()? {

@@ -1,5 +1,5 @@
-//! The operations that a scanner needs of a device's control port, in the language that the device
-//! speaks: SCPI over IEEE 488.2, or a dialect described by a file.
+//! The operations that a scanner performs on a device's control port, in the language that the
+//! device speaks: SCPI over IEEE 488.2, or a dialect described by a file.
 //!
 //! A line may lose, delay, duplicate and corrupt data, and a device may be power-cycled between two
 //! queries. Therefore every setting that affects the measurement is read back before and after a
@@ -24,9 +24,9 @@ use scpi::Scpi;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Number of times that a lost device is searched for in one scan.
+/// Maximum number of times that a lost device is searched for in one scan.
 pub(super) const RECOVERIES: u32 = 2;
-/// The operation that reports the selected sequence.
+/// Name of the operation that reports the selected sequence.
 const SELECTED: &str = "selected";
 
 /// The control port of a device.
@@ -47,8 +47,8 @@ enum Talk<P> {
 pub(super) struct Settings(Vec<(String, String)>);
 
 impl Settings {
-    /// Returns the first setting that has changed: its name, the answer now (empty if there is none
-    /// any more), and the earlier answer.
+    /// Returns the first setting that has changed: its name, the current answer (empty if the
+    /// device no longer reports the setting), and the earlier answer.
     fn change<'a>(&'a self, before: &'a Self) -> Option<(&'a str, &'a str, &'a str)> {
         before.0.iter().find_map(|(what, then)| {
             let now = self.0.iter().find(|(name, _)| name == what);
@@ -58,8 +58,8 @@ impl Settings {
     }
 }
 
-/// Strips the quotes from a sequence name, giving the form used to select it: a dialect may pass on
-/// a name with the device's quotes.
+/// Strips the quotes from a sequence name, because a dialect may pass on a name with the device's
+/// quotes. The result is the form with which the sequence is selected.
 fn unquoted(name: &str) -> String {
     let inside = name.strip_prefix('"').and_then(|n| n.strip_suffix('"'));
     inside.map_or_else(|| name.to_owned(), |inside| inside.replace("\"\"", "\""))
@@ -82,13 +82,13 @@ fn names(list: &str) -> Vec<String> {
     items.map(name).collect()
 }
 
-/// Combines a failure with the error of the subsequent search for the device.
+/// Combines an error with the error `then` of the subsequent search for the device.
 pub(super) fn both(error: &Error, then: &Error) -> Error {
     Error::device(format!("{error}; then: {then}"))
 }
 
 impl<P: CommandPort> Control<P> {
-    /// Opens the conversation, in SCPI without a dialect; `timeout` bounds every wait.
+    /// Opens the conversation, in SCPI if `dialect` is `None`; `timeout` bounds every wait.
     ///
     /// # Errors
     /// Returns an error if the port is gone, or if no device on it speaks the dialect.
@@ -137,7 +137,8 @@ impl<P: CommandPort> Control<P> {
     /// Performs an action, and repeats it after a failure once contact with the device is restored.
     ///
     /// # Errors
-    /// Returns the last failure, together with the error of the recovery if that failed.
+    /// Returns the last error of the action, together with the error of the recovery if the
+    /// recovery failed.
     pub(super) fn persist<T>(&mut self, mut act: impl FnMut(&mut Self) -> Result<T>) -> Result<T> {
         let mut left = RECOVERIES;
         loop {
@@ -151,8 +152,8 @@ impl<P: CommandPort> Control<P> {
         }
     }
 
-    /// Returns the port and an operation's last command, for messages; `what` is the operation or
-    /// setting.
+    /// Returns a description of the port and of the last command of `what`, for messages; `what` is
+    /// an operation or a setting.
     fn place(&mut self, what: &str) -> String {
         let dialect = self.dialect.clone();
         let host = dialect.host();
@@ -218,8 +219,8 @@ impl<P: CommandPort> Control<P> {
         agreed(place, || self.word(operation))
     }
 
-    /// Returns the device's identity: manufacturer, model, serial number, version. If its dialect
-    /// has no command for that, returns the name of the dialect.
+    /// Returns the device's identity: manufacturer, model, serial number, version. If the dialect
+    /// has no command that queries the identity, returns the name of the dialect.
     ///
     /// Returns an error if the device does not identify itself.
     pub(super) fn identify(&mut self) -> Result<String> {
@@ -258,7 +259,8 @@ impl<P: CommandPort> Control<P> {
         self.order("quiet", &[])
     }
 
-    /// Restores the trigger source that was found.
+    /// Sets the trigger source back to `source`, the answer of [`Self::source`] before the first
+    /// scan.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -368,8 +370,9 @@ impl<P: CommandPort> Control<P> {
             Ok(()) => return Ok(()),
             Err(error) => error,
         };
-        // A name that the device does not have is the user's mistake. Any other failure, including
-        // a device that cannot list its sequences, is a fault between host and device.
+        // If the device lacks a sequence with this name, that is the user's mistake. Any other
+        // failure, including that the device cannot list its sequences, is a fault between host and
+        // device.
         let Ok(Some(list)) = self.word("list") else {
             return Err(refused);
         };
@@ -385,8 +388,8 @@ impl<P: CommandPort> Control<P> {
         ))
     }
 
-    /// Reads the selected sequence's manifest and where it came from; `None` if the device does not
-    /// provide it.
+    /// Reads the selected sequence's manifest. Returns the manifest and its origin for messages;
+    /// `None` if the device does not provide a manifest.
     ///
     /// # Errors
     /// Returns an error if the port fails, the device refuses, or the readings do not agree.
@@ -424,8 +427,8 @@ impl<P: CommandPort> Control<P> {
         }
     }
 
-    /// Waits until the last frame of an earlier run has left the device; does nothing if the device
-    /// cannot report that.
+    /// Waits until the device reports that the last frame of an earlier run has left it; does
+    /// nothing if the device cannot report this.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -433,7 +436,7 @@ impl<P: CommandPort> Control<P> {
         self.order("complete", &[])
     }
 
-    /// Arms the device at the first pattern, whatever state it is in.
+    /// Arms the device at the first pattern, whatever state the device is in.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -441,7 +444,8 @@ impl<P: CommandPort> Control<P> {
         self.order("arm", &[])
     }
 
-    /// Triggers once, without confirmation: the frames show whether the trigger arrived.
+    /// Sends one trigger and does not wait for a reply: the frames show whether the trigger
+    /// arrived.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -471,8 +475,8 @@ impl<P: CommandPort> Control<P> {
         }
     }
 
-    /// Checks after a run that all settings are unchanged. A device that was power-cycled or
-    /// reconfigured by another program meanwhile may have projected the wrong patterns.
+    /// Checks after a run that all settings are unchanged. If the device was power-cycled or
+    /// reconfigured by another program during the run, it may have projected the wrong patterns.
     ///
     /// # Errors
     /// Returns an error that names the setting that has changed.
@@ -483,7 +487,8 @@ impl<P: CommandPort> Control<P> {
             match now.change(before) {
                 None if self.talk().restarted()? => return Err(self.reset()),
                 None => return Ok(()),
-                // A corrupted answer differs the next time, so ask again.
+                // The answer may have been corrupted in transit; then the next answer differs, so
+                // ask again.
                 Some((what, word, earlier)) if tries == TRIES => {
                     return Err(Error::device(format!(
                         "{} says {word:?} after the run and said {earlier:?} before it: the \

@@ -13,7 +13,7 @@ const EVENTS: &str = "*ESR?";
 /// The bit of the event register that is set at power-on.
 const POWER_ON: u8 = 1 << 7;
 
-/// A SCPI instrument that serves as a scanner's device.
+/// The conversation with a scanner that is a SCPI instrument.
 pub(super) struct Scpi<P> {
     instrument: Instrument<P>,
     dialect: Arc<Dialect>,
@@ -23,7 +23,8 @@ pub(super) struct Scpi<P> {
 
 impl<P: CommandPort> Scpi<P> {
     pub(super) fn open(port: P, dialect: Arc<Dialect>, timeout: Duration) -> Result<Self> {
-        // Power-on messages are skipped: they may still be in transit when a run begins.
+        // Power-on messages are skipped, not taken as evidence of a restart: they may still be in
+        // transit when a run begins.
         let chatter = dialect.boot().iter().map(|boot| boot.bytes.clone());
         Ok(Self {
             instrument: Instrument::open_chatty(port, chatter.collect(), timeout)?,
@@ -36,7 +37,8 @@ impl<P: CommandPort> Scpi<P> {
         &mut self.instrument
     }
 
-    /// Reads the error queue. Its query is defined by SCPI, not by the dialect's file.
+    /// Reads the device's error queue. The query for it is defined by SCPI, not by the dialect's
+    /// file.
     ///
     /// # Errors
     /// Returns the errors that the device reports.
@@ -74,7 +76,8 @@ impl<P: CommandPort> Conversation for Scpi<P> {
 
     fn restarted(&mut self) -> Result<bool> {
         if let Some(events) = self.instrument.query_optional(EVENTS)? {
-            // Reading clears the register, so a damaged answer may hide a power cycle: assume one.
+            // Reading clears the register, so a damaged answer may hide a power cycle: assume that
+            // there was a power cycle.
             let events = events.parse().map_or(POWER_ON, |events: f64| events as u8);
             self.restarted |= events & POWER_ON != 0;
         }

@@ -16,9 +16,9 @@ struct Device {
     lamp: bool,
     events: u8,
     enabled: u8,
-    /// A query was not understood.
+    /// The device has received a query that it does not know.
     unknown: bool,
-    /// Number of queries for which an answer was due.
+    /// Number of messages that the device has answered.
     asked: u32,
 }
 
@@ -35,8 +35,7 @@ impl Device {
         }
     }
 
-    /// Processes one message like an IEEE 488.2 parser; returns the answers, or those before an
-    /// error.
+    /// Processes one message like an IEEE 488.2 parser; returns the answers, up to the first error.
     fn message(&mut self, message: &str) -> Option<String> {
         let mut answers = Vec::new();
         for unit in message.split(';') {
@@ -134,7 +133,8 @@ type Shared = Rc<RefCell<Device>>;
 /// The device's reaction to received bytes.
 type Reaction<'a> = Box<dyn FnMut(&[u8]) -> Vec<u8> + 'a>;
 
-/// A device behind a line: `to` and `from` change the data in each direction, given a count.
+/// A device behind a line that changes data: `to` changes data to the device, `from` changes data
+/// from it.
 fn behind<'a>(
     to: impl Fn(&[u8], &Shared) -> Vec<u8> + 'a,
     from: impl Fn(Vec<u8>, u32) -> Vec<u8> + 'a,
@@ -187,7 +187,8 @@ fn readings_that_never_agree_are_reported() {
     assert!(message.contains("no two of which agree"), "{message}");
 }
 
-/// Flips every bit of every byte that prepares a run, in either direction.
+/// Flips, one at a time, every bit of every byte that is exchanged to prepare a run, in either
+/// direction.
 #[test]
 fn no_flipped_bit_prepares_another_run() {
     for to_device in [true, false] {
@@ -247,7 +248,7 @@ fn a_device_that_was_reset_is_found_out() {
     let settings = control.prepare(Some("c")).unwrap();
     device.borrow_mut().events = 128;
     assert!(control.confirm(&settings).is_err());
-    // The same holds while the run is being prepared.
+    // A power cycle while the run is being prepared is detected too.
     let (mut control, _) = behind(
         |bytes, device| {
             if bytes.ends_with(b"SEQ:SEL \"c\";:SYST:ERR?\n") {
@@ -382,8 +383,8 @@ fn bad_lines_do_not_fool_dialects() {
     }
 }
 
-/// Power-on messages in the middle of a run do not spoil it; a power cycle does, whatever the
-/// device sends.
+/// A power-on message in the middle of a run does not make the run fail; a power cycle does,
+/// whatever the device sends.
 #[test]
 fn power_on_message_alone_is_not_taken_for_a_reset() {
     let okline = Dialect::load("okline").unwrap();

@@ -1,8 +1,8 @@
-//! A conversation: its start, its queries, and the answers matched to them. SCPI does not number
-//! messages, and a line may lose, delay, duplicate or corrupt data. Therefore each query begins
-//! with `*ESE n;*ESE?;`, and its answer with `n;`. Any IEEE 488.2 instrument stores that number
-//! (11.5.1.3), which has no other use over a serial line. An answer to another query, or an answer
-//! without a query, has another number.
+//! A conversation with an instrument: starts it, sends queries, and matches answers to queries.
+//! SCPI does not number messages, and a line may lose, delay, duplicate or corrupt data. Therefore
+//! each query begins with `*ESE n;*ESE?;`, and its answer with `n;`. Any IEEE 488.2 instrument
+//! stores the number n (11.5.1.3), which has no other effect over a serial line. An answer to
+//! another query, or an answer without a query, has another number.
 
 use crate::CommandPort;
 use crate::time::Deadline;
@@ -10,13 +10,15 @@ use phasmid_core::error::{Error, Result};
 use phasmid_protocol::scpi::{self, BlockPrefix, MAX_BLOCK_BYTES, MAX_LINE_BYTES};
 use std::time::{Duration, Instant};
 
-/// Number of times that a query is sent while no answer comes; the attempts share the timeout.
+/// Maximum number of times that a query is sent, as long as no answer comes. All attempts together
+/// take at most the timeout.
 const ATTEMPTS: u32 = 3;
 /// Time to wait for a valid answer after an invalid line.
 const GRACE: Duration = Duration::from_millis(250);
 
-/// First value that `*ESE` is set to and queried for when a conversation starts: any IEEE 488.2
-/// instrument answers `85;0`, and nothing else does. Each further attempt uses the next number.
+/// First value to which `*ESE` is set, and which is then queried, when a conversation starts. Any
+/// IEEE 488.2 instrument answers `85;0`; a device of another kind does not. Each further attempt
+/// uses the next number.
 const FIRST_MARK: u8 = 85;
 const LAST_MARK: u8 = 125;
 /// Maximum duration of an attempt, which is also limited to a third of the timeout. If an earlier
@@ -49,7 +51,7 @@ enum Come {
 enum Head {
     /// Too few bytes to decide.
     Part,
-    /// The number of the reply, and the offset where it ends.
+    /// The number with which the reply begins, and the offset in bytes where that number ends.
     Tag(u8, usize),
     /// Anything else.
     Other,
@@ -107,8 +109,8 @@ impl<P: CommandPort> Instrument<P> {
     }
 
     /// Restores contact with a device that was silent or gone: reopens the port if it cannot be
-    /// written to, aborts whatever the device waits for, and starts as [`Self::open`] does. The
-    /// device's status is kept, because it may show what happened.
+    /// written to, aborts any operation for which the device waits, and starts as [`Self::open`]
+    /// does. The device's status is not cleared, because it may show what happened.
     ///
     /// # Errors
     /// Same as [`Self::open`], and an error if the port does not come back within the timeout.
@@ -148,7 +150,8 @@ impl<P: CommandPort> Instrument<P> {
                 if seen.ends_with(b"\n") && seen.trim_ascii_end().ends_with(answer.as_bytes()) {
                     return Ok(());
                 }
-                // Only the end of the received bytes is compared with the answer, so drop the start.
+                // Only the last received bytes are compared with the expected answer, so drop earlier
+                // bytes.
                 if seen.len() > 2 * buffer.len() {
                     seen.drain(..seen.len() - buffer.len());
                 }
@@ -157,7 +160,8 @@ impl<P: CommandPort> Instrument<P> {
                 }
             }
             left = left.saturating_sub(again);
-            // Stop when 1 % is left: three thirds may add up to slightly less than the whole.
+            // Stop when 1 % of the timeout is left, because three thirds of it may add up to
+            // slightly less than the whole.
             if left < self.timeout / 100 {
                 break;
             }
@@ -234,8 +238,8 @@ impl<P: CommandPort> Instrument<P> {
                     Come::Chatter => continue,
                     Come::Part => {}
                 }
-                // A long answer on a slow line is not silence, unless it takes longer than twice
-                // the timeout; an answer that is already complete has been returned above.
+                // While a long answer arrives on a slow line, keep reading, for at most twice the
+                // timeout. A complete answer has been returned above.
                 if bytes > 0 && begin.elapsed() > 2 * self.timeout {
                     break;
                 }
@@ -256,7 +260,8 @@ impl<P: CommandPort> Instrument<P> {
 
     /// Classifies the start of the received bytes, and removes a line or message that is complete.
     fn look(&mut self, asked: &[u8]) -> Result<Come> {
-        // A power-on message without a line end, such as a prompt, precedes an answer.
+        // A power-on message without a line end, such as a prompt, may stand directly before an
+        // answer.
         let chatter = self.chatter.iter().filter(|said| !said.is_empty());
         let said = chatter.filter(|said| self.received.starts_with(said));
         if let Some(len) = said.map(Vec::len).max() {

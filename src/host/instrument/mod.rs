@@ -18,10 +18,10 @@ use std::time::Instant;
 
 /// Maximum number of errors read from a device's queue at a time.
 const MAX_ERRORS: usize = 64;
-/// Number of errors shown in a message; the others are only counted.
+/// Maximum number of errors that are shown in a message; further errors are only counted.
 const SHOWN_ERRORS: usize = 5;
-/// Number of times that a query is sent if it is refused or its answer is corrupted: the line may
-/// be at fault.
+/// Maximum number of times that a query is sent if it is refused or its answer is corrupted,
+/// because the line may have corrupted the query.
 const TRIES: u32 = 3;
 /// Query of the error queue (SCPI-1999 vol 2, 21.8).
 const COMPLAINTS: &str = "SYST:ERR?";
@@ -71,7 +71,8 @@ impl<P: CommandPort> Instrument<P> {
         })
     }
 
-    /// Repeats `ask` after an inner error, which the line may have caused; an outer error is final.
+    /// Repeats `ask` if it returns an inner error, which may be due to corruption on the line; an
+    /// outer error is final.
     fn again<T>(&mut self, mut ask: impl FnMut(&mut Self) -> Result<Result<T>>) -> Result<T> {
         let mut tries = 1;
         loop {
@@ -170,8 +171,8 @@ impl<P: CommandPort> Instrument<P> {
         line: &[u8],
         read: impl Fn(&Self, Vec<u8>) -> Result<T>,
     ) -> Result<Option<T>> {
-        // Requires two refusals of this kind, because a device may report a corrupted query as
-        // unknown.
+        // Conclude that the query is unknown only after two such refusals, because a device may
+        // report a corrupted query as unknown.
         let mut unknown = 0;
         self.again(|instrument| match instrument.exchange(line)? {
             None => Err(instrument.silence(query)),
@@ -194,8 +195,8 @@ impl<P: CommandPort> Instrument<P> {
         }
     }
 
-    /// Reads the device's error queue until it is empty or the timeout has passed: a device that
-    /// keeps reporting errors does not prolong the wait.
+    /// Reads the device's error queue until it is empty or the timeout has passed, even if the
+    /// device keeps reporting errors.
     ///
     /// # Errors
     /// Returns the device's errors in its own words: the first few, and the number of further errors.
@@ -214,7 +215,7 @@ impl<P: CommandPort> Instrument<P> {
             let reply = match self.exchange(COMPLAINTS.as_bytes())? {
                 Some(Answer::Said(reply)) => reply,
                 Some(Answer::Void) => Vec::new(),
-                // Errors already read are more informative than the silence that follows.
+                // Return the errors already read rather than an error about the missing answer.
                 None if !complaints.is_empty() => break,
                 None => return Err(self.silence(COMPLAINTS)),
             };

@@ -79,7 +79,7 @@ fn queries_return_lines_and_blocks_or_name_the_error() {
     assert!(message.contains("CAM:EXP 9"), "{message}");
 }
 
-/// The device reports each unknown query once.
+/// The device of this test reports each unknown query once.
 #[test]
 fn unknown_block_query_returns_none() {
     let mut complained = false;
@@ -175,7 +175,8 @@ fn a_device_that_never_stops_is_given_up() {
     assert!(message.contains("a block of 999999999 bytes"), "{message}");
 }
 
-/// An instrument on a line that changes the replies; the second argument of `line` counts them.
+/// An instrument behind `line`, which changes each reply; its second argument is the number of the
+/// reply.
 fn through(
     line: impl Fn(Vec<u8>, u32) -> Vec<u8> + 'static,
 ) -> Instrument<MemoryPort<impl FnMut(&[u8]) -> Vec<u8>>> {
@@ -272,7 +273,7 @@ fn a_late_reply_answers_its_own_question_only() {
     }
 }
 
-/// A device that sends a greeting before each answer, which comes after a delay.
+/// A device that sends a greeting, and then, after a delay, the answer.
 struct Chatty {
     greeting: &'static [u8],
     asked: u32,
@@ -323,7 +324,8 @@ fn power_on_message_is_not_taken_for_a_damaged_answer() {
         (b"Ready.\nReady.\n> ", 1),
         (b"A\r\nB\r\n", 1),
         (b"B\n", 1),
-        // Any other line may be the rest of a corrupted answer, so the query is repeated soon.
+        // A line that is not a known power-on message may be the rest of a corrupted answer, so the
+        // query is repeated soon.
         (b"Read\n", 2),
         (b"Ready.!\n", 2),
     ] {

@@ -1,7 +1,7 @@
 //! A serial line of the `serialport` library: opened exclusively, in raw mode, and with bounded waits.
 //!
-//! On Unix its descriptor is made non-blocking, because the kernel may report that a descriptor is
-//! ready although writing blocks: a blocking write to a pty whose other side does not read
+//! On Unix the line's file descriptor is made non-blocking. The kernel may report that a descriptor
+//! is ready although a write blocks: a blocking write to a pty whose other side does not read
 //! (`n_tty_write`) never returns. The same holds for a USB port whose device refuses data.
 
 use serialport::{ClearBuffer, ErrorKind as Kind, SerialPort};
@@ -15,8 +15,8 @@ use serialport::TTYPort as Port;
 
 /// Baud rate expected of a device on a physical line; ptys and USB ignore it.
 const BAUD_RATE: u32 = 115_200;
-/// Maximum wait between two writes: Linux wakes a pty's writer before there is room, and not again
-/// afterwards.
+/// Maximum wait between two attempts to write. It must be short, because Linux may wake the writer
+/// of a pty before there is room, and then does not wake it again.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 /// Wait before the next write if the line reports that it is ready but accepts nothing.
 const PAUSE: Duration = Duration::from_millis(1);
@@ -49,7 +49,7 @@ impl Line {
         Ok(line)
     }
 
-    /// Writes what the line accepts within the timeout; returns the number of bytes.
+    /// Writes as many bytes as the line accepts within the timeout; returns their number.
     ///
     /// # Errors
     /// Returns an error if the line is gone.
@@ -73,8 +73,8 @@ impl Line {
         }
     }
 
-    /// Reads the available bytes, waiting for the first one; returns `None` if none comes within the
-    /// timeout, 0 if the line has ended.
+    /// Reads the available bytes after waiting for the first one. Returns `None` if no byte comes within
+    /// the timeout, 0 if the line has ended.
     ///
     /// # Errors
     /// Returns an error if the line is gone.
@@ -102,7 +102,8 @@ impl Drop for Line {
         // Discard unsent data: closing a line whose device does not accept it would block, for 30 s
         // with most drivers. Errors here mean that the line is gone.
         let _ = self.0.clear(ClearBuffer::Output);
-        // The exclusive lock would outlast this close if another program holds the line open too.
+        // Release the exclusive lock explicitly: if another program holds the line open too,
+        // closing the line would not release it.
         #[cfg(unix)]
         let _ = self.0.set_exclusive(false);
     }

@@ -1,4 +1,4 @@
-//! Command ports: byte streams to and from a device, such as a serial port or one in memory.
+//! Command ports: byte streams to and from a device, such as a serial port or a port in memory.
 
 mod line;
 mod serial;
@@ -23,8 +23,8 @@ pub trait CommandPort {
     /// Returns an error if the port is gone, or has not accepted all bytes within the timeout.
     fn send(&mut self, bytes: &[u8], timeout: Duration) -> Result<()>;
 
-    /// Receives the available bytes, waiting for the first one; returns 0 if none comes within the
-    /// timeout.
+    /// Receives the available bytes after waiting for the first one; returns 0 if no byte comes
+    /// within the timeout.
     ///
     /// # Errors
     /// Returns an error if the port is gone.

@@ -1,4 +1,5 @@
-//! A serial port, opened by its path and reopened by the USB device that provides it.
+//! A serial port, opened by its path. If a USB device provides the port, it is reopened at the path
+//! that this device has then.
 
 use super::CommandPort;
 use super::line::Line;
@@ -46,7 +47,7 @@ impl SerialPort {
         })
     }
 
-    /// Reopens the port at the path that its device has now.
+    /// Reopens the port at the path that the port's USB device has now, or else at the given path.
     fn find(&mut self) -> Result<()> {
         let path = match &self.plug {
             None => self.given.clone(),

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 /// Timeout for a device that does not read.
 const SHORT: Duration = Duration::from_millis(50);
-/// Far longer than any operation here takes.
+/// A timeout that is far longer than any operation in these tests takes.
 const LONG: Duration = Duration::from_secs(60);
 
 #[test]
@@ -31,7 +31,8 @@ fn path_that_is_no_serial_port_is_a_usage_error() {
 
 #[test]
 fn another_refusal_keeps_the_system_s_words() {
-    // A name that is too long, because root can enter every folder.
+    // Use a name that is too long as the invalid path: a folder without permission would not do,
+    // because root can enter every folder.
     let error = SerialPort::open(&"x".repeat(5000)).err().unwrap();
     assert_eq!(error.exit_code(), 1, "{error}");
     assert!(error.to_string().contains("too long"), "{error}");
@@ -46,7 +47,7 @@ fn pty() -> (OwnedFd, String) {
     (device, path.into_string().unwrap())
 }
 
-/// Returns what arrives on the device's side until it has been silent for [`SHORT`].
+/// Returns all bytes that arrive on the device's side until no byte has come for [`SHORT`].
 fn heard(device: &OwnedFd) -> Vec<u8> {
     let mut all = Vec::new();
     let mut buffer = [0; 4096];
@@ -68,7 +69,7 @@ fn in_time(test: impl FnOnce() + Send + 'static) {
     });
     match ended.recv_timeout(LONG) {
         Err(std::sync::mpsc::RecvTimeoutError::Timeout) => panic!("hangs"),
-        // If the test has panicked, this passes on its message.
+        // If the test has panicked, this panics with the same message.
         _ => test.join().unwrap(),
     }
 }
@@ -95,7 +96,8 @@ fn send_to_device_that_reads_nothing_times_out_and_recovers() {
         let (device, path) = pty();
         let mut port = SerialPort::open(&path).unwrap();
         let (first, before, longest) = fill(&mut port);
-        // The error of a partial write says how much was accepted; after it the line is full.
+        // The error of a partial write states how many bytes were accepted. After that error the
+        // line is full.
         let part = first.split("has accepted ").nth(1).unwrap().to_owned();
         let part = part
             .trim_start_matches("only ")
@@ -133,7 +135,7 @@ fn long_message_is_sent_while_the_device_reads() {
         let want = sent.clone();
         let writer = thread::spawn(move || {
             port.send(&sent, LONG).unwrap();
-            // Keep the port open: closing it would discard what nobody has read.
+            // Keep the port open, because closing it would discard unread data.
             port
         });
         let mut got = Vec::new();

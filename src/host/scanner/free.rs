@@ -9,12 +9,14 @@ use phasmid_decode::{Capture, Known, check_sequence};
 use phasmid_pattern::Manifest;
 use std::time::Duration;
 
-/// Time within which a frame that already waits is delivered, even by a camera that reads in a thread.
+/// Maximum time until a frame that is already waiting is delivered. A camera that reads in a thread of
+/// its own does not deliver it at once.
 const WAKE: Duration = Duration::from_millis(2);
 /// Maximum number of frames waiting in a driver.
 const WAITING: usize = 64;
 
-/// Replaces the answer to `*IDN?` for a capture without a control port.
+/// The device's identity as stored with a capture without a control port, in place of the answer to
+/// `*IDN?`.
 const NOBODY: &str = "no control port";
 
 /// Captures as many consecutive frames as `manifest` has, from a camera that is not triggered by

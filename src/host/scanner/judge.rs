@@ -1,8 +1,8 @@
-//! Checks that a frame is the expected next one.
+//! Checks that a received frame is the expected next frame of a sequence.
 
 use phasmid_protocol::Frame;
 
-/// Checks that a frame is the expected one after `before`; the error describes the mismatch.
+/// Checks that `frame` is the one expected to follow `before`; the error describes the mismatch.
 pub(super) fn judge(
     frame: &Frame,
     before: &[Frame],
@@ -65,7 +65,7 @@ pub(super) fn judge_counted(
     same_kind(frame, before.first(), size)
 }
 
-/// Rejects a frame whose size or format differs from the first one's.
+/// Rejects a frame whose size or format differs from the first frame's.
 fn same_kind(frame: &Frame, first: Option<&Frame>, size: Option<(u32, u32)>) -> Result<(), String> {
     let id = frame.id;
     let got = (frame.width, frame.height);

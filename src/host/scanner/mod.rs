@@ -65,10 +65,10 @@ impl Flow for ControlFlow<()> {
     }
 }
 
-/// Receives the progress of a scan and says whether it goes on.
+/// A function that receives the progress of a scan and returns whether the scan goes on.
 type Watch<'a> = dyn FnMut(Progress<'_>) -> ControlFlow<()> + 'a;
 
-/// Reports progress; an error if the scan is to end.
+/// Reports progress; returns an error if `watch` asks to end the scan.
 fn report(watch: &mut Watch<'_>, progress: Progress<'_>) -> Result<()> {
     match watch(progress) {
         ControlFlow::Continue(()) => Ok(()),
@@ -80,15 +80,16 @@ fn report(watch: &mut Watch<'_>, progress: Progress<'_>) -> Result<()> {
 pub struct Scanner<C, P> {
     camera: C,
     control: Control<P>,
-    /// The trigger source that was found, if the device reports it.
+    /// The trigger source that the device had when it was opened, if the device reports it.
     source: Option<String>,
     /// The device's identity, once it has been read.
     idn: Option<String>,
-    /// A calibration that replaces the device's own, and where it came from.
+    /// A calibration that replaces the device's own, with its origin for messages.
     given: Option<(String, Rig)>,
     /// Recovery was tried and the device was not found.
     lost: bool,
-    /// Whether frames are checked against the sequence before they are returned.
+    /// Whether the contents of the frames are checked against the sequence before the frames are
+    /// returned.
     checks: bool,
 }
 
@@ -121,7 +122,7 @@ impl From<Error> for Fault {
     }
 }
 
-/// Repeats a run once if it lost a frame; `place` names the camera in messages.
+/// Performs a run, and repeats it once if it lost a frame; `place` names the camera in messages.
 fn twice<T>(
     place: &str,
     progress: &mut Watch<'_>,
@@ -194,8 +195,8 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         })
     }
 
-    /// Returns frames unchecked: for a caller that checks them while the next scan is running
-    /// ([`phasmid_decode::check_sequence`]) and skips a bad scan instead of repeating it.
+    /// Makes scans return frames unchecked, for a caller that checks them while the next scan is
+    /// running ([`phasmid_decode::check_sequence`]) and skips a bad scan instead of repeating it.
     #[must_use]
     pub fn without_checks(mut self) -> Self {
         self.checks = false;
@@ -207,16 +208,17 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         self.camera.identifies()
     }
 
-    /// Uses a calibration instead of the device's own; `place` names it in messages. If it has no
-    /// camera noise model (OpenCV files have none), the device's own noise model is used.
+    /// Makes scans use this calibration instead of the device's own; `place` names it in messages.
+    /// If it has no camera noise model (OpenCV files have none), the device's own noise model is
+    /// used.
     #[must_use]
     pub fn with_calibration(mut self, place: impl Into<String>, rig: Rig) -> Self {
         self.given = Some((place.into(), rig));
         self
     }
 
-    /// Closes the camera and restores the trigger source that was found: a camera that was
-    /// free-running resumes.
+    /// Closes the camera and restores the trigger source that the device had when it was opened, so
+    /// that a camera that was free-running resumes.
     ///
     /// # Errors
     /// Returns an error if the port fails or the device refuses.
@@ -241,7 +243,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         self.control.persist(Control::selection)
     }
 
-    /// Selects a sequence. A scan does this by itself.
+    /// Selects a sequence now. A scan selects its sequence by itself.
     ///
     /// # Errors
     /// Returns an error if the port fails, the device refuses, or it does not have the sequence.
@@ -303,24 +305,24 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         }
     }
 
-    /// Restores contact with a device whose camera is gone. If one device provides both the port
-    /// and the camera, the port is gone too. As in [`Self::new`], free-running is stopped before
-    /// the camera is opened.
+    /// Restores contact with a device whose camera is gone. The control port comes first, because
+    /// if one device provides both, the port is gone too. As in [`Self::new`], free-running is
+    /// stopped before the camera is opened.
     fn plug_in(&mut self, timeout: Duration) -> Result<()> {
         self.control.recover()?;
         self.control.persist(Control::quiet)?;
         self.camera.reopen(timeout)
     }
 
-    /// Records whether a device that failed has been found again.
+    /// Records whether the device was found again after `error`.
     fn found(&mut self, error: &Error, found: Result<()>) -> Result<()> {
         self.lost = found.is_err();
         found.map_err(|then| both(error, &then))
     }
 
-    /// Performs one run, starting from the settings. `sequence` is the sequence to select; `None`
-    /// is replaced by the sequence that the device has selected, because a device that is reset
-    /// forgets its selection.
+    /// Performs one run, beginning with the device's settings. `sequence` is the sequence to
+    /// select; `None` is replaced by the sequence that the device has selected, because a device
+    /// that is reset forgets its selection.
     fn attempt(
         &mut self,
         options: &ScanOptions,
@@ -341,7 +343,8 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         let settings = self.control.prepare(sequence.as_deref());
         let settings = settings.map_err(Fault::port)?;
         if sequence.is_none() {
-            // Confirm the name first: a name corrupted on the line might select another sequence later.
+            // Read the settings again before the name is kept: a name that was corrupted on the line
+            // might select another sequence later.
             self.control.confirm(&settings).map_err(Fault::port)?;
             *sequence = self.control.selected(&settings);
         }

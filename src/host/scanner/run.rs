@@ -12,16 +12,17 @@ use phasmid_pattern::{Image, Manifest};
 use phasmid_protocol::Frame;
 use std::time::{Duration, Instant};
 
-/// Time for which the camera must be silent before a run, and also after it if its frames carry no
-/// identity.
+/// Time for which the camera must deliver no frame before a run, and also after a run if its frames
+/// carry no identity.
 const QUIET: Duration = Duration::from_millis(20);
 /// Time between two reports while a frame is awaited.
 const SLICE: Duration = Duration::from_millis(100);
 /// Maximum memory for the frames of a run, in bytes; the decoder has the same limit for files.
 const MAX_BYTES: u64 = 4 << 30;
-/// A frame whose timestamp is this far from the present uses a clock other than the monotonic one.
+/// Minimum distance of a frame's timestamp from the trigger, in nanoseconds, at which the driver is
+/// assumed to use a clock other than the monotonic one.
 const PLAUSIBLE_NS: u64 = 10_000_000_000;
-/// Tolerance for driver timestamps that are coarse or too early.
+/// Tolerance in nanoseconds for driver timestamps that are coarse or too early.
 const TIMING_NS: u64 = 1_000_000;
 
 /// Expected frames of a run.
@@ -30,7 +31,7 @@ pub(super) struct Wanted {
     pub count: usize,
     /// Width and height in pixels, if known.
     pub size: Option<(u32, u32)>,
-    /// Id of the last frame before the run.
+    /// Id of the last frame that was received before the run.
     pub stale: Option<u64>,
     /// Time of the trigger, on the monotonic clock.
     pub since_ns: u64,
@@ -55,7 +56,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         let lens = calibration.map(|rig| &rig.camera.lens);
         let size = lens.map(|lens| (lens.width_px, lens.height_px));
         if let Some((width, height)) = size {
-            // Check before anything is exposed; a pixel takes at least one byte.
+            // Check the memory before anything is exposed. A pixel takes at least one byte.
             check_room(
                 self.camera.info(),
                 count,
@@ -153,7 +154,7 @@ pub(super) fn collect<C: Camera>(
             judge_counted(&frame, &frames, size)
         };
         verdict.map_err(Fault::Frames)?;
-        // All later frames must have the first one's size and format.
+        // All later frames must have the size and format of the first frame.
         if frames.is_empty() {
             check_room(camera.info(), count, frame.data.len() as u64)?;
         }
@@ -164,7 +165,7 @@ pub(super) fn collect<C: Camera>(
     Ok(frames)
 }
 
-/// Separates frames into their images and what identifies them.
+/// Splits frames into images and frame information (id, pattern index and times).
 pub(super) fn unpacked(frames: Vec<Frame>) -> Result<(Vec<Image>, Vec<FrameInfo>)> {
     let info = |frame: &Frame| FrameInfo {
         id: frame.id,
@@ -177,9 +178,9 @@ pub(super) fn unpacked(frames: Vec<Frame>) -> Result<(Vec<Image>, Vec<FrameInfo>
     Ok((images.collect::<Result<_>>()?, infos))
 }
 
-/// Returns whether a frame without identity was taken before `since_ns`. If the driver does not use
-/// the monotonic clock, its timestamps are far from the present; then this cannot be determined,
-/// and the result is `false`.
+/// Returns whether a frame without identity was taken before `since_ns`. If the frame's timestamp
+/// is far from the present, the driver does not use the monotonic clock; the result is then
+/// `false`.
 fn is_early(frame: &Frame, since_ns: u64) -> bool {
     let taken_ns = frame.exposure_end_ns;
     taken_ns.abs_diff(since_ns) < PLAUSIBLE_NS && taken_ns < since_ns.saturating_sub(TIMING_NS)
@@ -198,7 +199,7 @@ fn check_room(camera: &str, count: usize, bytes: u64) -> Result<()> {
     )))
 }
 
-/// Discards frames in transit until none comes; returns the id of the last one.
+/// Discards frames in transit until no more come; returns the id of the last discarded frame.
 fn drain<C: Camera>(
     camera: &mut C,
     timeout: Duration,
@@ -233,7 +234,8 @@ pub(super) fn next_frame<C: Camera>(
     let mut left = timeout;
     loop {
         report(progress, Progress::Waiting)?;
-        // Count slices instead of measuring time: a device in memory lets time pass without waiting.
+        // Count slices instead of measuring real time, because a device in memory lets its time pass
+        // without waiting.
         let slice = left.min(SLICE);
         left -= slice;
         let frame = camera.next_frame(slice);

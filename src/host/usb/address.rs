@@ -9,7 +9,7 @@ use phasmid_protocol::usb::usbip::BUS_ID_LEN;
 pub struct UsbAddress {
     /// `HOST:PORT` of a USB/IP server.
     pub host: String,
-    /// Bus id of the device on the server; `None` selects the only one.
+    /// Bus id of the device on the server; `None` selects the server's only device.
     pub bus_id: Option<String>,
 }
 

@@ -36,7 +36,7 @@ pub struct UsbCamera {
     function: VideoFunction,
     mode: VideoMode,
     carrier: Carrier,
-    /// Number of frames so far, damaged ones included.
+    /// Number of frames so far, including damaged frames.
     count: u64,
     skipped: bool,
 }
@@ -57,7 +57,7 @@ struct State {
 }
 
 impl State {
-    /// Returns the number of transfers to submit now.
+    /// Returns the number of transfers to submit now, and counts them as in flight.
     fn more(&mut self) -> usize {
         self.flow.more(self.ready.len() < MAX_READY)
     }
@@ -71,7 +71,7 @@ struct Stream {
 }
 
 impl UsbCamera {
-    /// Starts the camera in the given mode, or in its first one.
+    /// Starts the camera in the given mode, or in its first mode if `mode` is `None`.
     ///
     /// # Errors
     /// Returns an error if the device has no supported camera, or if the negotiation fails.
@@ -250,7 +250,7 @@ impl Camera for UsbCamera {
 
 impl Drop for UsbCamera {
     fn drop(&mut self) {
-        // This may fail if the device is gone; then there is nothing to stop.
+        // An error here means that the device is gone, and the stream with it.
         let _ = self.stop();
     }
 }
@@ -278,7 +278,7 @@ impl Receiver for Stream {
                 .take(done.actual, done.length, data, &mut out)?;
         } else {
             for packet in &done.packets {
-                // Limit the read, so that data of the next packet is left for it.
+                // Limit the read to this packet's data.
                 let mut part = data.take(packet.actual.into());
                 if packet.status != status::OK {
                     self.assembler

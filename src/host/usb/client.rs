@@ -56,7 +56,8 @@ impl Client {
             .collect()
     }
 
-    /// Imports a device from a server at `HOST:PORT`: the named one, or the only one.
+    /// Imports a device from a server at `HOST:PORT`: the device with this bus id, or, without one,
+    /// the server's only device.
     ///
     /// # Errors
     /// Returns the errors of [`Self::list`], and an error if there are several devices and no name
@@ -123,8 +124,8 @@ impl Client {
         )
     }
 
-    /// Performs a control transfer. Returns the received data of a request to the host; sends
-    /// `data` with a request to the device.
+    /// Performs a control transfer. If `setup` requests data from the device, returns that data;
+    /// else sends `data` to the device.
     ///
     /// # Errors
     /// Returns an error if the device refuses the request (stalls) or does not answer within

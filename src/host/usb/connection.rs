@@ -1,8 +1,8 @@
 //! Transfers over a connection to an imported device, and the receivers of their replies.
 //!
 //! A thread reads the replies (`replies`) and hands each reply to the [`Receiver`] that its
-//! transfer was submitted with. The thread that submits transfers writes their commands, all in one
-//! write.
+//! transfer was submitted with. The thread that submits transfers writes their commands itself, all
+//! of them in one write.
 
 use phasmid_core::error::{Error, Result};
 use phasmid_protocol::usb::usbip::{Command, HEADER_LEN, MAX_TRANSFER, Packet, Submit};
@@ -28,7 +28,7 @@ pub(super) struct Done {
     pub(super) status: i32,
     /// Number of bytes transferred; for a transfer to the host, this many bytes can be read.
     pub(super) actual: usize,
-    /// Number of bytes that the transfer was submitted for.
+    /// Number of bytes that were requested or sent when the transfer was submitted.
     pub(super) length: usize,
     /// Packets of an isochronous transfer; their data is contiguous.
     pub(super) packets: Vec<Packet>,
@@ -37,14 +37,14 @@ pub(super) struct Done {
 /// Receives the completions of transfers. It is called by the thread that reads the connection, so
 /// it must not block.
 pub(super) trait Receiver: Send {
-    /// Handles a transfer that has ended or was unlinked. Returns how many transfers of the same
-    /// form to submit next.
+    /// Handles a transfer that has ended or was unlinked. Returns the number of transfers with the
+    /// same parameters that are to be submitted next.
     ///
     /// # Errors
     /// Returns the errors of reading `data`; any error ends the connection.
     fn reply(&mut self, done: &Done, data: &mut dyn Read) -> io::Result<usize>;
 
-    /// Handles the end of the connection, which ends every transfer.
+    /// Called when the connection has ended, and with it every transfer.
     fn gone(&mut self) {}
 }
 
@@ -119,7 +119,8 @@ impl Connection {
         Error::device(format!("{}: {why}", self.place))
     }
 
-    /// Closes the connection, which detaches the device; the first reason given is kept.
+    /// Closes the connection for the reason `why`, which detaches the device. If a reason has been
+    /// given before, that reason is kept.
     pub(super) fn close(&self, why: impl Into<String>) {
         // If a reason is already set, it stays.
         let _ = self.failure.set(why.into());
@@ -139,8 +140,8 @@ impl Connection {
         self.close(why);
     }
 
-    /// Submits `count` transfers like `like`, each with `data` if it goes to the device. Returns
-    /// the sequence number of the first.
+    /// Submits `count` transfers with the parameters of `like`; transfers to the device carry
+    /// `data`. Returns the sequence number of the first transfer.
     ///
     /// # Errors
     /// Returns an error if the connection has ended or accepts no more data, or if too many
@@ -198,13 +199,13 @@ impl Connection {
             return Ok(());
         };
         drop(writer);
-        // Part of a command may have been sent, so nothing can follow it.
+        // Perhaps only part of a command was sent, so no further command can follow.
         self.close(reason(&error));
         Err(self.error())
     }
 
-    /// Unlinks the pending transfers that `which` selects by sequence number and receiver. Their
-    /// completions reach the receiver as usual.
+    /// Unlinks (cancels) the pending transfers that `which` selects by sequence number and
+    /// receiver. Their completions reach the receiver as usual.
     ///
     /// # Errors
     /// Returns an error if the connection has ended.

@@ -1,4 +1,5 @@
-//! Keeps transfers to the host in flight on an endpoint, as many as there is room for.
+//! Keeps transfers to the host in flight on an endpoint, as long as there is room for received
+//! data.
 
 use super::connection::{Done, Shared};
 use super::device::UsbDevice;

@@ -24,7 +24,7 @@ pub(super) struct Assembler {
     /// The last payload completed its frame.
     ended: bool,
     damage: Option<String>,
-    /// Damage to the next frame, known before it begins.
+    /// Description of damage to the next frame, which was detected before that frame began.
     next_damage: Option<String>,
     /// Number of bytes and header bits of a payload that continues in the next transfer.
     open: Option<(usize, u8)>,
@@ -149,7 +149,7 @@ impl Assembler {
                 .get_or_insert_with(|| format!("it has more than {want} bytes"));
         }
         if self.damage.is_some() {
-            // The caller discards data that is not read here.
+            // The caller discards the data that remains unread on this return.
             return Ok(());
         }
         self.data.reserve_exact(self.frame_len - have);

@@ -15,7 +15,7 @@ const DIRECT_LEN: usize = 1024;
 pub(super) struct Inlet<R> {
     stream: R,
     store: [u8; STORE_LEN],
-    /// Start of the unread part of the buffer; `end` is where it ends.
+    /// Start of the unread part of the buffer; `end` is the end of that part.
     begin: usize,
     end: usize,
 }

@@ -80,8 +80,8 @@ pub(super) fn agree(
         .iter()
         .find(|c| c.1.kind == TransferKind::Bulk);
     if let Some((_, endpoint)) = bulk {
-        // Use whole packets: otherwise a short packet could not be distinguished from a full
-        // transfer.
+        // Make the transfer a multiple of the packet size: if its last packet were shorter, it
+        // could not be distinguished from the short packet that ends a payload.
         let packet = u32::from(endpoint.max_packet);
         let len = need.min(BULK_TRANSFER).next_multiple_of(packet);
         return Ok(carrier(endpoint, len, None));

@@ -286,7 +286,7 @@ impl CommandPort for UsbPort {
 
 impl Drop for UsbPort {
     fn drop(&mut self) {
-        // This may fail if the device is gone; then there is nothing to close.
+        // An error here means that the device is gone, and the port with it.
         let _ = self.close();
     }
 }

@@ -10,7 +10,8 @@ impl Connection {
     /// Reads replies until the connection ends.
     pub(super) fn read(&self, stream: TcpStream) {
         let mut inlet = Inlet::new(stream);
-        // Notify the last transfer only after recording the reason, which its waiter reads.
+        // Release the transfer that was answered last only after recording why the connection
+        // ended, because its waiter reads that reason.
         let mut answered = None;
         let why = loop {
             if let Err(error) = self.read_reply(&mut inlet, &mut answered) {
@@ -30,7 +31,7 @@ impl Connection {
         }
     }
 
-    /// Reads one reply; `answered` keeps the transfer that it completed.
+    /// Reads one reply. On return, `answered` holds the transfer that the reply completed.
     fn read_reply(
         &self,
         inlet: &mut Inlet<TcpStream>,
@@ -71,7 +72,7 @@ impl Connection {
                     None => {
                         let mut data = inlet.take(room.into());
                         let again = lock(receiver).reply(&done, &mut data)?;
-                        // Skip the data that the receiver did not want.
+                        // Skip the data that the receiver has not read.
                         io::copy(&mut data, &mut io::sink())?;
                         again
                     }
@@ -99,8 +100,9 @@ impl Connection {
                     target
                 };
                 if let Some(Pending { submit, receiver }) = answered {
-                    // A kernel that exports a device reports here how the transfer ended in the
-                    // meantime. Its data is lost, so it counts as unlinked either way.
+                    // If a kernel exports the device, this status tells how the transfer ended
+                    // before the unlink. The transfer's data is lost in any case, so the transfer
+                    // counts as unlinked.
                     let done = Done {
                         seqnum: target,
                         status: status::UNLINKED,

@@ -67,7 +67,7 @@ impl Configuration {
     /// Parses the descriptors.
     ///
     /// # Errors
-    /// Returns an error that names the first invalid part.
+    /// Returns an error that names the first invalid descriptor.
     pub fn parse(bytes: &[u8]) -> Result<Self> {
         Self::read(bytes).map_err(Error::device)
     }
@@ -106,8 +106,9 @@ impl Configuration {
                 }
                 kind::INTERFACE | kind::ENDPOINT | kind::ENDPOINT_COMPANION => return Err(bad()),
                 kind::CS_INTERFACE if descriptor.len() >= 3 => {
-                    // After an endpoint, a class-specific descriptor would belong to that endpoint,
-                    // but no class that is parsed here has one.
+                    // A class-specific descriptor that follows an endpoint would belong to that
+                    // endpoint. The classes that are parsed here do not have such descriptors, so
+                    // it belongs to the interface.
                     let interface = interfaces.last_mut().ok_or_else(bad)?;
                     interface.extra.push(descriptor.to_vec());
                 }

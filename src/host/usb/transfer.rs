@@ -79,7 +79,7 @@ impl Receiver for Once {
     fn reply(&mut self, done: &Done, data: &mut dyn Read) -> io::Result<usize> {
         let mut bytes = Vec::new();
         data.read_to_end(&mut bytes)?;
-        // The waiter may have given up.
+        // Ignore an error: the waiter may have given up.
         let _ = self.0.try_send(Completed {
             status: done.status,
             actual: done.actual,

@@ -169,7 +169,7 @@ fn modes(streaming: &Interface) -> Vec<VideoMode> {
                 if mode.frame_len() == 0 {
                     continue;
                 }
-                // The default frame of a format goes before its other frames.
+                // List the default frame size of a format before the format's other sizes.
                 let same = |m: &VideoMode| m.format_index == format_index;
                 let begin = modes.iter().position(same).unwrap_or(modes.len());
                 let at = if mode.frame_index == first {

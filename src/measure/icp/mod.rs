@@ -9,9 +9,9 @@
 //! says how well its direction is determined: a plane leaves three directions free, a sphere three,
 //! a cylinder two. The step does not move along free directions.
 //!
-//! The cutoff of the biweight starts wide. Whenever the motion has settled at a cutoff, the next one
-//! is half as large, down to 4.685 robust standard deviations of the residuals. It never grows, so
-//! the cost of successive steps is comparable and a flicker of pairs cannot go on for ever.
+//! The cutoff of the biweight starts wide. Whenever the motion has settled at a cutoff, the next one is
+//! half as large, down to 4.685 robust standard deviations of the residuals. The cutoff never grows, so
+//! the costs of successive steps are comparable, and pairs cannot alternate between two states for ever.
 
 mod pairs;
 mod step;
@@ -54,7 +54,7 @@ impl Default for IcpOptions {
     }
 }
 
-/// A step below this many standard deviations of the estimate does not matter.
+/// A step of fewer than this many standard deviations of the estimate counts as convergence.
 const STEP_SIGMAS: f64 = 1e-3;
 /// Before the last cutoff, the motion has settled once a step changes the residuals by less than this
 /// fraction of the cutoff (RMS).
@@ -82,8 +82,8 @@ pub struct Alignment {
     pub last_step_mm: f64,
     /// Rotation of the last step in degrees.
     pub last_step_deg: f64,
-    /// Length of the last step in standard deviations of the estimated motion. They assume that the
-    /// residuals are independent.
+    /// Length of the last step in standard deviations of the estimated motion. These standard deviations
+    /// assume independent residuals.
     pub last_step_sigmas: f64,
     /// Robust standard deviation of the distances to the tangent planes, in millimetres: 1.4826 times
     /// the median absolute distance over all pairs, at least the rounding error of the coordinates.
@@ -100,7 +100,7 @@ pub struct Alignment {
     pub rejected: f64,
     /// RMS distance in millimetres to the tangent planes, over the points used in the first step.
     pub rms_before_mm: f64,
-    /// The same for the last step.
+    /// RMS distance in millimetres to the tangent planes, over the points used in the last step.
     pub rms_after_mm: f64,
 }
 
@@ -113,7 +113,7 @@ pub fn align(cloud: &Cloud, surface: &Surface, options: &IcpOptions) -> Result<A
     let all = finite_points(cloud)?;
     let stride = all.len().div_ceil(options.max_points.max(1));
     let points: Vec<DVec3> = all.iter().copied().step_by(stride).collect();
-    // Coordinates are read as f32; smaller residuals are rounding errors.
+    // Residuals below this value are rounding errors, because coordinates are read as f32.
     let largest = points.iter().map(|p| p.abs().max_element());
     let floor = f64::from(f32::EPSILON) * largest.fold(1e-3, f64::max);
     let mut pose = Pose::IDENTITY;

@@ -5,7 +5,8 @@ use crate::surface::Foot;
 use glam::DVec3;
 use phasmid_core::statistics::{BIWEIGHT_END, MEDIAN_OF_NORMAL};
 
-/// A point, the normal at its closest surface point and its distance to the tangent plane there.
+/// A point, the normal at its closest surface point, and its distance to the tangent plane at that
+/// surface point.
 #[derive(Clone, Copy)]
 pub(super) struct Pair {
     pub(super) point: DVec3,
@@ -69,12 +70,12 @@ impl Scale {
     }
 }
 
-/// Weights of the biweight, and its cost.
+/// The pairs with their weights, and the cost.
 pub(super) struct Weighed {
     /// Pairs with a positive weight.
     pub(super) kept: Vec<(Pair, f64)>,
-    /// Sum of the loss over all points in square millimetres. Rejected points, and the `unpaired`
-    /// ones, have the largest loss.
+    /// Sum of the loss over all points in square millimetres. Rejected and `unpaired` points have the
+    /// largest loss.
     pub(super) cost: f64,
 }
 

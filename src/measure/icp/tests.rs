@@ -1,4 +1,5 @@
-//! Known motions are recovered, and undetermined directions do not drift.
+//! Tests that known motions are recovered, and that the motion does not drift along undetermined
+//! directions.
 
 use super::*;
 use crate::surface::Truth;
@@ -256,8 +257,8 @@ fn gross_outliers_do_not_bias_a_noisy_wall() {
         for truth_is_cloud in [false, true] {
             let (found, square) = noisy_wall(outliers, seed, truth_is_cloud);
             assert!(found.converged && found.iterations <= 30, "{found:?}");
-            // 99.73 % of chi-squared with six degrees of freedom (3 standard deviations); the
-            // biweight has an efficiency of 95 %.
+            // 20.06 is the 99.73 % quantile of chi-squared with six degrees of freedom; the biweight has
+            // an efficiency of 95 %.
             assert!(square < 20.06 / 0.95, "{outliers} {seed}: {square}");
             assert!((found.rejected - outliers).abs() < 0.01, "{found:?}");
             // The outliers raise the median of the residuals by up to 40 %.

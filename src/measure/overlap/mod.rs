@@ -1,10 +1,10 @@
 //! Overlap of two solids: Dice's coefficient, volumes and centroids of closed meshes.
 //!
-//! Volume and centroid are exact, by the divergence theorem. The intersection is integrated over
-//! columns along z: exactly along a column, from the heights at which it enters and leaves each
-//! solid, and by the midpoint rule on a square grid across. For smooth solids the error decreases
-//! with the column width to the power of 3/2 or faster. Its size is estimated by comparing the
-//! columns' volume of each solid with the exact volume, and returned with the result.
+//! Volume and centroid are exact, by the divergence theorem. The intersection is integrated over columns
+//! along z: exactly along a column, from the heights at which it enters and leaves each solid, and by
+//! the midpoint rule across the columns, which form a square grid. For smooth solids the error decreases
+//! with the column width to the power of 3/2 or faster. Its size is estimated by comparing the columns'
+//! volume of each solid with the exact volume, and returned with the result.
 //!
 //! [`PositionErrors`] are statistics of the position error of a target over several scans.
 
@@ -18,14 +18,14 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Mesh;
 use serde::Serialize;
 
-/// Default number of columns along the longer side of the grid of [`overlap`]: an error of 1e-4 in
-/// Dice's coefficient for solids like a tumour.
+/// Default number of columns along the longer side of the grid of [`overlap`]. It gives an error
+/// of 1e-4 in Dice's coefficient for solids like a tumour.
 pub const OVERLAP_COLUMNS: usize = 256;
 
 /// Overlap of two solids a and b, volumes in cubic millimetres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Overlap {
-    /// Dice's coefficient, 2 |A and B| / (|A| + |B|): 0 for disjoint solids, 1 for equal ones (L.
+    /// Dice's coefficient, 2 |A and B| / (|A| + |B|): 0 for disjoint solids, 1 for equal solids (L.
     /// Dice, "Measures of the amount of ecologic association between species", 1945).
     pub dice: f64,
     /// Volume of a.
@@ -34,8 +34,8 @@ pub struct Overlap {
     pub b_mm3: f64,
     /// Volume of the intersection.
     pub both_mm3: f64,
-    /// Relative difference between the columns' volumes and the exact ones, the larger of the two:
-    /// an estimate of the relative error of `dice` and `both_mm3`.
+    /// Relative difference between the volume that the columns give and the exact volume, the larger of
+    /// the two solids' differences: an estimate of the relative error of `dice` and `both_mm3`.
     pub error: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Overlaps against closed-form solutions.
+//! Tests overlaps against closed-form solutions.
 
 use super::*;
 use std::f64::consts::{PI, TAU};

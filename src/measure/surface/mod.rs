@@ -54,9 +54,9 @@ pub enum Surface {
 pub struct Foot {
     /// The closest point of the surface, in millimetres.
     pub point: DVec3,
-    /// Distance to it in millimetres.
+    /// Distance between the query point and `point`, in millimetres.
     pub distance_mm: f64,
-    /// Unit normal there, with the sign given by the file or the winding; zero if there is none.
+    /// Unit normal at `point`, with the sign given by the file or the winding; zero if there is none.
     pub normal: DVec3,
 }
 

@@ -25,12 +25,12 @@ const WIDEST: f64 = 3.0;
 /// its eight neighbours vary least (H. Hoppe et al., "Surface Reconstruction from Unorganized
 /// Points", 1992).
 ///
-/// The eight points nearest to p are examined in order of distance. The first whose disc p lies
-/// over determines the distance, along its normal. If p lies over none of them (beside the scan or
-/// over a hole), the distance to the nearest rim is used. The minimum over all eight would be
-/// biased: discs overlap, and the best of several noisy ones gives 0.3 sigma where a point is 0.8
-/// sigma off on average. A tangent disc deviates from a surface of radius R by t^2 / 2R at t from
-/// its centre: at most 3 um at a spacing of 1 mm on R = 100 mm.
+/// The eight points nearest to p are examined in order of distance. The first disc that p lies over
+/// determines the distance, which is measured along the disc's normal. If p lies over none of them
+/// (beside the scan or over a hole), the distance to the nearest rim is used. The minimum over all eight
+/// would be biased: discs overlap, and the nearest of several noisy discs gives a distance of 0.3 sigma
+/// where a point is 0.8 sigma off on average. A tangent disc deviates from a surface of radius R by t^2
+/// / 2R at t from its centre: at most 3 um at a spacing of 1 mm on R = 100 mm.
 pub struct Surfels {
     tree: Neighbours,
     /// Centre, unit normal (or zero) and radius, by point index.

@@ -44,7 +44,7 @@ fn a_cloud_samples_a_sphere() {
     let radius = 100.0;
     let points: Vec<[f32; 3]> = (0..20_000)
         .map(|i| {
-            // Fibonacci spiral, about 2.5 mm apart.
+            // Points of a Fibonacci spiral, about 2.5 mm apart.
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 20_000.0;
             let (sin, cos) = (2.399_963_229_728_653 * f64::from(i)).sin_cos();
             let r = (1.0 - z * z).sqrt();
@@ -62,8 +62,8 @@ fn a_cloud_samples_a_sphere() {
         let t = f64::from(i) * 0.7;
         let out = DVec3::new(t.sin(), t.cos(), (0.3 * t).sin()).normalize();
         let d = surfels.closest(out * (radius + 0.5)).unwrap().distance_mm;
-        // t^2 / 2R with t up to 0.7 of the spacing is 0.016; the rest is the error of estimated
-        // normals.
+        // A flat disc is off by t^2 / 2R, which is 0.016 with t up to 0.7 of the spacing; the rest is
+        // the error of estimated normals.
         assert!((d - 0.5).abs() < 0.02, "{d}");
     }
 }

@@ -29,7 +29,7 @@ pub const PHASES: usize = 10;
 const PHASE: u32 = 10;
 /// Random stream of the depth of cycles.
 const DEPTH: u32 = 11;
-/// Random stream of the depth of the first mode; the other modes follow.
+/// Random stream of the first mode's own depth; the other modes use the streams after it.
 const OWN: u32 = 12;
 /// Random stream of the wandering baseline.
 const BASELINE: u32 = 20;

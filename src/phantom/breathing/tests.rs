@@ -31,8 +31,9 @@ fn a_treatment_without_differences_is_the_mean_cycle() {
     assert_eq!(course.mean(0.5).map(f64::abs), [0.0; MODES].map(f64::abs));
 }
 
-/// The area enclosed by two lagged courses, by the Fourier series of cos^2n: the coefficient c_k is
-/// 2 C(2n, n - k) / 4^n and contributes an area of pi k c_k^2 sin(2 pi k lag).
+/// Compares the area of the loop of two courses, one of which lags, with its value from the Fourier
+/// series of cos^2n: the coefficient c_k is 2 C(2n, n - k) / 4^n and contributes an area of pi k c_k^2
+/// sin(2 pi k lag).
 #[test]
 fn hysteresis_goes_around_the_area_of_its_closed_form() {
     for n in [1u32, 2, 3, 6] {

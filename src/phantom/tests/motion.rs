@@ -23,7 +23,7 @@ fn motion_gradient_matches_finite_differences() {
     }
 }
 
-/// Tests states and points that are not on the lattice of the check.
+/// Tests states and points that are not on the lattice of `Modes::least_determinant`.
 #[test]
 fn motion_does_not_fold_tissue() {
     for phantom in all() {

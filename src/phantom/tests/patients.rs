@@ -1,4 +1,4 @@
-//! The built-in patients compared with surveys and published breathing data.
+//! Compares the built-in patients with surveys and published breathing data.
 
 use super::*;
 use phasmid_geometry::shapes::check::closed;
@@ -25,7 +25,7 @@ fn patients_match_surveys_and_literature() {
         let name = &p.name;
         let skin = phantom.skin(12_000).unwrap();
         let litres = closed(&skin) * 1e-6;
-        // Trunk, neck and the upper ends of the thighs.
+        // The phantom contains trunk, neck and the upper ends of the thighs.
         let share = litres / p.mass_kg;
         assert!((0.48..0.66).contains(&share), "{name}: {share} of the mass");
 
@@ -41,8 +41,8 @@ fn patients_match_surveys_and_literature() {
         let (breadth, depth) = around(0.04);
         let index = p.body_mass_index();
         if p.age_years > 18 {
-            // Breadths of 250 to 380 mm and depths of 180 to 310 mm are the 1st to 99th percentiles
-            // of soldiers; a mass index of 40 is beyond them.
+            // Breadths of 250 to 380 mm and depths of 180 to 310 mm are the 1st to 99th percentiles of
+            // soldiers; a body with a mass index of 40 exceeds them.
             let most = if index > 35.0 { 430.0 } else { 380.0 };
             assert!((240.0..most).contains(&breadth), "{name}: {breadth} broad");
             let most = if index > 35.0 { 370.0 } else { 320.0 };
@@ -121,8 +121,8 @@ fn tumours_go_on_loops_of_published_width() {
     assert!((4..=11).contains(&wide), "{wide} of 15 beyond 1 mm");
 }
 
-/// Volume of both lungs by counting points, within ICRP 89's functional residual capacity and
-/// tissue.
+/// Compares the volume of both lungs, found by counting points, with the sum of functional residual
+/// capacity and tissue in ICRP 89.
 #[test]
 fn lung_volumes_match_published_values() {
     for (name, litres) in [

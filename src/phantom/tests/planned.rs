@@ -1,4 +1,4 @@
-//! The exported CT and planning folder.
+//! Tests the exported CT and planning folder.
 
 use super::*;
 use phasmid_geometry::shapes::check::closed;
@@ -117,8 +117,8 @@ fn the_skin_is_found_in_the_ct() {
     }
 }
 
-/// Distances of vertices from the skin in voxels, except for the tenth of the body at each end,
-/// where it is cut off with edges that voxels do not resolve.
+/// Returns the distances of vertices from the skin in voxels. The tenth of the body at each end is left
+/// out, because the body is cut off with edges that voxels do not resolve.
 fn off_skin(phantom: &Phantom, found: &Mesh, spacing_mm: f64) -> Vec<f64> {
     let (low, high) = phantom.skin(6000).unwrap().bounds().unwrap();
     let between = |v: &&DVec3| (0.1..0.9).contains(&((v.z - low.z) / (high.z - low.z)));

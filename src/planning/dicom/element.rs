@@ -1,5 +1,5 @@
-//! Parses the data elements of a file (PS3.10 7, PS3.5 7): collects the wanted ones at the top
-//! level and skips all others.
+//! Parses the data elements of a file (PS3.10 7, PS3.5 7): collects the values of the wanted elements at
+//! the top level and skips all other elements.
 
 use phasmid_core::error::{Error, Result};
 use std::collections::HashMap;

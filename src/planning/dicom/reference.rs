@@ -31,8 +31,8 @@ fn chosen(mut sorted: Sorted, percent: f64, folder: &Path) -> Result<Vec<Slice>>
     match (&sorted.phases[..], &left_out[..]) {
         ([], [_]) => return Ok(sorted.rest.remove(0)),
         ([(at, slices)], []) => {
-            // Only a percentage in the images is sure to refer to the cycle; one in a series
-            // description may mean anything.
+            // Only a percentage in the images is sure to refer to the cycle; a percentage in a series
+            // description may have another meaning.
             let says = slices[0].percent.is_some();
             if says && !meant(*at) {
                 return Err(Error::input(

@@ -223,7 +223,7 @@ impl Slice {
     fn pixels(&self, e: &Elements<'_>) -> Result<Vec<f32>> {
         let unused = 16 - u32::from(self.bits);
         let hu = |&word: &[u8; 2]| {
-            // Bits above the stored ones may have any value.
+            // The bits above the stored bits may have any value.
             let high = u16::from_le_bytes(word) << unused;
             let stored = if self.signed {
                 f64::from(high as i16 >> unused)
@@ -282,8 +282,8 @@ const MOST_FILES: usize = 20_000;
 /// Maximum folder depth: patient, study, series, and some levels added by programs.
 const DEEPEST: usize = 8;
 
-/// Reads the headers of all images, in the order of their paths; at least one. Hidden files and a
-/// `DICOMDIR` are ignored, every other file must be a CT image.
+/// Reads the headers of all images, in the order of their paths; at least one image must exist. Hidden
+/// files and a `DICOMDIR` are ignored, every other file must be a CT image.
 pub(super) fn slices(folder: &Path) -> Result<Vec<Slice>> {
     let mut files = Vec::new();
     collect(folder, 0, &mut files)?;

@@ -6,7 +6,8 @@ use glam::{DMat3, DVec3};
 use phasmid_core::error::{Error, Result};
 use rayon::prelude::*;
 
-/// Maximum difference between a slice distance and the typical one, as a fraction of the latter.
+/// Maximum difference of a slice distance from the typical slice distance, as a fraction of the typical
+/// distance.
 const UNEVEN: f64 = 0.02;
 
 /// Maximum slice distance in units of the slice thickness: some scanners leave gaps, but narrower
@@ -69,7 +70,7 @@ impl Stack {
         Ok(Self { grid, slices })
     }
 
-    /// Reads the pixels, in Hounsfield units; as integers if all values are.
+    /// Reads the pixels, in Hounsfield units. They are stored as integers if all values are integers.
     pub(super) fn volume(&self) -> Result<Volume> {
         let read: Vec<Result<Vec<f32>>> = self.slices.par_iter().map(reread).collect();
         let mut voxels = Vec::with_capacity(self.grid.voxels());
@@ -141,8 +142,8 @@ fn alike(slices: &[Slice]) -> Result<()> {
     Ok(())
 }
 
-/// Rejects slices off the line through the first along the normal, as from a tilted gantry, where
-/// the couch moves obliquely to the images.
+/// Rejects slices that are not on the line through the first slice along its normal. With a tilted
+/// gantry, the couch moves obliquely to the images.
 fn upright(slices: &[Slice]) -> Result<()> {
     let first = &slices[0];
     let normal = normal(first);

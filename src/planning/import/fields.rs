@@ -9,11 +9,11 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::Mesh;
 use std::path::{Path, PathBuf};
 
-/// The fields of all phases, with headers read but not loaded; all on one grid.
+/// The fields of all phases, which are on one grid. Only their headers have been read.
 pub(super) struct Fields {
     /// Grid of the files.
     pub(super) grid: Grid,
-    /// Grid to write: the same, or a coarser one of the same extent.
+    /// Grid of the written fields: equal to `grid`, or coarser with the same extent.
     pub(super) target: Grid,
     /// File of the first field, from which `grid` was read.
     first: PathBuf,
@@ -190,7 +190,7 @@ impl Fields {
 /// centres lie at or beyond the outermost centres of `grid`.
 fn coarser(grid: &Grid, spacing_mm: f64) -> Grid {
     let length_mm = grid.last() * grid.spacing_mm;
-    // Rounding errors of an integer number of steps must not add one.
+    // If the number of steps is an integer, rounding errors must not add a step.
     let steps = (length_mm / spacing_mm - 1e-6).ceil().max(DVec3::ZERO);
     let before = 0.5 * (steps * spacing_mm - length_mm);
     Grid {

@@ -6,11 +6,11 @@
 //!  MetaImage fields --------> [ fields ] -> reach? --/
 //! ```
 //!
-//! All three are in the LPS of the scanner that took the CT, and so is the folder, see
-//! [`planning`](super::planning). A field gives, at each point of the reference phase, the
-//! displacement of its tissue to its own phase: the result of a registration whose fixed image is
-//! the reference phase and whose moving image is the other (ITK, elastix's `transformix -def all`,
-//! plastimatch's `output_vf`). Inconsistent inputs are rejected before anything is written.
+//! All three inputs, and the folder, are in the LPS of the scanner that took the CT; see
+//! [`planning`](super::planning). A field gives, at each point of the reference phase, the displacement
+//! of the tissue at this point to the field's own phase: the result of a registration whose fixed image
+//! is the reference phase and whose moving image is the field's phase (ITK, elastix's `transformix -def
+//! all`, plastimatch's `output_vf`). Inconsistent inputs are rejected before anything is written.
 
 mod ct;
 mod fields;
@@ -58,8 +58,8 @@ pub struct Import {
     /// Displacement fields from the reference phase to each phase, by per cent of the cycle; 0 is
     /// end-inhale. The field of the reference phase itself may be omitted; it is zero.
     pub phases: Vec<(f64, PathBuf)>,
-    /// Voxel spacing of the written fields, in millimetres, not less than that of the input;
-    /// defaults to the input's. Breathing is smooth: fields on a CT's own grid are far larger than
+    /// Voxel spacing of the written fields, in millimetres, not less than the spacing of the input,
+    /// which is the default. Breathing is smooth: fields on a CT's own grid are far larger than
     /// necessary, and a tracker holds all of them in memory.
     pub spacing_mm: Option<f64>,
     /// Whether to write the CT to the folder, as MetaImage.
@@ -86,7 +86,7 @@ pub struct Imported {
     /// Largest distance of the tumour's centroid from its position at the reference phase, in
     /// millimetres.
     pub tumour_motion_mm: f64,
-    /// The same for any point of the skin.
+    /// Largest distance of a point of the skin from its position at the reference phase, in millimetres.
     pub skin_motion_mm: f64,
 }
 

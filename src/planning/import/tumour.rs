@@ -1,5 +1,5 @@
-//! The tumour: a mesh, or the surface of a mask; and a test which of its points a closed surface, the
-//! skin, encloses.
+//! Reads the tumour from a mesh, or as the surface of a mask. Also tests which of its points lie inside
+//! a closed surface, the skin.
 
 use crate::isosurface::{Parts, isosurface};
 use crate::metaimage;
@@ -61,8 +61,8 @@ fn of_mask(path: &Path, place: &str) -> Result<Mesh> {
     isosurface(&mask, MIDWAY, Parts::All, place)
 }
 
-/// Returns the indices of the points outside a closed surface: those from which a ray along x
-/// crosses it an even number of times. Points on the surface may count as either.
+/// Returns the indices of the points outside a closed surface. A ray along x from a point outside
+/// crosses the surface an even number of times. Points on the surface may count as inside or outside.
 pub(super) fn outside(points: &[DVec3], surface: &Mesh) -> Vec<usize> {
     // Sort the points by z, so that each triangle is tested only against the few in its z range.
     let mut order: Vec<usize> = (0..points.len()).collect();

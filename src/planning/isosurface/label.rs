@@ -7,7 +7,8 @@ use std::ops::Range;
 
 const MOST_RUNS: usize = 1 << 26;
 
-/// Clears all bits outside the largest component (by number of voxels; the first of equal ones).
+/// Clears all bits outside the largest component (the component with the largest number of voxels; of
+/// equally large components, the first).
 pub(super) fn keep_largest(bits: &mut Bits, place: &str) -> Result<()> {
     let mut runs = Runs::of(bits, true, place)?;
     let mut voxels = vec![0_u64; runs.spans.len()];
@@ -22,7 +23,8 @@ pub(super) fn keep_largest(bits: &mut Bits, place: &str) -> Result<()> {
     Ok(())
 }
 
-/// Sets all bits that cannot be reached from the sides within the volume's slices.
+/// Fills cavities: sets all cleared bits of the volume's slices that are not connected to the border
+/// around the slices.
 pub(super) fn fill(bits: &mut Bits, place: &str) -> Result<()> {
     let mut runs = Runs::of(bits, false, place)?;
     // The first row is all border, and the border of all slices is connected.
@@ -35,7 +37,7 @@ pub(super) fn fill(bits: &mut Bits, place: &str) -> Result<()> {
 
 /// Runs of equal bits in the rows of the volume's slices, merged where they touch.
 struct Runs {
-    /// First bit and one past the last.
+    /// Index of the first bit, and one past the index of the last bit.
     spans: Vec<[u32; 2]>,
     /// An earlier run of the same component, or the run itself.
     parents: Vec<u32>,

@@ -145,8 +145,8 @@ impl Lines<'_> {
         grid.checked(&self.place)
     }
 
-    /// As for ITK, only the matrix counts. Without one, letters alone would define the axes, which
-    /// programs interpret differently, so they are rejected.
+    /// Checks the anatomical letters. As in ITK, a matrix overrides them. Without a matrix, letters
+    /// other than RAI are rejected, because programs interpret them differently.
     fn orientation(&self, has_axes: bool) -> Result<()> {
         let key = "AnatomicalOrientation";
         match self.get(key)? {

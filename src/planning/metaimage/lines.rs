@@ -76,7 +76,7 @@ impl<'a> Lines<'a> {
             .ok_or_else(|| Error::input(&self.place, format!("no {key}"), "a line that sets it"))
     }
 
-    /// Checks that a key has the only supported value, if it is present.
+    /// Checks that a key, if present, has its only supported value.
     pub(super) fn is(&self, key: &str, wanted: &str) -> Result<()> {
         let same = |value: &str| value.eq_ignore_ascii_case(wanted);
         let mut all = self.lines.iter().filter(|(_, k, _)| *k == key);

@@ -1,5 +1,4 @@
-//! Files of SimpleITK 2.5 (ITK 5.4), files in the form of plastimatch and elastix, and malformed
-//! ones.
+//! Files of SimpleITK 2.5 (ITK 5.4), files in the form of plastimatch and elastix, and malformed files.
 
 use super::*;
 use glam::{DMat3, DVec3};

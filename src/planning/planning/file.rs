@@ -77,8 +77,8 @@ impl PlanningFile {
     pub const NAME: &str = "planning.toml";
 
     /// Creates the file of patient `patient` with the isocentre at the origin and the default file
-    /// names: `skin.ply`, `tumour.ply`, `dvf_00.mha` with each phase's per cent, and `ct_50.mha`
-    /// with that of the reference phase, if there is a CT.
+    /// names: `skin.ply`, `tumour.ply`, `dvf_00.mha` with each phase's per cent, and `ct_50.mha` with
+    /// the reference phase's per cent, if there is a CT.
     pub fn usual(
         percents: impl IntoIterator<Item = f64>,
         reference_percent: f64,

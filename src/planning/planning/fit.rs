@@ -12,11 +12,11 @@ use std::path::Path;
 /// registering an image with itself.
 const STILL_MM: f64 = 0.5;
 
-/// Maximum total size of the fields in bytes. Ten fields of 512 x 512 x 100 voxels take three
-/// quarters of it; a 3 mm grid is sufficient.
+/// Maximum total size of the fields in bytes. Ten fields of 512 x 512 x 100 voxels take three quarters
+/// of this size; a 3 mm grid is sufficient.
 const MOST_BYTES: u64 = 4 << 30;
 
-/// Volume and centroid enclosed by a surface.
+/// Volume that a surface encloses, and the centroid of this volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moments {
     /// Volume in cubic millimetres.
@@ -56,8 +56,8 @@ pub(crate) fn in_memory(grid: &Grid, fields: usize, place: &str) -> Result<()> {
     ))
 }
 
-/// Rejects a CT that is rotated against the fields, or does not enclose them to within one of their
-/// voxels.
+/// Rejects a CT that is rotated against the fields, or does not enclose them to within one voxel of the
+/// fields.
 pub(crate) fn around(ct: &Grid, fields: &Grid, place: &str) -> Result<()> {
     for axis in 0..3 {
         let (a, b) = (ct.direction.col(axis), fields.direction.col(axis));

@@ -1,4 +1,4 @@
-//! A valid folder, and one of every invalid kind.
+//! Tests a valid planning folder, and a folder with each kind of error.
 
 use super::*;
 use crate::isosurface::{Parts, isosurface};

@@ -127,9 +127,9 @@ impl Grid {
         self.direction.transpose() * (point_mm - self.origin_mm) / self.spacing_mm
     }
 
-    /// Returns whether an index lies in the space of the voxels, which extends half a voxel beyond
-    /// the outermost centres, plus the tolerance of [`Grid::difference`]: a surface cut at the
-    /// border of one grid must lie in an equal one.
+    /// Returns whether an index lies in the space of the voxels, which extends half a voxel beyond the
+    /// outermost centres, plus the tolerance of [`Grid::difference`]: a surface cut at the border of one
+    /// grid must lie in an equal grid.
     #[inline]
     pub fn holds(&self, index: DVec3) -> bool {
         let reach = DVec3::splat(0.5 + 2.0 * SAME);

@@ -64,7 +64,8 @@ fn value_beyond_the_voxels_is_none() {
     let grid = oblique();
     let volume = Volume::of(grid, |p| grid.index(p).x, "v").unwrap();
     let at = |i: f64| volume.at(grid.point(DVec3::new(i, 2.0, 1.0)));
-    // Up to half a voxel beyond the last centre the value is that of the centre; beyond, `None`.
+    // Up to half a voxel beyond the last centre the value is the value at this centre; farther out it is
+    // `None`.
     assert!((at(-0.49).unwrap()).abs() < 1e-5);
     assert!((at(6.49).unwrap() - 6.0).abs() < 1e-5);
     assert_eq!(at(-0.53), None);

@@ -50,7 +50,7 @@ impl Checksum {
 mod tests {
     use super::*;
 
-    /// Check values from the usual catalogues, for the digits 1 to 9.
+    /// Compares with the check values that catalogues of checksums give for the digits 1 to 9.
     #[test]
     fn matches_published_check_values() {
         for (kind, value) in [

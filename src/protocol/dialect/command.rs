@@ -57,7 +57,7 @@ pub(super) struct Command {
     pub(super) answers: Vec<Option<Template>>,
     /// Values of the reply.
     pub(super) values: Vec<Field>,
-    /// Lines of the reply; the last one ends it.
+    /// Lines of the reply; the last line ends the reply.
     pub(super) reply: Vec<Template>,
     pub(super) chunk: Option<Chunk>,
     /// Bytes per chunk of a long answer.
@@ -87,8 +87,8 @@ pub(super) struct Errors {
 }
 
 impl Errors {
-    /// Maps a firmware error to the dialect's: by number, else by class (-200 for -222), else the
-    /// default.
+    /// Maps a firmware error to an error of the dialect: by number if the dialect lists it, else by
+    /// class (-200 for -222), else the default.
     pub(super) fn of(&self, error: &DeviceError) -> &ErrorFile {
         let number = error.code.number();
         [number, number / 100 * 100]

@@ -1,9 +1,9 @@
 //! Splits a byte stream into a dialect's messages.
 //!
-//! After any error the stream resynchronises: lines at the next line end; packets at the next
-//! plausible header, with a matching checksum if packets have one. Without start bytes and
-//! checksum, garbage that looks like a header swallows bytes of the following packet; the client
-//! must then retry.
+//! After any error the stream resynchronises: a line dialect at the next line end, a packet dialect
+//! at the next plausible header, with a matching checksum if packets have one. If packets have
+//! neither start bytes nor a checksum, garbage that looks like a header swallows bytes of the
+//! following packet; the client must then retry.
 
 use super::command::LineEnds;
 use super::packet::{Extent, Layout};
@@ -16,7 +16,8 @@ use std::sync::Arc;
 pub enum Cut {
     /// A message: a line without its end, or a complete packet.
     Message(Vec<u8>),
-    /// Bytes were discarded, with the reason. Reported once per run of bytes, at its start.
+    /// Bytes were discarded, for the given reason. Reported once per run of discarded bytes, at its
+    /// start.
     Dropped(WireError),
 }
 
@@ -36,7 +37,7 @@ struct Lines {
     ends: Arc<LineEnds>,
     end: u8,
     buffer: Vec<u8>,
-    /// Whether the rest of the line is being discarded.
+    /// Whether the rest of the present line is being discarded.
     skips: bool,
 }
 
@@ -95,8 +96,8 @@ impl Cutter {
         }
     }
 
-    /// Returns whether a partial message is pending whose rest cannot be distinguished from the
-    /// next message; the driver calls [`Self::reset`] after a timeout.
+    /// Returns whether a partial message is pending whose remaining bytes cannot be distinguished
+    /// from the next message. The caller must call [`Self::reset`] after a timeout.
     pub fn inside(&self) -> bool {
         match &self.0 {
             State::Scpi(framer) => framer.inside_block(),

@@ -23,7 +23,7 @@ pub struct Dialect {
 }
 
 impl Dialect {
-    /// Returns the name used to select it.
+    /// Returns the name by which users select the dialect.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -33,8 +33,8 @@ impl Dialect {
         &self.description
     }
 
-    /// Returns whether it is the device's native grammar (IEEE 488.2), so that messages pass
-    /// through unchanged.
+    /// Returns whether the dialect is the device's native grammar (IEEE 488.2), so that messages
+    /// pass through unchanged.
     pub fn is_scpi(&self) -> bool {
         matches!(self.framing, Framing::Scpi(_))
     }
@@ -51,7 +51,7 @@ impl Dialect {
         }
     }
 
-    /// Returns whether messages are packets, which need 8-bit bytes.
+    /// Returns whether messages are packets, which need a line that carries 8-bit bytes.
     pub fn is_binary(&self) -> bool {
         matches!(self.framing, Framing::Packet(_))
     }
@@ -67,8 +67,8 @@ impl Dialect {
     }
 
     /// Returns every `runs` message of the file with examples of its arguments, covering all
-    /// choices, and its location in the file (`FILE:LINE: field`), so that a caller with the
-    /// device's command table can check that these commands exist.
+    /// choices, and the message's location in the file (`FILE:LINE: field`). A caller that has the
+    /// device's command table can then check that these commands exist.
     pub fn all_runs(&self) -> &[(String, String)] {
         &self.runs
     }
@@ -82,7 +82,7 @@ impl Dialect {
         }
     }
 
-    /// Returns whether the device echoes what it receives: see [`Self::echoed`].
+    /// Returns whether the device echoes received lines; see [`Self::echoed`].
     pub fn echo(&self) -> bool {
         self.echo
     }
@@ -97,17 +97,18 @@ impl Dialect {
         }
     }
 
-    /// Returns the messages after power-on, in time order.
+    /// Returns the messages that the device sends after power-on, in order of time.
     pub fn boot(&self) -> &[Boot] {
         &self.boot
     }
 
-    /// Returns the host's operations.
+    /// Returns the operations that a host performs in this dialect.
     pub fn host(&self) -> &HostUse {
         &self.host
     }
 
-    /// Returns a command's label for messages: in SCPI its header, otherwise its name.
+    /// Returns the name of a command for error messages: its header in SCPI, else its name in the
+    /// file.
     pub fn label(&self, command: &str) -> String {
         let header = self.command(command).filter(|_| self.is_scpi());
         let text = header.and_then(|command| match command.line.parts.first()? {
@@ -122,7 +123,8 @@ impl Dialect {
         self.commands.iter().map(|command| command.name.as_str())
     }
 
-    /// Returns how a command's long answer is read in pieces; `None` if it comes in one message.
+    /// Returns how a host reads a command's long answer in pieces; `None` if the answer comes in one
+    /// message.
     pub fn chunk(&self, command: &str) -> Option<&Chunk> {
         self.command(command)?.chunk.as_ref()
     }

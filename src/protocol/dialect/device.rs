@@ -1,5 +1,5 @@
-//! Device side of a dialect: parses requests and builds replies. Lines that match no command are
-//! diagnosed by the commands that share their first word.
+//! Device side of a dialect: parses requests and builds replies. A line that matches no command is
+//! compared with the commands that have the same first word, so that the error is specific.
 
 use super::command::{Command, Framing, LineEnds};
 use super::field::Field;
@@ -9,7 +9,7 @@ use crate::scpi::{DeviceError, ErrorCode};
 use phasmid_core::error::Result;
 use std::cmp::Ordering;
 
-/// A template error as a firmware error.
+/// The error of a template, converted to a firmware error.
 pub(super) struct Unfit(pub(super) DeviceError);
 
 impl From<String> for Unfit {
@@ -28,8 +28,8 @@ impl Dialect {
     /// Parses a request to the device.
     ///
     /// # Errors
-    /// Returns an error if the message is damaged, its command unknown or its arguments invalid;
-    /// [`Self::nack`] builds the answer.
+    /// Returns an error if the message is damaged, its command is unknown or its arguments are
+    /// invalid; [`Self::nack`] builds the reply to it.
     pub fn asked(&self, message: &[u8]) -> Result<Asked, WireError> {
         match &self.framing {
             Framing::Scpi(ends) | Framing::Line(ends) => {
@@ -117,15 +117,15 @@ impl Dialect {
     /// Returns the firmware (SCPI) messages of a command, in order.
     pub fn runs(&self, asked: &Asked) -> Vec<String> {
         let command = self.command(&asked.command);
-        // Messages that cannot be formatted were already refused by `asked`.
+        // `asked` has already refused requests whose messages cannot be formatted.
         command.map_or_else(Vec::new, |command| {
             filled(command, &asked.args).unwrap_or_default()
         })
     }
 
-    /// Builds the reply, including its end, from the firmware's answers: one per message of
-    /// [`Self::runs`], without newlines, empty for messages without an answer. Returns an empty
-    /// reply if none is wanted.
+    /// Builds the reply, including its end, from the firmware's answers. `answers` holds one answer
+    /// per message of [`Self::runs`], without newline, and empty if the message has no answer. The
+    /// reply is empty if the client wants none.
     ///
     /// # Errors
     /// Returns an error if the answers do not match the file.
@@ -219,7 +219,7 @@ pub(super) fn values_of_line(
     parts.iter().map(value).collect()
 }
 
-/// Returns the line, or an error if it is too long or looks like a comment.
+/// Returns the line if it is neither too long nor looks like a comment, else an error.
 pub(super) fn whole(line: Vec<u8>, ends: &LineEnds) -> Result<Vec<u8>, DeviceError> {
     if line.len() > ends.max {
         let what = format!("{} bytes in a line, at most {}", line.len(), ends.max);
@@ -256,7 +256,7 @@ fn taken(command: &Command, answers: &[Vec<u8>]) -> Result<Vec<(String, Value)>,
     Ok(values)
 }
 
-/// Replaces a long answer by the requested piece.
+/// Replaces a long answer by the piece that the client requested.
 fn cut(
     command: &Command,
     asked: &Asked,
@@ -297,7 +297,7 @@ fn word(template: &Template) -> Option<&str> {
     }
 }
 
-/// Returns the number of words of a line that fits a template; each argument counts as one.
+/// Returns the number of words in lines that match a template; each argument counts as one word.
 fn words(template: &Template) -> usize {
     let text = |part: &Part| match part {
         Part::Text(text) => text.clone(),
@@ -307,8 +307,8 @@ fn words(template: &Template) -> usize {
     line.split_whitespace().count()
 }
 
-/// Returns the error for a line that matches no command. If its first word is that of a command,
-/// the error is a missing, an extra or a wrong argument.
+/// Returns the error for a line that matches no command. If some command has the line's first word,
+/// the error is a missing, extra or wrong argument.
 fn unmatched(commands: &[Command], line: &[u8], any_case: bool) -> DeviceError {
     let mut parts = line.split(|b| b.is_ascii_whitespace());
     let first = parts.next().unwrap_or_default();

@@ -15,17 +15,18 @@ use crate::scpi::{DeviceError, ErrorCode};
 pub(super) struct Field {
     pub(super) name: String,
     pub(super) kind: Kind,
-    /// Wire counts per base unit.
+    /// Number of wire counts per base unit.
     pub(super) divisor: f64,
-    /// Minimum and maximum on the wire.
+    /// Minimum and maximum of the number on the wire.
     pub(super) range: (f64, f64),
-    /// Pairs of wire value and device word; empty if the field has no list of choices.
+    /// Pairs of a word on the wire and the device's word for it; empty if the field has no list of
+    /// choices.
     pub(super) choices: Vec<(String, String)>,
     /// Size in a packet, in bytes.
     pub(super) bytes: Option<usize>,
     /// Constant that is always sent and ignored on reception, in base units.
     pub(super) constant: Option<Value>,
-    /// Big-endian (most significant byte first).
+    /// Whether numbers in packets are big-endian (most significant byte first).
     pub(super) big: bool,
 }
 
@@ -69,7 +70,7 @@ impl Field {
         code.with(format!("{}: {found}, allowed {allowed}", self.name))
     }
 
-    /// Returns the wire value of a choice.
+    /// Returns the dialect's word on the wire for a value of the device.
     fn wire_word(&self, value: &Value) -> Outcome<&str> {
         let word = value.to_string();
         let known = self
@@ -86,7 +87,7 @@ impl Field {
         }
     }
 
-    /// Returns the choice for a wire value.
+    /// Returns the device's word for a word on the wire.
     fn chosen(&self, wire: &str) -> Outcome<Value> {
         let known = self
             .choices

@@ -8,7 +8,7 @@ use crate::scpi::{DeviceError, ErrorCode};
 use phasmid_core::error::Result;
 
 impl Dialect {
-    /// Returns a command as the host sends it, including its end.
+    /// Returns the bytes of a command as the host sends it, including the message end.
     ///
     /// # Errors
     /// Returns an error if the command is unknown, or an argument is missing, of the wrong type or
@@ -40,7 +40,8 @@ impl Dialect {
         match &self.framing {
             Framing::Scpi(ends) | Framing::Line(ends) => {
                 let filled = command.line.fill(|name| match command.arg(name) {
-                    // A word supplied by the caller must not contain more than one word.
+                    // A word supplied by the caller must not be able to add further words to the
+                    // message.
                     Some(field) if self.is_scpi() && field.kind == Kind::Word => {
                         Ok(field.to_scpi(&given(field)?)?.into_bytes())
                     }
@@ -64,7 +65,7 @@ impl Dialect {
         }
     }
 
-    /// Interprets a message for the host that sent `command` with `sequence`.
+    /// Interprets a received message for a host that has sent `command` with `sequence`.
     pub fn reply(&self, command: &str, message: &[u8], sequence: u8) -> Reply {
         match &self.framing {
             Framing::Scpi(_) | Framing::Line(_) => self.reply_line(command, message),

@@ -1,18 +1,19 @@
 //! Dialects: the language of a device's control port, described by a file.
 //!
-//! The device's own language is SCPI ([`crate::scpi`]). A dialect replaces it: it defines how bytes
-//! are split into messages, the commands and the SCPI messages that each of them runs, replies,
-//! unsolicited messages, and how a host performs the operations of a scan. Device and host read the
-//! same file, so a physical device that speaks the dialect needs no extra code in the host.
-//! Everything here is a pure function of its arguments: nothing blocks, and all input is bounded.
+//! The device's own language is SCPI ([`crate::scpi`]). A dialect replaces SCPI on the control port.
+//! It defines how bytes are split into messages, the commands and the SCPI messages that each of
+//! them runs, replies, unsolicited messages, and how a host performs the operations of a scan.
+//! Device and host read the same file, so a physical device that speaks the dialect needs no extra
+//! code in the host. Everything here is a pure function of its arguments: nothing blocks, and all
+//! input is bounded.
 //!
 //! ```text
 //!  host: request --bytes--> cutter --message--> asked --> runs --> firmware
 //!        reply <--message-- cutter <--bytes-- answer, refusal <-- answers, errors
 //! ```
 //!
-//! Without a checksum a bit error in a number goes unnoticed: with line dialects and packets
-//! without checksums, the host must read back what it has set.
+//! Without a checksum, a bit error in a number goes unnoticed. In line dialects, and with packets
+//! without a checksum, the host must therefore read back the settings that it has made.
 //!
 #![doc = include_str!("guide.md")]
 
@@ -51,7 +52,8 @@ const DIALECTS: [(&str, &str); 3] = [
 ];
 
 impl Dialect {
-    /// Loads a built-in dialect by its name, or else a file by its path.
+    /// Loads a built-in dialect by its name or, if no built-in dialect has this name, a file by its
+    /// path.
     ///
     /// # Errors
     /// Returns an error if the name is neither built in nor a file, if the file cannot be read, or
@@ -87,7 +89,7 @@ impl Dialect {
         check::dialect(&source.deserialize()?, source)
     }
 
-    /// Returns the JSON Schema of dialect files, with these settings of the generator.
+    /// Returns the JSON Schema of dialect files, generated with these settings.
     #[cfg(feature = "schema")]
     #[doc(hidden)]
     pub fn schema(settings: schemars::generate::SchemaSettings) -> schemars::Schema {

@@ -1,7 +1,7 @@
-//! Tests whether some line matches two templates, by the product of two automata whose states are
-//! positions in the templates (Hopcroft and Ullman 1979, theorem 3.3). A field matches any number
-//! of its allowed characters, so templates that differ only in the range of numbers count as
-//! overlapping: in doubt a file is rejected.
+//! Tests whether some line matches two templates. The test forms the product of two automata whose
+//! states are positions in the templates (Hopcroft and Ullman 1979, theorem 3.3). A field is taken
+//! to match any number of its allowed characters, so templates that differ only in the range of a
+//! number count as overlapping: in doubt a file is rejected.
 
 use super::field::Field;
 use super::template::{Part, Template};

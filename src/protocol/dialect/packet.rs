@@ -7,9 +7,9 @@ use super::file::{CodeFile, FlagsFile, LengthFile};
 /// The layout of a dialect's packets.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
-    /// Length of every packet, if fixed.
+    /// Length of every packet in bytes, if it is fixed.
     pub(super) size: Option<usize>,
-    /// Maximum packet length.
+    /// Maximum length of a packet in bytes.
     pub(super) max: usize,
     pub(super) start: Vec<u8>,
     pub(super) flags: Option<FlagsFile>,
@@ -59,7 +59,7 @@ impl Layout {
         self.checksum.map_or(0, Checksum::len)
     }
 
-    /// Returns the maximum number of data bytes.
+    /// Returns the maximum number of data bytes in a packet.
     pub(super) fn room(&self, direction: Direction) -> usize {
         let counted = self.length.map_or(usize::MAX, |length| {
             let most = (1u64 << (8 * length.bytes.min(4))) - 1;
@@ -103,7 +103,7 @@ impl Layout {
         if let Some(flags) = &self.flags
             && let Some(byte) = head.get(flags.at)
         {
-            // The error flag is not valid in a request.
+            // A request with the error flag set is invalid.
             let error = flags.error.filter(|_| direction == Direction::ToDevice);
             let mask = Self::known_flags(flags) & !error.map_or(0, |bit| 1 << bit);
             if byte & !mask != 0 {

@@ -8,14 +8,14 @@ use super::{Asked, Dialect, Direction, Head, Value, WireError};
 use crate::scpi::DeviceError;
 
 impl Dialect {
-    /// Returns the reply to a command refused by the firmware, with the dialect's error number;
-    /// empty if no reply is wanted.
+    /// Returns the reply to a command that the firmware has refused, with the dialect's error
+    /// number; empty if the client wants no reply.
     pub fn refusal(&self, asked: &Asked, error: &DeviceError) -> Vec<u8> {
         let own = self.errors.as_ref().map(|errors| errors.of(error));
         self.refuse(self.head(asked), asked.wants_reply, own, &error.detail)
     }
 
-    /// Returns the reply to an invalid message; empty if it is not answered.
+    /// Returns the reply to an invalid message; empty if the device does not reply to it.
     pub fn nack(&self, error: &WireError) -> Vec<u8> {
         let own = self.errors.as_ref().map(|errors| errors.of(&error.error));
         self.refuse(error.head, error.wants_reply, own, &error.error.detail)
@@ -27,7 +27,7 @@ impl Dialect {
         self.refuse(self.head(asked), asked.wants_reply, own, "")
     }
 
-    /// Returns the header fields of a valid packet.
+    /// Returns the header fields of a valid packet for the reply to it.
     fn head(&self, asked: &Asked) -> Head {
         let command = self.command(&asked.command);
         let (read, code) = command.map_or((false, 0), |c| (c.read, c.code));
@@ -38,8 +38,8 @@ impl Dialect {
         }
     }
 
-    /// Builds a refusal; in packet dialects it repeats the request's header with the error flag
-    /// set.
+    /// Builds the reply that refuses a request; in packet dialects it repeats the request's header
+    /// with the error flag set.
     fn refuse(
         &self,
         head: Head,
@@ -73,7 +73,7 @@ impl Dialect {
                         big: layout.big,
                         ..Field::int("number")
                     };
-                    // The check of the file ensures that its numbers fit.
+                    // The check of the dialect file ensures that its error numbers fit.
                     let _ = number.to_packet(&Value::Number(own.number.into()), &mut data);
                 }
                 let flags = layout.flags(head.read, true, true);

@@ -80,8 +80,8 @@ impl Template {
     /// Returns the text with each placeholder replaced by the result of `value`.
     ///
     /// # Errors
-    /// Returns an error if `value` fails, or if a value could not be distinguished from the text
-    /// after it.
+    /// Returns an error if `value` fails, or if a value could not be distinguished from the template
+    /// text that follows it.
     pub(super) fn fill<E: From<String>>(
         &self,
         mut value: impl FnMut(&str) -> Result<Vec<u8>, E>,
@@ -151,7 +151,8 @@ fn find(text: &[u8], what: &[u8], any_case: bool) -> Option<usize> {
         .position(|window| same(window, what, any_case))
 }
 
-/// Returns the end of the block, or the list of quoted strings, at the start of `bytes`.
+/// Returns the position after the block, or after the list of quoted strings, at the start of
+/// `bytes`.
 pub(super) fn own_end(bytes: &[u8]) -> Option<usize> {
     match bytes.first()? {
         b'#' => match block_header(bytes) {

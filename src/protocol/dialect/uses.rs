@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HostUse {
     pub(super) operations: BTreeMap<String, Operation>,
-    /// Further settings that are read back.
+    /// Further settings that the host reads back.
     pub(super) settings: BTreeMap<String, Operation>,
 }
 
@@ -35,7 +35,7 @@ pub(super) const OPERATIONS: [(&str, &[&str], bool); 18] = [
     ("marked", &[], true),
 ];
 
-/// Operations that report a setting, in the order in which they are queried.
+/// Operations whose result is a setting of the device, in the order in which the host queries them.
 pub(super) const REPORTS: [&str; 2] = ["selected", "source"];
 
 /// Operations required for a scan.
@@ -47,8 +47,8 @@ impl HostUse {
         self.operations.get(operation)
     }
 
-    /// Returns the settings that are read back before and after a run, each with its query: the
-    /// operations `selected` and `source`, and the entries of the file's table `settings`.
+    /// Returns the settings that the host reads back before and after a run, each with its query:
+    /// the operations `selected` and `source`, and the entries of the table `settings` in the file.
     pub fn settings(&self) -> impl Iterator<Item = (&str, &Operation)> {
         let reports = REPORTS.into_iter();
         let reports = reports.filter_map(|name| Some((name, self.get(name)?)));
@@ -62,7 +62,7 @@ impl HostUse {
             .find_map(|(known, operation)| (known == name).then_some(operation))
     }
 
-    /// Returns whether a setting may have a value before a run.
+    /// Returns whether a setting may have this value before a run.
     pub fn allows(&self, setting: &str, value: &str) -> bool {
         let allowed = self.setting(setting).map_or(&[][..], |s| &s.allowed);
         allowed.is_empty() || allowed.iter().any(|word| word.eq_ignore_ascii_case(value))
@@ -74,12 +74,12 @@ impl HostUse {
         all.filter(|name| self.operations.contains_key(*name))
     }
 
-    /// Returns the names of missing operations that a scan requires.
+    /// Returns the names of operations that a scan requires and the dialect lacks.
     pub fn needed(&self) -> impl Iterator<Item = &'static str> {
         self.missing().filter(|name| NEEDED.contains(name))
     }
 
-    /// Returns the names of missing operations.
+    /// Returns the names of operations that the dialect lacks.
     pub fn missing(&self) -> impl Iterator<Item = &'static str> {
         let all = OPERATIONS.iter().map(|(name, ..)| *name);
         all.filter(|name| !self.operations.contains_key(*name))
@@ -93,7 +93,7 @@ pub struct Operation {
     pub steps: Vec<Step>,
     /// Template of the result, with `{value}` placeholders for values of the answers.
     pub(super) result: Option<String>,
-    /// Permitted results of a setting before a run; empty if all are.
+    /// Results that a setting may have before a run; empty if all are allowed.
     pub(super) allowed: Vec<String>,
 }
 
@@ -159,21 +159,22 @@ impl Step {
     }
 }
 
-/// Describes a command whose answer is longer than a message: it is repeated with increasing offset
-/// until all data has arrived.
+/// Describes a command whose answer is longer than a message. The host repeats the command with
+/// increasing offset until it has received all data.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Chunk {
-    /// Name of the argument with the offset to read from, in bytes.
+    /// Name of the argument that holds the offset to read from, in bytes.
     pub offset: String,
-    /// Name of the value with the next bytes.
+    /// Name of the reply value that holds the next bytes.
     pub data: String,
-    /// Name of the value with the total number of bytes.
+    /// Name of the reply value that holds the total number of bytes.
     pub total: String,
-    /// Name of the value with the CRC-32 (IEEE 802.3) of all bytes, if the dialect has one.
+    /// Name of the reply value that holds the CRC-32 (IEEE 802.3) of all bytes, if the dialect has
+    /// one.
     pub check: Option<String>,
 }
 
-/// Maximum size of a reassembled answer in bytes.
+/// Maximum size in bytes of an answer reassembled from pieces.
 pub const MAX_CHUNKED_BYTES: usize = 8 << 20;
 
 /// Reassembles the pieces of a long answer.
@@ -181,12 +182,12 @@ pub const MAX_CHUNKED_BYTES: usize = 8 << 20;
 pub struct Gather<'a> {
     chunk: &'a Chunk,
     bytes: Vec<u8>,
-    /// Total length and checksum, as given with the first piece.
+    /// Total length in bytes, and checksum if the dialect has one, as given with the first piece.
     whole: Option<(usize, Option<u32>)>,
 }
 
 impl<'a> Gather<'a> {
-    /// Starts with no pieces.
+    /// Returns a `Gather` without any pieces.
     pub fn new(chunk: &'a Chunk) -> Self {
         Self {
             chunk,
@@ -200,7 +201,7 @@ impl<'a> Gather<'a> {
         (&self.chunk.offset, Value::Number(self.bytes.len() as f64))
     }
 
-    /// Adds a piece; returns the whole answer after the last one.
+    /// Adds a piece. After the last piece, returns the whole answer.
     ///
     /// # Errors
     /// Returns an error if a piece does not fit the previous ones, the size exceeds
@@ -254,7 +255,7 @@ impl<'a> Gather<'a> {
     }
 }
 
-/// Events that a dialect may report.
+/// Events that a dialect can report, with their names in dialect files.
 pub(super) const EVENTS: [(&str, Event); 4] = [
     ("booted", Event::Booted),
     ("exposed", Event::Exposed { index: 0, id: 0 }),

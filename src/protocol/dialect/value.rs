@@ -3,7 +3,7 @@
 use crate::scpi::{DeviceError, ErrorCode};
 use std::fmt::{self, Display};
 
-/// Direction of a stream.
+/// Direction in which a stream of bytes flows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
     /// Host to device.
@@ -78,16 +78,16 @@ pub enum Event {
     },
     /// A sequence has ended.
     SequenceDone,
-    /// A trigger arrived when none was expected.
+    /// A trigger arrived at a time when the device could not act on it.
     TriggerMissed,
 }
 
 /// Meaning of a message for the host that sent a request.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reply {
-    /// The answer is complete. Holds its values by their names in the dialect file.
+    /// The answer is complete. Holds the values of the reply by their names in the dialect file.
     Done(Vec<(String, Value)>),
-    /// A line of a multi-line answer that is not yet complete.
+    /// A line of a multi-line answer of which further lines follow.
     More(Vec<(String, Value)>),
     /// The device refuses the request.
     Refused {
@@ -98,10 +98,10 @@ pub enum Reply {
     },
     /// An unsolicited message, not an answer.
     Event(Event),
-    /// Valid, but not an answer to this request: an echo, or an answer with another sequence number
-    /// or command.
+    /// A valid message that does not answer this request: an echo, or an answer with another
+    /// sequence number or command.
     Other,
-    /// Damaged or not part of this dialect. Holds the reason.
+    /// A message that is damaged or not part of this dialect. Holds the reason.
     Bad(String),
 }
 
@@ -136,12 +136,12 @@ pub struct Head {
     pub sequence: u8,
     /// Command code.
     pub code: u32,
-    /// Whether the packet reads (asks for data).
+    /// Whether the packet asks for data (read flag).
     pub read: bool,
 }
 
 impl WireError {
-    /// Creates the result for a line that is not a valid command; it is answered.
+    /// Returns the error for a line that is not a valid command; the device replies to it.
     pub(super) fn line(error: DeviceError) -> Self {
         Self {
             error,
@@ -150,7 +150,7 @@ impl WireError {
         }
     }
 
-    /// Creates the result for a message that cannot be decoded.
+    /// Returns the error for a message that cannot be decoded; the device does not reply to it.
     pub(super) fn damaged(what: impl Display) -> Self {
         Self {
             error: ErrorCode::CommandError.with(what),

@@ -1,5 +1,5 @@
-//! Fault schedules: which faults a device injects, and when. The same file reproduces the same
-//! faults.
+//! Fault schedules: the faults that a device injects, and the times at which it does so. The same
+//! schedule always gives the same faults.
 //!
 //! ```toml
 //! seed = 7                     # of all random choices; 0 when absent

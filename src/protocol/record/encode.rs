@@ -16,8 +16,8 @@ pub fn encode_head() -> [u8; HEAD_LEN] {
     head
 }
 
-/// Encodes a whole record, to be written with a single write. Texts longer than [`MAX_TEXT`] are
-/// truncated.
+/// Encodes a whole record as bytes that are to be written with a single write. Texts longer than
+/// [`MAX_TEXT`] are truncated.
 pub fn encode_record(number: u64, time_ns: u64, channel: Channel, event: &Event) -> Vec<u8> {
     let mut record = vec![0; RECORD_LEN];
     put_payload(&mut record, event);
@@ -27,7 +27,7 @@ pub fn encode_record(number: u64, time_ns: u64, channel: Channel, event: &Event)
     head[6..8].copy_from_slice(&(channel as u16).to_le_bytes());
     head[8..16].copy_from_slice(&number.to_le_bytes());
     head[16..24].copy_from_slice(&time_ns.to_le_bytes());
-    // The longest payload is a frame's, 128 MiB.
+    // The longest payload is the payload of a frame, 128 MiB, so its length fits.
     head[24..28].copy_from_slice(&(payload.len() as u32).to_le_bytes());
     head[28..32].copy_from_slice(&crc32fast::hash(payload).to_le_bytes());
     let crc = crc32fast::hash(&head[..32]);
@@ -58,7 +58,7 @@ fn json(about: &About) -> Vec<u8> {
     if bytes.len() <= MAX_TEXT {
         return bytes;
     }
-    // No real name or path is this long. A character takes up to six bytes in JSON.
+    // No actual name or path is this long. A character takes up to six bytes in JSON.
     let short = |text: &String| text.chars().take(1000).collect();
     encode(&About {
         program: short(&about.program),
@@ -71,7 +71,7 @@ fn json(about: &About) -> Vec<u8> {
     })
 }
 
-/// Returns the longest prefix of a text that fits.
+/// Returns the longest prefix of a text that fits into [`MAX_TEXT`] bytes.
 fn shortened(text: &str) -> &[u8] {
     let end = (0..=text.len().min(MAX_TEXT))
         .rev()

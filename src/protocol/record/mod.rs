@@ -1,6 +1,6 @@
-//! Recordings: every byte and frame between a device and its client, with timestamps, in one
-//! append-only file. After a kill, a full disk or a power cut the file can be read up to the last
-//! complete record; it needs no index.
+//! Recordings: all bytes and frames exchanged between a device and its client, with timestamps, in
+//! one append-only file. If the writer is killed, the disk is full or the power fails, the file can
+//! still be read up to the last complete record; it needs no index.
 //!
 //! All numbers are little-endian. A file is a head of 16 bytes and records behind it:
 //!
@@ -72,11 +72,11 @@ use std::sync::Arc;
 pub const HEAD_LEN: usize = 16;
 /// Length of a record without its payload in bytes.
 pub const RECORD_LEN: usize = 36;
-/// Maximum text or JSON length of a record in bytes; the writer truncates longer ones.
+/// Maximum length in bytes of the text or JSON in a record; the writer truncates longer texts.
 pub const MAX_TEXT: usize = 64 << 10;
-/// Maximum port bytes per record; more are split into several records.
+/// Maximum number of port bytes in a record; longer data is split into several records.
 pub const MAX_BYTES: usize = 1 << 20;
-/// Maximum payload length in bytes: that of a frame.
+/// Maximum length in bytes of a payload: the payload of a frame with its header.
 pub const MAX_PAYLOAD: usize = wire::HEADER_LEN + wire::MAX_PAYLOAD as usize;
 
 const FILE_MAGIC: [u8; 8] = *b"PHREC\r\n\x1a";
@@ -138,7 +138,7 @@ pub enum Channel {
     Usb = 2,
     /// The camera.
     Camera = 3,
-    /// A camera that does not identify its frames: ids only count.
+    /// A camera that does not identify its frames: their ids are only a count.
     Counted = 4,
 }
 
@@ -155,7 +155,7 @@ impl Channel {
         Self::ALL.get(usize::from(code)).copied()
     }
 
-    /// Returns whether it is a control port.
+    /// Returns whether the channel is a control port.
     pub fn is_port(self) -> bool {
         matches!(self, Self::Control | Self::Usb)
     }
@@ -189,7 +189,7 @@ pub enum Event {
 }
 
 impl Event {
-    /// Returns the number of the kind in a file.
+    /// Returns the number of the event's kind in a file.
     pub fn code(&self) -> u16 {
         match self {
             Self::About(_) => 1,
@@ -206,7 +206,7 @@ impl Event {
         }
     }
 
-    /// Returns the approximate memory size in bytes.
+    /// Returns the approximate size of the event in memory, in bytes.
     fn bytes(&self) -> usize {
         RECORD_LEN
             + match self {
@@ -248,12 +248,12 @@ type Seen = dyn Fn(u64, Channel, &Event) + Send + Sync;
 pub struct Observer(Arc<Seen>);
 
 impl Observer {
-    /// Passes events to a function.
+    /// Returns an observer that passes events to a function.
     pub fn new(seen: impl Fn(u64, Channel, &Event) + Send + Sync + 'static) -> Self {
         Self(Arc::new(seen))
     }
 
-    /// Passes an event on.
+    /// Passes an event to the observer's function.
     pub fn see(&self, time_ns: u64, channel: Channel, event: &Event) {
         (self.0)(time_ns, channel, event);
     }

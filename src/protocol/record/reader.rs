@@ -1,4 +1,4 @@
-//! Reads records: bounded, checked, and up to the first damage.
+//! Reads records with bounded memory and checks them, up to the first damage.
 
 use super::{
     Channel, Event, FILE_MAGIC, HEAD_LEN, MAX_BYTES, MAX_PAYLOAD, MAX_TEXT, RECORD_LEN,
@@ -32,8 +32,8 @@ impl fmt::Display for Damage {
     }
 }
 
-/// Reads the records of a recording in order. Damage is reported once, after which there are no
-/// more records. At most one record is in memory, and no more of it than the file contains.
+/// Reads the records of a recording in order. Damage is reported once; no records follow it. At most
+/// one record is in memory, and never more bytes than the file contains.
 pub struct Reader<R> {
     source: R,
     /// Index of the next record.
@@ -42,7 +42,7 @@ pub struct Reader<R> {
     ended: bool,
 }
 
-/// Content found at a position in the file.
+/// Result of reading the file at one position.
 enum Step {
     Known(Box<Record>),
     /// A record of an unknown kind or channel.
@@ -103,7 +103,7 @@ impl<R: Read> Reader<R> {
     pub fn read(&mut self) -> Result<Option<Record>, Damage> {
         while !self.ended {
             let read = self.step();
-            // No records follow damage or the end.
+            // No records are read after damage or after the end.
             self.ended = !matches!(read, Ok(Step::Known(_) | Step::Unknown));
             match read {
                 Ok(Step::Known(record)) => return Ok(Some(*record)),
@@ -188,13 +188,13 @@ impl<R: Read> Reader<R> {
 }
 
 impl<R: Read + Seek> Reader<R> {
-    /// Goes to a record that has been read before, by its [`Record::number`] and [`Record::offset`]: the next
-    /// call of [`Self::read`] returns it.
+    /// Goes to a record that has been read before, given by its [`Record::number`] and
+    /// [`Record::offset`]. The next call of [`Self::read`] returns this record.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read.
     pub fn go_to(&mut self, number: u64, offset: u64) -> std::io::Result<()> {
-        // Data that has been read ahead is kept if the next record is asked for.
+        // If the next record is requested, data that has been read ahead is kept.
         if self.ended || self.offset != offset {
             self.source.seek(SeekFrom::Start(offset))?;
         }

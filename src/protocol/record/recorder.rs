@@ -1,9 +1,8 @@
 //! Writes a recording to a file, or to memory in tests and fuzzing, on its own thread, so that the
 //! caller never waits for the disk.
 //!
-//! The write queue is bounded. If the disk is too slow or full, the recording ends with a record
-//! that gives the reason, if there is space for one, and with one notice; the recorded session
-//! continues.
+//! The write queue is bounded. If the disk is too slow or full, the recording ends with one notice
+//! and, if there is space for it, a record of the reason. The recorded session continues.
 
 use super::{About, Channel, Event, MAX_BYTES, encode_head, encode_record};
 use phasmid_core::error::{Error, Result};
@@ -16,14 +15,14 @@ use std::thread::JoinHandle;
 /// Limits of the write queue.
 #[derive(Debug, Clone, Copy)]
 pub struct Limits {
-    /// Maximum number of records.
+    /// Maximum number of records in the queue.
     pub records: usize,
-    /// Maximum number of bytes.
+    /// Maximum number of bytes in the queue.
     pub bytes: usize,
 }
 
 impl Default for Limits {
-    /// 65,536 records and 512 MiB: half a minute of a camera at 17 MB/s.
+    /// Returns 65,536 records and 512 MiB, which is half a minute of a camera at 17 MB/s.
     fn default() -> Self {
         Self {
             records: 1 << 16,
@@ -197,8 +196,8 @@ impl<S: Store> Writer<S> {
         ));
     }
 
-    /// Waits for the next record to write; returns `None` when the recording has ended and the
-    /// queue is empty.
+    /// Waits for the next record to write. Returns `None` when the recording has ended and the queue
+    /// is empty.
     fn next(&mut self) -> Option<(u64, Channel, Event)> {
         let mut queue = self.shared.queue();
         loop {
@@ -222,7 +221,7 @@ impl<S: Store> Writer<S> {
         Ok(())
     }
 
-    /// Stops recording, and replaces the partially written record by a record of the reason if
+    /// Ends the recording, and replaces the partially written record by a record of the reason if
     /// there is room for it.
     fn give_up(&mut self, time_ns: u64, why: &str) {
         let mut queue = self.shared.queue();
@@ -240,7 +239,7 @@ impl<S: Store> Writer<S> {
 
 /// Destination of a recording; can be truncated to the last complete record.
 pub trait Store: Write + Send {
-    /// Truncates the recording to the first `len` bytes.
+    /// Truncates the recording to its first `len` bytes.
     ///
     /// # Errors
     /// Returns an error if the system call fails.

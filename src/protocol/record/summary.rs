@@ -5,7 +5,8 @@ use crate::Frame;
 use serde::Serialize;
 use std::io::Read;
 
-/// Maximum number of distinct sizes and layouts listed. Frames of further ones are only counted.
+/// Maximum number of distinct frame formats (size and layout) listed. Frames of further formats are
+/// only counted.
 const MAX_FORMATS: usize = 64;
 
 /// Totals for records of one kind.
@@ -60,11 +61,11 @@ pub struct Frames {
 pub enum Ending {
     /// Ended properly.
     Proper,
-    /// Cut by its writer, for the given reason.
+    /// The writer cut the recording, for the given reason.
     Cut(String),
-    /// Without an end record: the writer was killed or is still writing.
+    /// The end record is missing: the writer was killed or is still writing.
     Open,
-    /// Damaged, as described.
+    /// The file is damaged, as described.
     Damaged(String),
 }
 
@@ -77,7 +78,7 @@ pub struct Summary {
     pub duration_ns: u64,
     /// Number of complete records.
     pub records: u64,
-    /// Data sent by clients: number of chunks as received, and of their bytes.
+    /// Data sent by clients: `count` is the number of chunks as received, `bytes` their total size.
     pub sent: Kind,
     /// Number of newlines in the data sent by clients.
     pub lines_sent: u64,
@@ -137,7 +138,8 @@ impl Summary {
 
     fn end_in(&mut self, damage: &Damage) {
         self.damaged_at = Some(damage.offset);
-        // The reason for the cut is more useful than the partial record that follows it.
+        // Keep the reason for the cut, which is more useful than a report of the partial record that
+        // follows it.
         if !matches!(self.ending, Ending::Cut(_)) {
             self.ending = Ending::Damaged(damage.to_string());
         }
@@ -145,7 +147,7 @@ impl Summary {
 
     fn add(&mut self, record: Record) {
         self.records += 1;
-        // A record that follows an end record cancels it.
+        // A record that follows an end record cancels the end.
         self.ending = Ending::Open;
         let count = |kind: &mut Kind, len: usize| {
             kind.count += 1;

@@ -144,13 +144,13 @@ fn a_record_that_is_missing_is_noticed_and_unknown_kinds_are_skipped() {
     let said = damage.unwrap().to_string();
     let want = format!("record 3 at byte {}: has number 4", offsets[3]);
     assert!(said.starts_with(&want), "{said}");
-    // Gives the first record a kind from a later version.
+    // Give the first record the kind of a later version.
     let mut later = bytes;
     later[HEAD_LEN + 4] = 200;
     let crc = crc32fast::hash(&later[HEAD_LEN..HEAD_LEN + 32]);
     later[HEAD_LEN + 32..HEAD_LEN + 36].copy_from_slice(&crc.to_le_bytes());
     assert_eq!(read(&later).unwrap(), (events[1..].to_vec(), None));
-    // Gives the file an unsupported version.
+    // Give the file an unsupported version.
     let mut head = encode_head();
     head[8] = 2;
     let crc = crc32fast::hash(&head[..12]);
@@ -168,7 +168,7 @@ proptest! {
     ) {
         let _ = read(&bytes);
         let _ = read(&[&encode_head()[..], &bytes].concat());
-        // An intact record with arbitrary payload.
+        // A record with a correct checksum and arbitrary payload.
         let mut file = encode(&[(0, Channel::Control, Event::Sent(bytes.clone()))]);
         file[HEAD_LEN + 4..HEAD_LEN + 6].copy_from_slice(&kind.to_le_bytes());
         let crc = crc32fast::hash(&file[HEAD_LEN..HEAD_LEN + 32]);
@@ -198,8 +198,8 @@ fn texts_are_cut_to_the_readers_limit() {
     assert!(matches!(&found[1].2, Event::Note(text) if text.len() == MAX_TEXT - 1));
 }
 
-/// An in-memory file whose content the test can inspect. It holds at most `room` bytes, and waits
-/// for a signal before each write except the first.
+/// An in-memory file that the test can read. It holds at most `room` bytes, and waits for a signal
+/// before each write except the first.
 struct Disk {
     bytes: Arc<Mutex<Vec<u8>>>,
     room: usize,

@@ -24,19 +24,19 @@ enum Mode {
     Quoted(u8),
     /// Inside the prefix of a block, which starts at this offset of the buffer.
     BlockPrefix(usize),
-    /// Inside a block, with this many bytes of content left.
+    /// Inside a block that has this many bytes of content left.
     Block(usize),
-    /// Skips the rest of the line.
+    /// Discards the rest of the line; holds the error to report.
     Skip(ErrorCode),
 }
 
-/// State of one stream. Memory grows with the bytes received, up to [`MAX_BLOCK_BYTES`].
+/// State of one byte stream. Its memory grows with the bytes received, up to [`MAX_BLOCK_BYTES`].
 #[derive(Debug, Clone)]
 pub struct Framer {
     buffer: Vec<u8>,
-    /// Bytes of `buffer` that are block content.
+    /// Number of bytes of `buffer` that are block content.
     block_bytes: usize,
-    /// End of the last block in `buffer`: a carriage return before it is content.
+    /// Position in `buffer` after its last block. A carriage return before this position is content.
     block_end: usize,
     mode: Mode,
 }
@@ -104,7 +104,8 @@ impl Framer {
                 b'#' => self.mode = Mode::BlockPrefix(self.buffer.len() - 1),
                 _ => {}
             },
-            // A doubled quote ends the string and starts it again, with the same result.
+            // A doubled quote ends the string and begins it again, which has the same effect as
+            // staying inside it.
             Mode::Quoted(quote) if byte == quote => self.mode = Mode::Plain,
             Mode::BlockPrefix(start) => match block::header(&self.buffer[start..]) {
                 Prefix::Incomplete => {}

@@ -15,8 +15,8 @@ pub enum HeaderMatch {
     Suffix,
 }
 
-/// Compares a unit's header with a pattern. Every node has a single instance, so only suffix 1 is
-/// valid.
+/// Compares a unit's header with a pattern. The device has one instance of each node, so only the
+/// numeric suffix 1 is valid.
 pub fn match_header(pattern: &str, unit: &Unit) -> HeaderMatch {
     let (common, pattern) = match pattern.strip_prefix('*') {
         Some(rest) => (true, rest),

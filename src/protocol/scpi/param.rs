@@ -1,5 +1,6 @@
-//! Parameter types and their extraction by commands, with the standard's error for each mismatch. Words are
-//! matched against keywords in SCPI notation, whose capitals are the short form.
+//! Types of parameters, and their extraction by commands with the standard's error for each
+//! mismatch. Words are matched against keywords in SCPI notation, in which capitals are the short
+//! form.
 
 use super::error::{DeviceError, ErrorCode};
 
@@ -21,7 +22,7 @@ pub enum Param {
     Block(Vec<u8>),
 }
 
-/// Quantity of a number, which determines the allowed suffixes.
+/// Physical quantity of a number, which determines the allowed unit suffixes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// A plain number.
@@ -30,14 +31,14 @@ pub enum Quantity {
     Time,
     /// Decibels: DB.
     Decibel,
-    /// A ratio; PCT stands for hundredths.
+    /// A ratio, or a percentage with the suffix PCT.
     Ratio,
 }
 
 impl Quantity {
-    /// Returns the number of suffixed units per base unit. It is a divisor because 20 / 1e6 is the
-    /// double nearest to 20 us and 20 * 1e-6 is not: a value entered at the limit must count as
-    /// within range.
+    /// Returns the number of suffixed units per base unit. Values are divided by it, because 20 /
+    /// 1e6 is the double nearest to 20 us and 20 * 1e-6 is not: a value entered at a limit must
+    /// count as within range.
     fn divisor(self, suffix: &str) -> Result<f64, DeviceError> {
         match (self, suffix) {
             (_, "") => Ok(1.0),
@@ -66,7 +67,8 @@ pub enum Number {
 }
 
 impl Number {
-    /// Returns the value, with special words resolved, if it is in range.
+    /// Returns the value if it is in range, with special words replaced by `min`, `max` or
+    /// `default`.
     ///
     /// # Errors
     /// Returns -222 with the value and the range if it is out of range.
@@ -91,7 +93,7 @@ pub struct Args<'a> {
 }
 
 impl<'a> Args<'a> {
-    /// Starts at the first parameter of a unit.
+    /// Returns the parameters of a unit, starting with the first.
     pub fn new(params: &'a [Param]) -> Self {
         Self {
             params: params.iter(),
@@ -109,7 +111,7 @@ impl<'a> Args<'a> {
             .ok_or_else(|| ErrorCode::MissingParameter.into())
     }
 
-    /// Takes a number of a quantity.
+    /// Takes the next parameter as a number of a quantity.
     ///
     /// # Errors
     /// Returns -109 if none is left, -131 or -138 for its suffix, -141 for an unknown word, -158 or
@@ -132,8 +134,8 @@ impl<'a> Args<'a> {
         }
     }
 
-    /// Takes a boolean: ON, OFF, or a number, which is true if it rounds to a nonzero integer
-    /// (SCPI-1999 vol 1, 7.3).
+    /// Takes the next parameter as a boolean: ON, OFF, or a number, which is true if it rounds to a
+    /// nonzero integer (SCPI-1999 vol 1, 7.3).
     ///
     /// # Errors
     /// Returns -109 if none is left, -141 for an unknown word, -138 for a suffix, -158 or -168 for
@@ -151,11 +153,11 @@ impl<'a> Args<'a> {
         }
     }
 
-    /// Takes one word of a list; the list is in SCPI notation, for example `SOFTware`.
+    /// Takes the next parameter as one word of a list in SCPI notation, for example `SOFTware`.
     ///
     /// # Errors
-    /// Returns -109 if none is left, -224 for an unknown word with the list, -128, -158 or -168 for
-    /// another type.
+    /// Returns -109 if no parameter is left, -224 with the list for an unknown word, and -128, -158
+    /// or -168 for another type.
     pub fn choice<T: Copy>(&mut self, choices: &[(&str, T)]) -> Result<T, DeviceError> {
         match self.next()? {
             Param::Name(word) => choices
@@ -182,7 +184,7 @@ impl<'a> Args<'a> {
         }
     }
 
-    /// Takes a string.
+    /// Takes the next parameter as a string.
     ///
     /// # Errors
     /// Returns -109 if none is left, -128, -148 or -168 for another type.
@@ -193,7 +195,7 @@ impl<'a> Args<'a> {
         }
     }
 
-    /// Takes a block.
+    /// Takes the next parameter as a block.
     ///
     /// # Errors
     /// Returns -109 if none is left, -128, -148 or -158 for another type.

@@ -17,7 +17,7 @@ pub enum ClockPace {
 }
 
 impl ClockPace {
-    /// All of them with their names.
+    /// All paces with their names.
     pub(super) const ALL: [(&str, Self); 3] = [
         ("real", Self::Real),
         ("fast", Self::Fast),

@@ -15,7 +15,7 @@ pub struct Maps {
     pub maps: Vec<(String, Vec<f32>)>,
     /// Flags, width * height bytes.
     pub flags: Vec<u8>,
-    /// See [`Reply::render_us`].
+    /// Time spent rendering frames since power-on; see [`Reply::render_us`].
     pub render_us: u64,
 }
 
@@ -79,7 +79,7 @@ pub fn call(stream: &mut (impl Read + Write), request: &Request) -> Result<(Repl
     let io = |e| Error::io("service channel", e);
     stream.write_all(request.to_line().as_bytes()).map_err(io)?;
     let mut line = Vec::new();
-    // Reads one byte at a time, so as not to consume bytes after the line.
+    // Reads one byte at a time, so that no bytes after the line are consumed.
     loop {
         let mut byte = [0];
         stream.read_exact(&mut byte).map_err(io)?;

@@ -1,5 +1,5 @@
-//! Parses requests. Errors state what was found and what is allowed, both for malformed JSON and
-//! for JSON of the wrong shape, in which no object may have a name twice.
+//! Parses requests. Errors state the text found and the texts allowed, for malformed JSON as well as
+//! for JSON of the wrong shape. An object in which a name occurs twice has the wrong shape.
 
 use super::about::ClockPace;
 use super::request::{Action, Every, Item, Placement, Request, Step, TermChoice, Which};
@@ -12,10 +12,10 @@ use std::fmt;
 
 /// Names of requests.
 const REQUESTS: &str = "get, objects_at_ns, truth_at_ns, truth_of_frame, do, place, set, term, clock, fault, clear_faults";
-/// Maximum number of characters of the input that an error shows.
+/// Maximum number of characters of a request that an error shows.
 const SHOWN: usize = 60;
 
-/// Why a line is not a valid request: what was found, and what is expected.
+/// Reason why a line is not a valid request: the text found, and the text expected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct InvalidRequest(String);
@@ -146,7 +146,7 @@ fn placement(place: &str, value: Value) -> Result<Placement, String> {
 }
 
 fn fault(place: &str, value: Value) -> Result<Fault, String> {
-    // Conditions come first, so that an error in one of them names that condition.
+    // Conditions are checked first, so that an error in one of them names that condition.
     if let Some(when) = value.get("when") {
         let place = format!("{place}.when");
         fields::<When>(&place, when.clone(), &json!({}), "an object of conditions")?;
@@ -159,8 +159,8 @@ fn fault(place: &str, value: Value) -> Result<Fault, String> {
     })
 }
 
-/// Parses an object. `whole` is a valid object: to find the invalid field, each field in turn is
-/// inserted alone into it.
+/// Parses an object. `whole` is a valid object into which each field is inserted alone, so that an
+/// error names the invalid field.
 fn fields<T: DeserializeOwned>(
     place: &str,
     value: Value,
@@ -189,7 +189,7 @@ fn fields<T: DeserializeOwned>(
     Err(format!("{place}: {error}; expected {needed}"))
 }
 
-/// Rewords an error of serde like all other errors.
+/// Rewords an error of serde in the form of the other errors.
 fn reworded(error: &serde_json::Error) -> String {
     let (found, expected) = found_and_expected(&error.to_string(), "");
     let found = ["invalid type: ", "invalid value: ", "invalid length "]
@@ -215,7 +215,8 @@ fn shortened(text: String) -> String {
     }
 }
 
-/// A JSON value whose objects have no duplicate names; serde_json would keep the last duplicate.
+/// A JSON value in which no object has duplicate names; serde_json alone would keep the last
+/// duplicate.
 struct Once(Value);
 
 impl<'de> Deserialize<'de> for Once {

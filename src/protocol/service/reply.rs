@@ -116,8 +116,8 @@ impl Reply {
 }
 
 impl SequenceAbout {
-    /// Returns the note that a recording keeps of a sequence and of the calibration, in TOML: what the service
-    /// channel answers about both, in one line.
+    /// Returns the note that a recording keeps of a sequence and of the calibration: one line in the
+    /// form of the service channel's replies.
     pub fn to_note(&self, calibration: Option<String>) -> String {
         let reply = Reply {
             sequence: Some(self.clone()),

@@ -104,7 +104,7 @@ pub struct DeviceLines {
 }
 
 impl DeviceLines {
-    /// Length in bytes of the notification that reports them.
+    /// Length in bytes of the notification that reports these lines.
     pub const LEN: usize = 10;
 
     /// Encodes a SERIAL_STATE notification of the communications interface (PSTN 1.2, 6.5.4).
@@ -113,7 +113,7 @@ impl DeviceLines {
         [0xA1, 0x20, 0, 0, interface, 0, 2, 0, state, 0]
     }
 
-    /// Decodes a SERIAL_STATE notification; `None` for any other.
+    /// Decodes a SERIAL_STATE notification; returns `None` for any other bytes.
     pub fn from_notification(bytes: &[u8]) -> Option<Self> {
         let known = bytes.len() == Self::LEN && bytes[..2] == [0xA1, 0x20];
         known.then(|| Self {

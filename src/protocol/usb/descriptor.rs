@@ -66,19 +66,20 @@ pub mod class {
     pub const COMPOSITE: [u8; 3] = [0xEF, 2, 1];
 }
 
-/// Iterates over consecutive descriptors; stops early at an invalid length, see [`Walk::is_whole`].
+/// Iterates over consecutive descriptors. Stops early at a descriptor of invalid length; see
+/// [`Walk::is_whole`].
 #[derive(Debug, Clone)]
 pub struct Walk<'a> {
     rest: &'a [u8],
 }
 
 impl<'a> Walk<'a> {
-    /// Starts at the first descriptor.
+    /// Returns an iterator that starts at the first descriptor.
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { rest: bytes }
     }
 
-    /// Returns whether no bytes are left.
+    /// Returns whether all bytes have been iterated over, so that no length was invalid.
     pub fn is_whole(&self) -> bool {
         self.rest.is_empty()
     }
@@ -103,7 +104,7 @@ impl<'a> Iterator for Walk<'a> {
 pub fn string(text: &str) -> Vec<u8> {
     let mut units = Vec::new();
     for character in text.chars() {
-        // The length must fit in a byte: at most 126 UTF-16 units.
+        // The descriptor's length must fit into a byte, so it holds at most 126 UTF-16 units.
         if units.len() + character.len_utf16() > 126 {
             break;
         }
@@ -154,7 +155,7 @@ mod tests {
         assert_eq!(string("Ph"), [6, 3, b'P', 0, b'h', 0]);
         assert_eq!(text(&string("Prüfgerät")).as_deref(), Some("Prüfgerät"));
         assert_eq!(string(&"x".repeat(500)).len(), 254);
-        // Each character takes two UTF-16 units: truncation must not split one.
+        // Each character takes two UTF-16 units, and truncation must not split one.
         for text_before in ["", "x"] {
             let long = format!("{text_before}{}", "\u{1F9F2}".repeat(100));
             let back = text(&string(&long)).unwrap();

@@ -12,7 +12,7 @@ pub struct Setup {
     pub value: u16,
     /// Parameter, often the number of an interface or endpoint.
     pub index: u16,
-    /// Number of bytes that follow or are requested.
+    /// Number of data bytes that the host sends after the packet, or requests from the device.
     pub length: u16,
 }
 

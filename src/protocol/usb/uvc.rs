@@ -54,7 +54,7 @@ pub mod error_code {
 
 /// Unit of the exposure control in nanoseconds.
 pub const EXPOSURE_UNIT_NS: u64 = 100_000;
-/// Unit of the gain control in decibels.
+/// Unit of the gain control in decibels, which this device defines.
 pub const GAIN_UNIT_DB: f64 = 0.01;
 /// Unit of frame intervals in nanoseconds.
 pub const INTERVAL_UNIT_NS: u64 = 100;
@@ -63,20 +63,21 @@ pub const INTERVAL_UNIT_NS: u64 = 100;
 pub mod payload {
     /// Length of a header without time stamp and source clock.
     pub const HEADER_LEN: usize = 2;
-    /// Frame id, which toggles with each frame.
+    /// Frame id bit, which toggles with each frame.
     pub const FID: u8 = 0x01;
-    /// End of the frame.
+    /// Set in the last payload of a frame.
     pub const EOF: u8 = 0x02;
     /// The frame is damaged.
     pub const ERR: u8 = 0x40;
-    /// End of the header.
+    /// Set if the header ends with this byte's fields.
     pub const EOH: u8 = 0x80;
 }
 
-/// Returns the GUID of an uncompressed format: its four-character code and a common suffix.
+/// Returns the GUID of an uncompressed format: a four-character code and a suffix common to all
+/// formats.
 pub fn guid(format: PixelFormat) -> [u8; 16] {
     let code = match format {
-        // The name that drivers use for 8-bit grey.
+        // Drivers know 8-bit grey by this name.
         PixelFormat::Grey => *b"Y800",
         PixelFormat::Yuyv => *b"YUY2",
         format => format.fourcc(),
@@ -96,7 +97,7 @@ pub fn format(guid: &[u8]) -> Option<PixelFormat> {
 /// Stream parameters that host and device negotiate (probe and commit; UVC 1.1, table 4-75).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Negotiation {
-    /// Fields that the host wants to keep fixed. Bit 0: frame interval.
+    /// Bit mask of the fields that the host wants to keep fixed. Bit 0: frame interval.
     pub hint: u16,
     /// `bFormatIndex`, from 1.
     pub format: u8,
@@ -131,7 +132,7 @@ impl Negotiation {
         bytes
     }
 
-    /// Decodes the structure in either length; `None` for any other length.
+    /// Decodes the structure in either length; returns `None` for any other length.
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         if bytes.len() != Self::LEN && bytes.len() != Self::SHORT_LEN {
             return None;
@@ -178,7 +179,7 @@ mod tests {
             }
         );
         assert_eq!(Negotiation::decode(&bytes[..30]), None);
-        // {30303859-0000-0010-8000-00AA00389B71} in the byte order of descriptors.
+        // GUID {30303859-0000-0010-8000-00AA00389B71} in the byte order of descriptors.
         let y800 = [
             0x59, 0x38, 0x30, 0x30, 0, 0, 0x10, 0, 0x80, 0, 0, 0xAA, 0, 0x38, 0x9B, 0x71,
         ];

@@ -1,9 +1,9 @@
-//! The normal distribution's second antiderivative, and a footprint's trapezoid convolved with a
-//! Gaussian blur.
+//! The second antiderivative of the normal distribution, and the trapezoid of a footprint convolved
+//! with a Gaussian blur.
 
-/// The table covers +-END; beyond it the density's tail is below 1e-8.
+/// The table covers arguments from -END to END; beyond that the density is below 1e-8.
 const END: f64 = 6.0;
-/// Intervals per unit.
+/// Number of table intervals per unit of the argument.
 const FINE: usize = 16;
 
 /// G with G'' = Phi, the normal distribution, and G = 0 far to the left:
@@ -22,7 +22,7 @@ impl Bell {
         let node = |i: usize| {
             let z = i as f64 * h - END;
             let (p, d) = (distribution(z), density(z));
-            // G, and its derivatives with respect to the fraction of an interval.
+            // Value of G, and its derivatives with respect to the fraction of an interval.
             [
                 ((z * z + 1.0) * p + z * d) / 2.0,
                 (z * p + d) * h,
@@ -33,12 +33,13 @@ impl Bell {
         Self { pieces }
     }
 
-    /// Returns the coefficients of each piece, starting at -6, sixteen per unit.
+    /// Returns the polynomial coefficients of each piece, starting at -6, with sixteen pieces per
+    /// unit.
     pub(crate) fn pieces(&self) -> &[[f64; 6]] {
         &self.pieces
     }
 
-    /// G(z).
+    /// Returns G(z).
     pub(super) fn at(&self, z: f64) -> f64 {
         let place = (z + END) * FINE as f64;
         if place < 0.0 {
@@ -55,7 +56,8 @@ impl Bell {
     }
 }
 
-/// Returns the coefficients on [0, 1] from value, slope and curvature at both ends.
+/// Returns the coefficients of the quintic polynomial on [0, 1] with these values, slopes and
+/// curvatures at both ends.
 fn hermite(a: [f64; 3], b: [f64; 3]) -> [f64; 6] {
     let rise = b[0] - a[0] - a[1] - 0.5 * a[2];
     let slope = b[1] - a[1] - a[2];
@@ -74,7 +76,7 @@ pub(crate) fn density(z: f64) -> f64 {
     (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt()
 }
 
-/// Phi by its series of positive terms (Abramowitz and Stegun 26.2.11).
+/// Returns Phi(z), computed by its series of positive terms (Abramowitz and Stegun 26.2.11).
 pub(crate) fn distribution(z: f64) -> f64 {
     let x = z.abs();
     if x > 9.0 {
@@ -101,11 +103,12 @@ pub(crate) struct Soft<'a> {
 }
 
 impl<'a> Soft<'a> {
-    /// Creates the convolution of boxes of widths |`slope`| and a Gaussian with a standard deviation
-    /// above 0, all in projector pixels.
+    /// Returns the convolution of two boxes of widths |`slope`| and a Gaussian of standard deviation
+    /// `sigma` (above 0), all in projector pixels.
     pub(crate) fn new(bell: &'a Bell, slope: [f64; 2], sigma: f64) -> Self {
         let [a, b] = slope.map(f64::abs);
-        // A box much narrower than the blur has no effect but would cause cancellation.
+        // Widen boxes that are much narrower than the blur: they have no effect but would cause
+        // cancellation.
         let wide = a.max(b).max(1e-3 * sigma);
         let narrow = a.min(b).max(1e-3 * sigma).max(1e-6 * wide).min(wide);
         Self {
@@ -116,20 +119,20 @@ impl<'a> Soft<'a> {
         }
     }
 
-    /// Returns half the base width of the sharp trapezoid.
+    /// Returns half the base width of the trapezoid without blur.
     pub(super) fn outer(&self) -> f64 {
         (self.wide + self.narrow) / 2.0
     }
 
-    /// Returns the fraction of the blurred trapezoid left of a border at distance e from the
+    /// Returns the fraction of the blurred trapezoid to the left of a border at distance e from its
     /// centre.
     pub(crate) fn left_of(&self, e: f64) -> f64 {
         let second = self.second_difference(e, |e| self.bell.at(e / self.sigma));
         second * self.sigma * self.sigma
     }
 
-    /// Returns the fraction of the unblurred trapezoid left of a border at distance e from the
-    /// centre.
+    /// Returns the fraction of the trapezoid without blur to the left of a border at distance e from
+    /// its centre.
     pub(crate) fn sharp_left_of(&self, e: f64) -> f64 {
         self.second_difference(e, |e| 0.5 * e.max(0.0).powi(2))
     }

@@ -1,16 +1,16 @@
 //! A footprint's trapezoid convolved with the mixture of Gaussians by which light spreads under
 //! skin.
 //!
-//! Computed in f32, for eight borders at once, because a moving scene needs these kernels anew at
-//! each instant. The fraction of light left of a border is accurate to 1e-4; boxes merged into a
-//! Gaussian cause most of the error.
+//! Computed in f32 and for eight borders at once, because a moving scene needs new kernels at each
+//! instant. The fraction of light to the left of a border is accurate to 1e-4; most of the error is
+//! caused by boxes that are merged into a Gaussian.
 
 use super::super::skin::{Component, MOST, Mixture};
 use super::window::{LANES, Window};
 use phasmid_core::simd::widest;
 use std::f32::consts::{LN_2, LOG2_E};
 
-/// Subsurface spread along one pattern axis.
+/// Spread of light under skin along one pattern axis.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Spread<'a> {
     pub(crate) mixture: &'a Mixture,
@@ -18,40 +18,43 @@ pub(crate) struct Spread<'a> {
     pub(crate) px_per_mm: f32,
 }
 
-/// Minimum ratio of a Gaussian's standard deviation to the width of a box at which its convolution
-/// with the box is replaced by a Gaussian with the sum of the variances. The error of the fraction
-/// of light left of a border is at most 8e-5 (from the fourth cumulant of the boxes).
+/// Minimum ratio of a Gaussian's standard deviation to the width of a box at which the convolution
+/// of both is replaced by a Gaussian with the sum of their variances. The resulting error of the
+/// fraction of light to the left of a border is at most 8e-5 (from the fourth cumulant of the
+/// boxes).
 const SMOOTH: f64 = 1.25;
-/// Fraction of a kernel on the pattern below which all its weight goes to the last pixel.
+/// Minimum fraction of a kernel that lies on the pattern. Below it, the last pixel gets all the
+/// weight.
 const BEYOND: f32 = 1e-6;
 
 /// Convolution of two boxes with a mixture of Gaussians, along one pattern axis.
 pub(super) struct Blend {
     parts: [Part; MOST],
     len: usize,
-    /// Half the base width of the trapezoid.
+    /// Half the base width of the trapezoid, in pattern pixels.
     outer: f64,
 }
 
 #[derive(Clone, Copy)]
 struct Part {
     weight: f32,
-    /// Standard deviation, without the boxes.
+    /// Standard deviation of the part without the boxes, in pattern pixels.
     sigma: f64,
-    /// Reach beyond the trapezoid.
+    /// Distance that the part reaches beyond the trapezoid, in pattern pixels.
     reach: f64,
     /// Distance of a border from the centre beyond which all light is taken to lie on one side.
     end: f32,
-    /// Inverse standard deviation of the Gaussian with the boxes that are merged into it.
+    /// Inverse standard deviation of the Gaussian into which boxes have been merged.
     per: f32,
-    /// Half widths of the boxes that are not merged, times `per`, the wider first; 0 if merged.
+    /// Half widths of the boxes that are not merged, times `per`, the wider box first; 0 for a
+    /// merged box.
     half: [f32; 2],
 }
 
 impl Blend {
     /// Creates the blend of boxes of widths |`slope`|, a blur of standard deviation `sigma` and the
-    /// spread under skin, all in projector pixels except the spread. Gaussians narrower than
-    /// `least` are widened to it.
+    /// spread under skin. Widths and blur are in projector pixels, the spread in millimetres.
+    /// Gaussians narrower than `least` are widened to it.
     pub(super) fn new(slope: [f64; 2], sigma: f64, spread: Spread<'_>, least: f64) -> Self {
         let [a, b] = slope.map(f64::abs);
         let (wide, narrow, outer) = (a.max(b), a.min(b), (a + b) / 2.0);
@@ -95,7 +98,8 @@ impl Blend {
         &self.parts[..self.len]
     }
 
-    /// Returns half the base width of the trapezoid, and the reach of the blur beyond it.
+    /// Returns half the base width of the trapezoid, and the distance that the blur reaches beyond
+    /// it.
     pub(super) fn reach(&self) -> (f64, f64) {
         let reaches = self.parts().iter().map(|part| part.reach);
         (self.outer, reaches.fold(0.0, f64::max))
@@ -110,12 +114,14 @@ impl Blend {
         ]
     }
 
-    /// Appends the weights of the window's pixels or groups, padded with zeros to whole lanes.
+    /// Appends the weights of the window's pixels, or groups of pixels, padded with zeros to whole
+    /// SIMD blocks.
     pub(super) fn weigh(&self, window: &Window, len: usize, weights: &mut Vec<f32>) {
         weigh(self, window, len, weights);
     }
 
-    /// Returns the fractions of the light left of borders whose distances from the centre ascend.
+    /// Returns the fractions of light to the left of borders, given their distances from the centre
+    /// in ascending order.
     #[inline(always)]
     fn left_of(&self, e: &Lanes) -> Lanes {
         let mut left = [0.0; LANES];
@@ -129,8 +135,8 @@ impl Blend {
 type Lanes = [f32; LANES];
 
 impl Part {
-    /// Adds the fractions left of borders at distances `e0`, `e0 + group` and so on from the
-    /// centre: one border for each value in `left` except the last [`LANES`].
+    /// Adds the fractions of light to the left of borders at distances `e0`, `e0 + group` and so on
+    /// from the centre: one border for each value in `left` except the last [`LANES`].
     #[inline(always)]
     fn add_run(&self, e0: f32, group: f32, left: &mut [f32]) {
         let borders = left.len() - LANES;
@@ -199,7 +205,7 @@ fn weigh_body(blend: &Blend, window: &Window, len: usize, weights: &mut Vec<f32>
         ..
     } = *window;
     let beyond_end = len as f64 - middle;
-    // Fractions left of the pattern's ends.
+    // Fractions of light to the left of the pattern's two ends.
     let start = if middle > reach {
         0.0
     } else {
@@ -213,7 +219,7 @@ fn weigh_body(blend: &Blend, window: &Window, len: usize, weights: &mut Vec<f32>
     let borders = high - low;
     let count = (borders + 1).next_multiple_of(LANES);
     let from = weights.len();
-    // The last lanes of a run may lie beyond the weights.
+    // The last SIMD block of a run may extend beyond the weights.
     weights.resize(from + count + LANES, 0.0);
     let left = &mut weights[from..];
     if end - start < BEYOND {
@@ -229,7 +235,7 @@ fn weigh_body(blend: &Blend, window: &Window, len: usize, weights: &mut Vec<f32>
             let mut here = [end; LANES];
             for k in 0..LANES {
                 let inside = left[k].max(start).min(end);
-                // The last pixel gets the remaining light.
+                // The last pixel gets all the remaining light.
                 here[k] = if block * LANES + k < borders {
                     inside
                 } else {
@@ -246,7 +252,7 @@ fn weigh_body(blend: &Blend, window: &Window, len: usize, weights: &mut Vec<f32>
     weights.truncate(from + count);
 }
 
-/// Returns z Phi(z) + phi(z), the antiderivative of the normal distribution.
+/// Returns z Phi(z) + phi(z), the antiderivative of the normal distribution Phi.
 #[inline(always)]
 fn first(z: f32) -> f32 {
     let (density, distribution) = normal(z);
@@ -260,7 +266,7 @@ fn second(z: f32) -> f32 {
     0.5 * ((z * z + 1.0) * distribution + z * density)
 }
 
-/// Returns the density and the distribution of the normal distribution, the latter with an error
+/// Returns the density phi and the distribution Phi of the normal distribution, Phi with an error
 /// below 3e-7 (Abramowitz and Stegun 26.2.17, rounded).
 #[inline(always)]
 fn normal(z: f32) -> (f32, f32) {
@@ -273,8 +279,8 @@ fn normal(z: f32) -> (f32, f32) {
     (density, if z < 0.0 { tail } else { 1.0 - tail })
 }
 
-/// Returns 2^`y` for `y` of at most 0, by the Taylor series within half an octave of an integer;
-/// 2^-126 for smaller values.
+/// Returns 2^`y` for `y` of at most 0, or 2^-126 for `y` below -126. The Taylor series is evaluated
+/// within half an octave of an integer.
 #[inline(always)]
 fn exp2(y: f32) -> f32 {
     /// Adding this number leaves the nearest integer in the low bits of the sum.
@@ -363,7 +369,8 @@ mod tests {
         assert!(worst < 2e-4, "{worst}");
     }
 
-    /// On a machine with AVX2 this compares the AVX2 code with the code for any x86-64.
+    /// The results are bit-identical: on a machine with AVX2, the AVX2 code is compared with the
+    /// code for any x86-64 machine.
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
         let mixture = mixture();

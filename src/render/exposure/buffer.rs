@@ -12,47 +12,45 @@ use phasmid_pattern::Axis;
 pub(crate) struct GeometryBuffer {
     pub(crate) width: usize,
     pub(crate) height: usize,
-    /// Projector coordinate of the pixel's centre, in pixels; NaN if missing.
+    /// Projector column (x) that lights the pixel's centre, in projector pixels; NaN if missing.
     pub(crate) x: Vec<f32>,
     pub(crate) y: Vec<f32>,
-    /// Derivatives of x with respect to camera column and row; empty when no pattern varies along
-    /// x.
+    /// Derivatives of x with respect to camera column and row; empty if no pattern varies along x.
     pub(crate) x_slope: Vec<[f32; 2]>,
-    /// Derivatives of y; empty when no pattern varies along y.
+    /// Derivatives of y with respect to camera column and row; empty if no pattern varies along y.
     pub(crate) y_slope: Vec<[f32; 2]>,
-    /// Electrons per second under full white; 0 where unlit.
+    /// Electrons per second from the projector at full white; 0 where its light does not arrive.
     pub(crate) projected: Vec<f32>,
-    /// Electrons per second of ambient light.
+    /// Electrons per second from ambient light.
     pub(crate) ambient: Vec<f32>,
-    /// Flicker amplitude of the ambient light in electrons per second; empty when all light is
-    /// steady.
+    /// Flicker amplitude of the ambient light in electrons per second; empty if all light is steady.
     pub(crate) flickering: Vec<f32>,
-    /// One bit per lamp, set if it lights the pixel's centre; empty without lamps.
+    /// One bit for each lamp, set if the lamp lights the pixel's centre; empty without lamps.
     pub(crate) lamps: Vec<u32>,
     /// Depth z in the camera's frame in millimetres; NaN where no surface is visible.
     pub(crate) depth: Vec<f32>,
-    /// Surface seen by the pixel's centre.
+    /// Surface that the pixel's centre sees.
     pub(crate) surface: Vec<u32>,
-    /// Unit normal of that surface, facing the camera.
+    /// Unit normal of that surface, on the side of the camera.
     pub(crate) normal: Vec<[f32; 3]>,
     /// Standard deviation of the projector's blur along x in projector pixels; empty without
     /// defocus.
     pub(crate) blur: Vec<f32>,
-    /// Blur along y over blur along x, less 1: 0 if projector pixels are square.
+    /// Ratio of the blur along y to the blur along x, minus 1: 0 if projector pixels are square.
     pub(crate) blur_stretch: f32,
-    /// Electrons per second for 1 W/m^2 of uniform ambient light; empty without interreflection.
+    /// Electrons per second per W/m^2 of uniform ambient light; empty without interreflection.
     pub(crate) evenly: Vec<f32>,
     /// Indirect light between surfaces; empty without interreflection.
     pub(crate) interreflection: InterreflectionMap,
-    /// Weights of the pattern's columns (x) and rows (y) under blur: for each pixel, then for the
-    /// sixteen samples of each mixed pixel. `None` without defocus and skin, or if no pattern
-    /// varies along that axis.
+    /// Weights of the pattern's columns (x) and rows (y) in each blurred footprint: first for the
+    /// footprint of each pixel, then for the sixteen samples of each mixed pixel. `None` without
+    /// defocus and skin, or if no pattern varies along that axis.
     pub(crate) kernels: [Option<Kernels>; 2],
-    /// Entry point and spread of light under skin; `None` without skin.
+    /// Where light enters the skin, and how it spreads under it; `None` without skin.
     pub(crate) skin: Option<SkinMaps>,
     /// Flags such as `Truth::SEEN`.
     pub(crate) flags: Vec<u8>,
-    /// Samples of the mixed pixels, whose footprint covers more than one surface, in pixel order.
+    /// Samples of the mixed pixels, whose footprints cover more than one surface, in pixel order.
     pub(crate) mixed: Vec<Mixed>,
 }
 
@@ -66,15 +64,15 @@ pub(crate) struct Mixed {
     pub(crate) y: [f32; 16],
     pub(crate) x_slope: [[f32; 2]; 16],
     pub(crate) y_slope: [[f32; 2]; 16],
-    /// Electrons per second under full white, 0 for unlit samples.
+    /// Electrons per second from the projector at full white; 0 for unlit samples.
     pub(crate) projected: [f32; 16],
-    /// Electrons per second of ambient light, averaged.
+    /// Electrons per second from ambient light, averaged over the samples.
     pub(crate) ambient: f32,
-    /// Flicker amplitude of the ambient light in electrons per second, averaged.
+    /// Flicker amplitude of the ambient light in electrons per second, averaged over the samples.
     pub(crate) flickering: f32,
-    /// Blur of each sample, as in the maps; 0 without defocus.
+    /// Blur of each sample, as in [`GeometryBuffer::blur`]; 0 without defocus.
     pub(crate) blur: [f32; 16],
-    /// Subsurface spread at each sample; `None` if no sample is skin.
+    /// Spread of light under skin at each sample; `None` if no sample is on skin.
     pub(crate) skin: Option<Box<Samples>>,
 }
 
@@ -96,10 +94,10 @@ impl Mixed {
     }
 }
 
-/// A band of rows of the maps, for one task.
+/// A band of rows of the maps, which one task fills.
 pub(crate) struct Band<'a> {
     pub(crate) first_row: usize,
-    /// Rows of a band; the last one may have fewer.
+    /// Number of rows of each band; the last band may have fewer.
     pub(crate) rows: usize,
     pub(crate) x: &'a mut [f32],
     pub(crate) y: &'a mut [f32],
@@ -118,7 +116,7 @@ pub(crate) struct Band<'a> {
 }
 
 impl GeometryBuffer {
-    /// Resizes the maps and allocates those the plan needs, overwriting previous contents.
+    /// Resizes the maps and allocates the maps that the plan needs. Previous contents are lost.
     pub(crate) fn resize(&mut self, width: usize, height: usize, plan: &Plan) {
         let n = width * height;
         (self.width, self.height) = (width, height);
@@ -154,7 +152,7 @@ impl GeometryBuffer {
         self.mixed.clear();
     }
 
-    /// Splits the maps into bands of `rows` rows.
+    /// Splits the maps into bands of `rows` rows each.
     pub(crate) fn bands(&mut self, rows: usize) -> Vec<Band<'_>> {
         let n = rows * self.width;
         let (mut xs, mut ys) = (self.x_slope.chunks_mut(n), self.y_slope.chunks_mut(n));
@@ -196,12 +194,13 @@ impl GeometryBuffer {
 }
 
 impl GeometryBuffer {
-    /// Returns the projector's blur along x and y, for its blur along x.
+    /// Returns the projector's blur along x and along y, given the blur along x.
     pub(crate) fn blur_along(&self, blur: f32) -> [f32; 2] {
         [blur, blur * (1.0 + self.blur_stretch)]
     }
 
-    /// Returns the projector coordinate along an axis from which each pixel's light comes.
+    /// Returns, for each pixel, the projector coordinate along an axis at which the pixel's light
+    /// comes from the projector.
     pub(crate) fn lit_from(&self, axis: Axis) -> &[f32] {
         match (&self.skin, axis) {
             (Some(skin), Axis::X) => &skin.from[0],
@@ -211,7 +210,7 @@ impl GeometryBuffer {
         }
     }
 
-    /// Computes the blur kernels the plan needs, for a pattern of `size` columns and rows.
+    /// Computes the blur kernels that the plan needs, for a pattern with `size` columns and rows.
     pub(crate) fn blur_footprints(&mut self, size: [usize; 2], plan: &Plan) {
         if !plan.has(Term::ProjectorDefocus) && !plan.has(Term::Subsurface) {
             return;

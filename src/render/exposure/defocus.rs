@@ -1,4 +1,4 @@
-//! Projector defocus: blur width at each point as a function of depth.
+//! Projector defocus: width of the blur as a function of the depth of a point.
 
 use super::bell::Bell;
 use super::bell::Soft;
@@ -9,20 +9,21 @@ use phasmid_profile::Projector;
 
 /// Blur of a thin lens. The disc of [`Focus`](phasmid_profile::Focus) is approximated by a Gaussian
 /// of equal variance, (c/4)^2 along each axis for a disc of diameter c. While a fringe keeps at
-/// least six tenths of its contrast, the two agree within 0.03 (tested). For stronger blur the
-/// contrast of an ideal disc vanishes and inverts (less so for real lenses, whose discs have soft
-/// rims), while the Gaussian's keeps falling; such fringes are not measurable in either case.
+/// least six tenths of its contrast, its contrasts under disc and Gaussian agree within 0.03
+/// (tested). For stronger blur, the contrast under an ideal disc vanishes and inverts (less so for
+/// physical lenses, whose discs have soft rims), while the contrast under the Gaussian keeps
+/// falling; such fringes are not measurable in either case.
 pub(crate) struct Defocus {
     pupil: DVec3,
     /// The projector's optical axis in the rig's frame.
     axis: DVec3,
-    /// fx times aperture over 4, in mm px.
+    /// Horizontal focal length fx times aperture over 4, in mm px.
     pub(crate) strength: f64,
-    /// fy / fx: the blur along y over that along x, each in projector pixels.
+    /// Ratio fy / fx of the focal lengths: blur along y over blur along x, each in projector pixels.
     pub(crate) aspect: f64,
-    /// 1 / focused distance.
+    /// Inverse of the focused distance, in 1/mm.
     pub(crate) sharp: f64,
-    /// Columns and rows of the pattern.
+    /// Number of columns and rows of the pattern.
     size: [f64; 2],
     bell: Bell,
 }
@@ -45,8 +46,8 @@ impl Defocus {
         }
     }
 
-    /// Dims points near the pattern's border: the part of a blurred footprint beyond the border
-    /// receives no light. Light that blur carries out of the field is neglected.
+    /// Dims points near the pattern's border: a blurred footprint receives no light from beyond the
+    /// border. Light that blur carries out of the projector's field is neglected.
     pub(crate) fn dim_border(&self, shaded: &mut Shaded) {
         for lane in (0..LANES).filter(|&lane| shaded.reachable[lane]) {
             let across = self.sigma_px(DVec3::from_array(shaded.point.map(|axis| axis[lane])));
@@ -69,7 +70,7 @@ impl Defocus {
     }
 
     /// Returns the standard deviation of the blur along x, in projector pixels, at a point in the
-    /// rig's frame; along y it is `aspect` times that.
+    /// rig's frame. The blur along y is `aspect` times as large.
     pub(crate) fn sigma_px(&self, point: DVec3) -> f64 {
         let z = self.axis.dot(point - self.pupil);
         self.strength * (self.sharp - 1.0 / z).abs()
@@ -81,8 +82,9 @@ mod tests {
     use super::*;
     use phasmid_profile::{Focus, Profile};
 
-    /// Fringe contrast at a point on the axis by direct integration over the pupil: by similar
-    /// triangles a pupil point p maps to focal_px p (1/distance - 1/z).
+    /// Compares the Gaussian with the fringe contrast at a point on the axis, integrated directly
+    /// over the pupil: by similar triangles, a pupil point p is imaged at focal_px p (1/distance -
+    /// 1/z).
     #[test]
     fn the_gaussian_stands_for_the_disc() {
         let mut profile = Profile::load("pmp-bench").unwrap();

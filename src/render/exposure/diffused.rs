@@ -1,11 +1,11 @@
-//! Pattern images on skin.
+//! Exposes skin to pattern images that vary along both axes.
 //!
 //! A normal distribution is a mixture of uniform distributions whose squared half widths follow a
 //! chi-square distribution with three degrees of freedom. Three uniform distributions, chosen by
-//! Gauss-Laguerre quadrature, match its moments up to the eleventh. So each Gaussian of the spread is
-//! replaced by three squares on the image, whose means the table provides. Along columns and rows
-//! this is accurate to about 4 of 255 levels for a fringe and 7 for Gray code; along diagonals it is
-//! coarser.
+//! Gauss-Laguerre quadrature, match the moments of the normal distribution up to the eleventh. Each
+//! Gaussian of the spread is therefore replaced by three squares on the image, and the table gives
+//! the mean level of each square. Along columns and rows this is accurate to about 4 of 255 levels
+//! for a fringe and 7 for Gray code; along diagonals it is coarser.
 
 use super::super::skin::Component;
 use super::blend::Spread;
@@ -13,14 +13,14 @@ use super::buffer::{GeometryBuffer, Mixed};
 use super::image_table::ImageTable;
 use super::skin_maps::SkinMaps;
 
-/// Weights of the three squares, and their squared half widths over the variance.
+/// For each of the three squares: its weight, and its squared half width divided by the variance.
 const SQUARES: [(f32, f32); 3] = [
     (0.640_001_2, 1.332_651_8),
     (0.344_575_14, 5.601_55),
     (0.015_423_678, 14.065_798),
 ];
 
-/// Recomputes the exposure for pixels that see lit skin.
+/// Replaces the exposure of the pixels that see lit skin.
 pub(super) fn pixels(
     map: &GeometryBuffer,
     skin: &SkinMaps,
@@ -43,7 +43,7 @@ pub(super) fn pixels(
     }
 }
 
-/// Same as [`pixels`] for the samples of a mixed pixel.
+/// Same as [`pixels`], for the samples of a mixed pixel.
 pub(super) fn samples(
     map: &GeometryBuffer,
     skin: &SkinMaps,
@@ -80,7 +80,8 @@ impl Footprint {
                 (c.sigma_mm as f32 * spread[axis].px_per_mm).hypot(self.blur[axis])
             });
             let square = |(weight, width): (f32, f32)| {
-                // `average` expects a standard deviation; a box of half width h has h / sqrt(3).
+                // `average` expects a standard deviation; the standard deviation of a box of half
+                // width h is h / sqrt(3).
                 let blur = sigma.map(|sigma| sigma * (width / 3.0).sqrt());
                 weight * image.average(self.at, x, y, blur)
             };

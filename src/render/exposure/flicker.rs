@@ -21,10 +21,10 @@ impl Flicker {
         }
     }
 
-    /// Returns the mean of cos(2 pi f t + phase) over an exposure: the cosine at its middle times
-    /// sin(pi f T) / (pi f T), since the integral of a cosine is a difference of sines. Whole
-    /// periods are removed in integer arithmetic, so that the billionth frame is as accurate as the
-    /// first, and the mean over whole periods is exactly zero.
+    /// Returns the mean of cos(2 pi f t + phase) over an exposure of length T: the cosine at the
+    /// middle of the exposure times sin(pi f T) / (pi f T), since the integral of a cosine is a
+    /// difference of sines. Whole periods are removed in integer arithmetic, so that the billionth
+    /// frame is as accurate as the first, and the mean over whole periods is exactly zero.
     pub(crate) fn swing(&self, start_ns: u64, exposure_ns: u64) -> f64 {
         let f = u128::from(self.frequency_hz);
         let turns = u128::from(exposure_ns) * f;
@@ -40,8 +40,8 @@ impl Flicker {
     }
 }
 
-/// Adds flickering light to the electrons of the pixels from `first` on; `seconds` is the exposure
-/// times the mean flicker over it.
+/// Adds flickering light to the electrons of the pixels that start at index `first`; `seconds` is
+/// the exposure times the mean of the flicker over it.
 pub(crate) fn add(map: &GeometryBuffer, seconds: f32, first: usize, electrons: &mut [f32]) {
     let flickering = &map.flickering[first..first + electrons.len()];
     for (e, f) in electrons.iter_mut().zip(flickering) {
@@ -49,7 +49,7 @@ pub(crate) fn add(map: &GeometryBuffer, seconds: f32, first: usize, electrons: &
     }
 }
 
-/// Returns the electrons of one pixel, with flickering light added if there is any.
+/// Returns the electrons of one pixel, with flickering light added if `seconds` is given.
 pub(crate) fn with(electrons: f32, seconds: Option<f32>, flickering: f32) -> f32 {
     seconds.map_or(electrons, |seconds| both(electrons, seconds, flickering))
 }
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn flicker_does_not_drift_over_a_billion_frames() {
-        // 10^9 frames of 20 ms are whole periods of 100 Hz.
+        // In 10^9 frames of 20 ms there is a whole number of periods of 100 Hz.
         let light = flicker(100, 12.0);
         let late = 1_000_000_000 * 20_000_000;
         for start in [0, 1, 4_321_987] {

@@ -1,8 +1,9 @@
-//! An image pattern, prepared for averaging over footprints.
+//! An image pattern, prepared for averages over footprints.
 
 use super::row_table::WIDEST;
 
-/// A footprint is divided into parts with a slant below half a pattern pixel, up to 8 by 8 parts.
+/// Inverse of the maximum slant of a part of a footprint, in pattern pixels. A footprint is divided
+/// into at most 8 by 8 parts.
 const PARTS_PER_PX: f32 = 2.0;
 const MOST_PARTS: usize = 8;
 
@@ -33,12 +34,13 @@ impl ImageTable {
         }
     }
 
-    /// Returns the average level, 0 to 1, over a parallelogram footprint. It is divided into enough
-    /// parts to follow its slant; each part is replaced by the rectangle with the same second
-    /// moments.
+    /// Returns the average level, 0 to 1, over a parallelogram footprint. The footprint is divided
+    /// into enough parts to follow its slant, and each part is replaced by the rectangle with the
+    /// same second moments.
     ///
-    /// A blur with standard deviations `blur` along columns and rows is added to those moments.
-    /// This approximation preserves mean and width of each part but not the Gaussian's shape.
+    /// A blur with standard deviations `blur` along columns and rows is added to the second moments
+    /// of each part. This approximation preserves the mean and width of the part but not the shape
+    /// of the Gaussian.
     pub(super) fn average(
         &self,
         [x, y]: [f32; 2],
@@ -48,10 +50,10 @@ impl ImageTable {
     ) -> f32 {
         let lesser = |s: [f32; 2]| s[0].abs().min(s[1].abs());
         let slant = lesser(x_slope).max(lesser(y_slope));
-        // NaN counts as no slant.
+        // A slant of NaN counts as no slant.
         let parts = ((slant * PARTS_PER_PX).ceil() as usize).clamp(1, MOST_PARTS);
         let narrow = 1.0 / parts as f32;
-        // A box with a Gaussian's variance is sqrt(12) standard deviations wide.
+        // A box with the same variance as a Gaussian is sqrt(12) of its standard deviations wide.
         let width = |s: [f32; 2], blur: f32| {
             let part = s[0].hypot(s[1]) * narrow;
             f64::from(part.hypot(blur * 12f32.sqrt()).clamp(1e-3, WIDEST))
@@ -72,7 +74,7 @@ impl ImageTable {
 
     /// Returns the mean level over a rectangle centred on a position.
     fn rectangle(&self, (x, y): (f32, f32), (w, h): (f64, f64)) -> f64 {
-        // Converts from pixel centres to table corners.
+        // Converts positions relative to pixel centres to positions relative to table corners.
         let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
         let clip = |low: f64, high: f64, end: usize| {
             let end = end as f64;
@@ -85,8 +87,8 @@ impl ImageTable {
         total / ((x1 - x0) * (y1 - y0))
     }
 
-    /// Returns the integral from the image corner; bilinear interpolation is exact for square
-    /// pixels.
+    /// Returns the integral of the levels from the image corner to a point; bilinear interpolation
+    /// is exact because levels are constant within a pixel.
     fn sum(&self, x: f64, y: f64) -> f64 {
         let (i, j) = (
             (x as usize).min(self.width - 1),
@@ -111,12 +113,12 @@ impl ImageTable {
         [self.width, self.height]
     }
 
-    /// Returns the corner sums, row by row: integers, which f64 represents exactly.
+    /// Returns the sums at the corners, row by row. They are integers, which f64 represents exactly.
     pub(crate) fn sums(&self) -> &[f64] {
         &self.sums
     }
 
-    /// Returns the light per unit of the levels.
+    /// Returns the light, relative to full white, per unit of the levels.
     pub(crate) fn scale(&self) -> f32 {
         self.scale
     }
@@ -126,7 +128,7 @@ impl ImageTable {
 mod tests {
     use super::*;
 
-    /// Returns the mean over a parallelogram from 300 x 300 samples.
+    /// Returns the mean level over a parallelogram footprint, from 300 x 300 samples.
     fn sampled(levels: &[u16], at: [f32; 2], x_slope: [f32; 2], y_slope: [f32; 2]) -> f64 {
         let n = 300;
         let mut sum = 0.0;

@@ -9,17 +9,17 @@ use phasmid_core::simd::widest;
 use phasmid_pattern::Axis;
 use rayon::prelude::*;
 
-/// Points per parallel task.
+/// Number of gather points per parallel task.
 const TASK: usize = 256;
 
 /// Indirect light of a pattern at the gather points.
 pub(crate) struct Indirect {
-    /// Irradiance in W/m^2; empty without indirect light.
+    /// Irradiance of each gather point in W/m^2; empty without indirect light.
     points: Vec<f32>,
 }
 
 impl Indirect {
-    /// Averages a pattern shown at full light.
+    /// Averages a pattern that the projector shows at full light.
     pub(crate) fn new(interreflection: &InterreflectionMap, table: &Table) -> Self {
         let mut points = Vec::new();
         if !interreflection.weight.is_empty() {
@@ -32,8 +32,8 @@ impl Indirect {
         Self { points }
     }
 
-    /// Adds the electrons of the pixels from `first` on. `seconds` is the exposure times the
-    /// projector's light relative to full.
+    /// Adds the indirect light to the electrons of the pixels that start at index `first`. `seconds`
+    /// is the exposure times the projector's light relative to full.
     pub(crate) fn add(
         &self,
         interreflection: &InterreflectionMap,
@@ -47,7 +47,7 @@ impl Indirect {
     }
 }
 
-/// Computes the light of the points from `first` on.
+/// Computes the irradiance of the gather points that start at index `first`.
 fn average(interreflection: &InterreflectionMap, table: &Table, first: usize, points: &mut [f32]) {
     match table {
         Table::Uniform(level) => {
@@ -83,7 +83,7 @@ fn average(interreflection: &InterreflectionMap, table: &Table, first: usize, po
     }
 }
 
-/// Returns the ray blocks of a point.
+/// Returns the indices of a gather point's blocks of rays.
 #[inline(always)]
 fn blocks(interreflection: &InterreflectionMap, point: usize) -> std::ops::Range<usize> {
     let end = |point: usize| interreflection.ends[point] as usize;

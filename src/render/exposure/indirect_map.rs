@@ -1,4 +1,4 @@
-//! Settings of the gathering of indirect light, and the map that it fills.
+//! Settings for gathering indirect light, and the map that stores the result.
 
 use phasmid_profile::Interreflection;
 
@@ -10,7 +10,8 @@ pub(crate) struct Gathering {
 }
 
 impl Gathering {
-    /// The settings of a scene, or defaults until its error bound has determined them.
+    /// Returns the settings of a scene. For settings that the scene leaves open, returns defaults,
+    /// which are used until the error bound of the scene has determined them.
     pub(crate) fn new(wanted: Interreflection) -> Self {
         Self {
             samples: wanted.samples.unwrap_or(64),
@@ -19,35 +20,39 @@ impl Gathering {
     }
 }
 
-/// Rays averaged together (SIMD block).
+/// Number of rays that are averaged together (one SIMD block).
 pub(crate) const BLOCK: usize = 8;
 
-/// Indirect light, prepared for the exposure of frames.
+/// Indirect light between surfaces, prepared for the exposure of frames.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct InterreflectionMap {
     /// For each gather point, the end index of its blocks of rays.
     pub(crate) ends: Vec<u32>,
     /// Irradiance of each gather point in W/m^2 under full white.
     pub(crate) white: Vec<f32>,
-    /// Projector coordinates of the rays' hits; zeros for padding rays. As in the maps, empty when
-    /// no pattern varies along that axis.
+    /// Projector coordinates of the points that the rays hit; zeros for padding rays. Empty if no
+    /// pattern varies along that axis.
     pub(crate) x: Vec<[f32; BLOCK]>,
     pub(crate) y: Vec<[f32; BLOCK]>,
-    /// Derivatives of the coordinates along the two sides of each ray's patch of the hemisphere.
+    /// Derivatives of the coordinates along the two sides of the patch of the hemisphere that each
+    /// ray represents.
     pub(crate) x_slope: Vec<[[f32; 2]; BLOCK]>,
     pub(crate) y_slope: Vec<[[f32; 2]; BLOCK]>,
     /// Irradiance contributed by each ray under full white, in W/m^2.
     pub(crate) weight: Vec<[f32; BLOCK]>,
-    /// For each pixel, the first of the four points it is interpolated from.
+    /// For each pixel, the index of the first of the four gather points from which its light is
+    /// interpolated.
     pub(crate) first: Vec<u32>,
-    /// Electrons per second that 1 W/m^2 at each of these four points contributes to the pixel.
+    /// For each pixel, the electrons per second that 1 W/m^2 at each of these four gather points
+    /// contributes.
     pub(crate) shares: Vec<[f32; 4]>,
-    /// Points per grid row: the four are `first`, the next one, and those one row below.
+    /// Number of gather points per row of their grid. The four points of a pixel are `first`, the
+    /// next one, and the two below them in the next row.
     pub(crate) stride: usize,
 }
 
 impl InterreflectionMap {
-    /// Interpolates a quantity given at the gather points for a pixel.
+    /// Interpolates a quantity that is given at the gather points, for one pixel.
     #[inline(always)]
     pub(crate) fn at(&self, pixel: usize, points: &[f32]) -> f32 {
         let first = self.first[pixel] as usize;
@@ -56,7 +61,8 @@ impl InterreflectionMap {
         (a * near[0] + b * near[1]) + (c * far[0] + d * far[1])
     }
 
-    /// Returns the number of points, including those past the end that [`Self::at`] may access.
+    /// Returns the number of gather points, including padding past the end that [`Self::at`] may
+    /// access.
     pub(crate) fn padded(&self) -> usize {
         self.ends.len() + self.stride + 2
     }

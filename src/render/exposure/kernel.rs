@@ -1,16 +1,17 @@
 //! Blurred footprints as weights of pattern pixels.
 //!
-//! A footprint is a trapezoid (see `row_table`), convolved with a Gaussian blur. The fraction of
-//! the result left of a border at distance e from the middle is
+//! A footprint is a trapezoid (see `row_table`), convolved with a Gaussian blur. The fraction of the
+//! blurred trapezoid to the left of a border at distance e from its middle is
 //!
 //! ```text
 //! (Q(e + (a+b)/2) - Q(e + (a-b)/2) - Q(e - (a-b)/2) + Q(e - (a+b)/2)) / (a b)
 //! ```
 //!
 //! with Q(e) = sigma^2 G(e / sigma) and G the second antiderivative of the normal distribution
-//! (`bell`). A pattern pixel's weight is the difference between its two borders. This is exact. It
-//! is computed once per scene state, in f64; a frame then needs a sum of a dozen products per
-//! pixel. Where light spreads under skin, `blend` computes the fraction in f32.
+//! (`bell`). The weight of a pattern pixel is the difference between the fractions at its two
+//! borders. This is exact. The weights are computed once per scene state, in f64; a frame then needs
+//! a sum of a dozen products per pixel. Where light spreads under skin, `blend` computes the
+//! fraction in f32.
 
 use super::bell::{Bell, Soft};
 use super::blend::{Blend, Spread};
@@ -18,16 +19,18 @@ use super::row_table::WIDEST;
 use super::window::{GROUPINGS, LANES, Window};
 use rayon::prelude::*;
 
-/// Pixels per task and lookup block.
+/// Number of pixels per task and per lookup block.
 const BLOCK: usize = 2048;
-/// Blur narrower than this fraction of the footprint changes a level by less than 0.05 of 255.
+/// Ratio of blur to footprint width below which blur is ignored: it changes a level by less than
+/// 0.05 of 255.
 const SHARP: f64 = 2e-4;
-/// Minimum standard deviation of a spread component, in projector pixels.
+/// Minimum standard deviation of a component of the spread, in projector pixels.
 const LEAST: f64 = 1e-6;
-/// Kernel reach beyond the footprint, in standard deviations. The remainder, 6e-5, is assigned to
-/// the last pixel.
+/// Distance that a kernel reaches beyond the footprint, in standard deviations. The light beyond it,
+/// a fraction of 6e-5, is assigned to the last pixel.
 const REACH: f64 = 4.0;
-/// Beyond this many standard deviations past the footprint the tail of a Gaussian is neglected.
+/// Distance beyond the footprint, in standard deviations, from which on the tail of a Gaussian is
+/// neglected.
 const END: f64 = 6.0;
 
 /// The kernels of many footprints, in order.
@@ -42,28 +45,28 @@ struct Block {
     weights: Vec<f32>,
 }
 
-/// Weights of one footprint; empty if it is sharp or unlit.
+/// Location of the weights of one footprint; `len` is 0 if the footprint is sharp or unlit.
 #[derive(Debug, Clone, Copy, Default)]
 struct Run {
     /// Index in the block of the first weight.
     from: u32,
     len: u32,
-    /// Group of the first weight.
+    /// Index of the group of pattern pixels that the first weight belongs to.
     group: u32,
-    /// Groups span 2^grouping pattern pixels.
+    /// Base-2 logarithm of the number of pattern pixels per group.
     grouping: u32,
 }
 
-/// Input for the kernel of a footprint.
+/// A footprint and its blur.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Blurred<'a> {
-    /// Projector coordinate of the centre in pixels.
+    /// Projector coordinate of the footprint's centre in pixels.
     pub(crate) x: f32,
     /// Derivatives of the coordinate with respect to camera column and row.
     pub(crate) slope: [f32; 2],
     /// Standard deviation of the blur in projector pixels; 0 if sharp or unlit.
     pub(crate) sigma: f32,
-    /// Subsurface spread; `None` if it is not lit skin.
+    /// Spread of light under skin; `None` if the footprint is not on lit skin.
     pub(crate) spread: Option<Spread<'a>>,
 }
 
@@ -88,7 +91,7 @@ impl Kernels {
         Self { blocks }
     }
 
-    /// Returns the average level under a footprint; `None` if it has no blur.
+    /// Returns the average level under the footprint with index `i`; `None` if it has no blur.
     #[inline(always)]
     pub(super) fn average(&self, i: usize, row: &HeldRow) -> Option<f32> {
         let block = &self.blocks[i / BLOCK];
@@ -118,7 +121,7 @@ impl Block {
                 Some(window)
             }
             Some(spread) => {
-                // A spread may have sharp components.
+                // Some components of a spread may be sharp.
                 let blend = Blend::new(boxes, sigma, spread, sharp.max(LEAST));
                 let (outer, beyond) = blend.reach();
                 let [narrowest, widest] = blend.sigmas();
@@ -139,7 +142,8 @@ impl Block {
     }
 
     /// Appends the weights of the window's pixels or groups under a trapezoid with Gaussian blur.
-    /// Borders further than `beyond` from its centre have all light on one side.
+    /// All light is taken to lie on one side of a border that is further than `beyond` from the
+    /// centre.
     fn weigh(&mut self, window: &Window, len: usize, soft: &Soft<'_>, beyond: f64) {
         let left_of = |e: f64| {
             if e > beyond {
@@ -151,10 +155,10 @@ impl Block {
             }
         };
         let from = self.weights.len();
-        // The geometry pass accounts for the part beyond the pattern's ends; the kernel is the mean
-        // over the part inside.
+        // The geometry pass accounts for the part of the footprint beyond the pattern's ends, so the
+        // kernel is the mean over the part inside.
         let (start, end) = (left_of(-window.middle), left_of(len as f64 - window.middle));
-        // For a kernel far beyond an end, only the last pixel gets weight.
+        // Only the last pixel gets weight if the kernel lies far beyond an end of the pattern.
         let part = (end - start).max(1e-9);
         let mut before = start;
         for i in window.low..window.high {
@@ -169,20 +173,21 @@ impl Block {
     }
 }
 
-/// A pattern row for kernels: the light of each pixel, and the means over groups of pixels.
+/// A pattern row for kernels: the light of each pixel, and the mean light of groups of pixels.
 pub(crate) struct HeldRow {
     groupings: Vec<Vec<f32>>,
 }
 
 impl HeldRow {
-    /// Creates a row from the `light` of each pixel, relative to full white.
+    /// Creates a row from the `light` of each of its pixels, relative to full white.
     pub(super) fn new(light: &[f64]) -> Self {
         let last = light.last().copied().unwrap_or(0.0);
         let mut means = light.to_vec();
         let groupings = (0..GROUPINGS)
             .map(|_| {
                 let mut row: Vec<f32> = means.iter().map(|&mean| mean as f32).collect();
-                // Weights are padded with zeros to whole lanes.
+                // The weights of a kernel are padded with zeros to whole SIMD blocks, so pad the row
+                // as well.
                 row.resize(row.len() + LANES, last as f32);
                 means = means
                     .chunks(2)
@@ -194,7 +199,7 @@ impl HeldRow {
         Self { groupings }
     }
 
-    /// Returns the light of each pixel, then of each group of 2, 4 and so on.
+    /// Returns the light of each pixel, then the mean light of each group of 2, of 4 and so on.
     pub(crate) fn groupings(&self) -> &[Vec<f32>] {
         &self.groupings
     }
@@ -234,9 +239,9 @@ mod tests {
         }
     }
 
-    /// Reference mean of a blurred row over the footprint: midpoint rule over the trapezoid,
-    /// summing for each position the normal distribution between the borders of each pixel,
-    /// normalised to the part on the pattern.
+    /// Reference for the mean of a blurred row over the footprint. It uses the midpoint rule over
+    /// the trapezoid: for each position, it sums the integral of the Gaussian over each pixel times
+    /// the pixel's level, normalised to the part on the pattern.
     fn integrated(levels: &[f64], footprint: Blurred<'_>) -> f64 {
         let [a, b] = footprint.slope.map(|s| f64::from(s.abs()));
         let sigma = f64::from(footprint.sigma);
@@ -279,7 +284,8 @@ mod tests {
                     [1.0, 30.0],
                 ] {
                     for x in [0.2, 599.9, 602.3, 602.5, 603.7, 1199.0] {
-                        // Pixels are grouped at this sigma and above.
+                        // Near an end of the pattern the tolerance is larger where pixels are
+                        // grouped, which is from this sigma on.
                         let near_end = !(1.0..1198.0).contains(&x);
                         let bar = if near_end && sigma >= 96.0 { 0.5 } else { 0.05 };
                         let footprint = blurred(x, slope, sigma);
@@ -297,8 +303,8 @@ mod tests {
 
     #[test]
     fn a_blurred_cosine_has_the_contrast_of_the_closed_form() {
-        // Pixels attenuate a cosine by sinc(1/P), the footprint by sinc(a/P) sinc(b/P), and the
-        // Gaussian by exp(-2 pi^2 sigma^2 / P^2).
+        // Averaging over pattern pixels attenuates a cosine of period P by sinc(1/P), the footprint
+        // by sinc(a/P) sinc(b/P), and the Gaussian by exp(-2 pi^2 sigma^2 / P^2).
         let period = 24.0;
         let phase = |x: f64| std::f64::consts::TAU * x / period;
         let row: Vec<f64> = (0..960)

@@ -11,7 +11,7 @@ use phasmid_profile::{self as profile, Scene};
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lamp {
     pub(crate) shape: LampShape,
-    /// Amplitude of its flicker relative to its mean.
+    /// Amplitude of the lamp's flicker relative to its mean light.
     pub(crate) depth: f64,
 }
 
@@ -65,8 +65,8 @@ impl Lamp {
         match self.shape {
             LampShape::Point { at, intensity_w_sr } => {
                 let way = at - point;
-                // Inverse-square law, millimetres to metres. At the lamp itself the direction is
-                // undefined and the light is set to zero instead of infinity.
+                // Inverse-square law, converted from millimetres to metres. At the lamp itself the
+                // direction is undefined, and the irradiance is set to zero instead of infinity.
                 let distance2 = way.length_squared();
                 let towards = way.try_normalize().unwrap_or(DVec3::ZERO);
                 (towards, intensity_w_sr * 1e6 / distance2)

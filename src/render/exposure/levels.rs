@@ -3,16 +3,16 @@
 use super::super::{Plan, Term};
 use phasmid_profile::Projector;
 
-/// Light of each level.
+/// Light that the projector emits for each level.
 pub(super) struct Curve {
-    /// Light relative to full white, one entry per level; `None` if light is proportional to the
-    /// level.
+    /// Light relative to full white, one entry for each level; `None` if the light is proportional
+    /// to the level.
     light: Option<Vec<f64>>,
     full: f64,
 }
 
 impl Curve {
-    /// Creates the projector's curve with the terms in the plan.
+    /// Creates the projector's curve with the response and contrast terms that the plan includes.
     pub(super) fn new(projector: &Projector, plan: &Plan) -> Self {
         let mut projector = projector.clone();
         if !plan.has(Term::ProjectorResponse) {
@@ -40,9 +40,9 @@ impl Curve {
         }
     }
 
-    /// Returns integers proportional to the light of `levels`, and the light per unit: the levels
-    /// themselves, or 16-bit values if the response is non-linear (accurate to 1/500 of a grey
-    /// level of 255).
+    /// Returns integers proportional to the light of `levels`, and the light per unit of these
+    /// integers. The integers are the levels themselves or, if the response is non-linear, 16-bit
+    /// values (accurate to 1/500 of a grey level of 255).
     pub(super) fn integers(&self, levels: &[u16]) -> (Vec<u16>, f32) {
         match &self.light {
             Some(light) => {
@@ -75,7 +75,7 @@ mod tests {
         let levels: Vec<u16> = (0..256).collect();
         let (integers, scale) = curve.integers(&levels);
         for (level, &integer) in integers.iter().enumerate() {
-            // The formula, written out.
+            // The formulas of response curve and contrast ratio, written out.
             let power = (level as f64 / 255.0).powf(2.2);
             let light = 1.0 / 1500.0 + (1.0 - 1.0 / 1500.0) * power;
             let error = f64::from(f32::from(integer) * scale) - light;

@@ -1,5 +1,5 @@
-//! The exposure pass: the projector's light at each pixel, from the maps of the geometry pass; and
-//! the light sources and lenses that both passes use.
+//! The exposure pass computes the projector's light at each pixel from the maps of the geometry
+//! pass. This module also holds the light sources and lenses that both passes use.
 //!
 //! | module | contents |
 //! | --- | --- |

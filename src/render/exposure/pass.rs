@@ -1,7 +1,7 @@
 //! Exposure pass: the pattern's light at each pixel, averaged over the pixel's footprint.
 //!
-//! A pattern that varies along one axis is averaged exactly by its [`RowTable`] and, where the
-//! projector is out of focus, by kernels on its [`HeldRow`]; an image by its [`ImageTable`].
+//! A pattern that varies along one axis is averaged exactly by its [`RowTable`], or by kernels on
+//! its [`HeldRow`] where the projector is out of focus. An image is averaged by its [`ImageTable`].
 
 use super::super::{Plan, Term};
 use super::buffer::GeometryBuffer;
@@ -17,11 +17,11 @@ use phasmid_profile::Projector;
 
 /// A pattern prepared for averaging.
 pub(crate) enum Table {
-    /// One level, relative to full white.
+    /// Uniform light, relative to full white.
     Uniform(f32),
-    /// Levels along one axis, also prepared for kernels if there is projector defocus or skin.
+    /// Levels along one axis, and the row for kernels if there is projector defocus or skin.
     Row(Axis, RowTable, Option<HeldRow>),
-    /// Levels of each pattern pixel.
+    /// Levels of an image that varies along both axes.
     Image(ImageTable),
 }
 
@@ -62,11 +62,11 @@ impl Table {
     }
 }
 
-/// Computes the mean electrons of the pixels from `first` on, except mixed pixels: exposure time
-/// times the sum of ambient and pattern light.
+/// Computes the mean electrons of the pixels that start at index `first`, except mixed pixels:
+/// exposure time times the sum of ambient and pattern light.
 ///
-/// `seconds` is the exposure; `light` the projector's light relative to full, 0 when off; `swing`
-/// the exposure times the mean of the flicker over it, if anything flickers.
+/// `seconds` is the exposure time, `light` the projector's light relative to full (0 when off), and
+/// `swing` the exposure time times the mean of the flicker over it, if any light flickers.
 pub(crate) fn run(
     map: &GeometryBuffer,
     table: &Table,
@@ -81,7 +81,7 @@ pub(crate) fn run(
     }
 }
 
-/// Computes the mean electrons of steady light.
+/// Computes the mean electrons from steady light.
 fn average(
     map: &GeometryBuffer,
     table: &Table,
@@ -122,7 +122,7 @@ fn average(
     }
 }
 
-/// Returns the mean electrons of steady light of the `index`th mixed pixel.
+/// Returns the mean electrons that the mixed pixel with index `index` gets from steady light.
 pub(crate) fn mixed(
     map: &GeometryBuffer,
     index: usize,
@@ -167,7 +167,7 @@ widest! {
         electrons: &mut [f32],
     ) => blurred_body
 }
-/// Recomputes the result of `along_row` for pixels that have a kernel.
+/// Replaces the result of `along_row` for the pixels that have a blur kernel.
 #[inline(always)]
 fn blurred_body(
     map: &GeometryBuffer,
@@ -239,13 +239,13 @@ fn along_row_body(
         for (e, a) in e.iter_mut().zip(ambient) {
             *e = seconds * a;
         }
-        // Unlit pixels come in long runs: the branch is cheaper than their lookups.
+        // Unlit pixels come in long runs, so the branch is cheaper than their lookups.
         if projected.iter().all(|&p| p == 0.0) {
             continue;
         }
         let level = match (x.try_into(), slope.try_into()) {
             (Ok(x), Ok(slope)) => row.average(x, slope),
-            // End of the image: pad to a full block.
+            // The last block of the image is padded to a full block.
             _ => {
                 let (mut xs, mut slopes) = ([0.0; LANES], [[0.0; 2]; LANES]);
                 xs[..x.len()].copy_from_slice(x);

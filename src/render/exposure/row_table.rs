@@ -9,51 +9,55 @@
 //! (S(x + (a+b)/2) - S(x + (a-b)/2) - S(x - (a-b)/2) + S(x - (a+b)/2)) / (a b)
 //! ```
 //!
-//! with S the second antiderivative of the levels, quadratic on each pixel. Levels are integers, of
-//! 8 bits as displayed or of 16 with a non-linear response, so the sums are kept in wrapping
-//! integers relative to the centre, exact at any distance from the pattern's origin. The sums
-//! contain only differences from the level at the centre, which are zero if the footprint lies
-//! within one pixel.
+//! with S the second antiderivative of the levels, which is quadratic on each pixel. Levels are
+//! integers: 8 bits as displayed, or 16 bits with a non-linear response. The sums are therefore kept
+//! as wrapping integers relative to the centre, which is exact at any distance from the pattern's
+//! origin. They contain only differences from the level at the centre, which are zero if the
+//! footprint lies within one pixel.
 //!
-//! The difference of S over b suffers cancellation if b is small. If b is less than a pixel, each
-//! flank of the trapezoid contains at most one border, and the mean of the first antiderivative P
-//! over a flank is that of a straight line plus the kink at the border:
+//! The difference of S divided by b suffers cancellation if b is small. If b is less than a pixel,
+//! each flank of the trapezoid contains at most one border. The mean of the first antiderivative P
+//! over a flank is then the mean of a straight line plus a term for the kink at the border:
 //!
 //! ```text
 //! P(middle of the flank) + (level after the border - level before) t^2 / (2 b)
 //! ```
 //!
-//! with t the flank's part beyond the border. This has no cancellation, down to b = 0 and for
-//! footprints much smaller than a pixel.
+//! with t the length of the flank beyond the border. This has no cancellation, even for b = 0 and
+//! for footprints much smaller than a pixel.
 
 use phasmid_core::simd::widest;
 
-/// Maximum footprint width along one axis, in pattern pixels; wider ones (surfaces seen edge-on)
-/// are clamped. Doubled sums of 255 over 2000 pixels to either side stay below 2^31.
+/// Maximum width of a footprint along one axis, in pattern pixels; wider footprints (of surfaces
+/// seen edge-on) are clamped to it. Doubled sums of 255 over 2000 pixels to either side stay below
+/// 2^31.
 pub(crate) const WIDEST: f32 = 2000.0;
-/// Minimum width of the narrower box relative to the wider one, which avoids division by zero.
+/// Minimum ratio of the width of the narrower box to the width of the wider one, which avoids
+/// division by zero.
 const NARROWEST: f32 = 1.0 / 65536.0;
-/// Minimum footprint width in pattern pixels: smaller ones have no visible blur, and position
-/// rounding stays small relative to it.
+/// Minimum width of a footprint in pattern pixels; smaller footprints are widened to it. So small a
+/// footprint has no visible blur, and the rounding of positions stays small relative to it.
 const SMALLEST: f32 = 1.0 / 512.0;
 
-/// Upper limit of coordinates, beyond the largest pattern.
+/// Maximum coordinate, which lies beyond the end of the largest pattern.
 const LAST_PIXEL: f32 = 65536.0;
 
-/// Pixels averaged per SIMD block.
+/// Number of camera pixels averaged per SIMD block.
 pub(super) const LANES: usize = 8;
 pub(super) type Lanes = [f32; LANES];
 
-/// A row of pattern pixels with its running sums.
+/// A row of pattern pixels with the running sums of their levels.
 pub(crate) struct RowTable {
     cells: Vec<Cell>,
-    /// 1 / full level.
+    /// Inverse of the full level.
     scale: f32,
-    /// Whether second sums under a footprint may exceed 2^31, as with levels of more than 8 bits.
+    /// Whether second sums under a footprint may exceed 2^31, as they may with levels of more than 8
+    /// bits.
     long: bool,
 }
 
-/// A pixel: its level, and the first and doubled second antiderivative at its left border.
+/// A pattern pixel: its level, and the first and the doubled second antiderivative at its left
+/// border.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
 struct Cell {
@@ -66,9 +70,9 @@ struct Cell {
 struct Footprints {
     wide: Lanes,
     narrow: Lanes,
-    /// Pixels at the centres.
+    /// Indices of the pattern pixels at the centres of the trapezoids.
     middle: [i32; LANES],
-    /// Pixels at the trapezoids' corners, in ascending order.
+    /// Indices of the pattern pixels at the four corners of the trapezoids, in ascending order.
     index: [[i32; LANES]; 4],
     /// Distance of each corner from its pixel's left border.
     t: [[f32; LANES]; 4],
@@ -81,10 +85,11 @@ struct Corners {
 }
 
 impl RowTable {
-    /// Creates a table from levels in units of `scale`, in order along the axis.
+    /// Creates a table from levels along the axis, of which one unit is the light `scale`.
     pub(super) fn new(levels: &[u16], scale: f32) -> Self {
         let (mut sum, mut sum_of_sums) = (0u32, 0u64);
-        // The second antiderivative gains sum + level / 2 a pixel; it is kept doubled.
+        // With each pixel the second antiderivative gains sum + level / 2, so it is stored
+        // doubled.
         let cells = levels
             .iter()
             .map(|&level| {
@@ -106,9 +111,9 @@ impl RowTable {
         }
     }
 
-    /// Returns the average levels, 0 to 1, under the trapezoids centred on `x` with widths
-    /// |`slope`|. The pattern is extended by its end levels; whether light falls there is decided
-    /// by the geometry pass.
+    /// Returns the average levels, 0 to 1, under the trapezoids with centres `x` and widths
+    /// |`slope`|. The pattern is extended by its end levels; the geometry pass decides whether light
+    /// arrives there.
     ///
     /// The stages are loops over lanes, so that everything except the lookups runs in SIMD
     /// registers. Closures over lanes are avoided, because they are not inlined.
@@ -168,14 +173,14 @@ impl RowTable {
             let narrow = greatest(least(a, b), wide * NARROWEST);
             (at.wide[lane], at.narrow[lane]) = (wide, narrow);
             let (outer, inner) = ((wide + narrow) * 0.5, (wide - narrow) * 0.5);
-            // Positions are relative to the pattern pixel at x, so that rounding scales with the
-            // footprint and not with the coordinate.
+            // Positions are relative to the pattern pixel at x, so that rounding errors scale with
+            // the footprint and not with the coordinate.
             let here = floor(least(greatest(x[lane], -0.5), LAST_PIXEL) + 0.5);
             at.middle[lane] = here.clamp(0, last);
             let inside = x[lane] - here as f32;
             let corners = [-outer, -inner, inner, outer];
             for k in 0..4 {
-                // Relative to the left border of the pattern pixel at x.
+                // Offset from the left border of the pattern pixel at x.
                 let offset = inside + corners[k] + 0.5;
                 let index = (here + floor(offset)).clamp(0, last);
                 at.index[k][lane] = index;
@@ -185,15 +190,15 @@ impl RowTable {
         at
     }
 
-    /// Returns levels by second differences, relative to the centre's level; `LONG` if the sums
-    /// need 64 bits.
+    /// Returns the average levels relative to the level at the centre, computed by second
+    /// differences; `LONG` if the sums need 64 bits.
     #[inline(always)]
     fn thick<const LONG: bool>(&self, at: &Footprints, found: &Corners) -> Lanes {
         let mut average = [0.0; LANES];
         for lane in 0..LANES {
             let here = self.cells[at.middle[lane] as usize];
-            // S of the differences from the centre's level, starting at the centre pixel's left
-            // border.
+            // Second antiderivative S of the differences from the level at the centre, starting at
+            // the left border of the centre pixel.
             let s = |k: usize| {
                 let t = at.t[k][lane];
                 let steps = (at.index[k][lane] - at.middle[lane]) as u32;
@@ -223,7 +228,7 @@ impl RowTable {
         average
     }
 
-    /// Returns the average levels of a mixed pixel's samples.
+    /// Returns the average level of each sample of a mixed pixel.
     pub(super) fn average_mixed(&self, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f32; 16] {
         along_mixed(self, x, slope)
     }
@@ -233,7 +238,8 @@ impl RowTable {
         size_of_val(self.cells.as_slice())
     }
 
-    /// Returns each pixel as four words: level, sum, and sum of sums, low word first.
+    /// Returns each pattern pixel as four words: level, sum, and sum of sums with its low word
+    /// first.
     pub(crate) fn words(&self) -> impl ExactSizeIterator<Item = [u32; 4]> {
         let low = |sums: u64| sums as u32;
         self.cells.iter().map(move |cell| {
@@ -242,7 +248,7 @@ impl RowTable {
         })
     }
 
-    /// Returns the light per unit of the levels.
+    /// Returns the light, relative to full white, per unit of the levels.
     pub(crate) fn scale(&self) -> f32 {
         self.scale
     }
@@ -269,8 +275,8 @@ fn along_mixed_body(row: &RowTable, x: &[f32; 16], slope: &[[f32; 2]; 16]) -> [f
     levels
 }
 
-/// Returns levels if the narrower box is less than a pixel wide, relative to the level at the
-/// lowest corner.
+/// Returns the average levels relative to the level at the lowest corner, for a narrower box that is
+/// less than a pixel wide.
 #[inline(always)]
 fn thin(at: &Footprints, found: &Corners) -> Lanes {
     let mut average = [0.0; LANES];
@@ -281,7 +287,7 @@ fn thin(at: &Footprints, found: &Corners) -> Lanes {
         let rise = found.sum[2][lane].wrapping_sub(found.sum[0][lane]);
         let rise = rise.wrapping_sub(from.wrapping_mul(steps)) as i32 as f32;
         let step = to.wrapping_sub(from) as i32 as f32;
-        // Contribution of the borders within the flanks to the mean of P.
+        // Contribution of the borders within the two flanks to the mean of P.
         let low = found.level[1][lane].wrapping_sub(from) as i32 as f32;
         let high = found.level[3][lane].wrapping_sub(to) as i32 as f32;
         let (below, above) = (at.t[1][lane], at.t[3][lane]);
@@ -292,22 +298,23 @@ fn thin(at: &Footprints, found: &Corners) -> Lanes {
     average
 }
 
-/// Rounds down; |x| must be below 2^22. A cast would saturate, which takes several instructions.
+/// Rounds down to an integer; |x| must be below 2^22. A cast would saturate, which takes several
+/// instructions.
 #[inline(always)]
 fn floor(x: f32) -> i32 {
-    /// Adding this number leaves the integer in the low bits of the sum.
+    /// Adding this number to x leaves the integer in the low bits of the sum.
     const WHOLE: f32 = 1.5 * (1u32 << 23) as f32;
     let rounded = x + WHOLE;
     rounded.to_bits().wrapping_sub(WHOLE.to_bits()) as i32 - i32::from(rounded - WHOLE > x)
 }
 
-/// Returns the smaller value, or the bound if x is NaN, in one instruction.
+/// Returns the smaller of both values, or the bound if x is NaN, in one instruction.
 #[inline(always)]
 fn least(x: f32, bound: f32) -> f32 {
     if x < bound { x } else { bound }
 }
 
-/// Returns the larger value, or the bound if x is NaN, in one instruction.
+/// Returns the larger of both values, or the bound if x is NaN, in one instruction.
 #[inline(always)]
 fn greatest(x: f32, bound: f32) -> f32 {
     if x > bound { x } else { bound }
@@ -323,10 +330,10 @@ mod tests {
         f64::from(all[0]) * 255.0
     }
 
-    /// Reference: the trapezoid clipped exactly against each pixel, in f64.
+    /// Reference for the average: the trapezoid is clipped exactly against each pixel, in f64.
     fn exact(levels: &[f64], x: f64, a: f64, b: f64) -> f64 {
         let (wide, narrow) = (a.max(b), a.min(b).max(1e-7 * a.max(b)));
-        // The weight's own antiderivative, from -infinity.
+        // Antiderivative of a ramp from -infinity, of which the weight of a trapezoid is composed.
         let ramp = |e: f64| e.max(0.0).powi(2) / 2.0;
         let (outer, inner) = ((wide + narrow) / 2.0, (wide - narrow) / 2.0);
         let weight = |e: f64| {
@@ -352,7 +359,8 @@ mod tests {
             .collect()
     }
 
-    /// Alternating black and white, which is the hardest row, and random rows of 8 and of 16 bits.
+    /// Averages agree with the reference for alternating black and white, which is the hardest row,
+    /// and for random rows of 8 and of 16 bits.
     #[test]
     fn footprints_of_all_sizes_are_averaged_exactly() {
         let stripes: Vec<u16> = (0..1920).map(|i| 255 * (i % 2)).collect();
@@ -386,7 +394,8 @@ mod tests {
                 (1500.0, 1.01),
             ] {
                 for i in 0..400 {
-                    // Every other middle is close to a border, where errors are largest.
+                    // In every second case the footprint's centre is close to a border, where errors
+                    // are largest.
                     let near = if i % 2 == 0 { 0.0 } else { 0.5 * a };
                     let x = (3.0 + i as f32 * 4.77).round() + 0.5 + near + i as f32 * 1e-4;
                     let error = (average(&row, x, [a, -b])
@@ -398,7 +407,8 @@ mod tests {
         }
     }
 
-    /// On a machine with AVX2 this compares the AVX2 code with the code for any x86-64.
+    /// The results are bit-identical: on a machine with AVX2, the AVX2 code is compared with the
+    /// code for any x86-64 machine.
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
         let row = RowTable::new(&random_row(), 1.0 / 255.0);

@@ -1,5 +1,5 @@
-//! Shades sixteen samples at a time: the projector pixel whose light reaches each sample, and the
-//! amount of light. Structure of arrays in f64, so that loops vectorize.
+//! Shades sixteen samples at a time: computes the projector pixel whose light reaches each sample,
+//! and the amount of light. The samples are structures of arrays in f64, so that loops vectorize.
 
 use super::defocus::Defocus;
 use super::flicker::Flicker;
@@ -34,20 +34,20 @@ pub(crate) struct Optics {
     pub(crate) defocus: Defocus,
     /// Objects made of skin, and light transport in it.
     pub(crate) skins: Skins,
-    /// Amplitude of the ambient light's flicker relative to its mean.
+    /// Amplitude of the ambient light's flicker relative to its mean light.
     pub(crate) ambient_depth: f64,
     pub(crate) lamps: Vec<Lamp>,
-    /// How to gather interreflection, if the scene enables it.
+    /// Settings for gathering interreflection; `None` if the scene does not enable it.
     pub(crate) interreflection: Option<Gathering>,
     /// Temporal waveform shared by all flickering light.
     pub(crate) flicker: Option<Flicker>,
 }
 
 impl Optics {
-    /// Irradiance on the sensor is E = rho E_surface / (4 N^2) for a Lambertian surface under a
-    /// lens of working f-number N (the camera equation, e.g. Ray: "Applied Photographic Optics");
-    /// electrons follow from it by pixel area, photon energy and quantum efficiency (EMVA 1288
-    /// release 4.0, equations 1 to 3).
+    /// The irradiance on the sensor is E = rho E_surface / (4 N^2) for a Lambertian surface under a
+    /// lens of working f-number N (the camera equation, e.g. Ray: "Applied Photographic Optics").
+    /// The number of electrons follows from E by pixel area, photon energy and quantum efficiency
+    /// (EMVA 1288 release 4.0, equations 1 to 3).
     pub(crate) fn new(profile: &Profile, scene: &Scene) -> Self {
         let camera = &profile.camera;
         let of_lamps = scene.light.iter().find_map(profile::Light::pulse);
@@ -71,8 +71,8 @@ impl Optics {
         }
     }
 
-    /// Returns the irradiance in W/m^2 from the projector's full white on a surface at a squared
-    /// distance in mm^2, with the cosine of the angle of incidence.
+    /// Returns the irradiance in W/m^2 of a surface under the projector's full white, given the
+    /// square of its distance in mm^2 and the cosine of the angle of incidence.
     pub(crate) fn irradiance_w_m2(&self, cos: f64, distance2: f64) -> f64 {
         self.intensity_w_sr * 1e6 * cos / distance2
     }
@@ -83,8 +83,8 @@ impl Optics {
         self.defocus.sigma_px(point) as f32
     }
 
-    /// Applies the attenuation on the path to the camera's sensor to samples that are shaded and
-    /// lit by lamps.
+    /// Applies the attenuation on the way to the camera's sensor to samples that have been shaded
+    /// and lit by lamps.
     pub(crate) fn dim_seen(&self, directions: &[DVec3; LANES], shaded: &mut Shaded) {
         self.seen.dim_seen(directions, shaded);
     }
@@ -145,7 +145,7 @@ impl Optics {
         shaded
     }
 
-    /// Returns the derivatives of the rays (z = 1) with respect to the camera pixel,
+    /// Returns the derivatives of the rays (with z = 1) with respect to the camera pixel,
     /// `[component][camera axis]`.
     pub(crate) fn ray_slopes(&self, plan: &Plan, directions: &[DVec3; LANES]) -> [[Wide; 2]; 2] {
         let lens = &self.camera.lens;
@@ -187,8 +187,8 @@ widest! {
     ) => pinhole_body
 }
 
-/// Computes everything except the distortion of the projector's lens; lanes without a hit hold
-/// arbitrary values.
+/// Computes everything except the distortion of the projector's lens. SIMD lanes of rays without a
+/// hit hold arbitrary values.
 #[inline(always)]
 fn pinhole_body(
     optics: &Optics,
@@ -236,8 +236,8 @@ fn pinhole_body(
         out.ambient[lane] = albedo[lane] * scale * optics.ambient_w_m2;
         out.reachable[lane] = (local.z > 0.0) & (cos_light > 0.0);
         out.square[lane] = (cos_light > COS_80) & (cos_view > COS_80);
-        // Chain rule: camera pixel, ray, point on the tangent plane n . p = const, projector frame,
-        // pattern image.
+        // Chain rule: from camera pixel to ray, to point on the tangent plane n . p = const, to
+        // projector frame, to pattern image.
         for by in 0..2 {
             let (du, dv) = (slope[0][by][lane], slope[1][by][lane]);
             let dt = -t * (n.x * du + n.y * dv) / facing;
@@ -254,8 +254,8 @@ fn distort(lens: &Lens, shaded: &mut Shaded) {
     for lane in 0..LANES {
         let px = DVec2::new(shaded.px[0][lane], shaded.px[1][lane]);
         let ideal = (px - lens.principal_px) / lens.focal_px;
-        // Coordinates where the distortion model folds back are invalid: NaN is outside every
-        // field.
+        // Coordinates at which the distortion model folds back are invalid. They are set to NaN,
+        // which lies outside every field.
         let distorted = lens.place(ideal).unwrap_or(DVec2::NAN);
         let scale = DMat2::from_diagonal(lens.focal_px);
         let jacobian = scale * lens.distort_jacobian(ideal) * scale.inverse();

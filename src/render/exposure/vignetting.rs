@@ -7,12 +7,12 @@ use phasmid_geometry::raycast::LANES;
 use phasmid_profile::vignetting::half_diagonal;
 use phasmid_profile::{Camera, Projector, Vignetting};
 
-/// One lens's factor over its field.
+/// Vignetting factor of one lens over its field of view.
 pub(crate) struct Falloff {
     pub(crate) vignetting: Vignetting,
-    /// Half of the image's diagonal in ideal image coordinates.
+    /// Half the diagonal of the image, in ideal image coordinates.
     pub(crate) unit: f64,
-    /// Power of the cosine of natural vignetting contained in the factor.
+    /// Power of the cosine of the field angle that the factor contains (natural vignetting).
     pub(crate) cosines: i32,
     lens: Lens,
 }
@@ -22,9 +22,9 @@ impl Falloff {
         Self::new(camera.vignetting, camera.view().lens, 4)
     }
 
-    /// Natural vignetting has four cosines; only the foreshortening of the pupil is applied here.
-    /// Light of constant intensity over the field already falls with the other three on a screen:
-    /// two for the distance and one for the angle of incidence.
+    /// Natural vignetting has four cosines, but only one, the foreshortening of the pupil, is
+    /// applied here. The light of a source with equal intensity in all directions already falls with
+    /// the other three on a screen: two for the distance and one for the angle of incidence.
     pub(crate) fn of_projector(projector: &Projector) -> Self {
         Self::new(projector.vignetting, projector.view().lens, 1)
     }
@@ -38,8 +38,8 @@ impl Falloff {
         }
     }
 
-    /// Returns the factor at an ideal image point, whose length is the tangent of the angle to the
-    /// axis.
+    /// Returns the factor at an ideal image point. The length of such a point vector is the tangent
+    /// of the angle to the optical axis.
     pub(crate) fn at(&self, ideal: DVec2) -> f64 {
         let tangent2 = ideal.length_squared();
         let natural = if self.vignetting.natural {
@@ -47,7 +47,7 @@ impl Falloff {
         } else {
             1.0
         };
-        // Negative only outside the image.
+        // The polynomial is negative only outside the image.
         natural
             * self
                 .vignetting
@@ -55,7 +55,7 @@ impl Falloff {
                 .max(0.0)
     }
 
-    /// Dims all light on its way to the camera; `directions` with z = 1.
+    /// Dims all light on its way to the camera; `directions` have z = 1.
     pub(crate) fn dim_seen(&self, directions: &[DVec3; LANES], shaded: &mut Shaded) {
         for lane in 0..LANES {
             let factor = self.at(directions[lane].truncate());
@@ -66,7 +66,8 @@ impl Falloff {
         }
     }
 
-    /// Dims the projector's light; `shaded` holds coordinates before the lens's distortion.
+    /// Dims the projector's light. `shaded` must hold projector coordinates from before the
+    /// distortion of the lens.
     pub(crate) fn dim_projected(&self, shaded: &mut Shaded) {
         for lane in 0..LANES {
             let px = DVec2::new(shaded.px[0][lane], shaded.px[1][lane]);

@@ -4,13 +4,13 @@ use crate::gpu_data::Adapter;
 use phasmid_core::error::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Maximum number of storage buffers per entry point.
+/// Maximum number of storage buffers that an entry point binds.
 const STORAGE_BUFFERS: u32 = 24;
 
-/// Bytes per pixel of the map with the largest pixels.
+/// Size in bytes of a pixel in the map with the largest pixels.
 const LARGEST_ELEMENT: u64 = 16;
-/// Maximum number of threads per pass: below 2^32, with headroom for the padding of the dispatch
-/// grid.
+/// Maximum number of threads per pass. It is below 2^32, with headroom for the padding of the
+/// dispatch grid.
 const MOST_SAMPLES: u64 = 1 << 31;
 
 /// An opened GPU.
@@ -21,14 +21,14 @@ pub struct Gpu {
     pub(super) queue: wgpu::Queue,
     /// Nanoseconds per timestamp tick; `None` if passes cannot be timed.
     pub(super) tick_ns: Option<f32>,
-    /// First failure; no operation works after it.
+    /// The first failure; after it, all operations fail.
     failure: Arc<Mutex<Option<String>>>,
 }
 
 fn instance() -> wgpu::Instance {
     let mut wanted = wgpu::InstanceDescriptor::new_without_display_handle();
     wanted.backends = wgpu::Backends::VULKAN;
-    // Disables validation layers and debug output.
+    // No flags: validation layers and debug output are disabled.
     wanted.flags = wgpu::InstanceFlags::empty();
     wgpu::Instance::new(wanted)
 }
@@ -49,7 +49,7 @@ fn describe(info: &wgpu::AdapterInfo) -> Adapter {
     }
 }
 
-/// Returns the Vulkan adapters of this machine, the fastest kind first; empty without a driver.
+/// Returns the Vulkan adapters of this machine, the fastest kind first; empty if there is no driver.
 pub fn adapters() -> Vec<Adapter> {
     let mut found: Vec<_> = candidates(&instance())
         .iter()
@@ -72,11 +72,11 @@ fn candidates(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
 }
 
 impl Gpu {
-    /// Opens the fastest available kind of adapter; software adapters only if `software` is set.
+    /// Opens an adapter of the fastest available kind; a software adapter only if `software` is set.
     ///
     /// # Errors
-    /// Returns an error if no such adapter exists, if its limits are too small, or if it cannot
-    /// be opened.
+    /// Returns an error if there is no such adapter, if its limits are too small, or if it cannot be
+    /// opened.
     pub fn open(software: bool) -> Result<Arc<Self>> {
         let mut refusal = None;
         for adapter in candidates(&instance()) {
@@ -133,7 +133,7 @@ impl Gpu {
         };
         let lost = note(about.name.clone());
         device.set_device_lost_callback(move |reason, words| {
-            // The callback also fires when we drop the device ourselves.
+            // The callback is also called when this program drops the device.
             if reason != wgpu::DeviceLostReason::Destroyed {
                 lost(format!("lost: {words}"));
             }
@@ -155,7 +155,8 @@ impl Gpu {
         })
     }
 
-    /// Checks that a camera's maps fit in a buffer and that its samples can be addressed.
+    /// Checks that the maps of a camera with `pixels` pixels fit in a buffer and that `samples`
+    /// samples can be addressed.
     ///
     /// # Errors
     /// Returns an error if there are too many pixels or samples for this adapter.
@@ -184,7 +185,7 @@ impl Gpu {
             .min(limits.max_storage_buffer_binding_size)
     }
 
-    /// Records a failure unless one is already recorded.
+    /// Records a failure unless an earlier one has been recorded.
     pub(crate) fn fail(&self, words: impl std::fmt::Display) {
         let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         failure.get_or_insert_with(|| format!("GPU {}: {words}", self.adapter.name));

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
 use wgpu::naga::{AddressSpace, StorageAccess};
 
-/// Runs passes on a GPU.
+/// Runs compute passes on a GPU.
 pub(crate) struct Engine {
     gpu: Arc<Gpu>,
     store: Store,
@@ -18,12 +18,13 @@ pub(crate) struct Engine {
     timing: Timing,
 }
 
-/// Recorded passes, not yet submitted.
+/// Recorded passes that have not been submitted yet.
 pub(crate) struct Commands(wgpu::CommandEncoder);
 
 struct Module {
     shader: wgpu::ShaderModule,
-    /// For each entry point, the buffers it uses: name, binding and whether access is read-only.
+    /// For each entry point, the buffers that it uses: name, binding, and whether access is
+    /// read-only.
     used: HashMap<String, Vec<(String, u32, bool)>>,
 }
 
@@ -31,7 +32,7 @@ struct Pipeline {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     module: Arc<Module>,
-    /// Bind group, with the generation of the store it was built for.
+    /// Bind group, and the generation of the store for which it was built.
     bound: Option<(u64, wgpu::BindGroup)>,
 }
 
@@ -78,17 +79,18 @@ impl Engine {
         self.store.write(name, bytes);
     }
 
-    /// Ensures that a buffer has a capacity of at least `bytes`.
+    /// Ensures that a buffer has a capacity of at least `bytes` bytes.
     pub(crate) fn reserve(&mut self, name: &'static str, bytes: u64) {
         self.store.reserve(name, bytes);
     }
 
-    /// Writes part of a buffer, in whole words, which must lie within its capacity.
+    /// Writes a part of a buffer. The part must consist of whole words and lie within the buffer's
+    /// capacity.
     pub(crate) fn write_at(&mut self, name: &str, offset: u64, bytes: &[u8]) {
         self.store.write_at(name, offset, bytes);
     }
 
-    /// Ensures that a buffer exists, of any size, for shaders that bind but do not use it.
+    /// Ensures that a buffer of any size exists, for shaders that bind the buffer but do not use it.
     pub(crate) fn provide(&mut self, name: &'static str) {
         self.store.provide(name);
     }
@@ -119,7 +121,7 @@ impl Engine {
         })
     }
 
-    /// Adds a pass whose workgroup count is read from a buffer: three words at a byte offset.
+    /// Adds a pass whose workgroup count, three words at a byte offset, is read from a buffer.
     ///
     /// # Errors
     /// Returns an error under the same conditions as [`Self::run`].
@@ -160,7 +162,7 @@ impl Engine {
         self.gpu.queue.submit([commands.0.finish()])
     }
 
-    /// Adds a copy of part of a buffer, in whole words, into one of the caller's buffers.
+    /// Adds a copy of a part of a buffer, in whole words, into a buffer of the caller.
     pub(super) fn copy_out(
         &self,
         commands: &mut Commands,
@@ -201,7 +203,7 @@ impl Engine {
         Ok(view.to_vec())
     }
 
-    /// Enables timing of passes, if the adapter supports timestamps.
+    /// Enables the timing of passes if the adapter supports timestamps.
     pub(crate) fn time_passes(&mut self) {
         self.timing = Timing::on(&self.gpu);
     }
@@ -351,12 +353,12 @@ impl Pipeline {
 
 #[cfg(test)]
 impl Engine {
-    /// Opens any adapter, including software.
+    /// Returns an engine on any available adapter, which may be a software adapter.
     pub(crate) fn for_tests() -> Self {
         Self::new(Gpu::open(true).expect("a Vulkan adapter: install mesa-vulkan-drivers"))
     }
 
-    /// Runs `main` of a shader that maps words from `input` to `output`.
+    /// Runs the entry point `main` of a shader that maps the words of `input` to `output`.
     pub(crate) fn call(
         &mut self,
         shader: &'static str,
@@ -368,7 +370,7 @@ impl Engine {
         self.call_stage(&stage, input, output_len, threads)
     }
 
-    /// Same as `call` for any entry point, with its constants.
+    /// Same as `call`, for any entry point with its constants.
     pub(crate) fn call_stage(
         &mut self,
         stage: &EntryPoint,

@@ -2,7 +2,7 @@
 
 use crate::{Plan, Term};
 
-/// Threads per workgroup, as in `plan.wgsl`.
+/// Number of threads per workgroup, as in `plan.wgsl`.
 const GROUP: u64 = 64;
 /// Maximum number of workgroups along one dimension of a grid.
 const MOST_GROUPS: u64 = 65535;
@@ -26,7 +26,8 @@ impl EntryPoint {
         }
     }
 
-    /// Sets an `override` constant that the shader declares besides those of `plan.wgsl`.
+    /// Sets an `override` constant that the shader declares in addition to the constants of
+    /// `plan.wgsl`.
     #[must_use]
     pub(crate) fn with(mut self, name: &'static str, value: f64) -> Self {
         self.constants.push((name, value));

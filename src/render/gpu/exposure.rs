@@ -1,5 +1,5 @@
-//! Exposure pass on the GPU: computes the mean electrons of all pixels from the geometry maps. Twin
-//! of `schedule.rs`, `timetable.rs` and `exposure/`.
+//! Exposure pass on the GPU: computes the mean electrons of all pixels from the geometry maps.
+//! Equivalent of `schedule.rs`, `timetable.rs` and `exposure/` on the CPU.
 
 use super::engine::Commands;
 use super::tables::{Head, Tables};
@@ -8,10 +8,10 @@ use crate::Term;
 use crate::exposure::Bell;
 use phasmid_core::error::Result;
 
-/// Polynomial pieces of the bell's left half, which suffices for `bell.wgsl`.
+/// Number of polynomial pieces of the bell's left half, which is all that `bell.wgsl` needs.
 const PIECES: usize = 96;
 
-/// Exposes pixels to patterns.
+/// Exposes the camera's pixels to patterns.
 #[derive(Default)]
 pub(crate) struct Exposure {
     tables: Tables,
@@ -21,9 +21,9 @@ pub(crate) struct Exposure {
 impl Exposure {
     /// Adds the passes that write the mean electrons of all pixels to `electrons`.
     ///
-    /// The maps and the other buffers of the plan must be on the GPU; `mixed_heads` and related
-    /// buffers always. The schedule is written immediately, so the commands must be submitted
-    /// before the next exposure is recorded.
+    /// The maps and the other buffers that the plan needs must be on the GPU; `mixed_heads` and
+    /// related buffers must always be. The schedule is written immediately, so the commands must be
+    /// submitted before the next exposure is recorded.
     ///
     /// # Errors
     /// Returns an error if the patterns do not fit in GPU memory or if the GPU has failed.
@@ -50,11 +50,12 @@ impl Exposure {
         )?;
         for entry in ["main", "pixels"] {
             let stage = stage("mixed_exposure", entry).with("adds", adds);
-            // The first word is the number of heads; the following words are workgroup counts.
+            // The first word of `mixed_count` is the number of heads; the workgroup counts follow at
+            // byte 4.
             engine.run_indirect(commands, &stage, "mixed_count", 4)?;
         }
         if shown.plan.has(Term::Interreflection) {
-            // Capacity in points of 16 bytes; there may be fewer points.
+            // Capacity in gather points of 16 bytes each; there may be fewer points.
             let points = engine.size("interreflection_points") / 16 * heads.len() as u64;
             engine.reserve("interreflection_light", 4 * points);
             engine.run(
@@ -67,10 +68,11 @@ impl Exposure {
         Ok(())
     }
 
-    /// Ensures that all buffers bound by the shaders exist; those the plan does not need are empty.
+    /// Ensures that all buffers that the shaders bind exist; buffers that the plan does not need are
+    /// empty.
     fn provide(&mut self, engine: &mut Engine, pixels: usize) {
         engine.reserve("electrons", 4 * pixels as u64);
-        // 16 bytes per head.
+        // A head takes 16 bytes.
         let heads = engine.size("mixed_heads") / 16;
         engine.reserve("mixed_electrons", 4 * heads);
         for name in ["under_skin", "mixed_skin", "mixtures"] {
@@ -83,7 +85,7 @@ impl Exposure {
     }
 }
 
-/// Coefficients of the bell's left half, eight numbers per piece.
+/// Returns the coefficients of the bell's left half, eight numbers per piece.
 pub(super) fn bell() -> Vec<[f32; 8]> {
     let eight = |c: &[f64; 6]| std::array::from_fn(|k| c.get(k).map_or(0.0, |&c| c as f32));
     Bell::new().pieces()[..PIECES].iter().map(eight).collect()

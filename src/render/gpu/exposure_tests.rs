@@ -1,5 +1,5 @@
-//! Compares electrons of whole frames from the GPU's exposure pass with the CPU's. Both use the
-//! CPU's geometry maps, so that only the exposure differs.
+//! Compares the electrons of whole frames from the GPU's exposure pass with the CPU's electrons.
+//! Both use the CPU's geometry maps, so that only the exposure pass differs.
 
 use super::exposure::Exposure;
 use super::{Engine, Shown, engine, skin, upload};
@@ -192,7 +192,8 @@ impl Setup {
         engine.write("mixed_skin", bytemuck::cast_slice(&samples));
     }
 
-    /// Exposes the given number of times, each adding to the previous.
+    /// Runs the given number of exposures, each of which adds its electrons to the sum of the
+    /// previous ones.
     fn on_gpu(
         &self,
         (engine, exposure): (&mut Engine, &mut Exposure),
@@ -227,7 +228,7 @@ impl Setup {
         }
     }
 
-    /// Checks every kind of pattern separately.
+    /// Checks every kind of pattern separately, with tolerance `bar`.
     fn check(&self, name: &str, bar: f32) {
         let (mut engine, mut exposure) = (Engine::for_tests(), Exposure::default());
         self.upload(&mut engine);
@@ -376,8 +377,8 @@ intensity_w_sr = 0.3
 flicker = { frequency_hz = 100, depth = 0.5, phase_deg = 25 }
 ";
 
-/// Rows that see different patterns, each at its own phase of the mains period; and accumulation of
-/// light.
+/// GPU and CPU agree for rows that see different patterns, each at its own phase of the mains
+/// period, and when light accumulates over several exposures.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn exposes_rolling_rows_like_the_cpu() {

@@ -1,20 +1,20 @@
-//! Detects scenes that exceed f32 precision and must be rendered on the CPU.
+//! Detects scenes for which f32 is not precise enough, so that the CPU must render them.
 
 use crate::exposure::{LampShape, Optics};
 use crate::scene::{Placed, World};
 use glam::DVec2;
 use phasmid_geometry::{Lens, Solid};
 
-/// Maximum distance from the camera at which f32 suffices: its rounding error there is half a
-/// micrometre.
+/// Maximum distance from the camera at which f32 suffices: its rounding error at this distance is
+/// half a micrometre.
 const FAR_MM: f64 = 10_000.0;
-/// Maximum depth of a hierarchy that fits a ray's stack, as in `bvh.wgsl`.
+/// Maximum depth of a bounding volume hierarchy that the stack of a ray in `bvh.wgsl` can hold.
 const LEVELS: usize = 48;
-/// Minimum ratio of radius to distance; below it the normals of curved surfaces are off by a
+/// Minimum ratio of a curved surface's radius to its distance; below it normals are off by a
 /// thousandth.
 const LEAST_RADIUS: f64 = 2e-4;
-/// Maximum distance of the principal point from the image centre in pixels; above it f32 has too
-/// few digits for image coordinates.
+/// Maximum distance of the principal point from the image centre in pixels; above it f32 has too few
+/// digits for image coordinates.
 const FARTHEST_AXIS_PX: f64 = 8192.0;
 /// Maximum focal length in pixels; above it the rounding of directions is a significant fraction of
 /// a pixel.
@@ -23,7 +23,7 @@ const LONGEST_PX: f64 = 10_000.0;
 /// Checks that f32 precision suffices for a scene.
 ///
 /// # Errors
-/// Returns the reason if it does not.
+/// Returns the reason if f32 precision does not suffice.
 pub(crate) fn fits(world: &World, optics: &Optics) -> Result<(), String> {
     let far = world.farthest_mm().max(optics.projector.center().length());
     if far > FAR_MM {
@@ -100,8 +100,8 @@ pub(crate) fn fits(world: &World, optics: &Optics) -> Result<(), String> {
     }
 }
 
-/// Returns whether an infinite plane is visible far away. Tests the image corners, where it is
-/// farthest.
+/// Returns whether an infinite plane is visible far away. Tests the corners of the image, where a
+/// visible plane is farthest away.
 fn runs_far(placed: &Placed, lens: &Lens) -> bool {
     let Solid::Plane { half } = placed.solid else {
         return false;

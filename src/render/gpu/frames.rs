@@ -1,15 +1,15 @@
-//! Readback of frames from the GPU. Several are in flight, so that the GPU renders the next frame
-//! while the CPU copies the previous one, once, into the memory that the link reads.
+//! Reads frames back from the GPU. Several frames are in flight, so that the GPU renders the next
+//! frame while the CPU copies the previous one, once, into the memory that the link reads.
 
 use super::engine::Commands;
 use super::{Engine, Gpu};
 use phasmid_core::error::{Error, Result};
 use std::sync::mpsc;
 
-/// Frames in flight: one being rendered, one waiting, one being copied.
+/// Maximum number of frames in flight: one being rendered, one waiting, one being copied.
 pub(crate) const DEPTH: usize = 3;
 
-/// Buffers that the CPU can map.
+/// Pool of buffers that the CPU can map.
 #[derive(Default)]
 pub(super) struct Frames {
     free: Vec<wgpu::Buffer>,
@@ -19,7 +19,7 @@ pub(super) struct Frames {
 pub(crate) struct Ticket {
     buffer: wgpu::Buffer,
     bytes: usize,
-    /// Capacity in sample groups.
+    /// Capacity of the frame's pass in groups of sixteen samples.
     room: u64,
     submission: wgpu::SubmissionIndex,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
@@ -28,16 +28,16 @@ pub(crate) struct Ticket {
 /// A frame that has been read back.
 pub(super) struct Arrived {
     pub(super) data: Vec<u8>,
-    /// Sample groups needed by mixed pixels, and capacity available.
+    /// Number of sample groups that mixed pixels need, and number for which there was capacity.
     pub(super) wanted: u64,
     pub(super) room: u64,
 }
 
-/// Bytes of `mixed_count`, whose last word is the number of sample groups needed.
+/// Size in bytes of `mixed_count`, whose last word is the number of sample groups needed.
 const COUNT: u64 = 20;
 
 impl Frames {
-    /// Submits passes and a copy of the resulting frame.
+    /// Submits passes, followed by a copy of the resulting frame into a buffer that the CPU can map.
     pub(super) fn submit(
         &mut self,
         engine: &Engine,
@@ -75,7 +75,7 @@ impl Frames {
         })
     }
 
-    /// Waits for a frame.
+    /// Waits until a frame has been read back and returns it.
     pub(super) fn take(&mut self, gpu: &Gpu, ticket: Ticket) -> Result<Arrived> {
         gpu.wait_for(ticket.submission)?;
         let mapped = ticket.mapped.try_recv();

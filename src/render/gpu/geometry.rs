@@ -1,5 +1,5 @@
-//! Runs the geometry pass on the GPU, `geometry.wgsl`, and allocates its maps: `maps_in.wgsl` and
-//! `maps_out.wgsl`.
+//! Runs the geometry pass on the GPU (`geometry.wgsl`) and allocates its maps (`maps_in.wgsl` and
+//! `maps_out.wgsl`).
 
 #[cfg(test)]
 mod functions;
@@ -12,11 +12,11 @@ use glam::DVec2;
 use phasmid_core::error::Result;
 use phasmid_geometry::Lens;
 
-/// Side in pixels of a workgroup's tile, as in `geometry.wgsl`.
+/// Side of a workgroup's tile in pixels, as in `geometry.wgsl`.
 const SIDE: usize = 8;
 
-/// Uploads the ideal image points of the camera's pixels, computed in f64, if its lens has
-/// distortion.
+/// Uploads a table of the ideal image points of the camera's pixels, computed in f64, if the
+/// camera's lens has distortion.
 pub(crate) fn write_rays(engine: &mut Engine, table: Option<&[DVec2]>) {
     let rays: Vec<[f32; 2]> = table
         .unwrap_or_default()
@@ -26,7 +26,7 @@ pub(crate) fn write_rays(engine: &mut Engine, table: Option<&[DVec2]>) {
     engine.write("rays", bytemuck::cast_slice(&rays));
 }
 
-/// Adds the pass over all pixel centres; scene, optics and rays must already be uploaded.
+/// Adds the pass over all pixel centres. Scene, optics and rays must already have been uploaded.
 ///
 /// # Errors
 /// Returns an error if the GPU has failed.

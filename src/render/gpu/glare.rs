@@ -1,4 +1,4 @@
-//! Veiling glare on the GPU. Twin of `glare.rs`, which computes the weights.
+//! Veiling glare on the GPU. Equivalent of the CPU's `glare.rs`, which also computes the weights.
 
 use super::engine::Commands;
 use super::{Engine, EntryPoint, grid};
@@ -8,10 +8,10 @@ use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::Result;
 use phasmid_profile as profile;
 
-/// Pixels summed by one workgroup, as in `glare.wgsl`.
+/// Number of pixels that one workgroup sums, as in `glare.wgsl`.
 const PART: usize = 1024;
 
-/// Spreads the scattered light of images of one size.
+/// Applies veiling glare to images of one size.
 pub(crate) struct Glare {
     pixels: usize,
     cells: usize,
@@ -32,8 +32,8 @@ struct Size {
 }
 
 impl Glare {
-    /// Uploads the weights for an image of the given size and pixels of the given aspect (width over
-    /// height); `None` if there is no glare.
+    /// Uploads the weights for an image of this size whose pixels have this aspect (width over
+    /// height); returns `None` if there is no glare.
     pub(crate) fn new(
         engine: &mut Engine,
         glare: &profile::Glare,
@@ -74,7 +74,7 @@ impl Glare {
         commands: &mut Commands,
         plan: &Plan,
     ) -> Result<()> {
-        // One workgroup per cell, and one per part of the image.
+        // One workgroup per cell of the grid, and one per part of [`PART`] pixels.
         let (of_cells, of_parts) = (64 * self.cells, 64 * self.pixels.div_ceil(PART));
         for (entry, threads) in [
             ("cells", of_cells),
@@ -94,7 +94,7 @@ impl Glare {
     }
 }
 
-/// Appends the tables of one axis and records their offsets.
+/// Appends the tables of one axis to `tables` and records their offsets in `params`.
 fn pack(axis: &Axis, k: usize, params: &mut Size, tables: &mut Vec<u32>) {
     let span = axis.covers.iter().map(|(_, shares)| shares.len()).max();
     let span = span.unwrap_or(0);

@@ -1,9 +1,9 @@
 //! Interreflection on the GPU: gather points and their rays. Twin of `interreflection/mod.rs`.
 //!
-//! Each point reserves space for all of its rays, 16 bytes per ray and axis of pattern variation;
-//! rays that carry light come first. 64 rays at every fourth column and row, and at pixels that
-//! cannot be interpolated, take about 40 MB per axis for a camera of 1138 x 489 pixels. Exceeding
-//! the GPU's maximum buffer size is an error.
+//! Each point reserves space for all its rays: 16 bytes per ray and per axis along which patterns
+//! vary. Rays that carry light come first. With 64 rays at every fourth column and row, and at
+//! pixels that cannot be interpolated, this is about 40 MB per axis for a camera of 1138 x 489
+//! pixels. Exceeding the GPU's maximum buffer size is an error.
 
 use super::{Engine, EntryPoint, engine, grid};
 use crate::exposure::Gathering;
@@ -14,7 +14,7 @@ use phasmid_core::error::{Error, Result};
 
 /// Bytes per ray and pattern axis.
 const RAY: u64 = 16;
-/// Bytes per point.
+/// Bytes per gather point.
 const POINT: u64 = 16;
 
 /// Twin of `InterreflectionParams` in `interreflection_types.wgsl`.
@@ -22,7 +22,7 @@ const POINT: u64 = 16;
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 struct Params {
     size: [u32; 2],
-    /// Columns and rows of the grid.
+    /// Number of columns and rows of the grid of gather points.
     places: [u32; 2],
     step: u32,
     samples: u32,
@@ -44,7 +44,7 @@ impl Params {
     fn new(wanted: Gathering, size: [usize; 2]) -> Self {
         let size = size.map(|side| side as u32);
         let step = wanted.step_px;
-        // Every `step`th pixel, and the last.
+        // Gather points are at every `step`th pixel and at the last pixel.
         let places = |count: u32| (count - 1).div_ceil(step) + 1;
         Self {
             size,
@@ -60,8 +60,9 @@ impl Params {
     }
 }
 
-/// Gathers indirect light for the maps already on the GPU, and adds that of lamps to the ambient
-/// maps. Waits for the GPU once, since the number of points determines the memory to allocate.
+/// Gathers indirect light for the maps that are already on the GPU, and adds the indirect light of
+/// lamps to the ambient maps. Waits for the GPU once, since the number of gather points determines
+/// the memory to allocate.
 ///
 /// # Errors
 /// Returns an error if the points do not fit in memory or if the GPU has failed.
@@ -91,7 +92,7 @@ pub(crate) fn run(
     )?;
     let gather =
         EntryPoint::new("gather", "main", plan).with("rays_a_point", wanted.samples.into());
-    // One workgroup per point.
+    // One workgroup per gather point.
     engine.run(&mut commands, &gather, grid(64 * params.points as usize))?;
     if plan.has(Term::Lights) {
         engine.run(
@@ -106,7 +107,7 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// Determines which points each pixel is interpolated from; counts the points in
+/// Determines the gather points from which each pixel is interpolated, and counts the points in
 /// `interreflection_count`.
 fn shares(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
     let pixels = u64::from(params.size[0]) * u64::from(params.size[1]);
@@ -127,7 +128,7 @@ fn shares(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
     Ok(())
 }
 
-/// Allocates buffers for points and rays.
+/// Allocates buffers for gather points and rays.
 fn reserve(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
     let points = u64::from(params.points);
     let bytes = points * u64::from(params.samples) * RAY;
@@ -151,7 +152,7 @@ fn reserve(engine: &mut Engine, params: &Params, plan: &Plan) -> Result<()> {
 }
 
 /// Returns for each direction its position on the disc below the hemisphere, its height above the
-/// disc, and the divisor used for the sides of its patch.
+/// disc, and the divisor for the sides of the direction's patch.
 fn disc(samples: u32) -> Vec<[f32; 4]> {
     let hemisphere = Hemisphere::new(samples as usize);
     let lowest = hemisphere.lowest();

@@ -17,20 +17,20 @@ use crate::exposure::{Lamp, LampShape, Optics};
 use crate::scene::Worlds;
 use pack::{Deforming, Packer};
 
-/// Space for the lamps in front of the material values.
+/// Number of values reserved for the lamps in front of the material values.
 const LAMPS: usize = 32 * 8;
 
 /// Materials of a scene on the GPU.
 #[derive(Default)]
 pub(crate) struct Materials {
-    /// Number of shapes kept per deforming mesh; 0 before the first upload.
+    /// Number of shapes kept for each deforming mesh; 0 before the first upload.
     shapes: usize,
     deforming: Vec<Deforming>,
 }
 
 impl Materials {
-    /// Uploads all materials and lamps, with meshes in their current shapes. Later calls upload
-    /// only changes.
+    /// Uploads all materials and lamps, with meshes in their current shapes. Later calls upload only
+    /// what has changed.
     pub(crate) fn update(&mut self, engine: &mut Engine, optics: &Optics, worlds: &Worlds) {
         let steps = worlds.steps();
         if self.shapes != steps.len() {

@@ -1,5 +1,5 @@
-//! Mixed pixels in GPU memory: `mixed_types.wgsl` and related buffers. The samples of a pixel are
-//! stored in groups of sixteen; a record called head describes each group.
+//! Mixed pixels in GPU memory (`mixed_types.wgsl` and related buffers). The samples of a pixel are
+//! stored in groups of sixteen; a record called a head describes each group.
 
 use super::Engine;
 #[cfg(test)]
@@ -9,11 +9,12 @@ use crate::exposure::Mixed;
 use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::{Error, Result};
 
-/// Samples per head.
+/// Number of samples per head.
 const LANES: u64 = 16;
-/// Words of `mixed_count`; the last is the highest number of heads that a pass has needed.
+/// Number of words in `mixed_count`; the last word is the highest number of heads that a pass has
+/// needed.
 const COUNTS: u64 = 5;
-/// Minimum capacity in heads.
+/// Minimum capacity in number of heads.
 const LEAST: u64 = 1024;
 
 /// Twin of `MixedSample` in `mixed_types.wgsl`.
@@ -26,22 +27,22 @@ pub(super) struct MixedSample {
     pub(super) blur: f32,
 }
 
-/// Capacity for heads of mixed pixels. It starts at a size sufficient for most scenes. If a pass
-/// needs more, it grows and the pass is run again, so no sample is lost.
+/// Capacity for the heads of mixed pixels. It starts at a size that suffices for most scenes. If a
+/// pass needs more, the capacity grows and the pass is run again, so no sample is lost.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Room {
     pub(super) heads: u64,
-    /// Maximum capacity, limited by the adapter's largest buffer.
+    /// Maximum capacity in number of heads, limited by the adapter's largest buffer.
     most: u64,
-    /// Whether subsurface spread is stored too.
+    /// Whether the spread of light under skin is stored for each sample.
     skin: bool,
 }
 
-/// Bytes per sample of subsurface spread.
+/// Bytes per sample for the spread of light under skin.
 const SKIN: u64 = 24;
 
 impl Room {
-    /// Allocates space for `heads` heads, limited to what the adapter can hold.
+    /// Creates a capacity of `heads` heads, limited to what the adapter can hold, and allocates it.
     pub(super) fn new(engine: &Engine, heads: u64, skin: bool) -> Self {
         let bytes = engine.gpu().largest_buffer();
         let most = bytes / (LANES * size_of::<MixedSample>() as u64);
@@ -64,10 +65,11 @@ impl Room {
         }
     }
 
-    /// Grows to the number of heads a pass needed; returns whether it had to grow.
+    /// Grows the capacity to the number of heads that a pass has needed. Returns whether it had to
+    /// grow.
     ///
     /// # Errors
-    /// Returns an error if that exceeds what the adapter can hold.
+    /// Returns an error if the adapter cannot hold this number of heads.
     pub(super) fn grow(&mut self, wanted: u64) -> Result<bool> {
         if wanted <= self.heads {
             return Ok(false);
@@ -84,7 +86,7 @@ impl Room {
     }
 }
 
-/// Resets the recorded number of heads needed.
+/// Resets the recorded number of heads that passes have needed.
 pub(super) fn forget(engine: &mut Engine) {
     engine.write("mixed_count", &[0; COUNTS as usize * 4]);
 }
@@ -96,7 +98,7 @@ pub(super) fn wanted(engine: &Engine) -> Result<u64> {
     Ok(counts[COUNTS as usize - 1].into())
 }
 
-/// Reads the mixed pixels back in the CPU's layout and order, without skin.
+/// Reads the mixed pixels back, in the layout and order of the CPU and without skin data.
 #[cfg(test)]
 pub(crate) fn back(engine: &Engine) -> Result<Vec<Mixed>> {
     let counts: Vec<u32> = words(engine, "mixed_count", COUNTS)?;
@@ -118,7 +120,7 @@ pub(crate) fn back(engine: &Engine) -> Result<Vec<Mixed>> {
             mixed
         })
         .collect();
-    // The sort is stable, so groups of one pixel keep their order.
+    // The sort is stable, so the groups of one pixel keep their order.
     found.sort_by_key(|mixed| mixed.pixel);
     Ok(found)
 }

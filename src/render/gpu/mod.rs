@@ -1,5 +1,6 @@
-//! The rendering passes on a GPU, through wgpu. The shaders in `shaders/` mirror the CPU code file by
-//! file; "twin of" in a comment names the counterpart that must be kept equal.
+//! The rendering passes on a GPU, through wgpu. The shaders in `shaders/` mirror the CPU code file
+//! by file. In comments, "twin of" names the counterpart in the other language, which must be kept
+//! equal.
 //!
 //! | module | contents |
 //! | --- | --- |

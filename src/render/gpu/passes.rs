@@ -1,4 +1,4 @@
-//! All GPU passes of one renderer: state of its maps, and readback of frames.
+//! All GPU passes of one renderer: keeps track of whether the maps are valid, and reads frames back.
 
 use super::engine::Commands;
 use super::exposure::Exposure;
@@ -22,13 +22,14 @@ pub(crate) struct Passes {
     frames: Frames,
     made: Option<Made>,
     exposure: Exposure,
-    /// Recorded passes of the last instant's light, submitted together with the next passes.
+    /// Recorded passes that expose the last instant; they are submitted together with the next
+    /// passes.
     open: Option<Commands>,
-    /// Revision of scene and plan for which the maps are valid.
+    /// Revision of scene and plan from which the maps were computed.
     holds: Option<u64>,
 }
 
-/// Resources built for one plan.
+/// Buffers and passes built for one plan.
 struct Made {
     plan: Plan,
     scene: Scene,
@@ -104,11 +105,11 @@ impl Passes {
     /// Returns an error if the GPU has failed.
     pub(crate) fn geometry_pass(&mut self, view: &View<'_>) -> Result<()> {
         let engine = &mut self.engine;
-        // A changed plan also changes the revision.
+        // A change of the plan changes the revision as well.
         if self.holds == Some(view.revision) {
             return engine.gpu().check();
         }
-        // The inputs of the open passes are about to change.
+        // The next lines change the inputs of the recorded passes, so submit these passes first.
         if let Some(open) = self.open.take() {
             engine.submit(open);
         }
@@ -136,13 +137,14 @@ impl Passes {
         engine.gpu().check()
     }
 
-    /// Exposes the pixels to a shot, or to the instant of it for which [`Self::geometry_pass`] was
-    /// last called.
+    /// Exposes the pixels to a shot, or to the instant of a shot for which [`Self::geometry_pass`]
+    /// was called last.
     ///
     /// # Errors
     /// Returns an error if the GPU has failed.
     pub(crate) fn expose(&mut self, shown: &Shown<'_>) -> Result<()> {
-        // The schedule that the open passes read is about to be overwritten.
+        // The next lines overwrite the schedule that the recorded passes read, so submit these
+        // passes first.
         if let Some(open) = self.open.take() {
             self.engine.submit(open);
         }
@@ -152,8 +154,8 @@ impl Passes {
         Ok(())
     }
 
-    /// Reads the light out into a frame and starts its readback, in one submission with the
-    /// exposure.
+    /// Converts the accumulated light to a frame and starts reading it back, in one submission with
+    /// the exposure.
     ///
     /// # Errors
     /// Returns an error if the GPU has failed.
@@ -171,8 +173,8 @@ impl Passes {
             .submit(engine, commands, bytes, made.sampler.room())
     }
 
-    /// Waits for a frame. Returns `None` if the samples of mixed pixels exceeded the capacity,
-    /// which has then been increased; the frame must be rendered again.
+    /// Waits for a frame. Returns `None` if there was not enough capacity for the samples of mixed
+    /// pixels. The capacity has then been increased, and the frame must be rendered again.
     ///
     /// # Errors
     /// Returns an error if the GPU has failed or has too little memory for the samples.
@@ -188,7 +190,7 @@ impl Passes {
         Ok(None)
     }
 
-    /// Reserves a buffer, as the passes do.
+    /// Reserves a buffer in the same way as the passes do.
     #[cfg(test)]
     pub(crate) fn reserve(&mut self, name: &'static str, bytes: u64) {
         self.engine.reserve(name, bytes);

@@ -1,5 +1,6 @@
-//! Passes that sample pixels with several rays: mixed pixels, or all of them; and tables of pupil
-//! points and rotations for `aperture.wgsl`, so that the samples match the CPU\'s.
+//! Passes that sample pixels with several rays: either mixed pixels only or all pixels. Also uploads
+//! tables of pupil points and rotations for `aperture.wgsl`, so that the samples match the CPU's
+//! samples.
 
 #[cfg(test)]
 mod tests;
@@ -36,16 +37,16 @@ struct SamplingData {
 /// Samples pixels with several rays.
 pub(crate) struct Sampler {
     aperture: Aperture,
-    /// Samples along a pixel's side.
+    /// Number of samples along a side of a pixel.
     side: usize,
     room: Room,
     data: SamplingData,
-    /// One bit per object, set if its albedo varies over its surface.
+    /// Bit mask with one bit per object, set if the object's albedo varies over its surface.
     varies: Vec<[u32; 2]>,
 }
 
 impl Sampler {
-    /// Uploads what the passes need besides maps, optics and world.
+    /// Uploads the data that these passes need in addition to maps, optics and world.
     pub(crate) fn new(
         engine: &mut Engine,
         worlds: &Worlds,
@@ -58,7 +59,7 @@ impl Sampler {
         let depth_of_field = plan.has(Term::DepthOfField) && aperture.radius_mm > 0.0;
         let side = options.side(depth_of_field);
         let pixels = u64::from(lens.width_px) * u64::from(lens.height_px);
-        // Typical need: the pixels on edges, and with depth of field some of the blurred pixels.
+        // Typical need: mixed pixels at edges and, with depth of field, some of the blurred pixels.
         let heads = match side {
             1 | 2 => pixels / 16,
             _ => pixels / 4,
@@ -91,8 +92,8 @@ impl Sampler {
         sampler
     }
 
-    /// Updates the sampling for a scene that may now be seen by all rows at once, or by each row at
-    /// its own time.
+    /// Updates the sampling for a scene that all rows now see at the same time, or that each row
+    /// sees at its own time.
     pub(crate) fn see(&mut self, engine: &mut Engine, worlds: &Worlds) {
         let rows = worlds.rows_together() as u32;
         if self.data.rows != rows {
@@ -101,7 +102,7 @@ impl Sampler {
         }
     }
 
-    /// Returns the capacity in groups of sixteen samples.
+    /// Returns the capacity for mixed pixels in groups of sixteen samples.
     pub(super) fn room(&self) -> u64 {
         self.room.heads
     }
@@ -121,7 +122,8 @@ impl Sampler {
         engine.write("sampling", &parts.concat());
     }
 
-    /// Adds the passes that follow the pixel-centre pass, to be submitted with it.
+    /// Adds the passes that follow the pass over pixel centres. They must be submitted together with
+    /// that pass.
     ///
     /// # Errors
     /// Returns an error if the GPU has failed.
@@ -163,9 +165,9 @@ impl Sampler {
         Ok(())
     }
 
-    /// Grows the capacity if mixed pixels needed more groups (`wanted`, the last word of
-    /// `mixed_count`). Returns whether it grew; the pixel-centre pass and these passes must then be
-    /// run again.
+    /// Grows the capacity if mixed pixels needed more sample groups than it has; `wanted` is the
+    /// last word of `mixed_count`. Returns whether the capacity has grown; the pass over pixel
+    /// centres and these passes must then be run again.
     ///
     /// # Errors
     /// Returns an error if the adapter cannot hold the mixed pixels.
@@ -196,8 +198,8 @@ fn points(aperture: &Aperture, side: usize) -> impl Iterator<Item = [f32; 2]> {
     })
 }
 
-/// Returns cosine and sine of the rotation of each tile of sixteen pixels; `rows` rows share a
-/// packet.
+/// Returns the cosine and sine of the rotation of each tile of sixteen pixels; a tile covers `rows`
+/// rows.
 fn turns((width, height): (usize, usize), rows: usize) -> impl Iterator<Item = [f32; 2]> {
     let tiles = width.div_ceil(LANES / rows) * height.div_ceil(rows);
     (0..tiles).map(|tile| DVec2::from_angle(turn(tile)).as_vec2().to_array())

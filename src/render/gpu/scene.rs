@@ -1,11 +1,11 @@
 //! The scene in the layout of `bvh.wgsl` and `world.wgsl`.
 //!
-//! Static and rigidly moving geometry is uploaded once; each instant uploads only poses. A
-//! deforming mesh also uploads its corners and boxes, about 4 MB for 65,536 triangles: the CPU
-//! refits its hierarchy instead of rebuilding it. On two cores under other load, the refit took at
-//! least 1.0 ms (fifteen runs), blending 0.1 ms and the normals in f64 1.1 ms; a rebuild took at
-//! least 122 ms (four runs). The times are imprecise, but the difference is clear. A refit by
-//! shaders has not been measured; the materials would still need the CPU's shape.
+//! Static and rigidly moving geometry is uploaded once; at each instant only poses are uploaded. For
+//! a deforming mesh, its corners and boxes are uploaded too, about 4 MB for 65,536 triangles: the
+//! CPU refits the mesh's hierarchy instead of rebuilding it. On two cores under other load, the
+//! refit took at least 1.0 ms (fifteen runs), blending 0.1 ms and the normals in f64 1.1 ms; a
+//! rebuild took at least 122 ms (four runs). The times are imprecise, but the difference is clear. A
+//! refit by shaders has not been measured; the materials would still need the CPU's shape.
 
 use super::Engine;
 use crate::scene::{Blend, Frame, Placed, Tree, World, Worlds};
@@ -14,7 +14,7 @@ use glam::DVec3;
 use phasmid_geometry::{Pose, Solid};
 use rayon::prelude::*;
 
-/// Two vectors of `nodes` in `bvh.wgsl`.
+/// Two vectors that make up a node in the buffer `nodes` of `bvh.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct NodeData {
@@ -24,7 +24,8 @@ struct NodeData {
     count: u32,
 }
 
-/// Three vectors of `triangles` in `bvh.wgsl`: a corner and a component of the normal each.
+/// Three vectors that make up a triangle in the buffer `triangles` of `bvh.wgsl`: each holds a
+/// corner and a component of the normal.
 type TriangleData = [[f32; 4]; 3];
 
 /// Twin of `Tree` in `bvh.wgsl`.
@@ -62,24 +63,24 @@ struct WorldData {
     by_row: u32,
 }
 
-/// Offsets of a hierarchy's nodes and triangles, for each of its stored shapes.
+/// Offsets of the nodes and triangles of a hierarchy, one for each of its stored shapes.
 struct Place {
     nodes: Vec<u32>,
     triangles: Vec<u32>,
-    /// Uploaded shapes; `None` for meshes that do not deform.
+    /// Shapes on the GPU; `None` for meshes that do not deform.
     blends: Vec<Option<Blend>>,
 }
 
 /// A scene on the GPU.
 #[derive(Default)]
 pub(crate) struct Scene {
-    /// One entry per hierarchy, that of the static geometry first.
+    /// One entry for each hierarchy; the first is for the static geometry.
     places: Vec<Place>,
-    /// Number of shapes kept per deforming mesh; 0 before the first upload.
+    /// Number of shapes kept for each deforming mesh; 0 before the first upload.
     shapes: usize,
 }
 
-/// Size at or above which the shaders treat a solid as infinite.
+/// Minimum size of a solid that the shaders treat as infinite.
 const ENDLESS: f64 = 3e38;
 
 fn rows(pose: &Pose) -> [[f32; 4]; 3] {
@@ -124,8 +125,9 @@ fn nodes<F>(tree: &Tree<'_, F>) -> Vec<NodeData> {
     tree.bvh.nodes().iter().map(node).collect()
 }
 
-/// Returns corners in hierarchy order, and unit normals. Normals are computed in f64, so that small
-/// distant triangles have one too; they are zero for degenerate triangles.
+/// Returns the corners of triangles in the order of the hierarchy, and their unit normals. Normals
+/// are computed in f64, so that small distant triangles have a normal too; the normal of a
+/// degenerate triangle is zero.
 fn triangles<F: Frame + Sync>(tree: &Tree<'_, F>) -> Vec<TriangleData> {
     tree.bvh
         .corners()
@@ -140,7 +142,7 @@ fn triangles<F: Frame + Sync>(tree: &Tree<'_, F>) -> Vec<TriangleData> {
 }
 
 impl Scene {
-    /// Uploads the scene in its current state; later calls upload only changes.
+    /// Uploads the scene in its current state; later calls upload only what has changed.
     pub(crate) fn update(&mut self, engine: &mut Engine, worlds: &Worlds, height: usize) {
         let steps = worlds.steps();
         if self.shapes == steps.len() {
@@ -196,7 +198,7 @@ impl Scene {
         }
     }
 
-    /// Uploads all poses, for all rows or for each row.
+    /// Uploads all poses: one set for all rows, or one for each row.
     fn place(&self, engine: &mut Engine, worlds: &Worlds, height: usize) {
         let by_row = worlds.rows_together() == 1;
         let (mut trees, mut solids) = (Vec::new(), Vec::new());
@@ -230,7 +232,7 @@ impl Scene {
     }
 }
 
-/// Buffers being filled.
+/// Buffers that are being filled.
 #[derive(Default)]
 struct Parts {
     nodes: Vec<NodeData>,

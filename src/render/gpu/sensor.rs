@@ -1,5 +1,5 @@
-//! Sensor pass on the GPU: converts `electrons` to the bytes of `frame`, or to `expected_dn`. Twin
-//! of `sensor/mod.rs`; the fixed pattern is generated once on the CPU.
+//! Sensor pass on the GPU: converts `electrons` to the bytes of `frame`, or to `expected_dn`.
+//! Equivalent of the CPU's `sensor/mod.rs`; the CPU generates the fixed pattern once.
 
 use super::{Commands, Engine, EntryPoint, grid};
 use crate::sensor::{FixedPattern, Sensor};
@@ -7,7 +7,7 @@ use crate::{Plan, Term};
 use bytemuck::{Pod, Zeroable};
 use phasmid_core::error::Result;
 
-/// `SensorParameters` of `shaders/sensor_parameters.wgsl`.
+/// Equivalent of `SensorParameters` in `shaders/sensor_parameters.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Parameters {
@@ -31,12 +31,12 @@ pub(crate) struct SensorPass {
     plan: Plan,
     width: usize,
     pixels: usize,
-    /// Fraction of the charge beyond the full well that spills.
+    /// Fraction of the charge beyond the full well that spills into neighbouring pixels.
     bloom: f32,
 }
 
 impl SensorPass {
-    /// Uploads what is the same in every frame. `blooming_percent` is the profile's.
+    /// Uploads the data that is the same for every frame. `blooming_percent` is the profile's value.
     pub(crate) fn new(
         engine: &mut Engine,
         plan: &Plan,
@@ -63,7 +63,8 @@ impl SensorPass {
         self.pixels * if sensor.numbers().wide { 2 } else { 1 }
     }
 
-    /// Adds the passes from `electrons` (photoelectrons only, overwritten as scratch) to `frame`.
+    /// Adds the passes that convert `electrons` (photoelectrons only; overwritten as scratch space)
+    /// to `frame`.
     ///
     /// # Errors
     /// Returns an error under the same conditions as [`Engine::run`].
@@ -81,8 +82,8 @@ impl SensorPass {
         engine.run(commands, &stage, grid(self.pixels.div_ceil(4)))
     }
 
-    /// Adds the passes from `electrons`, as before, to `expected_dn`: unrounded digital numbers
-    /// without shot and read noise, which tests compare with the CPU's.
+    /// Adds the passes that convert `electrons`, as in [`Self::read`], to `expected_dn`: unrounded
+    /// digital numbers without shot and read noise, which tests compare with the CPU's numbers.
     ///
     /// # Errors
     /// Returns an error under the same conditions as [`Engine::run`].
@@ -99,7 +100,8 @@ impl SensorPass {
         engine.run(commands, &stage, grid(self.pixels))
     }
 
-    /// Steps common to `read` and `expect`. With blooming, wells are filled first and then spill.
+    /// Adds the passes common to `read` and `expect`. With blooming, wells are first filled and
+    /// their excess then spills.
     fn fill_wells(
         &self,
         engine: &mut Engine,
@@ -123,7 +125,7 @@ impl SensorPass {
             key: numbers.key,
             read_noise_e: numbers.read_noise_e,
             full_well_e: numbers.full_well_e,
-            // WGSL does not guarantee infinities.
+            // WGSL does not guarantee support for infinities.
             apart_from_e: numbers.apart_from_e.min(f32::MAX),
             dark_e: numbers.dark_e,
             gain_dn_per_e: numbers.gain_dn_per_e,

@@ -1,4 +1,4 @@
-//! Compares the GPU's sensor pass with the CPU's on whole frames.
+//! Compares the sensor pass of the GPU with the CPU's on whole frames.
 
 use super::Engine;
 use super::sensor::SensorPass;
@@ -6,7 +6,7 @@ use crate::sensor::{FixedPattern, Sensor, bloom};
 use crate::{Plan, Term};
 use phasmid_profile::{CameraResponse, Profile, Sensor as Parameters};
 
-/// An odd width, and a pixel count that is a multiple of neither word nor workgroup size.
+/// Odd image width, and a pixel count that is not a multiple of the word or workgroup size.
 const SIZE: (usize, usize) = (333, 217);
 const PIXELS: usize = SIZE.0 * SIZE.1;
 const TERMS: [Term; 5] = [
@@ -17,7 +17,7 @@ const TERMS: [Term; 5] = [
     Term::CameraResponse,
 ];
 
-/// A sensor with all effects, whose converter saturates slightly below the full well.
+/// Returns a sensor with all effects, whose converter saturates slightly below the full well.
 fn sensor(bits: u32) -> Parameters {
     let full_well_e = 10_000.0;
     Parameters {
@@ -44,7 +44,8 @@ fn plan(terms: &[Term]) -> Plan {
     plan
 }
 
-/// Means from 0 to beyond the full well, log-spaced, with runs of equal values.
+/// Returns means from 0 to beyond the full well, logarithmically spaced and with runs of equal
+/// values.
 fn electrons(full_well_e: f64) -> Vec<f32> {
     let mean = |i: usize| {
         let u = (i as u32).wrapping_mul(2_654_435_769) >> 8;
@@ -79,7 +80,7 @@ impl Both {
         }
     }
 
-    /// Returns the digital numbers of a frame, or their expected values, on CPU and GPU.
+    /// Returns the digital numbers of a frame from the CPU and the GPU, or their expected values.
     fn frames(&mut self, expected: bool) -> [Vec<f32>; 2] {
         let fixed = FixedPattern::new(&self.sensor, PIXELS);
         let fixed = self.plan.has(Term::FixedPattern).then_some(&fixed);
@@ -137,7 +138,8 @@ impl Both {
         }
     }
 
-    /// Returns the number of differing pixels and the largest difference in grey levels.
+    /// Returns the number of pixels that differ between CPU and GPU, and the largest difference in
+    /// grey levels.
     fn differences(&mut self) -> (usize, f32) {
         let [cpu, gpu] = self.frames(false);
         let differences = cpu.iter().zip(&gpu).map(|(a, b)| (a - b).abs());
@@ -146,9 +148,9 @@ impl Both {
     }
 }
 
-/// Maximum number of differing pixels. A one-bit rounding difference changes values at a rounding
-/// boundary, and Poisson draws likewise; the fraction of such pixels grows with the converter's
-/// resolution.
+/// Maximum number of pixels that may differ. A rounding difference of one bit changes a value at a
+/// rounding boundary, and likewise a Poisson draw; the fraction of such pixels grows with the
+/// converter's resolution.
 fn most_that_differ(bits: u32) -> usize {
     match bits {
         8 => PIXELS / 20_000,
@@ -181,7 +183,7 @@ fn gpu_frames_of_every_bit_depth_match_the_cpu() {
     }
 }
 
-/// Checks each term alone, and all other terms without it.
+/// GPU and CPU agree with each term alone, and with all terms except that one.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn every_gpu_sensor_term_matches_the_cpu() {
@@ -204,12 +206,13 @@ fn gpu_expected_numbers_match_the_cpu() {
         let worst = cpu.iter().zip(&gpu).map(|(a, b)| (a - b).abs());
         let worst = worst.fold(0.0, f32::max);
         println!("{terms:?}: {worst:e}");
-        // For values up to 4095, whose f32 rounding error is 2.4e-4.
+        // Tolerance for values up to 4095, whose f32 rounding error is 2.4e-4.
         assert!(worst < 3e-3, "{terms:?}: {worst}");
     }
 }
 
-/// Guards against comparing a frame with itself: another noise id must give another image.
+/// Another noise id gives another image. This guards against a test that compares a frame with
+/// itself.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn noise_follows_its_key() {

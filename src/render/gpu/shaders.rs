@@ -1,4 +1,4 @@
-//! Shader sources, and assembly of a pass from pieces.
+//! Shader sources, and assembly of the source of a pass from pieces.
 //!
 //! The first line of a file names its dependencies: `// needs: plan, maps_in`. A pass consists of
 //! each dependency once, in dependency order, followed by the file itself.
@@ -13,7 +13,7 @@ use phasmid_shaders::TESTS;
 #[cfg(not(test))]
 const TESTS: &[(&str, &str)] = &[];
 
-/// Returns the source of a pass including its dependencies.
+/// Returns the source of a pass, including the pieces on which it depends.
 ///
 /// # Errors
 /// Returns an error if a piece is missing, which is a mistake in a shader's first line.
@@ -81,7 +81,7 @@ mod tests {
         }
     }
 
-    /// Checks, without a driver, that every piece with its dependencies is valid WGSL.
+    /// Every piece, together with its dependencies, is valid WGSL. This needs no driver.
     #[test]
     fn every_shader_is_valid() {
         for name in all() {
@@ -116,7 +116,7 @@ mod tests {
         }
     }
 
-    /// Checks that every file in `shaders/` is embedded.
+    /// Every file in `shaders/` is embedded in the program.
     #[test]
     fn every_shader_file_is_registered() {
         let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders");

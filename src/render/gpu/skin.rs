@@ -1,5 +1,6 @@
-//! Skin on the GPU: tissues of a scene, entry point and spread of light. Twin of
-//! `exposure/skin_maps.rs` and `transport/skin.rs`.
+//! Skin on the GPU: uploads the tissues of a scene, and computes where the light seen at each point
+//! entered the skin and how it spreads. Equivalent of the CPU's `exposure/skin_maps.rs` and
+//! `transport/skin.rs`.
 
 use super::{Commands, Engine, EntryPoint, grid};
 use crate::Plan;
@@ -34,7 +35,7 @@ pub(crate) fn write(engine: &mut Engine, skins: &Skins) {
     engine.write("skin_of", bytemuck::cast_slice(&of));
 }
 
-/// Computes subsurface transport at all pixels' centres: fills `under_skin`.
+/// Computes light transport under skin at the centres of all pixels; fills `under_skin`.
 ///
 /// # Errors
 /// Returns an error if the GPU has failed.
@@ -70,7 +71,7 @@ mod tests {
         assert_eq!(found.tissue, u32::from(tissue));
         let mut off = [0.0f32; 2];
         for axis in 0..2 {
-            // Missing values are 0, not NaN.
+            // The GPU writes missing values as 0, not NaN.
             if place[axis].is_finite() {
                 off[0] = off[0].max((found.origin[axis] - place[axis]).abs());
             }
@@ -135,7 +136,7 @@ mod tests {
                 continue;
             };
             for (k, found) in of_head(&all, head).iter().enumerate() {
-                // At an edge, a sample may be lit on the CPU and in shadow on the GPU, or vice versa.
+                // At an edge, a sample may be lit on only one of CPU and GPU.
                 if found.tissue != u32::from(skin.at(k).1) {
                     missing += 1;
                     continue;
@@ -147,7 +148,7 @@ mod tests {
         }
         println!("{samples} samples, {missing} others; {worst:?}");
         assert!(samples > 1000 && missing <= samples / 200);
-        // At the rim of a ball the normal changes within the rounding of a ray.
+        // At the rim of a ball, the normal changes noticeably within the rounding error of a ray.
         assert!(worst[0] < 1e-3 && worst[1] < 1e-4);
     }
 }

@@ -1,18 +1,19 @@
-//! Buffers in GPU memory, by their shader names.
+//! Buffers in GPU memory, identified by their names in the shaders.
 
 use super::Gpu;
 use phasmid_core::error::{Error, Result};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Minimum buffer size in bytes: larger than any element, since a binding must hold at least one.
+/// Minimum size of a buffer in bytes. It is larger than any element, since a binding must hold at
+/// least one.
 const LEAST: u64 = 256;
 
 /// Named buffers.
 pub(super) struct Store {
     gpu: Arc<Gpu>,
     buffers: HashMap<&'static str, wgpu::Buffer>,
-    /// Incremented whenever a buffer is replaced.
+    /// Number that is incremented whenever a buffer is replaced.
     generation: u64,
 }
 
@@ -34,7 +35,7 @@ impl Store {
         let bytes = if bytes.is_empty() { &[0; 16] } else { bytes };
         self.reserve(name, bytes.len() as u64);
         if let Some(buffer) = self.buffers.get(name) {
-            // Writes must be a whole number of words.
+            // A write must be a whole number of words.
             let whole = bytes.len() & !3;
             self.gpu.queue.write_buffer(buffer, 0, &bytes[..whole]);
             if whole < bytes.len() {
@@ -45,8 +46,8 @@ impl Store {
         }
     }
 
-    /// Ensures a buffer's capacity; reallocation loses its contents. A buffer that is far too large
-    /// is shrunk.
+    /// Ensures that a buffer has this capacity; a reallocation loses its contents. A buffer that is
+    /// far too large is shrunk.
     pub(super) fn reserve(&mut self, name: &'static str, bytes: u64) {
         let bytes = (bytes.div_ceil(16) * 16).max(LEAST);
         let fits = |b: &wgpu::Buffer| b.size() >= bytes && b.size() <= bytes.max(1 << 20) * 4;
@@ -60,7 +61,7 @@ impl Store {
             ));
             return;
         }
-        // Free the old buffer first, so that both need not fit at once.
+        // Free the old buffer first, so that both buffers need not fit at the same time.
         self.buffers.remove(name);
         self.generation += 1;
         let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -75,7 +76,8 @@ impl Store {
         self.buffers.insert(name, buffer);
     }
 
-    /// Writes part of a buffer, in whole words, which must lie within its capacity.
+    /// Writes a part of a buffer. The part must consist of whole words and lie within the buffer's
+    /// capacity.
     pub(super) fn write_at(&self, name: &str, offset: u64, bytes: &[u8]) {
         if let Some(buffer) = self.buffers.get(name)
             && !bytes.is_empty()
@@ -84,7 +86,7 @@ impl Store {
         }
     }
 
-    /// Ensures that a buffer exists, of any size, for shaders that bind but do not use it.
+    /// Ensures that a buffer of any size exists, for shaders that bind the buffer but do not use it.
     pub(super) fn provide(&mut self, name: &'static str) {
         if !self.buffers.contains_key(name) {
             self.reserve(name, 0);

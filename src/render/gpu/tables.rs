@@ -1,8 +1,8 @@
 //! Pattern tables in GPU memory, all in one buffer.
 //!
-//! The CPU computes them (`exposure/`) and caches the latest ones; this cache uses less memory. When
-//! tables no longer fit, all are evicted and the tables in use are uploaded again, so a sequence that
-//! fits is uploaded once.
+//! The CPU computes the tables (`exposure/`) and caches the latest ones; this cache uses less
+//! memory. When the tables no longer fit, all are evicted and the tables in use are uploaded again,
+//! so a sequence whose tables fit is uploaded once.
 
 use super::Engine;
 use crate::exposure::{HeldRow, ImageTable, RowTable, Table};
@@ -10,13 +10,13 @@ use phasmid_core::error::{Error, Result};
 use phasmid_pattern::Axis;
 use std::sync::{Arc, Weak};
 
-/// The buffer in `pattern_images.wgsl`.
+/// Name of the buffer, which is declared in `pattern_images.wgsl`.
 const NAME: &str = "pattern_image_cells";
-/// Bytes per cell.
+/// Bytes per cell, the unit in which the buffer is allocated.
 const CELL: u64 = 16;
 /// Maximum memory for tables in bytes, if the GPU allows buffers of that size.
 const MOST_BYTES: u64 = 256 << 20;
-/// Minimum capacity in cells.
+/// Minimum capacity of the buffer in cells.
 const LEAST: u64 = 1 << 16;
 
 const UNIFORM: u32 = 0;
@@ -36,7 +36,7 @@ pub(super) struct Head {
 }
 
 impl Head {
-    /// Returns the layout of `schedule.wgsl`.
+    /// Returns the header in the layout of `schedule.wgsl`.
     pub(super) fn words(self) -> [[u32; 4]; 2] {
         let [width, height] = self.size;
         let long = u32::from(self.long);
@@ -61,7 +61,7 @@ pub(super) struct Tables {
     /// Cells in use, and capacity in cells.
     used: u64,
     room: u64,
-    /// Maximum size in bytes.
+    /// Maximum size of the buffer in bytes.
     most: u64,
 }
 
@@ -82,10 +82,10 @@ impl Tables {
         }
     }
 
-    /// Uploads the tables of one exposure that are not yet there.
+    /// Uploads those tables of an exposure that are not on the GPU yet.
     ///
     /// # Errors
-    /// Returns an error if the tables do not fit together.
+    /// Returns an error if the tables of the exposure do not fit at the same time.
     pub(super) fn place(
         &mut self,
         engine: &mut Engine,
@@ -121,7 +121,7 @@ impl Tables {
                 self.room = wanted.next_power_of_two().max(LEAST).min(most);
             }
         }
-        // A no-op if the capacity suffices.
+        // This call has no effect if the capacity suffices.
         engine.reserve(NAME, self.room.max(1) * CELL);
         tables
             .iter()
@@ -164,7 +164,7 @@ fn cells_of(table: &Table) -> u64 {
     }
 }
 
-/// Returns a table's cells and its head, whose offsets are relative to the first cell.
+/// Returns the cells of a table and its header, whose offsets are relative to the first cell.
 fn packed(table: &Table) -> (Vec<[u32; 4]>, Head) {
     match table {
         Table::Uniform(level) => (
@@ -202,8 +202,8 @@ fn packed_row(row: &RowTable) -> (Vec<[u32; 4]>, Head) {
     (cells, head)
 }
 
-/// Returns the light of each pixel, then of each group of 2, 4 and so on, preceded by the start
-/// offset of each in words.
+/// Returns the light of each pixel, then the mean light of each group of 2, of 4 and so on, preceded
+/// by the offset in words at which each of these lists starts.
 fn held_words(held: &HeldRow) -> Vec<u32> {
     let groupings = held.groupings();
     let mut words = Vec::new();
@@ -216,7 +216,7 @@ fn held_words(held: &HeldRow) -> Vec<u32> {
     words
 }
 
-/// Returns whether sums of the pattern image exceed one word.
+/// Returns whether sums over the pattern image exceed one word.
 fn is_long(image: &ImageTable) -> bool {
     image
         .sums()

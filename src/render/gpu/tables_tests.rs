@@ -1,4 +1,5 @@
-//! Compares the shaders' averages of patterns under many footprints with the CPU's.
+//! Compares the averages of patterns under many footprints that shaders compute with the CPU's
+//! averages.
 
 use super::exposure::{bell, packed};
 use super::tables::Tables;
@@ -41,7 +42,7 @@ impl Random {
         (hash(self.0) >> 8) as f32 / (1u32 << 24) as f32
     }
 
-    /// Returns a size of either sign, over decades; 0 in some cases.
+    /// Returns a random size of either sign, over several decades; in some cases 0.
     fn size(&mut self, [low, high]: [f32; 2]) -> f32 {
         let size = low * (high / low).powf(self.next());
         match (self.next() * 8.0) as u32 {
@@ -82,7 +83,7 @@ fn cases(count: usize, sizes: [f32; 2], sigmas: [f32; 2]) -> Vec<Case> {
     (0..count).map(|_| case()).collect()
 }
 
-/// Returns the CPU's levels, with each footprint as the only lit sample of a mixed pixel.
+/// Returns the CPU's levels. Each footprint is passed as the only lit sample of a mixed pixel.
 fn on_cpu(table: &Table, plan: &Plan, cases: &[Case]) -> Vec<f32> {
     let mut map = GeometryBuffer::default();
     for case in cases {
@@ -134,12 +135,12 @@ fn on_gpu(
     output.into_iter().map(f32::from_bits).collect()
 }
 
-/// Checks that every level is within `bar` (of 255) of the CPU's; prints the maximum and mean
-/// error.
+/// Checks that every level of the GPU is within `bar` (of 255) of the CPU's level; prints the
+/// maximum and mean error.
 fn compare(name: &str, pattern_image: &PatternImage, plan: &Plan, cases: &[Case], bar: f32) {
-    // On an image, the CPU places the parts of a footprint to within 1e-4 of a projector pixel.
-    // This changes the contribution of borders by 1e-4 over the footprint's width. The GPU is more
-    // precise.
+    // On an image, the CPU places the parts of a footprint to within 1e-4 of a projector pixel. This
+    // changes the contribution of a border to a level by 1e-4 divided by the footprint's width. The
+    // GPU is more precise.
     let placed = |case: &Case| match pattern_image {
         PatternImage::Image { .. } => {
             let width = |s: [f32; 2]| (s[0].hypot(s[1]) / 8.0).max(3.4 * case.sigma).max(1e-3);
@@ -266,7 +267,8 @@ fn gpu_images_are_averaged_as_on_the_cpu() {
 fn gpu_blurred_rows_are_averaged_as_on_the_cpu() {
     let plan = plan(&[Term::ProjectorDefocus]);
     for (name, pattern_image) in rows() {
-        // Outside the pattern there is no light to blur, so only positions on it are compared.
+        // Outside the pattern there is no light to blur, so only positions on the pattern are
+        // compared.
         let on_pattern_image = |case: &Case| {
             let [x, y] = case.at;
             (-0.5..1919.5).contains(&x) && (-0.5..1079.5).contains(&y)
@@ -305,7 +307,7 @@ fn uniform_pattern_images_have_their_level() {
     );
 }
 
-/// Memory for two rows, used by three in turn: evicted rows are uploaded again.
+/// If three rows are used in turn and the memory holds two, evicted rows are uploaded again.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn pattern_images_that_do_not_fit_together_take_turns() {

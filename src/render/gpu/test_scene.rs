@@ -1,4 +1,5 @@
-//! Test scenes: CPU geometry maps uploaded to the GPU together with the scene.
+//! Test scenes whose geometry maps come from the CPU and are uploaded to the GPU together with the
+//! scene.
 
 use super::sampled::Sampler;
 use super::{Engine, geometry as gpu, materials, optics, scene, skin, upload};
@@ -11,7 +12,7 @@ use glam::DVec2;
 use phasmid_profile::{Profile, Scene};
 use std::path::Path;
 
-/// A scene and its geometry-pass maps, without indirect light.
+/// A scene and its maps from the CPU's geometry pass, without indirect light.
 pub(super) struct TestScene {
     profile: Profile,
     worlds: Worlds,
@@ -24,8 +25,8 @@ pub(super) struct TestScene {
 }
 
 impl TestScene {
-    /// Builds a test scene from TOML lines, with its files in `folder`, seen by a small camera with
-    /// the field of view of the `pmp-bench` profile.
+    /// Builds a test scene from lines of TOML, whose files are in `folder`. A small camera with the
+    /// field of view of the `pmp-bench` profile sees it.
     pub(super) fn new(lines: &str, folder: &Path, change: impl Fn(&mut Profile)) -> Self {
         let mut profile = Profile::load("pmp-bench").unwrap();
         (profile.camera.width_px, profile.camera.height_px) = (286, 123);
@@ -92,7 +93,7 @@ impl TestScene {
         map
     }
 
-    /// Returns an engine with everything uploaded.
+    /// Returns an engine to which scene and maps have been uploaded.
     pub(super) fn engine(&self) -> Engine {
         let mut engine = Engine::for_tests();
         optics::write(&mut engine, &self.optics);
@@ -104,7 +105,7 @@ impl TestScene {
         engine
     }
 
-    /// Runs mixed-pixel detection on the GPU.
+    /// Finds the mixed pixels on the GPU.
     pub(super) fn see_mixed(&self, engine: &mut Engine) {
         let options = Options::default();
         let aperture = Aperture::new(&self.profile.camera);

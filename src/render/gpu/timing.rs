@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 /// Maximum number of passes between two readbacks of timestamps.
 const MOST: u32 = 256;
 
-/// Records timestamps before and after passes; inactive until enabled, or if the adapter has no
-/// timestamps.
+/// Records timestamps before and after passes. Inactive until it is enabled, and always if the
+/// adapter has no timestamps.
 pub(super) struct Timing {
     queries: Option<Queries>,
     taken: BTreeMap<String, PassTime>,
@@ -62,7 +62,7 @@ impl Timing {
         }
     }
 
-    /// Returns the timestamp writes for the next pass; `None` if it is not timed.
+    /// Returns the timestamp writes for the next pass; `None` if the pass is not timed.
     pub(super) fn writes(&mut self, name: &str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         let queries = self.queries.as_mut()?;
         let index = queries.names.len() as u32;
@@ -77,7 +77,7 @@ impl Timing {
         })
     }
 
-    /// Waits for the passes so far and accumulates their times.
+    /// Waits for all passes so far and adds up their times.
     pub(super) fn collect(&mut self, gpu: &Gpu) -> BTreeMap<String, PassTime> {
         if let Some(queries) = &mut self.queries
             && !queries.names.is_empty()

@@ -47,7 +47,7 @@ pub(crate) fn maps(engine: &mut Engine, map: &GeometryBuffer) {
     engine.write("evenly", bytemuck::cast_slice(&map.evenly));
 }
 
-/// Reads the GPU's geometry maps back in the CPU's layout; samples of mixed pixels are unchanged.
+/// Reads the GPU's geometry maps back in the CPU's layout; the samples of mixed pixels are not read.
 pub(crate) fn maps_back(
     engine: &Engine,
     (width, height): (usize, usize),
@@ -116,7 +116,7 @@ pub(crate) fn mixed(engine: &mut Engine, map: &GeometryBuffer) {
     let all = |mixed: &Mixed| std::array::from_fn::<_, 16, _>(|k| MixedSample::new(mixed, k));
     let samples: Vec<_> = map.mixed.iter().flat_map(all).collect();
     let [across, down, _] = super::grid(heads.len());
-    // Number of heads, workgroup counts for them, and number of heads needed.
+    // Number of heads, their workgroup counts along three dimensions, and number of heads needed.
     let count = [heads.len() as u32, across, down, 1, heads.len() as u32];
     engine.write("mixed_heads", bytemuck::cast_slice(&heads));
     engine.write("mixed_samples", bytemuck::cast_slice(&samples));

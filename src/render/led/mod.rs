@@ -8,9 +8,9 @@
 //! triangular matrix (the Carleman lift of a bilinear system, here without truncation). Its
 //! exponential is known in closed form: eigenvalues are 0, `-1/t_r`, `-1/t_j` and their sums.
 //!
-//! `integrals` computes the entries of that exponential as sums of positive terms, so that no ratio
-//! of constants or step length causes cancellation; `model` steps and integrates, `source` tracks
-//! the state over device time.
+//! `integrals` computes the entries of this exponential as sums of positive terms, so that no ratio
+//! of constants and no step length causes cancellation. `model` advances and integrates the state,
+//! and `source` tracks it over device time.
 
 mod integrals;
 mod model;

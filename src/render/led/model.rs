@@ -7,9 +7,9 @@ use phasmid_profile::Led;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     rise_ns: f64,
-    /// Time constant and fraction of light lost, for each warming part.
+    /// Time constant in nanoseconds and fraction of light lost, for each part that warms up.
     droop: Vec<(f64, f64)>,
-    /// Fraction of the light left at full heat.
+    /// Fraction of the light that remains at full heat.
     kept: f64,
 }
 
@@ -27,7 +27,7 @@ impl Model {
     pub fn new(led: &Led) -> Self {
         let droop = led.droop.iter().take(Led::MAX_DROOPS);
         let droop = droop.map(|droop| (droop.time_constant_s * 1e9, droop.fraction));
-        // 1 - exp(-t / T) takes T ln 9 to rise from 10 to 90 per cent.
+        // The emission 1 - exp(-t / T) takes T ln 9 to rise from 10 to 90 per cent.
         Self::of(led.rise_us * 1e3 / 9f64.ln(), droop.collect())
     }
 
@@ -65,7 +65,7 @@ impl Model {
     pub fn after(&self, state: &State, drive: f64, step_ns: f64) -> State {
         let towards = |from: f64, constant: f64| {
             let decay = Decay::new(step_ns, constant);
-            // Rounding must not exceed the steady state.
+            // Rounding must not lift the state above the steady state.
             (from * decay.left + drive * decay.gone).min(1.0)
         };
         let mut next = State {
@@ -78,8 +78,8 @@ impl Model {
         next
     }
 
-    /// Returns the mean light over a step as in [`Self::after`]; for a step of 0, the light itself.
-    /// The relative error is below 1e-14.
+    /// Returns the mean light over a step as in [`Self::after`]; for a step of 0, the light of
+    /// `state`. The relative error is below 1e-14.
     pub fn mean(&self, state: &State, drive: f64, step_ns: f64) -> f64 {
         let (from, rest) = (state.emission, 1.0 - drive);
         let rise = Decay::new(step_ns, self.rise_ns);

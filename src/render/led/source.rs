@@ -4,15 +4,16 @@ use super::{Model, State};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Maximum number of drive changes kept between two exposures; beyond it the oldest are dropped.
+/// Maximum number of drive changes kept between two exposures; beyond it the oldest changes are
+/// dropped.
 const MOST_CHANGES: usize = 4096;
 
-/// A piecewise constant value over time, kept from some time on.
+/// A piecewise constant value over time, whose early history is discarded.
 #[derive(Debug, Clone)]
 struct Steps<T> {
-    /// Value before the first kept change.
+    /// Value before the first change in `changes`.
     first: T,
-    /// Values with their start time in nanoseconds, in time order.
+    /// Values, each with its start time in nanoseconds, in order of time.
     changes: VecDeque<(u64, T)>,
 }
 
@@ -24,7 +25,7 @@ impl<T: Copy + PartialEq> Steps<T> {
         }
     }
 
-    /// Sets the value from a time on, discarding later planned changes.
+    /// Sets the value from a time on, and discards changes planned for that time or later.
     fn set(&mut self, from_ns: u64, value: T) {
         while self.changes.back().is_some_and(|(ns, _)| *ns >= from_ns) {
             self.changes.pop_back();
@@ -52,8 +53,8 @@ impl<T: Copy + PartialEq> Steps<T> {
     }
 }
 
-/// The light source of a device. While the pattern sequence enables it, it is driven at a level set
-/// by lamp state and current.
+/// The light source of a device. Lamp state and current set its drive level; the source is driven at
+/// this level while the pattern sequence enables it.
 #[derive(Debug, Clone)]
 pub struct Source {
     model: Arc<Model>,
@@ -81,15 +82,15 @@ impl Source {
         self.bound();
     }
 
-    /// Enables or disables the source from a time on. May be called after a level change with a
-    /// later time.
+    /// Enables or disables the source from a time on. This time may be earlier than the time of a
+    /// level change that was set before.
     pub fn open(&mut self, from_ns: u64, open: bool) {
         self.open.set(from_ns, open);
         self.bound();
     }
 
-    /// Returns the light from a time on, as far as known. History before the latest start is
-    /// discarded, so calls must be in time order, as exposures are.
+    /// Returns the light from a time on, as far as the drive is known. History before this time is
+    /// discarded, so calls must be in order of time, as exposures are.
     pub fn emission(&mut self, start_ns: u64) -> Arc<Emission> {
         self.forget_before(start_ns);
         Arc::new(Emission {
@@ -139,7 +140,7 @@ impl Source {
         self.open.forget_before(ns);
     }
 
-    /// Bounds memory when the lamp is switched repeatedly.
+    /// Limits the memory used when the lamp is switched many times between exposures.
     fn bound(&mut self) {
         let firsts = [
             self.level
@@ -180,14 +181,14 @@ impl Piece {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Emission {
     model: Arc<Model>,
-    /// At least one, in time order; the last has no end.
+    /// Intervals in order of time, at least one; the last interval has no end.
     pieces: Vec<Piece>,
 }
 
 impl Emission {
     /// Returns the mean light over an interval of device time, relative to a cold source at full
-    /// current; for an empty interval, the light at that time. Before the earliest known time the
-    /// light is assumed constant.
+    /// current. For an empty interval, returns the light at that time. The light before the earliest
+    /// known time is assumed to be constant.
     pub fn mean(&self, from_ns: u64, to_ns: u64) -> f64 {
         let to_ns = to_ns.max(from_ns);
         let first = self

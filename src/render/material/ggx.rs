@@ -1,28 +1,29 @@
 //! A rough dielectric or metal over a diffuse base: the GGX microfacet model.
 //!
-//! The specular lobe is f_s = D G2 F / (4 (n.l)(n.v)): D of Walter et al. ("Microfacet Models for
-//! Refraction through Rough Surfaces", EGSR 2007, equation 33), G2 the height-correlated Smith term
-//! (Heitz, "Understanding the Masking-Shadowing Function", JCGT 3(2), 2014, equation 99), F by
-//! Schlick (1994). Only single scattering between facets is modelled. Light that would be scattered
-//! again is lost: 59 % of uniform light on the roughest metal, almost none below a roughness of
-//! 0.4.
+//! The specular lobe is f_s = D G2 F / (4 (n.l)(n.v)), with D of Walter et al. ("Microfacet Models
+//! for Refraction through Rough Surfaces", EGSR 2007, equation 33), G2 the height-correlated Smith
+//! term (Heitz, "Understanding the Masking-Shadowing Function", JCGT 3(2), 2014, equation 99), and F
+//! by Schlick (1994). Only single scattering between facets is modelled. Light that facets would
+//! scatter more than once is lost: 59 % of uniform light on the roughest metal, almost nothing below
+//! a roughness of 0.4.
 //!
-//! Light not reflected by the lobe enters the diffuse base. With E(c) the fraction that the lobe
-//! reflects of light at cosine c, the diffuse part is albedo (1 - E(n.l)) (1 - E(n.v)) / (pi (1 -
-//! mean E)): symmetric, and the two together reflect E(n.v) + albedo (1 - E(n.v)), never more than
-//! all (Kelemen and Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model",
-//! Eurographics 2001).
+//! Light that the lobe does not reflect enters the diffuse base. With E(c) the fraction that the
+//! lobe reflects of light at cosine c, the diffuse part is albedo (1 - E(n.l)) (1 - E(n.v)) / (pi (1
+//! - mean E)). This is symmetric, and lobe and base together reflect E(n.v) + albedo (1 - E(n.v)),
+//! which is never more than the incident light (Kelemen and Szirmay-Kalos, "A Microfacet Based
+//! Coupled Specular-Matte BRDF Model", Eurographics 2001).
 
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Intervals of the table of E, evenly spaced in the square root of the cosine, because E is steep
-/// at grazing angles.
+/// Number of intervals in the table of E. They are evenly spaced in the square root of the cosine,
+/// because E is steep at grazing angles.
 const PIECES: usize = 128;
-/// Samples along a side of the integration grid of a table value.
+/// Number of samples along a side of the grid by which a table value is integrated.
 const GRID: usize = 48;
-/// Minimum cosine towards the camera, used where an interpolated normal faces away from it.
+/// Minimum cosine of the angle to the camera, used where an interpolated normal faces away from the
+/// camera.
 const GRAZING: f64 = 1e-4;
 
 /// A material with a specular lobe.
@@ -30,15 +31,15 @@ const GRAZING: f64 = 1e-4;
 pub(crate) struct Ggx {
     pub(crate) f0: f64,
     pub(crate) alpha: f64,
-    /// E at cosines (i / PIECES)^2.
+    /// Values of E at the cosines (i / PIECES)^2.
     pub(crate) reflected: Vec<f64>,
-    /// One over 1 - mean E; 0 if no light enters the base.
+    /// Inverse of 1 - mean E; 0 if no light enters the base.
     pub(crate) coupling: f64,
 }
 
 impl Ggx {
-    /// Creates the material from its reflectance at normal incidence and its perceptual roughness
-    /// (alpha is its square).
+    /// Creates the material from its reflectance at normal incidence and its perceptual roughness,
+    /// whose square is alpha.
     pub(crate) fn new(f0: f64, roughness: f64) -> Self {
         let mut ggx = Self {
             f0,
@@ -47,7 +48,7 @@ impl Ggx {
             coupling: 0.0,
         };
         let at = |i: usize| ggx.integrate((i as f64 / PIECES as f64).powi(2));
-        // An exactly grazing direction meets a mirror.
+        // At an exactly grazing direction the surface acts as a mirror.
         ggx.reflected = (0..=PIECES).into_par_iter().map(at).collect();
         let entered = 1.0 - ggx.mean();
         if entered > 1e-9 {
@@ -57,8 +58,8 @@ impl Ggx {
     }
 
     /// Returns pi times the BRDF for a diffuse albedo of `albedo`: the reflectance for light from
-    /// one direction, relative to a white Lambertian surface. All three vectors are unit vectors
-    /// away from the surface; the result is 0 for light from behind.
+    /// one direction, relative to a white Lambertian surface. `normal`, `light` and `view` are unit
+    /// vectors that point away from the surface; the result is 0 for light from behind the surface.
     pub(crate) fn reflectance(&self, albedo: f64, normal: DVec3, light: DVec3, view: DVec3) -> f64 {
         let cos_light = normal.dot(light);
         if !(cos_light > 0.0) {
@@ -70,14 +71,14 @@ impl Ggx {
         diffuse + self.lobe(normal, light, view, cos_light, cos_view)
     }
 
-    /// Returns the reflectance towards the viewer under uniform light: by reciprocity, the total
-    /// reflectance for light from the viewer's direction.
+    /// Returns the reflectance towards the viewer under uniform light. By reciprocity it equals the
+    /// total reflectance for light from the viewer's direction.
     pub(crate) fn under_even_light(&self, albedo: f64, cos_view: f64) -> f64 {
         let specular = self.albedo(cos_view.max(GRAZING));
         specular + albedo * (1.0 - specular)
     }
 
-    /// Returns pi f_s.
+    /// Returns pi times the specular lobe f_s.
     fn lobe(&self, n: DVec3, l: DVec3, v: DVec3, cos_light: f64, cos_view: f64) -> f64 {
         let Some(half) = (l + v).try_normalize() else {
             return 0.0;
@@ -105,8 +106,8 @@ impl Ggx {
         self.reflected[i] + (at - i as f64) * (self.reflected[i + 1] - self.reflected[i])
     }
 
-    /// Computes E by integration over the distribution of visible normals, each of which reflects F
-    /// G2 / G1 of its light (Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4),
+    /// Computes E by integration over the distribution of visible normals; each normal reflects F G2
+    /// / G1 of its light (Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4),
     /// 2018).
     fn integrate(&self, cos_view: f64) -> f64 {
         let cos = cos_view.max(GRAZING * GRAZING);
@@ -123,7 +124,7 @@ impl Ggx {
                 ((i % GRID) as f64 + 0.5) / GRID as f64,
                 ((i / GRID) as f64 + 0.5) / GRID as f64,
             );
-            // The samples are dense near the disc's rim, because GGX has a long tail there.
+            // The samples are dense near the rim of the disc, because GGX has a long tail there.
             let weight = 3.0 * inward * inward;
             let (r, phi) = ((1.0 - inward.powi(3)).sqrt(), 2.0 * PI * turn);
             let (t1, raw) = (r * phi.cos(), r * phi.sin());
@@ -139,14 +140,14 @@ impl Ggx {
             weight * self.fresnel(view.dot(h)) * (1.0 + own) / (1.0 + own + lambda(light.z))
         };
         let n = GRID * GRID;
-        // Normalises the sum of weights, which deviates slightly from n.
+        // Normalises the sum of weights, which is slightly different from n.
         let whole = 1.0 - 0.25 / (GRID * GRID) as f64;
         (0..n).map(sample).sum::<f64>() / (n as f64 * whole)
     }
 
-    /// Returns the mean of E over uniform light, 2 times the integral of E(c) c dc, exact for the
-    /// table: with c = s^2 it is a polynomial of degree four on each piece (three-point
-    /// Gauss-Legendre).
+    /// Returns the mean of E over uniform light, which is 2 times the integral of E(c) c dc. It is
+    /// exact for the table: with c = s^2 the integrand is a polynomial of degree four on each piece
+    /// (three-point Gauss-Legendre).
     fn mean(&self) -> f64 {
         let step = 1.0 / PIECES as f64;
         let nodes = [(-0.6f64.sqrt(), 5.0), (0.0, 8.0), (0.6f64.sqrt(), 5.0)];
@@ -187,7 +188,7 @@ mod tests {
         let (n, m) = (1200, 400);
         let mut sum = 0.0;
         for i in 0..n {
-            // Polar angle of the half vector, squared spacing towards the pole.
+            // Polar angle of the half vector, whose spacing becomes finer towards the pole.
             let (low, high) = (i as f64 / n as f64, (i + 1) as f64 / n as f64);
             let theta = |s: f64| s * s * PI / 2.0;
             let solid = theta(low).cos() - theta(high).cos();
@@ -248,8 +249,8 @@ mod tests {
 
     #[test]
     fn roughest_metal_matches_closed_form() {
-        // At alpha 1 and F 1: D = 1/pi and Lambda(c) = (1/c - 1)/2, so pi f_s = 1/(2 (n.l + n.v)),
-        // E(c) = 1 - c ln(1 + 1/c) and its mean 4/3 (1 - ln 2).
+        // For alpha = 1 and F = 1, D = 1/pi and Lambda(c) = (1/c - 1)/2, so pi f_s = 1/(2 (n.l +
+        // n.v)), E(c) = 1 - c ln(1 + 1/c), and the mean of E is 4/3 (1 - ln 2).
         let ggx = Ggx::new(1.0, 1.0);
         for cos in [0.05, 0.2, 0.5, 0.8, 1.0f64] {
             let exact = 1.0 - cos * (1.0 + 1.0 / cos).ln();

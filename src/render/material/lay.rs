@@ -5,8 +5,8 @@
 //! - a cylinder: the angle about y times the radius, and y; its caps along x and z;
 //! - any other shape: x and y, as if projected along z.
 //!
-//! The texture's centre is at the origin of these coordinates; its columns run along the first, its
-//! rows along the second, downwards.
+//! The texture's centre is at the origin of these coordinates. Its columns run along the first
+//! coordinate; its rows run along the second, downwards.
 
 use glam::{DVec2, DVec3};
 use phasmid_profile::Shape;
@@ -33,13 +33,13 @@ impl Lay {
         }
     }
 
-    /// Returns the coordinates at a point with a unit normal, both in the shape's own frame.
+    /// Returns the texture coordinates of a point with a unit normal, both in the shape's own frame.
     pub(crate) fn at(self, p: DVec3, normal: DVec3) -> Laid {
         let flat = |a: DVec3, b: DVec3| Laid {
             at: DVec2::new(a.dot(p), b.dot(p)),
             gradient: [a, b],
         };
-        // Angle about y and its gradient, both times the radius that makes the angle a length.
+        // The angle about y and its gradient, both times the radius, which makes the angle a length.
         let around = |radius: f64| {
             let square = (p.x * p.x + p.z * p.z).max(1e-18 * radius * radius);
             let angle = p.x.atan2(-p.z);
@@ -85,7 +85,7 @@ mod tests {
             (Lay::Sphere, p.normalize()),
         ] {
             let here = lay.at(p, normal);
-            // Steps along the surface only: off the surface, the radius in the coordinates changes too.
+            // Step along the surface only, since off the surface the radius changes as well.
             for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
                 let step = (axis - normal * normal.dot(axis)) * 1e-5;
                 let there = lay.at(p + step, normal);

@@ -1,5 +1,5 @@
-//! Spatial variation of an object's albedo: a texture, by mesh coordinates or mapped onto the
-//! shape, or a board's ink.
+//! Variation of an object's albedo over its surface: a texture, placed by the mesh's texture
+//! coordinates or mapped onto the shape, or the ink of a board.
 
 use super::lay::Lay;
 use super::spot::{Spot, barycentric, shares};
@@ -10,7 +10,7 @@ use phasmid_geometry::{Board, Mesh, Pose};
 use phasmid_profile::{Object, Scene};
 use std::sync::Arc;
 
-/// A footprint counts as on an outline if it contains at least this fraction of ink and of paper.
+/// Minimum fraction of ink, and of paper, in a footprint that counts as lying on an outline.
 const EDGE: f64 = 1e-4;
 
 pub(crate) enum Map {
@@ -24,9 +24,9 @@ pub(crate) struct ImageMap {
 }
 
 pub(crate) enum Place {
-    /// Texture coordinates at the corners of the object's triangles, v up.
+    /// Texture coordinates at the corners of the object's triangles, with v pointing up.
     Corners(Vec<[[f32; 2]; 3]>),
-    /// Mapped onto the shape, at a size in millimetres.
+    /// Mapped onto the shape with this size in millimetres.
     Over {
         lay: Lay,
         size_mm: DVec2,
@@ -54,8 +54,8 @@ impl Map {
         }
     }
 
-    /// Returns the mean over a spot's footprint, with the object at rest. `index` is the triangle's
-    /// index within the object.
+    /// Returns the mean albedo over a spot's footprint, with the object in its rest pose. `index` is
+    /// the triangle's index within the object.
     pub(crate) fn albedo(&self, index: usize, spot: &Spot) -> f64 {
         match self {
             Self::Image(image) => image.albedo(index, spot),
@@ -63,8 +63,9 @@ impl Map {
         }
     }
 
-    /// Returns whether a footprint with this mean lies on an outline, where the variation of light
-    /// within the footprint matters. Only for boards, whose outlines are measured.
+    /// Returns whether a footprint with this mean albedo lies on an outline, where the variation of
+    /// light within the footprint matters. Always false except for boards, whose outlines are
+    /// measured.
     pub(crate) fn is_edge(&self, mean: f64) -> bool {
         match self {
             Self::Image(_) => false,
@@ -142,9 +143,9 @@ impl ImageMap {
 
 /// A board printed on the side facing -z in the object's own frame.
 pub(crate) struct Printed {
-    /// Scaled as the object is.
+    /// The board, scaled in the same way as its object.
     pub(crate) board: Board,
-    /// Factor on the albedo where there is ink.
+    /// Factor on the albedo where the board has ink.
     pub(crate) ink: f64,
     pub(crate) object_from_rig: Pose,
 }
@@ -158,7 +159,7 @@ impl Printed {
         }
     }
 
-    /// Returns the mean over a spot's footprint in the rest frame.
+    /// Returns the mean albedo over the footprint of a spot with the object in its rest pose.
     fn albedo(&self, spot: &Spot) -> f64 {
         let own = |v: DVec3| self.object_from_rig.direction(v);
         if !(own(spot.normal).z < 0.0) {

@@ -40,18 +40,18 @@ pub(super) struct Materials {
 pub(super) struct Material {
     pub(super) albedo: f64,
     pub(super) specular: Option<Arc<Ggx>>,
-    /// Whether to use the mesh's vertex colours.
+    /// Whether the scene uses the vertex colours of the object's mesh.
     wants_colours: bool,
     pub(super) map: Option<Map>,
-    /// Number of the object's first triangle in the world.
+    /// Number, among all triangles of the world, of the object's first triangle.
     pub(super) first_triangle: usize,
-    /// Smooth normals at the corners of its triangles; empty if not needed.
+    /// Smooth normals at the corners of the object's triangles; empty if not needed.
     pub(super) normals: Vec<[Vec3; 3]>,
-    /// Reflectances at the corners of its triangles; empty if all are 1.
+    /// Reflectances at the corners of the object's triangles; empty if all are 1.
     pub(super) colours: Vec<[f32; 3]>,
 }
 
-/// Cache of resources shared between objects.
+/// Resources that several objects may share, cached while materials are created.
 #[derive(Default)]
 struct Made {
     lobes: Vec<(Specular, Arc<Ggx>)>,
@@ -92,8 +92,8 @@ impl Materials {
         })
     }
 
-    /// Stores the material data of an object's mesh. `vertices` are at rest in the rig's frame; the
-    /// first of the object's triangles has the given number.
+    /// Stores the material data of an object's mesh. `vertices` are in the rig's frame with the
+    /// object at rest; `first` is the number of the object's first triangle.
     ///
     /// # Errors
     /// Returns an error if the mesh lacks colours or texture coordinates that the scene requires.
@@ -127,8 +127,8 @@ impl Materials {
         }
     }
 
-    /// Returns the albedo for initial shading: that of the object, or 1 (white) if
-    /// [`transport`](super::transport) finishes it.
+    /// Returns the albedo for the initial shading: the albedo of the object, or 1 (white) if
+    /// [`transport`](super::transport) applies the albedo later.
     #[inline(always)]
     pub(super) fn first_albedo(&self, plan: &Plan, object: u16) -> f64 {
         let material = &self.of[usize::from(object)];
@@ -179,7 +179,7 @@ impl Made {
 }
 
 impl Material {
-    /// Returns whether its albedo varies over the surface.
+    /// Returns whether the material's albedo varies over the surface.
     pub(super) fn varies(&self) -> bool {
         self.map.is_some() || self.wants_colours
     }

@@ -1,15 +1,17 @@
-//! Smooth normals of a mesh, which approximate the surface it was tessellated from. Highlights need
-//! them: a flat facet would shine as a whole or not at all.
+//! Smooth normals of a mesh, which approximate the normals of the surface from which the mesh was
+//! made. Highlights need them: with the normal of a flat facet, either the whole facet or none of it
+//! would shine.
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
-/// Triangles of one mesh whose normals are closer than 15 degrees form one smooth surface.
+/// Cosine of 15 degrees, the crease angle: triangles of a mesh whose normals differ by less form one
+/// smooth surface.
 pub(crate) const COS_CREASE: f32 = 0.965_925_8;
 
 /// Adjacency of triangles at vertices.
 pub(crate) struct Smoother {
-    /// Merged vertex index of each triangle's corners.
+    /// For the corners of each triangle, the indices of the merged vertices.
     places: Vec<[u32; 3]>,
     /// Triangles around each merged vertex.
     around: Vec<Vec<u32>>,
@@ -38,8 +40,8 @@ impl Smoother {
     }
 
     /// Returns unit normals at the corners of each triangle for the current vertex positions: the
-    /// area-weighted mean of the normals of adjacent triangles within the crease angle of the
-    /// triangle's own.
+    /// area-weighted mean of the normals of those adjacent triangles whose normals are within the
+    /// crease angle of the triangle's own normal.
     pub(crate) fn normals(&self, vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<[Vec3; 3]> {
         let cross = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|i| vertices[i as usize]);
@@ -66,7 +68,7 @@ mod tests {
 
     #[test]
     fn a_round_mesh_is_smooth_and_a_box_keeps_its_edges() {
-        // A roof of two faces, joined along y and given without shared vertices.
+        // A roof of two faces that join along y, given without shared vertices.
         let roof = |rise: f64| {
             let ridge = [DVec3::new(0.0, 0.0, rise), DVec3::new(0.0, 1.0, rise)];
             let vertices = vec![

@@ -6,7 +6,7 @@ use phasmid_geometry::Pose;
 /// A surface point with its footprint, in the rig's frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Spot {
-    /// Corners of the triangle it lies on; `None` on a solid.
+    /// Corners of the triangle on which the point lies; `None` on a solid.
     pub(crate) corners: Option<[DVec3; 3]>,
     pub(crate) point: DVec3,
     pub(crate) normal: DVec3,
@@ -25,7 +25,8 @@ impl Spot {
         }
     }
 
-    /// Returns the corresponding spot on its triangle with other corners.
+    /// Returns the corresponding spot on the same triangle after its corners have moved to
+    /// `corners`.
     pub(crate) fn on(&self, corners: [DVec3; 3]) -> Self {
         let Some(now) = self.corners else {
             return *self;
@@ -41,7 +42,7 @@ impl Spot {
     }
 }
 
-/// Weights of a triangle's corners at a point of its plane, not negative.
+/// Returns the weights of a triangle's corners at a point of the triangle's plane; none is negative.
 pub(crate) fn barycentric(corners: [DVec3; 3], point: DVec3) -> [f64; 3] {
     let raw = shares(corners, point - corners[0]);
     let raw = [1.0 + raw[0], raw[1], raw[2]].map(|w| w.max(0.0));
@@ -53,8 +54,8 @@ pub(crate) fn barycentric(corners: [DVec3; 3], point: DVec3) -> [f64; 3] {
     }
 }
 
-/// Returns the change of the barycentric weights over a step in the triangle's plane; NaN if it is
-/// degenerate.
+/// Returns the change of the barycentric weights over a step in the triangle's plane; NaN if the
+/// triangle is degenerate.
 pub(super) fn shares([a, b, c]: [DVec3; 3], step: DVec3) -> [f64; 3] {
     let (e1, e2) = (b - a, c - a);
     let normal = e1.cross(e2);

@@ -1,9 +1,9 @@
-//! A texture as albedo: square texels, repeated infinitely, averaged over a pixel's footprint.
+//! A texture as albedo: square texels, repeated infinitely and averaged over a pixel's footprint.
 //!
-//! Summed-area tables (Crow, "Summed-Area Tables for Texture Mapping", SIGGRAPH 1984) give the
-//! exact mean over a rectangle aligned with the texels. A slanted footprint is divided into 4 x 4
-//! to 8 x 8 pieces, each replaced by the rectangle with the same second moments. On a checkerboard
-//! the error is at most 6 % of the contrast, and at most 2 % for 19 of 20 footprints.
+//! Summed-area tables (Crow, "Summed-Area Tables for Texture Mapping", SIGGRAPH 1984) give the exact
+//! mean over a rectangle aligned with the texels. A slanted footprint is divided into 4 x 4 to 8 x 8
+//! pieces, and each piece is replaced by the rectangle with the same second moments. On a
+//! checkerboard the error is at most 6 % of the contrast, and at most 2 % for 19 of 20 footprints.
 
 use crate::image_file;
 use glam::DVec2;
@@ -13,21 +13,21 @@ use phasmid_geometry::colour;
 use std::io::Cursor;
 use std::path::Path;
 
-/// Maximum side length in texels: some 250 MB while it is read.
+/// Maximum side length in texels. Reading an image of this size takes some 250 MB of memory.
 const MAX_SIDE: u32 = 4096;
-/// Minimum and maximum number of pieces along a side of a slanted footprint, and pieces per texel
-/// in between.
+/// Minimum and maximum number of pieces along a side of a slanted footprint, and, between these
+/// limits, number of pieces per texel.
 const PIECES: [f64; 3] = [4.0, 8.0, 3.0];
-/// A footprint slanted by less than this many texels is treated as a rectangle.
+/// Slant of a footprint, in texels, below which the footprint is treated as a rectangle.
 const STRAIGHT: f64 = 1e-2;
 /// Minimum footprint size in texels.
 const NARROWEST: f64 = 1e-3;
 
-/// Albedo over the unit square, u to the right and v down, repeated.
+/// Albedo over the unit square, with u to the right and v down; the square is repeated.
 pub(crate) struct Texture {
     pub(crate) width: usize,
     pub(crate) height: usize,
-    /// Sums over the texels left of and above each of (width + 1) x (height + 1) corners.
+    /// Sum of all texels to the left of and above each of (width + 1) x (height + 1) corners.
     pub(crate) sums: Vec<f64>,
 }
 
@@ -59,8 +59,8 @@ impl Texture {
         }
     }
 
-    /// Returns the mean over the parallelogram centred on `uv` with sides `across` and `down`, in
-    /// units of the texture.
+    /// Returns the mean albedo over the parallelogram with centre `uv` and sides `across` and
+    /// `down`, in units of the texture's size.
     pub(crate) fn average(&self, uv: DVec2, across: DVec2, down: DVec2) -> f64 {
         let size = DVec2::new(self.width as f64, self.height as f64);
         let (center, a, b) = (uv * size, across * size, down * size);
@@ -78,7 +78,7 @@ impl Texture {
                 .clamp(fewest, most) as usize
         };
         let part = 1.0 / n as f64;
-        // Half sides of a piece's rectangle.
+        // Half sides of the rectangle that replaces a piece.
         let half = extent * part / 2.0;
         let half = half.max(DVec2::splat(NARROWEST / 2.0));
         let piece = |k: usize| {
@@ -101,7 +101,7 @@ impl Texture {
         total / (4.0 * half.x * half.y)
     }
 
-    /// Returns the integral from the origin over the repeated texture.
+    /// Returns the integral of the repeated texture from the origin to a point.
     fn sum(&self, x: f64, y: f64) -> f64 {
         let (w, h) = (self.width as f64, self.height as f64);
         let (i, j) = ((x / w).floor(), (y / h).floor());
@@ -119,8 +119,8 @@ impl Texture {
         sum
     }
 
-    /// Returns the same integral within one copy of the texture; it is bilinear between corners
-    /// because texels are constant.
+    /// Returns the integral of one copy of the texture from the origin to a point; it is bilinear
+    /// between corners because texels are constant.
     fn within(&self, x: f64, y: f64) -> f64 {
         let (i, j) = (
             (x as usize).min(self.width - 1),
@@ -206,7 +206,7 @@ mod tests {
             slanted = slanted.max(error.abs());
             off += usize::from(error.abs() > 0.02);
         }
-        // Samples at an edge are accurate to 1/64.
+        // Sampling is accurate to 1/64 for a footprint that an edge crosses.
         assert!(straight < 0.02, "{straight}");
         assert!(slanted < 0.06 && off <= 20, "{slanted}, {off} of 400");
     }

@@ -17,7 +17,7 @@ pub(super) struct Material {
     specular: Option<Microfacets>,
     image: Option<ImageMap>,
     printed: Option<Printed>,
-    /// Reflectances at the triangles' corners, if the object uses vertex colours.
+    /// Reflectances at the triangles' corners; empty unless the object uses vertex colours.
     colours: Vec<[f64; 3]>,
 }
 
@@ -25,18 +25,18 @@ pub(super) struct Material {
 struct Printed {
     board: Board,
     ink: f64,
-    /// Scale of the object.
+    /// Scale of the object on which the board is printed.
     scale: f64,
 }
 
 struct ImageMap {
     columns: usize,
     texels: Vec<f64>,
-    /// Width and height in millimetres, if the texture is laid over the shape; `None` if it uses
-    /// texture coordinates.
+    /// Width and height in millimetres if the texture is mapped onto the shape; `None` if texture
+    /// coordinates place it.
     size_mm: Option<DVec2>,
-    /// Texture coordinates of the triangles' corners, from the top left downwards; used without
-    /// `size_mm`.
+    /// Texture coordinates of the triangles' corners, from the top left downwards; used if `size_mm`
+    /// is `None`.
     corners: Vec<[DVec2; 3]>,
 }
 
@@ -73,7 +73,7 @@ impl Material {
         })
     }
 
-    /// Takes over the material data of a mesh that the object uses.
+    /// Stores the data that the material needs from the object's mesh.
     pub(super) fn take(&mut self, object: &Object, mesh: &Mesh) {
         if object.vertex_colours {
             let of = |t: &[u32; 3]| t.map(|i| f64::from(mesh.colours[i as usize]));
@@ -132,7 +132,8 @@ impl Material {
         }
     }
 
-    /// Returns the same for uniform light from all directions.
+    /// Returns the reflected light, relative to a white Lambertian surface, under uniform light from
+    /// all directions.
     pub(super) fn under_even_light(&self, albedo: f64, cos_view: f64) -> f64 {
         match &self.specular {
             Some(facets) => {
@@ -145,8 +146,8 @@ impl Material {
 }
 
 impl Printed {
-    /// Returns whether a position is printed: tests every dot, or finds the position among the
-    /// squares.
+    /// Returns whether there is ink at a position: tests every dot, or finds the square that
+    /// contains the position.
     fn is_ink(&self, at: DVec2) -> bool {
         let board = &self.board;
         match *board {
@@ -169,8 +170,8 @@ impl Printed {
 }
 
 impl ImageMap {
-    /// Returns the texel at a position in the plane tiled with copies of the texture, in units of
-    /// the texture.
+    /// Returns the texel at a position in the plane that is tiled with copies of the texture; the
+    /// position is in units of the texture's size.
     fn texel(&self, at: DVec2) -> f64 {
         let rows = self.texels.len() / self.columns;
         let of = |at: f64, count: usize| (at.rem_euclid(1.0) * count as f64) as usize % count;
@@ -178,12 +179,12 @@ impl ImageMap {
     }
 }
 
-/// Returns the texture coordinates of a point of a shape in millimetres: on a sphere by longitude
-/// from -z towards x and latitude towards y, on a cylinder by angle and y, otherwise along two
+/// Returns the texture coordinates in millimetres of a point of a shape. A sphere uses the longitude
+/// from -z towards x and the latitude towards y, a cylinder the angle and y, any other shape two
 /// axes.
 fn laid(surface: &Primitive, p: DVec3, normal: DVec3) -> DVec2 {
     let longitude = |ring: f64| (p.x / ring).asin();
-    // On the far side the arc sine decreases again.
+    // On the far side of the shape the arc sine decreases again.
     let around = |ring: f64| {
         if p.z <= 0.0 {
             longitude(ring)

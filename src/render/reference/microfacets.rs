@@ -3,9 +3,10 @@
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// Number of cosines at which the reflected share is tabulated: squares of equidistant steps.
+/// Number of steps in the table of the reflected fraction; its cosines are the squares of
+/// equidistant steps.
 const STEPS: usize = 64;
-/// Steps of the integral over facet normals, by slope and by azimuth.
+/// Number of steps of the integral over facet normals, in slope and in azimuth.
 const NORMALS: [usize; 2] = [600, 48];
 
 /// GGX facets with Schlick's Fresnel approximation over a diffuse base.
@@ -27,7 +28,7 @@ impl Microfacets {
         };
         let shares = (0..=STEPS).map(|i| facets.integrate((i as f64 / STEPS as f64).powi(2)));
         facets.shares = shares.collect();
-        // Hemispherical mean, 2 integral of share(c) c dc with c = s^2.
+        // Hemispherical mean, which is 2 times the integral of share(c) c dc with c = s^2.
         let n = 4000;
         facets.mean = (0..n)
             .map(|i| (f64::from(i) + 0.5) / f64::from(n))
@@ -43,7 +44,7 @@ impl Microfacets {
         let (cl, cv) = (normal.dot(light), normal.dot(view));
         let half = (light + view).normalize();
         let c2 = normal.dot(half).powi(2);
-        // Equation 33.
+        // Walter et al. 2007, equation 33.
         let d = self.alpha2 / (PI * c2 * c2 * (self.alpha2 + (1.0 - c2) / c2).powi(2));
         let masked = 1.0 / (1.0 + self.lambda(cl) + self.lambda(cv));
         let lobe = d * masked * self.fresnel(view.dot(half)) / (4.0 * cl * cv);
@@ -51,7 +52,7 @@ impl Microfacets {
         PI * lobe + body
     }
 
-    /// Returns the share of light at an incidence cosine that the lobe reflects.
+    /// Returns the fraction of light at an incidence cosine that the lobe reflects.
     pub(super) fn share(&self, cos: f64) -> f64 {
         let at = cos.clamp(0.0, 1.0).sqrt() * STEPS as f64;
         let i = (at as usize).min(STEPS - 1);
@@ -59,7 +60,7 @@ impl Microfacets {
         (1.0 - on) * self.shares[i] + on * self.shares[i + 1]
     }
 
-    /// Heitz 2014, equation 72.
+    /// Returns Lambda of Heitz 2014, equation 72.
     fn lambda(&self, cos: f64) -> f64 {
         let tan2 = (1.0 - cos * cos) / (cos * cos);
         ((1.0 + self.alpha2 * tan2).sqrt() - 1.0) / 2.0
@@ -69,8 +70,8 @@ impl Microfacets {
         self.f0 + (1.0 - self.f0) * (1.0 - cos).powi(5)
     }
 
-    /// Integrates the lobe times the cosine over facet normals distributed by D (n.h): Walter et
-    /// al. 2007, equations 35, 36 and 41.
+    /// Integrates the lobe times the cosine over facet normals that are distributed by D (n.h):
+    /// Walter et al. 2007, equations 35, 36 and 41.
     fn integrate(&self, cos: f64) -> f64 {
         let cos = cos.max(1e-6);
         let view = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
@@ -102,8 +103,9 @@ impl Microfacets {
 mod tests {
     use super::*;
 
-    /// Closed forms at alpha 1 and F 1: D = 1/pi and lambda(c) = (1/c - 1)/2, so that pi f = 1/(2
-    /// (n.l + n.v)), the share is 1 - c ln(1 + 1/c), and its mean is 4/3 (1 - ln 2).
+    /// The model agrees with the closed forms for alpha = 1 and F = 1: D = 1/pi and lambda(c) = (1/c
+    /// - 1)/2, so that pi f = 1/(2 (n.l + n.v)), the reflected fraction is 1 - c ln(1 + 1/c), and
+    /// its mean is 4/3 (1 - ln 2).
     #[test]
     fn the_roughest_metal_has_a_closed_form() {
         let facets = Microfacets::new(1.0, 1.0);

@@ -3,15 +3,15 @@
 
 use glam::{DVec2, DVec3};
 
-/// A scaled shape.
+/// A shape of an object, scaled as the object is.
 pub(super) enum Primitive {
     /// A mesh, or the faces of a frustum.
     Triangles(Vec<[DVec3; 3]>),
-    /// Half side lengths.
+    /// A plane, with half its side lengths.
     Plane(DVec2),
-    /// Radius.
+    /// A sphere, with its radius.
     Sphere(f64),
-    /// Radius and half length along y.
+    /// A cylinder along y, with its radius and half its length.
     Cylinder(f64, f64),
 }
 
@@ -19,9 +19,9 @@ pub(super) enum Primitive {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
     pub(super) t: f64,
-    /// Unit normal, on either side.
+    /// Unit normal of the surface, which may point to either side.
     pub(super) normal: DVec3,
-    /// Index of the triangle in a mesh.
+    /// Index of the triangle that was hit, if the shape is a mesh.
     pub(super) triangle: usize,
 }
 

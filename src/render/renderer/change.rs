@@ -9,9 +9,9 @@ use phasmid_core::error::{Error, Result};
 use phasmid_profile::Scene;
 
 impl Renderer {
-    /// Moves an object to another pose, as if set in the scene file: position in millimetres,
-    /// rotation in degrees; `object` counts from 0 in scene order. Pending frames must be finished
-    /// first.
+    /// Moves an object to another pose, with the same effect as setting the pose in the scene file:
+    /// position in millimetres, rotation in degrees. `object` counts from 0 in the order of the
+    /// scene. Pending frames must be finished before the call.
     ///
     /// # Errors
     /// Returns an error if [`phasmid_profile::Scene::place`] fails, or an error of [`Self::change`].
@@ -26,12 +26,12 @@ impl Renderer {
         self.change(scene)
     }
 
-    /// Renders another scene from now on. The plan is rebuilt; forced terms stay forced. Pending frames
-    /// must be finished first. A working GPU stays open.
+    /// Renders another scene from now on. The plan is rebuilt, but forced terms stay forced. Pending
+    /// frames must be finished before the call. A working GPU stays open.
     ///
     /// # Errors
     /// Returns an error if a mesh or texture file cannot be read, or if an explicitly requested GPU
-    /// cannot hold the scene. Nothing is changed then.
+    /// cannot hold the scene. In these cases nothing is changed.
     pub fn change(&mut self, scene: Scene) -> Result<()> {
         let moved_only = without_poses(&scene) == without_poses(&self.scene);
         let optics = (!moved_only).then(|| Optics::new(&self.profile, &scene));
@@ -53,7 +53,7 @@ impl Renderer {
             optics: new,
             world: &world,
         });
-        // Keep the terms required by patterns.
+        // Keep the terms that the patterns need.
         for term in [Term::FootprintX, Term::FootprintY] {
             plan.set(term, plan.has(term) || self.plan.has(term));
         }
@@ -130,7 +130,8 @@ mod tests {
         Renderer::with_options(&profile, scene, 3, options).unwrap()
     }
 
-    /// After objects are placed, frames equal the frames of a device started with these placements.
+    /// Checks that frames after an object is placed equal the frames of a device that started with
+    /// that placement.
     fn frames_equal(text: &str, object: usize, backend: Backend) {
         let mut scene = Scene::parse(text, "test").unwrap();
         let mut placed = renderer(&scene, backend);
@@ -200,7 +201,8 @@ mod tests {
         );
     }
 
-    /// After any change, frames equal the frames of a device started with the changed scene.
+    /// Checks that frames after any change equal the frames of a device that started with the
+    /// changed scene.
     fn changed_frames_equal(backend: Backend) {
         let lamp = "[[light]]\nkind = \"point\"\nposition_mm = [300.0, 0.0, 0.0]\n\
             intensity_w_sr = 0.02\n";

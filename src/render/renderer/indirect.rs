@@ -9,19 +9,18 @@ use serde::Serialize;
 /// Settings of interreflection with their errors, in percent of a pixel's light under full white.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct IndirectLight {
-    /// Rays per gather point.
+    /// Number of rays per gather point.
     pub samples: u32,
     /// Spacing of the gather points in pixels.
     pub step_px: u32,
-    /// Error that 99 % of the pixels lit by the projector do not exceed.
+    /// 99th percentile of the error over the pixels that the projector lights.
     pub error_percent: f64,
-    /// Bound on the error, if the scene states one; `None` if the scene states the settings
-    /// instead.
+    /// Bound on the error that the scene states; `None` if the scene states the settings instead.
     pub bound_percent: Option<f64>,
-    /// Light of further bounces, which are not rendered: median over the pixels lit by the
-    /// projector.
+    /// Median, over the pixels that the projector lights, of the light of further bounces, which are
+    /// not rendered.
     pub further_percent: f64,
-    /// Light of further bounces: 95th percentile over the pixels lit by the projector.
+    /// 95th percentile, over the same pixels, of the light of further bounces.
     pub most_further_percent: f64,
 }
 
@@ -44,8 +43,8 @@ impl Renderer {
         })
     }
 
-    /// Chooses the number of rays and the spacing of gather points by the scene's error bound,
-    /// unless the scene states both.
+    /// Chooses the number of rays and the spacing of gather points so that the error is within the
+    /// scene's bound, unless the scene states both.
     pub(super) fn choose_gathering(&mut self) {
         let wanted = self.scene.interreflection;
         let Some(wanted) = wanted.filter(|wanted| wanted.samples.is_none()) else {
@@ -55,7 +54,7 @@ impl Renderer {
         self.optics.interreflection = chosen.or(self.optics.interreflection);
     }
 
-    /// Runs a trial on the current scene, on the CPU.
+    /// Runs a trial of gathering on the current scene, on the CPU; `None` without interreflection.
     fn with_trial<R>(&mut self, run: impl FnOnce(&Trial<'_>) -> R) -> Option<R> {
         if !self.plan.has(Term::Interreflection) {
             return None;

@@ -1,5 +1,5 @@
-//! Geometry of a moving scene between key instants: selects the spans that are interpolated, and
-//! measures the error.
+//! Interpolation of a moving scene's geometry between key instants: selects the spans that are
+//! interpolated, and measures the error.
 
 use super::Renderer;
 use super::keys::Keys;
@@ -11,12 +11,12 @@ use crate::truth::Truth;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Maximum fraction of the pixels that is traced at every instant. If a span needs more, key
-/// instants closer to each other are tried.
+/// Maximum fraction of the pixels that may be traced at every instant of a span. If more are needed,
+/// shorter distances between key instants are tried.
 const MOST_TRACED: f64 = 0.05;
-/// The same maximum for the shortest spacing of key instants.
+/// The same maximum for the shortest distance between key instants.
 const MOST_TRACED_LAST: f64 = 0.3;
-/// Maximum motion from the nearer key instant, in pixels of the camera.
+/// Maximum motion of any point from the nearer key instant, in camera pixels.
 const MOST_REACH_PX: f64 = 3.0;
 
 /// Interpolation of a moving scene's geometry at an instant, and its error.
@@ -24,20 +24,23 @@ const MOST_REACH_PX: f64 = 3.0;
 pub struct Interpolation {
     /// Time between key instants in milliseconds.
     pub spacing_ms: f64,
-    /// Fraction of the pixels that is traced at each instant.
+    /// Fraction of the pixels that is traced at this instant.
     pub traced: f64,
-    /// Number of pixels that see the same object, lit, by interpolation and by tracing.
+    /// Number of pixels that see the same object, and are lit, both in interpolated and in traced
+    /// geometry.
     pub pixels: usize,
-    /// Median distance between interpolated and traced projector coordinates in projector pixels;
-    /// over both axes if patterns vary along both.
+    /// Median distance between interpolated and traced projector coordinates in projector pixels. If
+    /// patterns vary along both axes, the distance is over both.
     pub median_px: f64,
     /// 99.9th percentile of this distance.
     pub most_px: f64,
     /// Maximum of this distance.
     pub worst_px: f64,
-    /// Mean of the signed differences between interpolated and traced coordinates.
+    /// Mean of the signed differences between interpolated and traced coordinates, in projector
+    /// pixels.
     pub mean_px: f64,
-    /// Number of pixels whose object or projector light differs from the traced geometry.
+    /// Number of pixels whose object or projector light differs between interpolated and traced
+    /// geometry.
     pub missed: usize,
 }
 
@@ -56,9 +59,9 @@ impl Renderer {
             && !exact.into_iter().any(|term| self.plan.has(term))
     }
 
-    /// Returns the interpolation at a device time in nanoseconds, over the longest span in which
-    /// the motion is smooth enough. `None` if there is no such span; the instant is then traced.
-    /// Moves the scene.
+    /// Returns the interpolation at a device time in nanoseconds, over the longest span in which the
+    /// motion is smooth enough. Returns `None` if there is no such span, so that the instant must be
+    /// traced. Moves the scene to other instants.
     pub(super) fn between(&mut self, time_ns: f64) -> Option<Arc<Between>> {
         for spacing_ns in SPACINGS_NS {
             let span = Span::around(time_ns, spacing_ns);
@@ -81,7 +84,8 @@ impl Renderer {
         None
     }
 
-    /// Returns the interpolation within a span; `None` if its motion is not smooth enough.
+    /// Returns the interpolation within a span; `None` if the motion in the span is not smooth
+    /// enough.
     fn interpolate(&mut self, span: Span) -> Option<Arc<Between>> {
         let world = self.worlds.any();
         let motion = world.span_motion(span);
@@ -128,8 +132,8 @@ impl Renderer {
         self.invalidate();
     }
 
-    /// Returns how geometry is interpolated at a device time in nanoseconds, and how far it is from
-    /// the traced geometry; `None` if the instant is traced.
+    /// Returns how geometry is interpolated at a device time in nanoseconds, and its differences
+    /// from the traced geometry; `None` if the instant is traced.
     pub fn interpolation(&mut self, time_ns: u64) -> Option<Interpolation> {
         if !self.plan.has(Term::Motion) || !self.interpolates() {
             return None;
@@ -186,7 +190,8 @@ impl Renderer {
         })
     }
 
-    /// Fills the buffer for a device time: by interpolation between key instants, else by tracing.
+    /// Fills the buffer with the geometry at a device time: by interpolation between key instants if
+    /// possible, else by tracing.
     pub(super) fn trace_between(&mut self, time_ns: f64, buffer: &mut GeometryBuffer) {
         let between = self.between(time_ns);
         if let Some((moment, _)) = &self.moment {
@@ -252,8 +257,8 @@ mod tests {
 
     const TORSO: &str = "{ kind = \"torso\", triangles = 20000 }";
 
-    /// Slow and fast rigid motions, with and without rotation; a rod, and its shadow, that move by
-    /// more than the rod's diameter between key instants; and breathing.
+    /// The tolerance holds for slow and fast rigid motions, with and without rotation; for a rod and
+    /// its shadow that move by more than the rod's diameter between key instants; and for breathing.
     #[test]
     fn interpolated_coordinates_stay_within_the_tolerance_and_no_edge_is_missed() {
         let rod = "{ kind = \"cylinder\", radius_mm = 2.0, length_mm = 300.0 }";
@@ -303,8 +308,8 @@ mod tests {
         assert!(differing.count() > 4, "nothing was interpolated");
     }
 
-    /// A scene at rest, a scene that moves between two rests, and a scene that shakes too fast to
-    /// be interpolated.
+    /// Frames equal traced frames for a scene at rest, for a scene that moves between two rests
+    /// (while it rests), and for a scene that shakes too fast to be interpolated.
     #[test]
     fn where_nothing_is_interpolated_bytes_are_those_of_traced_frames() {
         let still = scene(&format!(

@@ -6,14 +6,14 @@ use crate::transport::Between;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Maximum number of key instants kept. The shorter spans within a rejected span reuse its key
-/// instants.
+/// Maximum number of key instants kept. If a span is rejected, the shorter spans within it use its
+/// key instants again.
 const MOST_KEYS: usize = 8;
 /// Maximum number of spans for which the decision to interpolate is kept.
 const MOST_SPANS: usize = 16;
 
-/// Geometry at key instants, and the spans that are interpolated. Both depend only on the scene,
-/// the plan and device time, so the content of the cache changes no frame.
+/// Geometry at key instants, and the spans that are interpolated. Both depend only on the scene, the
+/// plan and device time, so no frame depends on what the cache holds.
 #[derive(Default)]
 pub(super) struct Keys {
     traced: VecDeque<(u64, Arc<GeometryBuffer>)>,
@@ -33,8 +33,8 @@ impl Keys {
         self.traced.push_front((time_ns, buffer));
     }
 
-    /// Returns the cached decision on a span, if any: its interpolation, or `None` inside if it is
-    /// not interpolated.
+    /// Returns the cached decision on a span, if there is one. The decision is the span's
+    /// interpolation, or `None` if the span is not interpolated.
     pub(super) fn decided(&self, span: Span) -> Option<Option<Arc<Between>>> {
         let mut all = self.spans.iter();
         let (_, found) = all.find(|(of, _)| *of == span)?;

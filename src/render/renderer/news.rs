@@ -1,4 +1,4 @@
-//! Opens the GPU of a renderer, and keeps what the user should know about it and the scene.
+//! Opens the GPU of a renderer, and keeps notes for the user about the GPU and the scene.
 
 use crate::Backend;
 use crate::gpu::{Gpu, Passes};
@@ -8,9 +8,9 @@ use std::sync::Arc;
 /// Status of the requested GPU, and notes about the scene.
 #[derive(Default)]
 pub(super) struct News {
-    /// Notice not yet reported.
+    /// Notice that has not been reported yet.
     pub(super) text: Option<String>,
-    /// Failure of an explicitly requested GPU.
+    /// Reason for the failure of an explicitly requested GPU.
     pub(super) failed: Option<String>,
 }
 
@@ -27,10 +27,10 @@ impl News {
     }
 }
 
-/// Opens the GPU for a backend, or returns the reason for falling back to the CPU.
+/// Opens the GPU for a backend, or returns why the CPU is used in its place.
 ///
 /// # Errors
-/// Returns an error if a GPU was explicitly requested and there is none.
+/// Returns an error if a GPU was explicitly requested and there is no GPU.
 pub(super) fn open(
     backend: Backend,
     fits: impl Fn() -> Result<(), String>,

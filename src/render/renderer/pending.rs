@@ -1,4 +1,4 @@
-//! Pending frames: a GPU has several in flight, the CPU renders each immediately.
+//! Pending frames: a GPU has several frames in flight; the CPU renders each frame immediately.
 
 use super::Renderer;
 use crate::Backend;
@@ -8,11 +8,12 @@ use phasmid_core::error::{Error, Result};
 use phasmid_protocol::Frame;
 use std::collections::BTreeMap;
 
-/// Maximum number of times a frame is rendered again with more capacity. If nothing has moved, the
-/// size needed by the first attempt suffices for the next.
+/// Maximum number of times that a frame is rendered again with more capacity for mixed pixels. If
+/// nothing has moved, the capacity that the first attempt turned out to need suffices for the
+/// second.
 const MOST_TRIES: usize = 4;
 
-/// A frame begun by a renderer.
+/// A frame that a renderer has begun.
 pub struct Pending(State);
 
 enum State {
@@ -22,7 +23,7 @@ enum State {
 }
 
 impl Renderer {
-    /// Returns the number of frames that may be begun before the first is finished.
+    /// Returns the number of frames that may be begun before the first of them is finished.
     pub fn depth(&self) -> usize {
         match self.gpu {
             Some(_) => gpu::DEPTH,
@@ -50,7 +51,8 @@ impl Renderer {
         Pending(State::Done(self.expose_here(shot)))
     }
 
-    /// Returns a begun frame. No frame is lost if the GPU fails: the CPU renders it instead.
+    /// Finishes a begun frame and returns it. If the GPU fails, the CPU renders the frame, so that
+    /// no frame is lost.
     pub fn finish(&mut self, pending: Pending) -> Frame {
         match pending.0 {
             State::Done(frame) => frame,
@@ -76,7 +78,8 @@ impl Renderer {
         self.finish(pending)
     }
 
-    /// Returns a notice for the user about the backend in use and the scene's meshes, once.
+    /// Returns a notice for the user about the backend in use and the scene's meshes. Each notice is
+    /// returned once.
     ///
     /// # Errors
     /// Returns an error if an explicitly requested GPU has failed; the frames so far are complete.
@@ -100,7 +103,7 @@ impl Renderer {
         self.gpu.as_mut().map(|gpu| gpu.times()).unwrap_or_default()
     }
 
-    /// Stops using the GPU and records the reason; the CPU renders from here on.
+    /// Stops using the GPU and records the reason; from now on the CPU renders.
     pub(super) fn give_up(&mut self, e: &Error) {
         self.gpu = None;
         match self.options.backend {
@@ -109,7 +112,7 @@ impl Renderer {
         }
     }
 
-    /// Waits for a frame; renders it again if the capacity for mixed pixels was too small.
+    /// Waits for a frame; renders the frame again if the capacity for mixed pixels was too small.
     fn take(&mut self, gpu: &mut Passes, mut ticket: Ticket, shot: &Shot) -> Result<Vec<u8>> {
         for _ in 0..MOST_TRIES {
             if let Some(data) = gpu.take(ticket)? {
@@ -186,7 +189,8 @@ mod tests {
         }
     }
 
-    /// Checks that all frames arrive after `fail`, and that frames after the failure equal the CPU's.
+    /// Checks that all frames arrive although `fail` breaks the GPU, and that frames after the
+    /// failure equal the CPU's frames.
     fn goes_on_after(fail: impl Fn(&mut Passes), backend: Backend) -> Renderer {
         let mut alone = renderer(Backend::Cpu).unwrap();
         let mut renderer = renderer(Backend::Gpu).unwrap();
@@ -239,8 +243,8 @@ mod tests {
         );
     }
 
-    /// A hardware adapter is used without a notice; without one, the notice explains the CPU
-    /// fallback.
+    /// If there is a hardware adapter, it is used without a notice; if there is none, a notice
+    /// explains why the CPU is used.
     #[test]
     fn auto_uses_a_hardware_gpu_or_reports_why_not() {
         let mut renderer = renderer(Backend::Auto).unwrap();

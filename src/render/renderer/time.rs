@@ -7,12 +7,13 @@ use crate::scene::{Moment, World};
 use crate::schedule::Light;
 use crate::shot::{Shot, Shutter};
 
-/// If nothing moves by more than this fraction of a pixel during an exposure, one instant is used.
-/// For fringes with a period of ten pixels the neglected loss of modulation is 3e-4.
+/// Maximum motion during an exposure, in pixels, for which one instant is used. For fringes with a
+/// period of ten pixels, the neglected loss of modulation is 3e-4.
 const STILL_PX: f64 = 0.125;
 
-/// Returns whether the camera sees motion between the start of the first row and the end of the
-/// last. Motion is summed over the candidate instants, so that oscillations are detected.
+/// Returns whether the camera sees motion between the start of the first row's exposure and the end
+/// of the last row's. Motion is summed over the instants into which the exposure would be divided,
+/// so that oscillations are detected.
 fn goes(world: &World, shot: &Shot, shutter: Shutter, count: u32, rad_per_px: f64) -> bool {
     let whole_ns = shot.exposure_ns as f64 + shutter.skew_ns() as f64;
     let at = |i: u32| {
@@ -28,9 +29,9 @@ fn goes(world: &World, shot: &Shot, shutter: Shutter, count: u32, rad_per_px: f6
     way > STILL_PX * rad_per_px
 }
 
-/// Divides a shot's exposure into parts that are equal to the nanosecond, each with the scene at
-/// its midpoint: the midpoint rule, whose error falls with the square of the number of parts. Parts
-/// with the same scene state are merged.
+/// Divides a shot's exposure into `count` parts whose lengths are equal to the nanosecond, each with
+/// the scene at its midpoint. This is the midpoint rule, whose error falls with the square of the
+/// number of parts. Parts with the same scene state are merged.
 fn parts(world: &World, shot: &Shot, shutter: Shutter, count: u32) -> Vec<(Instant, Shot)> {
     let cut = |i: u32| (u128::from(shot.exposure_ns) * u128::from(i) / u128::from(count)) as u64;
     let mut parts: Vec<(Instant, Shot)> = Vec::new();
@@ -58,8 +59,8 @@ fn parts(world: &World, shot: &Shot, shutter: Shutter, count: u32) -> Vec<(Insta
 type Instant = (Moment, f64);
 
 impl Renderer {
-    /// Returns the instants that represent a shot's exposure, each with the part of the shot that
-    /// it represents; a single instant if nothing moves.
+    /// Returns the instants that represent a shot's exposure, each with the part of the shot that it
+    /// represents; returns a single instant if nothing moves.
     pub(super) fn instants(&self, shot: &Shot) -> Vec<(Option<Instant>, Shot)> {
         if !self.plan.has(Term::Motion) {
             return vec![(None, shot.clone())];
@@ -78,8 +79,8 @@ impl Renderer {
         parts.into_iter().map(some).collect()
     }
 
-    /// Returns the light of a shot, from the current geometry if one instant represents the
-    /// exposure.
+    /// Returns the light of a shot. It is computed from the current geometry if one instant
+    /// represents the exposure.
     pub(super) fn light(&mut self, shot: &Shot) -> Light {
         let parts = self.instants(shot);
         if let [(instant, _)] = parts.as_slice() {
@@ -116,16 +117,16 @@ impl Renderer {
         }
     }
 
-    /// Moves the scene to an instant of an exposure. If the scene rests then, its geometry is
-    /// traced and kept.
+    /// Moves the scene to an instant of an exposure. If the scene is at rest at that instant, its
+    /// geometry is traced and not interpolated.
     pub(super) fn go_to_instant(&mut self, (moment, time_ns): &Instant) {
         let moves = || !self.worlds.any().rests(*time_ns);
         let between = (self.interpolates() && moves()).then_some(*time_ns);
         self.go_to(moment, between);
     }
 
-    /// Moves the scene to a moment; the geometry is kept if the moment is the same. With a device
-    /// time, the geometry is interpolated if possible.
+    /// Moves the scene to a moment; the geometry is kept if the scene is already there. If a device
+    /// time is given, the geometry is interpolated if possible.
     fn go_to(&mut self, moment: &Moment, between_ns: Option<f64>) {
         let known = self.moment.as_ref();
         if known.is_none_or(|(last, time_ns)| last != moment || *time_ns != between_ns) {
@@ -136,9 +137,9 @@ impl Renderer {
     }
 }
 
-/// Returns the device time in nanoseconds at which ground truth of a moving scene is evaluated:
-/// midway between the start of a sequence's first exposure and the end of its last, over all rows
-/// of a rolling shutter; 0 for an empty sequence.
+/// Returns the device time in nanoseconds at which the ground truth of a moving scene is evaluated:
+/// midway between the start of a sequence's first exposure and the end of its last exposure, over
+/// all rows of a rolling shutter; 0 for an empty sequence.
 pub(super) fn middle_ns<'a>(shots: impl Iterator<Item = &'a Shot>) -> u64 {
     let ends = |shot: &Shot| (shot.start_ns, shot.end_ns());
     shots

@@ -14,9 +14,9 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 
 impl Renderer {
-    /// Returns the ground truth of a sequence's frames: geometry, and mean and modulation of its
-    /// finest fringes before noise and rounding. For a moving scene it is evaluated midway between
-    /// the start of the first exposure and the end of the last.
+    /// Returns the ground truth of a sequence's frames: geometry, and the mean and modulation of the
+    /// sequence's finest fringes before noise and rounding. A moving scene is evaluated midway
+    /// between the start of the first exposure and the end of the last one.
     pub fn truth(&mut self, sequence: &[(Pattern, Shot)]) -> Truth {
         let middle = middle_ns(sequence.iter().map(|(_, shot)| shot));
         self.truth_at(sequence, middle)
@@ -79,7 +79,7 @@ impl Renderer {
         }
     }
 
-    /// Describes what each pixel sees.
+    /// Returns a description of the surface that each pixel sees.
     fn places(&self) -> Vec<PlaceOfPixel> {
         let (width, height) = (self.buffer.width, self.buffer.height);
         let of_row = |row| {
@@ -90,7 +90,7 @@ impl Renderer {
         (0..height).into_par_iter().flat_map_iter(of_row).collect()
     }
 
-    /// Describes the surface that a pixel's centre sees.
+    /// Returns a description of the surface that a pixel's centre sees.
     fn place_of(&self, world: &World, column: usize, row: usize) -> PlaceOfPixel {
         let map = &self.buffer;
         let pixel = row * map.width + column;
@@ -103,7 +103,7 @@ impl Renderer {
         let depth = f64::from(map.depth[pixel]);
         let point = direction * depth;
         let normal = DVec3::from_array(map.normal[pixel].map(f64::from));
-        // Sides of the footprint on the tangent plane.
+        // Sides of the pixel's footprint on the tangent plane.
         let (slope, facing) = (rays.slope(direction), normal.dot(direction));
         let sides = [slope.x_axis, slope.y_axis].map(|slope| {
             let step = slope.extend(0.0) * depth;
@@ -141,8 +141,8 @@ impl Renderer {
         }
     }
 
-    /// Returns the map's flags, with pixels added where the sequence's finest fringes are
-    /// unresolved.
+    /// Returns the flags of the geometry maps, and also flags the pixels at which the sequence's
+    /// finest fringes are not resolved.
     fn flags(&self, sequence: &[(Pattern, Shot)]) -> Vec<u8> {
         let map = &self.buffer;
         let mut flags = map.flags.clone();
@@ -177,7 +177,7 @@ impl Renderer {
     }
 }
 
-/// The surface that a pixel's centre sees; NaN where there is none.
+/// Description of the surface that a pixel's centre sees; NaN if there is none.
 struct PlaceOfPixel {
     point_mm: [f32; 3],
     normal: [f32; 3],
@@ -212,15 +212,16 @@ fn finest_fringes(sequence: &[(Pattern, Shot)]) -> Vec<(f64, &Shot)> {
         .collect()
 }
 
-/// Minimum remaining contrast of a resolved fringe.
+/// Minimum contrast that a resolved fringe keeps, relative to its full contrast.
 const LEAST: f64 = 0.05;
 
-/// Returns whether a fringe of `period` projector pixels is resolved under a footprint with
-/// derivatives `slope` and a blur of standard deviation `sigma` (projector pixels), where skin
-/// leaves the fraction `under` of its contrast.
+/// Returns whether a fringe of `period` projector pixels is resolved. The footprint has the
+/// derivatives `slope`, the blur has the standard deviation `sigma` in projector pixels, and skin
+/// leaves the fraction `under` of the contrast.
 ///
-/// The two boxes of the footprint attenuate the contrast by sinc(a/P) sinc(b/P), which is 0 for a
-/// box of one period and negative beyond; the Gaussian by exp(-2 pi^2 sigma^2 / P^2).
+/// The two boxes of the footprint attenuate the contrast by sinc(a/P) sinc(b/P), which is 0 if a box
+/// is one period wide and negative if it is wider. The blur attenuates it by exp(-2 pi^2 sigma^2 /
+/// P^2).
 fn is_resolved(slope: [f32; 2], sigma: f32, under: f64, period: f64) -> bool {
     let [a, b] = slope.map(|s| f64::from(s.abs()) / period);
     let sigma = f64::from(sigma) / period;
@@ -289,7 +290,7 @@ mod tests {
             !is_resolved([0.0, 40.0], 0.0, 1.0, 16.0),
             "contrast is back, upright"
         );
-        // exp(-2 pi^2 (6.24/16)^2) = 0.0497.
+        // The contrast is exp(-2 pi^2 (6.24/16)^2) = 0.0497, just below the minimum.
         assert!(
             is_resolved([0.1, 0.0], 6.2, 1.0, 16.0) && !is_resolved([0.1, 0.0], 6.24, 1.0, 16.0)
         );

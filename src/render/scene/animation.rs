@@ -7,7 +7,7 @@ use phasmid_geometry::{Mesh, Pose, Timeline, Trajectory};
 use phasmid_phantom::{Day, Phantom};
 use phasmid_profile::{Object, Scene, Shape};
 
-/// Maximum total number of vertices of a deformation's meshes: 1.2 GB.
+/// Maximum total number of vertices in the meshes of a deformation, which take 1.2 GB.
 const MAX_KEY_VERTICES: usize = 50_000_000;
 
 /// An object that moves.
@@ -53,11 +53,12 @@ impl Deformation {
         }
     }
 
-    /// Returns by how much a vertex may move beyond the keyframe meshes, in millimetres.
+    /// Returns the maximum distance in millimetres by which a vertex may move beyond the keyframe
+    /// meshes.
     fn reach_mm(&self) -> f64 {
         match self {
             Self::Keys(_) => 0.0,
-            // No breathing mode displaces tissue by more than twice its weight.
+            // A breathing mode displaces tissue by at most twice its weight.
             Self::Breath(phantom, _) => {
                 let bounds = phantom.weight_bounds_mm();
                 bounds
@@ -69,7 +70,7 @@ impl Deformation {
     }
 }
 
-/// Index of the object's part in the world.
+/// Index of an object among the solids or the moving meshes of the world.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Part {
     Solid(usize),
@@ -83,10 +84,10 @@ pub(crate) struct Placement {
     pub(crate) blend: Option<Blend>,
 }
 
-/// Indices of the keyframes that a shape blends, and their weights.
+/// Indices of the keyframes that are blended into a shape, and their weights.
 pub(crate) type Blend = ([usize; 4], [f64; 4]);
 
-/// State of everything that moves at an instant.
+/// State, at an instant, of everything that moves.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct State(pub(crate) Vec<Placement>);
 
@@ -101,8 +102,8 @@ impl Animation {
         })
     }
 
-    /// Returns the maximum displacement from rest by the trajectory and by breathing, in millimetres;
-    /// keyframes of a deformation are not included.
+    /// Returns the maximum displacement from rest, in millimetres, by the trajectory and by
+    /// breathing. Displacements by the keyframes of a deformation are not included.
     pub(crate) fn reach_mm(&self) -> f64 {
         let carried = self.trajectory.as_ref().map_or(0.0, Trajectory::reach_mm);
         carried + self.deformation.as_ref().map_or(0.0, Deformation::reach_mm)
@@ -121,7 +122,7 @@ impl Animation {
     }
 }
 
-/// Returns the scaled vertices of an object's deformation meshes.
+/// Returns the vertices, scaled, of the meshes of an object's deformation.
 ///
 /// # Errors
 /// Returns an error if a file cannot be read or if its triangles differ from the object's own mesh.
@@ -132,7 +133,7 @@ pub(crate) fn keys(scene: &Scene, object: &Object, mesh: &Mesh) -> Result<Vec<Ve
     {
         let phantom = Phantom::new(&patient);
         let (keys, setup) = (phantom.skin_keys(triangles)?, phantom.setup(day));
-        // A blend's weights add up to 1, so the rigid transform may be applied first.
+        // The weights of a blend add up to 1, so the rigid transform may be applied before blending.
         let placed = |v: DVec3| setup.point(v) * object.scale;
         let key = |mesh: Mesh| mesh.vertices.into_iter().map(placed).collect();
         return Ok(keys.map(key).into());

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-/// Returns 1 if a mesh is closed and its triangles are numbered counter-clockwise seen from
-/// outside, -1 if closed and clockwise, and 0 if it has a border. In a closed mesh, each edge is
-/// passed as often forwards as backwards.
+/// Returns 1 if a mesh is closed and the corners of its triangles are in counter-clockwise order
+/// seen from outside, -1 if it is closed and they are in clockwise order, and 0 if it has a border.
+/// In a closed mesh, the triangles pass each edge as often forwards as backwards.
 pub(crate) fn outward(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     let (mut border, mut volume) = (0u64, 0.0);
     for &[a, b, c] in triangles {

@@ -1,21 +1,21 @@
-//! Hits of sixteen rays: the surfaces that they meet, and the light there.
+//! Hits of sixteen rays: the surfaces that the rays meet, and the light at the hits.
 
 use glam::DVec3;
 use phasmid_geometry::raycast::LANES;
 
-/// Fraction of a shadow ray beyond which an occluder touches the point at the ray's end and does not
-/// shade it: 1 nm at 1 m, far above the error of f64.
+/// Fraction of a shadow ray's length beyond which an occluder counts as touching the point at the
+/// ray's end and does not shade it. The remainder is 1 nm at 1 m, far above the error of f64.
 pub(super) const SHADOW_END: f64 = 1.0 - 1e-9;
-/// Start offset of parallel shadow rays, relative to the point's distance from the rig, so that the
-/// f32 error of a neighbouring triangle (about 1e-7 of that distance) does not shade the point: 10
-/// um at 1 m.
+/// Offset of the start of shadow rays to a light at infinity, relative to the point's distance from
+/// the rig: 10 um at 1 m. It keeps the f32 error of a neighbouring triangle (about 1e-7 of that
+/// distance) from shading the point.
 pub(super) const OFF_POINT: f32 = 1e-5;
 
-/// One f64 per lane.
+/// One f64 for each of sixteen rays.
 pub(crate) type Wide = [f64; LANES];
 
-/// Index of a smooth piece of surface: a triangle, or a facet of a solid. Indices are unique within
-/// the world.
+/// Index of a smooth piece of surface, which is a triangle or a facet of a solid. The index is
+/// unique within the world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Surface(pub(crate) u32);
 
@@ -26,9 +26,10 @@ impl Surface {
 
 /// Hits of sixteen camera rays.
 pub(crate) struct Hits {
-    /// Ray parameter, which is the depth for directions with z = 1; infinite without a hit.
+    /// Ray parameter of each hit, which is the depth if directions have z = 1; infinite without a
+    /// hit.
     pub(crate) t: Wide,
-    /// Unit normals on the rays' side, one array per component.
+    /// Unit normals on the side from which the rays come, one array per component.
     pub(crate) normal: [Wide; 3],
     pub(crate) surface: [Surface; LANES],
 }
@@ -50,7 +51,7 @@ impl Hits {
         DVec3::from_array(std::array::from_fn(|axis| self.normal[axis][lane]))
     }
 
-    /// Records a hit, with its normal flipped to the ray's side.
+    /// Records a hit, with the normal flipped to the side from which the ray comes.
     pub(super) fn set(
         &mut self,
         lane: usize,
@@ -71,7 +72,7 @@ impl Hits {
         self.surface[lane] = surface;
     }
 
-    /// Replaces each hit by the hit of `other` if that is nearer.
+    /// Replaces each hit by the hit of `other` if the latter is nearer.
     pub(super) fn take_nearer(&mut self, other: &Self) {
         for lane in 0..LANES {
             if other.t[lane] < self.t[lane] {
@@ -95,20 +96,19 @@ pub(crate) struct Shaded {
     /// Derivatives of the projector pixel with respect to the camera pixel: `[projector
     /// axis][camera axis]`.
     pub(crate) footprint: [[Wide; 2]; 2],
-    /// Electrons per second under full white, ignoring shadows.
+    /// Electrons per second from the projector at full white, ignoring shadows.
     pub(crate) projected: Wide,
-    /// Electrons per second of ambient light.
+    /// Electrons per second from ambient light.
     pub(crate) ambient: Wide,
-    /// Amplitude, in electrons per second, of the flicker of ambient light and lamps about its
-    /// mean.
+    /// Flicker amplitude of ambient light and lamps, in electrons per second.
     pub(crate) flickering: Wide,
-    /// Electrons per second under 1 W/m^2 of uniform light from all directions; 0 if the plan
-    /// disables interreflection.
+    /// Electrons per second under uniform light of 1 W/m^2 from all directions; 0 if the plan does
+    /// not include interreflection.
     pub(crate) evenly: Wide,
     /// Bit mask of the lamps that light the sample.
     pub(crate) lamps: [u32; LANES],
-    /// Whether the projector can light the sample, ignoring shadows: the sample is in the field and
-    /// faces the projector.
+    /// Whether the projector can light the sample, ignoring shadows: the sample is in the
+    /// projector's field and its surface faces the projector.
     pub(crate) reachable: [bool; LANES],
     /// Whether the rays to the camera and to the projector are both within 80 degrees of the
     /// normal.

@@ -1,5 +1,5 @@
-//! A moving mesh. Its bounding volume hierarchy is in the mesh's own frame, so that rigid motion costs
-//! nothing; a deformation refits the boxes.
+//! A moving mesh. Its bounding volume hierarchy is in the mesh's own frame, so rigid motion needs no
+//! update of the hierarchy; after a deformation, its boxes are refitted.
 
 use super::animation::Blend;
 use super::hits::Surface;
@@ -22,13 +22,14 @@ pub(crate) struct Model {
     pub(crate) keys: Vec<Vec<DVec3>>,
     /// Maximum distance of a vertex from the mesh's own origin over all keyframes, in millimetres.
     pub(crate) radius_mm: f64,
-    /// Maximum displacement of a vertex from its rest position, for each keyframe.
+    /// For each keyframe, the maximum displacement of a vertex from its rest position, in
+    /// millimetres.
     pub(crate) key_reach_mm: Vec<f64>,
-    /// Computes smooth normals, if the mesh deforms and they are needed.
+    /// Computes smooth normals; `None` unless the mesh deforms and needs them.
     pub(crate) smoother: Option<Smoother>,
 }
 
-/// Shape at an instant, in the mesh's own frame.
+/// Shape of a mesh at an instant, in the mesh's own frame.
 #[derive(Clone)]
 struct Form {
     /// Keyframes and weights of the shape; `None` for the rest shape.
@@ -86,8 +87,8 @@ impl Instance {
         &self.model
     }
 
-    /// Returns the smooth normals at its triangles' corners in its own frame; empty if the rest
-    /// normals apply.
+    /// Returns the smooth normals at the corners of the mesh's triangles, in the mesh's own frame;
+    /// empty if the normals at rest apply.
     pub(crate) fn smooth_normals(&self) -> &[[Vec3; 3]] {
         &self.form.normals
     }
@@ -97,7 +98,7 @@ impl Instance {
         self.form.blend
     }
 
-    /// Sets the shape.
+    /// Blends keyframes into the present shape.
     pub(crate) fn deform(&mut self, blend: Blend) {
         let (keys, weights) = blend;
         let model = &self.model;
@@ -118,7 +119,7 @@ impl Instance {
         self.model.first
     }
 
-    /// Returns the hierarchy for ray casting.
+    /// Returns the mesh's hierarchy for ray casting.
     pub(crate) fn tree(&self) -> Tree<'_, Elsewhere> {
         Tree {
             bvh: &self.form.bvh,
@@ -150,8 +151,8 @@ impl Instance {
         spot.on(model.triangles[id].map(corner))
     }
 
-    /// Returns the current smooth normals at the corners of one of its triangles, given the normals
-    /// at rest.
+    /// Returns the current smooth normals at the corners of one of the mesh's triangles, given the
+    /// normals at rest.
     pub(crate) fn smooth(&self, surface: Surface, rest: [DVec3; 3]) -> [DVec3; 3] {
         let id = (surface.0 - self.model.first) as usize;
         match self.form.normals.get(id) {

@@ -3,15 +3,16 @@
 
 use super::world::World;
 
-/// Spacings of key instants that are tried, longest first, in nanoseconds. Each divides the
-/// previous one, so that spans share key instants. Spacings below the last would be no longer than
-/// the time between two exposures.
+/// Distances in nanoseconds between key instants, in the order in which they are tried. Each divides
+/// the previous one, so that spans share key instants. A shorter distance than the last would not
+/// exceed the time between two exposures.
 pub(crate) const SPACINGS_NS: [u64; 5] =
     [200_000_000, 100_000_000, 50_000_000, 25_000_000, 12_500_000];
-/// Instants in a span at which motion is compared with the parabola through the key instants.
+/// Number of instants in a span at which motion is compared with the parabola through the key
+/// instants.
 const PROBES: u32 = 32;
 
-/// Three equidistant key instants, and the time between the first and the last.
+/// Three equidistant key instants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Span {
     start_ns: u64,
@@ -19,7 +20,7 @@ pub(crate) struct Span {
 }
 
 impl Span {
-    /// Returns the span with a device time in it.
+    /// Returns the span that contains a device time.
     pub(crate) fn around(time_ns: f64, spacing_ns: u64) -> Self {
         let length_ns = 2 * spacing_ns;
         let number = (time_ns.max(0.0) as u64) / length_ns;
@@ -45,12 +46,13 @@ impl Span {
     }
 }
 
-/// How a scene moves within a span, as upper bounds in radians seen from the camera.
+/// Upper bounds of the motion of a scene within a span, in radians as seen from the camera.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SpanMotion {
-    /// Motion of any point relative to the nearer of the two adjacent key instants.
+    /// Maximum motion of any point relative to the nearer of the two adjacent key instants.
     pub(crate) reach_rad: f64,
-    /// Distance of any point from the parabola through its positions at the key instants.
+    /// Maximum distance of any point from the parabola through the point's positions at the key
+    /// instants.
     pub(crate) off_rad: f64,
 }
 
@@ -64,7 +66,8 @@ impl World {
             off_rad: 0.0,
         };
         for k in 0..PROBES {
-            // Multiples of the golden ratio fill the span evenly and do not alias with periodic motion.
+            // Multiples of the golden ratio fill the span evenly and do not alias with periodic
+            // motion.
             let share = (f64::from(k) + 0.5) * 0.618_033_988_749_894_9 % 1.0;
             let length_ns = 2.0 * span.spacing_ns as f64;
             let state = self.state(span.start_ns as f64 + share * length_ns);
@@ -79,7 +82,7 @@ impl World {
         motion
     }
 
-    /// Returns whether nothing moves around a device time.
+    /// Returns whether nothing moves within the shortest span around a device time.
     pub(crate) fn rests(&self, time_ns: f64) -> bool {
         let span = Span::around(time_ns, SPACINGS_NS[SPACINGS_NS.len() - 1]);
         let now = self.state(time_ns);
@@ -88,7 +91,8 @@ impl World {
     }
 }
 
-/// Returns the weights of the values at positions -1, 0 and 1 in their parabola at position `s`.
+/// Returns the weights with which a parabola through values at positions -1, 0 and 1 gives its value
+/// at `s`.
 fn weights(s: f64) -> [f64; 3] {
     [0.5 * s * (s - 1.0), 1.0 - s * s, 0.5 * s * (s + 1.0)]
 }

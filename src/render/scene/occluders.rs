@@ -1,9 +1,9 @@
-//! Possible occluders of the projector's light: their nearest depth over a grid of directions.
+//! Possible occluders of the projector's light: their smallest depth over a grid of directions.
 //! Points in front of this depth need no shadow ray.
 //!
-//! Only one half of a closed mesh's triangles has to be kept. If the camera, the projector and a
-//! point that the camera sees lie on the same side of every closed surface, a ray from the
-//! projector to the point leaves the mesh as often as it enters it. If it hits the mesh at all, it
+//! Only half of the triangles of a closed mesh have to be kept. If the camera, the projector and a
+//! point that the camera sees lie on the same side of every closed surface, a ray from the projector
+//! to the point leaves the mesh as often as it enters it. A ray that hits the mesh at all therefore
 //! hits a triangle through which it leaves. These triangles lie behind the lit ones, so few lit
 //! points need a shadow ray.
 
@@ -16,28 +16,30 @@ use phasmid_geometry::{Pose, View};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-/// Directions along each side of the grid.
+/// Number of directions along each side of the grid.
 const SIDE: usize = 256;
-/// Widens the extent of a triangle on the grid, to cover the rounding of its corners.
+/// Amount by which the extent of a triangle on the grid is widened, to cover the rounding of its
+/// corners.
 const WIDER: f64 = 1e-9;
-/// Moves depths towards the projector, to cover their rounding to f32.
+/// Factor that moves depths towards the projector, to cover their rounding to f32.
 const NEARER: f64 = 1.0 - 1e-6;
-/// Triangles per task.
+/// Number of triangles per parallel task.
 const BLOCK: usize = 8192;
 
-/// Depths, in the projector's frame, in front of which nothing can be shaded.
+/// For each direction, the depth in the projector's frame in front of which nothing can be shaded.
 pub(crate) struct Occluders {
     projector_from_rig: Pose,
-    /// Grid cells per unit of x/z and y/z.
+    /// Number of grid cells per unit of x/z and y/z.
     scale: DVec2,
-    /// Nearest depth in each cell, as bits: positive floats are ordered like their bits.
+    /// Smallest depth in each cell, as the bits of an f32: positive floats have the same order as
+    /// their bits.
     depths: Vec<AtomicU32>,
     /// Whether camera and projector lie on the same side of every closed surface.
     joined: bool,
 }
 
 impl Occluders {
-    /// Finds the possible occluders of points that a camera in the rig's origin sees.
+    /// Finds the possible occluders of points that are seen by a camera at the rig's origin.
     pub(crate) fn new(world: &World, projector: &View) -> Self {
         let lens = &projector.lens;
         let field = DVec2::new(lens.width_px.into(), lens.height_px.into()) / lens.focal_px;
@@ -55,8 +57,9 @@ impl Occluders {
             found.add_mesh(world, &instance.tree());
         }
         for placed in &world.solids {
-            // Solids are convex: if the camera is inside, or on the projector's side of an infinite
-            // plane, the solid shades no point that the camera sees.
+            // Solids are convex. If the camera is inside the solid, or if the solid is an infinite
+            // plane with camera and projector on the same side, the solid shades no point that the
+            // camera sees.
             if !(found.joined && (placed.around_camera || placed.halves_space())) {
                 let (center, radius) = placed.ball();
                 found.add_ball(found.projector_from_rig.point(center), radius);
@@ -66,7 +69,7 @@ impl Occluders {
     }
 
     /// Returns `true` if nothing shades a point that the camera sees, given in the rig's frame;
-    /// `false` if something may.
+    /// returns `false` if something may shade it.
     pub(crate) fn leave_lit(&self, point: DVec3) -> bool {
         let p = self.projector_from_rig.point(point);
         let [column, row] = self.cell(p.truncate() / p.z);
@@ -77,8 +80,8 @@ impl Occluders {
         f32::from_bits(self.depths[cell].load(Relaxed))
     }
 
-    /// Returns column and row of the cell of a direction x/z, y/z; directions outside the grid
-    /// share its border cells.
+    /// Returns the column and row of the grid cell of a direction (x/z, y/z). Directions outside the
+    /// grid share the cells at its border.
     fn cell(&self, direction: DVec2) -> [usize; 2] {
         let place = direction * self.scale + (SIDE / 2) as f64;
         place.to_array().map(|at| (at as usize).min(SIDE - 1))
@@ -124,7 +127,8 @@ impl Occluders {
             return;
         }
         if outward != 0.0 {
-            // Positive if a ray from the projector leaves the mesh through the triangle.
+            // The volume is positive if a ray from the projector leaves the mesh through the
+            // triangle.
             let across = b.cross(c);
             let volume = outward * a.dot(across);
             let edge_on = 1e-12 * a.abs().max_element() * across.abs().max_element();
@@ -158,7 +162,7 @@ impl Occluders {
     }
 }
 
-/// Returns whether nothing lies between the projector and a camera in the rig's origin.
+/// Returns whether no surface lies between the projector and a camera at the rig's origin.
 fn joined(world: &World, projector: DVec3) -> bool {
     let mut points: Points = [None; LANES];
     points[0] = Some((DVec3::ZERO, Surface::NONE));
@@ -171,9 +175,9 @@ mod tests {
     use crate::skin::Skins;
     use phasmid_profile::{Profile, Scene};
 
-    /// Counts the points that the camera of `webcam-grey` sees in the projector's field: all, those
-    /// that need no shadow ray, and those in shadow. Fails if a point in shadow was taken to need
-    /// no shadow ray.
+    /// Counts the points in the projector's field that the camera of `webcam-grey` sees: all points,
+    /// points that need no shadow ray, and points in shadow. Fails if a point in shadow is among the
+    /// points that need no shadow ray.
     fn counts(objects: &str, time_s: f64) -> [usize; 3] {
         let text = format!("name = \"s\"\ndescription = \"\"\n{objects}");
         let scene = Scene::parse(&text, "test").unwrap();
@@ -269,7 +273,8 @@ mod tests {
         }
     }
 
-    /// With a torso between camera and projector, all triangles of closed meshes must be kept.
+    /// With a torso between camera and projector, all triangles of closed meshes are kept as
+    /// occluders.
     #[test]
     fn a_projector_behind_an_object_has_every_triangle_as_occluder() {
         let small = "{ kind = \"torso\", triangles = 5000 }";

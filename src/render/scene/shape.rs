@@ -1,4 +1,4 @@
-//! Conversion of scene shapes to ray-castable geometry: closed forms or triangles.
+//! Conversion of the shapes in a scene to geometry for ray casting: closed forms or triangles.
 
 use glam::DVec2;
 use phasmid_core::error::Result;
@@ -7,7 +7,7 @@ use phasmid_phantom::{Phantom, REFERENCE_PHASE};
 use phasmid_profile::Shape;
 use std::path::Path;
 
-/// Rest phase of the skin of a breathing patient: the reference phase as a fraction of the cycle.
+/// Breathing phase of the skin of a patient at rest: the reference phase as a fraction of the cycle.
 const REST: f64 = REFERENCE_PHASE as f64 / 10.0;
 
 /// Returns the closed form of a shape, scaled; `None` for meshes.

@@ -1,6 +1,6 @@
-//! Ray casting against the triangles of one hierarchy: f32 finds candidates, f64 orders them. The
-//! hierarchy may have its own frame that moves relative to the rig; whole packets are transformed
-//! into it.
+//! Ray casting against the triangles of one hierarchy: f32 finds candidates, f64 orders them. A
+//! hierarchy may have its own frame, which moves relative to the rig; whole ray packets are then
+//! transformed into this frame.
 
 use super::hits::{Hits, OFF_POINT, Surface};
 use super::triangle::Triangle;
@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use phasmid_geometry::Pose;
 use phasmid_geometry::raycast::{Bvh, LANES, NO_TRIANGLE, Packet, Parallel, Scratch};
 
-/// Surface points to test, one per lane.
+/// Surface points to test, one for each of sixteen rays.
 pub(crate) type Points = [Option<(DVec3, Surface)>; LANES];
 
 /// Frame of a hierarchy relative to the rig.
@@ -38,7 +38,7 @@ impl Frame for Here {
     }
 }
 
-/// Frame of a hierarchy with its own pose.
+/// Frame of a hierarchy that has a pose of its own.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Elsewhere {
     pub(crate) rig_from_tree: Pose,
@@ -57,7 +57,7 @@ impl Frame for Elsewhere {
     }
 }
 
-/// A hierarchy and the mesh that it was built over.
+/// A hierarchy and the mesh from which it was built.
 pub(crate) struct Tree<'a, F> {
     pub(crate) bvh: &'a Bvh,
     pub(crate) vertices: &'a [DVec3],
@@ -90,7 +90,7 @@ impl<F: Frame> Tree<'_, F> {
         }
     }
 
-    /// Finds the nearest triangle along each ray; hits beyond `ends` may be skipped.
+    /// Finds the nearest triangle along each ray; triangles beyond `ends` may be skipped.
     pub(crate) fn nearest(
         &self,
         origin: DVec3,
@@ -116,8 +116,8 @@ impl<F: Frame> Tree<'_, F> {
         hits
     }
 
-    /// Finds the nearest triangle along each ray that starts on some surface, ignoring that
-    /// surface's plane. Directions have unit length.
+    /// Finds the nearest triangle along each ray that starts on a surface, ignoring the plane of
+    /// that surface. Directions have unit length.
     pub(crate) fn leaving(
         &self,
         point: DVec3,
@@ -139,8 +139,8 @@ impl<F: Frame> Tree<'_, F> {
         hits
     }
 
-    /// Marks the points that this tree's triangles occlude from a pupil; points already blocked are
-    /// skipped.
+    /// Marks the points that this tree's triangles occlude from a projector's pupil; points that are
+    /// already marked are skipped.
     pub(crate) fn blocked(
         &self,
         pupil: DVec3,
@@ -168,7 +168,7 @@ impl<F: Frame> Tree<'_, F> {
         }
     }
 
-    /// Same as `blocked` for distant light; a unit vector points towards it.
+    /// Same as `blocked`, for a light at infinity in the direction of a unit vector.
     pub(crate) fn blocked_along(
         &self,
         towards: DVec3,

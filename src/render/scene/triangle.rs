@@ -1,4 +1,4 @@
-//! Exact f64 intersection of a ray with a triangle found by the f32 traversal.
+//! Exact intersection in f64 of a ray with a triangle that the traversal in f32 has found.
 
 use super::hits::{Hits, SHADOW_END, Surface};
 use glam::DVec3;
@@ -11,46 +11,49 @@ pub(super) struct Triangle {
 }
 
 impl Triangle {
-    /// Returns the ray parameter of the intersection with the triangle's plane, clamped to the
-    /// range of its corners, which contains every true hit: near edge-on, the plane is
-    /// ill-conditioned. Directions have z = 1, so that parameters are depths.
+    /// Returns the ray parameter of the intersection with the triangle's plane, clamped to the range
+    /// of the parameters of its corners. Every true hit is in this range, while the plane of a
+    /// triangle seen nearly edge-on is ill-conditioned. Directions have z = 1, so that parameters
+    /// are depths.
     fn depth(&self, normal: DVec3, direction: DVec3) -> f64 {
         let [a, b, c] = self.corners;
         let (low, high) = (a.z.min(b.z).min(c.z), a.z.max(b.z).max(c.z));
         let t = normal.dot(a) / normal.dot(direction);
-        // NaN (all in the plane) becomes the nearest corner.
+        // A NaN (the ray lies in the plane) becomes the depth of the nearest corner.
         if t >= low { t.min(high) } else { low }
     }
 
-    /// Returns the unit normal, on either side. A triangle with zero area in f64 may have a nonzero
-    /// area in f32 and then closes a gap between its neighbours: it counts as facing the ray.
+    /// Returns the unit normal, which may point to either side. A triangle whose area is zero in f64
+    /// may have a nonzero area in f32 and then close a gap between its neighbours, so it counts as
+    /// facing the ray.
     fn normal(&self, direction: DVec3) -> DVec3 {
         let [a, b, c] = self.corners;
         let across = (b - a).cross(c - a);
         across.try_normalize().unwrap_or(-direction.normalize())
     }
 
-    /// Returns whether a ray passes through the triangle or its border, from the signs of three
-    /// volumes. Two triangles compute the volume of a shared edge from the same products with
-    /// opposite signs.
+    /// Returns whether a ray passes through the triangle or its border, by the signs of three
+    /// volumes. For an edge that two triangles share, both compute its volume from the same products
+    /// with opposite signs.
     fn holds(&self, direction: DVec3) -> bool {
         let [a, b, c] = self.corners;
         let sides = [(a, b), (b, c), (c, a)].map(|(p, q)| direction.dot(p.cross(q)));
         sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0)
     }
 
-    /// Records the intersection as a lane's hit.
+    /// Records the intersection as the hit of a lane.
     pub(super) fn take(&self, direction: DVec3, lane: usize, hits: &mut Hits) {
         let normal = self.normal(direction);
         let t = self.depth(normal, direction);
         hits.set(lane, t, normal, direction, Surface(self.id));
     }
 
-    /// Records an intersection that f32 found `near` a ray parameter, for a ray in any direction.
+    /// Records an intersection that f32 found near the ray parameter `near`, for a ray of any
+    /// direction.
     pub(super) fn take_near(&self, near: f64, direction: DVec3, lane: usize, hits: &mut Hits) {
         let normal = self.normal(direction);
         let t = normal.dot(self.corners[0]) / normal.dot(direction);
-        // Near edge-on, the plane is ill-conditioned.
+        // The plane of a triangle seen nearly edge-on is ill-conditioned.
         let t = if (t - near).abs() <= 1e-3 * near {
             t
         } else {
@@ -59,8 +62,9 @@ impl Triangle {
         hits.set(lane, t, normal, direction, Surface(self.id));
     }
 
-    /// Acts like [`Self::take`] if this triangle is the better hit than `found`: a triangle that
-    /// contains the ray precedes one that does not; otherwise the nearer one wins.
+    /// Acts like [`Self::take`] if this triangle is a better hit than `found`. A triangle that
+    /// contains the ray is better than one that does not; if both or neither do, the nearer one is
+    /// better.
     pub(super) fn take_from(&self, found: &Self, direction: DVec3, lane: usize, hits: &mut Hits) {
         let normal = self.normal(direction);
         let t = self.depth(normal, direction);
@@ -74,7 +78,8 @@ impl Triangle {
         }
     }
 
-    /// Returns whether the triangle lies between the ray's origin and a point, both excluded.
+    /// Returns whether the triangle lies between the ray's origin and the point `way`, both
+    /// excluded.
     pub(super) fn stands_before(&self, way: DVec3) -> bool {
         let normal = self.normal(way);
         let t = normal.dot(self.corners[0]) / normal.dot(way);

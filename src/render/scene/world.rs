@@ -1,5 +1,5 @@
-//! A scene prepared for ray casting at one instant: closed-form solids, all static meshes in one
-//! hierarchy in the rig's frame, and each moving mesh in its own.
+//! A scene prepared for ray casting at one instant: solids in closed form, all static meshes in one
+//! hierarchy in the rig's frame, and each moving mesh in a hierarchy of its own.
 //!
 //! `build` creates it from a scene, `moving` bounds the motion between two states, and `extent`
 //! computes the size of the scene.
@@ -27,7 +27,8 @@ pub(crate) struct Placed {
     rig_from_solid: Pose,
     pub(crate) solid_from_rig: Pose,
     pub(crate) object: u16,
-    /// Whether the camera is inside the solid and sees its inner wall, which the outer wall shades.
+    /// Whether the camera is inside the solid, so that it sees the inner wall, which the outer wall
+    /// shades.
     pub(crate) around_camera: bool,
 }
 
@@ -51,9 +52,10 @@ struct Fixed {
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     bvh: Bvh,
-    /// Object of each triangle; triangles of moving meshes follow the triangles of static meshes.
+    /// Object of each triangle; the triangles of moving meshes come after the triangles of static
+    /// meshes.
     owner: Vec<u16>,
-    /// For each object that is a mesh, whether it encloses a volume; see [`World::outward`].
+    /// For each object, orientation of its triangles if it is a closed mesh; see [`World::outward`].
     outward: Vec<f64>,
     /// Moving objects, in order.
     paths: Vec<Animation>,
@@ -87,8 +89,9 @@ impl World {
         &self.fixed.owner
     }
 
-    /// Returns 1 if the triangles of a triangle's mesh are numbered counter-clockwise seen from outside
-    /// the volume that the mesh encloses, -1 if clockwise, and 0 if it encloses none.
+    /// Returns 1 if the mesh that a triangle belongs to encloses a volume and its triangles are
+    /// numbered counter-clockwise seen from outside, -1 if they are numbered clockwise, and 0 if it
+    /// encloses no volume.
     pub(crate) fn outward(&self, triangle: Surface) -> f64 {
         self.fixed.outward[usize::from(self.fixed.owner[triangle.0 as usize])]
     }
@@ -137,7 +140,7 @@ impl World {
         self.carry(state);
     }
 
-    /// Applies the poses of a state without its shapes.
+    /// Applies the poses of a state, but not its shapes.
     pub(crate) fn carry(&mut self, state: &State) {
         for (path, placement) in self.fixed.paths.iter().zip(&state.0) {
             match path.part {
@@ -150,9 +153,9 @@ impl World {
         }
     }
 
-    /// Returns whether surfaces may shade each other or themselves. A single convex solid, seen
-    /// from outside, shades itself only by facing away, but one that moves may come to surround the
-    /// camera.
+    /// Returns whether surfaces may shade each other or themselves. A single convex solid seen from
+    /// outside shades itself only where it faces away from the light, but a solid that moves may
+    /// come to surround the camera.
     pub(crate) fn casts_shadows(&self) -> bool {
         let may_surround = |s: &Placed| {
             let hollow = !matches!(s.solid, Solid::Plane { .. });
@@ -161,7 +164,7 @@ impl World {
         self.triangle_count() > 0 || self.solids.len() > 1 || self.solids.iter().any(may_surround)
     }
 
-    /// Returns whether a surface belongs to a mesh. Adjacent triangles of a mesh may form one
+    /// Returns whether a surface is a triangle of a mesh. Adjacent triangles of a mesh may form one
     /// smooth surface.
     pub(crate) fn is_triangle(&self, surface: Surface) -> bool {
         (surface.0 as usize) < self.triangle_count()
@@ -183,7 +186,7 @@ impl World {
         }
     }
 
-    /// Returns the moving mesh that a surface belongs to.
+    /// Returns the moving mesh that a surface belongs to, if any.
     fn instance(&self, surface: Surface) -> Option<&Instance> {
         let after = self.instances.partition_point(|b| b.first() <= surface.0);
         let instance = self.instances.get(after.checked_sub(1)?)?;
@@ -196,7 +199,8 @@ impl World {
         self.instances.iter().find(is_its)
     }
 
-    /// Transforms smooth corner normals of a triangle from rest to its current state.
+    /// Transforms the smooth normals at a triangle's corners from rest to the triangle's current
+    /// state.
     pub(crate) fn smooth(&self, surface: Surface, rest: [DVec3; 3]) -> [DVec3; 3] {
         match self.instance(surface) {
             Some(instance) => instance.smooth(surface, rest),
@@ -236,8 +240,8 @@ impl World {
         })
     }
 
-    /// Finds the nearest surface along each ray from a point of the camera's pupil, which is
-    /// centred on the rig's origin. Directions have z = 1.
+    /// Finds the nearest surface along each ray that starts at a point of the camera's pupil, whose
+    /// centre is the rig's origin. Directions have z = 1.
     pub(crate) fn nearest(
         &self,
         origin: DVec3,
@@ -298,7 +302,7 @@ impl World {
         blocked
     }
 
-    /// Marks the points that solids shade; `shades` tests one solid and one point.
+    /// Marks the points that solids shade; `shades` tests whether one solid shades one point.
     fn solids_between(
         &self,
         points: &Points,
@@ -310,7 +314,8 @@ impl World {
                 let Some((point, surface)) = *point else {
                     continue;
                 };
-                // Seen from outside, a convex solid shades itself only by facing away.
+                // Seen from outside, a convex solid shades itself only where it faces away from the
+                // light.
                 let own = surface != Surface::NONE
                     && self.object(surface) == placed.object
                     && !placed.around_camera;
@@ -320,8 +325,8 @@ impl World {
     }
 
     /// Returns whether each point is occluded from a light at infinity; lanes without a point are
-    /// skipped. Occluders closer than [`OFF_POINT`](super::hits::OFF_POINT) touch the point rather
-    /// than shade it.
+    /// skipped. Occluders closer than [`OFF_POINT`](super::hits::OFF_POINT) count as touching the
+    /// point and do not shade it.
     pub(crate) fn blocked_along(
         &self,
         towards: DVec3,
@@ -346,13 +351,14 @@ impl World {
     }
 }
 
-/// A surface touches a point if it is closer than this fraction of the point's distance from the rig:
-/// 1 um at 1 m, far above the error of a depth in f32.
+/// Maximum distance at which a surface counts as touching a point, relative to the point's distance
+/// from the rig: 1 um at 1 m, far above the error of a depth in f32.
 const OFF_POINT: f64 = 1e-6;
 
 impl World {
-    /// Finds the nearest surface along each ray from a point of a surface `own`, given in the rig's
-    /// frame. Directions have unit length and are on the side of the surface that the camera sees.
+    /// Finds the nearest surface along each ray that starts at a point of a surface `own`, given in
+    /// the rig's frame. Directions have unit length and point to the side of the surface that the
+    /// camera sees.
     pub(crate) fn leaving(
         &self,
         point: DVec3,
@@ -369,7 +375,7 @@ impl World {
         }
         let start = point.length() * OFF_POINT;
         for (i, placed) in self.solids.iter().enumerate() {
-            // A ray that leaves a convex solid, seen from outside, cannot hit the same solid.
+            // A ray that leaves a convex solid seen from outside cannot hit the same solid again.
             if self.object(own) == placed.object && !placed.around_camera {
                 continue;
             }

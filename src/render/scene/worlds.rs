@@ -1,8 +1,8 @@
-//! The scene over the rows of a frame: all rows at one instant or, with a rolling shutter, each row
-//! at its own time.
+//! The scene as the rows of a frame see it: all rows at one instant or, with a rolling shutter, each
+//! row at its own time.
 //!
-//! Rigid motion is exact for each row. A deforming mesh takes one of a few shapes, spread over the
-//! time from the first row to the last.
+//! Rigid motion is exact for each row. A deforming mesh takes on one of a few shapes, whose times
+//! are spread from the first row to the last.
 
 use super::animation::State;
 use super::world::World;
@@ -10,19 +10,19 @@ use crate::shot::Shutter;
 use phasmid_core::Stop;
 use std::borrow::Cow;
 
-/// Side of the pixel tile covered by one ray packet.
+/// Side in pixels of the tile that one ray packet covers.
 pub(crate) const TILE: usize = 4;
-/// Maximum number of shapes of a deforming mesh between the first row and the last.
+/// Maximum number of shapes that a deforming mesh takes on from the first row to the last.
 const MOST_STEPS: usize = 16;
-/// Maximum number of deforming triangles, summed over all shapes: about 200 bytes each.
+/// Maximum number of deforming triangles, summed over all shapes; each takes about 200 bytes.
 const MOST_TRIANGLES: usize = 4_000_000;
 
-/// Time at which the rows of a frame see the scene.
+/// Time, or times, at which the rows of a frame see the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Moment {
     /// All rows at one instant.
     Instant(State),
-    /// Each row after its delay.
+    /// Each row with its own delay.
     Rows(Rows),
 }
 
@@ -54,17 +54,17 @@ impl Rows {
     }
 }
 
-/// The scene over the rows of a frame.
+/// The scene as the rows of a frame see it.
 pub(crate) struct Worlds {
     /// The scene at one instant, or at a few between the first row and the last.
     steps: Vec<World>,
     rows: Option<Rows>,
-    /// Ends the passes over the scene early; their output is then invalid.
+    /// Request that ends the passes over the scene early; their output is then invalid.
     pub(crate) stop: Stop,
 }
 
 impl Worlds {
-    /// Creates the scene at one instant.
+    /// Creates a scene that all rows see at one instant.
     pub(crate) fn new(world: World) -> Self {
         Self {
             steps: vec![world],
@@ -108,13 +108,13 @@ impl Worlds {
         }
     }
 
-    /// Returns the number of rows, at most the side of a tile, that are known to see the same
-    /// state.
+    /// Returns the number of adjacent rows, at most the side of a tile, that are known to see the
+    /// same state.
     pub(crate) fn rows_together(&self) -> usize {
         if self.rows.is_some() { 1 } else { TILE }
     }
 
-    /// Returns the index of the step whose shapes a row sees.
+    /// Returns the index in [`Self::steps`] of the instant whose shapes a row sees.
     pub(crate) fn step(&self, row: usize) -> usize {
         let Some(Rows { shutter, .. }) = &self.rows else {
             return 0;
@@ -136,16 +136,16 @@ impl Worlds {
     }
 }
 
-/// Arrangement of a packet's pixels: a square tile or, where rows are exposed at different times, a
-/// segment of a row.
+/// Arrangement of the pixels of a ray packet: a square tile or, if rows are exposed at different
+/// times, a segment of a row.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layout {
-    /// Binary logarithm of the number of columns.
+    /// Base-2 logarithm of the number of columns.
     across: u32,
 }
 
 impl Layout {
-    /// Returns the layout for `rows` rows: the side of a tile, or one.
+    /// Returns the layout for packets of `rows` rows, which is the side of a tile or one.
     pub(crate) fn of(rows: usize) -> Self {
         Self {
             across: if rows == TILE { 2 } else { 4 },

@@ -1,9 +1,10 @@
 //! Blooming: charge beyond the full well spills along the column into pixels with free capacity.
 //!
-//! Janesick, "Scientific Charge-Coupled Devices" (2001), section 4.2: barriers along the column are
-//! lower than those between columns, so half of the excess goes each way, fills each pixel up to
-//! the full well and continues with the remainder. Charge that reaches the image border is drained.
-//! Mean charges spill before noise is drawn; the noise is small compared to a visible excess.
+//! Janesick, "Scientific Charge-Coupled Devices" (2001), section 4.2: barriers along a column are
+//! lower than barriers between columns. Half of the excess therefore goes each way along the column,
+//! fills each pixel up to the full well and continues with the remainder. Charge that reaches the
+//! image border is drained. Mean charges spill before noise is drawn, since the noise is small
+//! compared to a visible excess.
 
 /// Spills the charge of a frame's pixels that exceeds the full well.
 ///
@@ -27,8 +28,8 @@ pub(crate) fn spill(electrons: &mut [f32], width: usize, full_well_e: f32, share
     }
 }
 
-/// Fills one row with charge carried over from the adjacent row, and passes on the remainder plus
-/// the row's own excess.
+/// Fills one row with the charge carried over from the adjacent row. Passes the remainder on,
+/// together with the row's own excess.
 fn fill(electrons: &mut [f32], excess: &[f32], full_well_e: f32, carried: &mut [f32]) {
     for ((e, x), carried) in electrons.iter_mut().zip(excess).zip(carried) {
         let held = e.min(full_well_e);
@@ -58,8 +59,8 @@ mod tests {
         frame.chunks(WIDTH).map(|row| row[x]).collect()
     }
 
-    /// Closed form: each full well of excess charge lengthens the streak by one pixel, half of it
-    /// on each side.
+    /// The streak agrees with the closed form: each full well of excess charge lengthens the streak
+    /// by one pixel, and half of the streak lies on each side.
     #[test]
     fn a_hot_pixels_streak_is_its_excess_over_the_full_well() {
         let frame = bloomed(&[(50, 8500.0)], 1.0);

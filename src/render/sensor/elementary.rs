@@ -3,9 +3,9 @@
 
 use std::f32::consts::{LN_2, LOG2_E};
 
-/// Returns the natural logarithm of a normal positive number, with an error of at most 2e-7,
-/// relative or absolute. Splits off the exponent and evaluates a polynomial in s = (m - 1)/(m + 1):
-/// ln m = 2 (s + s^3/3 + s^5/5 + ...), m in [1/sqrt 2, sqrt 2).
+/// Returns the natural logarithm of a normal positive number, with a relative or absolute error of
+/// at most 2e-7. Splits off the exponent and evaluates a polynomial in s = (m - 1)/(m + 1): ln m = 2
+/// (s + s^3/3 + s^5/5 + ...), for a mantissa m in [1/sqrt 2, sqrt 2).
 #[inline(always)]
 pub(super) fn ln(x: f32) -> f32 {
     // Moves the lower limit of the mantissa's range to 1/sqrt(2).
@@ -18,16 +18,17 @@ pub(super) fn ln(x: f32) -> f32 {
     exponent as f32 * LN_2 + 2.0 * (s + s * z * series)
 }
 
-/// Returns exp(-x) for x from 0 to 80, with a relative error of at most 4e-7: 2^k times the series
-/// of the remainder, which is within half an octave either way.
+/// Returns exp(-x) for x from 0 to 80, with a relative error of at most 4e-7. It is 2^k times the
+/// exponential series of the remainder, which is within half an octave of 0.
 #[inline(always)]
 pub(super) fn exp_negative(x: f32) -> f32 {
-    /// Adding this number leaves the nearest integer, of either sign, in the low bits of the sum.
+    /// Adding this number to an argument leaves the nearest integer, of either sign, in the low
+    /// bits.
     const WHOLE: f32 = (3u32 << 22) as f32;
     let shifted = x * -LOG2_E + WHOLE;
     let whole = shifted - WHOLE;
-    // ln 2 in two parts. The first ends in zero bits, so that its product is exact (Cody and Waite
-    // 1980).
+    // ln 2 is split into two numbers. The first number ends in zero bits, so that its product is
+    // exact (Cody and Waite 1980).
     let rest = (-x - whole * 0.693_359_4) + whole * 2.121_944_4e-4;
     let mut series = 1.0 + rest * (1.0 / 7.0);
     for k in [6.0, 5.0, 4.0, 3.0, 2.0, 1.0f32] {

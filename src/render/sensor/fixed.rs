@@ -1,17 +1,18 @@
-//! Fixed-pattern noise of one device: differences between pixels that are the same in every frame.
+//! Fixed-pattern noise of one device: differences between its pixels, which are the same in every
+//! frame.
 //!
-//! EMVA 1288 release 4.0, section 4, describes it by two standard deviations over the pixels. PRNU
-//! is the standard deviation of the sensitivities, which scale a pixel's mean electrons before shot
-//! noise. DSNU is the standard deviation of the dark signals. It is measured at short exposures,
-//! where the readout dominates, so it is modelled as an offset after the full well that causes no
-//! shot noise and may be negative.
+//! EMVA 1288 release 4.0, section 4, describes this noise by two standard deviations over the
+//! pixels. PRNU is the standard deviation of the sensitivities, which scale a pixel's mean electrons
+//! before shot noise. DSNU is the standard deviation of the dark signals. DSNU is measured at short
+//! exposures, where the readout dominates, so it is modelled as an offset that is added after the
+//! full well, causes no shot noise and may be negative.
 
 use super::normal::{Tails, quantiles};
 use super::philox::{self, BLOCK};
 use phasmid_core::simd::widest;
 use phasmid_profile::Sensor as Parameters;
 
-/// Draw indices, distinct from the draw indices of the temporal noise.
+/// Draw indices, which differ from the draw indices of the temporal noise.
 const DRAW_SENSITIVITY: u32 = 2;
 const DRAW_OFFSET: u32 = 3;
 
@@ -23,7 +24,7 @@ pub(crate) struct FixedPattern {
 }
 
 impl FixedPattern {
-    /// Generates the pattern of the device with seed `sensor.pattern_seed`.
+    /// Generates the fixed pattern of the device with seed `sensor.pattern_seed`.
     pub(crate) fn new(sensor: &Parameters, pixels: usize) -> Self {
         let draw = |index| normal_numbers([sensor.pattern_seed, 0], index, pixels);
         let prnu = (sensor.prnu_percent / 100.0) as f32;

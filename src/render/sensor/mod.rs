@@ -1,7 +1,8 @@
 //! The sensor pass: converts mean electrons to digital numbers by the linear model of EMVA 1288
 //! release 4.0 (section 2): pixel sensitivity, dark current, shot noise, full well, read noise,
-//! pixel offset, system gain, black level, converter, and the non-linear response, if any. Also its
-//! parameters for the GPU pass, and its output for given signals.
+//! pixel offset, system gain, black level, converter, and the non-linear response, if any. This
+//! module also holds the parameters for the GPU's sensor pass, and computes a sensor's output for
+//! given signals.
 //!
 //! | module | contents |
 //! | --- | --- |
@@ -30,7 +31,7 @@ use phasmid_profile::Sensor as Parameters;
 use phasmid_protocol::PixelFormat;
 use response::Response;
 
-/// The sensor at one gain and exposure, for one frame, with the terms that the plan enables.
+/// The sensor at one gain and exposure, for one frame, with the terms that the plan includes.
 #[derive(Clone, Copy)]
 pub(super) struct Sensor<'a> {
     linear: Linear,
@@ -52,8 +53,8 @@ struct Linear {
 }
 
 impl<'a> Sensor<'a> {
-    /// Creates the model. `noise` is the seed and the shot's noise id, used if the plan enables
-    /// shot and read noise. `fixed` is the fixed pattern, used if the plan enables it.
+    /// Creates the model. `noise` is the seed and the shot's noise id, used if the plan includes
+    /// shot and read noise. `fixed` is the fixed pattern, used if the plan includes it.
     pub(super) fn new(
         sensor: &Parameters,
         plan: &Plan,
@@ -64,8 +65,8 @@ impl<'a> Sensor<'a> {
         let gain = sensor.gain_at(gain_db);
         let full_scale = sensor.full_scale_dn();
         let (full_well_e, read_noise_e) = (sensor.full_well_e, sensor.read_noise_e);
-        // Whether a full well always reads as the converter's maximum, whatever the read noise and
-        // offset.
+        // Whether a pixel at the full well always reads as the converter's maximum, whatever its
+        // read noise and offset.
         let far = f64::from(noise::FARTHEST);
         let least = full_well_e - far * (read_noise_e + sensor.dsnu_e);
         let hidden = least * gain + sensor.black_level_dn >= full_scale - 0.5;
@@ -97,7 +98,7 @@ impl<'a> Sensor<'a> {
         self.linear.full_well_e
     }
 
-    /// Converts the mean photoelectrons of pixels, starting with pixel `first`, to mean collected
+    /// Converts the mean photoelectrons of pixels that start at index `first` to mean collected
     /// electrons.
     pub(super) fn gather(&self, first: usize, electrons: &mut [f32]) {
         if let Some(fixed) = self.fixed {
@@ -110,9 +111,9 @@ impl<'a> Sensor<'a> {
         }
     }
 
-    /// Computes the digital numbers of pixels, starting with pixel `first`, a multiple of the
-    /// random number block size of 32. `electrons` holds their mean collected electrons, and is
-    /// used as scratch.
+    /// Computes the digital numbers of pixels that start at index `first`, which must be a multiple
+    /// of the random number block size of 32. `electrons` holds the mean collected electrons of
+    /// these pixels, and is overwritten.
     pub(super) fn read(&self, first: usize, electrons: &mut [f32], out: &mut [u8]) {
         match &self.noise {
             Some(noise) => noise::draw(noise, first, electrons),
@@ -140,8 +141,9 @@ impl<'a> Sensor<'a> {
         }
     }
 
-    /// Computes the unrounded digital numbers of pixels, starting with pixel `first`, without shot
-    /// and read noise. `electrons` holds their mean collected electrons, and is used as scratch.
+    /// Computes the unrounded digital numbers, without shot and read noise, of pixels that start at
+    /// index `first`. `electrons` holds the mean collected electrons of these pixels, and is
+    /// overwritten.
     pub(super) fn expect(&self, first: usize, electrons: &mut [f32], out: &mut [f32]) {
         clip(self.linear.full_well_e, electrons);
         if let Some(fixed) = self.fixed {
@@ -171,7 +173,7 @@ impl Linear {
         }
     }
 
-    /// Returns the nearest integer in the low bits of a word.
+    /// Returns a word whose low bits hold the nearest integer digital number.
     #[inline(always)]
     fn word(&self, electrons: f32) -> u32 {
         /// Adding this number leaves the integer in the low bits of the sum.
@@ -200,7 +202,7 @@ fn clip_body(full_well_e: f32, electrons: &mut [f32]) {
     }
 }
 
-/// Converts electrons to unrounded digital numbers of the frame.
+/// Converts electrons to unrounded digital numbers after the response.
 #[inline(always)]
 fn bend_body(response: &Response, linear: &Linear, electrons: &mut [f32]) {
     for e in electrons {
@@ -226,12 +228,12 @@ fn quantise_words_body(linear: &Linear, electrons: &[f32], out: &mut [u8]) {
 /// All parameters of [`Sensor`] except its fixed pattern.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Numbers {
-    /// Seed and noise id.
+    /// Seed, and noise id of the shot.
     pub(crate) key: [u64; 2],
     pub(crate) read_noise_e: f32,
     pub(crate) full_well_e: f32,
-    /// Mean above which shot and read noise are drawn separately; infinite if they are never drawn
-    /// separately.
+    /// Mean in electrons above which shot and read noise are drawn separately; infinite if they are
+    /// never drawn separately.
     pub(crate) apart_from_e: f32,
     pub(crate) dark_e: f32,
     pub(crate) gain_dn_per_e: f32,
@@ -244,7 +246,7 @@ pub(crate) struct Numbers {
 }
 
 impl Sensor<'_> {
-    /// Returns the parameters; terms that the plan disables get neutral values.
+    /// Returns the parameters; terms that the plan does not include get neutral values.
     pub(crate) fn numbers(&self) -> Numbers {
         let noise = self.noise.as_ref();
         Numbers {
@@ -304,7 +306,7 @@ mod tests {
         assert_eq!(out, [0, 0, 4, 0, 0xed, 0x03, 0xff, 0xff]);
     }
 
-    /// Mean and variance of flat fields match the noise model.
+    /// The mean and variance of uniformly lit frames match the noise model.
     #[test]
     fn noise_of_flat_fields_matches_the_model() {
         let sensor = Profile::load("pmp-bench").unwrap().camera.sensor;

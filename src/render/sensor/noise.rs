@@ -1,10 +1,10 @@
 //! Shot and read noise.
 //!
 //! EMVA 1288 release 4.0, section 2: a pixel's electrons are Poisson distributed and limited to the
-//! full well; the readout adds normal noise. If the mean mu is large and the full well far above
-//! it, the sum of both is drawn as one number from its variance V, skewness g1 and excess kurtosis
-//! g2 by the Cornish-Fisher expansion (1938). With the cumulants of a Poisson variable in a
-//! variance of V, g1 = mu / V^1.5 and g2 = mu / V^2:
+//! full well; the readout adds normal noise. If the mean mu is large and the full well far above mu,
+//! the sum of shot and read noise is drawn as one number from its variance V, skewness g1 and excess
+//! kurtosis g2 by the Cornish-Fisher expansion (1938). With the cumulants of a Poisson variable
+//! within a total variance of V, g1 = mu / V^1.5 and g2 = mu / V^2:
 //!
 //! x = mu + sqrt(V) (z + (z^2 - 1) g1 / 6 + (z^3 - 3 z) g2 / 24 - (2 z^3 - 5 z) g1^2 / 36).
 
@@ -13,9 +13,9 @@ use super::philox::BLOCK;
 use super::{philox, poisson};
 use phasmid_core::simd::widest;
 
-/// Upper limit of the magnitude of standard normal numbers.
+/// Upper limit of the magnitude of the standard normal numbers that are drawn.
 pub(super) const FARTHEST: f32 = 7.0;
-/// Draw indices of the random terms.
+/// Draw indices of the random numbers for shot and read noise.
 const DRAW_SHOT: u32 = 0;
 const DRAW_READ: u32 = 1;
 
@@ -25,16 +25,16 @@ pub(super) struct Noise {
     pub(super) key: [u64; 2],
     pub(super) read_noise_e: f32,
     full_well_e: f32,
-    /// Mean above which the full well may clip a pixel, so shot and read noise are drawn
-    /// separately.
+    /// Mean in electrons above which the full well may clip a pixel, so that shot and read noise are
+    /// drawn separately.
     pub(super) apart_from_e: f32,
 }
 
 impl Noise {
-    /// Creates the noise parameters. `key` is the seed and the noise id. `hidden` means that the
-    /// converter always saturates before the full well has an effect, noise included.
+    /// Creates the noise parameters. `key` is the seed and the noise id. `hidden` says that the
+    /// converter saturates before the full well has an effect, even with noise.
     pub(super) fn new(key: [u64; 2], read_noise_e: f32, full_well_e: f32, hidden: bool) -> Self {
-        // Normal numbers from 32-bit words reach at most 6.4 standard deviations.
+        // Normal numbers drawn from 32-bit words reach at most 6.4 standard deviations.
         let near = (full_well_e - FARTHEST * full_well_e.sqrt()).max(poisson::BELOW);
         Self {
             key,
@@ -45,10 +45,10 @@ impl Noise {
     }
 }
 
-/// Number of blocks of random numbers generated at a time, so that they stay in cache.
+/// Number of blocks of random numbers generated at a time; small, so that they stay in cache.
 const BATCH: usize = 16;
 
-/// Replaces the mean electrons of pixels, starting with pixel `first`, a multiple of [`BLOCK`], by
+/// Replaces the mean electrons of pixels that start at index `first`, a multiple of [`BLOCK`], by
 /// random draws.
 pub(super) fn draw(noise: &Noise, first: usize, electrons: &mut [f32]) {
     let (blocks, end) = electrons.as_chunks_mut::<BLOCK>();
@@ -73,7 +73,7 @@ fn draw_batch(noise: &Noise, index: u32, blocks: &mut [[f32; BLOCK]]) {
     let mut words = [[0; BLOCK]; BATCH];
     let words = &mut words[..blocks.len()];
     philox::fill(noise.key, index, DRAW_SHOT, words);
-    // Few frames approach the full well, so most need no second random number.
+    // Few pixels approach the full well, so most blocks need no second random number.
     let mut more = [[0; BLOCK]; BATCH];
     if blocks
         .as_flattened()
@@ -117,7 +117,7 @@ fn spread_body(
     }
 }
 
-/// Draws bright pixels that stay far below the full well.
+/// Draws a block of bright pixels that all stay far below the full well.
 #[inline(always)]
 fn even(noise: &Noise, electrons: &mut [f32; BLOCK], words: &[u32; BLOCK]) {
     let read_variance = noise.read_noise_e * noise.read_noise_e;
@@ -127,7 +127,7 @@ fn even(noise: &Noise, electrons: &mut [f32; BLOCK], words: &[u32; BLOCK]) {
     }
 }
 
-/// Draws blocks that contain dark pixels, and also brighter ones if `bright`.
+/// Draws a block that contains dark pixels, and brighter ones as well if `bright`.
 #[inline(always)]
 fn few(noise: &Noise, electrons: &mut [f32; BLOCK], words: &[u32; BLOCK], bright: bool) {
     let read_variance = noise.read_noise_e * noise.read_noise_e;
@@ -150,7 +150,7 @@ fn few(noise: &Noise, electrons: &mut [f32; BLOCK], words: &[u32; BLOCK], bright
     }
 }
 
-/// Redraws pixels with means near or above the full well: shot noise, clipping, read noise.
+/// Redraws pixels whose means are near or above the full well: shot noise, clipping, read noise.
 #[inline(always)]
 fn clipped(
     noise: &Noise,
@@ -177,12 +177,12 @@ fn clipped(
     }
 }
 
-/// Returns shot noise plus read noise of the given variance from one normal number.
+/// Returns the mean plus shot noise plus read noise of the given variance, from one normal number.
 #[inline(always)]
 fn many(mean: f32, read_variance: f32, z: f32) -> f32 {
     let variance = mean + read_variance;
     let inverse = 1.0 / variance.sqrt();
-    // g1 = share * inverse and g2 = share * inverse^2.
+    // With this share, g1 = share * inverse and g2 = share * inverse^2.
     let share = mean * (inverse * inverse);
     let square = z * z;
     let excess = (square - 3.0) * (1.0 / 24.0) - (2.0 * square - 5.0) * (share * (1.0 / 36.0));
@@ -205,7 +205,8 @@ mod tests {
         electrons
     }
 
-    /// Standard normal distribution function, accurate to 1e-12, by Simpson's rule from 0.
+    /// Returns the standard normal distribution function, accurate to 1e-12, by Simpson's rule from
+    /// 0.
     fn normal(x: f64) -> f64 {
         let x = x.clamp(-9.0, 9.0);
         let steps = 400;
@@ -217,7 +218,7 @@ mod tests {
         0.5 + h / 3.0 * (density(0.0) + inner + density(x))
     }
 
-    /// Poisson probabilities of 0, 1, 2, ...
+    /// Returns the Poisson probabilities of 0, 1, 2, ...
     fn poisson(mean: f64) -> Vec<f64> {
         let mut log_p = -mean;
         (0..(mean + 12.0 * mean.sqrt() + 20.0) as u32)
@@ -230,9 +231,9 @@ mod tests {
             .collect()
     }
 
-    /// Returns Pearson's chi-square of `values` over bins of one electron centred on integers,
-    /// merged until each expects at least ten values; and its critical value, which one run in
-    /// 10,000 exceeds (Wilson and Hilferty 1931).
+    /// Returns Pearson's chi-square of `values`, and its critical value, which one run in 10,000
+    /// exceeds (Wilson and Hilferty 1931). The bins are one electron wide and centred on integers;
+    /// they are merged until each expects at least ten values.
     fn chi_square(values: &[f32], below: impl Fn(f64) -> f64) -> (f64, f64) {
         let least = values.iter().copied().fold(f32::MAX, f32::min).round() as i32 - 30;
         let most = values.iter().copied().fold(f32::MIN, f32::max).round() as i32 + 30;
@@ -246,7 +247,7 @@ mod tests {
         for (k, c) in counts.iter().enumerate() {
             count += c;
             let to = below(f64::from(least) + k as f64 + 0.5);
-            // The last bin includes the tail.
+            // The last bin also includes the tail.
             let to = if n * (1.0 - to) < 10.0 { 1.0 } else { to };
             let expected = n * (to - from);
             if expected >= 10.0 || to == 1.0 {
@@ -270,8 +271,8 @@ mod tests {
         (statistic, critical)
     }
 
-    /// Draws a million values per mean, on both sides of the switch from Poisson to normal numbers.
-    /// A correct sampler fails for one seed in 10,000; the seeds are fixed.
+    /// Draws a million values per mean, for means on both sides of the switch from Poisson to normal
+    /// numbers. A correct sampler fails for one seed in 10,000; the seeds are fixed.
     #[test]
     fn shot_noise_is_poisson_distributed() {
         for (i, mean) in [0.01, 0.4, 1.0, 5.0, 12.3, 31.9, 32.0, 33.0, 100.0, 2000.0]
@@ -295,10 +296,10 @@ mod tests {
         }
     }
 
-    /// The same test with read noise, which is drawn from the pixel's same random word: the sum is
-    /// distributed as a mixture of normal distributions weighted by the Poisson probabilities. Bins
-    /// are one electron wide. At a read noise of 0.3 electrons values are scaled by ten, so that
-    /// the bins resolve the peaks at whole electrons.
+    /// Repeats the test with read noise, which is drawn from the same random word as the pixel's
+    /// shot noise. The sum is distributed as a mixture of normal distributions weighted by the
+    /// Poisson probabilities. At a read noise of 0.3 electrons, values are scaled by ten, so that
+    /// the bins, which are one electron wide, resolve the peaks at whole electrons.
     #[test]
     fn read_noise_is_normal_and_independent() {
         for (i, (mean, read, zoom)) in [
@@ -334,7 +335,7 @@ mod tests {
         }
     }
 
-    /// The test rejects a wrong distribution: a normal one with equal mean and variance.
+    /// The test rejects a wrong distribution: a normal distribution with equal mean and variance.
     #[test]
     fn chi_square_test_rejects_a_normal_distribution() {
         let below = |x: f64| normal((x - 12.3) / 12.3f64.sqrt());
@@ -342,7 +343,8 @@ mod tests {
         assert!(statistic > 10.0 * critical, "{statistic} {critical}");
     }
 
-    /// On a machine with AVX2 this compares the AVX2 code with the code for any x86-64.
+    /// The results are bit-identical: on a machine with AVX2, the AVX2 code is compared with the
+    /// code for any x86-64 machine.
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
         let noise = Noise::new([7, 1], 2.3, 600.0, false);

@@ -1,8 +1,9 @@
 //! Standard normal numbers from uniform 32-bit words, by inversion of the distribution function.
 //!
 //! x = sqrt(2) erfinv(2 p - 1), with Giles's single-precision erfinv ("Approximating the erfinv
-//! function", GPU Computing Gems Jade, 2011). It is evaluated for the smaller tail of the word and
-//! the sign is restored afterwards, so that both tails reach as far as 32 bits allow: 6.3 sigma.
+//! function", GPU Computing Gems Jade, 2011). It is evaluated for the smaller of the two tail
+//! probabilities of a word, and the sign is restored afterwards. Both tails therefore reach as far
+//! as 32 bits allow: 6.3 sigma.
 
 use super::elementary::ln;
 use std::f32::consts::SQRT_2;
@@ -10,7 +11,7 @@ use std::f32::consts::SQRT_2;
 /// The sign bit of a word or an f32.
 pub(super) const SIGN: u32 = 1 << 31;
 
-/// Uniform numbers in terms of their smaller tails: the tail probability, in (0, 1/2], and the sign
+/// Uniform numbers, each given by its smaller tail: the tail probability, in (0, 1/2], and the sign
 /// bit of the corresponding normal number.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tails<const N: usize> {
@@ -19,7 +20,7 @@ pub(super) struct Tails<const N: usize> {
 }
 
 impl<const N: usize> Tails<N> {
-    /// Returns the tails of uniform words.
+    /// Returns the smaller tails of uniform words.
     #[inline(always)]
     pub(super) fn of_words(words: &[u32; N]) -> Self {
         let mut probability = [0.0; N];
@@ -28,7 +29,7 @@ impl<const N: usize> Tails<N> {
             // All ones if the word is in the upper half.
             let upper = ((words[i] as i32) >> 31) as u32;
             let tail = words[i] ^ upper;
-            // The cast goes through i32 because only that has a SIMD instruction.
+            // The cast goes through i32 because SIMD instructions convert only signed integers.
             probability[i] = (tail as i32 as f32 + 0.5) * (1.0 / 4_294_967_296.0);
             sign[i] = !words[i] & SIGN;
         }
@@ -44,12 +45,12 @@ pub(super) fn quantiles<const N: usize>(tails: &Tails<N>) -> [f32; N] {
     let mut ratio = [0.0; N];
     let mut far = 0;
     for i in 0..N {
-        // 1 - (1 - 2 p)^2 without cancellation.
+        // The argument is 1 - (1 - 2 p)^2, computed without cancellation.
         w[i] = -ln(4.0 * p[i] * (1.0 - p[i]));
         ratio[i] = polynomial(&CENTRAL, w[i] - 2.5);
         far |= u32::from(w[i] >= CENTRAL_END);
     }
-    // One number in 300 lies in the tails, so most groups have none there.
+    // One number in 300 lies in the tails, so most groups contain none of them.
     if far != 0 {
         for i in 0..N {
             let tail = polynomial(&TAIL, w[i].max(0.0).sqrt() - 3.0);
@@ -104,8 +105,8 @@ mod tests {
     use super::super::elementary::exp_negative;
     use super::*;
 
-    /// Standard normal distribution function: the continued fraction of its tail (Abramowitz and
-    /// Stegun 26.2.14) and, near zero, its series (26.2.10).
+    /// Returns the standard normal distribution function: by the continued fraction of its tail
+    /// (Abramowitz and Stegun 26.2.14) or, near zero, by its series (26.2.10).
     fn cdf(x: f64) -> f64 {
         let density = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
         if x.abs() < 3.0 {
@@ -124,8 +125,8 @@ mod tests {
         if x < 0.0 { tail } else { 1.0 - tail }
     }
 
-    /// Checks logarithm, exponential and normal numbers for words at both ends of the range and in
-    /// between.
+    /// Logarithm, exponential and normal numbers are accurate for words at both ends of the range
+    /// and between.
     #[cfg(feature = "gpu")]
     #[test]
     #[ignore = "needs a Vulkan adapter"]
@@ -150,7 +151,8 @@ mod tests {
     #[test]
     fn quantiles_invert_the_normal_distribution() {
         for i in 0..=2000u32 {
-            // Raising i to a power makes the samples dense in the tail, down to the smallest word, 0.
+            // Raising i to a power makes the samples dense in the tail, down to the smallest word,
+            // which is 0.
             let word = (f64::from(i) / 2000.0).powi(6) * 2_147_483_647.0;
             let word = word as u32;
             let p = (f64::from(word) + 0.5) / 4_294_967_296.0;

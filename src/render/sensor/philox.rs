@@ -9,14 +9,14 @@ pub(super) const WIDTH: usize = 8;
 /// Number of random words in a block, one per pixel.
 pub(super) const BLOCK: usize = 4 * WIDTH;
 
-/// Returns the random words of `BLOCK` pixels, one each: word w of counter c belongs to pixel
-/// `block_index * BLOCK + w * WIDTH + c` of the frame.
+/// Returns the random words of `BLOCK` pixels, one word per pixel: word w of counter c belongs to
+/// pixel `block_index * BLOCK + w * WIDTH + c` of the frame.
 ///
 /// `key` is the seed; the counter is (pixel counter, draw, low and high half of the shot's noise
 /// id).
 ///
-/// Words are stored in 64-bit lanes whose upper halves hold leftovers of products: a SIMD multiply
-/// reads only the lower halves and returns full products, so that no lane needs shuffling.
+/// Words are stored in 64-bit lanes, whose upper halves hold leftovers of products. A SIMD
+/// multiplication reads only the lower halves and returns full products, so lanes need no shuffling.
 #[inline(always)]
 fn block(key: u64, block_index: u32, draw: u32, frame: u64) -> [u32; BLOCK] {
     const LOW: u64 = u32::MAX as u64;
@@ -46,7 +46,7 @@ fn block(key: u64, block_index: u32, draw: u32, frame: u64) -> [u32; BLOCK] {
 }
 
 widest! {
-    /// Fills `words` with consecutive blocks from `first_block` on, see [`block`]. This is a
+    /// Fills `words` with consecutive blocks that start at `first_block`; see [`block`]. This is a
     /// separate pass so that its lanes stay in registers.
     pub(super) fn fill(key: [u64; 2], first_block: u32, draw: u32, words: &mut [[u32; BLOCK]])
         => fill_body
@@ -64,8 +64,8 @@ mod tests {
     use super::*;
     use phasmid_core::philox::philox;
 
-    /// Checks the published test vectors and random ones, as words of a counter and as words of its
-    /// pixels.
+    /// GPU and CPU agree for the published test vectors and for random ones, both for the words of a
+    /// counter and for the words of its pixels.
     #[cfg(feature = "gpu")]
     #[test]
     #[ignore = "needs a Vulkan adapter"]

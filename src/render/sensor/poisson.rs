@@ -1,25 +1,25 @@
-//! Poisson numbers of small means, vectorized, by inversion of the distribution.
+//! Poisson numbers with small means, vectorized, by inversion of the distribution.
 //!
-//! Devroye, "Non-Uniform Random Variate Generation" (1986), X.3.3: starting at 0, the probability
-//! of n is the probability of n - 1 times mean / n; the result is the n at which their sum exceeds
-//! a uniform number. The position of the uniform number within that last step is again uniform and
-//! independent of n. The read noise is drawn from it, so that dark pixels also need only one random
-//! word.
+//! Devroye, "Non-Uniform Random Variate Generation" (1986), X.3.3: starting at 0, the probability of
+//! n is the probability of n - 1 times mean / n. The result is the n at which the sum of these
+//! probabilities exceeds a uniform number. The position of the uniform number within this last step
+//! is again uniform and is independent of n. The read noise is drawn from this position, so that
+//! dark pixels also need only one random word.
 
 use super::elementary::exp_negative;
 use super::normal::{SIGN, Tails};
 use super::philox::BLOCK;
 
-/// Means from this value on are drawn from a normal number by [`super::noise`].
+/// Minimum mean that [`super::noise`] draws from a normal number; smaller means are drawn here.
 pub(super) const BELOW: f32 = 32.0;
 /// Probabilities are in units of 2^-24, in which the upper bits of a word are exact f32 integers.
 const ONE: f32 = (1u32 << 24) as f32;
-/// Maximum number of steps: at the largest mean, a probability of 1e-13 lies beyond.
+/// Maximum number of steps; at the largest mean, larger numbers have a probability of 1e-13.
 const STEPS: usize = 84;
-/// Steps between checks whether all lanes are done.
+/// Number of steps between checks whether all lanes are done.
 const STRIDE: usize = 4;
 
-/// 1 / (n + 1).
+/// Values of 1 / (n + 1) for each n.
 const INVERSE_OF_NEXT: [f32; STEPS] = {
     let mut inverse = [0.0; STEPS];
     let mut n = 0;
@@ -30,21 +30,22 @@ const INVERSE_OF_NEXT: [f32; STEPS] = {
     inverse
 };
 
-/// Returns Poisson numbers of `means` (0 or more) and, from the same words, independent uniform
-/// numbers. Lanes with a mean of [`BELOW`] or more are skipped; each of their uniform numbers is
-/// the whole word.
+/// Returns Poisson numbers with the means `means` (0 or more) and, from the same words, independent
+/// uniform numbers. Lanes with a mean of [`BELOW`] or more are skipped; the uniform number of such a
+/// lane is its whole word.
 #[inline(always)]
 pub(super) fn numbers(means: &[f32; BLOCK], words: &[u32; BLOCK]) -> ([f32; BLOCK], Tails<BLOCK>) {
     let mut mean = [0.0; BLOCK];
     let mut probability = [0.0; BLOCK];
-    // The uniform number minus the probabilities so far: positive at first, negative in the end.
+    // The uniform number minus the sum of the probabilities so far: positive at first, negative in
+    // the end.
     let mut left = [0.0; BLOCK];
-    // The smallest positive and the smallest negative of these values by magnitude, as f32 bits.
-    // Compared as unsigned integers, positive values come first; compared as signed integers,
-    // negative values come first. Both orders rise with the magnitude.
+    // The smallest positive and the smallest negative of the values of `left` so far, by magnitude,
+    // as f32 bits. Compared as unsigned integers, positive values come first; compared as signed
+    // integers, negative values come first. Both orders rise with the magnitude.
     let mut low = [0u32; BLOCK];
     let mut high = [i32::MAX; BLOCK];
-    // Minus the number of negative values.
+    // Minus the number of negative values of `left` so far.
     let mut past = [0i32; BLOCK];
     for i in 0..BLOCK {
         let few = means[i] < BELOW;
@@ -86,7 +87,7 @@ pub(super) fn numbers(means: &[f32; BLOCK], words: &[u32; BLOCK]) -> ([f32; BLOC
         let tail = if low + 0.5 < high { low + 0.5 } else { high };
         let side = if low + 0.5 < high { SIGN } else { 0 };
         let tail = tail / (low + high);
-        // In a step narrower than one unit, the added half unit is too much.
+        // In a step narrower than one unit, adding half a unit would exceed the step.
         let tail = if tail < 0.5 { tail } else { 0.5 };
         tails.probability[i] = if few { tail } else { tails.probability[i] };
         tails.sign[i] = if few { side } else { tails.sign[i] };
@@ -97,8 +98,9 @@ pub(super) fn numbers(means: &[f32; BLOCK], words: &[u32; BLOCK]) -> ([f32; BLOC
     (number, tails)
 }
 
-/// Resolves lanes in the far tail. Rounding leaves the f32 sums about 1e-7 short of one; lanes with
-/// a uniform number in that gap take their number from f64 sums, and the middle of the last step.
+/// Resolves lanes in the far tail. Because of rounding, the f32 sums end about 1e-7 below one. If a
+/// lane's uniform number lies in this gap, f64 sums give the lane's count, and the middle of the
+/// count's last step replaces the uniform number.
 #[cold]
 fn far_tail(
     left: &[f32; BLOCK],
@@ -115,7 +117,7 @@ fn far_tail(
     }
 }
 
-/// Returns the Poisson number of a word from f64 sums.
+/// Returns the Poisson number of a word, computed from f64 sums.
 fn exactly(mean: f32, word: u32) -> f32 {
     let mean = f64::from(mean);
     let uniform = (f64::from(word >> 8) + 0.5) / f64::from(ONE);
@@ -134,8 +136,7 @@ fn exactly(mean: f32, word: u32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Compares lanes with f64 sums: the numbers agree, except for words at the border of two
-    /// numbers.
+    /// Numbers agree with f64 sums, except for words at the border between two numbers.
     #[test]
     fn numbers_invert_the_poisson_distribution() {
         let mut differ = 0;
@@ -161,7 +162,7 @@ mod tests {
         assert!(differ <= 20, "{differ}");
     }
 
-    /// Covers any mean with any word, and words of the far tail, where the GPU lacks f64.
+    /// GPU and CPU agree for any mean with any word; for words of the far tail the GPU lacks f64.
     #[cfg(feature = "gpu")]
     #[test]
     #[ignore = "needs a Vulkan adapter"]
@@ -212,15 +213,16 @@ mod tests {
             println!(
                 "far tail {far}: {differ}, {differ_far} of {count} differ, the rest by {rest:e}"
             );
-            // Words at the border of two numbers.
+            // Words at the border between two numbers may differ.
             assert!(differ_far <= 5, "{differ_far}");
             assert!(differ <= if far { 20 } else { 2 }, "{differ}");
-            // Steps of the far tail are narrower than one unit.
+            // Steps of the far tail are narrower than one unit, so only other words are compared.
             assert!(far || rest < 0.01, "{rest}");
         }
     }
 
-    /// The remaining uniform number is the word's position within the step of its number.
+    /// The returned uniform number is the position of the word within the step of its Poisson
+    /// number.
     #[test]
     fn remaining_randomness_is_uniform() {
         let mean = 1.5;

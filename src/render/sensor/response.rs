@@ -21,12 +21,12 @@ impl Response {
         }
     }
 
-    /// Maps a linear digital number from 0 to full scale to the number in the frame: to 1e-6 of
-    /// full scale, and unchanged if the exponent is 1.
+    /// Maps a linear digital number from 0 to full scale to the digital number in the frame. The
+    /// error is at most 1e-6 of full scale; with an exponent of 1 the number is unchanged.
     #[inline(always)]
     pub(super) fn bend(&self, linear_dn: f32) -> f32 {
-        /// Values below 1e-9 of full scale, raised to the power of 1/4, are still below 0.006 of
-        /// it; they are treated as zero.
+        /// Smaller values, as a fraction of full scale, are treated as zero. Even raised to the
+        /// power of 1/4, they stay below 0.006.
         const LEAST: f32 = 1e-9;
         let share = linear_dn / self.full_scale_dn;
         let some = if share > LEAST { share } else { LEAST };

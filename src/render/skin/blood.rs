@@ -80,8 +80,8 @@ const FIRST_NM: f64 = 310.0;
 const STEP_NM: f64 = 10.0;
 
 /// Returns the absorption coefficient in 1/cm of whole blood with 150 g of haemoglobin (64,500
-/// g/mol) per litre, of which the fraction `oxygenated` is oxygenated. Beyond the ends of the table
-/// its end values apply.
+/// g/mol) per litre, of which the fraction `oxygenated` is oxygenated. Outside the wavelengths of
+/// the table, its end values apply.
 pub(super) fn absorption_per_cm(nm: f64, oxygenated: f64) -> f64 {
     let last = (EXTINCTION.len() - 1) as f64;
     let place = ((nm - FIRST_NM) / STEP_NM).clamp(0.0, last);

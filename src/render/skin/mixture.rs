@@ -1,10 +1,10 @@
-//! Approximation of subsurface light spread by a sum of Gaussians.
+//! Approximation, by a sum of Gaussians, of the spread of light under skin.
 //!
-//! R(k)/R(0) of diffusion theory is a completely monotone function of k^2 (products of 1/(sqrt(a +
-//! k^2) + b) are), so by Bernstein's theorem it is a mixture of exp(-sigma^2 k^2 / 2) with
-//! nonnegative weights: a spread of light by Gaussians of several widths, which combine with the
-//! projector's defocus by adding variances. A few Gaussians with widths in geometric progression
-//! approximate it closely.
+//! R(k)/R(0) of diffusion theory is a completely monotone function of k^2, since products of
+//! 1/(sqrt(a + k^2) + b) are. By Bernstein's theorem it is therefore a mixture of exp(-sigma^2 k^2 /
+//! 2) with nonnegative weights. This corresponds to a spread of light by Gaussians of several
+//! widths, which combine with the projector's defocus by adding variances. A few Gaussians with
+//! widths in geometric progression approximate it closely.
 
 use super::Tissue;
 use nalgebra::{DMatrix, DVector};
@@ -12,15 +12,15 @@ use std::f64::consts::TAU;
 
 /// Maximum number of Gaussians in a mixture.
 pub(crate) const MOST: usize = 8;
-/// Highest spatial frequency of the fit, in cycles per millimetre.
+/// Highest spatial frequency at which the mixture is fitted, in cycles per millimetre.
 const FINEST: f64 = 1.5;
-/// Maximum error of the fit against the tissue's transfer function.
+/// Maximum difference between the transfer functions of mixture and tissue.
 const CLOSE: f64 = 0.004;
-/// Number of frequencies in the fit.
+/// Number of frequencies at which the mixture is fitted.
 const SAMPLES: usize = 60;
-/// Approximate fraction of all light that may be lost by truncating the Gaussians.
+/// Approximate fraction of all light that may be lost because Gaussians are truncated.
 const TAIL: f64 = 1e-4;
-/// Maximum reach of a Gaussian in standard deviations.
+/// Maximum distance, in standard deviations, at which a Gaussian is truncated.
 const REACH: f64 = 4.0;
 
 /// One Gaussian of a mixture.
@@ -30,7 +30,7 @@ pub struct Component {
     pub weight: f64,
     /// Standard deviation along any direction of the surface, in millimetres.
     pub sigma_mm: f64,
-    /// Truncation radius in standard deviations.
+    /// Distance in standard deviations at which the Gaussian is truncated.
     pub reach: f64,
 }
 
@@ -41,12 +41,13 @@ pub struct Mixture {
 }
 
 impl Mixture {
-    /// Fits the fewest Gaussians that stay within 0.004 of the tissue's transfer function up to 1.5
-    /// cycles per millimetre, or the best eight.
+    /// Fits the smallest number of Gaussians that stays within 0.004 of the tissue's transfer
+    /// function up to 1.5 cycles per millimetre, or the best eight Gaussians if more would be
+    /// needed.
     pub fn new(tissue: &Tissue) -> Self {
         let samples: Vec<(f64, f64)> = (0..=SAMPLES)
             .map(|i| {
-                // Samples are denser at low frequencies, where contrast falls first.
+                // Samples are denser at low frequencies, where contrast falls most steeply.
                 let k = TAU * FINEST * (i as f64 / SAMPLES as f64).powi(2);
                 (k, tissue.transfer(k))
             })
@@ -74,7 +75,8 @@ impl Mixture {
     }
 
     fn fit(ladder: &[f64], samples: &[(f64, f64)]) -> Self {
-        // Energy conservation: a heavily weighted row for k = 0; the residual is divided out.
+        // A row with a large weight for k = 0 conserves energy; its residual is divided out
+        // afterwards.
         let heavy = |i: usize| if i == 0 { 100.0 } else { 1.0 };
         let matrix = DMatrix::from_fn(samples.len(), ladder.len(), |i, j| {
             heavy(i) * (-0.5 * (ladder[j] * samples[i].0).powi(2)).exp()
@@ -111,17 +113,16 @@ impl Mixture {
         &self.components
     }
 
-    /// Returns the fraction of contrast that the mixture leaves of a cosine with `k_per_mm` radians
-    /// per millimetre.
+    /// Returns the fraction of its contrast that a cosine with `k_per_mm` radians per millimetre
+    /// keeps.
     pub fn transfer(&self, k_per_mm: f64) -> f64 {
         let left = |c: &Component| c.weight * (-0.5 * (c.sigma_mm * k_per_mm).powi(2)).exp();
         self.components.iter().map(left).sum()
     }
 }
 
-/// Solves least squares with nonnegative weights on the normal equations: Lawson and Hanson,
-/// "Solving Least Squares Problems" (1974), chapter 23. The caller judges the quality of the fit by
-/// its error.
+/// Solves least squares with nonnegative weights by the normal equations: Lawson and Hanson,
+/// "Solving Least Squares Problems" (1974), chapter 23. The caller must check the error of the fit.
 fn not_negative(matrix: &DMatrix<f64>, values: &DVector<f64>) -> Vec<f64> {
     let n = matrix.ncols();
     let (normal, right) = (matrix.tr_mul(matrix), matrix.tr_mul(values));
@@ -191,7 +192,7 @@ mod tests {
             assert!(mixture.components().iter().all(|c| c.weight > 0.0));
             let sum: f64 = mixture.components().iter().map(|c| c.weight).sum();
             assert!((sum - 1.0).abs() < 1e-14 && mixture.transfer(0.0) == sum);
-            // Also checks frequencies between the samples.
+            // Also checks frequencies between the fitted ones.
             let worst = (0..=3000)
                 .map(|i| TAU * f64::from(i) * 5e-4)
                 .map(|k| (mixture.transfer(k) - tissue.transfer(k)).abs())

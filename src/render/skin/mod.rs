@@ -1,8 +1,8 @@
-//! Skin: light enters, scatters below the surface, and exits elsewhere.
+//! Skin: light enters the skin, scatters below the surface, and exits at another point.
 //!
-//! `tissue` is diffusion theory: diffuse reflectance, contrast of a pattern by spatial frequency,
-//! and shift of oblique light. `mixture` approximates the contrast by a sum of Gaussians, which the
-//! kernels of the exposure pass combine with the projector's defocus. `preset` holds the
+//! `tissue` is diffusion theory: diffuse reflectance, contrast of a pattern as a function of spatial
+//! frequency, and shift of oblique light. `mixture` approximates the contrast by a sum of Gaussians,
+//! which the kernels of the exposure pass combine with the projector's defocus. `preset` holds the
 //! Fitzpatrick skin classes, `blood` the absorption of blood.
 //!
 //! A scene without skin incurs no cost. With skin, the geometry pass computes a kernel for each
@@ -11,9 +11,10 @@
 //! standard deviations of the widest Gaussian: some 200 bytes per pixel and axis for a Fitzpatrick
 //! class at 3 projector pixels per millimetre.
 //!
-//! The surface is assumed to be flat and infinite within the range of light transport, a few
-//! millimetres. Projected light spreads only within the lit area; transport across the edges of the
-//! projector's field, of shadows or of the object is neglected, as is the spread of lamp light.
+//! The surface is assumed to be flat and infinite within the distance that light travels in skin, a
+//! few millimetres. Projected light spreads only within the lit area: transport across the edges of
+//! the projector's field, of shadows or of the object is neglected. The spread of lamp light is
+//! neglected too.
 
 mod blood;
 mod mixture;
@@ -32,14 +33,14 @@ pub use tissue::Tissue;
 /// Tissue index of objects that are not skin.
 pub(super) const NONE: u16 = u16::MAX;
 
-/// A tissue used by at least one object.
+/// A tissue of which at least one object consists.
 #[derive(Debug)]
 pub(super) struct SkinMaterial {
     layers: Layers,
     pub(super) mixture: Mixture,
 }
 
-/// The skins of a scene as lit by a projector.
+/// The skin of a scene's objects, with the projector that lights it.
 pub(super) struct Skins {
     /// Tissue of each object, or [`NONE`].
     of: Vec<u16>,
@@ -48,13 +49,14 @@ pub(super) struct Skins {
     projector_from_rig: Pose,
 }
 
-/// Subsurface transport at one point of skin, in pattern coordinates.
+/// Light transport under the skin at one point, in pattern coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scatter {
-    /// Pattern image columns and rows per millimetre of the surface, along their gradients at the
-    /// point.
+    /// Pattern columns, and pattern rows, per millimetre of the surface, each along its gradient at
+    /// the point.
     pub(super) px_per_mm: [f32; 2],
-    /// Offset, in projector pixels, from the point to where its light entered the surface.
+    /// Offset, in projector pixels, from the point to where the light seen at the point entered the
+    /// surface.
     pub(super) shift_px: [f32; 2],
     /// Index of the tissue.
     pub(super) tissue: u16,
@@ -99,7 +101,7 @@ impl Skins {
     }
 
     /// Returns for each object the index of its tissue, or [`NONE`], and the shift in millimetres
-    /// of light at grazing incidence.
+    /// that its skin gives to light at grazing incidence.
     pub(super) fn of_objects(&self) -> impl Iterator<Item = (u16, f64)> {
         self.of.iter().map(|&tissue| {
             let material = self.materials.get(usize::from(tissue));
@@ -117,15 +119,16 @@ impl Skins {
         Some(material.layers.reflectance())
     }
 
-    /// Returns the subsurface transport at a point of an object with its unit normal, both in the
-    /// rig's frame.
+    /// Returns the light transport under the skin at a point of an object; `None` if the object is
+    /// not skin. The point and the unit normal there are in the rig's frame.
     pub(super) fn at(&self, object: u16, point: DVec3, normal: DVec3) -> Option<Scatter> {
         let tissue = self.of[usize::from(object)];
         let material = self.materials.get(usize::from(tissue))?;
-        // Direction along the surface; its length is the sine of the angle of incidence.
+        // Component of the direction along the surface; its length is the sine of the angle of
+        // incidence.
         let way = (point - self.projector.center()).normalize();
         let along = way - normal * normal.dot(way);
-        // Light that exits here entered this far back along its direction.
+        // Light that exits at the point entered the skin this far back along its direction.
         let shift = -along * material.layers.tissue.shift_mm(1.0);
         let gradients = self.gradients(point);
         let on_surface = gradients.map(|g| (g - normal * normal.dot(g)).length() as f32);

@@ -9,23 +9,24 @@ use super::{Tissue, blood};
 use phasmid_profile as profile;
 
 /// Volume fraction of melanosomes in the epidermis for each class. Jacques gives ranges for lightly
-/// (1.3 to 6.3 %), moderately (11 to 16 %) and darkly pigmented skin (18 to 43 %). The position of
-/// the classes within them is our choice: both ends and the middle of the first, the middle of the
-/// second, the lower end and the middle of the third.
+/// (1.3 to 6.3 %), moderately (11 to 16 %) and darkly pigmented skin (18 to 43 %). The values within
+/// these ranges are our choice: both ends and the middle of the first range, the middle of the
+/// second, and the lower end and the middle of the third.
 const MELANOSOMES: [f64; 6] = [0.013, 0.038, 0.063, 0.135, 0.18, 0.305];
 /// Thickness of the epidermis in centimetres.
 const EPIDERMIS_CM: f64 = 0.006;
-/// Volume fraction of blood in the dermis, and its oxygenated fraction.
+/// Volume fraction of blood in the dermis, and oxygenated fraction of its haemoglobin.
 const BLOOD: f64 = 0.002;
 const OXYGENATED: f64 = 0.75;
 
-/// Skin at one wavelength: scattering tissue below an absorbing filter.
+/// Skin at one wavelength: a scattering tissue under an absorbing filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layers {
     /// Scattering tissue.
     pub tissue: Tissue,
-    /// Transmission of the epidermis on the way in and out, 0 to 1. It is thin compared to the
-    /// scattering length, so it attenuates light without spreading it.
+    /// Transmission of the epidermis for light that passes it twice (in and out), 0 to 1. The
+    /// epidermis is thin compared to the scattering length, so it attenuates light without spreading
+    /// it.
     pub filter: f64,
 }
 
@@ -56,7 +57,7 @@ impl Layers {
         }
     }
 
-    /// Returns the diffuse reflectance under uniform light: the albedo of skin.
+    /// Returns the diffuse reflectance under uniform light, which is the albedo of skin.
     pub fn reflectance(&self) -> f64 {
         self.filter * self.tissue.reflectance(0.0)
     }

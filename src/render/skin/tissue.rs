@@ -17,16 +17,16 @@ impl Tissue {
         self.absorption_per_mm + self.reduced_scattering_per_mm
     }
 
-    /// Returns the effective attenuation coefficient sqrt(3 mu_a mu_tr) in 1/mm: far from its
-    /// entry, light falls by a factor e over the inverse of this coefficient.
+    /// Returns the effective attenuation coefficient sqrt(3 mu_a mu_tr) in 1/mm. Far from the point
+    /// of entry, light falls by a factor of e over a distance of the inverse of this coefficient.
     pub(super) fn attenuation(&self) -> f64 {
         (3.0 * self.absorption_per_mm * self.transport()).sqrt()
     }
 
     /// Returns the diffuse reflectance for light that varies along the surface as a cosine with
-    /// `k_per_mm` radians per millimetre (2 pi times its frequency): Cuccia, Bevilacqua, Durkin,
-    /// Ayers, Tromberg: "Quantitation and mapping of tissue optical properties using modulated
-    /// imaging", Journal of Biomedical Optics 14, 024012 (2009), equations 14 to 17.
+    /// `k_per_mm` radians per millimetre (2 pi times its spatial frequency): Cuccia, Bevilacqua,
+    /// Durkin, Ayers, Tromberg: "Quantitation and mapping of tissue optical properties using
+    /// modulated imaging", Journal of Biomedical Optics 14, 024012 (2009), equations 14 to 17.
     ///
     /// Diffusion theory assumes many scattering events within the length scale of the pattern.
     /// Compared with a Monte Carlo simulation at normal incidence and g = 0.8 (tests/device/skin), for
@@ -42,7 +42,8 @@ impl Tissue {
         3.0 * a * albedo / ((u + 1.0) * (u + 3.0 * a))
     }
 
-    /// Returns the remaining contrast of a cosine, R(k) / R(0).
+    /// Returns the fraction of its contrast that a cosine with `k_per_mm` radians per millimetre
+    /// keeps, R(k) / R(0).
     pub fn transfer(&self, k_per_mm: f64) -> f64 {
         self.reflectance(k_per_mm) / self.reflectance(0.0)
     }
@@ -52,9 +53,9 @@ impl Tissue {
     /// mu_s'), with theta_t the refracted angle. Wang and Jacques, Applied Optics 34, 2362 (1995);
     /// the factor 0.35 is from Lin, Wang, Jacques, Tittel, Applied Optics 36, 136 (1997).
     ///
-    /// This is the centre of the diffuse light far from the entry. A fringe of finite frequency is
-    /// shifted less: by 5 to 11 % at 0.05 cycles/mm and 14 to 23 % at 0.3 cycles/mm, for the same
-    /// tissues (tests/device/skin).
+    /// This is the centre of the diffuse light far from the point of entry. A fringe of finite
+    /// frequency is shifted less: by 5 to 11 % at 0.05 cycles/mm and by 14 to 23 % at 0.3 cycles/mm,
+    /// for the tissues of [`Self::reflectance`] (tests/device/skin).
     pub fn shift_mm(&self, sin_incident: f64) -> f64 {
         let refracted = sin_incident / self.refractive_index;
         refracted / (0.35 * self.absorption_per_mm + self.reduced_scattering_per_mm)

@@ -1,17 +1,18 @@
 //! Depth of field: the camera's pupil as a disc instead of a point.
 //!
 //! A thin lens (e.g. Ray: "Applied Photographic Optics", chapter 22): all rays from the lens to a
-//! pixel come from one point of the plane in focus. In units of the focal length, a point at depth
-//! z is imaged to a disc of radius r |1/z - 1/z_focus|, where r is the radius of the pupil.
+//! pixel come from one point of the plane in focus. A point at depth z is imaged to a disc of radius
+//! r |1/z - 1/z_focus| in units of the focal length, where r is the radius of the pupil.
 
 use crate::exposure::GeometryBuffer;
 use glam::{DVec2, DVec3};
 use phasmid_profile::Camera;
 use rayon::prelude::*;
 
-/// Blur discs with a radius below this, in pixels, are ignored.
+/// Maximum radius in pixels of blur discs that are ignored.
 const SHARP_PX: f64 = 1e-3;
-/// Maximum radius of a blur disc in pixels; it would be infinite for a point in the pupil.
+/// Maximum radius of a blur disc in pixels. Without this limit the radius would be infinite for a
+/// point in the pupil.
 const LARGEST_PX: f64 = 1e6;
 /// Golden angle between consecutive points of a Vogel spiral on the disc (Vogel: "A better way to
 /// construct the sunflower head", Mathematical Biosciences 44, 1979): pi (3 - sqrt 5).
@@ -20,19 +21,19 @@ const GOLDEN: f64 = 2.399_963_229_728_653;
 /// The pupil in the plane z = 0 of the camera's frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Aperture {
-    /// Radius in millimetres; 0 without a focus distance, so that everything is sharp.
+    /// Radius in millimetres; 0 if there is no focus distance, so that everything is sharp.
     pub(crate) radius_mm: f64,
     /// Inverse distance of the plane in focus, in 1/mm.
     pub(crate) focus: f64,
-    /// Focal length in pixel widths.
+    /// Focal length in units of the pixel width.
     pub(crate) focal_px: f64,
     /// Width of a pixel over its height.
     pub(crate) pixel_aspect: f64,
 }
 
 impl Aperture {
-    /// Creates the pupil. Its diameter is the image distance, approximated by the profile's focal
-    /// length, divided by the working f-number.
+    /// Creates the pupil. Its diameter is the image distance divided by the working f-number; the
+    /// image distance is approximated by the profile's focal length.
     pub(crate) fn new(camera: &Camera) -> Self {
         let radius_mm = camera.focal_length_mm / camera.f_number / 2.0;
         Self {
@@ -43,11 +44,11 @@ impl Aperture {
         }
     }
 
-    /// Returns the radius in pixel widths of the blur disc of a point at a depth in millimetres; NaN
-    /// or 0 where no surface is visible.
+    /// Returns the radius, in pixel widths, of the blur disc of a point at a depth in millimetres;
+    /// NaN or 0 if no surface is visible.
     pub(crate) fn blur_px(&self, depth_mm: f64) -> f64 {
         let radius = self.focal_px * self.radius_mm * (1.0 / depth_mm - self.focus).abs();
-        // NaN is passed through, unlike with `min`.
+        // A NaN radius stays NaN, unlike with `min`.
         if radius > LARGEST_PX {
             LARGEST_PX
         } else {
@@ -55,15 +56,15 @@ impl Aperture {
         }
     }
 
-    /// Returns one of `count` points evenly distributed over the pupil; the distribution is rotated
-    /// by `turn`.
+    /// Returns one of `count` points that are evenly distributed over the pupil; all points are
+    /// rotated by `turn`.
     pub(crate) fn point(&self, index: usize, count: usize, turn: f64) -> DVec3 {
         let radius = self.radius_mm * ((index as f64 + 0.5) / count as f64).sqrt();
         (DVec2::from_angle(index as f64 * GOLDEN + turn) * radius).extend(0.0)
     }
 
-    /// Converts the direction (z = 1) of the ray through the pupil's centre to that of the ray
-    /// through another point of the pupil.
+    /// Converts the direction (z = 1) of the ray through the pupil's centre to the direction of the
+    /// ray that goes to the same pixel through another point of the pupil.
     pub(crate) fn through(&self, point: DVec3, direction: DVec3) -> DVec3 {
         direction - point * self.focus
     }
@@ -82,17 +83,17 @@ impl Aperture {
     }
 }
 
-/// Returns the widths of two boxes whose convolution approximates that of a footprint (itself two
-/// boxes) with a disc of a radius in pixel widths: same variance and, where two boxes allow it, same
-/// fourth cumulant, so that contrast is correct to fourth order in frequency. `aspect` is the width
-/// of a pixel over its height: the disc is an ellipse in pixels.
+/// Returns the widths of two boxes whose convolution approximates the convolution of a footprint
+/// (itself two boxes) with a disc of a radius in pixel widths. Both have the same variance and, as
+/// far as two boxes allow, the same fourth cumulant, so that contrast is correct to fourth order in
+/// frequency. `aspect` is the width of a pixel over its height, so the disc is an ellipse in pixels.
 ///
 /// Along the pattern image's axis the disc is a semicircle (Wigner's distribution) of radius
 /// rho = radius |(a, aspect b)|: variance rho^2 / 4, fourth cumulant -rho^4 / 16; a box of width w has
 /// w^2 / 12 and -w^4 / 120. Hence two boxes with w1^2 + w2^2 = a^2 + b^2 + 3 rho^2 and
 /// w1^4 + w2^4 = a^4 + b^4 + 7.5 rho^4.
 pub(crate) fn widened(slope: [f32; 2], radius_px: f64, aspect: f64) -> [f32; 2] {
-    // The radius is NaN where no surface is visible.
+    // The radius is NaN if no surface is visible.
     if !(radius_px > SHARP_PX) {
         return slope;
     }
@@ -148,7 +149,7 @@ mod tests {
             let mut worst = 0.0f64;
             for k in -300..=300 {
                 let x = f64::from(k) / 200.0 * (rho + pixel[0] + pixel[1]);
-                // Disc convolved with both of the pixel's boxes.
+                // Reference: the disc convolved with both boxes of the pixel.
                 let n = 60;
                 let mut exact = 0.0;
                 for i in 0..n * n {

@@ -1,8 +1,8 @@
-//! Geometry between key instants: for each pixel, parabolas through the values at three key
-//! instants.
+//! Geometry between key instants: each pixel's values follow parabolas through its values at three
+//! key instants.
 //!
-//! Object, flags and lamps are not interpolated, but taken from the nearest key instant. A pixel is
-//! traced instead in these cases:
+//! Object, flags and lamps are not interpolated; they are taken from the nearest key instant. In
+//! these cases a pixel is traced and not interpolated:
 //!
 //! - Object, light or side of a crease differ between the key instants, at the pixel's centre or at one
 //!   of its samples. Pixels around such a pixel are traced too, as far as anything moves between key
@@ -23,27 +23,28 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Maximum second difference of light, as a fraction of the light.
+/// Maximum second difference of a pixel's light, as a fraction of the light.
 const LIGHT: f32 = 0.02;
-/// Maximum second difference of projector coordinates, as a multiple of the tolerance.
+/// Maximum second difference of a pixel's projector coordinate, as a multiple of the tolerance.
 const BEND: f32 = 4.0;
 
 /// Geometry at the key instants of a span.
 pub(crate) struct Between {
     span: Span,
     keys: [Arc<GeometryBuffer>; 3],
-    /// Pixels whose centre is traced at every instant, in order.
+    /// Indices, in order, of the pixels whose centres are traced at every instant.
     traced: Vec<u32>,
     /// Pixels in `traced` that may be mixed.
     differing: Vec<u32>,
-    /// Mixed pixels that are not traced, by their indices in the key instants' lists of mixed
-    /// pixels.
+    /// Mixed pixels that are interpolated, each given by its three indices in the key instants'
+    /// lists of mixed pixels.
     mixed: Vec<[u32; 3]>,
 }
 
 impl Between {
-    /// Compares the geometry at the key instants. Points move by at most `reach_px` pixels from the
-    /// nearer key instant; `tolerance_px` is the approximate tolerance of projector coordinates.
+    /// Compares the geometry at the key instants. Points move by at most `reach_px` camera pixels
+    /// from the nearer key instant; `tolerance_px` is the approximate tolerance of projector
+    /// coordinates in projector pixels.
     pub(crate) fn new(
         span: Span,
         keys: [Arc<GeometryBuffer>; 3],
@@ -91,7 +92,8 @@ impl Between {
         self.traced.len() as f64 / self.keys[0].x.len().max(1) as f64
     }
 
-    /// Fills the buffer for a device time in nanoseconds, to which the scene has been moved.
+    /// Fills the buffer with the geometry at a device time in nanoseconds, to which the scene must
+    /// already have been moved.
     pub(crate) fn run(&self, time_ns: f64, input: &Input<'_>, buffer: &mut GeometryBuffer) {
         let parabola = Parabola::new(self.span.place(time_ns).clamp(-1.0, 1.0));
         let occluders = input.find_occluders();
@@ -141,14 +143,14 @@ impl Between {
     }
 }
 
-/// Copies a band of a map; the map may be empty.
+/// Copies a band of a map; does nothing if the map is empty.
 fn copy<T: Copy>(to: &mut [T], map: &[T], from: usize) {
     if !to.is_empty() {
         to.copy_from_slice(&map[from..from + to.len()]);
     }
 }
 
-/// A parabola through values at the key instants, evaluated at one place between them.
+/// A parabola through the values at the key instants, evaluated at one time between them.
 struct Parabola {
     half: f32,
     half_square: f32,
@@ -164,7 +166,8 @@ impl Parabola {
         }
     }
 
-    /// A value that is equal at all key instants is returned without rounding error.
+    /// Returns the value of the parabola. A value that is equal at all key instants has no rounding
+    /// error.
     #[inline(always)]
     fn at(&self, [a, b, c]: [f32; 3]) -> f32 {
         b + (self.half * (c - a) + self.half_square * ((a - b) + (c - b)))
@@ -176,7 +179,7 @@ impl Parabola {
         }
     }
 
-    /// Blends the samples of a mixed pixel.
+    /// Interpolates the samples of a mixed pixel.
     fn mixed(&self, keys: [&Mixed; 3]) -> Mixed {
         let all = |map: fn(&Mixed) -> &[f32; 16]| {
             let keys = keys.map(map);
@@ -203,7 +206,7 @@ struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// Returns whether object, light or side of a crease at a pixel's centre differ between the key
+    /// Returns whether object, light or side of a crease at a pixel's centre differs between the key
     /// instants.
     fn differs(&self, i: usize) -> bool {
         let [a, b, c] = self.keys;
@@ -235,14 +238,15 @@ impl Comparison<'_> {
                     || self.axes[1] && self.bent(of(|key| &key.y))))
     }
 
-    /// Returns whether the parabola of a projector coordinate may be inaccurate; `true` for NaN.
+    /// Returns whether the parabola of a projector coordinate may be inaccurate; `true` if a
+    /// coordinate is NaN.
     fn bent(&self, keys: [f32; 3]) -> bool {
         !(second_difference(keys).abs() <= BEND * self.tolerance_px)
     }
 
-    /// Returns two lists of mixed pixels that are alike at all key instants: the indices of pixels
-    /// whose parabolas are accurate, and the pixels whose parabolas may not be. Marks all other
-    /// mixed pixels as different.
+    /// Returns two lists of the mixed pixels that are alike at all key instants: the indices of
+    /// mixed pixels whose parabolas are accurate, and the other mixed pixels. Marks all mixed pixels
+    /// that are not alike as different.
     fn mixed(&self, differs: &mut [bool]) -> (Vec<[u32; 3]>, Vec<u32>) {
         let lists = self.keys.map(|key| key.mixed.as_slice());
         let mut next = [0; 3];
@@ -282,8 +286,8 @@ impl Comparison<'_> {
     }
 }
 
-/// Maximum second difference of a sample's coordinates, in projector pixels; above it, the sample
-/// is taken to see different surfaces at the key instants.
+/// Maximum second difference of a sample's projector coordinates, in projector pixels. Above it, the
+/// sample is taken to see different surfaces at the key instants.
 const ONE_SURFACE_PX: f32 = 8.0;
 
 /// Returns whether each sample of a mixed pixel sees the same surface in the same light at all key

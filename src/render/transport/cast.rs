@@ -1,4 +1,4 @@
-//! Casts sixteen camera rays: finds the surfaces that they hit, and the light there.
+//! Casts sixteen camera rays: finds the surfaces that they hit, and the light at the hits.
 
 use super::rays::Bundle;
 use super::reflect;
@@ -10,16 +10,16 @@ use phasmid_geometry::raycast::{LANES, Scratch};
 
 /// Sixteen cast rays with their hits and shading.
 pub(super) struct Cast {
-    /// Origin of the rays: a point of the camera's pupil.
+    /// Origin of the rays, a point of the camera's pupil.
     pub(super) origin: DVec3,
     pub(super) hits: Hits,
     pub(super) shaded: Shaded,
-    /// Lanes lit by the projector.
+    /// Whether the projector lights the hit of each ray.
     pub(super) lit: [bool; LANES],
 }
 
-/// Casts sixteen camera rays, and the shadow rays they need. With `occluders`, the rays start at the
-/// rig's origin.
+/// Casts sixteen camera rays, and the shadow rays that they need. If `occluders` is given, the rays
+/// must start at the rig's origin.
 pub(super) fn cast(
     world: &World,
     optics: &Optics,
@@ -31,7 +31,7 @@ pub(super) fn cast(
     let (origin, directions) = (bundle.origin, &bundle.directions);
     let hits = world.nearest(origin, directions, &bundle.used, scratch);
     let mut shaded = optics.shade(plan, origin, directions, &hits, world);
-    // Skip shadow rays to points outside the projector's reach.
+    // Skip shadow rays to points that the projector cannot light.
     let mut lit: [bool; LANES] =
         std::array::from_fn(|lane| hits.is_hit(lane) && shaded.reachable[lane]);
     if plan.has(Term::Shadows) && lit.contains(&true) {

@@ -1,4 +1,5 @@
-//! Edges of surfaces and of their light between neighbouring points of the camera's image.
+//! Detects edges of surfaces, and of the light on them, between neighbouring points of the camera's
+//! image.
 
 use super::input::Input;
 use super::rays::Rays;
@@ -10,15 +11,15 @@ use crate::{Plan, Term};
 use glam::Vec3;
 use phasmid_core::simd::widest;
 
-/// Pixels compared at once.
+/// Number of pixels compared at a time.
 const LANES: usize = 8;
 
-/// A surface point that a ray hits, for the test whether it and another point belong to the same
-/// smooth surface in the same light.
+/// A surface point that a ray hits, prepared for the test whether this point and another belong to
+/// the same smooth surface in the same light.
 #[derive(Clone, Copy)]
 pub(super) struct Place {
     surface: u32,
-    /// Number of the mesh; different for all surfaces that are not triangles.
+    /// Number of the mesh; a surface that is not a triangle has a number of its own.
     mesh: u32,
     lit: u32,
     /// Bit mask of the lamps that light the point.
@@ -26,7 +27,7 @@ pub(super) struct Place {
     normal: Vec3,
     direction: Vec3,
     depth: f32,
-    /// Length of the direction.
+    /// Length of the ray's direction vector.
     length: f32,
     /// Distance of the tangent plane from the camera, which is negative.
     plane: f32,
@@ -60,9 +61,10 @@ impl Place {
         }
     }
 
-    /// Returns whether an edge of the surface or of its light lies between this point and another.
-    /// Two points on one mesh are separated by a crease, or by a distance from the tangent plane of
-    /// more than a pixel's size on the surface. `pixel_slope` is the width of a pixel at unit depth.
+    /// Returns whether an edge of the surface or of the light on it lies between this point and
+    /// another. Two points of one mesh are separated by a crease, or if one is farther from the
+    /// tangent plane of the other than a pixel's size on the surface. `pixel_slope` is the width of
+    /// a pixel at unit depth.
     #[inline(always)]
     pub(super) fn is_apart(&self, other: &Self, pixel_slope: f32) -> bool {
         let facing = self.normal.dot(other.direction);
@@ -78,7 +80,8 @@ impl Place {
     }
 }
 
-/// The points at the centres of a row's pixels, with a copy of the first and several of the last.
+/// The surface points at the centres of a row's pixels, with a copy of the first point before them
+/// and copies of the last point after them.
 #[derive(Clone, Default)]
 struct Row {
     row: Option<usize>,
@@ -86,7 +89,7 @@ struct Row {
     numbers: [Vec<f32>; 9],
 }
 
-/// Consecutive points of a row.
+/// Consecutive surface points of a row.
 struct Block {
     words: [[u32; LANES]; 4],
     numbers: [[f32; LANES]; 9],
@@ -174,7 +177,7 @@ impl Block {
     }
 }
 
-/// Compares the pixels of rows with their neighbours; keeps the rows that it read last.
+/// Compares the pixels of rows with their neighbours; keeps the last rows that it has read.
 #[derive(Default)]
 pub(super) struct Neighbours {
     rows: [Row; 3],
@@ -182,8 +185,8 @@ pub(super) struct Neighbours {
 }
 
 impl Neighbours {
-    /// Returns for each pixel of a row whether an edge lies between its centre and that of one of its
-    /// eight neighbours: 0 if none does.
+    /// Returns for each pixel of a row whether an edge lies between its centre and the centre of one
+    /// of its eight neighbours; 0 if not.
     pub(super) fn apart(
         &mut self,
         input: &Input<'_>,

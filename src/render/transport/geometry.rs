@@ -14,8 +14,8 @@ use glam::DVec3;
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
-/// Fills the buffer: first for each pixel's centre, then the samples of pixels that their centre
-/// does not represent, then the maps computed from both.
+/// Fills the buffer: first the maps at each pixel's centre, then the samples of pixels that their
+/// centres do not represent, then the maps that are computed from both.
 pub(crate) fn run(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     let occluders = input.find_occluders();
     let input = &input.with(occluders.as_ref());
@@ -44,7 +44,7 @@ pub(crate) fn key(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     buffer.mixed = mixed::run(input, buffer, &[]);
 }
 
-/// Fills the maps with what each pixel's centre sees.
+/// Fills the maps with the surface and light that each pixel's centre sees.
 fn centers(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     let Input {
         worlds,
@@ -71,7 +71,8 @@ fn centers(input: &Input<'_>, buffer: &mut GeometryBuffer) {
         });
 }
 
-/// Fills the maps with what the centres of some pixels see, in a scene at one instant.
+/// Fills the maps with the surface and light that the centres of some pixels see, in a scene at one
+/// instant.
 pub(super) fn some_centers(input: &Input<'_>, pixels: &[u32], buffer: &mut GeometryBuffer) {
     let (width, height, world) = (buffer.width, buffer.height, input.worlds.any());
     let casts: Vec<_> = pixels

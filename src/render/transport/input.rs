@@ -15,11 +15,13 @@ pub(crate) struct Input<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) options: Options,
     pub(crate) aperture: Aperture,
-    /// Possible occluders of points seen from the rig's origin; `None` before the search for them.
+    /// Possible occluders of points that are seen from the rig's origin; `None` until they have been
+    /// searched for.
     pub(crate) occluders: Option<&'a Occluders>,
 }
 
-/// Triangles per camera pixel above which shadow rays cost less than the search for occluders.
+/// Number of triangles per camera pixel above which shadow rays cost less than the search for
+/// occluders.
 const MOST_TRIANGLES: usize = 8;
 
 impl<'a> Input<'a> {

@@ -1,9 +1,9 @@
-//! Mixed pixels: pixels whose footprint covers more than one surface or a shadow edge. The pixel's
-//! centre does not represent them, so the light of 4 x 4 samples is averaged.
+//! Mixed pixels: pixels whose footprint covers more than one surface or a shadow edge. The centre of
+//! such a pixel does not represent it, so the light of 4 x 4 samples is averaged.
 //!
-//! Candidates are pixels that differ from one of their eight neighbours; their samples then decide.
-//! A sliver thinner than a pixel that covers no pixel centre is missed, unless more samples per
-//! pixel are requested.
+//! Candidates are pixels that differ from one of their eight neighbours; the samples of a candidate
+//! decide whether it is mixed. A sliver thinner than a pixel that covers no pixel centre is missed,
+//! unless more samples per pixel are requested.
 
 use super::cast::{Cast, cast};
 use super::edges::{Neighbours, Place};
@@ -18,8 +18,8 @@ use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Finds and samples the mixed pixels of the maps. Pixels known to be `uneven` are candidates too;
-/// that list may be empty.
+/// Finds and samples the mixed pixels of the maps. Pixels marked in `uneven` are candidates as well;
+/// `uneven` may be empty.
 pub(super) fn run(input: &Input<'_>, view: &GeometryBuffer, uneven: &[bool]) -> Vec<Mixed> {
     in_rows(
         input,
@@ -38,8 +38,8 @@ pub(super) fn some(input: &Input<'_>, view: &GeometryBuffer, pixels: &[u32]) -> 
     })
 }
 
-/// Samples the candidates in some rows. A function selects them by pixel index and by whether an
-/// edge lies between the pixel's centre and a neighbour's.
+/// Samples the candidates in some rows. A function selects the candidates by the pixel's index and
+/// by whether an edge lies between the centres of the pixel and of a neighbour.
 fn in_rows(
     input: &Input<'_>,
     view: &GeometryBuffer,
@@ -92,7 +92,7 @@ impl<'a> Edges<'a> {
     }
 }
 
-/// Casts the samples of a pixel; `None` if all see one smooth, evenly lit surface.
+/// Casts the samples of a pixel; `None` if all samples see one smooth, evenly lit surface.
 fn sample(
     edges: &Edges<'_>,
     optics: &Optics,
@@ -102,9 +102,9 @@ fn sample(
     scratch: &mut Scratch,
 ) -> Option<Mixed> {
     let directions = std::array::from_fn(|lane| {
-        // One sample per grid cell, sheared so that all sixteen differ in column and in row (Chiu,
-        // Shirley, Wang: "Multi-Jittered Sampling", Graphics Gems IV, 1994): an edge parallel to
-        // the pixel borders is resolved at sixteen positions rather than four.
+        // One sample per grid cell, sheared so that all sixteen samples differ in column and in row
+        // (Chiu, Shirley, Wang: "Multi-Jittered Sampling", Graphics Gems IV, 1994): an edge parallel
+        // to the pixel borders is resolved at sixteen positions and not only at four.
         let (i, j) = (lane % TILE, lane / TILE);
         let inside = |cell: usize, other: usize| {
             let n = TILE as f64;
@@ -164,7 +164,7 @@ fn sample(
 
 fn gather(optics: &Optics, cast: &Cast, pixel: u32) -> Mixed {
     let mut mixed = Mixed::new(pixel);
-    // The footprint of a sample is a quarter of the pixel's along each side.
+    // The footprint of a sample is a quarter of the pixel's footprint along each side.
     let quarter = |v: f64| (v / TILE as f64) as f32;
     let shaded = &cast.shaded;
     for lane in (0..LANES).filter(|&lane| cast.hits.is_hit(lane)) {

@@ -1,4 +1,4 @@
-//! Rays of the camera: their directions, and bundles of sixteen to cast.
+//! Rays of the camera: their directions, and bundles of sixteen rays to cast.
 
 use crate::exposure::Optics;
 use glam::{DMat2, DVec2, DVec3};
@@ -22,7 +22,8 @@ impl Rays<'_> {
         }
     }
 
-    /// Returns the derivatives of a direction, with z = 1, with respect to the pixel.
+    /// Returns the derivatives of a direction, with z = 1, with respect to the position in the image
+    /// in pixels.
     pub(crate) fn slope(&self, direction: DVec3) -> DMat2 {
         let lens = &self.optics.camera.lens;
         let scale = DMat2::from_diagonal(1.0 / lens.focal_px);
@@ -56,6 +57,6 @@ pub(crate) struct Bundle {
     /// Directions, with z = 1.
     pub(crate) directions: [DVec3; LANES],
     pub(crate) used: [bool; LANES],
-    /// Side in pixels of the square each ray represents.
+    /// Side in pixels of the square that each ray represents.
     pub(crate) cell: f64,
 }

@@ -1,6 +1,6 @@
 //! Reflection at the points that sixteen camera rays hit: materials beyond a constant albedo, and
-//! the light of lamps. Applied to the lanes that need it, after [`Optics::shade`] has lit
-//! all lanes as white or Lambertian surfaces.
+//! the light of lamps. It is applied to the lanes that need it, after [`Optics::shade`] has lit all
+//! lanes as if their surfaces were white or Lambertian.
 
 use super::rays::Bundle;
 use crate::exposure::Optics;
@@ -33,11 +33,11 @@ pub(super) struct Rays<'a> {
 
 /// A surface point to be lit.
 struct Local<'a> {
-    /// In the rig's frame in millimetres.
+    /// Point in the rig's frame in millimetres.
     point: DVec3,
-    /// Normal of the surface itself, on the camera's side.
+    /// Normal of the facet, on the camera's side.
     flat: DVec3,
-    /// Shading normal.
+    /// Shading normal, which is smooth on meshes with smooth normals.
     normal: DVec3,
     /// Unit vector to the camera.
     view: DVec3,
@@ -45,7 +45,7 @@ struct Local<'a> {
     specular: Option<&'a Ggx>,
     /// Whether the light computed so far assumes a white surface.
     is_white: bool,
-    /// Relative correction of the projector's light for its gradient within the pixel.
+    /// Relative correction of the projector's light for the gradient of that light within the pixel.
     slant: f64,
 }
 
@@ -73,8 +73,9 @@ impl<'a> Local<'a> {
         }
     }
 
-    /// Returns the reflected light for 1 W/m^2 from a direction, relative to a white Lambertian
-    /// surface that faces it: reflectance times cosine, 0 from behind.
+    /// Returns the reflected light for 1 W/m^2 from the direction `towards`, relative to a white
+    /// Lambertian surface that faces this direction: reflectance times cosine, or 0 for light from
+    /// behind.
     fn reflected(&self, towards: DVec3) -> f64 {
         if !(self.flat.dot(towards) > 0.0) {
             return 0.0;
@@ -86,7 +87,8 @@ impl<'a> Local<'a> {
         }
     }
 
-    /// Applies the material to projector and ambient light that was computed for a white surface.
+    /// Applies the material to projector and ambient light that have been computed for a white
+    /// surface.
     fn finish(&self, projector: DVec3, shaded: &mut Shaded, lane: usize) {
         let Some(ggx) = self.specular else {
             shaded.projected[lane] *= self.albedo;
@@ -94,7 +96,7 @@ impl<'a> Local<'a> {
             shaded.evenly[lane] *= self.albedo;
             return;
         };
-        // The light so far contains the cosine at the facet.
+        // The light computed so far contains the cosine to the facet's normal.
         let light = (projector - self.point).normalize();
         let cos = self.flat.dot(light);
         shaded.projected[lane] *= if cos > 0.0 {
@@ -145,7 +147,7 @@ fn vary(rays: &Rays<'_>, locals: &mut [Option<Local<'_>>; LANES]) {
         if !material.varies() {
             continue;
         }
-        // Sides of the footprint on the tangent plane, as in `shade`.
+        // Sides of the pixel's footprint on the tangent plane, as in `shade`.
         let (direction, t) = (rays.bundle.directions[lane], rays.hits.t[lane]);
         let facing = local.flat.dot(direction);
         let sides = [0, 1].map(|by| {
@@ -164,12 +166,13 @@ fn vary(rays: &Rays<'_>, locals: &mut [Option<Local<'_>>; LANES]) {
 }
 
 /// Returns the relative change of the mean reflected light due to the gradient of the projector's
-/// light across a footprint with the albedo given by `seen`: the sum over both sides of the light's
-/// relative gradient times the albedo's first moment. On a plane, light falls with the cube of the
-/// distance, since the cosine is the plane's distance from the projector over that distance. The
-/// moment is estimated from halves of the footprint; averaged over edge positions these give 3/4 of
-/// it. Without this an outline would shift by a twelfth of the gradient in pixels, about 1e-4,
-/// which the mean over many dot centres would reveal.
+/// light across a footprint whose albedo is given by `seen`. It is the sum, over both sides of the
+/// footprint, of the relative gradient of the light times the first moment of the albedo. On a
+/// plane, light falls with the cube of the distance, since the cosine is the plane's distance from
+/// the projector divided by the point's distance. The moment is estimated from halves of the
+/// footprint; averaged over edge positions these give 3/4 of it. Without this correction an outline
+/// would shift by a twelfth of the gradient in pixels, about 1e-4, which the mean over many dot
+/// centres would reveal.
 fn slant(
     way: DVec3,
     middle: DVec3,
@@ -186,13 +189,13 @@ fn slant(
     along(0) + along(1)
 }
 
-/// Returns the offset from the point seen by a pixel's centre to the mean point seen by the pixel,
-/// on a plane at this depth: the farther part of a footprint is larger. With p = depth(u) d(u) on
-/// the plane and d linear in the pixel u, p'' = 2 (depth'/depth) p', and the mean over a pixel is
-/// off by p''/24 along each side. It is about 1e-4 pixels, which the mean over many dot centres
-/// would reveal.
+/// Returns the offset from the point that a pixel's centre sees to the mean point that the pixel
+/// sees, on a plane at this depth: the farther half of a footprint is larger. With p = depth(u) d(u)
+/// on the plane and d linear in the pixel coordinate u, p'' = 2 (depth'/depth) p', so the mean over
+/// a pixel differs from its centre by p''/24 along each side. The offset is about 1e-4 pixels, which
+/// the mean over many dot centres would reveal.
 fn footprint_shift(sides: [DVec3; 2], depth: f64) -> DVec3 {
-    // Clamped for grazing footprints, for which the series does not hold.
+    // Clamped for footprints at grazing angles, for which the series does not hold.
     let shift = |side: DVec3| side * ((side.z / depth).clamp(-0.5, 0.5) / 12.0);
     shift(sides[0]) + shift(sides[1])
 }
@@ -240,7 +243,7 @@ impl Material {
         (surface.0 as usize).wrapping_sub(self.first_triangle)
     }
 
-    /// Returns the factor on the albedo.
+    /// Returns the factor by which the object's albedo is multiplied at a point.
     pub(super) fn factor(
         &self,
         world: &World,

@@ -1,10 +1,10 @@
-//! Sampling of every pixel with several rays, through several points of the pupil with depth of
-//! field.
+//! Sampling of every pixel with several rays. With depth of field, the rays pass through several
+//! points of the pupil.
 //!
-//! Rays of a packet share an origin, so a packet is one sample of each of a tile's sixteen pixels,
-//! all of them through one point of the pupil. If a pixel's samples see one smooth, evenly lit
-//! surface, the closed form of its footprint replaces them and is more accurate than their mean;
-//! otherwise they are kept.
+//! The rays of a packet share an origin: a packet is one sample of each of the sixteen pixels of a
+//! tile, and all its rays pass through one point of the pupil. If the samples of a pixel see one
+//! smooth, evenly lit surface, they are replaced by the closed form of the pixel's footprint, which
+//! is more accurate than their mean. If not, the samples are kept.
 
 use super::aperture::widened;
 use super::cast::{Cast, cast};
@@ -20,15 +20,15 @@ use glam::{DMat2, DVec2, DVec3, Vec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
-/// Maximum distance of a sample from the position predicted by the closed form, as a fraction of
+/// Maximum distance of a sample from the position that the closed form predicts, as a fraction of
 /// the footprint's width.
 const BENT: f64 = 0.02;
 
-/// Step between the pupil points of consecutive samples. Since it is odd, it visits all points.
-/// This value minimizes the correlation between pupil points and pixel positions. At the worst
-/// position of an edge, the fraction of samples beyond the edge is off by 0.12 for sixteen samples
-/// and 0.05 for sixty-four, on average over directions and blurs (independent samples: 0.13 and
-/// 0.06).
+/// Step between the indices of the pupil points of consecutive samples. Since it is odd, all points
+/// are visited. This value minimises the correlation between pupil points and positions in the
+/// pixel. At the worst position of an edge, the fraction of samples beyond the edge is off by 0.12
+/// for sixteen samples and 0.05 for sixty-four, on average over directions and blurs (independent
+/// samples: 0.13 and 0.06).
 const STEP: usize = 55;
 
 /// Returns the index of the pupil point of the kth of `count` samples.
@@ -36,14 +36,14 @@ pub(crate) fn pupil_index(k: usize, count: usize) -> usize {
     k * STEP % count
 }
 
-/// Returns the angle by which a tile's pupil points are rotated, so that tiles do not share them:
-/// multiples of the golden ratio fill a turn evenly (Weyl).
+/// Returns the angle by which a tile's pupil points are rotated, so that different tiles use
+/// different points: multiples of the golden ratio fill a turn evenly (Weyl).
 pub(crate) fn turn(tile: usize) -> f64 {
     (tile as f64 * 0.618_033_988_749_894_9).fract() * std::f64::consts::TAU
 }
 
-/// Returns the position of the kth of `side` x `side` samples within its pixel: one per grid cell,
-/// sheared so that all differ in column and row, as for mixed pixels.
+/// Returns the position of the kth of `side` x `side` samples within its pixel: one sample per grid
+/// cell, sheared so that all samples differ in column and row, as in [`mixed`](super::mixed).
 pub(crate) fn offset(k: usize, side: usize) -> DVec2 {
     let n = side as f64;
     let (i, j) = ((k % side) as f64, (k / side) as f64);
@@ -51,7 +51,7 @@ pub(crate) fn offset(k: usize, side: usize) -> DVec2 {
     DVec2::new(inside(i, j), inside(j, n - 1.0 - i))
 }
 
-/// Casts the samples.
+/// Casts the samples of all pixels.
 pub(super) struct Sampler<'a> {
     pub(super) input: &'a Input<'a>,
     /// Number of samples along a side of a pixel.
@@ -59,8 +59,8 @@ pub(super) struct Sampler<'a> {
 }
 
 impl Sampler<'_> {
-    /// Returns the samples of the pixels for which the closed form is invalid, in pixel order.
-    /// Needs at least sixteen samples per pixel.
+    /// Returns the samples of the pixels for which the closed form is invalid, in pixel order. There
+    /// must be at least sixteen samples per pixel.
     pub(super) fn gather(&self, map: &GeometryBuffer) -> Vec<Mixed> {
         let mut bands = self.visit(map, |found, pixel, lane, casts| {
             for group in casts.chunks(LANES) {
@@ -83,8 +83,9 @@ impl Sampler<'_> {
         uneven
     }
 
-    /// Casts all samples, tile by tile, and passes the samples of uneven pixels on. Returns one
-    /// result per band of rows, unordered within the band.
+    /// Casts all samples, tile by tile, and calls a function with the samples of each pixel for
+    /// which the closed form is invalid. Returns one result per band of rows; pixels are not in
+    /// order within a band.
     fn visit<T: Send>(
         &self,
         map: &GeometryBuffer,
@@ -186,8 +187,8 @@ impl Sampler<'_> {
         })
     }
 
-    /// Returns whether depth of field blurs an albedo that varies over the surface: the closed form
-    /// averages it over the footprint only.
+    /// Returns whether depth of field blurs an albedo that varies over the surface. The closed form
+    /// averages the albedo over the footprint only, so it is invalid then.
     fn blurs_albedo(&self, surface: Surface) -> bool {
         self.input.aperture.radius_mm > 0.0
             && self.input.plan.has(Term::AlbedoMaps)
@@ -200,8 +201,8 @@ impl Sampler<'_> {
                 .vary(self.input.worlds.any().object(surface))
     }
 
-    /// Returns whether another triangle of the centre's mesh continues its surface without a
-    /// crease.
+    /// Returns whether a sample hits another triangle of the mesh that the pixel's centre sees, and
+    /// this triangle continues the surface without a crease.
     fn smooth(&self, map: &GeometryBuffer, pixel: usize, lane: usize, cast: &Cast) -> bool {
         let (here, there) = (Surface(map.surface[pixel]), cast.hits.surface[lane]);
         here != Surface::NONE
@@ -213,12 +214,12 @@ impl Sampler<'_> {
                 >= COS_CREASE
     }
 
-    /// Combines sixteen of `count` samples into a mixed pixel, weighted so that the mixed pixels of
-    /// all groups add up.
+    /// Combines sixteen of `count` samples into a mixed pixel, weighted so that the sum over all
+    /// groups of sixteen is the mean over all samples.
     fn mixed(&self, pixel: usize, lane: usize, group: &[Cast], count: usize) -> Mixed {
         let mut mixed = Mixed::new(pixel as u32);
         let weight = LANES as f64 / count as f64;
-        // Each sample represents its share of the pixel and of the pupil.
+        // Each sample represents its fraction of the pixel and of the pupil.
         let part = 1.0 / self.side as f32;
         for (k, cast) in group.iter().enumerate() {
             if !cast.hits.is_hit(lane) {
@@ -263,7 +264,7 @@ struct Tile {
     used: [bool; LANES],
     /// Directions through the pixel centres, with z = 1.
     center: [DVec3; LANES],
-    /// Derivatives of the directions with respect to the pixel.
+    /// Derivatives of the directions with respect to the position in the image in pixels.
     by_px: [DMat2; LANES],
     /// Angle by which the pupil points are rotated.
     turn: f64,

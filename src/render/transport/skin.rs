@@ -1,4 +1,5 @@
-//! Where the light seen at pixels entered the skin: fills the skin maps in the geometry pass.
+//! Computes where the light seen at each pixel entered the skin: fills the skin maps in the geometry
+//! pass.
 
 use super::cast::Cast;
 use super::rays::Rays;
@@ -10,7 +11,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 impl SkinMaps {
-    /// Computes the maps at all pixel centres, whose rays start at the rig's origin.
+    /// Computes the maps at all pixel centres, where rays start at the rig's origin.
     pub(super) fn new(
         map: &GeometryBuffer,
         rays: &Rays<'_>,
@@ -51,7 +52,7 @@ impl SkinMaps {
     }
 }
 
-/// Applies skin transport to the `k`th sample of a mixed pixel, a lit point.
+/// Applies light transport under the skin to the `k`th sample of a mixed pixel, which must be lit.
 pub(super) fn into_sample(
     world: &World,
     optics: &Optics,

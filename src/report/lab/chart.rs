@@ -96,8 +96,8 @@ impl Chart {
         }
     }
 
-    /// Draws the chart. Colours repeat after eight unpaired series. The legend omits series without a point in the
-    /// panel.
+    /// Draws the chart. Colours repeat after eight unpaired series. The legend omits series without a
+    /// point in the panel.
     pub fn sheet(&self) -> Sheet {
         let rows = self.series.len() as f64;
         let height = (HEADING + SIZE.y + ROOM.y).max(HEADING + 20.0 * rows);

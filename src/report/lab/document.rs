@@ -8,7 +8,7 @@ use crate::plot::{Sheet, figures};
 pub struct Document {
     /// The heading.
     pub title: String,
-    /// The question, in one sentence.
+    /// The question that the study answers, in one sentence.
     pub asked: String,
     /// Content below the question and the verdict.
     pub sections: Vec<Section>,
@@ -34,7 +34,7 @@ pub enum Block {
     Figure(Figure),
     /// An image that a trial has written.
     Image(Image),
-    /// Limits on results.
+    /// Results, each with its limit.
     Checks(Vec<Check>),
 }
 
@@ -147,8 +147,8 @@ impl Table {
         }
     }
 
-    /// Makes a table with a line for each of `rows`. A column has a header, the name of the value, and its
-    /// number of significant figures, or 0 for text.
+    /// Makes a table with a line for each of `rows`. Each entry of `columns` has a column's header, the
+    /// name of its value in a row, and the number of significant figures, or 0 for text.
     pub fn of<'a>(
         name: &str,
         caption: impl Into<String>,
@@ -171,7 +171,7 @@ impl Table {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
-    /// Marks the table as one of measured times.
+    /// Marks the table as a table of measured times.
     #[must_use]
     pub fn timed(mut self) -> Self {
         self.timed = true;

@@ -130,8 +130,8 @@ impl Folder {
         })
     }
 
-    /// Reads all rows in the order of the file. Ignores a last line without an end, which a killed run
-    /// has left.
+    /// Reads all rows in the order of the file. Ignores an incomplete last line, which a killed run
+    /// leaves behind.
     ///
     /// # Errors
     /// Returns an error if the file contains anything but rows with these columns.
@@ -165,8 +165,8 @@ impl Folder {
         Ok(rows)
     }
 
-    /// Opens the file of rows for appending, after rewriting it with only the rows in `done`, without the
-    /// partial line or trial of a killed run.
+    /// Rewrites the file of rows with only the rows in `done`, without the partial line or trial of a
+    /// killed run, and opens it for appending.
     pub(super) fn writer(&self, columns: &[&str], done: &[Row]) -> Result<Writer> {
         let mut text = csv::line(columns.iter().copied());
         for row in done {
@@ -212,7 +212,8 @@ impl Folder {
         replace(&self.place(name)?, |out| out.write_all(bytes))
     }
 
-    /// Copies the files that trials have written to another folder, but overwrites none.
+    /// Copies the trials' files from the folder `other` into this folder. Existing files are not
+    /// overwritten.
     pub(super) fn take_files(&self, other: &Self) -> Result<()> {
         let from = other.files();
         if !from.is_dir() {
@@ -272,8 +273,9 @@ impl About {
         }
     }
 
-    /// Whether the rows of both runs may be in one file. Programs with equal checksums are the same,
-    /// even if their commits differ: a copy, or another user, may not know the commit.
+    /// Whether the rows of this run and of the run `other` may be in one file. Programs with equal
+    /// checksums are the same, even if their commits differ: a copy, or another user, may not know the
+    /// commit.
     fn is_of(&self, other: &Self) -> bool {
         let program = |about: &Self| {
             let sum = about.revision.rsplit_once("program ");

@@ -26,7 +26,8 @@ pub(super) fn places(panel: &Panel, points: &[(DVec2, &str)]) -> Vec<Option<(DVe
         let at = (*at)?;
         let width = LETTER.x * name.chars().count() as f64;
         let half = 0.5 * LETTER.y;
-        // Right, left, above, below: offset of the text, its anchor, and distance to the area's left edge.
+        // Sides of the point (right, left, above, below), each with the text's offset, its anchor, and
+        // the distance to the area's left edge.
         let sides = [
             (DVec2::new(GAP, 4.0), Anchor::Start, 0.0),
             (DVec2::new(-GAP, 4.0), Anchor::End, width),

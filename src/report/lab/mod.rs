@@ -4,9 +4,9 @@
 //! A [`Study`] lists its [`Trial`]s, which are independent of each other, and makes the sections of a
 //! [`Document`] from their rows. [`run()`] runs the trials that are not in the folder yet, each on all
 //! cores or several in parallel, and appends their [`Row`]s to `rows.csv`. So an interrupted study
-//! continues where it stopped, and a [`Document`] can be rebuilt from its folder at any time ([`read()`]).
-//! A document gets its rows in the order in which the study lists its trials, regardless of the order in
-//! which they end.
+//! continues where it stopped, and a [`Document`] can be rebuilt from its folder at any time
+//! ([`read()`]). A document gets its rows in the order in which the study lists its trials, regardless
+//! of the order in which they end.
 //!
 //! | file | contents |
 //! | --- | --- |

@@ -7,8 +7,8 @@ use crate::plot::{PAGE_STYLE, STYLE, escaped};
 use phasmid_core::error::{Error, Result};
 
 /// Returns a page of one study, or of several with a table of contents. Each part consists of a
-/// document, the folder with its images, and a line that says how it was made; it begins with the
-/// question and the verdict.
+/// document, the folder with its images, and a line that says how the document was made. Each part
+/// begins with the question and the verdict.
 ///
 /// # Errors
 /// Returns an error if an image cannot be read.

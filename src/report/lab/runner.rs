@@ -34,12 +34,12 @@ pub fn run(
     run_with_stop(study, path, settings, around, progress, &Stop::default())
 }
 
-/// [`run`], which another thread can end early. The rows of finished trials stay in the folder, so that
-/// another run continues there.
+/// Runs a study like [`run`], but another thread can end it early through `stop`. The rows of finished
+/// trials stay in the folder, so that another run continues there.
 ///
 /// # Errors
-/// Returns [`Error::Interrupted`] when the trials in progress have ended after `stop` is asked, and the
-/// errors of [`run`]. A trial ends early if it passes on [`Context::stop`].
+/// Returns [`Error::Interrupted`] if `stop` requests the end, as soon as the trials in progress have
+/// ended, and the errors of [`run`]. A trial ends early if it passes on [`Context::stop`].
 pub fn run_with_stop(
     study: &dyn Study,
     path: &Path,
@@ -57,8 +57,8 @@ pub fn run_with_stop(
     Ok(document)
 }
 
-/// Runs only the trials of a shard, and makes no document: [`join`](super::join()) takes their rows over
-/// to the folder of the whole study.
+/// Runs only the trials of a shard, and makes no document: [`join`](super::join()) copies their rows to
+/// the folder of the whole study.
 ///
 /// # Errors
 /// Returns the errors of [`run_with_stop`].
@@ -74,7 +74,8 @@ pub fn run_shard(
     run_trials(study, path, settings, around, shard, progress, stop).map(|_| ())
 }
 
-/// Runs the trials of a shard that are not in the folder. Returns the folder and the trials of all shards.
+/// Runs the trials of a shard that are not in the folder. Returns the folder and the trials of all
+/// shards.
 fn run_trials(
     study: &dyn Study,
     path: &Path,
@@ -240,8 +241,8 @@ impl Runner<'_> {
         };
         let (rows, seconds) = context.timed(|| (trial.work)(&context));
         if self.stop.times() != asked {
-            // Drop the rows: calls to which the trial has passed the request may have returned invalid
-            // results.
+            // Drop the rows: calls to which the trial has passed on the request to end may have returned
+            // invalid results.
             return Err(Error::Interrupted);
         }
         let rows = rows.map_err(|e| Error::device(format!("trial {}: {e}", trial.key)))?;
@@ -299,8 +300,8 @@ pub(super) fn trials(study: &dyn Study, settings: &Settings) -> Result<Vec<Trial
     Ok(trials)
 }
 
-/// Returns the rows of complete trials, in the order of the trials. A trial is complete if all its rows are
-/// present.
+/// Returns the rows of complete trials, in the order of the trials. A trial is complete if all its rows
+/// are present.
 pub(super) fn whole(rows: Vec<Row>, trials: &[Trial]) -> Rows {
     let mut all = Vec::new();
     for trial in trials {
@@ -320,7 +321,7 @@ pub(super) fn columns(study: &dyn Study) -> Vec<&'static str> {
     Row::COMMON.iter().chain(study.columns()).copied().collect()
 }
 
-/// Checks that the keys of the trials are unique; equal ones would be taken for one trial.
+/// Checks that the keys of the trials are unique; trials with equal keys would be taken for one trial.
 fn distinct(trials: &[Trial]) {
     let mut keys = HashSet::new();
     for trial in trials {

@@ -133,7 +133,7 @@ fn interrupted_study_resumes() {
     let error = go(None, &path, 1, 5).unwrap_err().to_string();
     assert!(error.contains("runs now"), "{error}");
     drop(lock);
-    // The folder of another study, or with other files, is not changed.
+    // A folder of another study, or one that contains other files, is not changed.
     let before = std::fs::read(&rows).unwrap();
     let error = go(None, &path, 1, 6).unwrap_err().to_string();
     assert!(
@@ -297,7 +297,8 @@ impl Study for Ends {
         let one = |i: usize| {
             Trial::new(format!("x={i}"), settings.seed, move |context| {
                 if ends && i == 2 {
-                    // As another thread would ask; the request counts even if it is taken back at once.
+                    // Ask as another thread would. The request counts even if it is withdrawn
+                    // immediately.
                     context.stop.ask();
                     context.stop.reset();
                 }

@@ -36,7 +36,7 @@ impl Trial {
         }
     }
 
-    /// Marks the trial as one that runs alone.
+    /// Makes the trial run alone.
     #[must_use]
     pub fn alone(mut self) -> Self {
         self.alone = true;

@@ -24,7 +24,7 @@ pub struct Axis {
 impl Axis {
     /// Makes an axis from `low` to `high`, or from 0 to 1 if they are not a valid range.
     pub fn between(label: &str, low: f64, high: f64) -> Self {
-        // The difference must be finite as well: that of two huge numbers may overflow.
+        // The difference must be finite as well: the difference of two huge numbers may overflow.
         let fits = (high - low).is_finite() && high > low;
         let (low, high) = if fits { (low, high) } else { (0.0, 1.0) };
         Self {
@@ -91,8 +91,9 @@ impl Axis {
         &self.label
     }
 
-    /// Returns the position of a value: 0 at the start of the axis and 1 at its end, and beyond these for
-    /// values outside. `None` if the value is not finite, or not positive on a logarithmic axis.
+    /// Returns the position of a value: 0 at the start of the axis and 1 at its end, and less than 0 or
+    /// more than 1 for values outside. `None` if the value is not finite, or not positive on a
+    /// logarithmic axis.
     pub fn at(&self, value: f64) -> Option<f64> {
         let t = match self.scale {
             Scale::Linear => (value - self.low) / (self.high - self.low),
@@ -114,7 +115,7 @@ impl Axis {
     }
 }
 
-/// Returns the smallest and the largest finite value; `None` without any.
+/// Returns the smallest and the largest finite value; `None` if no value is finite.
 fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.filter(|v| v.is_finite()).fold(None, |found, v| {
         Some(found.map_or((v, v), |(low, high): (f64, f64)| (low.min(v), high.max(v))))

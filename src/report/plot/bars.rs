@@ -3,9 +3,9 @@
 use super::{Anchor, Panel, Sheet, figures};
 use glam::DVec2;
 
-/// Draws vertical bars over the whole width of a panel, with their names below: horizontal if there is
-/// room, else rotated to read upwards, and only every n-th name if these would overlap. A value that is
-/// not finite leaves a gap. The panel's x axis is ignored.
+/// Draws vertical bars over the whole width of a panel, with their names below. The names are horizontal
+/// if there is room, else rotated to read upwards; only every n-th name is drawn if rotated names would
+/// overlap. A value that is not finite leaves a gap. The panel's x axis is ignored.
 pub fn bars(sheet: &mut Sheet, panel: &Panel, class: &str, bars: &[(&str, f64)], unit: &str) {
     panel.draw_rows(sheet);
     let pitch = panel.size.x / bars.len().max(1) as f64;

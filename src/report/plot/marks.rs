@@ -15,8 +15,8 @@ pub fn curve(sheet: &mut Sheet, panel: &Panel, class: &str, points: &[DVec2]) {
     }
 }
 
-/// Draws a disc at every point in the panel, of class `fill` or `ring`, with the tooltip that `tips` has for it, if
-/// any.
+/// Draws a disc at every point in the panel, of class `fill` or `ring`, with the tooltip that `tips` has
+/// for it, if any.
 pub fn dots(
     sheet: &mut Sheet,
     panel: &Panel,

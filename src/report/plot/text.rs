@@ -19,8 +19,8 @@ pub fn escaped(text: &str) -> String {
     out
 }
 
-/// Formats a number with `digits` significant digits, without an exponent if that is short; "-" if it is
-/// not finite.
+/// Formats a number with `digits` significant digits, without an exponent if the result is short; "-" if
+/// it is not finite.
 pub fn figures(value: f64, digits: usize) -> String {
     let digits = digits.clamp(1, 17);
     if !value.is_finite() {

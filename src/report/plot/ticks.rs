@@ -1,7 +1,7 @@
 //! Round numbers along an axis: steps of 1, 2 or 5 times a power of ten.
 
-/// Returns the smallest of 1, 2, 5 or 10 times a power of ten that is at least `least`; 1 if `least` is not
-/// a positive number.
+/// Returns the smallest of 1, 2, 5 or 10 times a power of ten that is at least `least`; 1 if `least` is
+/// not a positive number.
 pub(super) fn round_step(least: f64) -> f64 {
     if !(least.is_finite() && least > 0.0) {
         return 1.0;
@@ -15,7 +15,7 @@ pub(super) fn round_step(least: f64) -> f64 {
         .unwrap_or_else(|| scaled(10.0, power))
 }
 
-/// Returns `m` times ten to the power `exponent`, rounded as the decimal literal is.
+/// Returns `m` times ten to the power `exponent`, rounded like the decimal literal.
 fn scaled(m: f64, exponent: i32) -> f64 {
     if (-300..0).contains(&exponent) {
         m / 10f64.powi(-exponent)
@@ -24,14 +24,14 @@ fn scaled(m: f64, exponent: i32) -> f64 {
     }
 }
 
-/// Returns ticks at multiples of a round step within [low, high], at most about `most` of them, each with
-/// its label.
+/// Returns ticks at multiples of a round step within [low, high], at most about `most` of them, each
+/// with its label.
 pub(crate) fn linear(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
     let step = round_step((high - low) / most.max(1) as f64);
     let slack = 1e-6 * step;
     let first = ((low - slack) / step).ceil();
     let last = ((high + slack) / step).floor();
-    // For values so far from zero, rounding hides the steps.
+    // If the ends are this far from zero, rounding hides the steps.
     if !(first.is_finite() && last.is_finite()) || first.abs().max(last.abs()) > 1e9 {
         return Vec::new();
     }

@@ -1,10 +1,10 @@
 //! Fits the motion model's coefficients to a scan, which gives the tumour's position from the skin.
 //!
-//! Minimises by Gauss-Newton the robust sum over points of the squared distance to the tangent plane
-//! at the foot on the deformed surface, over its variance, plus the squares of the coefficients over
-//! their prior variance. This is the negative log posterior under a Gaussian prior from planning, so
-//! its curvature is the inverse covariance, and a component that the skin does not show keeps its
-//! prior.
+//! Gauss-Newton minimises a sum of two parts. The first is a robust sum over points: the squared
+//! distance of a point to the tangent plane at its foot (closest point) on the deformed surface, divided
+//! by the variance. The second is the sum of the squared coefficients divided by their prior variance.
+//! The sum is the negative log posterior under a Gaussian prior from planning, so its curvature is the
+//! inverse covariance, and a component that the skin does not show keeps its prior.
 //!
 //! The tumour's covariance is the propagated covariance of the coefficients (and of the pose) plus
 //! the covariance that planning gives for the components which the model [leaves
@@ -38,7 +38,7 @@ use phasmid_geometry::Pose;
 use phasmid_geometry::rotation::{exp, orthonormal};
 use system::Sums;
 
-/// Prior on the patient's set-up pose, fitted together with the breathing.
+/// Prior on the patient's set-up pose, if the pose is fitted together with the breathing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SetUp {
     /// Standard deviation of the patient's position along each axis, in millimetres.
@@ -60,7 +60,7 @@ pub struct FitOptions {
     /// Prior standard deviation of the coefficients, in units of their standard deviation over
     /// planning: breathing depth varies from day to day.
     pub prior: f64,
-    /// Prior of the patient's pose, which is then fitted too; `None` keeps the start pose.
+    /// If set, the patient's pose is fitted too, with this prior; `None` keeps the start pose.
     pub set_up: Option<SetUp>,
     /// Correlation length of the points' errors in millimetres, as in
     /// [`RigidOptions`](super::RigidOptions).
@@ -226,7 +226,7 @@ impl<'a> MotionTracker<'a> {
             system[(k, k)] += information;
             right[k] -= information * value;
         }
-        // The prior makes the system positive definite, whatever the points are.
+        // The prior makes the system positive definite for any points.
         let Some(factor) = system.cholesky() else {
             return Err(Lost::Line);
         };

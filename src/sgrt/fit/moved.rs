@@ -16,8 +16,9 @@ use rayon::prelude::*;
 pub(super) const CHUNK: usize = 256;
 /// Maximum number of unknowns: components, shift and turn.
 pub(super) const MOST: usize = MOST_COMPONENTS + 6;
-/// Iterations between foot and displacement in the first search. Displacements vary slowly: each
-/// iteration reduces the foot's error by the factor of their gradient, a tenth or less.
+/// Number of iterations in the first search, each of which displaces a foot and searches it again.
+/// Displacements vary slowly: each iteration reduces the foot's error by the factor of their gradient, a
+/// tenth or less.
 const ROUNDS: usize = 3;
 
 /// A point's equation: `residual_mm = jacobian . unknowns`.

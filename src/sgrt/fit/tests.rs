@@ -140,7 +140,7 @@ fn motion_not_visible_on_skin_stays_uncertain() {
         worst = worst.max(off.length() / told);
         squares += off.length_squared() / 10.0;
     }
-    // The prior is twice planning's standard deviation: no error exceeds about 1.5 of planning's.
+    // The prior is twice planning's standard deviation; no error exceeds about 1.5 times planning's.
     assert!(
         worst < 2.0 && squares.sqrt() > 0.2,
         "{worst} {}",

@@ -128,7 +128,7 @@ fn mean(part: &[Vec<Vec3>]) -> Vec<DVec3> {
         .collect()
 }
 
-/// Inner product of two phases minus the mean, summed in a fixed order.
+/// Inner product of the displacements at two phases, each minus the mean, summed in a fixed order.
 fn product(a: &[Vec3], b: &[Vec3], mean: &[DVec3]) -> f64 {
     let each = |v: usize| (a[v].as_dvec3() - mean[v]).dot(b[v].as_dvec3() - mean[v]);
     (0..mean.len()).map(each).sum()

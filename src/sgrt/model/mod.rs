@@ -1,11 +1,11 @@
 //! Motion model of a patient: principal components of the displacements known from planning.
 //!
-//! The displacements of skin and tumour at the phases of the planning 4D-CT are snapshots of one
-//! vector. The principal components of the snapshots minus their mean follow from the small matrix of
-//! the snapshots' inner products (L. Sirovich, "Turbulence and the dynamics of coherent structures",
-//! 1987). As skin and tumour are parts of one vector, a component describes how they move together.
-//! Where the tumour lags behind the skin (hysteresis), a second component describes what the first
-//! cannot.
+//! The displacements of skin and tumour at the phases of the planning 4D-CT are snapshots of one vector.
+//! The principal components of the snapshots minus their mean follow from the small matrix of the
+//! snapshots' inner products (L. Sirovich, "Turbulence and the dynamics of coherent structures", 1987).
+//! As skin and tumour are parts of one vector, a component describes how they move together. Where the
+//! tumour lags behind the skin (hysteresis), a second component describes the motion that the first
+//! cannot describe.
 //!
 //! Coefficients are in standard deviations: over the phases each has mean 0 and variance 1, and they
 //! are uncorrelated. This is the prior of the [fit](super::MotionTracker).
@@ -163,8 +163,8 @@ impl MotionModel {
         mesh
     }
 
-    /// Computes the tumour's centroid for given coefficients, in the reference frame, in millimetres.
-    /// It equals the centroid of [`Self::tumour`] as far as that is linear in the vertices.
+    /// Computes the tumour's centroid for given coefficients, in the reference frame, in millimetres. It
+    /// equals the centroid of [`Self::tumour`] as far as that centroid is linear in the vertices.
     pub fn centroid(&self, coefficients: &[f64]) -> DVec3 {
         let moved = self.centroid_modes.iter().zip(coefficients);
         moved.fold(self.centroid, |sum, (m, &c)| sum + *m * c)

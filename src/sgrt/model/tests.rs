@@ -11,7 +11,7 @@ fn two_motions_in_quadrature_are_two_components() {
     let model = MotionModel::new(&case.snapshots, &case.tumour, &ModelOptions::default()).unwrap();
     assert_eq!(model.components(), 2);
     assert!((model.energies().iter().sum::<f64>() - 1.0).abs() < 1e-9);
-    // Coefficients over the phases: mean 0, variance 1, uncorrelated.
+    // Over the phases, the coefficients have mean 0 and variance 1 and are uncorrelated.
     let phases = model.coefficients();
     for a in 0..2 {
         let mean: f64 = phases.iter().map(|c| c[a]).sum::<f64>() / 10.0;
@@ -21,7 +21,7 @@ fn two_motions_in_quadrature_are_two_components() {
             assert!((product - f64::from(u8::from(a == b))).abs() < 1e-6);
         }
     }
-    // They reproduce every phase of skin and tumour.
+    // The coefficients reproduce every phase of skin and tumour.
     for (k, c) in phases.iter().enumerate() {
         for v in (0..model.skin_vertices()).step_by(17) {
             let off = model.skin(v, c) - case.snapshots.skin[k][v];

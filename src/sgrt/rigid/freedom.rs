@@ -27,9 +27,8 @@ pub enum Freedom {
 
 impl Freedom {
     /// Describes the undetermined space spanned by `motions` (shift of `origin` in mm, turn in rad).
-    /// `centre` is the mean of the points and `spread` their RMS distance from it, both in mm.
-    /// Returns as many entries as motions, shifts first, aligned with the room's axes as far as
-    /// possible.
+    /// `centre` is the mean of the points, `spread` is their RMS distance from this mean, both in mm.
+    /// Returns one entry per motion, shifts first, aligned with the room's axes as far as possible.
     pub(super) fn of(
         motions: &[Vector6<f64>],
         origin: DVec3,
@@ -117,7 +116,7 @@ fn combine(motions: &[Vector6<f64>], turns: &[DVec3], about: DVec3) -> Vector6<f
         .sum()
 }
 
-/// Name of the shape that leaves these motions free, if it has one.
+/// Name of the shape that leaves these motions free, if a shape with a name does.
 pub(crate) fn shape(free: &[Freedom]) -> Option<&'static str> {
     let shifts: Vec<DVec3> = free
         .iter()

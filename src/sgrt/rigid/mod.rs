@@ -1,10 +1,10 @@
 //! Rigid registration of measured points to a reference surface, in six degrees of freedom.
 //!
-//! Minimises, by Gauss-Newton on shift and rotation about the isocentre, the robust sum over points
-//! of the squared distance to the tangent plane at the foot (the closest point of the surface) over
-//! its variance (Y. Chen and G. Medioni, "Object Modelling by Registration of Multiple Range Images",
-//! 1992). Residuals are weighted by Tukey's biweight. Feet on a border of the surface or outside the
-//! region are ignored, so skin measured beyond the region has no influence.
+//! Minimises, by Gauss-Newton on shift and rotation about the isocentre, a robust sum over points: the
+//! squared distance of a point to the tangent plane at its foot (the closest point of the surface),
+//! divided by the variance (Y. Chen and G. Medioni, "Object Modelling by Registration of Multiple Range
+//! Images", 1992). Residuals are weighted by Tukey's biweight. Feet on a border of the surface or
+//! outside the region are ignored, so skin measured beyond the region has no influence.
 //!
 //! Motions that the shape does not determine (see `modes`) keep their start values and are reported.
 //!
@@ -49,9 +49,10 @@ use rows::{Limits, update};
 use search::{disagreement, starts};
 use step::advance;
 
-/// While steps are longer than this, in millimetres, the residual scale is [wide](Spread::Wide).
+/// The residual scale is [wide](Spread::Wide) while steps are longer than this, in millimetres.
 const COARSE_MM: f64 = 0.3;
-/// A pose whose disagreement is at most this factor above the best one's is reported as ambiguous.
+/// A pose is reported as ambiguous if its disagreement is at most this factor times that of the best
+/// pose.
 const RIVAL: f64 = 1.15;
 /// Poses closer than this, in millimetres, count as the same solution.
 const SAME_MM: f64 = 2.0;

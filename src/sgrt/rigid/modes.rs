@@ -5,11 +5,11 @@
 //! generalised eigenproblem `H x = lambda M x` depend neither on the choice of origin nor on the unit
 //! of angle: a mode of unit displacement has the standard deviation 1 / sqrt(lambda) mm.
 //!
-//! Without noise a plane has three modes of zero information, a sphere three and a cylinder two.
-//! Errors in the normals hide this: normals uncertain by s rad make each tangential motion appear as
-//! a slope and add s^2 of the information that a head-on surface would give, all of it false. Four
-//! times this false information (twice the standard deviation) is subtracted before a mode is
-//! accepted.
+//! Without noise a plane has three modes of zero information, a sphere three and a cylinder two. Errors
+//! in the normals hide this: with normals uncertain by s rad, a tangential motion seems to move the
+//! points along sloped normals, which adds false information: s^2 times the information that a head-on
+//! surface would give. Four times this false information (twice the standard deviation) is subtracted
+//! before a mode is accepted.
 
 use nalgebra::{Matrix6, Vector6};
 

@@ -1,9 +1,9 @@
 //! A grid of start triangles for the search.
 //!
-//! Cells that contain triangle centres store the closest of these triangles. Other cells take theirs
-//! from neighbours by sweeps over the grid in all eight diagonal directions (H. Zhao, "A fast
+//! Cells that contain triangle centres store the closest of these triangles. Other cells take a triangle
+//! from a neighbouring cell in sweeps over the grid in all eight diagonal directions (H. Zhao, "A fast
 //! sweeping method for Eikonal equations", 2005; P. Danielsson, "Euclidean distance mapping", 1980).
-//! Finally each cell walks from its triangle to the one closest to its own centre.
+//! Finally a walk from each cell's triangle finds the triangle closest to the cell's centre.
 
 use super::facet::Facet;
 use glam::{DVec3, IVec3, UVec3};
@@ -35,8 +35,8 @@ impl Hints {
         }
     }
 
-    /// Builds the grid over a box around the surface; the box must not be flat. `walk` finds, from a
-    /// triangle, the closest one to a point.
+    /// Builds the grid over a box around the surface; the box must not be flat. Starting at a triangle,
+    /// `walk` finds the triangle closest to a point.
     pub(super) fn new(
         facets: &[Facet],
         walk: impl Fn(DVec3, u32) -> u32 + Sync,
@@ -116,7 +116,7 @@ impl Hints {
         }
     }
 
-    /// Start triangle for a finite point; outside the box, that of the closest cell.
+    /// Start triangle for a finite point; outside the box, the start triangle of the closest cell.
     #[inline]
     pub(super) fn at(&self, p: DVec3) -> u32 {
         self.triangles[self.index(self.cell(p))]

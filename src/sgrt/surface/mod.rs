@@ -50,7 +50,7 @@ const STEPS: usize = 64;
 pub struct Foot {
     /// Closest point, in millimetres in the reference's frame.
     pub point: DVec3,
-    /// Outward unit normal of the smooth surface there.
+    /// Outward unit normal of the smooth surface at the foot.
     pub normal: DVec3,
     /// Index into [`Reference::triangles`].
     pub triangle: u32,
@@ -174,7 +174,7 @@ impl Reference {
     }
 
     /// Returns the standard deviation of the region's normals in radians per axis, estimated from the
-    /// scatter of the triangles' normals about the smooth ones.
+    /// scatter of the triangles' normals about the smooth normals.
     pub fn normal_sd_rad(&self) -> f64 {
         self.normal_sd_rad
     }

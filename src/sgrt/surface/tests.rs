@@ -11,8 +11,8 @@ fn feet_are_the_nearest_points() {
     let tree = MeshTree::new(&mesh);
     let mut random = Random::new(1);
     // Noise in millimetres, the number of points per thousand that may have another foot, and the
-    // distance in millimetres by which it may be farther. At 20 mm some points lie inside folds and
-    // near the opposite side.
+    // distance in millimetres by which this foot may be farther away. At 20 mm some points lie inside
+    // folds and near the opposite side.
     for (reach, most, by) in [(0.3, 2, 0.005), (3.0, 20, 0.1), (20.0, 80, 6.0)] {
         let (mut elsewhere, mut farthest, mut all) = (0, 0.0_f64, 0);
         for p in scan(&mesh, 8000, &mut random, is_front) {

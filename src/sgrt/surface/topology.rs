@@ -25,7 +25,7 @@ impl Topology {
             let (a, b) = (t[k], t[(k + 1) % 3]);
             (a.min(b), a.max(b))
         };
-        // Sum of the two triangle indices of an edge: subtracting one gives the other.
+        // Sum the two triangle indices at each edge: subtracting one index from the sum gives the other.
         for (i, t) in triangles.iter().enumerate() {
             for k in 0..3 {
                 let entry = edges.entry(ends(t, k)).or_insert((0, 0));

@@ -26,7 +26,7 @@ pub(super) const DEVIATIONS: [&str; 6] = [
     "sd_yaw_deg",
 ];
 
-/// Tracks a scan from the planned pose, as after set-up.
+/// Tracks a scan. The tracker's search starts at the planned pose, as it does after a patient's set-up.
 pub(super) fn track(measured: &Measured, reference: &Reference) -> Result<RigidFit, Lost> {
     track_rigid(
         measured,
@@ -36,14 +36,14 @@ pub(super) fn track(measured: &Measured, reference: &Reference) -> Result<RigidF
     )
 }
 
-/// Returns a pose relative to that of an earlier scan, as if the scanner itself had captured the
-/// reference surface in that scan.
+/// Returns the pose of `fit` relative to the pose of an earlier scan, `first`: the result that the
+/// tracker would have if its reference surface were the scan `first`.
 pub(super) fn since(fit: &RigidFit, first: &RigidFit) -> SixDof {
     SixDof::of(&(fit.room_from_reference * first.room_from_reference.inverse()))
 }
 
-/// Adds a tracker's result to a row. Errors are those of `found`, or of the fitted pose if `found` is
-/// `None`. If tracking failed, the row has only a warning.
+/// Adds a tracker's result to a row. The row gets the errors of `found`, or of the fitted pose if
+/// `found` is `None`. If tracking failed, the row has only a warning.
 pub(super) fn answered(
     row: Row,
     found: Option<SixDof>,
@@ -70,8 +70,8 @@ pub(super) fn answered(
         .text("warnings", &words.join("; "))
 }
 
-/// Returns the names of the undetermined motions of a result: those of [`six::NAMES`] for motions along
-/// or about an axis of the room.
+/// Returns the names of the undetermined motions of a result. A motion along or about an axis of the
+/// room is named as in [`six::NAMES`].
 fn undetermined(fit: &RigidFit) -> Vec<String> {
     let all = fit.warnings.iter().filter_map(|warning| match warning {
         Warning::Undetermined { free, .. } => Some(free),
@@ -104,7 +104,7 @@ pub(super) fn turn_deg(row: &Row) -> f64 {
     worst([3, 4, 5].map(|k| row.value(ERRORS[k]).abs()))
 }
 
-/// Returns the largest value; NaN if any value is NaN or there is no value.
+/// Returns the largest value; NaN without values or if a value is NaN.
 pub(super) fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values = values.into_iter();
     let first = values.next().unwrap_or(f64::NAN);

@@ -14,10 +14,10 @@ use phasmid_report::lab::{
 use phasmid_sgrt::{POINTS, Region, SixDof, six};
 
 /// Text above the tables.
-const WORDS: &str = "Fading light dims the fringes and moves no phase. What moves a \
-    scanner in clinics is heat: as an example the beam between camera and projector of each pod, of \
-    aluminium, grows by 5 K, to which the calibration is blind. Both are examples of ours, as is how fast \
-    they go.";
+const WORDS: &str = "Fading light reduces the modulation of the fringes but does not shift their \
+    phase. Heat does move a scanner in a clinic: as an example, the aluminium beam between camera \
+    and projector of each pod warms by 5 K and expands, which the calibration does not know. Both \
+    effects and their speeds are assumptions.";
 
 /// Spread of a pixel's repeated scans, in millimetres, above which the pixel is a gross error.
 const GROSS_MM: f64 = phasmid_measure::GROSS_MM;
@@ -100,8 +100,8 @@ fn faded(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// Like [`faded`], with pods whose beams have grown since their calibration. Each time needs its own
-/// pods, because the rig differs.
+/// Like [`faded`], with pods whose beams have grown since their calibration. Each scan time needs its
+/// own pods, because their rigs differ.
 fn warmed(context: &Context<'_>, effort: Effort) -> Result<Vec<Row>> {
     let subject = Subject::new(Body::Patient(None))?;
     let reference = subject.reference()?;
@@ -237,8 +237,9 @@ pub(super) fn largest(rows: &Rows, case: &str) -> [f64; 2] {
     [0, 1].map(|k| worst(all.iter().map(|row| gone(row, all[0])[k])))
 }
 
-/// Returns the RMS noise in millimetres: of the tracked position over repeated scans (length of the
-/// vector), of the pixels' depths, and of these depths as predicted.
+/// Returns three RMS noises in millimetres over repeated scans: measured for the tracked position
+/// (length of the vector), measured for the pixels' depths, and predicted for these depths by the
+/// decoder.
 pub(super) fn noise(rows: &Rows) -> [f64; 3] {
     let repeats = of(rows, "repeat");
     let of_place = (0..3).map(|k| spread(&repeats, k));
@@ -248,7 +249,7 @@ pub(super) fn noise(rows: &Rows) -> [f64; 3] {
     [place, of_pixels("noise_mm"), of_pixels("predicted_mm")]
 }
 
-/// Returns the standard deviation of one of the six numbers over some scans.
+/// Returns the standard deviation of column `k` of [`ERRORS`] over some scans.
 fn spread(rows: &[&Row], k: usize) -> f64 {
     if rows.len() < 2 {
         return f64::NAN;
@@ -269,16 +270,16 @@ pub(super) fn section(rows: &Rows) -> Section {
             Block::Checks(checks(rows)),
         ]);
     }
-    Section::new("An hour", blocks)
+    Section::new("Drift over an hour", blocks)
 }
 
 fn hour(rows: &Rows) -> Table {
     let mut table = Table::new(
         "acceptance-drift",
-        "A still patient over an hour of device time, in which the light fades and, in the second half \
-         of the table, the beam between camera and projector of each pod grows as well: modulation of \
-         the fringes (grey levels), and how far place (mm) and angles (largest of the three, degrees) \
-         have gone since the first scan.",
+        "A still patient over an hour of device time, in which the light fades and, in the second \
+         half of the table, the beam between camera and projector of each pod also expands: \
+         modulation of the fringes (grey levels), and change of the position (mm) and of the \
+         angles (largest of the three, degrees) since the first scan.",
         &["case, time", "modulation", "place", "angles"],
     );
     for (case, name) in CASES {
@@ -302,10 +303,10 @@ fn still(rows: &Rows) -> Table {
     let mut table = Table::new(
         "acceptance-noise",
         format!(
-            "Noise of {} scans one after the other of the still patient, at the end of the hour: \
-             standard deviation of what is tracked beside the one that the tracker predicts, and of \
-             the depths of single pixels (RMS over those with a point in all scans and no gross error) \
-             beside the one that the decoder predicts.",
+            "Noise of {} consecutive scans of the still patient at the end of the hour: standard \
+             deviation of the tracked values and the one that the tracker predicts, and of the \
+             depths of single pixels (RMS over the pixels with a point in all scans and no gross \
+             error) and the one that the decoder predicts.",
             repeats.len()
         ),
         &["of", "found", "predicted"],
@@ -339,13 +340,13 @@ fn figure(rows: &Rows) -> Figure {
     let chart = Chart {
         heading: "Drift of a still patient".to_owned(),
         x: "device time (min)".to_owned(),
-        y: "way of the tracked place (mm)".to_owned(),
+        y: "change of the tracked position (mm)".to_owned(),
         log: [false, false],
         series: series.into(),
     };
     chart.figure(
         "acceptance-drift",
-        "How far the tracked place of a still patient has gone since the first scan.",
+        "Change of the tracked position of a still patient since the first scan.",
     )
 }
 

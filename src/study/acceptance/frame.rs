@@ -17,11 +17,12 @@ use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, T
 use phasmid_sgrt::{POINTS, Reference, Region, SixDof};
 
 /// Text above the tables.
-const WORDS: &str = "In all other sections pods are what their profile says and stand where \
-    the station says. Here each is built with errors of its own (projector and focal length) and hangs a \
-    millimetre or so from its place. A board in many poses calibrates each pod, as `phasmid calibrate` \
-    does; a board at the isocentre, seen by all of them, tells where each stands, as `phasmid locate` does. \
-    What is left is beside what it would be without either, and beside pods that are known exactly.";
+const WORDS: &str = "Elsewhere, except for the warmed pods of the section on drift, pods match \
+    their profile and stand where the station says. Here each pod has manufacturing errors \
+    (projector and focal length) and hangs a millimetre or so from its planned place. A board in \
+    many poses calibrates each pod, as `phasmid calibrate` does; a board at the isocentre, seen by \
+    all pods, locates them, as `phasmid locate` does. The table compares the results with those \
+    without either step, and with those of pods that are known exactly.";
 
 /// The room with the board that locates the pods.
 const BOARD_ROOM: &str = "treatment-room-board";
@@ -244,10 +245,11 @@ pub(super) fn section(rows: &Rows) -> Section {
 fn table(rows: &Rows) -> Table {
     let mut table = Table::new(
         "acceptance-frame",
-        "A torso where it was planned and displaced in all six directions, by pods that are not built \
-         as drawn and do not stand where they were hung: distance of the points of all pods from the \
-         true surface (RMS, mm), worst error of the place (mm) and of the angles (degrees), and answers \
-         with a warning, by what the pods are taken for.",
+        "A torso at its planned place and displaced in all six directions, scanned by pods that \
+         are built and mounted with errors: distance of the points of all pods from the true \
+         surface (RMS, mm), worst error of the position (mm) and of the angles (degrees), and \
+         number of results with a warning, by the calibration and pose that are assumed for the \
+         pods.",
         &["pods", "points", "place", "angles", "with a warning"],
     );
     for case in CASES {

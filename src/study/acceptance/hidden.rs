@@ -10,9 +10,9 @@ use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, T
 use phasmid_sgrt::{POINTS, Region, SixDof};
 
 /// Text above the tables.
-const WORDS: &str = "The head of the linac rotates about the couch's axis; under the couch, \
-    at 180 degrees, it hides nothing. The pod over the foot end is never hidden from the isocentre. At \
-    some angles the head takes from a pod the far side of the chest only.";
+const WORDS: &str = "The head of the linac rotates about the couch's axis; under the couch, at 180 \
+    degrees, it hides nothing. It never hides the isocentre from the pod over the foot end. At \
+    some angles it hides only the far side of the chest from a pod.";
 
 /// Gantry angle in degrees at which the head is under the couch and hides nothing.
 const AWAY_DEG: f64 = 180.0;
@@ -22,7 +22,7 @@ const PODS: [(&str, &str); 3] = [
     ("right", "points_right"),
     ("foot", "points_foot"),
 ];
-/// Maximum fraction of its points that a hidden pod has.
+/// A pod counts as hidden if it has at most this fraction of the points of its unobstructed scan.
 const HIDDEN: f64 = 0.25;
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
@@ -81,14 +81,15 @@ fn all(rows: &Rows) -> Option<(&Row, Vec<&Row>)> {
     Some((*whole.first()?, fewer))
 }
 
-/// Returns how much position (mm) and largest angle (degrees) differ from those with all pods.
+/// Returns the change of the position (mm) and the largest change of an angle (degrees) from the result
+/// `whole` of all pods.
 fn changed(row: &Row, whole: &Row) -> [f64; 2] {
     let off: [f64; 6] = std::array::from_fn(|k| row.value(ERRORS[k]) - whole.value(ERRORS[k]));
     let place = rms(off[..3].iter().copied()) * 3f64.sqrt();
     [place, worst(off[3..].iter().map(|angle| angle.abs()))]
 }
 
-/// Returns the fraction of its points that a pod still has.
+/// Returns the number of a pod's points as a fraction of its number in the scan `whole` of all pods.
 fn left(row: &Row, whole: &Row, pod: usize) -> f64 {
     row.value(PODS[pod].1) / whole.value(PODS[pod].1)
 }
@@ -119,10 +120,10 @@ pub(super) fn section(rows: &Rows) -> Section {
 fn table(whole: &Row, fewer: &[&Row]) -> Table {
     let mut table = Table::new(
         "acceptance-hidden",
-        "A still patient with the head of the linac at a gantry angle, or with one pod left out: the \
-         share of its points on the chest that each pod has left, the share of the region that is \
-         measured, and by how much place (mm) and angles (largest of the three, degrees) differ from \
-         those with all pods.",
+        "A still patient with the head of the linac at a gantry angle, or with one pod left out: \
+         share of its points on the chest that each pod retains, share of the region that is \
+         measured, and change of the position (mm) and of the angles (largest of the three, \
+         degrees) relative to the result of all pods.",
         &[
             "", "left", "right", "foot", "measured", "place", "angles", "warnings",
         ],
@@ -167,12 +168,12 @@ fn checks(whole: &Row, fewer: &[&Row]) -> Vec<Check> {
     };
     vec![
         Check::at_most(
-            "share of its points that the right pod has left at 40 degrees",
+            "share of the right pod's points that remain at 40 degrees",
             at(40.0, 1),
             HIDDEN,
         ),
         Check::at_most(
-            "share of its points that the left pod has left at 320 degrees",
+            "share of the left pod's points that remain at 320 degrees",
             at(320.0, 0),
             HIDDEN,
         ),

@@ -12,9 +12,9 @@ use phasmid_sgrt::{
 };
 
 /// Text above the tables.
-const WORDS: &str = "The projectors take turns, so that a jump in the middle of a scan is \
-    seen by the pods that come after it, and only the next scan has it whole. How soon the beam is held \
-    depends on when in a scan the patient moves.";
+const WORDS: &str = "The projectors take turns: a jump in the middle of a scan is seen only by the \
+    pods that scan after it, and only the next scan sees it completely. The delay of the beam hold \
+    therefore depends on when in a scan the patient moves.";
 
 /// Upward jump and tolerance, in millimetres.
 const JUMP_MM: f64 = 5.0;
@@ -41,7 +41,7 @@ fn jumped(context: &Context<'_>, share: f64, effort: Effort) -> Result<Vec<Row>>
     let subject = Subject::new(Body::Torso)?;
     let reference = subject.reference()?;
     let adapt = |profile: &mut _| effort.adapt(profile);
-    // One period is a scan by all pods in turn.
+    // Duration of one scan by all pods in turn.
     let period_ns: u64 = {
         let pods = Pods::new(&subject.scene, context.seed, &adapt)?;
         pods.all.iter().map(|pod| pod.turn_ns()).sum()
@@ -139,9 +139,9 @@ pub(super) fn section(rows: &Rows) -> Section {
     let mut table = Table::new(
         "acceptance-hold",
         format!(
-            "The couch jumps up by {JUMP_MM} mm at a share of a scan, the tolerance is {TOLERANCE_MM} \
-             mm: device time in milliseconds from the jump to the end of the scan by which the beam is \
-             held, and why. The host's time comes on top."
+            "The couch jumps up by {JUMP_MM} mm after the given share of a scan; the tolerance is \
+             {TOLERANCE_MM} mm. Device time in milliseconds from the jump to the end of the scan \
+             that holds the beam, and the reason for the hold. The host's time comes on top."
         ),
         &["jump at a share of", "held after", "because"],
     );

@@ -14,18 +14,18 @@ use phasmid_report::lab::{
 use phasmid_sgrt::{POINTS, SixDof, six};
 
 /// Text above the tables.
-const WORDS: &str = "The torso is opaque, as phantoms are. The patient holds the breath at \
-    the reference phase; light goes into the skin, and what comes out of it elsewhere shifts what is measured by some \
-    tenths of a millimetre, so that against the planned surface there is an error that is the same in all \
-    scans. Against a surface that the scanner has captured itself it cancels.";
+const WORDS: &str = "The torso is opaque, as phantoms are. The patient holds the breath at the \
+    reference phase. Light that enters the skin and leaves it elsewhere shifts the measured \
+    surface by some tenths of a millimetre, so results relative to the planned surface have an \
+    error that is the same in all scans. It cancels relative to a surface that the scanner has \
+    captured itself.";
 
 /// Maximum error for a still torso: position in millimetres, angles in degrees.
 pub(super) const BAR: [f64; 2] = [0.1, 0.05];
-/// Tolerances of a clinic, in the same units.
+/// Tolerances of a clinic, in the units of [`BAR`].
 pub(super) const TOLERANCE: [f64; 2] = [1.0, 0.5];
 const BODIES: [Body; 2] = [Body::Torso, Body::Patient(None)];
-/// Results relative to the planned surface, and relative to the tracker's own result for the first
-/// scan.
+/// References of the results: the planned surface, and the tracker's own result for the first scan.
 const AGAINST: [&str; 2] = ["planned surface", "first scan"];
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
@@ -49,7 +49,7 @@ fn along(k: usize, by: f64) -> SixDof {
     six
 }
 
-/// Returns no displacement, then each step in each direction.
+/// Returns the zero displacement, then each step in each direction.
 fn displacements(effort: Effort) -> Vec<(usize, f64)> {
     let mut all = vec![(0, 0.0)];
     for k in 0..6 {
@@ -113,10 +113,10 @@ fn of<'a>(
 pub(super) fn section(rows: &Rows) -> Section {
     let mut table = Table::new(
         "acceptance-known",
-        "The couch displaced by known amounts along or about one of the six directions at a time: the \
-         largest and the RMS error over all scans, of the place (length of the error's vector, mm) and \
-         of the angles (largest of the three, degrees; RMS of all three). Against the surface as \
-         planned, and against what the tracker said of the first, undisplaced scan.",
+        "The couch is displaced by known amounts along or about one of the six directions at a \
+         time. Worst and RMS error over all scans, of the position (length of the error vector, \
+         mm) and of the angles (worst: largest of the three, degrees; RMS: of all three), relative \
+         to the planned surface and to the tracker's result for the first, undisplaced scan.",
         &[
             "subject, against",
             "scans",
@@ -164,9 +164,9 @@ pub(super) fn section(rows: &Rows) -> Section {
 fn directions(rows: &Rows) -> Table {
     let mut table = Table::new(
         "acceptance-directions",
-        "The same scans against the planned surface, direction by direction: mean error (what is the \
-         same in all scans), standard deviation of the errors about it, and the deviation that the \
-         tracker predicts (RMS over the scans), in mm and degrees.",
+        "The same scans relative to the planned surface, for each direction: mean error (common to \
+         all scans), standard deviation of the errors about it, and the standard deviation that \
+         the tracker predicts (RMS over the scans), in mm and degrees.",
         &["subject, direction", "mean error", "deviation", "predicted"],
     );
     for body in BODIES.map(Body::name) {
@@ -215,7 +215,7 @@ fn figure(rows: &Rows) -> Figure {
     };
     chart.figure(
         "acceptance-known",
-        "Measured less true shift along the direction of the shift.",
+        "Measured minus true shift, along the direction of the shift.",
     )
 }
 
@@ -238,7 +238,9 @@ fn checks(rows: &Rows) -> Vec<Check> {
                 bar[1],
             ),
             Check::at_most(
-                format!("answers with a warning about the {body}, whose shape determines all"),
+                format!(
+                    "results with a warning for the {body}, whose shape determines all motions"
+                ),
                 doubted(all) as f64,
                 0.0,
             ),

@@ -11,14 +11,15 @@ use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, T
 use phasmid_sgrt::{Follower, Measured, POINTS, Region, Sight};
 
 /// Text above the tables.
-const WORDS: &str = "Latency is device time, in which the emulated device tells it, plus \
-    the host's time, which is measured. A patient breathes before pods of full resolution; each scan is \
-    tracked from the answer to the one before, rigidly and by the motion model, by what `phasmid track` \
-    uses: the frames are held against their sequence, and of the pixels every second of every second row \
-    is decoded, which leaves several times the points that are fitted. The frames of a pod are looked at \
-    while the next one scans, so that only the last one's are left when the last frame has come; what a \
-    host takes for all of a scan says how many it keeps up with. Frames are in memory: what a link takes to \
-    carry them is printed by `phasmid bench --links`. The quick form runs beside other tests, and is not held to times.";
+const WORDS: &str = "Latency is the emulated device's time plus the host's time, which is \
+    measured. Pods of full resolution scan a breathing patient. Each scan is tracked from the \
+    result of the previous one, rigidly and with the motion model, as in `phasmid track`: the \
+    frames are checked against their sequence, and every second pixel of every second row is \
+    decoded, which still gives several times the points that are fitted. The frames of a pod are \
+    processed while the next pod scans, so that only the last pod's frames remain after the last \
+    frame; the host's time for a whole scan limits the scan rate. Frames are in memory; `phasmid \
+    bench --links` measures how long a link takes to carry them. The quick form runs beside other \
+    tests, so that its times are not checked.";
 
 /// Maximum host time in milliseconds: from the last frame to the pose, then per scan in continuous
 /// operation.
@@ -36,17 +37,14 @@ const FIRST: &str = "first scan";
 const PARTS: [(&str, &str); 4] = [
     (
         "look_ms",
-        "host: three pods' frames checked and made points",
+        "host: frames of three pods checked and converted to points",
     ),
-    (
-        "fit_ms",
-        "host: six degrees of freedom and the tumour, side by side",
-    ),
+    ("fit_ms", "host: rigid pose and tumour, fitted in parallel"),
     (
         "host_ms",
         "host: from the last pod's last frame to both answers",
     ),
-    ("scan_ms", "host: all of a scan"),
+    ("scan_ms", "host: whole evaluation of a scan"),
 ];
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
@@ -129,8 +127,8 @@ fn table(rows: &Rows) -> Table {
     let mut table = Table::new(
         "acceptance-latency",
         format!(
-            "Milliseconds over {} scans, by as many cores as there were: device time, and time of the \
-             host as measured beside whatever else ran on it.",
+            "Milliseconds over {} scans, on all available cores: device time, and the host's time, \
+             measured beside whatever else ran on the host.",
             host.len()
         ),
         &["", "median", "worst", "allowed"],
@@ -163,7 +161,7 @@ fn table(rows: &Rows) -> Table {
     if let Some(first) = first {
         let ms = first.value("host_ms");
         row(
-            "host: the same of the first scan, which makes what is made once",
+            "host: the same for the first scan, with one-time set-up",
             [ms, ms],
             "-",
         );
@@ -171,7 +169,7 @@ fn table(rows: &Rows) -> Table {
     let hosts = [0.5, 1.0].map(|share| quantile(&host, share));
     let total = [median + hosts[0], worst + hosts[1]];
     row(
-        "from a scan's begin to its answers",
+        "from the start of a scan to its results",
         total,
         &format!("{TOTAL_MS}"),
     );
@@ -191,19 +189,19 @@ fn table(rows: &Rows) -> Table {
 /// which slow it down.
 fn checks(rows: &Rows, settings: &Settings) -> Vec<Check> {
     let lost: f64 = part(rows, "latency").map(|row| row.value("lost")).sum();
-    let mut checks = vec![Check::at_most("answers that are missing", lost, 0.0)];
+    let mut checks = vec![Check::at_most("missing results", lost, 0.0)];
     if !settings.quick {
         let (host, device) = (sorted(rows, "host_ms"), sorted(rows, "device_ms"));
         let worst_ms = quantile(&host, 1.0);
         checks.extend([
             Check::at_most("host time from the last frame, in ms", worst_ms, HOST_MS),
             Check::at_most(
-                "host time for each scan of many, in ms",
+                "host time per scan in continuous operation, in ms",
                 quantile(&sorted(rows, "scan_ms"), 0.5),
                 SUSTAINED_MS,
             ),
             Check::at_most(
-                "from a scan's begin to its answers, in ms",
+                "from the start of a scan to its results, in ms",
                 quantile(&device, 1.0) + worst_ms,
                 TOTAL_MS,
             ),

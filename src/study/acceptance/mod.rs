@@ -34,7 +34,7 @@ impl Study for Acceptance {
     }
 
     fn about(&self) -> &'static str {
-        "What a clinic measures of a surface-guidance system before it relies on it."
+        "The tests that a clinic makes before it relies on a surface-guidance system."
     }
 
     fn title(&self) -> &'static str {

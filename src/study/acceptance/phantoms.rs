@@ -12,10 +12,10 @@ use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, T
 use phasmid_sgrt::{POINTS, Reference, RigidFit, SixDof};
 
 /// Text above the tables.
-const WORDS: &str = "A flat board slides and turns in its plane, a sphere turns about its \
-    centre, a cylinder slides along its axis and turns about it, and no surface scanner sees it. An \
-    answer that does not say so is wrong, whatever its figures. What the shape does determine has to be \
-    right all the same.";
+const WORDS: &str = "A surface scanner cannot see that a flat board slides or turns in its plane, \
+    that a sphere turns about its centre, or that a cylinder slides along its axis or turns about \
+    it. A result that does not report this is wrong, whatever its values. The motions that the \
+    shape does determine must still be right.";
 
 /// The bodies, and the motions that leave each of them unchanged.
 const BODIES: [(Body, &str); 3] = [
@@ -85,10 +85,10 @@ fn moved(context: &Context<'_>, body: Body, effort: Effort) -> Result<Vec<Row>> 
     Ok(rows)
 }
 
-/// Compares the tracked surface with the true one, apart from motions that leave the body unchanged.
-/// Returns the RMS distance in millimetres of the region's vertices, in their tracked position, from
-/// the true body in closed form, and the angle in degrees between the tracked and the true axis (for a
-/// flat board its normal; 0 for a sphere).
+/// Compares the tracked surface with the true surface, ignoring motions that leave the body unchanged.
+/// Returns the RMS distance in millimetres of the region's vertices, in their tracked position, from the
+/// true body in closed form, and the angle in degrees between the tracked and the true axis (for a flat
+/// board its normal; 0 for a sphere).
 fn apart(body: Body, fit: &RigidFit, truth: &SixDof, reference: &Reference) -> [f64; 2] {
     let body_from_found: Pose = truth.pose().inverse() * fit.room_from_reference;
     let vertices: Vec<DVec3> = reference
@@ -122,10 +122,11 @@ fn of<'a>(rows: &'a Rows, body: &'a str) -> impl Iterator<Item = &'a Row> + Clon
 pub(super) fn section(rows: &Rows) -> Section {
     let mut table = Table::new(
         "acceptance-phantoms",
-        "Bodies at the planned place, displaced along what their shape determines, either way, and \
-         along what it does not: answers, those without a warning, those whose warning names other \
-         motions than the shape leaves free, and the worst distance (RMS over the region, mm) and angle \
-         (degrees) between the body as tracked and as it is, which no free motion changes.",
+        "Bodies at the planned place, displaced in both directions along motions that their shape \
+         determines, and along motions that it does not: number of results, of results without a \
+         warning, and of results that name other motions than the shape leaves free; worst \
+         distance (RMS over the region, mm) and angle (degrees) between the tracked and the true \
+         body, which do not depend on the free motions.",
         &[
             "body (free motions)",
             "answers",

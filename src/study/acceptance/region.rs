@@ -15,9 +15,9 @@ use phasmid_report::lab::{
 use phasmid_sgrt::{POINTS, Reference, Region, SixDof};
 
 /// Text above the tables.
-const WORDS: &str = "A small region is flat: shifts along it and turns about axes in it are \
-    poorly known or not at all, and the tracker has to say so. The deviations beside the errors are those \
-    of noise; what `phasmid track` adds to them for light in the skin is not in them.";
+const WORDS: &str = "A small region is nearly flat: shifts along it and turns about axes in it are \
+    poorly determined or undetermined, and the tracker has to report this. The predicted standard \
+    deviations contain noise only, not what `phasmid track` adds for light in the skin.";
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let effort = Effort::of(settings);
@@ -109,10 +109,10 @@ pub(super) fn section(rows: &Rows) -> Section {
 fn table(rows: &Rows) -> Table {
     let mut table = Table::new(
         "acceptance-region",
-        "The skin of the patient within spheres about the isocentre, the couch displaced in all six \
-         directions: RMS error of the place (mm) and of the angles (degrees; lengths of the vectors) \
-         beside the deviations that the tracker predicts. A motion that it says is not determined has \
-         a predicted deviation of its range, 50 mm.",
+        "The patient's skin within spheres about the isocentre, with the couch displaced in all \
+         six directions: RMS error of the position (mm) and of the angles (degrees; both as \
+         lengths of vectors), and the standard deviations that the tracker predicts. A motion that \
+         it reports as undetermined has a predicted standard deviation equal to its range, 50 mm.",
         &[
             "radius in mm",
             "area in cm2",
@@ -151,7 +151,7 @@ fn figure(rows: &Rows) -> Figure {
         Series::new(name, SeriesStyle::Both, points)
     });
     let chart = Chart {
-        heading: "Error of the place".to_owned(),
+        heading: "Error of the position".to_owned(),
         x: "area of the region (cm2)".to_owned(),
         y: "RMS error (mm)".to_owned(),
         log: [true, true],
@@ -159,8 +159,8 @@ fn figure(rows: &Rows) -> Figure {
     };
     chart.figure(
         "acceptance-region",
-        "RMS error of the tracked place by the area of the region, and the deviation that \
-                  the tracker predicts.",
+        "RMS error of the tracked position against the area of the region, and the standard \
+                  deviation that the tracker predicts.",
     )
 }
 

@@ -17,11 +17,11 @@ const ROOM_WITH_HEAD: &str = "treatment-room-head";
 const PATIENT: &str = "p02-man-mean";
 /// Seed of the torso, chosen so that it is asymmetric.
 const TORSO: u64 = 1;
-/// Radius of sphere and cylinder in millimetres: about that of a breast and of a thigh.
+/// Radius of the sphere and of the cylinder in millimetres, about the radius of a breast or a thigh.
 const RADIUS_MM: f64 = 100.0;
 /// Side of the flat phantom and length of the cylinder in millimetres.
 const SIDE_MM: f64 = 600.0;
-/// Reflectance of plastic phantoms: that of skin, for which the pods' light is designed.
+/// Reflectance of plastic phantoms: the reflectance of skin, for which the pods' light is designed.
 const PLASTICS: f64 = 0.4;
 /// Time between two poses of the couch in seconds of device time: it moves for one second and rests for
 /// three.
@@ -54,8 +54,8 @@ impl Body {
         }
     }
 
-    /// Returns the distance of a room point outside a plain body in its planned pose, in closed form,
-    /// in millimetres; 0 for other bodies.
+    /// Returns how far a point of the room lies outside a plain body in its planned pose, in closed
+    /// form, in millimetres; 0 for torso and patients.
     pub(super) fn outside_mm(self, p: DVec3) -> f64 {
         match self {
             Self::Torso | Self::Patient(_) => 0.0,
@@ -126,8 +126,8 @@ impl Subject {
         Reference::new(&self.surface, &self.region)
     }
 
-    /// Returns the scene in which the couch moves the subject through the poses: displacements from the
-    /// planned pose, about the isocentre. The couch rests at pose `k` around [`time_ns`].
+    /// Returns the scene in which the couch moves the subject through `poses`, which are displacements
+    /// from the planned pose about the isocentre. The couch rests at pose `k` around [`time_ns`].
     pub(super) fn on_the_way(&self, poses: &[SixDof]) -> Scene {
         let mut scene = self.scene.clone();
         for object in &mut scene.object {
@@ -147,13 +147,14 @@ pub(super) fn everywhere(sign: f64) -> SixDof {
     }
 }
 
-/// Returns the device time in nanoseconds at which the couch rests at pose `k`; a scan that begins then
-/// ends before the couch moves on.
+/// Returns the device time in nanoseconds at which the couch rests at pose `k`; a scan that begins at
+/// this time ends before the couch moves on.
 pub(super) fn time_ns(k: usize) -> u64 {
     ((k as f64 * APART_S + 1.2) * 1e9) as u64
 }
 
-/// Repeats each pose four times, a second apart, so that the spline rests at each pose.
+/// Creates a motion whose keyframes repeat each pose four times, a second apart, so that the spline
+/// rests at the pose.
 fn way(poses: &[SixDof], rest: &Pose) -> Motion {
     let keys = poses.iter().enumerate().flat_map(|(k, six)| {
         let moved = rest.inverse() * six.pose() * *rest;

@@ -8,11 +8,12 @@ use phasmid_report::lab::{Block, Rows, Section, Table};
 use phasmid_report::plot::figures;
 
 /// Text at the head of the page.
-const WORDS: &str = "A clinic accepts a surface-guidance system by phantoms on a couch whose \
-    displacements are known. This is that suite for the three pods of the ceiling, the decoder and the \
-    rigid tracker, all of it as a client of the ports has it. Calibration and couch are exact here but \
-    for the pods of the section on their frame, so that what is left is what pods and tracker do. The published figures are of other systems, bodies \
-    and ways of measuring; they stand beside ours for their size.";
+const WORDS: &str = "A clinic accepts a surface-guidance system by tests with phantoms on a couch \
+    whose displacements are known. This study runs such tests with the three ceiling pods, the \
+    decoder and the rigid tracker, on the data that a client of the ports receives. The couch is \
+    exact, and so is the calibration except in the sections on the common frame and on drift: the \
+    errors shown are those of pods and tracker. The published figures are of other systems, \
+    measured on other bodies by other methods; they only indicate the order of magnitude.";
 
 pub(super) fn section(rows: &Rows) -> Section {
     Section::new(
@@ -24,15 +25,16 @@ pub(super) fn section(rows: &Rows) -> Section {
 fn table(rows: &Rows) -> Table {
     let mut table = Table::new(
         "acceptance-summary",
-        "Ours beside what is asked and what was published of commercial systems. Times of the host, \
-         which no second run repeats, are in the table of latencies.",
+        "Our results, the required limits, and published results of commercial systems. The host's \
+         times, which differ from run to run, are in the table of latencies.",
         &["", "ours", "asked", "published", "of"],
     );
     let mut row = |(of, what): (&str, &str),
                    ours: &[(f64, &str)],
                    asked: String,
                    published: Option<Published>| {
-        // A part that was not run has no line; a failed part has a line without a figure.
+        // A part of the study that was not run has no line in the table; a failed part has a line
+        // without a number.
         if part(rows, of).next().is_none() {
             return;
         }

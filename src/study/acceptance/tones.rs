@@ -10,8 +10,9 @@ use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, T
 use phasmid_sgrt::{POINTS, SixDof};
 
 /// Text above the tables.
-const WORDS: &str = "Dark skin returns less light: more noise, fewer points. It also lets \
-    less light come back from below, so that the error which all scans share need not grow with it.";
+const WORDS: &str = "Dark skin returns less light, which gives more noise and fewer points. Less \
+    of the light that enters it comes back out, so the error common to all scans need not be \
+    larger.";
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let effort = Effort::of(settings);
@@ -74,10 +75,11 @@ pub(super) fn worst_of_all(rows: &Rows) -> [f64; 2] {
 pub(super) fn section(rows: &Rows) -> Section {
     let mut table = Table::new(
         "acceptance-tones",
-        "The same patient with skin of the classes of Fitzpatrick's scale, the couch displaced in all \
-         six directions either way: share of the region that is measured, RMS distance of the points \
-         from the tracked surface (mm), worst error of the place (mm) and of the angles (degrees) \
-         against the planned surface, and of the place against the first scan.",
+        "The same patient with skin of the classes of Fitzpatrick's scale, with the couch \
+         displaced in all six directions, both ways: share of the region that is measured, RMS \
+         distance of the points from the tracked surface (mm), worst error of the position (mm) \
+         and of the angles (degrees) relative to the planned surface, and of the position relative \
+         to the first scan.",
         &[
             "class",
             "measured",

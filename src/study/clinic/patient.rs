@@ -11,10 +11,10 @@ use std::path::Path;
 
 /// Voxel spacing of the displacement fields in millimetres.
 const SPACING_MM: f64 = 5.0;
-/// Number of triangles of the skin whose vertices are the ideal input; its vertices differ from those
-/// of planning.
+/// Number of triangles of the skin whose vertices are the ideal input; the planning skin has other
+/// vertices.
 const IDEAL_TRIANGLES: u32 = 43_000;
-/// Level of the true tumour's mesh, 5120 triangles.
+/// Subdivision level of the true tumour's mesh, which has 5120 triangles.
 const TARGET_LEVEL: u32 = 4;
 /// The scene with the couch.
 const SCENE: &str = "treatment-room";
@@ -40,8 +40,8 @@ pub struct Moment {
 }
 
 impl InRoom {
-    /// Creates a built-in patient. The planning folder is written to `scratch` and removed again;
-    /// planning tracks the skin in a region.
+    /// Creates a built-in patient. The planning folder is written to `scratch` and removed again; the
+    /// planning data track the skin within `region`.
     ///
     /// # Errors
     /// Returns an error if there is no such patient, or on I/O failure.

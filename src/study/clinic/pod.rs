@@ -21,7 +21,7 @@ pub struct Pod {
     decoder: SparseDecoder,
     room_from_rig: Pose,
     scans: u64,
-    /// Light source of the profile, if it has one: cold at device time 0 and on from then.
+    /// Light source of the profile, if it has one: it is cold when it is switched on, at device time 0.
     source: Option<Source>,
 }
 
@@ -59,8 +59,8 @@ impl Pod {
         &mut self.renderer
     }
 
-    /// Decodes with another calibration from now on; it may differ from the true rig, like one made on
-    /// another day.
+    /// Replaces the calibration with which frames are decoded. It may differ from the true rig, like a
+    /// calibration of another day.
     ///
     /// # Errors
     /// Returns the errors of [`SparseDecoder::new`].

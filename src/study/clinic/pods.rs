@@ -36,8 +36,8 @@ impl Pods {
         Self::as_built(scene, seed, &|_, profile, _| adapt(profile))
     }
 
-    /// Like [`Self::new`], with changes of the place too: `adapt` receives the pod's number in the
-    /// order of turns, its profile, and its place in the station's file.
+    /// Like [`Self::new`], but `adapt` may also change the pod's place: it receives the pod's number in
+    /// the order of turns, its profile, and its place in the station's file.
     ///
     /// # Errors
     /// Returns the errors of [`Self::new`].

@@ -1,4 +1,4 @@
-//! Tests that a study's frames are identical to those of the device's ports.
+//! Tests that a study's frames are identical to the frames that clients get through the device's ports.
 
 use super::{Pod, binned};
 use crate::desk::{Desk, Link};

@@ -4,7 +4,7 @@ use phasmid_protocol::faults::{Direction, Fault, Schedule, Side, What, When};
 
 /// Number of frames or messages at which [`Place::Once`] strikes.
 const PLACES: u64 = 6;
-/// Rows of torn frames near the end: the small devices have 96 rows.
+/// Rows near the end of a frame at which it is torn: the small devices have 96 rows.
 const LATE_ROWS: [u32; 2] = [86, 94];
 
 /// A kind of fault with its parameters.
@@ -19,9 +19,9 @@ pub struct BadDay {
 /// The frames or messages that a fault strikes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// Once per scan: at six frames or messages from the first to the last, one after the other.
+    /// Once per scan. Six scans test six frames or messages, spread from the first to the last.
     Once,
-    /// Once per scan: at each frame or message, one after the other.
+    /// Once per scan. As many scans test every frame or message.
     Each,
     /// At the same frame or message of every attempt.
     Always,
@@ -32,7 +32,8 @@ pub enum Place {
 }
 
 impl Place {
-    /// Returns all places; `each` takes more than minutes.
+    /// Returns all places, with [`Self::Each`] if `each` is set and [`Self::Once`] if not.
+    /// [`Self::Each`] takes more than minutes.
     pub fn all(each: bool) -> [Self; 4] {
         [
             if each { Self::Each } else { Self::Once },
@@ -157,9 +158,10 @@ impl BadDay {
         ]
     }
 
-    /// Returns whether no frame shows this fault at a place. A row that is missing from every second
-    /// frame shifts the sines of four steps against their cosines, which leaves no residual on a smooth
-    /// surface. The points are off by half a row, which only edges and texture could show.
+    /// Returns whether this fault is undetectable in the frames if it strikes at `place`. A row that is
+    /// missing from every second frame shifts the sines of four steps against their cosines, which
+    /// leaves no residual on a smooth surface. The points are off by half a row, which only edges and
+    /// texture could show.
     pub fn is_unfindable(&self, place: Place) -> bool {
         place == Place::Second && matches!(self.fault.what, What::RowsMissing { rows: 1, .. })
     }

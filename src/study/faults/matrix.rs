@@ -13,7 +13,7 @@ pub struct Cell {
     pub recovered: u32,
     /// Scans that ended with an error that says what is wrong.
     pub reported: u32,
-    /// Scans of damaged frames whose cloud hardly differs from the fault-free one.
+    /// Scans of damaged frames whose cloud hardly differs from the fault-free cloud.
     pub harmless: u32,
     /// Scans that gave another cloud without an error.
     pub wrong: u32,
@@ -174,8 +174,13 @@ fn column(
                         let first = &tried.struck[0];
                         let Difference { lost, moved } = difference;
                         cell.wrongs.push(format!(
-                            "seed {}: {:.2} % of the points lost, {:.2} % moved; struck frame {:?}, command {:?}",
-                            schedule.seed, 100.0 * lost, 100.0 * moved, first.frame, first.command
+                            "seed {}: {:.2} % of the points lost, {:.2} % moved; fault at frame \
+                             {:?}, command {:?}",
+                            schedule.seed,
+                            100.0 * lost,
+                            100.0 * moved,
+                            first.frame,
+                            first.command
                         ));
                     }
                 }

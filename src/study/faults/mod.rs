@@ -2,15 +2,14 @@
 //! wrong cloud? The last outcome must not occur.
 //!
 //! Each trial is a complete scan: an application opens port and camera of a device in memory, selects a
-//! sequence, reads manifest and calibration, captures, decodes and triangulates. Its points are
-//! compared with those of a scan without faults and with the same random numbers. The devices are
-//! built-in profiles with only the middle of the camera's image, in front of a plane, a sphere and a
-//! torso. In the default table each link has one device and one scene; `--each` has all devices and all
-//! scenes.
+//! sequence, reads manifest and calibration, captures, decodes and triangulates. Its points are compared
+//! with the points of a fault-free scan with the same random numbers. The devices are built-in profiles
+//! with only the middle of the camera's image, in front of a plane, a sphere and a torso. In the default
+//! table each link has one device and one scene; `--each` has all devices and all scenes.
 //!
 //! A cloud is harmless if at most one point in a hundred is missing and at most one in a thousand is
-//! more than five of its stated standard deviations off. It is recovered if it equals the fault-free
-//! cloud, or if it is harmless after a repeated run. All other clouds are wrong.
+//! more than five of its stated standard deviations off. A cloud is recovered if it equals the
+//! fault-free cloud, or if it is harmless after a repeated run. All other clouds are wrong.
 //!
 //! A cell counts scans by outcome. `phasmid faults matrix` recomputes the tables, and a test compares
 //! them.

@@ -45,7 +45,7 @@ const POD: &str = "sgrt-pod";
 const POD_SCENES: [&str; 2] = ["sphere", "torso"];
 /// Distance in millimetres by which a pod's scene is moved back compared with a bench's.
 const FARTHER_MM: f64 = 1400.0;
-/// Factor on the albedo of a pod's scene: that of skin.
+/// Factor on the albedo of a pod's scene, which makes it about as dark as skin.
 const DARKER: f64 = 0.6;
 
 /// Returns the settings for faults of frames: each way to identify frames with one device and one
@@ -65,7 +65,7 @@ pub fn frames(each: bool) -> Result<Vec<Setting>> {
             }
         }
         for (s, scene) in POD_SCENES.into_iter().enumerate() {
-            // By default, scan the pod with full identification and with none.
+            // By default, scan the pod with full identification and without identification.
             if each || 2 * s == l {
                 let name = format!("{name}, {POD}, {scene}");
                 let mut far = setting(&name, small(POD, line)?, scene, link)?;

@@ -33,7 +33,7 @@ pub enum Outcome {
     Recovered,
     /// An error that says what is wrong.
     Reported(String),
-    /// A cloud of damaged frames that hardly differs from the fault-free one.
+    /// A cloud of damaged frames that hardly differs from the fault-free cloud.
     Harmless(Difference),
     /// Another cloud, and no error.
     Wrong(Difference),
@@ -259,9 +259,9 @@ impl Trial {
         Scanner::with_dialect(desk.port(), dialect, REPLY_TIMEOUT, open)
     }
 
-    /// Returns whether a measured depth is more than 1 mm off, or has no surface there.
+    /// Returns whether a measured depth is more than 1 mm off, or lies at a pixel that sees no surface.
     fn is_gross(&self, pixel: usize, measured: f32) -> bool {
-        // The truth is NaN where there is no surface; the comparison is then false.
+        // The truth is NaN at pixels that see no surface; the comparison is then false.
         let small = f64::from(measured - self.truth.depth_mm[pixel]).abs() <= GROSS_MM;
         measured.is_finite() && !small
     }

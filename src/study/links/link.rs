@@ -13,7 +13,8 @@ pub(super) enum Link {
     UsbIp,
     /// A pty and a node of v4l2loopback.
     Video,
-    /// USB/IP to this machine's kernel, whose `uvcvideo` and `cdc_acm` make nodes of it.
+    /// USB/IP to this machine's kernel, whose drivers `uvcvideo` and `cdc_acm` create device nodes for
+    /// it.
     Kernel,
 }
 

@@ -1,10 +1,10 @@
 //! Speed of the links that carry commands to a device and its frames to the host: latency from a
 //! trigger to the complete frame, and frames per second ([`measure`]).
 //!
-//! The device uses the fast clock, so exposures take no time: only rendering and the link do. In memory
-//! there is no link: the device renders a frame on the host's own thread when the host asks for it.
-//! Over a link it renders the next frames of a sequence while the host receives the last one, so a link
-//! can be faster than the device in memory.
+//! The device uses the fast clock, so exposures take no time; only rendering and the link take time. In
+//! memory there is no link: the device renders a frame on the host's own thread when the host asks for
+//! it. Over a link, the device renders the next frames of a sequence while the host receives the
+//! previous one, so a link can be faster than the device in memory.
 
 mod link;
 mod talk;
@@ -18,7 +18,7 @@ use serde::Serialize;
 use talk::Missing;
 
 /// Exposure of a frame and period of a pattern in microseconds. Exposures are short because a V4L2 node
-/// receives frames no closer to each other than they were exposed.
+/// receives frames no faster than they are exposed.
 const SHORT_US: [f64; 2] = [100.0, 200.0];
 /// Number of rounds over all links.
 const ROUNDS: usize = 3;
@@ -55,17 +55,17 @@ pub struct LinkFigures {
     pub latency_us: [f64; 4],
     /// Number of frames in whole sequences.
     pub frames: usize,
-    /// Number of frames that did not arrive. Only a V4L2 node loses frames, because it overwrites frames that
-    /// its reader does not take in time.
+    /// Number of frames that did not arrive. Only a V4L2 node loses frames, because it overwrites frames
+    /// that its reader does not take in time.
     pub lost: usize,
     /// Frames per second of a sequence, from the trigger's command to the last frame: lower quartile,
     /// median, upper quartile.
     pub frames_per_s: [f64; 3],
 }
 
-/// Measures every link that the machine has, with the built-in device `pmp-bench`: up to `frames` frames per
-/// link in each of three rounds, but at least one sequence, first triggered one by one and then in whole
-/// sequences. A machine's speed varies over time, so the links take turns.
+/// Measures every link that the machine has, with the built-in device `pmp-bench`: up to `frames` frames
+/// per link in each of three rounds, but at least one sequence, first triggered one by one and then in
+/// whole sequences. A machine's speed varies over time, so the links take turns.
 ///
 /// The sensor is noiseless and a plane stands before the device, so that a frame takes little time to
 /// render.
@@ -142,8 +142,8 @@ impl Measured {
     }
 }
 
-/// `pmp-bench` with the embedded data line, which identifies frames on every link, short exposures with
-/// as much light as before, and no noise.
+/// Returns `pmp-bench` with the embedded data line, which identifies frames on every link, with short
+/// exposures of unchanged total light, and without noise.
 fn device() -> Result<Profile> {
     let mut profile = Profile::load("pmp-bench")?;
     profile.camera.data_line = true;

@@ -23,7 +23,7 @@ use std::time::Duration;
 
 /// Timeout for all operations: longer than any link takes.
 const TIMEOUT: Duration = Duration::from_secs(20);
-/// After this time without a frame, a link that can lose frames delivers no more of them.
+/// After this time without a frame, a link that can lose frames is assumed to deliver no more frames.
 const QUIET: Duration = Duration::from_millis(800);
 /// Maximum number of frames before the requested one: a camera that ran free has sent some, and
 /// a node of v4l2loopback keeps the last one of its last stream.
@@ -50,7 +50,7 @@ pub(super) struct Talk {
 }
 
 impl Talk {
-    /// Stops the device, which runs free until then, before it opens the camera.
+    /// Creates a conversation: stops the free-running device, then opens the camera.
     fn new(
         port: Box<dyn CommandPort + Send>,
         open: impl FnOnce() -> Result<Box<dyn Camera + Send>>,

@@ -5,12 +5,12 @@
 //! standard deviation sqrt(2/N) sigma / B, with sigma at the mean A (Greivenkamp, Opt. Eng. 23(4),
 //! 1984). Shot noise has the variance v_i = v (1 + m cos psi_i), where v is the variance at A and m = K
 //! B / v: samples in the dark part of a fringe are more precise than those in its bright part, which
-//! least squares ignores. The inverse of the Fisher information, the sum over the samples of g g^T /
-//! v_i with g the derivatives of I_i by A, B and phi, bounds every unbiased estimator (Kay,
-//! "Fundamentals of Statistical Signal Processing: Estimation Theory", 1993, chapter 3). The variance
-//! itself also contains information about the phase, K^2 / 2 v_i^2; it is some ten-thousandths and left
-//! out. For many steps the sum is an integral, and the ratio of the bound to that of least squares is
-//! sqrt((1 + sqrt(1 - m^2)) / 2).
+//! least squares ignores. The inverse of the Fisher information, the sum over the samples of g g^T / v_i
+//! with g the derivatives of I_i by A, B and phi, bounds every unbiased estimator (Kay, "Fundamentals of
+//! Statistical Signal Processing: Estimation Theory", 1993, chapter 3). The variance itself also
+//! contains information about the phase, K^2 / 2 v_i^2; this information is some ten-thousandths of the
+//! total and is left out. For many steps the sum is an integral, and the ratio of the bound to that of
+//! least squares is sqrt((1 + sqrt(1 - m^2)) / 2).
 
 use nalgebra::{Matrix3, Vector3};
 use phasmid_geometry::NoiseModel;
@@ -123,8 +123,8 @@ mod tests {
         assert!((all - 1.0 / 12.0).abs() < 1e-6);
     }
 
-    /// Compares with rounded samples on a grid of phases and means. The only noise is uniform with a
-    /// width of one level, which removes all harmonics.
+    /// Compares [`rounded`] with the errors of rounded samples on a grid of phases and means. The only
+    /// noise is uniform with a width of one level, which removes all harmonics.
     #[test]
     fn without_noise_the_error_is_that_of_rounded_samples() {
         for (steps, modulation) in [(12, 2.0), (5, 10.0)] {

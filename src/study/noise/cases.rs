@@ -23,11 +23,11 @@ pub(super) struct Case {
     pub(super) fringe: Fringe,
 }
 
-/// Noises of the first table, in digital numbers.
+/// Standard deviations of the noise in the first table, in digital numbers.
 pub(super) const NOISES_DN: [f64; 7] = [0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0];
 /// Modulations in digital numbers.
 pub(super) const MODULATIONS_DN: [f64; 6] = [2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
-/// Steps.
+/// Numbers of phase steps.
 pub(super) const STEPS: [usize; 11] = [3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32];
 /// Sensors of the second table, and their gains above the profile's.
 pub(super) const SENSORS: [(&str, f64); 5] = [
@@ -37,8 +37,8 @@ pub(super) const SENSORS: [(&str, f64); 5] = [
     ("webcam-grey", 0.0),
     ("webcam-grey", 18.0),
 ];
-/// Modulation over the mean's height above black in the second table: without other light, fringes
-/// that the camera's pixels and the projector's average.
+/// Ratio of the modulation to the mean above black in the second table: the scene has no ambient light,
+/// but camera and projector pixels average the fringes.
 const CONTRAST: f64 = 0.95;
 
 /// The grid of cases: complete, or a part of it that takes seconds.

@@ -6,7 +6,7 @@ use phasmid_report::lab::{Block, Chart, Check, Row, Rows, Section, Series, Serie
 
 /// Maximum ratio of errors to the bound.
 const ABOVE_BOUND: f64 = 1.05;
-/// Number of steps of the paper, used in tables for a single number of steps.
+/// Number of phase steps that Wu et al. use, for tables with a single number of steps.
 const STEPS: f64 = 12.0;
 
 /// Returns all sections.
@@ -15,25 +15,27 @@ pub(super) fn of_rows(rows: &Rows) -> Vec<Section> {
     vec![
         section("Even noise: least squares and rounding", even(rows)),
         section("Even noise: inliers, gross errors, coverage", mask(rows)),
-        section("Shot noise: what weights win", shot(rows)),
+        section("Shot noise: benefit of weights", shot(rows)),
         section("Depth", depth(rows)),
         section("Checks", vec![Block::Checks(checks(rows))]),
     ]
 }
 
 fn even(rows: &Rows) -> Vec<Block> {
-    let words = "Fringes around the middle of 8 bits with Gaussian noise of one size at every step, \
-        rounded, decoded as scans are. The bound is sqrt(2/N) sigma/B with sigma^2 = noise^2 + 1/12, \
-        as if rounding were white noise. It is from 0.3 grey levels of noise on, whatever the steps. Below, \
-        samples of one fringe share their rounding errors as they share levels: at 0.1 grey levels the \
-        error of a phase is up to a quarter above that bound or below it, by steps and modulation. Few steps are \
-        not what makes it so: 10, 12, 24 and 32 steps have modulations at which they are a tenth or \
-        more above, so that no bar of 1.05 for five steps and more can hold there. The second table is what \
-        rounding's harmonics say in closed form; the measured errors are held to it where noise is \
-        below half a grey level, and to the bound of white noise from there on.";
-    let measured = "Root mean square error over the bound, the largest over the modulations (bins of a \
+    let words = "Fringes around the middle of 8 bits with Gaussian noise of equal size at every \
+        step, rounded and decoded as in a scan. The bound is sqrt(2/N) sigma/B with sigma^2 = \
+        noise^2 + 1/12, which treats rounding as white noise. This holds from a noise of 0.3 grey \
+        levels upwards, for every number of steps. Below that, samples of one fringe that share a \
+        level also share its rounding error: at 0.1 grey levels the phase error is up to a quarter \
+        above or below that bound, depending on steps and modulation. Not only few steps are \
+        affected: 10, 12, 24 and 32 steps have modulations at which the error is a tenth or more \
+        above the bound, so that no limit of 1.05 for five or more steps can hold there. The \
+        second table is the closed form of the harmonics due to rounding; below a noise of half a \
+        grey level, the measured errors are checked against it, above, against the bound of white \
+        noise.";
+    let measured = "RMS error divided by the bound: largest value over the modulations (bins of a \
         thousand valid samples or more)";
-    let expected = "The same as expected of rounded samples";
+    let expected = "The same, as expected for rounded samples";
     let blocks = [
         Block::Words(words.to_owned()),
         Block::Table(tables::by_steps_and_noise(
@@ -59,13 +61,13 @@ fn even(rows: &Rows) -> Vec<Block> {
 }
 
 fn mask(rows: &Rows) -> Vec<Block> {
-    let words = "A pixel is valid whose modulation is at least 2 DN and whose phase has a standard \
-        deviation of at most 0.15 rad, both as measured, whose Gray code is certain, and which its \
-        neighbours confirm. The Gray code is what refuses pixels first: a bit is sure four standard \
-        deviations from the middle of white and black, which is noisy itself, so that it takes a \
-        modulation of some eight times the noise, where twelve steps would still have a phase to 0.15 rad from \
-        three times on. No gross errors come through. Where part of the \
-        pixels is refused, the valid ones are those whose noise happened to add to their modulation.";
+    let words = "A pixel is valid if its measured modulation is at least 2 DN, its phase has a \
+        measured standard deviation of at most 0.15 rad, its Gray code is certain, and its \
+        neighbours confirm it. The Gray code is the first to reject pixels: a bit is certain if it \
+        is four standard deviations from the middle of white and black, which is noisy itself. \
+        That takes a modulation of about eight times the noise, whereas the phase of twelve steps \
+        reaches 0.15 rad from three times on. No gross errors pass. Where some pixels are \
+        rejected, the valid ones are those whose noise happened to increase their modulation.";
     let blocks = [
         Block::Words(words.to_owned()),
         Block::Table(tables::mask(rows, STEPS)),
@@ -99,27 +101,34 @@ fn mask(rows: &Rows) -> Vec<Block> {
 }
 
 fn shot(rows: &Rows) -> Vec<Block> {
-    let words = "Where noise follows the light, the samples in a fringe's dark are better than those in \
-        its light. Least squares does not know and has the same bound as before, with sigma at the mean; the \
-        Cramer-Rao bound of many steps is lower by sqrt((1 + sqrt(1 - m^2)) / 2), where the variance \
-        swings by m of itself. Option weighted (--weighted) takes off the phase what its error shares with \
-        the second and third harmonic of the samples, which hold nothing but noise. Response curves move neither.";
+    let words = "Where noise follows the light, the dark samples of a fringe are more precise than \
+        the bright ones. Least squares ignores this and has the same bound as before, with sigma \
+        at the mean. For many steps, the Cramer-Rao bound is lower by sqrt((1 + sqrt(1 - m^2)) / \
+        2), where m is the relative amplitude of the variance along the fringe. Option weighted \
+        (--weighted) subtracts the part of the phase error that correlates with the second and \
+        third harmonics of the samples, which contain only noise. Response curves shift the phase \
+        of neither method.";
     let blocks = [
         Block::Words(words.to_owned()),
         Block::Table(tables::sensors(rows, STEPS)),
         Block::Table(tables::steps(rows)),
-        figure("noise-weighted", "What weights win", over_swing(rows)),
+        figure(
+            "noise-weighted",
+            "Error of least squares and of weighted steps over the least-squares bound",
+            over_swing(rows),
+        ),
         Block::Table(tables::time(rows)),
     ];
     blocks.into()
 }
 
 fn depth(rows: &Rows) -> Vec<Block> {
-    let words = "Scenes rendered, captured and decoded again and again with noise of its own each time. \
-        The spread of a pixel's depth is noise alone; its mean keeps what is none: the 8 bits of the slides, \
-        rounding, and what the correction of held projector pixels leaves. On webcam-grey, whose four steps \
-        get no weights, that correction raises the noise a little. First-order propagation carries \
-        the phase's bound to depth by the slope of the projector's coordinate along the camera's ray.";
+    let words = "Scenes are rendered, captured and decoded repeatedly, each time with new noise. \
+        The spread of a pixel's depth is noise only; its mean contains the errors that are not \
+        noise: the 8 bits of the pattern images, rounding, and the remainder after the correction \
+        of held projector pixels. On webcam-grey, whose four steps get no weights, that correction \
+        raises the noise a little. First-order propagation converts the phase's bound to depth \
+        with the slope of the projector's coordinate along the camera's ray.";
     vec![
         Block::Words(words.to_owned()),
         Block::Table(tables::depths(rows)),
@@ -164,7 +173,7 @@ fn over_steps(rows: &Rows) -> Chart {
     }
 }
 
-/// Plots a value over the ratio of modulation to noise, with a series for each N.
+/// Plots a value over the ratio of modulation to noise, with a series for each number of steps.
 fn over_noise(rows: &Rows, label: &str, value: impl Fn(&Row) -> f64) -> Chart {
     let series = values(of(rows, "even"), "steps").into_iter().map(|steps| {
         let mut points: Vec<(f64, f64)> = of(rows, "even")
@@ -233,7 +242,7 @@ fn over_swing(rows: &Rows) -> Chart {
         .map(|m| (m, floor_of_many(m)));
     Chart {
         heading: "8 steps and more".to_owned(),
-        x: "swing of the variance m".to_owned(),
+        x: "relative amplitude m of the variance".to_owned(),
         y: "error over the least-squares bound".to_owned(),
         log: [false, false],
         series: vec![

@@ -25,11 +25,11 @@ impl Study for Noise {
     }
 
     fn about(&self) -> &'static str {
-        "phase and depth noise beside the bounds that the sensor's noise sets"
+        "Noise of phase and depth, compared with the bounds that the sensor's noise sets."
     }
 
     fn title(&self) -> &'static str {
-        "Noise of phase and depth beside its bounds"
+        "Noise of phase and depth compared with its bounds"
     }
 
     fn columns(&self) -> &'static [&'static str] {

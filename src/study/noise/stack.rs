@@ -22,8 +22,8 @@ pub(super) struct Fringe {
     pub(super) steps: usize,
     /// Modulation B in digital numbers.
     pub(super) modulation_dn: f64,
-    /// Mean A in digital numbers, including the black level. Pixels differ by up to half a number, so
-    /// that they are not all rounded alike.
+    /// Mean A in digital numbers, including the black level. The means of pixels differ from it by up to
+    /// half a digital number, so that not all are rounded alike.
     pub(super) mean_dn: f64,
     /// The sensor that reads the fringe.
     pub(super) sensor: Sensor,

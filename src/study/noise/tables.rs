@@ -31,7 +31,7 @@ pub(super) fn signal_to_noise(row: &Row) -> f64 {
     row.value("modulation_dn") / (row.value("noise_dn").powi(2) + 1.0 / 12.0).sqrt()
 }
 
-/// Tabulates the largest value over the bins of each N and noise, by steps and noises.
+/// Tabulates, for each number of steps and each noise, the largest value over the bins.
 pub(super) fn by_steps_and_noise(
     rows: &Rows,
     name: &str,
@@ -61,9 +61,9 @@ pub(super) fn by_steps_and_noise(
 /// Tabulates the effect of the mask as the noise grows: inliers, gross errors and coverage separately.
 pub(super) fn mask(rows: &Rows, steps: f64) -> Table {
     let caption = format!(
-        "Even noise, {steps} steps, from the noisiest fringe to the best. Coverage: valid pixels \
-         among all; gross: valid ones more than a quarter of a period off; error over the bound: \
-         root mean square of the other valid ones"
+        "Even noise, {steps} steps, from the noisiest fringe to the best. Coverage: share of valid \
+         pixels; gross: share of the valid pixels that are more than a quarter of a period off; \
+         error over bound: RMS of the other valid pixels"
     );
     let header = [
         "B over noise",
@@ -100,12 +100,13 @@ pub(super) fn mask(rows: &Rows, steps: f64) -> Table {
     table
 }
 
-/// Tabulates shot noise (least squares, weights and bound) over the sensors and modulations of one N.
+/// Tabulates shot noise (least squares, weights and bound) over the sensors and modulations for one
+/// number of steps.
 pub(super) fn sensors(rows: &Rows, steps: f64) -> Table {
     let caption = format!(
         "Sensors of profiles, {steps} steps, fringes without other light (B is 95 % of the mean's \
-         height above black). Swing: how far the variance follows the fringe, m = K B / v. The last \
-         three are root mean squares over the least-squares bound"
+         height above black). Swing: relative amplitude of the variance along the fringe, m = K B \
+         / v. The last three columns are RMS errors divided by the least-squares bound"
     );
     let header = [
         "sensor",
@@ -135,14 +136,14 @@ pub(super) fn sensors(rows: &Rows, steps: f64) -> Table {
     table
 }
 
-/// Tabulates the same over the steps, for the first sensor at its brightest fringe.
+/// Tabulates shot noise over the numbers of steps, for the first sensor at its brightest fringe.
 pub(super) fn steps(rows: &Rows) -> Table {
     let all = || of(rows, "shot").filter(|row| bench(row));
     let brightest = values(all(), "modulation_dn").pop().unwrap_or(f64::NAN);
     let caption = format!(
-        "The sensor of pmp-bench by the number of steps, B = {brightest} DN: root mean squares over \
-         the least-squares bound. Three steps leave nothing to weigh, and the decoder weighs from six \
-         on"
+        "The sensor of pmp-bench by number of steps, B = {brightest} DN: RMS errors divided by the \
+         least-squares bound. Three steps have no redundancy for weights, and the decoder applies \
+         weights from six steps on"
     );
     let header = ["N", "least squares", "weighted", "Cramer-Rao"];
     let mut table = Table::new("noise-steps", caption, &header);
@@ -165,11 +166,11 @@ pub(super) fn bench(row: &Row) -> bool {
 /// Tabulates depths of repeatedly scanned scenes.
 pub(super) fn depths(rows: &Rows) -> Table {
     let caption = "Depth of smooth pixels over repeated scans of the middle of the camera's image, \
-         root mean squares in mm: bound: sqrt(2/N) sigma/B of the truth, carried to depth; spread: of \
-         each pixel's depths about their mean; deviation: the decoder's own; bias: of the means about the \
-         true depth, less what noise leaves of a mean. Chi-square: mean of error over deviation, \
-         squared. Gross: points more than 1 mm off; beyond 5 sigma: more than 5 of the decoder's own \
-         deviations";
+         RMS in mm. Bound: sqrt(2/N) sigma/B of the truth, converted to depth. Spread: standard \
+         deviation of each pixel's depths. Deviation: standard deviation stated by the decoder. \
+         Bias: of the mean depths from the true ones, less the noise that remains in a mean. \
+         Chi-square: mean squared ratio of error to stated standard deviation. Gross: points more \
+         than 1 mm off. Beyond 5 sigma: points off by more than 5 stated standard deviations";
     let header = [
         "profile, scene, light",
         "scans",
@@ -215,7 +216,7 @@ pub(super) fn depths(rows: &Rows) -> Table {
 
 /// Tabulates the decoding time with and without weights.
 pub(super) fn time(rows: &Rows) -> Table {
-    let caption = "Decoding 12 steps, 8 Gray bits, white and black to coordinates: medians";
+    let caption = "Median times to decode 12 steps, 8 Gray bits, white and black to coordinates";
     let header = ["pixels", "least squares, ms", "weighted, ms", "more, %"];
     let mut table = Table::new("noise-time", caption, &header).timed();
     for row in of(rows, "time") {

@@ -1,4 +1,4 @@
-//! The paper's rig and the objects in front of it.
+//! The rig of Wu et al. and the objects in front of it.
 
 use super::formula::{BASE_MM, HEIGHT_MM, TOP_MM};
 use glam::DVec3;
@@ -6,13 +6,13 @@ use phasmid_core::error::{Error, Result};
 use phasmid_geometry::{Mesh, Pose, shapes};
 use phasmid_profile::{Focus, Profile, RigPlace, Scene, Shape};
 
-/// Light of the study of distances, relative to the bench's own and equal at all distances: at full
-/// light the top of the trapezoid would saturate at 800 mm.
+/// Projector light in the section on distances, relative to the bench's own and equal at all distances:
+/// at full light the top of the trapezoid would saturate at 800 mm.
 pub const DIMMED: f64 = 0.7;
 
 /// Returns `pmp-bench` with lenses that are sharp at 1000 mm: the projector has an aperture of 5 mm, as
-/// in `pmp-real`, and the camera its own f-number. With `cut`, the camera has only that many columns
-/// and rows from the middle of the paper's, with identical pixels.
+/// in `pmp-real`, and the camera its own f-number. With `cut`, the camera has only that many columns and
+/// rows, from the middle of the sensor of Wu et al., with identical pixels.
 ///
 /// # Errors
 /// Returns no error for a built-in profile.
@@ -68,11 +68,11 @@ pub fn plane(distance_mm: f64) -> Result<Scene> {
 /// Direction from which the scanner sees the torso.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum View {
-    /// 45 degrees about its long axis: from its left.
+    /// Sees the torso from its left: it is rotated by 45 degrees about its long axis.
     Left,
-    /// 135 degrees: from its right.
+    /// Sees the torso from its right: it is rotated by 135 degrees about its long axis.
     Right,
-    /// 45 degrees about the axis across it: from the feet.
+    /// Sees the torso from the feet: it is rotated by 45 degrees about the axis across it.
     Feet,
 }
 
@@ -80,7 +80,7 @@ pub enum View {
 const MIDDLE_MM: DVec3 = DVec3::new(0.0, 0.0, 1040.0);
 
 /// Returns the torso on a table, seen from a direction, at the same distance from its middle as in the
-/// view from above. The table is only 530 mm wide, because an endless one would hide the torso.
+/// view from above. The table is only 530 mm wide, because an endless table would hide the torso.
 ///
 /// # Errors
 /// Returns no error for a built-in scene.

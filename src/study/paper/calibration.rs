@@ -16,7 +16,7 @@ use phasmid_profile::Profile;
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_report::plot::figures;
 
-/// Number of poses of the complete form, as in the paper, then of the quick form.
+/// Number of poses in the complete form of the study, as in Wu et al., then in its quick form.
 const POSES: usize = 20;
 const QUICK_POSES: usize = 5;
 
@@ -225,12 +225,13 @@ pub(super) fn section(rows: &Rows) -> Section {
     )
 }
 
-/// Formats a difference and its reference value. The difference has two figures, because other machines
-/// reproduce no more.
+/// Formats a difference and its reference value. The difference has two figures, because further digits
+/// differ between machines.
 fn focal(error: f64, of: f64) -> String {
     format!("{} of {}", figures(error, 2), figures(of, 4))
 }
 
-const WORDS: &str = "The board is the paper's, dots of 2.5 mm and markers of 5 mm, at four times \
-    its size: at 1000 mm the paper's own dots would be 1.6 pixels wide. Everything is estimated, \
-    distortion among it where the data demand it. The lenses are sharp everywhere here.";
+const WORDS: &str = "The board is the paper's, with dots of 2.5 mm and markers of 5 mm, at four \
+    times its size: at 1000 mm the paper's own dots would be 1.6 pixels wide. All parameters are \
+    estimated, distortion only where the data require it. Here the lenses are sharp at all \
+    distances.";

@@ -1,5 +1,5 @@
-//! The trapezoid at five distances: triangulation, and the paper's formula with f0 held or measured
-//! anew.
+//! The trapezoid at five distances, decoded by triangulation, and by the paper's height formula with its
+//! fringe frequency f0 held or measured anew.
 
 use super::bench::{DIMMED, around_trapezoid, bench, plane, surface, trapezoid};
 use super::figures::{Target, of, percent, three};
@@ -18,7 +18,8 @@ const ANEW: &str = "height, f0 anew";
 
 /// Minimum ratio of the paper's errors at 1000 mm to ours.
 const SMALLER: f64 = 10.0;
-/// Maximum mean difference, in mm, of depths with f0 held from the closed form: noise of both scans.
+/// Maximum mean difference, in mm, of depths with f0 held from the closed form; the difference is the
+/// noise of two scans.
 const CLOSED_MM: f64 = 0.1;
 
 /// Returns one trial per distance.
@@ -72,8 +73,8 @@ fn at(context: &Context<'_>, distance: f64) -> Result<Vec<Row>> {
     ])
 }
 
-/// Returns means over the measured pixels: the size of the error by the closed form, and the distance
-/// of the depths from the closed form.
+/// Returns two means over the measured pixels: the absolute error by the closed form, and the absolute
+/// difference of the depths from the closed form.
 fn closed_form(target: &Target, scan: &Scan, depth: &[f32], distance: f64) -> (f64, f64) {
     let (mut size, mut off, mut count) = (0.0, 0.0, 0.0);
     for &i in target.on.iter().filter(|&&i| depth[i].is_finite()) {
@@ -105,35 +106,37 @@ pub(super) fn section(rows: &Rows) -> Section {
 }
 
 const WORDS: &str = "The trapezoid (200 mm base, 100 mm top, 80 mm high) stands on the reference \
-    plane, L mm away; lenses are sharp at 1000 mm, and the light is the same at all distances, 0.7 of \
-    the bench's own: with all of it the top would saturate at 800 mm. MAE is the mean absolute depth \
-    error of all measured pixels of the trapezoid, those at its creases among them; CMAE the same \
-    along the camera's middle row. f0 and the reference are measured on scans of the bare plane, at \
-    L (anew) and at 1000 mm (held); L is known. That the paper's five figures stand in the order of \
-    growing distances is inferred from its text.";
+    plane at distance L. Lenses are focused at 1000 mm. The light is the same at all distances, \
+    0.7 of the bench's own: with all of it, the top would saturate at 800 mm. MAE is the mean \
+    absolute depth error of all measured pixels of the trapezoid, including those at its creases; \
+    CMAE is the same along the camera's middle row. f0 and the reference are measured on scans of \
+    the bare plane, at L (anew) or at 1000 mm (held); L is known. The order of the paper's five \
+    values, by increasing distance, is inferred from its text.";
 
-const TREND: &str = "The paper's errors vanish at 1000 mm, nearly, and grow to both sides of it, as \
-    the formula's do with f0 held at its value for 1000 mm: 0.172 per mm is right at 1000 mm only, \
-    for fringes widen with the distance. The closed form has no free number: over the frustum it is \
-    10.5, 4.8, 0, 4.0 and 7.4 mm. At 1100 and 1200 mm that is the paper's column within 0.4 mm; at \
-    900 mm it is 1.1 mm more and at 800 mm 3.3 mm more than the paper's, whose column is nearly even \
-    about 1000 mm, as the closed form is not. So holding f0 explains the size and the two sides, \
-    but at short distances something in the paper makes up for a part of it. Ours, over pixels, is \
-    larger than by area, for what is nearer fills more of them. Nor does the closed form have the \
-    paper's cross-section, which errs less than the whole: it counts the high middle more, and should \
-    err more. Which points the paper counts is not said; with the floor among them, whose height is \
-    exact, both would be less. With f0 measured anew, or by triangulation, nothing of it is left at \
-    any distance: it is no property of the bench or of the blur, which costs contrast, not truth.";
+const TREND: &str = "The paper's errors almost vanish at 1000 mm and grow on both sides of it, as \
+    the formula's do with f0 held at its value for 1000 mm: 0.172 per mm is right only at 1000 mm, \
+    because fringes widen with the distance. The closed form has no free parameter: over the \
+    frustum it is 10.5, 4.8, 0, 4.0 and 7.4 mm. At 1100 and 1200 mm this agrees with the paper's \
+    column within 0.4 mm; at 900 mm it is 1.1 mm and at 800 mm 3.3 mm larger. The paper's column \
+    is nearly symmetric about 1000 mm, the closed form is not. Holding f0 thus explains the size \
+    and the growth on both sides, but at short distances something in the paper compensates a part \
+    of the error. Our error over pixels is larger than that by area, because nearer parts fill \
+    more pixels. The closed form does not match the paper's cross-section either, whose error is \
+    smaller than that of the whole: the section gives the high middle more weight, so its error \
+    should be larger. The paper does not say which points it counts; with the floor, whose height \
+    is exact, both errors would be smaller. With f0 measured anew, or by triangulation, nothing of \
+    this error remains at any distance: it is not caused by the bench, nor by blur, which reduces \
+    contrast but not accuracy.";
 
 const FLOOR: &str = "HD is the largest and MDTA the mean distance between measured and true \
-    surface. From points to surface (both ways) they tell errors. From points to points, here from \
-    60,000 samples spread over the lit and seen part of the true surface to the nearest measured \
-    point, they tell how far apart points are, too: on a lattice of spacing s the mean is 0.383 s and \
-    the largest 0.707 s. Pixels are 1.58 mm apart on a plane at 1000 mm, which makes 0.60 and 1.12 \
-    mm, and more where a face leans away or creases leave pixels out. The floor is what the \
-    true points of the same pixels would have; errors move points to both sides of it. The paper's MDTA \
-    of 0.59 mm at 1000 mm is what the spacing alone makes on a plane that faces the camera: from points \
-    to points it tells of pixels, not of errors.";
+    surface. From points to surface (both ways) they show errors. From points to points, they also \
+    show the spacing of the points; here they are taken from 60,000 samples, spread over the lit \
+    and visible part of the true surface, to the nearest measured point. On a lattice of spacing s \
+    the mean is 0.383 s and the largest 0.707 s. Pixels are 1.58 mm apart on a plane at 1000 mm, \
+    which gives 0.60 and 1.12 mm, and more where a face leans away or creases leave pixels out. \
+    The floor is the value that the true points of the same pixels would have; errors move points \
+    to both sides of it. The paper's MDTA of 0.59 mm at 1000 mm is what the spacing alone gives on \
+    a plane that faces the camera: from points to points, it describes pixels, not errors.";
 
 fn row<'a>(rows: &'a Rows, distance: f64, method: &str) -> Option<&'a Row> {
     of(rows, "distance/")
@@ -184,8 +187,8 @@ fn means(rows: &Rows) -> Table {
 fn distances(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-agreement",
-        "Trapezoid at L: Hausdorff distance (HD) and mean distance to agreement (MDTA) in mm; \
-         triangulation but for the columns of f0, which are to the surface.",
+        "Trapezoid at L: Hausdorff distance (HD) and mean distance to agreement (MDTA) in mm, by \
+         triangulation except in the columns of f0, which are distances to the surface.",
         &[
             "L in mm",
             "HD, paper",
@@ -221,12 +224,13 @@ fn distances(rows: &Rows) -> Table {
     table
 }
 
-/// Tabulates inlier error, gross errors and coverage separately, which the means mix.
+/// Tabulates inlier error, gross errors and coverage separately; MAE and CMAE mix them.
 fn apart(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-apart",
-        "The same scans by triangulation: inlier error, gross errors (more than 1 mm, \
-         and more than 5 stated standard deviations, at edges too) and coverage apart, and how far the heights with f0 held are from the closed form.",
+        "The same scans by triangulation: inlier error, gross errors (more than 1 mm, and more \
+         than 5 stated standard deviations, edges included), coverage, and difference between the \
+         heights with f0 held and the closed form.",
         &[
             "L in mm",
             "points",

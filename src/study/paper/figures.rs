@@ -9,7 +9,7 @@ use phasmid_render::truth::Truth;
 use phasmid_report::lab::{Row, Rows};
 use rayon::prelude::*;
 
-/// Number of points tried over the area of the true surface.
+/// Number of points, spread over the true surface, that are tried as samples.
 const SAMPLES: usize = 60_000;
 /// Maximum distance in mm at which a true point belongs to the object's surface: depths are f32.
 const ON_MM: f64 = 0.05;
@@ -30,12 +30,13 @@ pub struct Target {
 /// pixel; smooth.
 pub const KINDS: usize = 4;
 
-/// Errors in millimetres; NaN without pixels of the kind.
+/// Errors in millimetres; an error is NaN if there are no pixels from which to compute it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Figures {
     /// Measured pixels of the object.
     pub points: usize,
-    /// Fraction measured of the pixels that see one lit facet at less than 80 degrees of incidence.
+    /// Among the pixels that see one lit facet at less than 80 degrees of incidence, the measured
+    /// fraction.
     pub coverage: f64,
     /// Share of the points more than 1 mm off in depth.
     pub gross: f64,
@@ -43,19 +44,19 @@ pub struct Figures {
     pub beyond: f64,
     /// Number of points more than 1 mm off, for each of [`KINDS`].
     pub gross_kinds: [usize; KINDS],
-    /// Root mean square depth error of the other points.
+    /// Root mean square depth error of the points without a gross error.
     pub inlier_rmse_mm: f64,
     /// Mean absolute depth error of all points, including creases.
     pub mae_mm: f64,
     /// Mean absolute depth error along the camera's middle row.
     pub cmae_mm: f64,
-    /// Hausdorff distance and mean distance to agreement, points to surface both ways.
+    /// Hausdorff distance and mean distance to agreement, between points and surface in both directions.
     pub surface_mm: [f64; 2],
     /// The larger of the 95th percentiles of the two directed distances.
     pub surface_p95_mm: f64,
     /// Largest and mean distance from the points of the true surface to the nearest measured point.
     pub points_mm: [f64; 2],
-    /// The values of `points_mm` for measured points without errors.
+    /// The values that `points_mm` would have if the measured points had no errors.
     pub floor_mm: [f64; 2],
 }
 
@@ -310,8 +311,8 @@ mod tests {
         let exact = target.figures(&truth.depth_mm, None, &truth).unwrap();
         assert_eq!((exact.mae_mm, exact.cmae_mm, exact.gross), (0.0, 0.0, 0.0));
         assert_eq!(exact.points_mm, exact.floor_mm);
-        // Pixels of 1.5 mm: the lattice's mean on the top, and more on the sides, which stretch the
-        // lattice.
+        // With pixels of 1.5 mm, the mean distance on the top is the mean of a square lattice; on the
+        // sides, which stretch the lattice, it is larger.
         let pitch = 920.0 / rig.camera.lens.focal_px.x;
         let [_, floor] = exact.floor_mm;
         assert!(

@@ -17,9 +17,9 @@ pub const MEASURED_AT_MM: f64 = 1000.0;
 
 /// Side of the trapezoid's base in mm.
 pub const BASE_MM: f64 = 200.0;
-/// Side of the top in mm.
+/// Side of the trapezoid's top in mm.
 pub const TOP_MM: f64 = 100.0;
-/// Height in mm.
+/// Height of the trapezoid in mm.
 pub const HEIGHT_MM: f64 = 80.0;
 
 /// Returns the height in mm that the formula gives for a height `height_mm` over a plane at
@@ -29,8 +29,8 @@ pub fn with_f0_held(height_mm: f64, distance_mm: f64) -> f64 {
     distance_mm * r * height_mm / (distance_mm - height_mm + r * height_mm)
 }
 
-/// Returns the mean size of this error in mm over the trapezoid's base: each part of the surface is
-/// weighted by its projected area, as seen from afar along the axis.
+/// Returns the mean absolute error of [`with_f0_held`] in mm over the trapezoid's base: each part of the
+/// surface is weighted by its projected area, as seen from afar along the axis.
 pub fn mean_over_base(distance_mm: f64) -> f64 {
     // The area of the section at height h is w(h)^2; the base's share between h and h + dh is
     // -dA/dh, the top's share A(80 mm).
@@ -41,7 +41,8 @@ pub fn mean_over_base(distance_mm: f64) -> f64 {
     (sides + error(HEIGHT_MM) * TOP_MM * TOP_MM) / (BASE_MM * BASE_MM)
 }
 
-/// Returns the same mean over the cross-section through the middle, weighted by length.
+/// Returns the mean absolute error of [`with_f0_held`] in mm over the cross-section through the middle,
+/// weighted by length.
 pub fn mean_over_section(distance_mm: f64) -> f64 {
     let error = |h: f64| (with_f0_held(h, distance_mm) - h).abs();
     let sides = simpson(|h| error(h) * (BASE_MM - TOP_MM) / HEIGHT_MM);
@@ -72,7 +73,7 @@ mod tests {
     use phasmid_pattern::Axis;
     use phasmid_profile::Profile;
 
-    /// Compares with sums over a grid of the base, and along its middle.
+    /// Compares the means of the error with sums over a grid of the base, and along its middle.
     #[test]
     fn the_column_that_holding_f0_alone_makes() {
         const N: usize = 400;
@@ -105,7 +106,7 @@ mod tests {
         }
     }
 
-    /// Compares with the mapping itself, applied to projections by the rig.
+    /// Compares the closed form with the mapping itself, applied to points projected by the rig.
     #[test]
     fn the_mapping_errs_as_the_closed_form_says() {
         let mut profile = Profile::load("pmp-bench").unwrap();

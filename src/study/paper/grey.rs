@@ -57,8 +57,9 @@ fn file(distance: f64) -> String {
 pub(super) fn section(rows: &Rows, folder: &Folder) -> Result<Section> {
     let mut table = Table::new(
         "paper-grey",
-        "Top of the trapezoid under fringes, without noise: mean grey level and modulation, in grey \
-         levels, and their ratio over the black level of 4.",
+        "Top of the trapezoid under fringes, without noise: mean grey level, modulation in grey \
+         levels, and contrast, which is the modulation divided by the mean above the black level \
+         of 4.",
         &["L in mm", "mean", "modulation", "contrast"],
     );
     let mut series = Vec::new();
@@ -119,8 +120,9 @@ fn levels(folder: &Folder, name: &str) -> Result<Vec<f64>> {
     text.lines().map(level).collect()
 }
 
-const WORDS: &str = "The same light at all distances, 0.7 of the bench's own. A fringe is 3.68 px \
-    wide in the image at any distance, for both pupils stand side by side: what changes with the \
-    distance is its place, its light and, away from 1000 mm, its contrast. The pixel's own width \
-    leaves 0.88 of the contrast and ambient light takes some of it everywhere; the projector's blur, \
-    a disc that at 800 mm is 5.4 of its pixels wide on the top of the trapezoid, takes 13 % there.";
+const WORDS: &str = "The light is the same at all distances, 0.7 of the bench's own. A fringe is \
+    3.68 px wide in the image at any distance, because both pupils stand side by side; its \
+    position, its light and, away from 1000 mm, its contrast change with the distance. The pixel's \
+    own width leaves 0.88 of the contrast, and ambient light takes some of it everywhere. The \
+    projector's blur, a disc that at 800 mm is 5.4 of its pixels wide on the top of the trapezoid, \
+    takes 13 % there.";

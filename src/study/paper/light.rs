@@ -24,7 +24,7 @@ enum Around {
     Ambient,
     /// As `Ambient`, with a lens with halo and a sensor that blooms.
     Halo,
-    /// As `Halo`, but the room's light varies, in W/m^2, and the projector has its own level.
+    /// As `Halo`, but the room's light varies, in W/m^2, and the projector keeps the bench's level.
     Room,
 }
 
@@ -141,8 +141,8 @@ fn plain(scan: &Scan) -> Result<Vec<f32>> {
         if sine.abs().max(cosine.abs()) < 1e-6 {
             (sine, cosine) = (0.0, 1.0);
         }
-        // The sums of A + B cos(x + phase) over evenly spaced phases are -N B sin(x) / 2 and
-        // N B cos(x) / 2.
+        // Over evenly spaced phases, A + B cos(x + phase) times the sine of the phase sums to -N B
+        // sin(x) / 2, and times the cosine to N B cos(x) / 2.
         let within = (-sine).atan2(cosine) / TAU * period;
         let x = within + ((known - within) / period).round() * period;
         let found = mapping.depth_mm(i, x, 0.0);
@@ -155,10 +155,10 @@ fn plain(scan: &Scan) -> Result<Vec<f32>> {
 pub(super) fn section(rows: &Rows) -> Section {
     let mut table = Table::new(
         "paper-light",
-        "Trapezoid at 1000 mm by triangulation under light of 0.5, 1 and 2, in mm. \
-         Plain: the arctangent of the twelve steps at every lit pixel, none refused, with the \
-         period's order from the truth. The paper's three rows stand beside the light of the same \
-         place in the list.",
+        "Trapezoid at 1000 mm by triangulation under light of 0.5, 1 and 2, in mm. Plain: \
+         arctangent of the twelve steps at every lit pixel, without rejection, with the fringe \
+         order from the truth. The paper's three rows are listed with the light at the same \
+         position in the list.",
         &[
             "light",
             "saturated in %",
@@ -219,16 +219,17 @@ pub(super) fn section(rows: &Rows) -> Section {
 
 const WORDS: &str = "Light 1 is the bench's own projector: white on an albedo of 0.8 at 1000 mm \
     fills three quarters of a pixel's well. A lit room adds 0.2 W/m^2 of ambient light, a fifth of \
-    what the projector gives at a metre; halo adds a lens that scatters 3 % of the light over 40 px \
-    and a sensor that blooms. Whether the paper's 0.5, 1 and 2 are of the projector or of the room is \
-    not clear, so both are shown: in the last three rows the projector stays as it is and the room \
-    has 0.5, 1 and 2 W/m^2.";
+    what the projector gives at a metre; halo adds a lens that scatters 3 % of the light over 40 \
+    px and a sensor that blooms. It is not clear whether the paper's 0.5, 1 and 2 refer to the \
+    projector or to the room, so both are shown: in the last three rows the projector is unchanged \
+    and the room has 0.5, 1 and 2 W/m^2.";
 
-const TREND: &str = "With the projector's light our errors do not grow as the paper's do. Saturated \
-    pixels are refused, so the coverage falls instead, and HD and MDTA grow with the holes. Nor \
-    would keeping them cost much while a part of the fringe is left: a clipped sine has overtones, but \
-    of these twelve steps let only those near the eleventh and thirteenth reach the phase. With twice \
-    the light and halo the part is small, and the plain errors are five times ours. In light in which \
-    even the dark of a fringe saturates there is no phase at all: a plain arctangent is off by up to \
-    half a fringe, which is 7.3 mm at 1000 mm. Light of the room does that, and there the plain decoder's \
-    errors grow towards those of the paper's last row; ours says that nothing was measured.";
+const TREND: &str = "With the projector's light, our errors do not grow as the paper's do. \
+    Saturated pixels are rejected, so the coverage falls instead, and HD and MDTA grow with the \
+    holes. Keeping them would cost little while a part of the fringe is left: a clipped sine has \
+    harmonics, but of these, twelve steps let only those near the eleventh and thirteenth reach \
+    the phase. With twice the light and halo that part is small, and the plain errors are five \
+    times ours. In light in which even the dark part of a fringe saturates there is no phase at \
+    all: a plain arctangent is off by up to half a fringe, which is 7.3 mm at 1000 mm. Room light \
+    does this: the plain decoder's errors then grow towards those of the paper's last row, whereas \
+    ours reports that nothing was measured.";

@@ -4,7 +4,7 @@
 //! game engine, and convert phases to heights with one formula. Here the emulated bench scans the same
 //! objects, decoded both by triangulation and by their formula ([`phasmid_calibrate::height`]). The
 //! formula's fringe frequency f0 is either held at its value at 1000 mm or measured anew. `formula`
-//! states the effect of holding it in closed form.
+//! states in closed form the error that holding f0 causes.
 
 mod bench;
 mod calibration;
@@ -26,7 +26,7 @@ use phasmid_report::lab::{Block, Folder, Rows, Section, Settings, Study, Trial};
 /// The study.
 pub struct Paper;
 
-/// Columns beside those of [`Figures`].
+/// Columns of this study, besides the columns of [`Figures`].
 const COLUMNS: [&str; 23] = [
     "distance_mm",
     "method",
@@ -74,7 +74,7 @@ impl Study for Paper {
     }
 
     fn about(&self) -> &'static str {
-        "The paper's experiments on the paper's rig, with the paper's figures beside ours."
+        "The experiments of Wu et al. on their rig, with their results and ours."
     }
 
     fn title(&self) -> &'static str {
@@ -121,15 +121,16 @@ fn bench_section(settings: &Settings) -> Section {
 }
 
 const BENCH: &str = "Wu et al., \"Virtual 3D surface imaging system for the validation of tumor \
-    tracking algorithm used in surface-guided radiotherapy\", scan in a game engine; here their \
-    bench is the profile pmp-bench: a camera of 1138 x 489 pixels behind a 20 mm lens on 36 mm, a \
-    projector of 1920 x 1080, baseline 400 mm, 12 phase steps of 16 px (0.172 line pairs per mm at \
-    1000 mm) and a Gray code, 8 bits, shot and read noise of an industrial camera. Camera (f/16) and \
-    projector (5 mm of aperture) are focused at 1000 mm. Errors are of the true rig unless said \
-    otherwise; the truth is exact, by ray casting in f64.";
+    tracking algorithm used in surface-guided radiotherapy\", scan in a game engine. Here their \
+    bench is the profile pmp-bench: a camera of 1138 x 489 pixels with a 20 mm lens and a sensor \
+    36 mm wide, a projector of 1920 x 1080 pixels, a baseline of 400 mm, 12 phase steps with a \
+    period of 16 px (0.172 line pairs per mm at 1000 mm), a Gray code, 8 bits, and the shot and \
+    read noise of an industrial camera. Camera (f/16) and projector (5 mm of aperture) are focused \
+    at 1000 mm. Errors are those with the true rig unless stated otherwise; the truth is exact, by \
+    ray casting in f64.";
 
-const QUICK: &str = "The quick form: the camera's image is cut to what the object fills, pixel by \
-    pixel the same, and the calibration has fewer poses.";
+const QUICK: &str = "In the quick form, the camera's image is cropped to the object, with the same \
+    pixels, and the calibration has fewer poses.";
 
 /// Summarises the sections.
 fn trends() -> Section {
@@ -141,13 +142,13 @@ fn trends() -> Section {
     }
 }
 
-const AGREE: &str = "They agree in these: errors that grow to both sides of 1000 mm, if f0 is held; \
-    centre before rim before foot; left like right; errors of millimetres in light that drowns the \
-    fringes; reprojection errors of hundredths of a pixel.";
+const AGREE: &str = "They agree in these points: errors grow on both sides of 1000 mm if f0 is \
+    held; they increase from centre to rim to foot; left and right are alike; light that drowns \
+    the fringes causes errors of millimetres; reprojection errors are hundredths of a pixel.";
 
-const NOT: &str = "They do not in these. In size: where no constant is wrong, ours are some twenty \
-    to ninety times smaller, because what is left is the camera's noise over twelve frames, and neither a \
-    formula nor the spacing of points adds to it. In distances below 1000 mm, where the paper's errors \
-    are less than the formula's. In the cross-section, which should err more than the whole. In the view \
-    from the feet, which is hardly worse than the others here. In the \
-    projector's light, which costs us coverage and not truth. In HD, which one wrong pixel decides.";
+const NOT: &str = "They differ in these points. Size: where no constant is wrong, our errors are \
+    some twenty to ninety times smaller, because only the camera's noise over twelve frames \
+    remains, and neither a formula nor the spacing of points adds to it. Distances below 1000 mm: \
+    the paper's errors are smaller than the formula's. Cross-section: its error should be larger \
+    than that of the whole. View from the feet: here it is hardly worse than the others. The \
+    projector's light: it costs us coverage, not accuracy. HD: a single wrong pixel determines it.";

@@ -105,11 +105,12 @@ pub(super) fn section(rows: &Rows) -> Section {
     )
 }
 
-const WORDS: &str = "What the paper cuts off at Z = 70 mm is read as the top (80 mm) with the upper \
-    10 mm of the sides, its centre being the inner 50 x 50 mm and the rim what is around it; the \
-    foot is all below Z = 20 mm. The order of errors is the paper's: centre, rim, foot. Ours has two \
-    reasons: pixels at creases read a mixture of two facets, and the centre has none of them; and \
-    the foot is all sides, which lean away, one of them nearly along the projector's rays.";
+const WORDS: &str = "The part that the paper cuts off at Z = 70 mm is taken to be the top (80 mm) \
+    with the upper 10 mm of the sides; its centre is the inner 50 x 50 mm, and the rim is the rest \
+    of it. The foot is everything below Z = 20 mm. The order of errors is the paper's: centre, \
+    rim, foot. Ours has two reasons. Pixels at creases see a mixture of two facets, and the centre \
+    has no creases. The foot consists only of sides, which lean away, one of them nearly along the \
+    projector's rays.";
 
 #[cfg(test)]
 mod tests {

@@ -49,7 +49,8 @@ pub(super) fn section() -> Section {
     let captions = [
         "The trapezoid at 1000 mm: a frame with fringes, the depth measured by triangulation, and \
          measured minus true depth.",
-        "The torso from its left at 45 degrees, head to the right: the same three.",
+        "The torso from its left at 45 degrees, head to the right: fringes, depth and error as \
+         above.",
     ];
     let pictures = NAMES.into_iter().zip(captions).map(|(name, caption)| {
         Block::Image(Image {
@@ -58,7 +59,7 @@ pub(super) fn section() -> Section {
         })
     });
     Section {
-        title: "What is seen".to_owned(),
+        title: "Examples".to_owned(),
         blocks: pictures.collect(),
     }
 }

@@ -33,7 +33,7 @@ pub const VIEWS: [Found; 3] = [
     found(f64::NAN, 2.05, 3.92, 1.57),
 ];
 
-/// The three rows of the paper's table of light, in its order; without a cross-section.
+/// The three rows of the paper's table of light, in the table's order; without a cross-section.
 pub const LIGHT: [Found; 3] = [
     found(f64::NAN, 0.80, 1.97, 0.65),
     found(f64::NAN, 1.78, 3.06, 1.64),

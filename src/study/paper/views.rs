@@ -41,8 +41,9 @@ fn from(context: &Context<'_>, name: &str, view: View) -> Result<Vec<Row>> {
 pub(super) fn section(rows: &Rows) -> Section {
     let mut table = Table::new(
         "paper-views",
-        "Torso at about 1000 mm by triangulation, in mm; inlier error, gross errors (more than 1 mm, \
-         and more than 5 stated standard deviations, at edges too) and coverage apart.",
+        "Torso at about 1000 mm by triangulation, in mm, with separate values for inlier error, \
+         gross errors (more than 1 mm, and more than 5 stated standard deviations, edges included) \
+         and coverage.",
         &[
             "from the",
             "MAE, paper",
@@ -100,9 +101,9 @@ pub(super) fn section(rows: &Rows) -> Section {
 fn gross(rows: &Rows) -> Table {
     let mut table = Table::new(
         "paper-views-gross",
-        "The same scans: points more than 1 mm off, by what the ray through their pixel's middle \
-         meets: a flank that rays graze, a surface in shadow, another one where the pixel sees more \
-         than one facet, one smooth facet.",
+        "The same scans: points more than 1 mm off, grouped by the surface that the ray through \
+         the pixel's centre meets: a grazed flank, a surface in shadow, another surface in a pixel \
+         that sees more than one facet, or one smooth facet.",
         &[
             "from the",
             "points",
@@ -137,20 +138,21 @@ fn checks(rows: &Rows) -> Vec<Check> {
     CASES.map(check).into()
 }
 
-const GROSS: &str = "None is on a smooth facet. From the feet the torso's flanks are grazed: a pixel \
-    whose middle just meets one spans more than a fringe there, so that all the fringes that it sees \
-    are the table's, some 150 mm behind, which it measures within 0.6 mm, but not at its middle. One \
-    such point, 68 mm from the torso, was all of the Hausdorff distance until the decoder asked the Gray \
-    code: words of neighbouring cells differ in one bit, so that two bits between black and white \
-    are of two places, and such a pixel is refused. What is left is on grazed flanks and at edges: \
-    the middle of the pixel meets one surface, and most of its light comes from another.";
+const GROSS: &str = "None of these points is on a smooth facet. From the feet, rays graze the \
+    torso's flanks: a pixel whose centre just meets one spans more than a fringe there, so that \
+    the only fringes it resolves are the table's, some 150 mm behind, which it measures within 0.6 \
+    mm, but not at its centre. One such point, 68 mm from the torso, determined the Hausdorff \
+    distance until the decoder checked the Gray code: code words of neighbouring cells differ in \
+    one bit, so two bits between black and white come from two places, and such a pixel is \
+    rejected. The remaining points are on grazed flanks and at edges: the centre of the pixel \
+    meets one surface, and most of its light comes from another.";
 
-const WORDS: &str = "The scanner goes about the torso's middle: 45 degrees about its long axis to \
-    either side (the paper's 45 and 135 degrees), and 45 degrees about the axis across it, towards \
-    the feet. The paper's figure 12 and its table 2 name the three views differently; the table's \
-    order is taken, left, right, distal. The torso is ours, not the paper's, so only the trend can \
-    be compared. Left and right are alike, as the paper's are. From the feet, where more of the surface \
-    leans away and is farther off, our noise grows by a third or so and the mean error by less; the \
-    paper's errors there are more than twice those from the sides, which is not the noise of a scanner. \
-    HD is of the single worst point, at a silhouette; HD95, the 95th percentile of the same distances, leaves \
-    such points out.";
+const WORDS: &str = "The scanner is turned about the torso's middle: by 45 degrees about its long \
+    axis to either side (the paper's 45 and 135 degrees), and by 45 degrees about the axis across \
+    it, towards the feet. The paper's figure 12 and its table 2 name the three views differently; \
+    the table's order is used: left, right, distal. The torso is ours, not the paper's, so only \
+    the trend can be compared. Left and right are alike, as in the paper. From the feet, where \
+    more of the surface leans away and is farther off, our noise grows by a third or so and the \
+    mean error by less; the paper's errors there are more than twice those from the sides, which a \
+    scanner's noise does not explain. HD is that of the single worst point, at a silhouette; HD95, \
+    the 95th percentile of the same distances, leaves such points out.";

@@ -11,12 +11,12 @@ use phasmid_render::Term;
 use phasmid_render::truth::Truth;
 use phasmid_sgrt::{Measured, POINTS, Region};
 
-/// Columns and rows of the pods' cameras, with the profile's field of view: half of its pixels per
-/// side, because the tracker uses only [`POINTS`] points of a scan.
+/// Columns and rows of the pods' cameras, with the profile's field of view: half as many pixels per side
+/// as in the profile, because the tracker uses only [`POINTS`] points of a scan.
 pub(super) const SIZE_PX: [u32; 2] = [320, 240];
-/// Standard deviation in millimetres that the tracker gets for points without noise.
+/// Standard deviation in millimetres that the tracker is given for noise-free points.
 const IDEAL_SIGMA_MM: f64 = 0.1;
-/// The paper's noise, in millimetres along each axis.
+/// Noise that Wu et al. add to an ideal skin, in millimetres along each axis.
 pub(super) const NOISE_MM: f64 = 0.5;
 
 /// A kind of skin data.
@@ -62,13 +62,14 @@ pub(super) struct Skin {
 /// Depths of all pods compared with the true ones at the same time.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Against {
-    /// Fraction of the points that are more than a millimetre off, or where there is no surface.
+    /// Fraction of the points that are more than a millimetre off, or at pixels that see no surface.
     pub(super) gross: f64,
     /// Fraction of the points off by more than five of the standard deviations stated by the decoder.
     pub(super) beyond: f64,
-    /// Mean of measured minus true depth over the other points, in millimetres.
+    /// Mean of measured minus true depth over the points without a gross error, in millimetres.
     pub(super) bias_mm: f64,
-    /// Root mean square of measured minus true depth over the other points, in millimetres.
+    /// Root mean square of measured minus true depth over the points without a gross error, in
+    /// millimetres.
     pub(super) rmse_mm: f64,
 }
 

@@ -65,7 +65,8 @@ impl Study for Sgrt {
     }
 
     fn about(&self) -> &'static str {
-        "A tumour followed through the skin of fifteen patients, two in the quick form, with ideal skins and scanned ones."
+        "A tumour tracked through the skin of fifteen patients (two in the quick form), with ideal \
+         and with scanned skin."
     }
 
     fn title(&self) -> &'static str {
@@ -125,10 +126,10 @@ impl Study for Sgrt {
         };
         Ok(vec![
             Section::new(
-                "What is compared",
+                "Method",
                 vec![Block::Words(format!("{} {COMPARED}", names.len()))],
             ),
-            Section::new("What is seen", vec![pictures::block(), path::block(rows)]),
+            Section::new("Examples", vec![pictures::block(), path::block(rows)]),
             Section {
                 title: "Position and shape of the tumour".to_owned(),
                 blocks: blocks(
@@ -137,7 +138,7 @@ impl Study for Sgrt {
                 ),
             },
             Section {
-                title: "What ideal skins hide".to_owned(),
+                title: "Effects that ideal skins do not have".to_owned(),
                 blocks: blocks(
                     vec![Block::Words(TERMS.to_owned())],
                     terms::blocks(rows, &names),
@@ -148,21 +149,21 @@ impl Study for Sgrt {
 }
 
 /// Text above the tables; the number of patients precedes it.
-const COMPARED: &str = "generated patients lie on the couch on the day of \
-    treatment: set up by hand some millimetres and degrees off, breathing deeper or shallower than at \
-    planning, drifting. The tracker knows the planning folder only: the skin, the tumour and ten \
-    displacement fields of one breathing cycle. Three skins go into the same tracker: points of the true \
-    skin, the same points with Gaussian noise of 0.5 mm along each axis, and the skin that the three pods \
-    of the ceiling scan in turn, as a client decodes it, by cameras of 320 x 240 pixels. The truth is that of the middle of the scan. The \
-    patients, the tracker and the scanner are ours, not the paper's, so that the figures stand \
-    beside each other for their size only.";
+const COMPARED: &str = "generated patients lie on the couch on the day of treatment. Each was set \
+    up by hand some millimetres and degrees off, breathes deeper or shallower than at planning, \
+    and drifts. The tracker knows only the planning folder: the skin, the tumour and ten \
+    displacement fields of one breathing cycle. It gets three kinds of skin: points of the true \
+    skin, the same points with Gaussian noise of 0.5 mm along each axis, and the skin as a client \
+    decodes it from scans by the three ceiling pods in turn, with cameras of 320 x 240 pixels. The \
+    results are compared with the truth at the middle of the scan. Patients, tracker and scanner \
+    are not those of the paper, so compare only the order of magnitude with its figures.";
 
-const POSITION: &str = "An ideal skin is not a tumour: what is left of the error with it is \
-    what skin cannot say, the hysteresis between skin and tumour, breathing that is not planning's, and \
-    the set-up, which the skin shows as well as its shape allows.";
+const POSITION: &str = "With an ideal skin, the error that remains comes from what the skin cannot \
+    show: the hysteresis between skin and tumour, and breathing that differs from planning. The \
+    set-up adds to it, because the skin shows it only as well as its shape allows.";
 
-const TERMS: &str = "Each line compares two inputs at the same moments that differ in one \
-    term: the scan while the patient breathes and one of a patient who stays as in its middle; that \
-    and one of skin which no light enters; that and one by sensors without noise; that and the true skin \
-    at the same pixels; that and all of the true skin. Together the lines lead from the ideal skin to \
-    the scanned one, so that their sum is the difference in the table above.";
+const TERMS: &str = "Each row compares two inputs at the same moments that differ in one effect: \
+    the scan of the breathing patient with a scan of the patient frozen in its middle; that with a \
+    scan of skin that light does not enter; that with one by sensors without noise; that with the \
+    true skin at the same pixels; and that with all of the true skin. These rows lead from the \
+    ideal skin to the scanned one, so that their sum is the difference in the table above.";

@@ -12,7 +12,7 @@ const STUDENT: [f64; 14] = [
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Spread {
     pub(super) mean: f64,
-    /// Standard deviation of the values; NaN for fewer than two.
+    /// Standard deviation of the values; NaN for fewer than two values.
     pub(super) deviation: f64,
     /// Half of the interval; NaN for fewer than two values.
     pub(super) half: f64,

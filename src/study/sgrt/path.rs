@@ -61,7 +61,7 @@ fn follow(context: &Context<'_>, patient: &str, scans: usize) -> Result<Vec<Row>
     Ok(rows)
 }
 
-/// Plots both paths over time.
+/// Plots the true and the tracked path over time.
 pub(super) fn block(rows: &Rows) -> Block {
     let mut series = Vec::new();
     for (name, column) in AXES {
@@ -78,12 +78,16 @@ pub(super) fn block(rows: &Rows) -> Block {
         }
     }
     let chart = Chart {
-        heading: "The tumour over a breath".to_owned(),
+        heading: "Position of the tumour during a breath".to_owned(),
         x: "time (s)".to_owned(),
-        y: "distance of the tumour from the isocentre (mm)".to_owned(),
+        y: "position of the tumour relative to the isocentre (mm)".to_owned(),
         log: [false, false],
         series,
     };
-    Block::Figure(chart.figure("sgrt-path", "One patient over a breath: where the tumour is (lines), and where the tracker says \
-                  that it is from each scan of the three pods (dots), set at the middle of the scan."))
+    Block::Figure(chart.figure(
+        "sgrt-path",
+        "One patient during a breath: true position of the \
+                  tumour (lines), and the tracked position from each scan of the three pods \
+                  (dots), plotted at the middle of the scan.",
+    ))
 }

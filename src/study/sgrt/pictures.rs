@@ -50,8 +50,8 @@ pub(super) fn block() -> Block {
     Block::Image(Image {
         file: FILE.to_owned(),
         caption:
-            "The pod over the foot end: a patient on the couch under fringes, the depth that it \
-                  measures, and measured minus true depth."
+            "The pod over the foot end: a patient on the couch under fringes, the measured depth, \
+                  and measured minus true depth."
                 .to_owned(),
     })
 }

@@ -13,7 +13,7 @@ const MOST_OVER_DEVIATION: f64 = 2.0;
 /// scanner (Wu et al., "Virtual 3D surface imaging system for the validation of tumor tracking
 /// algorithm used in surface-guided radiotherapy", tables 4 and 5).
 const PUBLISHED_POSITION_MM: [f64; 3] = [1.29, 1.33, 1.57];
-/// Published means of Dice's coefficient, in the same order.
+/// Published means of Dice's coefficient, in the order of [`PUBLISHED_POSITION_MM`].
 const PUBLISHED_DICE: [f64; 3] = [0.924, 0.920, 0.906];
 
 /// The three columns of the paper.
@@ -26,16 +26,17 @@ pub(super) fn blocks(rows: &Rows, patients: &[&str]) -> Vec<Block> {
             patients,
             ("sgrt-position", "tpe_mm"),
             (PUBLISHED_POSITION_MM, 2),
-            "Target position error in mm: the distance between the centroids of the tumour as \
-             followed and as it is, mean and standard deviation over the moments of each patient; \
-             in the last rows over the patients' means, and the paper's means.",
+            "Target position error in mm: distance between the centroids of the tracked and the \
+             true tumour, mean and standard deviation over the moments of each patient. The last \
+             rows are the mean and standard deviation over the patients' means, and the paper's \
+             means.",
         )),
         Block::Table(table(
             rows,
             patients,
             ("sgrt-dice", "dice"),
             (PUBLISHED_DICE, 3),
-            "Dice's coefficient of the tumour as followed and as it is, likewise.",
+            "Dice's coefficient of the tracked and the true tumour, in the same form.",
         )),
         Block::Table(simulated(rows, patients)),
         Block::Figure(figure(rows, patients)),
@@ -85,12 +86,12 @@ fn table(
     table
 }
 
-/// Tabulates the scanner's effect on both figures, from pairs of inputs.
+/// Tabulates the scanner's effect on position error and Dice's coefficient, from pairs of inputs.
 fn simulated(rows: &Rows, patients: &[&str]) -> Table {
     let mut table = Table::new(
         "sgrt-paired",
-        "The scanned skin's figure less that of the ideal skin at the same moment: mean over the \
-         patients with its 95 % interval (Student's, over the patients' means).",
+        "Result with the scanned skin minus that with the ideal skin at the same moment: mean over \
+         the patients with its 95 % confidence interval (Student's, over the patients' means).",
         &[
             "figure",
             "scanned less ideal",
@@ -136,16 +137,16 @@ fn figure(rows: &Rows, patients: &[&str]) -> Figure {
         Series::new(input, SeriesStyle::Dots, points)
     });
     let chart = Chart {
-        heading: "Position error beside the way of the tumour".to_owned(),
-        x: "distance of the tumour from its planned place (mm)".to_owned(),
+        heading: "Position error against the displacement of the tumour".to_owned(),
+        x: "distance of the tumour from its planned position (mm)".to_owned(),
         y: "position error (mm)".to_owned(),
         log: [false, false],
         series: series.into(),
     };
     chart.figure(
         "sgrt-position",
-        "Each moment of each patient: how far the tumour was from where it had been \
-                  planned, and how far from where it was said to be.",
+        "Each moment of each patient: error of the tracked position against the true distance of \
+                  the tumour from its planned position.",
     )
 }
 
@@ -158,7 +159,8 @@ fn over_deviation(rows: &Rows) -> f64 {
     (ratios.iter().map(|ratio| ratio * ratio).sum::<f64>() / ratios.len() as f64).sqrt()
 }
 
-/// Checks that our tracker with our scanner is no worse than the paper's with theirs.
+/// Checks that our tracker with our scanner has no larger errors than the tracker of Wu et al. with
+/// their scanner.
 fn checks(rows: &Rows, patients: &[&str]) -> Vec<Check> {
     let position = over_patients(rows, "scanned", patients, "tpe_mm").mean;
     let dice = over_patients(rows, "scanned", patients, "dice").mean;

@@ -1,4 +1,4 @@
-//! Effects that ideal skins hide, one by one: each is left out of the scan.
+//! Effects that an ideal skin does not have. Each in turn is left out of the scan.
 
 use super::paired::{Spread, difference, values};
 use super::tables::interval;
@@ -25,9 +25,10 @@ pub(super) fn blocks(rows: &Rows, patients: &[&str]) -> Vec<Block> {
 fn terms(rows: &Rows, patients: &[&str]) -> Table {
     let mut table = Table::new(
         "sgrt-terms",
-        "What each term does to the figures of the tumour, in pairs: the mean over the patients of \
-         the position error (mm) and of Dice's coefficient with the term less that without it, with \
-         95 % intervals; and how far the term moves the tumour's found place (mm, mean).",
+        "Effect of each term on the results for the tumour: position error (mm) and Dice's \
+         coefficient with the term minus those without it at the same moment, as means over the \
+         patients with 95 % confidence intervals; and the mean distance (mm) by which the term \
+         moves the tracked position.",
         &[
             "term",
             "position error",
@@ -87,10 +88,11 @@ fn apart(rows: &Rows, patients: &[&str], inputs: [&str; 2]) -> f64 {
 fn skins(rows: &Rows, patients: &[&str]) -> Table {
     let mut table = Table::new(
         "sgrt-skin",
-        "The scanned skin against the true one at the same moment, over all points of all pods: mean \
-         and RMS of the inliers' depths less the true ones, and points that are more than 1 mm off, \
-         and more than 5 of the standard deviations that the decoder states; means over the moments of all patients. Coverage is the share of the tracked skin that has \
-         points.",
+        "The scanned skin compared with the true skin at the same moment, over all points of all \
+         pods: mean and RMS of measured minus true depth of the inliers, share of points that are \
+         more than 1 mm off, and of points that are off by more than 5 of the standard deviations \
+         that the decoder states; means over the moments of all patients. Coverage is the share of \
+         the tracked skin that has points.",
         &[
             "skin",
             "bias in mm",

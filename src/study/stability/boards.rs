@@ -32,10 +32,11 @@ pub(super) const GROUP: Group = Group {
     sweeps: &[
         Sweep {
             key: "tilts",
-            title: "Six boards tilted ever less against each other",
-            oracle: "Sightings of a known rig with noise of 0.005 and 0.03 px. Error: squared Mahalanobis \
-                distance of lenses, rig and poses from the truth. Allowed: what chi-square stays below in \
-                9999 of 10000 cases. Where tilts tell too little, the solver refuses",
+            title: "Six boards, tilted less and less against each other",
+            oracle: "Points of a known rig, seen with noise of 0.005 px (camera) and 0.03 px \
+                (projector). Error: squared Mahalanobis distance of lenses, rig and poses from the \
+                truth. Allowed: the 99.99 % quantile of chi-square. Where the tilts determine too \
+                little, the solver refuses",
             ratio: "1 / tilt in rad",
             error: "Mahalanobis distance squared",
             rounding: false,
@@ -43,9 +44,10 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "noise-of-boards",
-            title: "Points known from a billionth of a pixel to half a pixel, tilts of 30 degrees",
-            oracle: "As before. The covariance is of first order in the noise; a board's squares are 25 \
-                pixels wide, and beyond half a pixel what goes by its square begins to show",
+            title: "Noise of the points from a billionth of a pixel to half a pixel, tilts of 30 \
+                degrees",
+            oracle: "As before. The covariance is of first order in the noise; a board's squares \
+                are 25 pixels wide, and beyond half a pixel the second-order terms become visible",
             ratio: "image width over noise",
             error: "Mahalanobis distance squared",
             rounding: false,
@@ -54,7 +56,7 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "boards-degenerate",
             title: "Boards that determine no rig",
-            oracle: "There is no answer; what the solver says is quoted",
+            oracle: "There is no answer; the solver's message is quoted",
             ratio: "poses",
             error: "-",
             rounding: false,
@@ -132,7 +134,8 @@ impl Bench {
         solve(&BOARD, sightings, camera, projector, &CHOICE)
     }
 
-    /// Returns a case that must have an accurate rig, or be refused as badly determined.
+    /// Solves a calibration and returns its case: the rig must be accurate, or the solver must refuse
+    /// the calibration as badly determined.
     fn judged(&self, name: String, ratio: f64, poses: &[Pose]) -> Case {
         match self.solve(&self.sightings(poses)) {
             Ok(found) => {

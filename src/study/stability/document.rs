@@ -8,12 +8,12 @@ use phasmid_report::plot::figures;
 const FEWEST: usize = 3;
 
 /// Text above the tables.
-const WORDS: &str = "Each case has an oracle: a closed form, or f64 by a path of its own. Allowed is \
-    what first-order analysis makes of roundings, of noise and of the case's condition, not what \
-    was found. Errors of bounds on the worst pixel come close to what is allowed with few steps, \
-    where rounding can have the same sign in every frame, and stay below half of it with many. \
-    Near two pixels a period a third of the pixels is left out, those on an edge of the code, and \
-    none is wrong.";
+const WORDS: &str = "Each case has an oracle: a closed form, or an independent computation in f64. \
+    The allowed error follows from first-order analysis of rounding, noise and the case's \
+    condition, not from the errors found. Where the allowed error is a bound on the worst pixel, \
+    the error comes close to it with few steps, where rounding can have the same sign in every \
+    frame, and stays below half of it with many. Near two pixels per period, a third of the pixels \
+    is left out (those on an edge of the code), and none is wrong.";
 
 pub(super) fn sections(rows: &Rows, groups: &[Group]) -> Vec<Section> {
     let mut sections = vec![overview(rows, groups)];
@@ -23,10 +23,10 @@ pub(super) fn sections(rows: &Rows, groups: &[Group]) -> Vec<Section> {
 
 /// Tabulates one line per sweep.
 fn overview(rows: &Rows, groups: &[Group]) -> Section {
-    let caption = "Cases that gave an answer within the error that first-order analysis allows \
-        (held), that gave none and said so (refused), and that did neither (failed). The ratio is a \
-        condition number or a ratio of scales, from the first to the last case; the worst error is \
-        over what is allowed.";
+    let caption = "Number of cases with an answer within the error that first-order analysis \
+        allows (held), without an answer but with a message (refused), and with neither (failed). \
+        The ratio is a condition number or a ratio of scales, from the first to the last case; the \
+        worst error is relative to the allowed error.";
     let header = [
         "sweep",
         "ratio",
@@ -76,8 +76,8 @@ fn overview(rows: &Rows, groups: &[Group]) -> Section {
 
 /// Tabulates where sweeps begin to give no answer, and the program's message there.
 fn breaks(rows: &Rows, groups: &[Group]) -> Table {
-    let caption = "Where methods break: the first case of each sweep without an answer, the last one \
-        with an answer before it, and what the program says.";
+    let caption = "Where methods break: for each sweep, the last case with an answer, the first \
+        case without one, and the program's message.";
     let header = ["sweep", "last answer", "first refusal", "says"];
     let mut table = Table::new("stability-breaks", caption, &header);
     for sweep in groups.iter().flat_map(|group| group.sweeps) {
@@ -194,7 +194,7 @@ fn figure(sweep: &Sweep, rows: &[&Row]) -> Option<Figure> {
     Some(chart.figure(
         &format!("stability-{}", sweep.key),
         format!(
-            "{}: error found and allowed over {}.",
+            "{}: error found and error allowed, against {}.",
             sweep.title, sweep.ratio
         ),
     ))

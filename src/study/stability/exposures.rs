@@ -22,9 +22,9 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "exposures",
             title: "A white plane exposed for 1 us to 10 s",
-            oracle: "Signal grows with the exposure, up to the full well and the converter's last number. \
-                Allowed: 16 roundings of f32 of the signal. Pixels beyond the full well have to reach the \
-                number from which the decoder is told to take them for saturated",
+            oracle: "The signal grows with the exposure, up to the full well and the converter's \
+                largest value. Allowed: 16 roundings of f32 of the signal. Pixels beyond the full \
+                well have to reach the value from which the decoder treats them as saturated",
             ratio: "exposure in us",
             error: "worst error in DN",
             rounding: false,
@@ -32,9 +32,11 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "shot-noise",
-            title: "Noise of these exposures under faint light, a sensor of 16 bits, 4 DN an electron, read noise 2 e",
-            oracle: "Variance by EMVA 1288: gain^2 read^2 + 1/12 + gain (mean - black). Allowed: 4 standard deviations of a variance with the third and fourth moments of \
-                Poisson's law",
+            title: "Noise of these exposures under faint light, 16-bit sensor with 4 DN per \
+                electron, read noise 2 e",
+            oracle: "Variance by EMVA 1288: gain^2 read^2 + 1/12 + gain (mean - black). Allowed: 4 \
+                standard deviations of an estimated variance, from the third and fourth moments of \
+                the Poisson distribution",
             ratio: "electrons",
             error: "variance over EMVA's, off 1",
             rounding: false,
@@ -157,7 +159,8 @@ fn noise(context: &Context<'_>) -> Result<Vec<Case>> {
                     gain.powi(2) * (sensor.read_noise_e.powi(2) + electrons) + 1.0 / 12.0;
                 sum += (dn - mean).powi(2);
                 expected += variance;
-                // Fourth moment of Poisson plus normal noise, 3 v^2 + K^4 lambda, minus v^2.
+                // Variance of a squared deviate: the fourth moment of Poisson plus normal noise, 3 v^2 +
+                // K^4 lambda, minus v^2.
                 spread += 2.0 * variance * variance + gain.powi(4) * electrons;
                 light += electrons;
                 count += 1.0;

@@ -12,9 +12,10 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "fold",
             title: "Towards the fold of a barrel lens (k1 = -0.3), where its image turns back",
-            oracle: "Ideal points are chosen, distorted in closed form and inverted. Allowed: 8 roundings \
-                of the distortion's terms over the least singular value of its Jacobian. Ratio: condition \
-                number of the Jacobian. Beyond the fold there is no ray: NaN",
+            oracle: "Ideal points are chosen, distorted in closed form and undistorted. Allowed: 8 \
+                roundings of the distortion's terms, divided by the smallest singular value of its \
+                Jacobian. Ratio: condition number of the Jacobian. Beyond the fold there is no \
+                ray: NaN",
             ratio: "condition",
             error: "error over focal length",
             rounding: true,
@@ -22,9 +23,10 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "coefficients",
-            title: "Coefficients up to where a calibration is refused, over a whole image",
+            title: "Distortion coefficients up to those of a calibration that is refused, over a \
+                whole image",
             oracle: "The same at 33 x 25 points of an image 1.2 focal lengths wide. Ratio: largest \
-                Jacobian's condition over the image",
+                condition number of the Jacobian over the image",
             ratio: "condition",
             error: "error over focal length",
             rounding: true,

@@ -16,8 +16,8 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "modulation",
             title: "Modulation down to the noise of 1.5 DN, 12 steps",
-            oracle: "Allowed: 1.05 times the least-squares bound, for the pixels that are answered; of \
-                fewer than a thousand, four standard deviations of their RMS more",
+            oracle: "Allowed for the pixels with an answer: 1.05 times the least-squares bound; if \
+                they are fewer than a thousand, plus four standard deviations of their RMS",
             ratio: "modulation over noise",
             error: "RMS error in projector px",
             rounding: false,
@@ -25,9 +25,11 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "bits",
-            title: "Converters of 1 to 16 bits, numbers as they are, lit up to the last number but one",
-            oracle: "Without noise. Allowed at the worst pixel: half a step in each frame with the \
-                worst sign, and what f32 costs. Below a modulation of 2 DN nothing is answered",
+            title: "Converters of 1 to 16 bits, values not scaled, lit up to the second-largest \
+                value",
+            oracle: "Without noise. Allowed at the worst pixel: half a grey level in each frame \
+                with the worst sign, plus f32 rounding. Below a modulation of 2 DN there is no \
+                answer",
             ratio: "levels",
             error: "worst error in projector px",
             rounding: false,
@@ -35,8 +37,8 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "bits-stretched",
-            title: "Converters of 1 to 16 bits, numbers stretched to 8 bits or to 16",
-            oracle: "As before, with the step that is left",
+            title: "Converters of 1 to 16 bits, values scaled to 8 or 16 bits",
+            oracle: "As before, with the grey levels that remain",
             ratio: "levels",
             error: "worst error in projector px",
             rounding: false,
@@ -44,8 +46,9 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "ambient",
-            title: "Fringes of 60 DN on ever more steady light, 16 bits without noise",
-            oracle: "Allowed at the worst pixel: half a step in each frame, and f32 sums as large as the light",
+            title: "Fringes of 60 DN on more and more steady light, 16 bits without noise",
+            oracle: "Allowed at the worst pixel: half a grey level in each frame, plus f32 \
+                rounding of sums as large as the light",
             ratio: "mean over modulation",
             error: "worst error in projector px",
             rounding: false,
@@ -53,10 +56,10 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "saturation",
-            title: "Light up to eight times what the converter holds, noise 1.5 DN",
-            oracle: "A sample at full scale takes its pixel out. Allowed: 1.05 times the least-squares \
-                bound, for the pixels that are answered; of fewer than a thousand, four standard \
-                deviations of their RMS more",
+            title: "Light up to eight times the converter's full scale, noise 1.5 DN",
+            oracle: "A sample at full scale invalidates its pixel. Allowed for the pixels with an \
+                answer: 1.05 times the least-squares bound; if they are fewer than a thousand, \
+                plus four standard deviations of their RMS",
             ratio: "brightest over full scale",
             error: "RMS error in projector px",
             rounding: false,
@@ -64,9 +67,9 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "black",
-            title: "No light, and hardly any, noise 1.5 DN",
-            oracle: "Below 2 DN there is no fringe to be believed. Allowed: 1.05 times the least-squares \
-                bound, for the pixels that are answered",
+            title: "No light or hardly any, noise 1.5 DN",
+            oracle: "Below a modulation of 2 DN no fringe is accepted. Allowed for the pixels with \
+                an answer: 1.05 times the least-squares bound",
             ratio: "modulation over noise",
             error: "RMS error in projector px",
             rounding: false,
@@ -120,8 +123,8 @@ fn faint(context: &Context<'_>, stack: &Stack, least: f64) -> Result<Case> {
     Ok(judged(name, ratio, &tally, (tally.rms, allowed), least))
 }
 
-/// Returns the factor by which the RMS of few values may exceed its expectation. Its relative standard
-/// deviation is 1 / sqrt(2 n).
+/// Returns the factor by which the RMS of few values may exceed its expectation. The RMS of n values has
+/// a relative sigma of 1 / sqrt(2 n).
 fn scatter(answered: f64) -> f64 {
     match answered < 1000.0 {
         true => 1.0 + 4.0 / (2.0 * answered).sqrt(),

@@ -5,7 +5,7 @@ use phasmid_core::statistics::gauss_legendre;
 use phasmid_profile::{Droop, Led, Profile};
 use phasmid_render::led::{Model, Source, State};
 
-/// Accuracy that the source documents; its own tests compare it with solutions of 100 digits.
+/// Accuracy that the light model states; the model's own tests compare it with solutions of 100 digits.
 const ALLOWED: f64 = 1e-14;
 /// Fraction of the light lost by heating.
 const SHARE: f64 = 0.4;
@@ -15,10 +15,11 @@ pub(super) const GROUP: Group = Group {
     sweeps: &[
         Sweep {
             key: "constants",
-            title: "A rise of nanoseconds and heat of up to eleven days",
-            oracle: "Mean light of exposures of 1 us to 10 s, switched on cold and switched off warm, \
-                against Gauss-Legendre quadrature of the solution on geometric intervals, whose terms \
-                are all positive. Allowed: 1e-14, which the source promises",
+            title: "A rise time of nanoseconds and thermal time constants of up to eleven days",
+            oracle: "Mean light of exposures of 1 us to 10 s, switched on cold and switched off \
+                warm, compared with Gauss-Legendre quadrature of the solution on geometric \
+                intervals, whose terms are all positive. Allowed: 1e-14, the stated accuracy of \
+                the light source",
             ratio: "heat over rise",
             error: "relative error",
             rounding: true,
@@ -26,8 +27,9 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "exposures-light",
-            title: "Exposures from 1 us to 10 s of a source with a rise of 1 ms",
-            oracle: "As before, with heat of 1 ms to eleven days: constants equal to a billion apart",
+            title: "Exposures from 1 us to 10 s of a source with a rise time of 1 ms",
+            oracle: "As before, with thermal time constants of 1 ms to eleven days: from equal to \
+                the rise time to a billion times as long",
             ratio: "exposure over rise",
             error: "relative error",
             rounding: true,
@@ -35,9 +37,10 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "late-light",
-            title: "A source's light after a billion frames",
-            oracle: "A source that is switched on then gives what one gives that is switched on at time \
-                0; device time is integer nanoseconds. Allowed: rounding",
+            title: "Light of a source after a billion frames",
+            oracle: "A source that is switched on then gives the same light as one that is \
+                switched on at time 0, because device time is in integer nanoseconds. Allowed: \
+                rounding",
             ratio: "frames of 20 ms",
             error: "relative error",
             rounding: true,

@@ -15,9 +15,10 @@ pub(super) const GROUP: Group = Group {
     sweeps: &[
         Sweep {
             key: "slivers",
-            title: "Distance to a sliver of 100 mm, turned at an angle to all axes",
-            oracle: "The height above it is chosen. Its normal is a difference of products as large as its \
-                length squared. Allowed: 8 roundings times length and aspect ratio",
+            title: "Distance to a sliver triangle of 100 mm, oblique to all axes",
+            oracle: "The true distance is a chosen height above the triangle. Its normal is a \
+                difference of products as large as its length squared. Allowed: 8 roundings times \
+                length and aspect ratio",
             ratio: "aspect ratio",
             error: "distance error in mm",
             rounding: true,
@@ -26,8 +27,8 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "watertight",
             title: "A plane of strips from 1e-9 to 500 mm wide, rendered at 1000 mm",
-            oracle: "Depth in closed form at every pixel, no pixel without a hit. Allowed: 2 roundings of \
-                f32. Ratio: aspect of the narrowest strip",
+            oracle: "Depth in closed form at every pixel, no pixel without a hit. Allowed: 2 \
+                roundings of f32. Ratio: aspect ratio of the narrowest strip",
             ratio: "aspect ratio",
             error: "depth error over depth",
             rounding: false,
@@ -35,8 +36,8 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "twins",
-            title: "Twins, triangles without area, and holes beside a sound plane",
-            oracle: "The plane's own closed form; where a hole is, nothing is seen",
+            title: "Duplicate triangles, triangles without area, and holes beside a valid plane",
+            oracle: "Closed form of the plane; in a hole, nothing is seen",
             ratio: "triangles",
             error: "depth error over depth",
             rounding: false,
@@ -44,8 +45,8 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "mesh-limits",
-            title: "Meshes that are none",
-            oracle: "They are refused, with the vertex or triangle",
+            title: "Invalid meshes",
+            oracle: "They are refused, and the message names the vertex or triangle",
             ratio: "triangles",
             error: "-",
             rounding: false,

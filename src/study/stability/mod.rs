@@ -1,11 +1,11 @@
-//! Study `stability`: stiff and extreme cases. Each has an oracle, a condition number or ratio of
-//! scales, the error found, the error that first-order analysis allows, and, if there is no answer, the
-//! program's message.
+//! Study `stability`: stiff and extreme cases. Each case has an oracle (an independent reference
+//! result), a condition number or ratio of scales, the error found, the error that first-order analysis
+//! allows, and, without an answer, the program's message.
 //!
 //! A sweep is one trial; its cases are the rows. Nearly all cases call the library's functions with
-//! numbers in closed form; a few render. A case passes if its error is within the allowed one, or if
-//! there is no answer and the program says so. It fails with a wrong answer, and with no answer and no
-//! message.
+//! numbers in closed form; a few render. A case passes if its error is within the allowed error, or if
+//! the program gives a message instead of an answer. It fails with a wrong answer, or with neither an
+//! answer nor a message.
 
 mod boards;
 mod case;
@@ -52,7 +52,8 @@ impl Study for Stability {
     }
 
     fn about(&self) -> &'static str {
-        "Stiff and extreme cases against closed forms: where each method holds, and what it says where it breaks."
+        "Stiff and extreme cases compared with closed forms: where each method works, and what it \
+         reports where it breaks."
     }
 
     fn title(&self) -> &'static str {

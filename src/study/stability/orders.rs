@@ -23,8 +23,9 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "wraps",
             title: "Pixels on the wraps of the phase and on the edges of the code, 16 bits without noise",
-            oracle: "Positions beside multiples of half a period, and on them, where edges of all bits \
-                lie. Allowed at the worst pixel: rounding and f32. Ratio: period over distance to the wrap",
+            oracle: "Positions on and beside multiples of half a period, where edges of all bits \
+                lie. Allowed at the worst pixel: rounding and f32. Ratio: period over distance to \
+                the wrap",
             ratio: "period over distance",
             error: "worst error in projector px",
             rounding: false,
@@ -32,8 +33,8 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "edges",
-            title: "Code edges on the wraps and off them under noise, periods of 16 px",
-            oracle: "Allowed: one wrong period in ten thousand of the pixels answered",
+            title: "Code edges on the wraps and away from them, with noise, periods of 16 px",
+            oracle: "Allowed: a wrong period at one in ten thousand of the pixels with an answer",
             ratio: "modulation over noise",
             error: "share of wrong periods",
             rounding: false,
@@ -41,9 +42,11 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "beats",
-            title: "Two periods without a code, ever closer to each other: 64 px and a little more",
-            oracle: "The beat is the period times the ratio; beyond the projector's 1920 px it tells all \
-                periods, and noise of the phases grows with it. Allowed: one wrong period in ten thousand",
+            title: "Two periods without a code, closer and closer to each other: 64 px and \
+                slightly more",
+            oracle: "The beat is the period times the ratio; beyond the projector's 1920 px it \
+                identifies every period, but the noise of the phases grows with it. Allowed: one \
+                wrong period in ten thousand",
             ratio: "beat over period",
             error: "share of wrong periods",
             rounding: false,
@@ -65,8 +68,8 @@ fn codes() -> [(&'static str, Vec<Pattern>); 4] {
     ]
 }
 
-/// Creates a case whose error is the fraction of wrong periods. If no pixel is answered, the masks are
-/// the message.
+/// Creates a case whose error is the fraction of wrong periods. If no pixel has a coordinate, the
+/// reasons for its absence are the message.
 fn counted(name: String, ratio: f64, tally: &Tally, least: f64) -> Case {
     let case = if tally.kept > 0.0 {
         Case::held(name, ratio, tally.gross, WRONG).says(tally.masked.clone())

@@ -25,9 +25,10 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "held",
             title: "Camera pixels of 0.2 to 2.5 projector pixels, sharp, 12 bits with noise of 0.01 px",
-            oracle: "Levels of whole projector pixels, averaged over the camera pixel. Narrower camera \
-                pixels see one projector pixel alone and cannot tell where in it they are. Allowed: 1.1 \
-                times the square root of (1 - w)^3 / 12 + (1 - w) sigma / 3 (w below 1) and 1.2 sigma^2",
+            oracle: "Levels of whole projector pixels, averaged over the camera pixel. Narrower \
+                camera pixels see a single projector pixel, which does not determine their \
+                position in it. Allowed: 1.1 times the square root of (1 - w)^3 / 12 + (1 - w) \
+                sigma / 3 (w below 1) and 1.2 sigma^2",
             ratio: "camera pixel in projector px",
             error: "RMS error in projector px",
             rounding: false,

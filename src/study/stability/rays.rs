@@ -34,7 +34,8 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "baseline-f32",
             title: "Tiny baselines, coordinates in f32 as a decoder gives them",
-            oracle: "Allowed: half a last place of f32 in coordinate, ray and depth, times their slopes",
+            oracle: "Allowed: half a unit in the last place of f32 in coordinate, ray and depth, \
+                times their slopes",
             ratio: "distance over baseline",
             error: "depth error in mm",
             rounding: false,
@@ -43,8 +44,9 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "baseline-noise",
             title: "Tiny baselines, noise of 0.02 projector pixels",
-            oracle: "RMS over 4096 draws. Allowed: slope times noise, with the second order of 1/t and \
-                5 % for the draws. A depth known worse than a twentieth of itself is none",
+            oracle: "RMS over 4096 draws. Allowed: slope times noise, plus the second order of 1/t \
+                and 5 % for the finite number of draws. A depth with a standard deviation above a \
+                twentieth of its value is rejected",
             ratio: "distance over baseline",
             error: "RMS depth error in mm",
             rounding: false,
@@ -52,8 +54,9 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "scale",
-            title: "The whole rig and scene from 1 mm to ten kilometres, baseline 0.4 of the distance",
-            oracle: "Allowed as for f32 coordinates, over the distance: no scale is special",
+            title: "Rig and scene scaled together, from 1 mm to ten kilometres, baseline 0.4 of \
+                the distance",
+            oracle: "Allowed: as for f32 coordinates, relative to the distance, at every scale",
             ratio: "distance in mm",
             error: "depth error over depth",
             rounding: false,

@@ -27,8 +27,9 @@ pub(super) const GROUP: Group = Group {
     sweeps: &[
         Sweep {
             key: "frames-statistics",
-            title: "The noise of 8 frames from each of these on",
-            oracle: "Variance by EMVA 1288, the same as of the first frames. Allowed: 4 standard deviations",
+            title: "Noise of 8 frames from each of these frame numbers on",
+            oracle: "Variance by EMVA 1288, as for the first frames. Allowed: 4 standard \
+                deviations",
             ratio: "frame",
             error: "variance over EMVA's, off 1",
             rounding: false,
@@ -36,9 +37,10 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "frames-repetition",
-            title: "The noise of each of these frames against the first frame's, the next one's and its own",
-            oracle: "Correlation of independent frames is 0 within 4 / sqrt(pixels), and 5 for the largest \
-                of many; the same frame again has the same bytes",
+            title: "Noise of each of these frames, compared with the first frame, the next frame \
+                and the same frame again",
+            oracle: "The correlation of independent frames is 0 within 4 / sqrt(pixels), or 5 / \
+                sqrt(pixels) for the largest of many; the same frame again has the same bytes",
             ratio: "frame",
             error: "largest correlation",
             rounding: false,
@@ -55,10 +57,10 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "frames-flicker",
-            title: "Lamps at 120 Hz, whose period is no whole number of nanoseconds",
-            oracle: "After whole seconds the light is the same. In f64 seconds the phase would be off by \
-                some 1e-6 rad after a billion frames; whole turns are taken off in integers. Allowed: \
-                roundings of f32",
+            title: "Lamps at 120 Hz, whose period is not a whole number of nanoseconds",
+            oracle: "After whole seconds the light is the same. In f64 seconds the phase would be \
+                off by some 1e-6 rad after a billion frames; whole periods are therefore \
+                subtracted in integers. Allowed: roundings of f32",
             ratio: "frame",
             error: "worst error in DN",
             rounding: false,

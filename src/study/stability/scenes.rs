@@ -14,8 +14,8 @@ pub(super) const WIDTH: u32 = 64;
 pub(super) const HEIGHT: u32 = 48;
 /// Number of f64 roundings between a ray and a projector pixel, estimated generously.
 const ROUNDINGS: f64 = 16.0;
-/// Number of f32 roundings of the values that the geometry pass stores; hits are recomputed in f64
-/// before.
+/// Number of f32 roundings of the values that the geometry pass stores; before they are stored, hits are
+/// recomputed in f64.
 pub(super) const KEPT: f64 = 2.0;
 
 pub(super) const GROUP: Group = Group {
@@ -23,7 +23,8 @@ pub(super) const GROUP: Group = Group {
     sweeps: &[
         Sweep {
             key: "origin",
-            title: "A rig and a plane at 1000 mm, both ever farther from the scene's origin: the fast path",
+            title: "A rig and a plane at 1000 mm, both farther and farther from the scene's \
+                origin: the fast path",
             oracle: "The projector pixel of each camera pixel in closed form. Allowed: 2 roundings of f32 \
                 near the camera and 16 of f64 in the scene's coordinates",
             ratio: "offset over distance",
@@ -33,7 +34,8 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "origin-reference",
-            title: "A rig and a plane ever farther from the scene's origin: the reference path",
+            title: "A rig and a plane farther and farther from the scene's origin: the reference \
+                path",
             oracle: "Allowed: 16 roundings of f64 in the scene's coordinates",
             ratio: "offset over distance",
             error: "worst error in projector px",

@@ -90,8 +90,8 @@ impl Stack {
         }
     }
 
-    /// Returns the level of a pattern at a position: fringes by their formula; if `held` is set,
-    /// fringes like Gray code as held pixels averaged over the footprint.
+    /// Returns the level of a pattern at a position: Gray code, and fringes if `held` is set, are held
+    /// pixels averaged over the footprint; other fringes follow their formula.
     fn level(&self, pattern: &Pattern, x: f64) -> f64 {
         match *pattern {
             Pattern::Fringe {

@@ -33,8 +33,8 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "steps-rounding",
             title: "3 to 64 steps without noise, rounded to 8 bits",
-            oracle: "Allowed at the worst pixel: half a step in each frame with the worst sign, and \
-                what f32 costs",
+            oracle: "Allowed at the worst pixel: half a grey level in each frame with the worst \
+                sign, plus f32 rounding",
             ratio: "steps",
             error: "worst error in projector px",
             rounding: false,
@@ -42,9 +42,10 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "steps-bunched",
-            title: "Six steps ever closer together, modulation 20000 DN of 16 bits",
-            oracle: "Allowed: 1.05 times the least-squares bound by the inverse of the normal matrix \
-                in f64, and what f32 costs the weights and the sums. Ratio: condition number of the matrix of steps",
+            title: "Six steps closer and closer together, modulation 20000 DN of 16 bits",
+            oracle: "Allowed: 1.05 times the least-squares bound from the inverse of the normal \
+                matrix in f64, plus f32 rounding of the weights and the sums. Ratio: condition \
+                number of the matrix of steps",
             ratio: "condition",
             error: "RMS error in projector px",
             rounding: false,
@@ -52,10 +53,10 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "periods",
-            title: "From near-Nyquist fringes to a single one over the projector, 8 steps",
-            oracle: "Contrast falls by sin(pi w/p)/(pi w/p) with the footprint w of 0.5 px. Allowed: 1.05 \
-                times the least-squares bound; pixels that an edge of the code's cells of half a period \
-                falls in, a share of 2 w/p, may be left out",
+            title: "From near-Nyquist fringes to a single fringe over the projector, 8 steps",
+            oracle: "Contrast falls by sin(pi w/p)/(pi w/p) with the footprint w of 0.5 px. \
+                Allowed: 1.05 times the least-squares bound; pixels on an edge of the code's cells \
+                of half a period, a share of 2 w/p, may be left out",
             ratio: "period in px",
             error: "RMS error in projector px",
             rounding: false,
@@ -64,8 +65,8 @@ pub(super) const GROUP: Group = Group {
     ],
 };
 
-/// Creates a case of many pixels: it needs errors within the allowed ones, no wrong period, and at
-/// least the fraction `least` of answered pixels.
+/// Creates a case of many pixels. It passes if the errors are within the allowed error, no period is
+/// wrong, and at least the fraction `least` of the pixels has a coordinate.
 pub(super) fn judged(
     name: impl Into<String>,
     ratio: f64,
@@ -172,7 +173,7 @@ fn bunched(context: &Context<'_>) -> Result<Vec<Case>> {
         // Average over all phases of c^2 gss - 2 c s gcs + s^2 gcc.
         let mean = 0.5 * (inverse.y_axis.y + inverse.z_axis.z);
         let noise = 16.0 / TAU * mean.sqrt() * stack.deviation() / 20_000.0;
-        // Six products and sums each round a weighted sample.
+        // Each of six products and six sums rounds a weighted sample.
         let rounding = 2.0 * 6.0 * EPS_F32 * 42_000.0 / 20_000.0;
         let coarse = f32_floor(16.0, 6, 22_000.0, 20_000.0) + 16.0 / TAU * mean.sqrt() * rounding;
         let allowed = 1.05 * noise.hypot(coarse);

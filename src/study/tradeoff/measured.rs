@@ -1,4 +1,4 @@
-//! Error and time of a setting, and the choice among several.
+//! Measures error and time of a setting, and chooses among settings.
 
 use super::Setting;
 use crate::scanned::Stage;

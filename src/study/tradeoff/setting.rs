@@ -1,4 +1,4 @@
-//! The knobs that trade error for run time, and the device with them.
+//! The knobs that trade error for run time, and their application to a device.
 
 use crate::clinic::binned;
 use phasmid_core::error::{Error, Result};
@@ -10,7 +10,7 @@ use serde::Serialize;
 
 /// Numbers of phase steps that are tried.
 const STEPS: [u32; 7] = [3, 4, 6, 8, 12, 16, 24];
-/// Camera pixels per side, relative to the profile's.
+/// Numbers of camera pixels per side that are tried, relative to the profile's number.
 const SCALES: [f64; 3] = [0.7, 0.5, 0.35];
 /// Minimum side of a camera in pixels.
 const SMALLEST_SIDE_PX: f64 = 48.0;
@@ -30,7 +30,7 @@ pub struct Setting {
     pub samples: Option<u32>,
     /// Instants per exposure ([`Options::time_samples`]).
     pub time_samples: Option<u32>,
-    /// Rays per place of interreflection.
+    /// Rays per point at which interreflection is computed.
     pub interreflection: Option<u32>,
     /// Whether the GPU renders.
     pub gpu: bool,
@@ -279,7 +279,7 @@ fn with_period(frames: &[ManifestFrame], by: f64) -> Result<Vec<ManifestFrame>> 
         let pairs = grays.iter().any(|(.., inverted)| *inverted);
         let bits = f64::from(bits) - by.log2();
         if bits < 1.0 || period_px * by <= 4.0 {
-            return Err(unfit("a code that cannot be changed so far"));
+            return Err(unfit("a period beyond the range of the Gray code"));
         }
         out.extend(shown(Pattern::fringe_set(
             axis,

@@ -1,6 +1,6 @@
 //! The closed form of a pixel's footprint in f64: a row of held pixels is averaged under the trapezoid
 //! that a pixel's column and row form together, by second differences of its second integral. The fast
-//! path does this in f32; the comparison separates rounding from the model's own error.
+//! path does this in f32; a comparison of the two separates rounding from the model's own error.
 
 use glam::DVec2;
 use phasmid_pattern::Axis;

@@ -149,12 +149,13 @@ fn measured(row: &Row) -> Measured {
     }
 }
 
-/// Returns the section of the rows.
+/// Returns the document's section for these rows.
 pub fn section(rows: &Rows) -> Section {
-    let about = "Four devices before a scene each, with the profile's own setting, phase steps at each \
-        resolution, and each other knob alone. Fewer pixels are larger ones over the same field, so that each has \
-        more light and less noise. The time is that to render a scan with its geometry and to decode it. \
-        `phasmid plan --accuracy` makes this table for any device and scene.";
+    let about = "Four devices, each in front of one scene: the profile's own setting, numbers of \
+        phase steps at each resolution, and each other knob changed alone. Fewer pixels are larger \
+        pixels over the same field, so each has more light and less noise. The time is for \
+        rendering a scan with its geometry and decoding it. `phasmid plan --accuracy` makes this \
+        table for any device and scene.";
     let mut blocks = vec![Block::Words(about.to_owned())];
     let mut chosen = Table::new(
         "work-precision-chosen",
@@ -173,7 +174,10 @@ pub fn section(rows: &Rows) -> Section {
         blocks.push(Block::Table(times(device, &of, &all).detail()));
         blocks.push(Block::Figure(chart(device, &of, &all).figure(
             &format!("work-precision-{device}"),
-            format!("{device} before {scene}: error against time. Rings are settings with more than 1 % of gross errors or less than 90 % of the surface."),
+            format!(
+                "{device} before {scene}: error against time. Rings are settings with more than 1 % \
+                 of gross errors or less than 90 % of the surface."
+            ),
         )));
         for wanted in WANTED_MM {
             let best = cheapest(&all, wanted).and_then(|best| all.iter().position(|m| m == best));
@@ -258,7 +262,10 @@ fn percent(part: f64, decimals: usize) -> String {
 fn times(device: &str, rows: &[&Row], all: &[Measured]) -> Table {
     let mut table = Table::new(
         &format!("work-precision-{device}-times"),
-        format!("{device}: times of a scan in milliseconds; the front has no faster and more accurate setting."),
+        format!(
+            "{device}: time per scan in milliseconds. No other setting is both faster and more \
+            accurate than one on the front."
+        ),
         &["setting", "render", "decode", "sum", "RMSE, um", "front"],
     )
     .timed();

@@ -1,6 +1,6 @@
-//! Noiseless frames compared with those of the reference path, which traces many rays per pixel in f64
-//! and looks up one held pixel of the pattern image for each ray. The difference of the fringe phases
-//! is expressed as depth.
+//! Compares noiseless frames with frames of the reference path, which traces many rays per pixel in f64
+//! and looks up one held pixel of the pattern image for each ray. The difference of the fringe phases is
+//! expressed as depth.
 
 use super::closed::{Footprint, Integral};
 use super::phase::{difference, mm_per_radian, phasors};

@@ -20,7 +20,8 @@ use phasmid_render::truth::Truth;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Number of images on either side; farther ones decrease with the cube of their index.
+/// Number of spectral images on either side of the fringe that are summed; farther images decrease with
+/// the cube of their index.
 const IMAGES: i32 = 12;
 
 /// Returns the phase error in radians of a fringe with a period in pattern-image pixels, for a

@@ -168,15 +168,17 @@ fn run(
 /// Returns the section of the rows.
 pub fn section(rows: &Rows) -> Section {
     let all: Vec<&Row> = rows.with("group", "motion").collect();
-    let about = "A camera of 640 x 480 pixels before a wall and an object that swings to and fro at a mean speed, and \
-        a pod of the treatment room before its breathing patient. With a motion tolerance, geometry is traced at key \
-        instants and interpolated between them; it is compared with geometry that is traced at four instants. Where \
-        no key instants are close enough for the motion, it is traced.";
+    let about = "A camera of 640 x 480 pixels in front of a wall and an object that swings to and \
+        fro at a mean speed, and a pod of the treatment room in front of its breathing patient. \
+        With a motion tolerance, geometry is traced at key instants and interpolated between them; \
+        the result is compared with geometry traced at four instants. If no key instants are close \
+        enough for the motion, all geometry is traced.";
     let mut errors = Table::new(
         "work-precision-motion",
-        "Interpolated geometry at four instants: how many of them are interpolated, the shortest time between key \
-         instants, the largest share of pixels that is traced, and distances of projector coordinates from traced \
-         ones, of the worst instant; missed: pixels with another object or other light.",
+        "Interpolated geometry at four instants: number of interpolated instants, shortest time \
+         between key instants, largest share of pixels that is traced, and differences between \
+         interpolated and traced projector coordinates at the worst instant. Missed: pixels with \
+         another object or other light.",
         &[
             "motion",
             "tolerance, px",
@@ -192,7 +194,8 @@ pub fn section(rows: &Rows) -> Section {
     );
     let mut times = Table::new(
         "work-precision-motion-times",
-        "Milliseconds per frame of a sequence from device time 0 on, key instants included.",
+        "Milliseconds per frame of a sequence that starts at device time 0, including key \
+         instants.",
         &["motion", "tolerance, px", "interpolated", "traced", "ratio"],
     )
     .timed();

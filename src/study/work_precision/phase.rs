@@ -38,7 +38,7 @@ pub fn mm_per_radian(rig: &Rig, truth: &Truth) -> Vec<f64> {
 /// Phase errors in millimetres of depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Difference {
-    /// Root mean square of the errors of at most 1 mm; NaN without any.
+    /// Root mean square of the errors of at most 1 mm; NaN without such errors.
     pub inlier_rmse_mm: f64,
     /// Fraction of errors above 1 mm, or of phases with a modulation where the exact ones have none.
     pub gross: f64,

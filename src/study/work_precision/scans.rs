@@ -121,8 +121,8 @@ fn run(ctx: &Context<'_>, case: Case) -> Result<Vec<Row>> {
     Ok(vec![times(row, "decode_s", decoding)])
 }
 
-/// Returns root mean squares over the inliers on smooth surfaces: of the known bias in mm, and of the
-/// uncorrected errors minus the bias, relative to their pixels' bounds.
+/// Returns two root mean squares over the inliers on smooth surfaces: the first of the known bias in mm,
+/// the second of the ratio of (uncorrected error minus bias) to the pixel's bound.
 fn less_bias(bounds: &[f64], decoded: &Decoded, truth: &Truth, bias: &[f64]) -> (f64, f64) {
     let errors = depth_errors(decoded, truth);
     let (mut count, mut squares, mut ratios) = (0.0, 0.0, 0.0);

@@ -1,6 +1,6 @@
 //! Terms of image formation, one by one: a scene that needs the term is rendered with and without it.
-//! The error is the phase difference from the complete plan, the time is the cost of the term in a scan
-//! of the sequence's twelve fringes.
+//! The error is the difference in phase between the two renderings; the time is the cost of the term in
+//! a scan of the sequence's twelve fringes.
 
 use super::frames::LEAST;
 use super::needs::{CHECKS, checks, need};

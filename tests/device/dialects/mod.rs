@@ -1,5 +1,5 @@
-//! Whole scans in the shipped dialects, with host and device in memory: the host knows only the
-//! dialect's file, and gets the same result as over SCPI.
+//! Whole scans in the shipped dialects, with host and device in memory: the host knows only the file
+//! of the dialect, and gets the same result as over SCPI.
 
 mod scpi_files;
 
@@ -25,7 +25,7 @@ impl FrameSink for Sink {
     }
 }
 
-/// Scans; returns the capture and the device time that it took.
+/// Scans in a shipped dialect; returns the capture and the device time in nanoseconds that it took.
 fn scan(dialect: &str, baud: Option<u32>) -> (Capture, u64) {
     let scanned = scan_in(Dialect::load(dialect).unwrap(), baud, None);
     let (captured, now_ns, retries) = scanned.unwrap();
@@ -33,7 +33,8 @@ fn scan(dialect: &str, baud: Option<u32>) -> (Capture, u64) {
     (captured, now_ns)
 }
 
-/// [`scan`] in a dialect, which may need a manifest; also returns the reasons for repeated runs.
+/// Same as [`scan`] for any dialect, with a manifest if it needs one; also returns the reasons for
+/// repeated runs.
 fn scan_in(
     dialect: Dialect,
     baud: Option<u32>,
@@ -67,7 +68,7 @@ fn scan_in(
     Ok((captured, now_ns, retries))
 }
 
-/// The guide's example, as a reader would copy it.
+/// Returns the dialect file in the guide's example, copied from the guide as a reader would do.
 fn gspark() -> String {
     let guide = include_str!("../../../src/protocol/dialect/guide.md");
     let (_, rest) = guide.split_once("```toml dialect\n").unwrap();
@@ -144,7 +145,7 @@ fn slow_line_takes_longer_and_gives_the_same_frames() {
         let (fast, fast_ns) = scan(dialect, None);
         let (slow, slow_ns) = scan(dialect, Some(115_200));
         assert!(fast.images == slow.images);
-        // The manifest alone has well over a thousand bytes.
+        // The manifest alone takes well over a thousand bytes on the line.
         assert!(
             slow_ns > fast_ns + 100_000_000,
             "{dialect}: {fast_ns} {slow_ns}"

@@ -1,4 +1,5 @@
-//! Devices that speak SCPI with other headers, and the dialect files that describe them.
+//! Devices that speak SCPI with other headers than the emulated device, and dialect files that
+//! describe them.
 
 use super::Sink;
 use phasmid::decode::Capture;
@@ -10,7 +11,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
-/// Headers of the emulated device, and their equivalents in a device with other headers.
+/// Pairs of a header of the emulated device and its equivalent in a device with other headers.
 const OTHERS: [(&str, &str); 8] = [
     ("SEQ:SEL", "PATT:NAME"),
     ("SEQ:LIST", "PATT:ALL"),
@@ -22,7 +23,7 @@ const OTHERS: [(&str, &str); 8] = [
     ("*IDN?", "WHO?"),
 ];
 
-/// Dialect file of a device with other headers.
+/// Returns the dialect file of a device with other headers.
 fn other() -> String {
     let own = Dialect::text("scpi").unwrap().to_owned();
     let text = OTHERS
@@ -35,8 +36,8 @@ fn parse(text: &str) -> Dialect {
     Dialect::parse(text, "other.toml").unwrap()
 }
 
-/// Scans a device with the emulated device's headers or the others; also returns what the host has
-/// sent.
+/// Scans a device that has the emulated device's headers or the other headers. Also returns the
+/// commands that the host has sent.
 fn scan(
     dialect: Option<Dialect>,
     others: bool,
@@ -76,7 +77,7 @@ fn scan(
         let captured = scanner.scan(&options, &mut |progress| {
             retries += usize::from(matches!(progress, phasmid::host::Progress::Retry(_)));
         });
-        // A rejected scan is retried; a successful one needs no retry.
+        // The host retries a rejected scan, but not a successful one.
         assert!(captured.is_err() || retries == 0, "{retries} retries");
         scanner.finish().and(captured)
     });
@@ -120,19 +121,19 @@ fn device_with_other_headers_is_scanned_with_its_file() {
         for (own, other) in OTHERS {
             assert!(!said.contains(own), "{own}: {said}");
             let asked = said.contains(other);
-            // The list is not needed if the sequence is there.
+            // The list of sequences is not needed if the requested sequence exists.
             assert!(
                 asked || own == "SEQ:LIST" || sequence.is_none() && own == "SEQ:SEL",
                 "{other}"
             );
         }
-        // Commands that every instrument has are sent in any case.
+        // The host always sends commands that every instrument has.
         assert!(
             said.contains("*ESR?") && said.contains("SYST:ERR?"),
             "{said}"
         );
     }
-    // Without the file, the host fails early.
+    // Without the dialect file, the host fails at the start.
     let (captured, _) = scan(None, true, None);
     let error = captured.err().unwrap().to_string();
     assert!(error.contains("the device refuses"), "{error}");

@@ -1,10 +1,10 @@
-//! Closed forms of a rig and two surfaces: from a camera pixel to the projector pixel that lights
-//! it.
+//! Closed forms for a rig and two surfaces: from a camera pixel to the projector pixel that lights
+//! the point that it sees.
 
 use glam::{DVec2, DVec3};
 use phasmid::profile::Profile;
 
-/// A rig with the camera at the origin, looking along z, and the projector rotated about y only.
+/// A rig with the camera at the origin, looking along z, and the projector rotated only about y.
 pub struct Rig {
     profile: Profile,
     camera_focal_px: f64,
@@ -17,12 +17,14 @@ pub struct Rig {
 
 /// A surface that a ray from the origin meets at most once.
 pub trait Surface: Sync {
-    /// Point and unit normal towards the camera at the intersection with a ray of direction z = 1.
+    /// Returns the point where a ray of direction z = 1 meets the surface, and the unit normal
+    /// towards the camera.
     fn meet(&self, ray: DVec3) -> Option<(DVec3, DVec3)>;
-    /// The scene with this surface as TOML, without name and description.
+    /// Returns the scene with this surface as TOML, without name and description.
     fn toml(&self) -> String;
-    /// Factor on the reference path's tolerance of 1e-9 px, for points where the last bit of the
-    /// input moves the result further than that; `None` if the path is not tested there.
+    /// Returns the factor on the tolerance of 1e-9 px of the reference renderer, for points where
+    /// the last bit of the input moves the result by more; `None` if the reference renderer is not
+    /// tested there.
     fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64>;
 }
 
@@ -40,7 +42,7 @@ pub struct Sphere {
 impl Surface for Plane {
     fn meet(&self, ray: DVec3) -> Option<(DVec3, DVec3)> {
         let (sin, cos) = self.tilt_deg.to_radians().sin_cos();
-        // x sin + (z - z0) cos = 0 on the plane.
+        // On the plane, x sin + (z - z0) cos = 0.
         let speed = ray.x * sin + ray.z * cos;
         let t = self.z_mm * cos / speed;
         let towards = -speed.signum();
@@ -56,7 +58,8 @@ impl Surface for Plane {
     }
 
     fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64> {
-        // Towards the horizon a pixel covers an increasing area of the pattern image.
+        // The closer a pixel is to the horizon, the larger the area of the pattern image that it
+        // covers.
         Some(rig.footprint(self, px).max(1.0))
     }
 }
@@ -65,7 +68,7 @@ impl Surface for Sphere {
     fn meet(&self, ray: DVec3) -> Option<(DVec3, DVec3)> {
         let unit = ray.normalize();
         let along = unit.dot(self.center_mm);
-        // Distance of the ray from the centre, as the area of a parallelogram over its side.
+        // Distance of the ray from the centre: area of a parallelogram divided by its side.
         let off = unit.cross(self.center_mm).length();
         let half = ((self.radius_mm - off) * (self.radius_mm + off)).sqrt();
         let point = unit * (along - half);
@@ -83,8 +86,8 @@ impl Surface for Sphere {
     }
 
     fn condition(&self, rig: &Rig, px: DVec2) -> Option<f64> {
-        // At the silhouette, where the surface ends within a pixel, the point moves like a square
-        // root.
+        // At the silhouette, where the surface ends within a pixel, the point moves with the square
+        // root of the pixel coordinate.
         let footprint = rig.footprint(self, px);
         Some(if footprint.is_finite() {
             footprint.max(1.0)
@@ -118,12 +121,12 @@ impl Rig {
         }
     }
 
-    /// Projector pixel whose ray passes through the point that a camera pixel sees; NaN behind the
-    /// projector.
+    /// Returns the projector pixel whose ray passes through the point that a camera pixel sees; NaN
+    /// if the point is behind the projector.
     pub fn lit_from(&self, surface: &(impl Surface + ?Sized), px: DVec2) -> Option<DVec2> {
         let (point, _) = surface.meet(self.ray(px))?;
         let way = point - self.pupil;
-        // Rotated by -turn about y into the projector's frame.
+        // Rotate by -turn about y into the projector's frame.
         let (sin, cos) = self.turn.sin_cos();
         let local = DVec3::new(way.x * cos - way.z * sin, way.y, way.x * sin + way.z * cos);
         if local.z <= 0.0 {
@@ -147,15 +150,15 @@ impl Rig {
         px.x >= -0.5 && px.y >= -0.5 && px.x < w - 0.5 && px.y < h - 0.5
     }
 
-    /// Whether the surface at the point that a pixel sees faces the projector.
+    /// Returns whether the surface faces the projector at the point that a pixel sees.
     pub fn faces(&self, surface: &(impl Surface + ?Sized), px: DVec2) -> bool {
         surface
             .meet(self.ray(px))
             .is_some_and(|(point, normal)| normal.dot(self.pupil - point) > 0.0)
     }
 
-    /// Side of a pixel's footprint in projector pixels, by central differences; infinite where the
-    /// surface ends within the pixel.
+    /// Returns the side of a pixel's footprint in projector pixels, by central differences; infinite
+    /// if the surface ends within the pixel.
     pub fn footprint(&self, surface: &(impl Surface + ?Sized), px: DVec2) -> f64 {
         [DVec2::X, DVec2::Y]
             .into_iter()

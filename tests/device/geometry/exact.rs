@@ -1,4 +1,4 @@
-//! Planes and spheres of bench dimensions, and larger, nearer and more oblique ones.
+//! Planes and spheres with the dimensions of the bench, and larger, nearer and more oblique ones.
 
 use super::closed_form::{Plane, Sphere};
 use super::hold::{bench, hold};
@@ -12,7 +12,7 @@ fn distorted() -> Profile {
     profile
 }
 
-/// A projector with the largest number of pixels that a manifest allows.
+/// Returns a profile whose projector has the largest number of pixels that a manifest allows.
 fn wide() -> Profile {
     let mut profile = bench();
     let factor = 32768.0 / f64::from(profile.projector.width_px);

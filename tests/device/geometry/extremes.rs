@@ -1,4 +1,4 @@
-//! Extreme inputs: distances, sizes, angles and counts at the limits of the allowed ranges.
+//! Extreme inputs: distances, sizes, angles and counts at the limits of their allowed ranges.
 
 use super::closed_form::{Plane, Rig, Sphere, Surface};
 use super::exact::plane;
@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 #[test]
 fn near_and_far_scenes_and_a_tiny_baseline_are_exact() {
-    // At 50 mm: a baseline of 20 mm and a lens of twice the bench's focal length. At 1 m and at
-    // 100 m: the bench's lens with a baseline of 1 mm.
+    // The scene at 50 mm uses a baseline of 20 mm and a lens with twice the focal length of the
+    // bench. The scenes at 1 m and at 100 m use the lens of the bench with a baseline of 1 mm.
     let mut near = bench();
     near.projector.position_mm = [20.0, 0.0, 0.0];
     near.projector.lens_shift_px = [0.0, 0.0];
@@ -36,7 +36,7 @@ fn near_and_far_scenes_and_a_tiny_baseline_are_exact() {
     }
 }
 
-/// The whole scene, including the rig, rotated about y and moved far away.
+/// A surface in a scene that is, with the rig, rotated about y and moved far away.
 struct Far<S>(S);
 
 const FAR_MM: [f64; 3] = [6e6, -5e6, 6.2e6];
@@ -118,7 +118,7 @@ fn corners(half: f64) -> [DVec3; 4] {
         .map(|(x, y)| DVec3::new(x * half, y * half, 0.0))
 }
 
-/// Two triangles with sides of a kilometre.
+/// Returns two triangles with sides of a kilometre.
 fn giants() -> Mesh {
     Mesh {
         vertices: corners(HALF_MM).to_vec(),
@@ -127,8 +127,8 @@ fn giants() -> Mesh {
     }
 }
 
-/// A square of a nanometre in the centre, and rings of ever larger triangles around it. The last
-/// ring is a kilometre wide and adjoins one of 2 mm.
+/// Returns a square of a nanometre in the centre, and rings of ever larger triangles around it. The
+/// outermost ring is a kilometre wide and adjoins a ring of 2 mm.
 fn from_nanometres_to_kilometres() -> Mesh {
     let sides = [5e-7, 6e-7, 1e-3, 1.0, HALF_MM];
     let vertices: Vec<_> = sides.iter().flat_map(|&half| corners(half)).collect();
@@ -181,7 +181,7 @@ fn a_plate_just_before_a_plane_of_a_kilometre_is_seen_and_shades() {
     for i in (0..truth.flags.len()).filter(|&i| truth.flags[i] & Truth::LIT != 0) {
         let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
         let point = camera.ray(px) * f64::from(truth.depth_mm[i]);
-        // In the mesh's own frame.
+        // Point in the mesh's own frame.
         let p = point - DVec3::Z * 1000.0;
         let across = p.x * cos - p.z * sin;
         let height = -(p.x * sin + p.z * cos);
@@ -218,7 +218,8 @@ fn shot(pattern_image: Arc<PatternImage>, id: u64) -> Shot {
     }
 }
 
-/// Mean level under the convolution of two boxes centred at x, from many samples along the axis.
+/// Returns the mean level under the convolution of two boxes centred at x, from many samples along
+/// the axis.
 fn mean_level(levels: &[u16], x: f64, boxes: [f64; 2]) -> f64 {
     let (a, b) = (boxes[0].abs(), boxes[1].abs().max(1e-6));
     let weight = |d: f64| ((a + b) / 2.0 - d.abs()).clamp(0.0, a.min(b));
@@ -254,8 +255,8 @@ fn fringes_from_two_pixels_to_the_whole_width_are_exact() {
             let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
             let x = |px| rig.lit_from(&plane, px).unwrap().x;
             let by = |axis: DVec2| x(px + axis * 0.5) - x(px - axis * 0.5);
-            // This footprint has no extent along the other axis; the table assigns it one, on which
-            // no level depends.
+            // This footprint has no extent along the other axis. The table assigns it an extent
+            // there, on which no level depends.
             let exact = mean_level(levels, x(px), [by(DVec2::X), by(DVec2::Y)]);
             let level = (f64::from(seen[i]) - black) / (f64::from(white[i]) - black) * 255.0;
             assert!(

@@ -1,4 +1,5 @@
-//! Compares the reference path and the fast path with a surface's closed form, at every pixel.
+//! Compares the reference renderer and the production renderer with a surface's closed form, at
+//! every pixel.
 
 use super::closed_form::{Rig, Surface};
 use glam::DVec2;
@@ -19,9 +20,10 @@ pub fn scene(surface: &dyn Surface) -> Scene {
     Scene::parse(&text, "s").unwrap()
 }
 
-/// Requires the reference path to be within 1e-9 px, and the fast path within the larger of 1e-3 px
-/// and 1e-4 of the footprint, at every pixel in the projector's field; visibility and illumination
-/// must match everywhere. Returns the number of pixels that were compared.
+/// Requires, at every pixel in the projector's field, that the reference renderer is within 1e-9 px
+/// of the closed form, and the production renderer within the larger of 1e-3 px and 1e-4 of the
+/// footprint; visibility and illumination must match at every pixel. Returns the number of pixels
+/// compared.
 pub fn hold(profile: &Profile, surface: &dyn Surface) -> usize {
     let scene = scene(surface);
     let rig = Rig::new(profile);
@@ -54,7 +56,7 @@ pub fn hold(profile: &Profile, surface: &dyn Surface) -> usize {
             let error = (fast - exact).abs().max_element();
             let bar = 1e-3f64.max(1e-4 * rig.footprint(surface, px));
             assert!(error <= bar, "{what} {px}: off by {error:e}, bar {bar:e}");
-            // These surfaces are only in shadow where they face away.
+            // These surfaces are in shadow only where they face away from the projector.
             assert_eq!(lit, rig.faces(surface, px), "{what} {px}: lit from {exact}");
             true
         })

@@ -37,15 +37,15 @@ fn renderer(profile: &Profile, scene: &Scene, samples: u32) -> Renderer {
     .unwrap()
 }
 
-/// Signal of each pixel with ambient light only.
+/// Returns the signal of each pixel with ambient light only.
 fn ambient(profile: &Profile, scene: &Scene, samples: u32) -> Vec<f64> {
     let dark = shot(PatternImage::Uniform(0), 0.0);
     let signal = renderer(profile, scene, samples).expected_dn(&dark);
     signal.into_iter().map(f64::from).collect()
 }
 
-/// A plate in front of a wall, both perpendicular to the camera's axis; it covers columns from
-/// `left` to `right`.
+/// Returns a scene with a plate in front of a wall, both perpendicular to the camera's axis. The
+/// plate covers the columns from `left` to `right`.
 fn plate(profile: &Profile, left: f64, right: f64, [plate_mm, wall_mm]: [f64; 2]) -> Scene {
     let lens = profile.camera.view().lens;
     let x = |u: f64| (u - lens.principal_px.x) / lens.focal_px.x * plate_mm;
@@ -64,7 +64,7 @@ fn plate(profile: &Profile, left: f64, right: f64, [plate_mm, wall_mm]: [f64; 2]
 #[test]
 fn a_sliver_that_no_centre_sees_is_found_by_more_samples() {
     let profile = bench();
-    // Covers a fifth of column 600, right of its centre.
+    // The plate covers a fifth of column 600, to the right of the column's centre.
     let scene = plate(&profile, 600.204, 600.396, [990.0, 1000.0]);
     let shares = |samples: u32| {
         let signal = ambient(&profile, &scene, samples);
@@ -112,8 +112,8 @@ fn more_samples_do_not_change_closed_form_pixels() {
             let creases = flags.iter().filter(|&f| f & Truth::CREASE != 0).count();
             assert!(creases < 5000, "only the field's border: {creases}");
             for (i, (a, b)) in one.iter().zip(&more).enumerate() {
-                // At the edge of the projector's field a single ray misses corners, and 64 rays see
-                // more than sixteen.
+                // At the edge of the projector's field, a single ray misses corners of pixels, and
+                // 64 rays see more of them than sixteen.
                 let crease = |flags: &[u8]| flags[i] & Truth::CREASE != 0;
                 if !crease(&flags) || (samples < 64 && crease(&few)) {
                     assert!((a - b).abs() < 0.02, "{samples} at {i}: {a} {b}");
@@ -141,7 +141,7 @@ fn numbers_of_samples_that_make_no_grid_are_refused() {
     }
 }
 
-/// A strongly blurring lens: a pupil of 20 mm / 2 = 10 mm.
+/// Returns a profile with a strongly blurring lens, whose pupil diameter is 20 mm / 2 = 10 mm.
 fn blurred(focus_mm: f64) -> Profile {
     let mut profile = bench();
     profile.camera.height_px = 201;
@@ -152,18 +152,19 @@ fn blurred(focus_mm: f64) -> Profile {
     profile
 }
 
-/// Radius in pixels of the blur disc of a point at z, from similar triangles.
+/// Returns the radius in pixels of the blur disc of a point at depth z, from similar triangles.
 fn disc_px(profile: &Profile, z_mm: f64) -> f64 {
     let camera = &profile.camera;
     let pupil_mm = camera.focal_length_mm / camera.f_number;
     let focus_mm = camera.focus_mm.unwrap();
-    // Diameter of the pencil of rays from the point, on the plane in focus and then on the sensor.
+    // Diameter of the pencil of rays from the point, first in the plane in focus and then on the
+    // sensor.
     let there_mm = pupil_mm * (z_mm - focus_mm).abs() / z_mm;
     let pixel_mm = camera.sensor_width_mm / f64::from(camera.width_px);
     there_mm * camera.focal_length_mm / focus_mm / pixel_mm / 2.0
 }
 
-/// Fraction of a unit disc to the left of t: the circular segment.
+/// Returns the fraction of a unit disc to the left of t, which is a circular segment.
 fn segment(t: f64) -> f64 {
     let t = t.clamp(-1.0, 1.0);
     0.5 + (t * (1.0 - t * t).sqrt() + t.asin()) / PI
@@ -187,7 +188,7 @@ fn edge_out_of_focus_spreads_by_the_disc_of_confusion() {
             };
             let (mut worst, mut bias) = (0.0f64, 0.0f64);
             for column in 540..601 {
-                // The disc convolved with the pixel's own width.
+                // The blur disc convolved with the width of the pixel.
                 let n = 100;
                 let exact = (0..n)
                     .map(|i| (f64::from(i) + 0.5) / f64::from(n) - 0.5)
@@ -199,8 +200,8 @@ fn edge_out_of_focus_spreads_by_the_disc_of_confusion() {
                 bias = bias.max(mean.abs());
                 worst = errors.iter().fold(worst, |m, e| m.max(e.abs()));
             }
-            // The samples are sparse in four dimensions, two of the pixel and two of the pupil:
-            // single pixels scatter, but their mean does not.
+            // The samples are sparse in four dimensions, two of the pixel and two of the pupil.
+            // Single pixels therefore scatter, but their mean does not.
             let bar = if samples == 64 { 0.11 } else { 0.24 };
             assert!(
                 worst < bar && bias < 0.02,
@@ -210,7 +211,7 @@ fn edge_out_of_focus_spreads_by_the_disc_of_confusion() {
     }
 }
 
-/// Bessel's J1 by its integral (DLMF 10.9.2).
+/// Returns the Bessel function J1 by its integral (DLMF 10.9.2).
 fn j1(x: f64) -> f64 {
     let n = 2000;
     (0..n)
@@ -265,7 +266,7 @@ fn a_fringe_on_a_plane_out_of_focus_loses_the_disc_s_contrast() {
             let x = |px| rig.lit_from(&surface, px).unwrap().x;
             let by = |axis: DVec2| x(px + axis * 0.5) - x(px - axis * 0.5);
             let rho = disc_px(&profile, 1000.0) * by(DVec2::X).hypot(by(DVec2::Y));
-            // Contrast of a disc (Goodman: "Introduction to Fourier Optics", section 6.4).
+            // Contrast under a disc (Goodman: "Introduction to Fourier Optics", section 6.4).
             let k = TAU * rho / period_px;
             let exact = 2.0 * j1(k) / k;
             let found = f64::from(after.modulation_dn[i] / before.modulation_dn[i]);

@@ -1,4 +1,4 @@
-//! Upper bounds of interreflected light, and options that change nothing.
+//! Upper bounds of interreflected light, and options that must not change the result.
 
 use crate::interreflection::*;
 use crate::photometry::scene;
@@ -10,7 +10,7 @@ use phasmid::pattern::Axis;
 use phasmid::profile::Profile;
 use std::f64::consts::{PI, TAU};
 
-/// A sphere meshed by longitude and latitude.
+/// Returns a sphere meshed by longitude and latitude.
 fn ball(center: DVec3, radius: f64, across: u32) -> Mesh {
     let (columns, rows) = (2 * across, across);
     let mut mesh = Mesh::default();
@@ -94,8 +94,8 @@ fn interreflection_is_linear_and_conserves_energy() {
     let mut of =
         |pattern_image: PatternImage| bounced(&profile, &mut renderer, &shot(Some(pattern_image)));
     let (dark, uniform) = (of(full(0)), of(PatternImage::Uniform(255)));
-    // Irradiance by the projector at the nearest distance of about 800 mm, plus that by the lamp,
-    // after two reflections with an albedo of at most 0.85.
+    // Irradiance by the projector at the nearest distance of about 800 mm, plus irradiance by the
+    // lamp, each after two reflections with an albedo of at most 0.85.
     let most = 0.85f64.powi(2) * (0.4e6 / 6.4e5 + 0.04e6 / 1e5);
     assert!(uniform.iter().all(|&e| (-1e-6..most).contains(&e)));
     assert!(uniform.iter().filter(|&&e| e > 0.01).count() > 30_000);
@@ -134,7 +134,7 @@ fn coarser_grids_are_near_and_say_the_same_of_geometry() {
     assert!(same(&truth.depth_mm, &bare.depth_mm));
     assert!(same(&truth.projector_x, &bare.projector_x));
     assert!(same(&truth.projector_y, &bare.projector_y));
-    // The error of sixteen rays differs from point to point, so means over many points are
+    // The error of sixteen rays differs from point to point, so only means over many points are
     // compared.
     for (step, [relative, absolute]) in [(4, [0.01, 1e-4]), (16, [0.03, 5e-4])] {
         let (coarse, _) = image(step);

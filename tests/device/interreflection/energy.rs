@@ -6,9 +6,10 @@ use phasmid::emulator::render::Renderer;
 use phasmid::profile::Profile;
 use std::path::Path;
 
-/// Inside a sphere every point sees every other in proportion to its area, whatever the angles
-/// (e.g. Howell, Menguc, Siegel, "Thermal Radiation Heat Transfer"): one reflection adds everywhere
-/// the albedo times the mean irradiance, which follows from the lamp's total power.
+/// Inside a sphere, every point sees every other point in proportion to its area, whatever the
+/// angles (e.g. Howell, Menguc, Siegel, "Thermal Radiation Heat Transfer"). One reflection therefore
+/// adds, at every point, the albedo times the mean irradiance, which follows from the lamp's total
+/// power.
 #[test]
 fn interreflection_in_a_sphere_is_uniform_and_exact() {
     let profile = Profile::load("pmp-bench").unwrap();
@@ -29,9 +30,9 @@ fn interreflection_in_a_sphere_is_uniform_and_exact() {
     }
 }
 
-/// Inside a sphere with an albedo of 1, once with specular highlights and once with a fine chequered
-/// texture. Results are relative to each pixel's response to uniform light, because each pixel
-/// averages a different part of the texture.
+/// Energy is conserved inside a sphere with an albedo of 1, once with specular highlights and once
+/// with a fine chequered texture. Results are relative to each pixel's response to uniform light,
+/// because each pixel averages a different part of the texture.
 #[test]
 fn highlights_and_pictures_keep_the_energy() {
     let mut profile = Profile::load("pmp-bench").unwrap();

@@ -1,4 +1,4 @@
-//! Settings that follow from an error bound, and the light of further bounces.
+//! Settings of interreflection that are chosen by an error bound, and the light of further bounces.
 
 use crate::interreflection::*;
 use crate::photometry::scene;
@@ -10,7 +10,8 @@ use std::path::Path;
 /// Black level of `pmp-bench` in DN.
 const BLACK: f32 = 4.0;
 
-/// A profile with an eighth of the columns and rows, whose pixels receive 64 times the light.
+/// Returns a profile with an eighth of the columns and rows, so that each pixel receives 64 times
+/// the light.
 fn small() -> Profile {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.camera.width_px = 142;
@@ -23,7 +24,7 @@ fn white() -> Shot {
     shot(Some(PatternImage::Uniform(255)))
 }
 
-/// Returns the value that the fraction `part` of the values do not exceed.
+/// Returns the smallest value that at least the fraction `part` of the values does not exceed.
 fn quantile(mut values: Vec<f32>, part: f64) -> f64 {
     values.sort_by(f32::total_cmp);
     f64::from(values[((values.len() - 1) as f64 * part) as usize])
@@ -69,18 +70,19 @@ fn settings_follow_from_the_error_bound() {
     assert!(light.error_percent > 0.5, "{light:?}");
 }
 
-/// Inside a sphere each bounce is uniform and the albedo times the one before, whatever the light.
+/// Inside a sphere each bounce is uniform and has the previous bounce's light times the albedo,
+/// whatever the light.
 #[test]
 fn further_bounces_in_a_sphere_are_a_geometric_series() {
     let (mut profile, albedo) = (small(), 0.7);
-    // Half the distance gives four times the light.
+    // Half the distance gives four times the light, so the projector's intensity is divided by four.
     profile.projector.radiant_intensity_w_sr /= 4.0;
     let text = format!(
         "interreflection = {{ samples = 256 }}\n[[object]]\n\
          shape = {{ kind = \"sphere\", radius_mm = 500 }}\nalbedo = {albedo}\n"
     );
     let mut renderer = Renderer::new(&profile, &scene(&text, Path::new("")), 1).unwrap();
-    // A single sphere counts as convex.
+    // A single sphere counts as convex, so interreflection must be forced.
     renderer.force(Term::Interreflection, true);
     let total = renderer.expected_dn(&white());
     renderer.force(Term::Interreflection, false);
@@ -94,7 +96,7 @@ fn further_bounces_in_a_sphere_are_a_geometric_series() {
         .map(|(total, direct)| (total - direct) * albedo / (1.0 - albedo) / (total - BLACK))
         .collect();
     let light = renderer.indirect_light().unwrap();
-    // The light is sampled at 64 pixels, and varies by a factor of several.
+    // The light of further bounces is sampled at 64 pixels, and varies by a factor of several.
     for (found, part) in [
         (light.further_percent, 0.5),
         (light.most_further_percent, 0.95),

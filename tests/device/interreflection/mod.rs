@@ -1,4 +1,4 @@
-//! Interreflections compared with form factors and direct integration.
+//! Interreflection compared with form factors and with direct integration.
 
 mod bounds;
 mod energy;
@@ -21,16 +21,17 @@ use std::sync::Arc;
 const ALBEDO: [f64; 2] = [0.8, 0.6];
 /// Line along which the walls meet, parallel to y.
 const CREASE: DVec3 = DVec3::new(0.0, 0.0, 1050.0);
-/// Directions in which the walls extend from the crease; each is the other's normal.
+/// Directions in which the walls extend from the crease; the direction of each wall is the normal of
+/// the other.
 const OUT: [DVec3; 2] = [
     DVec3::new(-FRAC_1_SQRT_2, 0.0, -FRAC_1_SQRT_2),
     DVec3::new(FRAC_1_SQRT_2, 0.0, -FRAC_1_SQRT_2),
 ];
-/// Widths and length of the walls in millimetres.
+/// Widths of the two walls, and their common length, in millimetres.
 const WIDTH: [f64; 2] = [300.0, 200.0];
 const LENGTH: f64 = 20_000.0;
 
-/// The walls as solids.
+/// Returns a scene with the walls as solids.
 fn solid_walls() -> String {
     let wall = |i: usize| {
         let at = CREASE + OUT[i] * (WIDTH[i] / 2.0);
@@ -44,7 +45,8 @@ fn solid_walls() -> String {
     wall(0) + &wall(1)
 }
 
-/// The walls as meshes, each of strips along y, in files of `folder`; scaled about the camera.
+/// Returns a scene with the walls as meshes, each made of strips along y, whose files are in
+/// `folder`. The scene is scaled about the camera.
 fn mesh_walls(folder: &Path, scale: f64) -> String {
     let mut text = String::new();
     for i in 0..2 {
@@ -70,7 +72,7 @@ fn mesh_walls(folder: &Path, scale: f64) -> String {
     text
 }
 
-/// A distant light perpendicular to the second wall and parallel to the first.
+/// Returns a distant light perpendicular to the second wall and parallel to the first.
 fn lamp() -> String {
     format!(
         "[[light]]\nkind = \"directional\"\ndirection = [{}, 0, {}]\nirradiance_w_m2 = 1.0\n",
@@ -91,7 +93,8 @@ fn shot(pattern_image: Option<PatternImage>) -> Shot {
     }
 }
 
-/// Interreflected irradiance in W/m^2, times albedo, of all pixels: the contribution of the term.
+/// Returns the interreflected irradiance of all pixels in W/m^2, times albedo, as the difference
+/// with and without the term.
 fn bounced(profile: &Profile, renderer: &mut Renderer, shot: &Shot) -> Vec<f64> {
     assert!(renderer.plan().has(Term::Interreflection));
     let with = renderer.expected_dn(shot);
@@ -105,8 +108,8 @@ fn bounced(profile: &Profile, renderer: &mut Renderer, shot: &Shot) -> Vec<f64> 
         .collect()
 }
 
-/// Points, in the rig's frame, that pixels see, with the index of their wall; without pixels on
-/// edges.
+/// Returns the points that pixels see, in the rig's frame, each with the indices of its pixel and
+/// its wall; pixels on edges are left out.
 fn on_walls(profile: &Profile, truth: &Truth) -> Vec<(usize, usize, DVec3)> {
     let view = profile.camera.view();
     (0..truth.flags.len())
@@ -134,7 +137,7 @@ fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
-/// A box around a ball, in front of a wall: every surface sees another.
+/// Returns a scene with a box around a ball, in front of a wall, so that every surface sees another.
 fn clutter(samples: u32, step_px: u32) -> Scene {
     let text = format!(
         "{}ambient = {{ irradiance_w_m2 = 0.02 }}\n[[light]]\nkind = \"point\"\n\

@@ -11,8 +11,9 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// Irradiance in W/m^2 that the second wall, lit by a row pattern image along x, causes at a point
-/// of the first wall. Integrates over the lit part of the second wall by the midpoint rule, in f64.
+/// Returns the irradiance in W/m^2 at a point of the first wall that is caused by the second wall,
+/// which a row pattern image along x lights. Integrates over the lit part of the second wall by the
+/// midpoint rule, in f64.
 fn integrated(profile: &Profile, point: DVec3, levels: &[u16]) -> f64 {
     let view = profile.projector.view();
     let pupil = view.center();
@@ -30,7 +31,7 @@ fn integrated(profile: &Profile, point: DVec3, levels: &[u16]) -> f64 {
             let level = f64::from(levels[px.x.round() as usize]) / 255.0;
             let (way, light) = (q - point, pupil - q);
             let (r2, d2) = (way.length_squared(), light.length_squared());
-            // Each wall's direction is the other's normal.
+            // The direction of each wall is the normal of the other.
             let cos_light = (OUT[0].dot(light) / d2.sqrt()).max(0.0);
             let irradiance = 1e6 * profile.projector.radiant_intensity_w_sr * cos_light / d2;
             let cosines = OUT[1].dot(way) * -OUT[0].dot(way) / r2;

@@ -9,9 +9,9 @@ use phasmid::profile::Profile;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// Form factor between a point of the first wall and the second wall: the sum of the form factors
-/// between an element and two perpendicular rectangles, each with a corner opposite it (Howell, "A
-/// Catalog of Radiation Heat Transfer Configuration Factors", B-5).
+/// Returns the form factor between a point of the first wall and the second wall: the sum of the
+/// form factors between an element and two rectangles perpendicular to it, each with a corner
+/// opposite the element (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-5).
 fn wedge_factor(point: DVec3) -> f64 {
     let d = OUT[0].dot(point - CREASE);
     let far = d.hypot(WIDTH[1]);
@@ -19,8 +19,8 @@ fn wedge_factor(point: DVec3) -> f64 {
     corner(LENGTH / 2.0 - point.y) + corner(LENGTH / 2.0 + point.y)
 }
 
-/// Errors of the renderer in the wedge, scaled about the camera and lit by the lamp, in units of
-/// form factors.
+/// Returns the errors of the renderer in the wedge, in units of form factors. The wedge is scaled
+/// about the camera and lit by the lamp.
 fn wedge_errors(walls: &str, folder: &Path, samples: u32, scale: f64) -> Vec<f64> {
     let profile = Profile::load("pmp-bench").unwrap();
     let text = format!("{}{}{walls}", wanted(samples, 8), lamp());
@@ -36,8 +36,8 @@ fn wedge_errors(walls: &str, folder: &Path, samples: u32, scale: f64) -> Vec<f64
             errors.push(found[i] / (ALBEDO[0] * ALBEDO[1]) - wedge_factor(point / scale));
         }
     }
-    // Light parallel to the first wall may light it or not, depending on rounding: its edges are
-    // excluded.
+    // Rounding decides whether light parallel to the first wall lights that wall, so the wall's
+    // edges are excluded.
     assert!(errors.len() > 500, "{}", errors.len());
     errors
 }
@@ -45,27 +45,27 @@ fn wedge_errors(walls: &str, folder: &Path, samples: u32, scale: f64) -> Vec<f64
 fn a_right_angled_wedge_has_the_form_factors_profile() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = |scale| (mesh_walls(folder.path(), scale), scale);
-    // The scaled meshes are about 50 mm and 100 m away.
+    // Scaled, the meshes are about 50 mm and 100 m away.
     for (walls, scale) in [(solid_walls(), 1.0), mesh(1.0), mesh(0.05), mesh(100.0)] {
         let of = |samples| wedge_errors(&walls, folder.path(), samples, scale);
         let (few, many) = (of(64), of(1024));
         let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
         let worst = many.iter().fold(0.0f64, |w, e| w.max(e.abs()));
-        // The other wall covers at most half of the hemisphere.
+        // The other wall covers at most half of a point's hemisphere.
         assert!(rms(&many) < 0.0025 && worst < 0.01);
         assert!(mean(&many).abs() < 5e-4 && mean(&few).abs() < 2e-3);
         assert!(rms(&few) > 4.0 * rms(&many), "errors fall with the samples");
     }
 }
 
-/// Under a rolling shutter each row sees moving walls at its own time; the light between them
-/// equals that of still walls, because they do not move relative to each other.
+/// Under a rolling shutter, each row sees moving walls at its own time. The light between the walls
+/// equals the light between still walls, because the walls do not move relative to each other.
 #[test]
 fn walls_that_move_while_rows_start_bounce_as_still_ones_do() {
     let profile = Profile::load("pmp-bench").unwrap();
     let folder = tempfile::tempdir().unwrap();
     let walls = mesh_walls(folder.path(), 1.0);
-    // Moves towards the camera by 1.5 mm between the first row's start and the last's.
+    // The walls move towards the camera by 1.5 mm between the starts of the first and the last row.
     let motion = "motion = { keyframes = [{ time_s = 0.0, position_mm = [0, 0, 0] }, \
                   { time_s = 10.0, position_mm = [0, 0, -1000] }] }\nalbedo";
     let text = format!("{}{}{walls}", wanted(64, 8), lamp());
@@ -107,8 +107,8 @@ fn the_mean_over_a_strip_is_its_view_factor() {
     let mut renderer = Renderer::new(&profile, &scene(&text, Path::new("")), 1).unwrap();
     let found = bounced(&profile, &mut renderer, &shot(None));
     let truth = renderer.truth(&[]);
-    // Along the image's central row, by the trapezoidal rule over the distance from the crease; the
-    // ends are extrapolated with the nearest value.
+    // Integrate along the image's central row, by the trapezoidal rule over the distance from the
+    // crease; the ends are extrapolated with the nearest value.
     let mut profile_of: Vec<(f64, f64)> = on_walls(&profile, &truth)
         .into_iter()
         .filter(|(i, wall, _)| *wall == 0 && i / 1138 == 244)

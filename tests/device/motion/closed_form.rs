@@ -8,7 +8,7 @@ use phasmid::profile::{Profile, Scene};
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-/// Projector column that lights a point of the scene, from similar triangles.
+/// Returns the projector column that lights a point of the scene, from similar triangles.
 fn column(profile: &Profile, point: DVec3) -> f64 {
     let p = &profile.projector;
     assert_eq!(p.rotation_deg, [0.0; 3]);
@@ -26,7 +26,8 @@ fn ray(profile: &Profile, pixel: usize) -> DVec3 {
     ((px - (DVec2::new(w, h) - 1.0) / 2.0) / focal).extend(1.0)
 }
 
-/// A plane rotated about y that moves uniformly along the scene's axes for ten seconds.
+/// Returns a scene with a plane rotated about y that moves uniformly along the scene's axes for ten
+/// seconds.
 fn sliding(tilt_deg: f64, from: [f64; 3], to: [f64; 3]) -> Scene {
     let turn = format!("rotation_deg = [0, {tilt_deg:?}, 0]");
     scene(
@@ -50,7 +51,8 @@ fn moving_plane_lies_where_its_speed_puts_it() {
         let mut renderer = instants(&profile, &sliding(tilt, from, to), 4);
         assert!(renderer.plan().has(Term::Motion));
         for start_ms in [0, 40, 2500, 9000] {
-            // With two frames, the truth is that of the middle of the interval.
+            // For two frames, the truth is evaluated at the middle of the interval from the first to
+            // the last.
             let shots: Vec<_> = [start_ms, start_ms + 100]
                 .map(|ms| (pattern.clone(), shot(&pattern_image, ms * MS, 8 * MS)))
                 .into();
@@ -65,7 +67,8 @@ fn moving_plane_lies_where_its_speed_puts_it() {
                 let ray = ray(&profile, i);
                 let point = ray * (normal.dot(at) / normal.dot(ray));
                 let exact = column(&profile, point);
-                // Far outside of the pattern image, f32 has fewer significant digits.
+                // Far outside the pattern image, f32 has fewer significant digits, so the tolerance
+                // is larger.
                 let bar = 1e-3 + (exact.abs() - 8192.0).max(0.0) * 6e-8;
                 worst = worst.max((f64::from(truth.projector_x[i]) - exact).abs() / bar);
                 let depth = (f64::from(truth.depth_mm[i]) - point.z).abs();
@@ -79,10 +82,11 @@ fn moving_plane_lies_where_its_speed_puts_it() {
 #[test]
 fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
     let mut profile = bench();
-    // Coarser levels would distort a fringe by more than the effect under test.
+    // With coarser levels, rounding would distort a fringe by more than the effect under test.
     profile.projector.bits = 12;
     let (period, exposure) = (16.0, 8 * MS);
-    // Moves away from the camera, by half a period of the pattern image during the exposure.
+    // The plane moves away from the camera, by half a period of the pattern image during the
+    // exposure.
     let speed = 900.0;
     let z = 1000.0;
     let still = sliding(0.0, [0.0, 0.0, z], [0.0, 0.0, z]);
@@ -110,7 +114,7 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
             }
             re.hypot(im) / 1.5
         };
-        // Inside the projector's field throughout.
+        // The point is inside the projector's field during the whole exposure.
         let within = |x: f32, side: u32| (40.0..side as f32 - 40.0).contains(&x);
         let inner = |i: usize| {
             truth.flags[i] & lit == Truth::LIT | Truth::SQUARE
@@ -133,8 +137,8 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
             let at = |t: f64| column(&profile, ray(&profile, i) * (z + speed * t));
             let cycles = (at(4e-3) - at(-4e-3)) / period;
             let sinc = (PI * cycles).sin() / (PI * cycles);
-            // The midpoint rule over that many cycles of a cosine is Dirichlet's kernel, which is
-            // too large by a fraction of about (pi cycles / samples)^2 / 6.
+            // For this number of cycles of a cosine, the midpoint rule gives Dirichlet's kernel,
+            // which is too large by a fraction of about (pi cycles / samples)^2 / 6.
             let step = PI * cycles / f64::from(samples);
             let rule = sinc * (step / step.sin() - 1.0);
             let error = blurred[i] / sharp[i] - sinc;
@@ -143,8 +147,8 @@ fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
             compared += 1;
         }
         assert!(compared > 1000, "{compared}");
-        // The closed form lacks the edges of held pixels, whose effect depends on the pixel's
-        // position.
+        // The closed form ignores the edges of held projector pixels, whose effect depends on the
+        // pixel's position.
         assert!(worst < 8e-3, "{samples} instants: {worst}");
         let [error, beyond] = sums.map(|sum| (sum / f64::from(compared)).abs());
         assert!(beyond < 1e-3, "{samples} instants: {beyond}");
@@ -162,7 +166,8 @@ fn rows_of_a_rolling_shutter_see_a_plane_at_their_own_time() {
     profile.camera.line_time_us = 30.0;
     profile.projector.bits = 12;
     let (period, z) = (64.0, 1000.0);
-    // Moves towards the camera at 3 m/s: by 44 mm between the first row's start and the last's.
+    // The plane moves towards the camera at 3 m/s: by 44 mm between the starts of the first and the
+    // last row.
     let speed = -3000.0;
     let scene = sliding(0.0, [0.0, 0.0, z], [0.0, 0.0, z + speed * 10.0]);
     let still = sliding(0.0, [0.0, 0.0, z], [0.0, 0.0, z]);
@@ -206,7 +211,8 @@ fn rows_of_a_rolling_shutter_see_a_plane_at_their_own_time() {
         if strength < 2.0 || strength0 < 2.0 || !(60.0..1860.0).contains(&at(t)) {
             continue;
         }
-        // Compared with the still plane, so that the phase error of held pixels cancels.
+        // Compared with the image of a still plane, so that the phase error due to held pixels
+        // cancels.
         let turn = |x: f64| (x / period - (x / period).round()) * period;
         let error = turn(x - x0 - (at(t) - at(0.0)));
         worst = worst.max(error.abs());

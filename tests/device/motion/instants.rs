@@ -1,4 +1,4 @@
-//! Exposure lengths, combination with other terms, and rejected requests.
+//! Exposure lengths, combination of motion with other terms, and rejected requests.
 
 use crate::motion::still::{room, write_sheet};
 use crate::motion::{MS, bench, fringe, instants, scene, shot};
@@ -14,7 +14,7 @@ fn moving_scene_is_exposed_from_1_us_to_10_s() {
     let mut profile = bench();
     profile.projector.radiant_intensity_w_sr = 0.8;
     let (_, pattern_image) = fringe(&profile, 16.0, 0.4);
-    // Moves up and down by 20 mm within a second.
+    // The sphere moves up and down by 20 mm within a second.
     let object = "shape = { kind = \"sphere\", radius_mm = 60.0 }\nalbedo = 0.5\n\
                   position_mm = [0, 0, 980]\nmotion = { period_s = 1.0, keyframes = [\n\
                   { time_s = 0.0 }, { time_s = 0.5, position_mm = [0, 0, -20] } ] }\n";
@@ -22,7 +22,7 @@ fn moving_scene_is_exposed_from_1_us_to_10_s() {
     let white = Arc::new(PatternImage::Uniform(255));
     for exposure_ns in [1000, 50_000, 8 * MS, 200 * MS, 10_000 * MS] {
         let mut renderer = instants(&profile, &moving, 5);
-        // Constant full light would saturate the pixels.
+        // With constant full light the pixels would saturate in long exposures.
         let light = 4e6 / exposure_ns as f64;
         let exposure = Shot {
             light: light.min(1.0),
@@ -30,7 +30,7 @@ fn moving_scene_is_exposed_from_1_us_to_10_s() {
         };
         let found = renderer.expected_dn(&exposure);
         assert!(found.iter().all(|v| v.is_finite()));
-        // Shorter exposures may be too dark to show the sphere, because `light` is at most 1.
+        // Shorter exposures may be too dark to show the sphere, because `light` is limited to 1.
         let middle = (77.0 + exposure_ns as f64 / 2.0) * 1e-9;
         let bright = found.iter().filter(|v| **v > 8.0).count();
         if exposure_ns >= 8 * MS {
@@ -45,7 +45,7 @@ fn moving_scene_is_exposed_from_1_us_to_10_s() {
         });
         assert_eq!(frame.exposure_end_ns - frame.exposure_start_ns, exposure_ns);
     }
-    // The last instant of device time needs no special treatment.
+    // The last instants of device time need no special treatment.
     let mut renderer = instants(&profile, &moving, 4);
     let late = renderer.expected_dn(&shot(&white, u64::MAX - 5, 8 * MS));
     assert!(late.iter().all(|v| v.is_finite()));
@@ -57,7 +57,7 @@ fn flicker_and_glare_go_through_the_instants() {
     let lit = "ambient = { irradiance_w_m2 = 0.3, \
                flicker = { frequency_hz = 100, depth = 0.8, phase_deg = 40 } }\n\
                [[object]]\nshape = { kind = \"plane\" }\nposition_mm = [0, 0, 1100]\nalbedo = 0.4\n";
-    // Behind the camera, where it is invisible.
+    // This sphere is behind the camera and therefore invisible.
     let behind = "[[object]]\nshape = { kind = \"sphere\", radius_mm = 5.0 }\nalbedo = 0.5\n\
                   motion = { keyframes = [ { time_s = 0.0, position_mm = [0, 0, -900] }, \
                   { time_s = 1.0, position_mm = [0, 0, -950] } ] }\n";
@@ -160,8 +160,8 @@ fn meshes_that_do_not_fit_are_refused() {
     }
 }
 
-/// Motion of up to an eighth of a pixel is rendered at one instant, whatever number is requested.
-/// The result still equals the sum over many parts of the exposure. Larger motion is rendered at
+/// Motion of up to an eighth of a pixel is rendered at one instant, whatever number is requested,
+/// and the result still equals the sum over many parts of the exposure. Larger motion is rendered at
 /// several instants. Later rows count too: an object at rest during the first row's exposure may
 /// move during the last row's.
 #[test]
@@ -181,7 +181,7 @@ fn slow_motion_is_rendered_at_one_instant() {
     let expected = |scene: &Scene, time_samples, shot: &Shot| {
         instants(&profile, scene, time_samples).expected_dn(shot)
     };
-    // A pixel covers 1.45 mm there.
+    // A pixel covers 1.45 mm at the depth of the object.
     let slow = mean(0.15, 1e-5);
     let once = expected(&slow, 1, &exposure);
     assert_eq!(once, expected(&slow, 8, &exposure), "a tenth of a pixel");
@@ -206,7 +206,7 @@ fn slow_motion_is_rendered_at_one_instant() {
         expected(&quick, 1, &exposure),
         expected(&quick, 8, &exposure)
     );
-    // The object rests for 20 ms and moves during the last rows' exposure.
+    // The object rests for 20 ms and moves during the exposure of the last rows.
     let late = mean(3.0, 0.02);
     let mut rolling = exposure.clone();
     rolling.shutter.line_time_ns = 40_000;

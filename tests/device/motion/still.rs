@@ -1,4 +1,4 @@
-//! Moving scenes compared with the same scene standing still in its position at that time.
+//! Moving scenes compared with still scenes in the position that the moving scene has at that time.
 
 use crate::motion::{MS, bench, fringe, instants, renderer, scene, shot};
 use phasmid::emulator::render::{Options, Renderer, Term};
@@ -29,7 +29,7 @@ pub fn write_sheet(path: &Path, bulge: f64) {
     std::fs::write(path, text).unwrap();
 }
 
-/// Lamps, a floor and an object in front of it.
+/// Returns a scene with lamps, a floor and an object in front of the floor.
 pub fn room(object: &str, folder: &Path) -> Scene {
     scene(
         &format!(
@@ -51,13 +51,13 @@ fn write_checker(path: &Path) {
     image::GrayImage::from_fn(8, 8, level).save(path).unwrap();
 }
 
-/// Number of bytes that differ between two frames.
+/// Returns the number of bytes that differ between two frames.
 fn apart(a: &[u8], b: &[u8]) -> usize {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).filter(|(a, b)| a != b).count()
 }
 
-/// Compares frame and truth at an instant at which the moving scene coincides with the still one.
+/// Compares frame and truth of a moving and a still scene at an instant at which the two coincide.
 fn same(profile: &Profile, still: &Scene, moving: &Scene, time_ns: u64, what: &str) {
     let (_, pattern_image) = fringe(profile, 16.0, 0.4);
     let exposure = shot(&pattern_image, time_ns - 4 * MS, 8 * MS);
@@ -65,8 +65,8 @@ fn same(profile: &Profile, still: &Scene, moving: &Scene, time_ns: u64, what: &s
     let mut moved = instants(profile, moving, 1);
     assert!(moved.plan().has(Term::Motion) && !rest.plan().has(Term::Motion));
     let (a, b) = (rest.expose(&exposure).data, moved.expose(&exposure).data);
-    // In two frames of reference, f64 gives the same triangle except in its last digits; f32 rounds
-    // some of them differently.
+    // A triangle transformed in two frames of reference is the same in f64 except for its last
+    // digits; f32 rounds some of them differently.
     let off = apart(&a, &b);
     assert!(off <= 3, "{what}: {off} bytes");
     assert!(a.iter().collect::<std::collections::HashSet<_>>().len() > 100);
@@ -109,7 +109,7 @@ fn moving_object_looks_like_a_still_one_at_its_place() {
             let text = format!("shape = {{ {shape} }}\n{looks}{more}{place}\n");
             room(&text, dir.path())
         };
-        // Half way through a uniform rotation and translation about its own origin.
+        // The object is halfway through a uniform rotation and translation about its own origin.
         let still = object("position_mm = [30, -20, 1000]\nrotation_deg = [0, 0, 30]");
         let moving = object(
             "position_mm = [0, 0, 1000]\nmotion = { keyframes = [\n\
@@ -159,7 +159,7 @@ fn a_row_of_a_rolling_shutter_is_that_of_a_global_one_at_its_time() {
         ..shot(&pattern_image, 20 * MS, 8 * MS)
     };
     let width = profile.camera.width_px as usize;
-    // A deforming mesh has sixteen shapes in the 15 ms of a frame: an error of at most half a
+    // A deforming mesh takes on sixteen shapes in the 15 ms of a frame. The error is at most half a
     // millisecond, or 0.15 mm at the top of the bulge.
     for (more, samples, bar) in [(way, 1, 2e-3), (way, 16, 2e-3), (breath, 1, 6.0)] {
         let options = Options {
@@ -184,7 +184,7 @@ fn a_row_of_a_rolling_shutter_is_that_of_a_global_one_at_its_time() {
                 let pairs = of(&rolled).into_iter().zip(of(other));
                 pairs.filter(|(a, b)| (a - b).abs() > bar).count()
             };
-            // On edges, neighbouring rows decide which pixels are sampled.
+            // At edges, neighbouring rows decide which pixels are sampled.
             assert!(off(&all) <= 6, "{more} {samples} {row}: {}", off(&all));
             if row == 81 && bar < 1.0 {
                 assert!(off(&early) > 100, "{row}: it has moved: {}", off(&early));
@@ -217,7 +217,7 @@ fn a_mesh_that_deforms_is_its_keyframe_and_half_way_their_mean() {
         let still = object(file, "");
         same(&profile, &still, &breathing, time_s * 1_000_000_000, file);
     }
-    // The mesh may also move as a whole; its texture moves with the triangles.
+    // The mesh may also move as a whole; its texture then moves with the triangles.
     write_checker(&dir.path().join("checker.png"));
     let laid = "texture = \"checker.png\"\ntexture_size_mm = [160.0, 160.0]\n";
     let still = object(
@@ -258,8 +258,8 @@ fn object_at_rest_with_a_motion_keeps_every_byte() {
     let still = Renderer::new(&profile, &object(place), 3)
         .unwrap()
         .expose(&exposure);
-    // After its last keyframe the object rests: all instants of the exposure are the same, so only
-    // one is rendered.
+    // After its last keyframe the object rests. All instants of the exposure are then the same, so
+    // only one is rendered.
     let held = object(
         "motion = { keyframes = [ { time_s = 0.1 }, \
          { time_s = 0.4, position_mm = [10, 0, 1080] } ] }",

@@ -1,4 +1,4 @@
-//! Bias of measured depth on skin.
+//! Bias of depth that is measured on skin.
 
 use crate::skin::wall::{PLANE, Seen, bench, is_even, pattern_image, shot, wall};
 use glam::{DVec2, DVec3};
@@ -45,11 +45,12 @@ fn oblique_light_biases_depth_as_the_closed_form_says() {
         let off = (turns - turns.round()) * period;
         let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
         let seen = Seen::new(&profile, DVec3::Z, px);
-        // Both optical axes point along z: z = baseline / (X/z - (X - baseline)/z), where the
-        // second term is read off the fringe.
+        // Both optical axes point along z, so z = baseline / (X/z - (X - baseline)/z); the second
+        // term of the difference is read off the fringe.
         let measured = baseline / (baseline / z - off / focal);
-        // Left of the projector, light travels towards -x and emerges s further in that direction:
-        // the point appears to be lit by light that arrives s earlier.
+        // On the left of the projector, light travels towards -x under the skin and emerges at a
+        // distance s in this direction, so the point appears to be lit by the light that arrives at
+        // a distance s before it.
         let to_light = seen.point - DVec3::new(baseline, 0.0, 0.0);
         let s = to_light.x / to_light.length() / 1.4 / (0.35 * 0.005 + 1.5);
         let expected = baseline / (baseline / z + s / z);

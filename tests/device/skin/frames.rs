@@ -18,9 +18,9 @@ const TISSUE: Tissue = Tissue {
     refractive_index: 1.4,
 };
 
-/// Level of a periodic row of held pixels at x, under a trapezoid and a transfer function of the
-/// frequency in cycles per projector pixel: its Fourier series. The transfer function decays fast
-/// enough for 40 harmonics per pixel.
+/// Returns the level at x of a periodic row of held pixels under a trapezoid and a transfer function
+/// of the frequency in cycles per projector pixel, by its Fourier series. The transfer function must
+/// decay fast enough for 40 harmonics per pixel.
 fn series(row: &[f64], x: f64, slope: DVec2, transfer: impl Fn(f64) -> f64) -> f64 {
     let period = row.len() as f64;
     let sinc = |w: f64| {
@@ -104,7 +104,7 @@ fn fringes_and_gray_code_go_through_one_transfer() {
                 let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
                 let seen = Seen::new(&profile, normal, px);
                 assert!((seen.x - f64::from(truth.projector_x[i])).abs() < 2e-3);
-                // Keeps a few scattering lengths away from the pattern image's ends.
+                // Stay a few scattering lengths away from the ends of the pattern image.
                 if !(100.0..1820.0).contains(&seen.x) {
                     continue;
                 }
@@ -128,7 +128,7 @@ fn fringes_and_gray_code_go_through_one_transfer() {
             println!("{pattern:?} {rotation:?}: {count} pixels, {worst:.3} {theory:.3}");
             assert!(count > 100, "{count}");
             assert!(worst < 0.05, "{pattern:?} {rotation:?}: {worst}");
-            // The difference between the mixture of Gaussians and the published curve.
+            // This bounds the difference between the mixture of Gaussians and the published curve.
             assert!(theory < 0.5, "{pattern:?} {rotation:?}: {theory}");
         }
     }
@@ -136,7 +136,7 @@ fn fringes_and_gray_code_go_through_one_transfer() {
 
 #[test]
 fn an_edge_of_skin_has_the_levels_of_its_inside() {
-    // A horizontal edge: patterns along x look the same in the pixels that it crosses.
+    // A horizontal edge, so that patterns along x look the same in all pixels that it crosses.
     let profile = bench();
     // The edge crosses a pixel between two rows of its sample grid: a quarter of a pixel below its
     // centre.
@@ -161,7 +161,8 @@ fn an_edge_of_skin_has_the_levels_of_its_inside() {
             let whole = Truth::LIT | Truth::CREASE;
             let x = truth.projector_x[i + 1138];
             if cut && inside & whole == Truth::LIT && (100.0..1820.0).contains(&x) {
-                // The mean of the four samples below the edge is 3/32 of a pixel beside the centre.
+                // On average, the four samples below the edge lie 3/32 of a pixel beside the pixel's
+                // centre.
                 let (here, next) = (found[i + 1138], found[i + 1139]);
                 let expected = here + (next - here) * 3.0 / 32.0;
                 worst = worst.max(255.0 * (found[i] - expected).abs());
@@ -245,7 +246,8 @@ fn truth_is_that_of_the_surface_and_says_where_skin_swallows_fringes() {
     let ratio = f64::from(mean(&skin) / mean(&sharp));
     let expected = TISSUE.reflectance(TAU * 1.433 * 1920.0 / 1000.0 / 16.0);
     assert!((ratio / expected - 1.0).abs() < 0.01, "{ratio} {expected}");
-    // This tissue preserves less than a twentieth of the modulation, so the flag must be set.
+    // This tissue preserves less than a twentieth of the modulation, so the flag for unresolved
+    // fringes must be set.
     let milk = "skin = { absorption_per_mm = 0.002, reduced_scattering_per_mm = 0.3 }\n";
     let lost = modulation(&profile, &format!("{PLANE}{milk}"), 16.0);
     assert!(lost.flags[middle] & Truth::UNRESOLVED != 0);
@@ -279,7 +281,7 @@ fn opaque_skin_is_a_lambertian_surface() {
             .fold(0.0, f32::max);
         assert!(worst < 0.05, "{pattern:?}: {worst}");
     }
-    // Without the term, skin of any kind is Lambertian too.
+    // Without the term, any skin is Lambertian.
     let scene = wall([0.0; 3], &format!("{PLANE}{SKIN}"));
     let plain = PLANE.replace("0.9", &format!("{:?}", 0.9 * TISSUE.reflectance(0.0)));
     let mut left_out = Renderer::new(&profile, &scene, 1).unwrap();

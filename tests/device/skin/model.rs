@@ -1,11 +1,11 @@
-//! The skin model on its own.
+//! The skin model on its own, without rendering.
 
 use phasmid::emulator::render::skin::{Layers, Tissue};
 use phasmid::profile::Skin;
 use std::f64::consts::TAU;
 
-/// Reflectance by finite differences of the equation that Cuccia's formula solves: the diffusion
-/// equation in depth, with the exponentially decaying source of incident light and a
+/// Returns the reflectance by finite differences of the equation that Cuccia's formula solves: the
+/// diffusion equation in depth, with the exponentially decaying source of incident light and a
 /// partial-current boundary.
 fn solved(tissue: &Tissue, k: f64) -> f64 {
     let transport = tissue.absorption_per_mm + tissue.reduced_scattering_per_mm;
@@ -17,8 +17,8 @@ fn solved(tissue: &Tissue, k: f64) -> f64 {
     let slowest = (decay / diffusion).sqrt().min(transport);
     let (cells, depth) = (200_000, 20.0 / slowest);
     let h = depth / f64::from(cells);
-    // For cell i, between its faces: flux in from both sides, absorption, source. Thomas's
-    // algorithm from the bottom, phi[i] = c phi[i-1] + d.
+    // For each cell i: flux into it through both faces, absorption, source. Thomas's algorithm
+    // starts at the bottom, with phi[i] = c phi[i-1] + d.
     let source = |i: i32| {
         let at = |border: i32| (-transport * f64::from(border) * h).exp();
         tissue.reduced_scattering_per_mm / transport * (at(i) - at(i + 1))
@@ -30,7 +30,8 @@ fn solved(tissue: &Tissue, k: f64) -> f64 {
         let own = g + below + decay * h - below * c;
         (c, d) = (g / own, (source(i) + below * d) / own);
     }
-    // Half a cell from the first cell's centre to the boundary, where the flux leaves x phi exits.
+    // It is half a cell from the centre of the first cell to the boundary, where the flux leaves x
+    // phi exits.
     let out = 1.0 / (1.0 / leaves + 1.0 / (2.0 * g));
     let phi = (source(0) + g * d) / (out + g + decay * h - g * c);
     out * phi
@@ -70,7 +71,7 @@ fn formulas_match_values_computed_by_hand() {
     };
     assert!((tissue.reflectance(0.0) - 0.6149).abs() < 1e-4);
     assert!((tissue.transfer(TAU * 0.1) - 0.6708).abs() < 1e-4);
-    // 45 degrees: 0.5051 / 2.007.
+    // For an incidence of 45 degrees: 0.5051 / 2.007.
     assert!((tissue.shift_mm(0.5f64.sqrt()) - 0.2517).abs() < 1e-4);
     assert_eq!((tissue.transfer(0.0), tissue.shift_mm(0.0)), (1.0, 0.0));
 }

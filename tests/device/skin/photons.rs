@@ -1,6 +1,6 @@
-//! A Monte Carlo of photons in a half-space: Henyey-Greenstein scattering, Fresnel's boundary,
-//! weights and roulette as in Wang, Jacques, Zheng: "MCML", Computer Methods and Programs in
-//! Biomedicine 47 (1995). It does not use diffusion theory.
+//! A Monte Carlo simulation of photons in a half-space: Henyey-Greenstein scattering, a Fresnel
+//! boundary, and weights and roulette as in Wang, Jacques, Zheng: "MCML", Computer Methods and
+//! Programs in Biomedicine 47 (1995). It does not use diffusion theory.
 
 use phasmid::emulator::render::skin::Tissue;
 use rayon::prelude::*;
@@ -9,14 +9,14 @@ use std::f64::consts::TAU;
 /// Mean scattering cosine (anisotropy) of skin (Jacques 2013: 0.7 to 0.95).
 const G: f64 = 0.8;
 const PHOTONS: u64 = 120_000;
-/// Cycles per millimetre.
+/// Spatial frequencies of the patterns in cycles per millimetre.
 const FREQUENCIES: [f64; 5] = [0.05, 0.1, 0.15, 0.2, 0.3];
 
 /// SplitMix64 (Steele, Lea, Flood 2014).
 struct Random(u64);
 
 impl Random {
-    /// Above 0 and below 1.
+    /// Returns a random number above 0 and below 1.
     fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -26,8 +26,9 @@ impl Random {
     }
 }
 
-/// Sums over photons of three quantities: weight, and weight times the cosine and times the sine of
-/// the phase at which the photon emerges; and sums of their squares, for the errors.
+/// Sums over photons of three quantities: the weight, and the weight times the cosine and times the
+/// sine of the phase at which the photon emerges. Also the sums of their squares, from which errors
+/// are computed.
 #[derive(Clone, Copy, Default)]
 struct Tally {
     back: f64,
@@ -68,7 +69,7 @@ impl Tally {
     }
 }
 
-/// Unpolarised Fresnel reflectance from inside, at a cosine to the normal.
+/// Returns the Fresnel reflectance of unpolarised light from inside, at a cosine to the normal.
 fn fresnel(n: f64, cos: f64) -> f64 {
     let sin2 = n * n * (1.0 - cos * cos);
     if sin2 >= 1.0 {
@@ -80,7 +81,7 @@ fn fresnel(n: f64, cos: f64) -> f64 {
     (across * across + along * along) / 2.0
 }
 
-/// Traces one photon that has just entered at the origin, its direction tilted along x.
+/// Traces one photon that has just entered at the origin and whose direction is tilted along x.
 fn photon(tissue: &Tissue, sin: f64, random: &mut Random) -> Tally {
     let scattering = tissue.reduced_scattering_per_mm / (1.0 - G);
     let total = tissue.absorption_per_mm + scattering;
@@ -124,9 +125,9 @@ fn scattered([ux, uy, uz]: [f64; 3], random: &mut Random) -> [f64; 3] {
     ]
 }
 
-/// Diffusion theory must agree with the photons within its known accuracy plus four standard errors
-/// of their mean. It deviates where a pattern is not much coarser than a scattering length: the
-/// tolerances give the difference for each frequency.
+/// Diffusion theory agrees with the photons within its known accuracy plus four standard errors of
+/// their mean. It is inaccurate for patterns that are not much coarser than a scattering length; the
+/// tolerances give its error for each frequency.
 #[test]
 fn reflectance_contrast_and_shift_are_those_of_photons() {
     let tissue = |absorption_per_mm, reduced_scattering_per_mm| Tissue {

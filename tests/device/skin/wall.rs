@@ -1,5 +1,5 @@
-//! A flat piece of skin in front of a scanner, and its expected frames, computed from the geometry
-//! by finite differences.
+//! A flat piece of skin in front of a scanner, and its expected frames, which are computed from the
+//! geometry by finite differences.
 
 use glam::{DVec2, DVec3};
 use phasmid::emulator::render::Renderer;
@@ -13,7 +13,7 @@ pub fn bench() -> Profile {
     Profile::load("pmp-bench").unwrap()
 }
 
-/// A plane through z = 1000 mm with additional fields.
+/// Returns a scene with a plane through z = 1000 mm; `lines` are additional fields of the plane.
 pub fn wall(rotation_deg: [f64; 3], lines: &str) -> Scene {
     let text = format!(
         "name = \"wall\"\ndescription = \"\"\nambient = {{ irradiance_w_m2 = 0.05 }}\n[[object]]\n\
@@ -39,8 +39,8 @@ pub fn shot(pattern_image: &Arc<PatternImage>) -> Shot {
     }
 }
 
-/// Levels of a pattern image at each pixel, 0 to 1 of full white; NaN for pixels dark under full
-/// white.
+/// Returns the level of a pattern image at each pixel, 0 to 1 of full white; NaN for pixels that are
+/// dark under full white.
 pub fn levels(
     renderer: &mut Renderer,
     profile: &Profile,
@@ -60,13 +60,13 @@ pub fn is_even(truth: &Truth, i: usize) -> bool {
 
 /// Geometry of the point of a flat wall that a pixel sees, in f64 and by central differences.
 pub struct Seen {
-    /// Pattern image column that lights the point.
+    /// Column of the pattern image that lights the point.
     pub x: f64,
-    /// Derivatives of `x` by the camera's pixel coordinates.
+    /// Derivatives of `x` with respect to the camera's pixel coordinates.
     pub slope: DVec2,
     /// Gradient of `x` along the wall in 1/mm.
     pub gradient: DVec3,
-    /// Tangential component of the light's unit direction.
+    /// Component along the wall of the light's unit direction.
     pub along: DVec3,
     /// Depth in the projector's frame in millimetres.
     pub depth: f64,
@@ -74,7 +74,7 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// `normal` is the wall's.
+    /// Computes the geometry for the pixel at `px`; `normal` is the normal of the wall.
     pub fn new(profile: &Profile, normal: DVec3, px: DVec2) -> Self {
         let (camera, projector) = (profile.camera.view(), profile.projector.view());
         let middle = DVec3::new(150.0, 0.0, 1000.0);

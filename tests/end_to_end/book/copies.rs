@@ -1,6 +1,6 @@
-//! Parts of pages that are copies of files in the source, where the code or its documentation uses
-//! them. Between `<!-- copy of PATH -->` and `<!-- end of copy -->` a page holds the file, so that it
-//! reads the same on a web site that shows Markdown as in the built book.
+//! Parts of the book's pages that are copies of source files. Between `<!-- copy of PATH -->` and
+//! `<!-- end of copy -->`, a page holds the file itself, so that it reads the same on a web site
+//! that shows Markdown as in the built book.
 
 use super::{assert_generated, pages, root, text};
 use std::path::Path;

@@ -5,8 +5,8 @@ use super::{root, text};
 use std::fmt::Write;
 use std::path::Path;
 
-/// Returns the crate documentation in `lib.rs`, with headings one level down and links to items as
-/// code.
+/// Returns the crate documentation in `lib.rs`, with headings one level lower and links to items
+/// replaced by code.
 fn documentation(folder: &Path) -> String {
     let mut out = String::new();
     let source = text(&folder.join("lib.rs"));
@@ -38,7 +38,7 @@ fn without_links(line: &str) -> String {
     out + rest
 }
 
-/// Returns the dependencies of a manifest's table: workspace crates, then others.
+/// Returns the dependencies in a manifest's table: first workspace crates, then others.
 fn dependencies(manifest: &toml::Table) -> [Vec<&str>; 2] {
     let table = manifest.get("dependencies").and_then(toml::Value::as_table);
     let names = table.into_iter().flat_map(|table| table.keys());

@@ -6,7 +6,7 @@ use phasmid::profile::{Profile, Scene, Station};
 use phasmid::protocol::dialect::Dialect;
 use std::path::Path;
 
-/// Puts a table's values over another's, table by table.
+/// Writes the values of one table into another, table by table.
 fn overlay(base: &mut toml::Table, over: toml::Table) {
     for (key, value) in over {
         match (base.get_mut(&key), value) {
@@ -26,7 +26,7 @@ fn profile(example: &str, place: &str) -> Profile {
     Profile::parse(&table.to_string(), place).unwrap()
 }
 
-/// Parses an example as the kind of file that it is a part of.
+/// Parses an example as the kind of file from which it is an excerpt.
 fn check(block: &Block, place: &str) {
     match block.info.get(1).map(String::as_str) {
         Some("profile") => drop(profile(&block.text, place)),

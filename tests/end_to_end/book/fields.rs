@@ -1,5 +1,5 @@
-//! The reference of every field of the files that a user writes, generated from the structs that
-//! read them and their documentation.
+//! The reference of every field in the files that a user writes. It is generated from the structs
+//! that read these files and from their documentation.
 
 use super::root;
 use phasmid::profile::faults::Kind;
@@ -28,7 +28,7 @@ const SOURCES: [&str; 13] = [
     "src/protocol/frame.rs",
 ];
 
-/// Type of a document's root, title, and what it is for.
+/// For each document: type of its root, title, and purpose.
 const DOCUMENTS: [(&str, &str, &str); 7] = [
     (
         "Profile",
@@ -75,8 +75,8 @@ const DOCUMENTS: [(&str, &str, &str); 7] = [
 struct Definition {
     attributes: Vec<Attribute>,
     shape: Shape,
-    /// Default value of each field that a function or `impl Default` in the same file gives, by the
-    /// function's or the field's name.
+    /// Default values that a function or an `impl Default` in the same file gives, by the name of
+    /// the function or field.
     defaults: Defaults,
 }
 
@@ -87,7 +87,7 @@ enum Shape {
     Enum(Vec<syn::Variant>),
 }
 
-/// Returns the types, and the constants of all files.
+/// Returns the types by name, and the constants of all files.
 fn definitions() -> (HashMap<String, Definition>, HashMap<String, Expr>) {
     let mut files = Vec::new();
     let mut open: Vec<_> = SOURCES.iter().map(|path| root().join(path)).collect();
@@ -116,7 +116,7 @@ fn definitions() -> (HashMap<String, Definition>, HashMap<String, Expr>) {
                 Item::Struct(item) => {
                     let fields = match item.fields {
                         Fields::Named(fields) => fields.named.into_iter().collect(),
-                        // Read as another type.
+                        // A type that is read as another type has no fields of its own.
                         _ if serde(&item.attrs, "try_from").is_some() => Vec::new(),
                         _ => continue,
                     };
@@ -280,10 +280,10 @@ fn split(ty: &Type) -> (String, Vec<&Type>) {
     (last.ident.to_string(), arguments)
 }
 
-/// Maximum number of values of a text that are listed in its row. More values get a section with
-/// their documentation.
+/// Maximum number of values of a text that are listed in the field's own row. A text with more
+/// values gets a section with their documentation.
 const VALUES_IN_ROW: usize = 4;
-/// Default of a table whose fields have defaults.
+/// Text for the default of a table whose fields all have defaults.
 const FIELDS: &str = "defaults of its fields";
 
 /// Writes the sections of a document: one for each table that it may contain, and for each text with
@@ -291,7 +291,7 @@ const FIELDS: &str = "defaults of its fields";
 struct Document<'a> {
     types: &'a HashMap<String, Definition>,
     constants: &'a HashMap<String, Expr>,
-    /// Short name, at the start of each heading.
+    /// Short name of the document, at the start of each heading.
     name: &'a str,
     /// Paths of the tables and texts that are already described, by type.
     described: HashMap<String, String>,
@@ -476,7 +476,7 @@ impl Document<'_> {
                 self.waiting.push((inner, "What".to_owned()));
                 continue;
             }
-            // A list whose entries are written in another form than they are kept.
+            // The entries of this list are written in another form than they are stored.
             let frames: Type = syn::parse_str("Vec<Entry>").unwrap();
             let ty = match serde(&field.attrs, "deserialize_with") {
                 Some(function) if function.ends_with("written::frames") => &frames,
@@ -490,7 +490,7 @@ impl Document<'_> {
         self.out.push('\n');
     }
 
-    /// Writes the kinds of faults and the fields that they add to a fault's table.
+    /// Writes the kinds of faults, and the fields that each adds to the table of a fault.
     fn faults(&mut self, path: &str) {
         writeln!(self.out, "### {}: `{path}`\n", self.name).unwrap();
         writeln!(

@@ -115,7 +115,8 @@ fn accuracy_figures_equal_output_of_demo() {
     );
 }
 
-/// Improvement of depth by `--weighted`, over the scenes in front of the bench in full light.
+/// The stated improvement of depth by `--weighted` equals the result of the study of noise, over the
+/// scenes in front of the bench in full light.
 #[test]
 fn stated_gain_of_weights_equals_the_study_of_noise() {
     let study = snapshot("noise.md");

@@ -1,4 +1,4 @@
-//! Maps and flags of the truth, as the page of the service channel lists them.
+//! The book's page about the service channel lists the maps and flags of the ground truth.
 
 use super::text;
 use phasmid::emulator::Truth;

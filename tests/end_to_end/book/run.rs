@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
 
-/// Writes the page's `file=NAME` blocks and runs its `sh` blocks, and those marked with one of
-/// `more`, in one new folder. Returns the folder and what was printed.
+/// In a new folder, writes the page's `file=NAME` blocks and runs its `sh` blocks, including blocks
+/// marked with a word of `more`. Returns the folder and the output.
 fn run(page: &str, more: &[&str]) -> (TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
     let mut script = String::from(
@@ -57,7 +57,7 @@ macro_rules! pages_run {
     };
 }
 
-// Name of the test, page, files that its commands create.
+// For each page: name of the test, page, and files that the page's commands create.
 pages_run! {
     readme: "README.md", ["phasmid-demo/overview.png", "scan/cloud.ply", "decoded/cloud.ply", "mine/summary.json"];
     install: "docs/src/start/install.md", [];

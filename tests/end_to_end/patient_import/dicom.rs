@@ -1,4 +1,4 @@
-//! The CT as DICOM: a complete series, an incomplete one, one among others, and a 4D-CT.
+//! The CT as DICOM: a complete series, an incomplete series, a series among others, and a 4D-CT.
 
 use super::{Import, from};
 use phasmid::geometry::Mesh;
@@ -98,7 +98,7 @@ fn a_series_of_dicom_shows_the_same_skin() {
         "`Thorax` (1.5.2), 1 images; expected one series",
     ]);
 
-    // The reference phase of a 4D-CT is used, whatever else the folder holds.
+    // The reference phase of a 4D-CT is used, whatever other series the folder holds.
     let four = path("four");
     let far = Voxels::I16(vec![-1000; ct.voxels().len()]);
     let air = Volume::new(*ct.grid(), far, "air").unwrap();

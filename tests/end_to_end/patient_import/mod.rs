@@ -1,5 +1,5 @@
-//! `phasmid patient import` as a user runs it: reproduces a phantom's planning folder from its own
-//! CT, displacement fields and tumour.
+//! `phasmid patient import` as a user runs it: it reproduces the planning folder of a phantom from
+//! the phantom's own CT, displacement fields and tumour.
 
 mod dicom;
 mod refused;
@@ -28,7 +28,7 @@ fn words(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// The phantom's planning folder, written once for all tests.
+/// Returns the phantom's planning folder, which is written once for all tests.
 fn from() -> PathBuf {
     static MADE: OnceLock<TempDir> = OnceLock::new();
     let folder = MADE.get_or_init(|| {
@@ -107,8 +107,8 @@ impl Import {
         words(&output.stdout)
     }
 
-    /// Requires that the import is rejected as a user's mistake, in one line that contains these
-    /// words, and leaves no files behind.
+    /// Requires that the import is rejected as a user's mistake, in one line that contains the words
+    /// `needles`, and leaves no files behind.
     fn refused(&self, needles: &[&str]) {
         let folder = tempdir().unwrap();
         let out = folder.path().join("planning");
@@ -146,8 +146,8 @@ fn a_phantom_is_imported_as_it_was_planned() {
     assert_eq!(again.phases, planned.phases);
     let [a, b] = [&from(), &out].map(|path| Folder::open(path).unwrap().ct().unwrap());
     assert_eq!(a, b);
-    // At this level, skin over fat is located to within a sixth of a voxel, away from the flat
-    // ends.
+    // At this threshold, skin over fat is located to within a sixth of a voxel, except near the flat
+    // ends of the body.
     let phantom = Phantom::new(&Patient::load(PATIENT).unwrap());
     let between = |v: &&DVec3| (-200.0..150.0).contains(&v.z);
     let mut count = 0;
@@ -157,7 +157,7 @@ fn a_phantom_is_imported_as_it_was_planned() {
         count += 1;
     }
     assert!(count > 1000, "{count}");
-    // The tracking model built from the folder.
+    // The tracking models built from both folders must agree.
     let options = ModelOptions::default();
     let [of_plan, of_import] =
         [&planned, &again].map(|p| Planned::new(p, &Region::chest(), &options).unwrap());

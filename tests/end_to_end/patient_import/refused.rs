@@ -19,7 +19,7 @@ fn refuses_input_that_does_not_fit_by_name() {
         path(name).display().to_string()
     };
 
-    // Invalid words.
+    // Arguments that are not valid.
     let mut import = Import::new();
     import.phases[2] = "twenty=dvf_20.mha".to_owned();
     import.refused(&["--phase twenty=dvf_20.mha: no phase; expected PERCENT=FILE"]);
@@ -34,7 +34,7 @@ fn refuses_input_that_does_not_fit_by_name() {
         .with(&["--name", "J. Doe"])
         .refused(&["patient's name: \"J. Doe\"; expected 1 to 64 letters"]);
 
-    // Fields that do not match each other, the CT or the body.
+    // Displacement fields that do not match each other, the CT or the body.
     let mut coarse = grid;
     coarse.spacing_mm = DVec3::splat(12.5);
     let mut import = Import::new();

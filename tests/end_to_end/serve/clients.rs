@@ -1,4 +1,4 @@
-//! Clients that misbehave.
+//! Clients that misbehave do not disturb the device.
 
 use crate::served::{LONG, Served, text};
 use phasmid::host::{CommandPort, SerialPort};
@@ -13,7 +13,7 @@ fn misbehaving_clients_do_not_disturb_scans() {
     let served = Served::start(&["--tcp", "0"]);
     let camera = served.at.camera.strip_prefix("socket:").unwrap();
 
-    // Connect and disconnect, and the same with garbage in between, on every channel.
+    // Connect to every channel and disconnect, without and with garbage in between.
     for garbage in [
         &b""[..],
         b"\xff\x00garbage\n#9999999999\n",
@@ -34,12 +34,12 @@ fn misbehaving_clients_do_not_disturb_scans() {
         control.write_all(garbage).unwrap();
     }
 
-    // A camera client and a service client that stop reading, for as long as the test runs.
+    // A camera client and a service client stop reading for as long as the test runs.
     let stuck_camera = UnixStream::connect(camera).unwrap();
     let mut stuck_service = UnixStream::connect(&served.at.service).unwrap();
     stuck_service.write_all(b"{\"get\":\"truth\"}\n").unwrap();
 
-    // A control client that asks and never reads, and leaves half a line and half a block.
+    // A control client sends queries, never reads, and leaves half a line and half a block.
     {
         let mut control = fs::OpenOptions::new()
             .write(true)
@@ -72,8 +72,8 @@ fn client_that_stops_reading_gets_an_error_for_lost_replies() {
     let mut buffer = vec![0; 1 << 16];
     let idn = port.receive(&mut buffer, LONG).unwrap();
     assert_eq!(buffer[..idn], *format!("{}\n", served.at.name).as_bytes());
-    // The kernel buffers about 6500 of these lines, so by the time the last one is sent, the device
-    // has answered the rest, with far more than the 1 MiB that it keeps.
+    // The kernel buffers about 6500 of these lines. When the last line has been sent, the device has
+    // therefore answered the others, with far more than the 1 MiB that it keeps.
     const LINES: usize = 9000;
     let one = {
         port.send(b"SEQ:DATA?\n", LONG).unwrap();

@@ -1,4 +1,5 @@
-//! Device time: stepped by a client to the nanosecond, and real time with its lateness.
+//! Device time: stepped by a client to the nanosecond, and real time with the lateness of its
+//! events.
 
 use crate::served::{LONG, Served, phasmid, serve, text};
 use phasmid::host::{CameraDriver, open_camera};
@@ -37,7 +38,7 @@ fn paused_device_goes_on_by_itself_at_another_pace() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
     let mut camera = open_camera(&served.at.camera, CameraDriver::Auto, LONG).unwrap();
-    // Nothing else is asked of the device until frames have come.
+    // No other request is made until the frames have come.
     let mut count = |stream: &mut UnixStream, pace, frames| {
         let about = clock(stream, Request::Clock(Step::Pace(pace)));
         assert_eq!(about.pace, pace);
@@ -61,14 +62,14 @@ fn step_exposes_the_frames_within_it() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
     let mut instrument = served.instrument();
-    // Must precede the first reader, for which the camera would run free.
+    // Must be set before the first reader connects, because the camera would run free for it.
     instrument.order("TRIG:SOUR BUS").unwrap();
     let mut camera = open_camera(&served.at.camera, CameraDriver::Auto, LONG).unwrap();
     instrument.order("INIT;*TRG").unwrap();
     let about = clock(&mut stream, Request::Get(Item::Clock));
     assert_eq!((about.pace, about.now_ns), (ClockPace::Stepped, 0));
     assert_eq!(device(&mut stream).state, "running");
-    // Exposures of 12 ms, one every 16 ms: no frame is complete a nanosecond before the first ends.
+    // Exposures last 12 ms and start every 16 ms, so no frame is complete a nanosecond before 12 ms.
     let to = |stream: &mut UnixStream, ns| {
         let about = clock(stream, Request::Clock(Step::RunUntilNs(ns)));
         assert_eq!(about.now_ns, ns);
@@ -81,7 +82,7 @@ fn step_exposes_the_frames_within_it() {
     assert_eq!(clock(&mut stream, step).now_ns, 28_000_000);
     assert_eq!(device(&mut stream).frames, 2);
     assert_eq!(to(&mut stream, 1_000_000_000), 13);
-    // All frames have been rendered and sent when the step is answered.
+    // When the step is answered, all frames have been rendered and sent.
     let idle = device(&mut stream);
     assert_eq!((idle.in_flight, idle.backlog), (0, 0));
     assert_eq!((idle.state.as_str(), idle.camera_clients), ("idle", 1));
@@ -117,7 +118,7 @@ fn scan_while_stepped_time_stands_still_names_the_clock() {
 fn step_of_a_day_can_be_cancelled() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
-    // With a reader, each of the three million frames must be rendered.
+    // Because a client reads, each of the three million frames must be rendered.
     let address = served.at.camera.clone();
     std::thread::spawn(move || {
         let mut camera = open_camera(&address, CameraDriver::Auto, LONG).unwrap();
@@ -225,7 +226,7 @@ fn real_clock_reports_lateness() {
     );
 }
 
-/// A scene that moves, so that each frame has its own geometry passes.
+/// A scene that moves, so that each frame needs geometry passes of its own.
 const SWINGING: &str = r#"
 name = "swinging"
 description = "A sphere that swings"
@@ -247,7 +248,7 @@ fn device_that_renders_too_slowly_for_real_time_reports_it_once() {
     let mut command = phasmid();
     command
         .args(["serve", "--profile", "webcam-grey", "--camera", "socket"])
-        // 500 frames a second; two cores render about 12.
+        // The device exposes 500 frames a second; two cores render about 12.
         .args(["--set", "camera.exposure_us=2000"])
         .args(["--set", "camera.frame_interval_us=2000"])
         .args(["--clock", "real", "--scene"])
@@ -266,7 +267,7 @@ fn device_that_renders_too_slowly_for_real_time_reports_it_once() {
         assert!(begin.elapsed() < LONG, "the device does not report it");
     };
     assert!(slowdown >= 1.5, "{slowdown}");
-    // As many frames as it took before the first report.
+    // Read as many frames as the first report of a slowdown took.
     for _ in 0..15 {
         camera.next_frame(LONG).unwrap();
     }

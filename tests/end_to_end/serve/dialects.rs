@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 const WEBCAM: &str = include_str!("../../../device-profiles/webcam-grey.toml");
 const DLP: &str = include_str!("../../../device-profiles/dlp-evm.toml");
 
-/// The tests' profile with a `[control]` table.
+/// Writes a profile for these tests with this `[control]` table, and returns its path.
 fn profile(folder: &Path, control: &str) -> String {
     let path = folder.join("mine.toml");
     fs::write(&path, format!("{WEBCAM}\n[control]\n{control}\n")).unwrap();
@@ -22,7 +22,8 @@ fn check(file: &str) -> Output {
     phasmid().args(["profile", "check", file]).output().unwrap()
 }
 
-/// Scans in real time and on the fast clock, while the device still sends its power-on messages.
+/// A scan uses the dialect in `device.json`, in real time and on the fast clock, even while the
+/// device still sends its power-on messages.
 #[test]
 fn scan_uses_the_dialect_of_the_device_file() {
     for dialect in ["okline", "dlpc350"] {
@@ -37,8 +38,8 @@ fn scan_uses_the_dialect_of_the_device_file() {
         assert!(!said.contains("once more"), "{dialect}: {said}");
         let summary: serde_json::Value = serde_json::from_slice(&scan.stdout).unwrap();
         assert_eq!(summary["frames"], 13, "{dialect}");
-        // Options on the command line take precedence; and a device that does not answer may use
-        // another dialect.
+        // Options on the command line take precedence. The error for a device that does not answer
+        // says that it may use another dialect.
         let more = [
             "--no-decode",
             "--force",
@@ -58,7 +59,8 @@ fn scan_uses_the_dialect_of_the_device_file() {
     }
 }
 
-/// The guide's example from its file; what it cannot report is read from files as well.
+/// A scan works with the guide's example dialect from a file; what the device cannot report is read
+/// from files as well.
 #[test]
 fn scan_works_with_a_custom_dialect() {
     let base = tempfile::tempdir().unwrap();
@@ -92,7 +94,8 @@ fn scan_works_with_a_custom_dialect() {
     served.stop(rustix::process::Signal::TERM);
 }
 
-/// At 9600 baud, a long question and a long answer each take at least the time of their bytes.
+/// At 9600 baud, a long query and a long answer each take at least the transmission time of their
+/// bytes.
 #[test]
 fn real_clock_delays_bytes_by_the_baud_rate() {
     let base = tempfile::tempdir().unwrap();
@@ -106,7 +109,7 @@ fn real_clock_delays_bytes_by_the_baud_rate() {
         let begin = Instant::now();
         port.send(request, Duration::from_secs(5)).unwrap();
         let mut said = Vec::new();
-        // Within the power-on messages.
+        // The power-on messages may still be arriving.
         let answer = |said: &[u8]| {
             let lines = String::from_utf8_lossy(said).into_owned();
             let mut lines = lines.split_inclusive('\n');
@@ -134,7 +137,7 @@ fn real_clock_delays_bytes_by_the_baud_rate() {
     );
 }
 
-/// An invalid control port is rejected with its line, by host and device alike.
+/// Host and device both reject an invalid control port and name the line.
 #[test]
 fn profile_check_judges_a_port_as_serve_does() {
     let base = tempfile::tempdir().unwrap();
@@ -188,7 +191,7 @@ fn profile_check_judges_a_port_as_serve_does() {
             );
         }
     }
-    // The station's setting overrides that of its profiles.
+    // The station's setting overrides the setting in its profiles.
     profile(base.path(), "data_bits = 7");
     for (dialect, place) in [
         ("nope", "station.toml:6: device[0].dialect"),

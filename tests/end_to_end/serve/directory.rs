@@ -54,7 +54,7 @@ fn signal_before_the_device_is_up_ends_it_with_success() {
         .spawn()
         .unwrap();
     let pid = rustix::process::Pid::from_child(&child);
-    // The program has installed a handler for TERM, signal 15.
+    // Wait until the program has installed a handler for TERM, which is signal 15.
     let handles = || signals(child.id(), "SigCgt:") & (1 << 14) != 0;
     let end = Instant::now() + LONG;
     while !handles() {

@@ -19,7 +19,7 @@ fn place(object: u32, z: f64, tilt: f64) -> Request {
     })
 }
 
-/// The frames of a scan, as files.
+/// Returns the files of a scan's frames.
 fn frames(folder: &Path) -> Vec<Vec<u8>> {
     let name = |i| folder.join(format!("frame_{i:02}.png"));
     (0..13).map(|i| fs::read(name(i)).unwrap()).collect()
@@ -38,7 +38,7 @@ fn plane_moves_to_the_requested_place() {
     let done = ask(&mut stream, place(0, f64::from(rest) - 100.0, 0.0)).unwrap();
     assert!(done.maps.is_empty() && done.flags.is_empty());
     assert_eq!(depth(&mut stream), rest - 100.0);
-    // Invalid requests get an error message; the connection stays open, and the plane does not
+    // An invalid request gets an error message; the connection stays open, and the plane does not
     // move.
     for (request, needle) in [
         (place(1, 900.0, 0.0), "place.object: 1"),
@@ -54,7 +54,7 @@ fn plane_moves_to_the_requested_place() {
     assert!(served.scan(&moved, &["--no-decode"]).status.success());
     served.stop(rustix::process::Signal::TERM);
 
-    // A device started with that scene returns the same bytes.
+    // A device that starts with the moved plane in its scene gives the same bytes.
     let scene = include_str!("../../../device-profiles/scenes/plane.toml");
     let mut table: toml::Table = scene.parse().unwrap();
     let object = table["object"].as_array_mut().unwrap()[0].as_table_mut();

@@ -1,4 +1,4 @@
-//! The pods of a treatment room over their ports: locating them, and tracking a patient.
+//! The pods of a treatment room, used over their ports: locating the pods, and tracking a patient.
 
 use crate::served::{phasmid, text};
 use phasmid::geometry::Pose;
@@ -10,11 +10,11 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 const PODS: [&str; 3] = ["left", "right", "foot"];
-/// Limit for a wait that would otherwise hang. Three pods that render a moving patient take 4 s per
-/// scan on two idle cores.
+/// Time limit for waits. Three pods that render a moving patient take 4 s per scan on two idle
+/// cores.
 const HANG: Duration = Duration::from_secs(900);
 
-/// The pods of a station in front of a scene; stopped when dropped.
+/// The pods of a station in front of a scene; dropping this value stops them.
 struct Room {
     child: Child,
     run: PathBuf,
@@ -48,7 +48,7 @@ impl Room {
         self.base.path().join(name)
     }
 
-    /// A command that reaches all pods.
+    /// Returns a command with the addresses of all pods.
     fn command(&self, name: &str) -> Command {
         let mut command = phasmid();
         command
@@ -72,7 +72,7 @@ fn station(name: &str) -> Station {
     }
 }
 
-/// Pose of each pod.
+/// Returns the pose of each pod.
 fn places(station: &Station) -> Vec<Pose> {
     let rigs = station.device.iter().map(|device| device.rig().unwrap());
     let place =
@@ -118,7 +118,7 @@ fn pod_that_was_moved_is_located_again() {
     let found = station(out.to_str().unwrap());
     assert_eq!(found.scene().as_deref(), Some("treatment-room"));
     for (place, truth) in places(&found).iter().zip(&places(&station(file))) {
-        // The located pod must map the isocentre to the right place and keep directions.
+        // The located pod must map the isocentre to the right position and keep directions.
         let off = *place * truth.inverse();
         assert!(off.translation_mm.length() < 0.01, "{off:?}");
         let turned = off.rotation - glam::DMat3::IDENTITY;
@@ -217,7 +217,7 @@ fn pod_that_was_moved_is_located_again() {
         one_twice.arg(&new),
         &["--device: left and right by the same port; expected ports of its own"],
     );
-    // A pod with another pod's name, and a board at another position.
+    // One pod appears under another pod's name, and the board is at another position.
     let mut other = phasmid();
     other.args(["locate", "--timeout", "60", "--device", &right, "--out"]);
     let far = succeeded(&other.arg(room.place("other.toml")).output().unwrap());
@@ -251,7 +251,7 @@ fn pod_that_was_moved_is_located_again() {
     );
 }
 
-/// Complete lines of a file, without the first line.
+/// Returns the complete lines of a file except the first line.
 fn lines(path: &Path) -> Vec<String> {
     let text = fs::read_to_string(path).unwrap_or_default();
     let whole = text
@@ -260,8 +260,8 @@ fn lines(path: &Path) -> Vec<String> {
     whole.skip(1).map(str::to_owned).collect()
 }
 
-/// Writes a station file to `folder` like `sgrt-ceiling`, with pods cropped to the central quarter
-/// of their image: the surface has the same resolution, in half the time.
+/// Writes a station file like `sgrt-ceiling` to `folder`, with pods whose images are cropped to the
+/// central quarter: the surface has the same resolution in half the time.
 fn cropped_pods(folder: &Path) -> PathBuf {
     let pod = include_str!("../../../device-profiles/sgrt-pod.toml")
         .replace("width_px = 640 ", "width_px = 320 ")
@@ -335,7 +335,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     }
     let server = Pid::from_child(&room.child);
     kill_process(server, Signal::STOP).unwrap();
-    // Data that has arrived is processed, then nothing more arrives.
+    // Data that has already arrived is processed; then no more arrives.
     let held = |lines: &[String]| {
         let last = lines.last().is_some_and(|line| line.contains(",held,"));
         last && lines.last().unwrap().split(',').nth(4) == Some("")
@@ -363,7 +363,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     for line in lines(&out) {
         let fields: Vec<&str> = line.trim_end().split(',').collect();
         assert!(fields.len() >= names.len(), "{line}");
-        // A line written during silence has no points.
+        // A line that is written while no data arrives has no points.
         if fields[column("points")].is_empty() {
             continue;
         }

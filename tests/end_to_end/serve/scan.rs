@@ -72,8 +72,8 @@ fn a_sequence_from_a_file_is_projected() {
         .unwrap();
     let served = Served::start(&["--sequence", file.to_str().unwrap()]);
     let out = base.path().join("out");
-    // The sequence cannot be decoded: the scan reports this and keeps the frames, unless decoding
-    // was not requested.
+    // The sequence cannot be decoded. The scan reports this and keeps the frames, unless it was run
+    // without decoding.
     let scan = served.scan(&out, &["--sequence", "mine"]);
     assert_eq!(scan.status.code(), Some(2), "{}", text(&scan));
     assert!(text(&scan).contains("neither fringes nor Gray code"));

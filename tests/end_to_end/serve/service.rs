@@ -15,7 +15,7 @@ use std::process::Command;
 
 const DOCUMENTED: &str = include_str!("../../../src/protocol/service/requests.md");
 
-/// A device with a stepped clock that has exposed its sequence once.
+/// Starts a device with a stepped clock and exposes its sequence once.
 fn exposed() -> (Served, UnixStream) {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
@@ -87,7 +87,8 @@ fn a_frame_s_truth_is_that_of_its_time() {
     let (served, mut stream) = exposed();
     let depth = |stream: &mut UnixStream, id| {
         let (reply, maps) = call(stream, &Request::TruthOfFrame(id)).unwrap();
-        // Geometry maps only: levels would depend on settings that may have changed since.
+        // Only geometry maps are returned, since levels would depend on settings that may have
+        // changed since the exposure.
         let names: Vec<_> = maps.maps.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, phasmid::Truth::MAPS[..11]);
         (reply.frame.unwrap(), maps.maps[0].1[240 * 640 + 320])
@@ -105,7 +106,7 @@ fn a_frame_s_truth_is_that_of_its_time() {
         matches!(shown.pattern, Some(Pattern::Fringe { .. })),
         "{shown:?}"
     );
-    // The maps are unchanged when the wall is moved.
+    // The maps of a frame do not change when the wall is moved later.
     let place = |z| {
         Request::Place(Placement {
             object: 0,
@@ -145,8 +146,8 @@ fn a_frame_s_truth_is_that_of_its_time() {
 
 const SOCKET: &str = "PHASMID_TEST_SERVICE_SOCKET";
 
-/// The socket's file mode excludes other users; if the mode has been relaxed, the device itself
-/// does.
+/// The mode of the socket's file excludes other users; if the mode has been relaxed, the device
+/// itself refuses them.
 #[test]
 fn service_socket_refuses_other_users() {
     let served = Served::start(&[]);
@@ -166,7 +167,7 @@ fn service_socket_refuses_other_users() {
     ] {
         fs::set_permissions(path, Permissions::from_mode(mode)).unwrap();
     }
-    // Runs this program as another user, if that user can run it.
+    // Runs this test program as another user, if that user is able to run it.
     let program = base.join("another");
     fs::copy(std::env::current_exe().unwrap(), &program).unwrap();
     fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
@@ -179,7 +180,7 @@ fn service_socket_refuses_other_users() {
         .unwrap();
     assert!(output.status.success(), "{}", crate::served::text(&output));
     fs::remove_file(program).unwrap();
-    // The owner is still served.
+    // The owner of the socket is still served.
     ask(&mut service(&served), Request::Get(Item::Clock));
     served.stop(Signal::TERM);
 }
@@ -194,7 +195,7 @@ fn another_user_asks() {
     stream.set_read_timeout(Some(LONG)).unwrap();
     let _ = stream.write_all(b"{\"get\":\"clock\"}\n");
     let mut answer = Vec::new();
-    // Unread data resets the connection after the answer.
+    // After the answer, the connection is reset because of unread data.
     let _ = stream.read_to_end(&mut answer);
     let line = answer.split(|&byte| byte == b'\n').next().unwrap();
     let words = Reply::parse(line).unwrap().error.unwrap();

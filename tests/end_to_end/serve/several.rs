@@ -11,7 +11,7 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-/// A profile file like webcam-grey with another serial number.
+/// Writes a profile like webcam-grey with another serial number, and returns its path.
 fn profile(folder: &Path, name: &str, serial: &str) -> String {
     let text = include_str!("../../../device-profiles/webcam-grey.toml")
         .replace("name = \"webcam-grey\"", &format!("name = \"{name}\""))
@@ -28,7 +28,7 @@ fn serve(options: &[&str]) -> Command {
     command
 }
 
-/// Starts the command and returns its output up to the point where all devices are ready.
+/// Starts the command and returns its output until all devices are ready.
 fn start(command: &mut Command) -> (Child, String) {
     let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
     let mut said = String::new();
@@ -116,7 +116,7 @@ fn one_usb_server_exports_all_devices() {
     let listed = Client::list(host, LONG).unwrap();
     let bus_ids: Vec<&str> = listed.iter().map(|device| device.bus_id.as_str()).collect();
     assert_eq!(bus_ids, ["1-1", "1-2"]);
-    // Both at the same time, by separate hosts.
+    // Two separate hosts scan the two devices at the same time.
     let scans = addresses.each_ref().map(|address| {
         let out = base.path().join(&address[address.len() - 1..]);
         let mut scan = phasmid();

@@ -16,7 +16,7 @@ const STATION: &str = "name = \"pair\"\ndescription = \"Two before a wall\"\nsce
     [[device]]\nname = \"near\"\nprofile = \"webcam-grey\"\nseed = 5\n\
     [[device]]\nname = \"far\"\nprofile = \"webcam-grey\"\nposition_mm = [0.0, 0.0, -200.0]\n";
 
-/// Two devices, stopped when dropped.
+/// Two devices; dropping this value stops them.
 struct Pair {
     child: Child,
     at: [Endpoints; 2],
@@ -68,7 +68,7 @@ impl Drop for Pair {
     }
 }
 
-/// Writes a station file with its scene.
+/// Writes a station file and its scene, and returns the path of the station file.
 fn station(folder: &Path) -> PathBuf {
     let wall = include_str!("../../../device-profiles/scenes/plane.toml");
     fs::write(folder.join("wall.toml"), wall).unwrap();
@@ -81,7 +81,7 @@ fn truth(stream: &mut UnixStream) -> Maps {
     call(stream, &Request::Get(Item::Truth)).unwrap().1
 }
 
-/// Depth at the centre of the camera's image.
+/// Returns the depth at the centre of the camera's image.
 fn depth(stream: &mut UnixStream) -> f32 {
     truth(stream).maps[0].1[240 * 640 + 320]
 }
@@ -100,8 +100,8 @@ fn stepping_one_device_steps_the_clock_of_both() {
     assert_eq!(to(5_000_000), [0, 0]);
     let mut instrument = pair.instrument(1);
     instrument.order("TRIG:SOUR BUS;:INIT;*TRG").unwrap();
-    // The exposures of one device end at 12 ms and every 16 ms after it. The exposures of the other
-    // device end 5 ms later.
+    // The exposures of one device end at 12 ms and every 16 ms after that; the exposures of the
+    // other device end 5 ms later.
     assert_eq!(to(16_999_999), [1, 0]);
     assert_eq!(to(17_000_000), [1, 1]);
     assert_eq!(to(92_000_000), [6, 5]);
@@ -123,8 +123,7 @@ fn devices_share_one_time_on_the_fast_clock() {
         assert_eq!(instrument.query("*OPC?").unwrap(), "1");
     }
     let frame = |stream: &mut UnixStream, id| ask(stream, Request::TruthOfFrame(id)).frame.unwrap();
-    // The second sequence begins at the end of the first one's last exposure, or of the last
-    // pattern's time.
+    // The second sequence begins when the first sequence's last exposure or last pattern has ended.
     let last = frame(&mut near, 12);
     assert_eq!(last.end_ns, 12 * 16_000_000 + 12_000_000);
     let first = frame(&mut far, 0);
@@ -211,7 +210,7 @@ fn tracking_ends_after_its_seconds_and_hints_once_if_no_skin_is_in_sight() {
     track.args(["track", "--timeout", "60", "--station"]);
     track.arg(at("pair.toml")).arg("--run-dir").arg(at("run"));
     track.arg("--planning").arg(at("planning"));
-    // One scan takes longer than this time limit.
+    // A single scan takes longer than this time limit.
     let tracked = track.args(["--seconds", "0.001"]).output().unwrap();
     assert!(tracked.status.success(), "{}", text(&tracked));
     let lines = tracked.stdout.split(|byte| *byte == b'\n');

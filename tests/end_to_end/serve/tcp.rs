@@ -1,4 +1,5 @@
-//! Frames over TCP: places of their own, refusals with a reason, and the token.
+//! Frames over TCP: a limit on clients that is separate from the Unix socket's, refusals with a
+//! reason, and the token.
 
 use crate::served::{LONG, Served, phasmid, text};
 use rustix::process::Signal;
@@ -9,7 +10,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Duration;
 
-/// Maximum number of clients of each kind.
+/// Maximum number of clients of each link (Unix socket, TCP).
 const PLACES: usize = 32;
 const TOKEN: &str = "correct horse battery";
 const TOKEN_FILE: &str = "PHASMID_TCP_TOKEN_FILE";
@@ -21,7 +22,7 @@ fn connect(served: &Served) -> TcpStream {
     stream
 }
 
-/// Returns everything up to the end of the connection.
+/// Returns everything that arrives before the connection ends.
 fn rest(mut stream: impl Read) -> String {
     let mut all = Vec::new();
     stream.read_to_end(&mut all).unwrap();
@@ -101,7 +102,7 @@ fn tcp_client_needs_the_token() {
     let right = scan(&served, Some(&path("token")), &path("right"));
     assert_eq!(right.status.code(), Some(0), "{}", text(&right));
 
-    // The Unix socket needs none.
+    // The Unix socket needs no token.
     let unix = served.scan(&path("unix"), &[]);
     assert_eq!(unix.status.code(), Some(0), "{}", text(&unix));
     served.stop(Signal::TERM);
@@ -110,7 +111,8 @@ fn tcp_client_needs_the_token() {
 #[test]
 fn clients_without_the_token_hold_no_places() {
     let (folder, served) = with_token();
-    // Far more than there are places. The oldest make room; the rest are refused after 5 s.
+    // Far more silent clients than allowed. The oldest are evicted in favour of others; the
+    // remaining ones are refused after 5 s.
     let silent: Vec<_> = (0..3 * PLACES).map(|_| connect(&served)).collect();
     let right = scan(
         &served,
@@ -123,7 +125,7 @@ fn clients_without_the_token_hold_no_places() {
         last.starts_with("PHTK\nPHNO ") && last.contains("no token within 5 s"),
         "{last}"
     );
-    // Garbage is refused too.
+    // A client that sends garbage is refused too.
     let mut garbage = connect(&served);
     garbage.write_all(&[b'x'; 1000]).unwrap();
     let reason = rest(garbage);
@@ -133,7 +135,7 @@ fn clients_without_the_token_hold_no_places() {
 
 #[test]
 fn client_with_a_token_explains_a_device_without_one() {
-    // A device that waits for a trigger sends nothing.
+    // This device waits for a trigger, so it sends nothing.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("token");

@@ -14,7 +14,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Writes a built-in profile with one replacement and one addition to a file.
+/// Writes a built-in profile, with one replacement and one addition, to a file and returns its path.
 fn profile(dir: &Path, name: &str, change: (&str, &str), usb: &str) -> PathBuf {
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("device-profiles");
     let text = fs::read_to_string(shipped.join(format!("{name}.toml"))).unwrap();
@@ -34,7 +34,7 @@ fn serve(profile: &Path) -> Command {
     command
 }
 
-/// `phasmid serve` with the device exported over USB/IP on a free port.
+/// Returns the command `phasmid serve` with the device exported over USB/IP on a free port.
 fn serve_usb(profile: &Path) -> Command {
     let mut command = serve(profile);
     command.args(["--usb", "export", "--usb-listen", "127.0.0.1:0"]);
@@ -49,7 +49,7 @@ fn scan(address: &str, out: &Path) -> Command {
     command
 }
 
-/// Files of a folder and their contents.
+/// Returns the files of a folder and their contents.
 fn contents(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(dir).unwrap().map(Result::unwrap);
     entries
@@ -102,14 +102,15 @@ fn superspeed_isochronous_scan_equals_that_of_the_socket() {
     leaves_what_the_socket_leaves("pmp-bench", "speed = 'super'\ntransfer = 'isochronous'");
 }
 
-/// `HOST:PORT` of a served device.
+/// Returns `HOST:PORT` of a served device.
 fn host(served: &Served) -> String {
     UsbAddress::parse(&served.at.camera, "device.json")
         .unwrap()
         .host
 }
 
-/// Runs a command that must exit soon, with this status and a single line for the user.
+/// Runs a command that must exit soon, with this status and a single line for the user that contains
+/// `says`.
 fn refusal(command: &mut Command, status: i32, says: &str) {
     let start = Instant::now();
     let output = command.stdin(Stdio::null()).output().unwrap();
@@ -145,7 +146,7 @@ fn unavailable_addresses_ports_and_devices_are_refused() {
         1,
         &format!("{host}: something else listens there"),
     );
-    // An address of RFC 5737, which no machine has.
+    // An address reserved by RFC 5737, which no machine has.
     refusal(&mut second("192.0.2.1:3240"), 1, "192.0.2.1:3240");
     assert!(!run.exists());
 
@@ -157,12 +158,12 @@ fn unavailable_addresses_ports_and_devices_are_refused() {
         ("/dev/video0", 2, "usb:HOST:PORT"),
         (&format!("usb:{host}/"), 2, "usb:HOST:PORT/BUSID"),
         (&format!("usb:{host}/7-7"), 1, "no such device"),
-        // A privileged port, closed unless a privileged process opens it.
+        // A privileged port, which is closed unless a privileged process has opened it.
         ("usb:127.0.0.1:1", 1, "usb:127.0.0.1:1: Connection refused"),
     ] {
         refusal(&mut scan(address, &out), status, says);
     }
-    // A service that does not speak USB/IP: a listener that greets as web servers do.
+    // A service that does not speak USB/IP: a listener that sends a greeting as web servers do.
     let other = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("usb:{}", other.local_addr().unwrap());
     let greeter = std::thread::spawn(move || {
@@ -173,7 +174,8 @@ fn unavailable_addresses_ports_and_devices_are_refused() {
     refusal(&mut scan(&address, &out), 1, "not a USB/IP server");
     greeter.join().unwrap().unwrap();
 
-    // One host at a time; the next one can connect after the first has disconnected.
+    // Only one host can use the device at a time; the next one can connect after the first has
+    // disconnected.
     let first = Client::import(&host, None, LONG).unwrap();
     refusal(&mut scan(&served.at.camera, &out), 1, "another host");
     assert!(!out.exists(), "refused before anything is captured");
@@ -239,17 +241,18 @@ fn public_listen_address_is_warned_of() {
     }
 }
 
-/// A real-time device with a sequence of two seconds, to be interrupted in the middle.
+/// Serves a device in real time with a sequence of two seconds, so that it can be interrupted in the
+/// middle.
 fn slow(dir: &Path) -> Served {
     let period = ("period_us = 16000.0", "period_us = 150000.0");
     let profile = profile(dir, "webcam-grey", period, "");
     Served::spawn_as_it_is(serve_usb(&profile).args(["--clock", "real"]))
 }
 
-/// Starts a scan and returns while it is far from finished.
+/// Starts a scan and returns it while it is far from finished.
 fn begun(served: &Served, out: &Path) -> Child {
     let mut scan = scan(&served.at.camera, out)
-        // Much longer than the tests wait.
+        // This timeout is much longer than the tests wait.
         .args(["--timeout", "600"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -293,7 +296,7 @@ fn a_client_that_is_killed_in_the_middle_of_a_scan_leaves_the_device_free() {
     served.stop(rustix::process::Signal::TERM);
 }
 
-/// Microseconds that the device has spent on rendering frames.
+/// Returns the time in microseconds that the device has spent on rendering frames.
 fn rendering_us(served: &Served) -> u64 {
     let mut stream = UnixStream::connect(&served.at.service).unwrap();
     stream.set_read_timeout(Some(LONG)).unwrap();
@@ -309,13 +312,13 @@ fn unread_camera_is_not_rendered() {
     let address = UsbAddress::parse(&served.at.camera, "device.json").unwrap();
     let device = Arc::new(UsbDevice::open(&address, LONG).unwrap());
     let mut instrument = Instrument::open(UsbPort::open(&device).unwrap(), LONG).unwrap();
-    // About five frame times.
+    // The wait takes about five frame times.
     let a_while = || std::thread::sleep(Duration::from_millis(170));
 
     // The device is attached and configured, and a program has opened the port.
     a_while();
     assert_eq!(instrument.query("DIAG:FRAM?").unwrap(), "0");
-    // A sequence is exposed for any reader, but needs none.
+    // A sequence is exposed even without a reader.
     let exposed = instrument.query("TRIG:SOUR BUS;:INIT;*TRG;*OPC?;:DIAG:FRAM?");
     assert_eq!(exposed.unwrap(), "1;13");
     assert_eq!(rendering_us(&served), 0);
@@ -328,7 +331,7 @@ fn unread_camera_is_not_rendered() {
     assert!(rendering_us(&served) > 0);
 
     drop(camera);
-    // The running sequence finishes.
+    // The sequence in progress finishes.
     a_while();
     let state = |instrument: &mut Instrument<UsbPort>| {
         (
@@ -398,7 +401,7 @@ fn line_coding_breaks_and_lines_reach_the_firmware() {
     let mut port = UsbPort::open(&device).unwrap();
     assert_eq!(ask(&mut port, "SYST:ERR:COUN?"), "0");
 
-    // A rising edge of RTS is a trigger; a constant or falling RTS is not. DSR is high during
+    // A rising edge of RTS is a trigger; a constant or falling RTS is not. DSR is high during an
     // exposure.
     let count = ask(&mut port, "TRIG:SOUR EXT;MODE STEP;:INIT;:DIAG:FRAM?");
     assert_eq!(count, "0");
@@ -411,9 +414,9 @@ fn line_coding_breaks_and_lines_reach_the_firmware() {
         (false, "2"),
     ] {
         port.set_rts(rts).unwrap();
-        // An exposure starts only after the previous period, and a trigger during it is ignored:
-        // wait until the device is ready. A missed trigger fails here, an extra one at the next
-        // change of RTS.
+        // An exposure starts only after the previous period, and a trigger during that period is
+        // ignored, so wait until the device is ready. A missed trigger fails here; an extra trigger
+        // fails at the next change of RTS.
         let end = Instant::now() + LONG;
         while ask(&mut port, "DIAG:FRAM?") != frames || ask(&mut port, "STAT:OPER:COND?") != "32" {
             assert!(

@@ -2,8 +2,8 @@
 
 use phasmid::calibrate::files::{Format, Reprojection, Sizes, rig_from_bytes, to_opencv};
 
-/// Reads bytes as a calibration. A resulting rig must be valid, and must have the same lenses after
-/// being written and read again.
+/// Reads bytes as a calibration. If they give a rig, it must be valid, and must have the same lenses
+/// after it has been written and read again.
 pub fn run(bytes: &[u8]) {
     let sizes = Sizes {
         camera: Some([640, 480]),

@@ -1,9 +1,9 @@
-//! Scripts for the ordinary tests: seeds and mutations of them, the same in every run.
+//! Scripts for the ordinary tests: seeds and mutations of seeds, which are the same in every run.
 
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// SplitMix64 (Steele, Lea, Flood 2014): the tests need variety, not statistical quality.
+/// SplitMix64 (Steele, Lea, Flood 2014); the tests need variety, not statistical quality.
 struct Numbers(u64);
 
 impl Numbers {
@@ -29,7 +29,7 @@ impl Numbers {
     }
 }
 
-/// Runs the first `usual` cases; `PHASMID_FUZZ_CASES=FIRST..END` selects others.
+/// Runs the first `usual` cases, or the cases selected by `PHASMID_FUZZ_CASES=FIRST..END`.
 pub fn each(usual: u64, seeds: &[Vec<u8>], run: impl Fn(&[u8])) {
     let named = std::env::var("PHASMID_FUZZ_CASES").ok();
     let range: Range<u64> = named.map_or(0..usual, |named| {
@@ -43,7 +43,7 @@ pub fn each(usual: u64, seeds: &[Vec<u8>], run: impl Fn(&[u8])) {
     }
 }
 
-/// Returns a case by its number: every fourth is random bytes, the others are seeds with a few
+/// Returns a case by its number: every fourth case is random bytes, the others are seeds with a few
 /// changes.
 pub fn case(seeds: &[Vec<u8>], number: u64) -> Vec<u8> {
     let mut numbers = Numbers(number);

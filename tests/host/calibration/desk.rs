@@ -23,12 +23,12 @@ pub struct Desk {
 }
 
 impl Desk {
-    /// A built-in scanner that projects its sequence for calibration.
+    /// Returns a built-in scanner that projects its sequence for calibration, and a board.
     pub fn new(profile: &str, board: Board) -> Self {
         Self::of(Profile::load(profile).unwrap(), board)
     }
 
-    /// A scanner that projects its sequence for calibration.
+    /// Returns a scanner that projects its sequence for calibration, and a board.
     pub fn of(profile: Profile, board: Board) -> Self {
         let manifest = profile.manifest(profile.calibration_sequence().unwrap());
         let rig = profile.nominal_rig();
@@ -48,7 +48,7 @@ impl Desk {
         }
     }
 
-    /// Poses of the board for a calibration, as `camera_from_board`.
+    /// Returns poses of the board for a calibration, as `camera_from_board`.
     pub fn poses(&self, wanted: &Wanted) -> Vec<Pose> {
         poses(&self.board, &self.rig, wanted).unwrap()
     }
@@ -68,7 +68,7 @@ impl Desk {
         (image, self.decoder.decode(&images).unwrap())
     }
 
-    /// Captures all poses, each with its own noise.
+    /// Captures the board in all poses, each with noise of its own.
     pub fn sight(&self, poses: &[Pose], seed: u64) -> Vec<PoseData> {
         let sight = |(i, pose): (usize, &Pose)| {
             let (image, decoded) = self.shoot(pose, seed * 1000 + i as u64);
@@ -118,7 +118,7 @@ impl Desk {
     }
 }
 
-/// The shots of a sequence.
+/// Returns the shots of a sequence.
 pub fn shots(profile: &Profile, manifest: &Manifest) -> Vec<Shot> {
     let shot = |(i, pattern)| Shot {
         id: i as u64,

@@ -1,4 +1,4 @@
-//! Accuracy of a calibration, compared with the truth.
+//! Accuracy of a calibration, computed by comparison with the truth.
 
 use crate::calibration::desk::Desk;
 use phasmid::calibrate::rig::Calibration;
@@ -6,15 +6,15 @@ use phasmid::calibrate::solve::chi_square_bound;
 use phasmid::geometry::Pose;
 use std::fmt;
 
-/// A calibration's figures.
+/// Error figures of a calibration.
 pub struct Figures {
-    /// Poses that were used.
+    /// Number of poses that were used.
     pub poses: usize,
-    /// Points that were used.
+    /// Number of points that were used.
     pub points: usize,
     /// Root mean square distance of the dots' centres from the truth, in pixels of the camera.
     pub dots_px: f64,
-    /// The same, divided by their standard deviations.
+    /// Root mean square of the same distances divided by their standard deviations.
     pub dots_whitened: f64,
     /// Mean reprojection error of the camera in pixels.
     pub camera_px: f64,
@@ -22,10 +22,10 @@ pub struct Figures {
     pub projector_px: f64,
     /// Root mean square of the whitened residuals of camera and projector.
     pub whitened: [f64; 2],
-    /// Root mean square of the errors of the projector's coordinates at the points' exact
-    /// positions, divided by their standard deviations.
+    /// Root mean square of the errors of the projector's coordinates at the exact positions of the
+    /// points, divided by their standard deviations.
     pub lit_whitened: f64,
-    /// Root mean square of the same errors in pixels.
+    /// Root mean square of the same errors, in projector pixels.
     pub lit_px: f64,
     /// Squared Mahalanobis distance of all parameters from the truth.
     pub distance: f64,
@@ -43,7 +43,7 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// `poses` holds the true poses of all captures.
+    /// Computes the figures; `poses` holds the true poses of all captures.
     pub fn new(desk: &Desk, calibration: &Calibration, poses: &[Pose]) -> Self {
         let solution = &calibration.solution;
         let (mut squares, mut whitened, mut points) = (0.0, 0.0, 0);

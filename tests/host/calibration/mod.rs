@@ -18,7 +18,7 @@ use phasmid::pattern::Image;
 use phasmid::profile::{Profile, Scene};
 use phasmid::study::score::score;
 
-/// The paper's figures are 0.03 px for the camera and 0.08 px for the projector over 20 poses.
+/// Wu et al. report 0.03 px for the camera and 0.08 px for the projector over 20 poses.
 #[test]
 fn twenty_poses_of_the_bench_give_its_rig() {
     let desk = Desk::new("pmp-bench", Board::DOTS.scaled(4.0));
@@ -51,7 +51,7 @@ fn twenty_poses_of_the_bench_give_its_rig() {
     assert!(estimate <= 1.5 * truth, "{estimate} {truth}");
 }
 
-/// Mean absolute error of a scan of the trapezoid in millimetres.
+/// Returns the mean absolute error of a scan of the trapezoid in millimetres.
 fn scan_error_mm(desk: &Desk, rig: &Rig) -> f64 {
     let profile = &desk.profile;
     let scene = Scene::load("trapezoid").unwrap();
@@ -74,11 +74,11 @@ fn scan_error_mm(desk: &Desk, rig: &Rig) -> f64 {
         .mae_mm
 }
 
-/// The paper's own board, whose dots are 3.2 px here, at 500 mm.
+/// The board of Wu et al., whose dots have a size of 3.2 px here, gives the rig at 500 mm.
 #[test]
 fn board_of_the_paper_at_500_mm_gives_the_rig() {
     let mut profile = Profile::load("pmp-bench").unwrap();
-    // Four times as bright.
+    // At half the distance the light is four times as bright, so the exposure is shortened.
     profile.camera.exposure_us /= 4.0;
     let desk = Desk::of(profile, Board::DOTS);
     let poses = desk.poses(&Wanted {
@@ -105,7 +105,7 @@ fn board_of_the_paper_at_500_mm_gives_the_rig() {
     );
 }
 
-/// Distorting, blurring lenses, glare, and a sensor with fixed-pattern noise.
+/// The rig is found with distorting, blurring lenses, glare, and a sensor with fixed-pattern noise.
 #[test]
 #[ignore = "a minute: every dot has a blur of its own"]
 fn calibration_of_a_scanner_with_real_parts_is_accurate() {

@@ -6,10 +6,10 @@ use phasmid::decode::{Decoded, Decoder, Verdict};
 use phasmid::pattern::{Axis, Image, Manifest};
 use std::f64::consts::TAU;
 
-/// Error beyond which a coordinate is wrong, in projector pixels: beyond noise, about 1 mm on the
-/// bench.
+/// Error in projector pixels above which a coordinate is wrong: more than noise, and about 1 mm on
+/// the bench.
 const WRONG_PX: f64 = 2.0;
-/// Number of damaged, non-adjacent pixels of a frame.
+/// Number of damaged pixels in a frame, no two of which are adjacent.
 const DAMAGED: usize = 150;
 
 fn capture(steps: usize) -> Manifest {
@@ -44,9 +44,10 @@ fn wrong(decoded: &Decoded, positions: &[[f64; 2]]) -> (usize, usize) {
     (wrong, odd)
 }
 
-/// Flips every bit of the damaged pixels of every frame in turn. The remaining errors are Gray bits
-/// flipped where another bit is on its edge: the mirrored edge fits the phase equally well, and
-/// only neighbours can reveal the error, unless they are damaged themselves.
+/// If every bit of the damaged pixels of every frame is flipped in turn, no coordinate is wrong,
+/// with one exception: a Gray bit flipped where another bit is on its edge. The mirrored edge fits
+/// the phase equally well there, and only neighbours can reveal the error, unless they are damaged
+/// themselves.
 #[test]
 fn flipped_bits_make_no_wrong_coordinates() {
     let scene = Scene::default();
@@ -55,7 +56,7 @@ fn flipped_bits_make_no_wrong_coordinates() {
         let manifest = capture(steps);
         let sound = scene.frames_u8(&manifest, &positions);
         let (before, odd) = wrong(&decode(&scene, &manifest, &sound), &positions);
-        // 6 of 100,000 lie beyond four standard deviations.
+        // In a normal distribution, 6 of 100,000 values lie beyond four standard deviations.
         assert_eq!(before, 0, "{steps} steps");
         assert!(odd * 2000 <= positions.len(), "{steps} steps: {odd}");
         let (mut left, mut refused) = (0, 0);
@@ -78,8 +79,9 @@ fn flipped_bits_make_no_wrong_coordinates() {
     }
 }
 
-/// Three periods of three steps: all sets have the same mean, so a flipped bit that moves the phase
-/// is detected, except for the lower bits, which move it by no more than a few times the noise.
+/// With three periods of three steps, all sets have the same mean. A flipped bit that moves the
+/// phase is therefore detected, except for the lower bits, which move the phase by only a few times
+/// the noise.
 #[test]
 fn flipped_bits_of_three_steps_are_refused() {
     let scene = Scene::default();
@@ -111,7 +113,8 @@ fn flipped_bits_of_three_steps_are_refused() {
     }
 }
 
-/// A response curve and flickering light leave residuals in every pixel, which are then normal.
+/// A response curve and flickering light leave residuals in every pixel; these residuals are then
+/// normal and not damage.
 #[test]
 fn curved_responses_and_flicker_are_not_damage() {
     let positions = sweep(100);
@@ -128,7 +131,7 @@ fn curved_responses_and_flicker_are_not_damage() {
             let manifest = capture(steps);
             let bent = manifest.frame.iter().enumerate().map(|(k, frame)| {
                 let flicker = 1.0 + 0.01 * normal(1 << 40 | seed << 20 | k as u64);
-                // Noise comes after the curve, in the camera.
+                // The camera adds noise after the response curve.
                 let values = still.frame(k, &frame.pattern, &positions);
                 let value = |(i, v): (usize, &f64)| {
                     let linear = ((v - scene.floor) / scene.swing).clamp(0.0, 1.0);

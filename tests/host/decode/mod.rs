@@ -1,5 +1,6 @@
-//! The decoder on frames computed here from the patterns' formulas, in f64 and without any of the
-//! decoder's code. Error of the inliers, gross errors and coverage are tested separately.
+//! The decoder is tested on frames that are computed here from the patterns' formulas, in f64 and
+//! without any code of the decoder. The error of the inliers, gross errors and coverage are tested
+//! separately.
 
 mod damage;
 mod frames;

@@ -1,4 +1,5 @@
-//! Errors have the size predicted by the samples' noise, and the decoder estimates that noise.
+//! Errors have the size that the noise of the samples predicts, and the decoder estimates this
+//! noise.
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
@@ -35,8 +36,8 @@ fn phase_noise_reaches_the_bound() {
     }
 }
 
-/// 16-bit frames with a hundred DN per grey level, whose noise has the variance 0.5 + 0.05 I; also
-/// returns that noise model.
+/// Returns 16-bit frames with a hundred DN per grey level, whose noise at intensity I has the
+/// variance 0.5 + 0.05 I in grey levels, and that noise model.
 fn with_shot_noise(manifest: &Manifest, positions: &[[f64; 2]]) -> (Vec<Vec<u16>>, NoiseModel) {
     let scene = Scene {
         noise: 0.0,
@@ -51,7 +52,7 @@ fn with_shot_noise(manifest: &Manifest, positions: &[[f64; 2]]) -> (Vec<Vec<u16>
                 .map(|(i, v)| {
                     let sigma = (0.5 + 0.05 * v).sqrt();
                     let noisy = v + sigma * normal((k as u64) << 32 | i as u64);
-                    // Sixteen bits, so that rounding is negligible.
+                    // Sixteen bits make rounding negligible.
                     (100.0 * noisy).round().clamp(0.0, 65535.0) as u16
                 })
                 .collect()
@@ -87,7 +88,7 @@ fn shot_noise_is_carried_pixel_by_pixel_even_with_three_steps() {
         ..Options::default()
     };
     let decoded = decoded_16(&manifest, &frames, options);
-    // Evaluated separately by the position in the period: the third harmonic shows there.
+    // Errors are evaluated by thirds of the period, which would reveal a third harmonic.
     for third in 0..3 {
         let here: Vec<usize> = (0..positions.len())
             .filter(|&i| (positions[i][0] / 16.0 * 9.0).rem_euclid(3.0).floor() as i32 == third)
@@ -107,8 +108,8 @@ fn shot_noise_is_carried_pixel_by_pixel_even_with_three_steps() {
 }
 
 /// If the noise variance varies between the steps with the relative amplitude m, weights reduce
-/// errors by sqrt(1 - t^2 / (1 - t^2)), t = m / 2, for eight or more steps, by sqrt(1 - t^2) for
-/// six, and not at all for three. The stated errors shrink accordingly.
+/// errors by a factor of sqrt(1 - t^2 / (1 - t^2)) with t = m / 2 for eight or more steps, by sqrt(1
+/// - t^2) for six, and not at all for three. The stated errors shrink accordingly.
 #[test]
 fn weights_make_use_of_shot_noise() {
     let positions = sweep(128);
@@ -176,7 +177,8 @@ fn noise_is_estimated_from_redundancy() {
             assert!((f.ratio - 1.0).abs() < 0.06, "{f:?}");
         }
     }
-    // The noise cannot be estimated from three steps and plain bits; a note reports this.
+    // From three steps and Gray code without complements, the noise cannot be estimated; a note
+    // reports this.
     let (_, _, notes) = estimate(
         [
             equal(Axis::X, 16.0, 3),
@@ -192,8 +194,8 @@ fn noise_is_estimated_from_redundancy() {
     );
 }
 
-/// Five pixels in six are unlit and always round to one value; the noise must be estimated from the
-/// others alone. Tested with 8 bits, and stretched to 16.
+/// Five of six pixels are unlit and always round to one value, so the noise must be estimated from
+/// the others alone. Tested with 8 bits, and with 8 bits stretched to 16.
 #[test]
 fn the_noise_of_a_board_in_a_dark_room_is_that_of_the_board() {
     const HEIGHT: usize = 256;
@@ -287,8 +289,8 @@ fn rounding_of_twelve_steps_leaves_no_bias() {
     let manifest = manifest([equal(Axis::X, 16.0, 12), gray(Axis::X, 8.0, 0..8, true)].concat());
     let decoded = scene.decode(&manifest, &positions, scene.options());
     let f = figures(&decoded, Axis::X, &positions, 1.0);
-    // The bound for a variance of 1/12; it holds only approximately, because rounding errors are
-    // not white.
+    // The bound for a noise variance of 1/12. It holds only approximately, because rounding errors
+    // are not white noise.
     let bound = 16.0 / TAU * (2.0f64 / 12.0).sqrt() * (1.0f64 / 12.0).sqrt() / 90.0;
     assert!(f.coverage > 0.99 && f.rms < 1.5 * bound, "{f:?} {bound}");
     let map = decoded.x.as_ref().unwrap();

@@ -1,4 +1,4 @@
-//! The fringe order is right, or the pixel is masked.
+//! A pixel's fringe order is right, or the pixel is masked.
 
 use crate::decode::patterns::*;
 use crate::decode::scene::*;
@@ -214,7 +214,7 @@ fn at_high_noise_orders_are_masked_rather_than_wrong() {
     ] {
         let manifest = manifest(patterns);
         let mut covered: f64 = 0.0;
-        // Modulation over noise from 20 to 2.5.
+        // The ratio of modulation to noise falls from 20 to 2.5.
         for (seed, noise) in [(1, 2.0), (2, 4.0), (3, 6.0), (4, 9.0), (5, 16.0)] {
             let scene = Scene {
                 floor: 60.0,
@@ -223,7 +223,7 @@ fn at_high_noise_orders_are_masked_rather_than_wrong() {
                 seed,
                 ..Scene::default()
             };
-            // Without the tests of mixed pixels, which depend on a pixel's neighbours.
+            // Leave out the tests for mixed pixels, which depend on a pixel's neighbours.
             let options = Options {
                 keep_mixed: true,
                 ..scene.options()

@@ -1,4 +1,4 @@
-//! Frames of a known scene, and the errors of the decoded result.
+//! Frames of a known scene, and the errors of the result of decoding them.
 
 use phasmid::decode::{Decoded, Decoder, Options, Verdict};
 use phasmid::geometry::NoiseModel;
@@ -8,14 +8,14 @@ use std::f64::consts::TAU;
 
 pub const WIDTH: usize = 256;
 
-/// A camera's response to patterns: `floor + swing * level`, Gaussian noise, rounding.
+/// A camera's response to a pattern: `floor + swing * level`, plus Gaussian noise, then rounding.
 #[derive(Clone, Copy)]
 pub struct Scene {
     pub floor: f64,
     pub swing: f64,
-    /// Standard deviation in DN before rounding.
+    /// Standard deviation of the noise in DN before rounding.
     pub noise: f64,
-    /// Projector pixels that a camera pixel's footprint covers.
+    /// Number of projector pixels that a camera pixel's footprint covers.
     pub footprint: f64,
     pub seed: u64,
 }
@@ -32,7 +32,7 @@ impl Default for Scene {
     }
 }
 
-/// SplitMix64's finaliser: a counter-based uniform in (0, 1).
+/// Returns a uniform number in (0, 1) that depends on a counter, by the finaliser of SplitMix64.
 pub fn uniform(counter: u64) -> f64 {
     let mut z = counter.wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -45,8 +45,8 @@ pub fn normal(counter: u64) -> f64 {
 }
 
 impl Scene {
-    /// Level of a pattern at a position: fringes as a continuous function, Gray code as held pixels
-    /// averaged over the footprint.
+    /// Returns the level of a pattern at a position. Fringes are a continuous function; Gray code is
+    /// made of held projector pixels averaged over the footprint.
     fn level(&self, pattern: &Pattern, position: [f64; 2]) -> f64 {
         match *pattern {
             Pattern::Fringe {
@@ -127,7 +127,8 @@ impl Scene {
     }
 }
 
-/// Positions of a smooth surface on which x runs over its range, with every sub-pixel phase.
+/// Returns positions on a smooth surface, over which x runs through its range with every sub-pixel
+/// phase.
 pub fn sweep(height: usize) -> Vec<[f64; 2]> {
     (0..WIDTH * height)
         .map(|i| {
@@ -138,8 +139,9 @@ pub fn sweep(height: usize) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Separate error figures: coverage, rate of errors above `gross` among the valid pixels, RMS of
-/// the others, and RMS of the others relative to their own standard deviation.
+/// Error figures, each for its own cause: coverage, rate of errors above `gross` among the valid
+/// pixels, RMS of the other errors, and RMS of these errors relative to their own standard
+/// deviations.
 #[derive(Debug)]
 pub struct Figures {
     pub coverage: f64,

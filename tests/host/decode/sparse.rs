@@ -1,4 +1,4 @@
-//! Decoding a subset of the pixels, compared with decoding all of them.
+//! Decoding a subset of the pixels, compared with decoding all pixels.
 
 use phasmid::decode::{Decoded, Held, Options, SparseDecoder};
 use phasmid::emulator::render;
@@ -6,7 +6,7 @@ use phasmid::pattern::Image;
 use phasmid::profile::{Profile, Scene};
 use phasmid::study::scanned::Stage;
 
-/// Points of pixels in both results agree to rounding.
+/// For pixels in both results, the points agree to rounding.
 #[test]
 fn sees_the_same_points_as_a_decoder_of_all_pixels() {
     let mut profile = Profile::load("sgrt-pod").unwrap();
@@ -18,8 +18,8 @@ fn sees_the_same_points_as_a_decoder_of_all_pixels() {
     let mut stage = Stage::new(&profile, &scene, 1, render::Options::default()).unwrap();
     let scanned = stage.scan(0).unwrap();
     let size @ [width, _] = Image::common_size(&scanned.images).unwrap();
-    // Held pixels are not corrected: the correction depends on the number of decoded pixels on a
-    // smooth surface.
+    // Held pixels are not corrected, because the correction depends on the number of decoded pixels
+    // on a smooth surface.
     let options = Options {
         held: Held::State,
         ..Options::default()

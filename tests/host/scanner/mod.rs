@@ -1,5 +1,5 @@
-//! The scanner against an in-memory device: a good scan, and every way in which frames or replies
-//! can be wrong.
+//! The scanner with an in-memory device: a scan without faults, and scans in which frames or replies
+//! are wrong in every possible way.
 
 mod unplugged;
 
@@ -24,7 +24,7 @@ enum Fault {
     Foreign,
     Stray,
     WrongSize,
-    /// The largest possible id, starting at pattern 0.
+    /// Frame ids start at pattern 0 so that pattern 4 has the largest possible id.
     LastId,
     Damaged,
 }
@@ -57,7 +57,7 @@ impl Camera for Receiver {
     }
 }
 
-/// The link from the device to the camera, with a fault in the first runs.
+/// The link from the device to the camera, which has a fault in the first runs.
 struct Way {
     camera: MemoryCamera,
     fault: Fault,
@@ -124,7 +124,7 @@ fn scan(
     scan_with(None, fault, bad_runs, options)
 }
 
-/// [`scan`] with a calibration that replaces the device's own.
+/// Same as [`scan`], with a calibration that replaces the device's own.
 fn scan_with(
     given: Option<Rig>,
     fault: Fault,
@@ -353,7 +353,7 @@ fn port_without_a_scpi_device_is_reported() {
                 return Vec::new();
             };
             match answer {
-                // The question's number is valid.
+                // The number in the query is valid.
                 [b'0', ..] => {
                     let number = number.trim_start_matches("*ESE ");
                     [number.as_bytes(), b";", answer].concat()

@@ -1,5 +1,5 @@
-//! A device whose cable is pulled during a scan: camera and port disappear at once, and come back
-//! or do not.
+//! A device whose cable is pulled during a scan: camera and port disappear at the same time, and
+//! then come back or do not.
 
 use super::{SHORT, options};
 use phasmid::decode::Capture;
@@ -15,12 +15,12 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// When the cable is pulled: when the host asks for its nth frame, or sends its nth line.
+/// Event at which the cable is pulled: the host requests its nth frame, or sends its nth line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Pulled {
     Frame(usize),
     Line(usize),
-    /// Only the camera's cable, at the nth frame.
+    /// Only the camera's cable is pulled, when the host requests its nth frame.
     Camera(usize),
 }
 
@@ -28,7 +28,7 @@ enum Pulled {
 struct Cable {
     plugged: bool,
     pulled: Pulled,
-    /// Number of times it is pulled, at the same point each time, and plugged in again.
+    /// Number of times that the cable is pulled, at the same point each time, and plugged in again.
     pulls: u32,
     returns: u32,
     frames: usize,
@@ -164,7 +164,7 @@ struct Outcome {
     captured: Result<Capture, Error>,
     retries: Vec<String>,
     opened: Vec<&'static str>,
-    /// Whether the cable was pulled as often as intended.
+    /// Whether the cable was pulled as often as planned.
     pulled: bool,
 }
 
@@ -211,7 +211,7 @@ fn scan(pulled: Pulled, pulls: u32, returns: u32) -> Outcome {
     let opened = cable.borrow().opened.clone();
     let finished = scanner.finish();
     if captured.is_err() && returns == 0 {
-        // The scan has already waited for the device in vain: finishing must not reopen anything.
+        // The scan has already waited for the device in vain, so finishing must not reopen anything.
         assert_eq!(cable.borrow().opened, opened, "{pulled:?}");
     }
     let captured = captured.and_then(|captured| finished.map(|()| captured));
@@ -256,8 +256,8 @@ fn unplugged_at_any_line_and_back_in_time_the_scan_is_whole() {
         }
         lines += 1;
     }
-    // Identification, commands, settings, both documents twice, arming: with fewer lines it would
-    // not be a scan.
+    // A scan needs lines for identification, commands, settings, two documents that are each read
+    // twice, and arming.
     assert!(lines > 10, "{lines}");
 }
 

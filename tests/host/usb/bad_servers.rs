@@ -26,7 +26,7 @@ fn info(bus_id: &str) -> DeviceInfo {
     }
 }
 
-/// Starts a server that handles each connection with a function; returns its address.
+/// Starts a server that handles each connection with a function; returns the server's address.
 fn server(serve: impl Fn(TcpStream) + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let host = listener.local_addr().unwrap().to_string();
@@ -43,7 +43,7 @@ fn take<const N: usize>(stream: &mut TcpStream) -> Option<[u8; N]> {
     stream.read_exact(&mut bytes).ok().map(|()| bytes)
 }
 
-/// Grants an import.
+/// Answers an import request positively.
 fn grant(stream: &mut TcpStream) -> Option<()> {
     take::<OPERATION_LEN>(stream)?;
     take::<BUS_ID_LEN>(stream)?;
@@ -55,15 +55,15 @@ fn grant(stream: &mut TcpStream) -> Option<()> {
     stream.write_all(&granted).ok()
 }
 
-/// A client of an imported device that answers the first command with these bytes and then stays
-/// silent.
+/// Returns a client of an imported device whose server answers the first command with these bytes
+/// and then stays silent.
 fn answers(reply: impl Fn(u32) -> Vec<u8> + Send + 'static) -> Client {
     let host = server(move |mut stream| {
         let _ = grant(&mut stream).and_then(|()| {
             let command = take::<HEADER_LEN>(&mut stream)?;
             let seqnum = u32::from_be_bytes(command[4..8].try_into().unwrap());
             let _ = stream.write_all(&reply(seqnum));
-            // The client disconnects in the end.
+            // Wait until the client disconnects.
             take::<1>(&mut stream)
         });
     });

@@ -1,4 +1,4 @@
-//! Frames: in order, without loss, over repeated streams, and with faults.
+//! Frames arrive in order and without loss, over repeated streams and with faults.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
 use phasmid::host::Camera;
@@ -44,7 +44,8 @@ fn streams_isochronous_at_high_speed() {
     streams(Speed::High, Transfer::Isochronous, 20);
 }
 
-/// Isochronous transfers end by the clock, so some end while others are being unlinked.
+/// Isochronous transfers end by the clock, so some end while others are being unlinked. The device
+/// still works afterwards.
 #[test]
 fn an_isochronous_stream_that_is_ended_at_any_moment_leaves_the_device() {
     let served = Served::new(Speed::High, Transfer::Isochronous);
@@ -171,7 +172,7 @@ fn faults_damage_their_frame_and_the_stream_goes_on() {
         assert!(camera.has_skipped(), "{fault:?}");
         let next = camera.next_frame(TIMEOUT).unwrap().expect("a frame");
         assert!(!camera.has_skipped());
-        // The damaged frame takes a number of its own.
+        // The damaged frame has a number of its own, so the next frame's number is larger by two.
         assert_eq!(next.id, before + 2, "{fault:?}");
         let number = u64::from_le_bytes(next.data[..8].try_into().unwrap());
         assert!(

@@ -44,11 +44,12 @@ fn cut(mut bytes: &[u8]) -> Vec<&[u8]> {
 struct Checker {
     superspeed: bool,
     strings: BTreeSet<u8>,
-    /// Interfaces: number, setting, class triple, and the numbers of endpoints declared and found.
+    /// For each interface: number, setting, class triple, number of endpoints declared, and number
+    /// of endpoints found.
     interfaces: Vec<(u8, u8, [u8; 3], u8, u8)>,
     endpoints: BTreeSet<(u8, u8)>,
     companion_due: bool,
-    /// (first, count) of associations.
+    /// First interface and number of interfaces of each association.
     functions: Vec<(u8, u8)>,
 }
 
@@ -133,8 +134,8 @@ impl Checker {
     }
 }
 
-/// Class-specific descriptors of one interface after its header, and the total that the header
-/// declares.
+/// Returns the class-specific descriptors of one interface after its header, and the total length
+/// that the header declares.
 fn class_total(pieces: &[&[u8]], number: u8) -> (Vec<Vec<u8>>, usize) {
     let begin = pieces
         .iter()
@@ -184,7 +185,7 @@ fn check_video(pieces: &[&[u8]], transfer: Transfer) {
                 &entity[7..8]
             }
             5 => {
-                // UVC 1.1 has bmVideoStandards behind iProcessing.
+                // UVC 1.1 has the field bmVideoStandards after iProcessing.
                 assert_eq!(entity.len(), 10 + usize::from(entity[7]));
                 &entity[4..5]
             }
@@ -349,7 +350,8 @@ fn check(speed: Speed, transfer: Transfer) {
     );
 }
 
-/// The full-speed configuration: the same except for its type, its total length and its endpoints.
+/// Checks that the full-speed configuration equals the high-speed one except for its type, total
+/// length and endpoints.
 fn check_other_speed(whole: &[u8], high: &[&[u8]]) {
     assert_eq!(u16_at(whole, 2), whole.len());
     let full = cut(whole);
@@ -362,11 +364,12 @@ fn check_other_speed(whole: &[u8], high: &[&[u8]]) {
             continue;
         }
         assert_eq!(full[..4], high[..4]);
-        // USB 2.0, 5.6.3, 5.7.3 and 5.8.3.
+        // Limits of USB 2.0, 5.6.3, 5.7.3 and 5.8.3.
         match full[3] & 3 {
             1 => assert!(u16_at(full, 4) <= 1023 && full[6] == 1),
             2 => assert_eq!(u16_at(full, 4), 64),
-            // Milliseconds at full speed, a power of two of 125 us at high speed.
+            // The interval is in milliseconds at full speed, and an exponent (a power of two of 125
+            // us) at high speed.
             3 => {
                 assert!(u16_at(full, 4) <= 64);
                 assert_eq!(u32::from(full[6]) * 8, 1 << (high[6] - 1));

@@ -11,7 +11,7 @@ use phasmid::protocol::usb::{Setup, request};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A small random number generator with its own seed.
+/// A small random number generator, started with a seed.
 pub struct Random(pub u64);
 
 impl Random {

@@ -1,4 +1,5 @@
-//! The USB device and a USB host of our own, over loopback TCP: no kernel, no privileges.
+//! The USB device and this project's own USB host, connected over loopback TCP, without a kernel or
+//! privileges.
 
 mod bad_servers;
 mod camera;

@@ -1,4 +1,4 @@
-//! Clients that send nonsense harm only themselves.
+//! Clients that send nonsense disturb no other client.
 
 use crate::usb::served::{Served, TIMEOUT, frame};
 use phasmid::host::Camera;
@@ -54,7 +54,7 @@ fn stream_continues_beside_invalid_connections() {
             let bytes: Vec<u8> = match kind {
                 0 => noise,
                 1 => import.iter().copied().chain(noise).collect(),
-                // Almost valid commands.
+                // Commands that are almost valid.
                 _ => import.iter().copied().chain(commands).collect(),
             };
             talk(&served.host, &bytes);

@@ -23,7 +23,7 @@ fn halt(device: &UsbDevice, request: u8, endpoint: u8) -> bool {
         .is_ok()
 }
 
-/// First byte of an endpoint's status; `None` if there is no such endpoint.
+/// Returns the first byte of an endpoint's status; `None` if there is no such endpoint.
 fn endpoint_status(device: &UsbDevice, endpoint: u8) -> Option<u8> {
     let get = request::GET_STATUS;
     let status = device
@@ -92,12 +92,12 @@ fn requests_for_absent_parts_are_refused() {
         [0]
     );
     assert!(get(interface_in, request::GET_INTERFACE, 0, 4).is_err());
-    // Descriptors: the second configuration, one string too many, an unknown type.
+    // Invalid descriptors: a second configuration, a string number too large, an unknown type.
     for value in [0x0201, 0x0306, 0x03FF, 0x0F00, 0x4200] {
         let descriptor = get(device_in, request::GET_DESCRIPTOR, value, 0);
         assert!(descriptor.is_err(), "{value:#06x}");
     }
-    // Vendor requests, and class requests to no interface.
+    // Vendor requests, and class requests that are not addressed to an interface.
     assert!(get(0xC0, 1, 0, 0).is_err());
     assert!(get(0xA0, uvc::request::GET_CUR, 0x0200, 0).is_err());
     assert!(get(Setup::CLASS_IN, uvc::request::GET_CUR, 0x0200, 9).is_err());
@@ -147,7 +147,7 @@ fn alternate_settings_start_and_end_an_isochronous_stream() {
     }
 }
 
-/// Transfers too small for a payload header are the host's mistake and affect only that host.
+/// A transfer too small for a payload header is the host's mistake and affects only that host.
 #[test]
 fn transfers_without_room_for_a_header_end_with_an_overflow() {
     let served = Served::new(Speed::High, BULK);
@@ -164,7 +164,8 @@ fn transfers_without_room_for_a_header_end_with_an_overflow() {
     assert!(got.data == frame(0, PixelFormat::Grey).data);
 }
 
-/// A request of the video control interface: entity and selector.
+/// Makes a request to the video control interface, for a selector of an entity; returns the data if
+/// it succeeds.
 fn video(device: &UsbDevice, request: u8, entity: u16, selector: u8) -> Option<Vec<u8>> {
     let (value, index) = (u16::from(selector) << 8, entity << 8);
     device.get(Setup::CLASS_IN, request, value, index, 64).ok()
@@ -242,7 +243,7 @@ fn error_code_tells_why_the_last_request_failed() {
         (cur, 9, gain, uvc::error_code::INVALID_UNIT),
         (cur, 1, 0x7F, uvc::error_code::INVALID_CONTROL),
         (cur, 2, 0x7F, uvc::error_code::INVALID_CONTROL),
-        // Power mode, a control of the interface itself.
+        // The power mode, which is a control of the interface itself.
         (cur, 0, 0x01, uvc::error_code::INVALID_CONTROL),
         (0x99, 2, gain, uvc::error_code::INVALID_REQUEST),
     ] {

@@ -1,4 +1,4 @@
-//! A device behind a server, with a firmware that echoes and counts.
+//! A USB device behind a server, with a firmware that echoes serial data and sends numbered frames.
 
 pub use crate::usb::fuzz::sample::{HEIGHT, WIDTH, frame};
 
@@ -14,11 +14,11 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
-/// Frames of a stream.
+/// Number of frames that the firmware sends in a stream.
 pub const SENT: u64 = 5000;
 pub const TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Devices served on their own port until dropped.
+/// Devices served on a port of their own until this value is dropped.
 pub struct Served {
     pub host: String,
     pub devices: Vec<Emulated>,
@@ -42,7 +42,7 @@ impl Served {
         Self::offering(profile, count, &[PixelFormat::Grey, PixelFormat::Yuyv])
     }
 
-    /// Devices whose cameras offer these formats.
+    /// Serves devices whose cameras offer these formats.
     pub fn offering(profile: &Profile, count: u32, formats: &[PixelFormat]) -> Self {
         let devices: Vec<Emulated> = (1..=count)
             .map(|i| sample::device_of(profile, i, formats))
@@ -87,7 +87,7 @@ impl Served {
     /// Opens the first device as a host does.
     pub fn open(&self) -> Arc<UsbDevice> {
         let address = UsbAddress::parse(&format!("usb:{}/1-1", self.host), "test").unwrap();
-        // The server notices with a delay that the last host has disconnected.
+        // The server notices only after a delay that the last host has disconnected.
         let until = Instant::now() + TIMEOUT;
         loop {
             match UsbDevice::open(&address, TIMEOUT) {
@@ -100,7 +100,7 @@ impl Served {
         }
     }
 
-    /// Waits for an event.
+    /// Waits for an event for which `wanted` is true, and returns it.
     pub fn wait(&self, wanted: impl Fn(&Event) -> bool) -> Event {
         let events = self.events.lock().unwrap();
         let until = Instant::now() + TIMEOUT;

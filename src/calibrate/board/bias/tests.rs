@@ -1,4 +1,5 @@
-//! The bias compared with the conic of a projected circle and with a count of sampled points.
+//! Compares the bias with the centre of a projected circle's conic, and with the mean of counted
+//! sample points.
 
 use super::*;
 use glam::{DMat3, DVec3};
@@ -49,8 +50,8 @@ fn without_distortion_bias_equals_that_of_conic() {
     }
 }
 
-/// Reference: samples a fine grid of the image and keeps the points whose rays, by the inverse lens
-/// model, meet the disc.
+/// The reference is the mean of the points of a fine grid in the image whose rays, by the inverse
+/// lens model, meet the disc.
 #[test]
 fn with_distortion_bias_equals_counted_samples() {
     let lens = lens([-0.3, 0.2, 2e-3, -3e-3, 0.05]);

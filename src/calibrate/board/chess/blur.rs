@@ -1,11 +1,12 @@
 //! Estimates the image's blur from all its corners together.
 //!
-//! A corner sharper than a pixel whose edges run along the pixel rows contains no information on
-//! the blur, yet its fitted position depends on the blur assumed. All corners of an image have the
-//! same blur, or one that varies with the board's distance. Corners that determine the blur supply
-//! its value to corners that do not.
+//! If a corner's blur is narrower than a pixel and its edges run along the pixel rows, the corner
+//! contains no information on the blur, yet its fitted position depends on the assumed blur. All
+//! corners of an image have the same blur, or a blur that varies with the board's distance.
+//! Therefore the corners that determine the blur provide the prior for the others.
 
-/// The blur's variance in pixels squared, and the standard deviation of that variance (0 fixes it).
+/// Prior for a corner's blur: variance of the blur in pixels squared, and standard deviation of
+/// that variance (0 fixes the blur).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Blur {
     pub(super) variance: f64,
@@ -14,21 +15,23 @@ pub(super) struct Blur {
 
 /// A variance of the blur below this is treated as no blur.
 const NONE: f64 = 1e-4;
-/// Threshold above which corners are taken to have different blurs: upper quartile of their
-/// differences from the median, in standard deviations. Noise alone gives 1.15.
+/// Corners are taken to have different blurs if the upper quartile of their differences from the
+/// median blur, in standard deviations, exceeds this. Noise alone gives 1.15.
 const VARIES: f64 = 3.0;
 
 impl Blur {
-    /// Prior before anything is known: a typical blur, with almost no weight.
+    /// Prior before any corner has been measured: a typical blur, with almost no weight.
     pub(super) const UNKNOWN: Self = Self {
         variance: 0.3,
         spread: 3.0,
     };
-    /// Blur variance, in pixels squared, that an edge shows at any position relative to the pixels.
+    /// Minimum blur variance, in pixels squared, that is visible in an edge at any position
+    /// relative to the pixels.
     pub(super) const SEEN: f64 = 0.01;
 
-    /// Combines the corners' blur variances and their standard deviations: the weighted median,
-    /// with a spread if the corners differ by more than noise.
+    /// Combines the blur variances of several corners, each with its standard deviation, into one
+    /// prior: their weighted median, with a standard deviation above 0 only if the corners differ
+    /// by more than noise.
     pub(super) fn told_by(corners: impl Iterator<Item = [f64; 2]>) -> Self {
         let mut told: Vec<[f64; 2]> = corners
             .filter(|[variance, sigma]| variance.is_finite() && *sigma > 0.0)

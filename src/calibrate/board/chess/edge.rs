@@ -15,12 +15,13 @@
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// A box narrower than this, in pixels, is replaced by a blur of the same variance.
+/// A box with a width below this, in pixels, is replaced by a Gaussian of the same variance.
 const NARROW: f64 = 0.03;
-/// Minimum blur in pixels; less blur makes no difference.
+/// Minimum standard deviation of the blur in pixels; smaller values would not change the profile
+/// noticeably.
 const LEAST: f64 = 1e-3;
 
-/// Profile perpendicular to an edge.
+/// The function F of the module's documentation for one edge direction and one blur.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Edge {
     wide: f64,
@@ -29,7 +30,8 @@ pub(super) struct Edge {
     reach: f64,
 }
 
-/// Share of the positive side, and its derivatives by the distance and by the blur's variance.
+/// Share of a pixel that lies on the edge's positive side, and the derivatives of that share by the
+/// distance and by the blur's variance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Share {
     pub(super) share: f64,

@@ -35,7 +35,7 @@ const BLUR: usize = 4;
 type Square = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Column = SVector<f64, UNKNOWNS>;
 
-/// Variance of a pixel's box along any direction.
+/// Variance of a pixel's box (a uniform square of side 1) along any direction, in pixels squared.
 const PIXEL: f64 = 1.0 / 12.0;
 /// Maximum half side of a window in pixels, unless the blur needs more.
 const REACH: f64 = 8.0;
@@ -64,14 +64,15 @@ pub(super) struct Guess {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Corner {
     pub(super) px: DVec2,
-    /// Covariance from the image noise, scaled up if the residuals are larger.
+    /// Covariance in pixels squared: follows from the image noise, scaled up if the fit's residuals
+    /// exceed that noise.
     pub(super) covariance: DMat2,
     /// Variance of the blur in pixels squared, and the standard deviation of that variance.
     pub(super) blur: [f64; 2],
 }
 
-/// Measures a corner, with `blur` as the prior of the image's blur. Returns `None` if there is no
-/// corner of the expected polarity, or if the fit is poor.
+/// Measures a corner. `blur` is the prior for its blur. Returns `None` if the image has no corner
+/// of the expected polarity there, or if the fit is poor.
 pub(super) fn fit(image: &BoardImage, guess: &Guess, blur: &Blur) -> Option<Corner> {
     let turn = guess.along_x.perp_dot(guess.along_y);
     if !(turn.is_finite() && guess.px.is_finite() && turn > 1.0) {
@@ -115,7 +116,7 @@ struct Window {
 /// Normal equations and cost at one set of unknowns.
 struct Fit {
     squares: f64,
-    /// `squares` plus the cost of the blur's prior, which `normal` and `right` include too.
+    /// `squares` plus the cost of the blur's prior. `normal` and `right` also include that prior.
     cost: f64,
     normal: Square,
     right: Column,
@@ -261,7 +262,7 @@ struct Model {
 }
 
 impl Model {
-    /// S and its derivatives by both distances and by the blur's variance.
+    /// Computes S, and the derivatives of S by both distances and by the blur's variance.
     fn at(&self, d: DVec2) -> (f64, [f64; 2], f64) {
         let u = self.normals.map(|n| n.dot(d));
         let [p, q] = [self.edges[0].at(u[0]), self.edges[1].at(u[1])];
@@ -280,7 +281,8 @@ impl Model {
         (s, by, by_variance)
     }
 
-    /// Covariance of the signs of both distances within a pixel, and its derivatives.
+    /// Computes the covariance of the signs of both distances within a pixel, and the derivatives
+    /// of that covariance.
     fn common(&self, d: DVec2) -> Signs {
         let n = f64::from(self.pieces);
         let place = |i: u32| (f64::from(i) + 0.5) / n - 0.5;
@@ -289,7 +291,8 @@ impl Model {
         for (i, j) in (0..self.pieces).flat_map(|i| (0..self.pieces).map(move |j| (i, j))) {
             let d = d + DVec2::new(place(i), place(j));
             let u = self.normals.map(|n| n.dot(d) / sigma);
-            // Mean of the sign, and its derivatives by distance and by variance.
+            // Mean of each edge's sign, and the derivatives of that mean by the distance and by the
+            // variance.
             let signs = u.map(|u| {
                 let (share, density) = normal(u);
                 let slope = 2.0 * density / sigma;
@@ -336,8 +339,8 @@ impl Model {
     }
 }
 
-/// Mean of the product of two signs, and its derivatives by both distances and by the blur's
-/// variance.
+/// Mean of the product of two signs, and the derivatives of that mean by both distances and by the
+/// blur's variance.
 #[derive(Default)]
 struct Signs {
     s: f64,
@@ -345,7 +348,8 @@ struct Signs {
     by_variance: f64,
 }
 
-/// Number of subpixels along a pixel's side: the blur makes each of them nearly Gaussian.
+/// Returns the number of subpixels along a pixel's side that is needed for a Gaussian to
+/// approximate each blurred subpixel.
 fn pieces(variance: f64) -> u32 {
     match variance {
         v if v < 0.06 => 4,
@@ -366,7 +370,8 @@ impl Window {
     ) -> Option<Self> {
         let turn = guess.along_x.perp_dot(guess.along_y);
         let along = [guess.along_x, guess.along_y];
-        // Maximum perpendicular distance of a pixel, which keeps it clear of the next edges.
+        // Maximum distance of a pixel from each edge, so that the window contains no other edges of
+        // the board.
         let reach = along.map(|a| {
             let next = turn / a.length();
             (next - 0.75 - 2.0 * blur).min(0.75 * next).max(0.45 * next)

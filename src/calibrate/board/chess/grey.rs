@@ -75,7 +75,8 @@ impl Grey {
         }
     }
 
-    /// Smooths by the binomial kernel 1 4 6 4 1 in both directions: a Gaussian of one pixel.
+    /// Smooths with the binomial kernel 1 4 6 4 1 in both directions, which approximates a Gaussian
+    /// with a standard deviation of one pixel.
     pub(super) fn smoothed(&self) -> Self {
         let (w, h) = (self.width, self.height);
         let mut across = vec![0.0; w * h];

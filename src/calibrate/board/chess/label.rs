@@ -18,7 +18,7 @@ use glam::DVec2;
 pub(super) struct Labels {
     first: [i32; 2],
     steps: [[i32; 2]; 2],
-    /// Whether the square before the first corner is dark.
+    /// Whether the square before the first corner (diagonally outside it) is dark.
     pub(super) dark: bool,
 }
 

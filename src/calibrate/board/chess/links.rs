@@ -6,8 +6,8 @@ use super::saddles::Saddle;
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// Minimum cosine between an edge and the direction to the neighbour, and between that direction
-/// and the neighbour's own edge.
+/// Two limits. AHEAD: minimum cosine between an edge and the direction to the neighbour. ALIKE:
+/// minimum cosine between the neighbour's edge and the direction back.
 const AHEAD: f64 = 0.965;
 const ALIKE: f64 = 0.9;
 /// Maximum number of neighbours that are tried along an edge.
@@ -16,7 +16,7 @@ const TRIED: usize = 6;
 /// Indexed by corner and edge: the neighbour, and the neighbour's edge that leads back.
 pub(super) type Links = Vec<[Option<(usize, usize)>; 4]>;
 
-/// Computes the links on which both ends agree.
+/// Returns the links for which each of the two corners finds the other.
 pub(super) fn links(grey: &Grey, saddles: &[Saddle]) -> Links {
     let one_way: Links = saddles
         .par_iter()
@@ -50,9 +50,9 @@ fn next(grey: &Grey, saddles: &[Saddle], from: &Saddle, edge: usize) -> Option<(
     ahead.into_iter().find_map(|(length, i)| {
         let to = &saddles[i];
         let back = (from.px - to.px) / length;
-        // The sector after an even-numbered edge is dark, after an odd-numbered one light. Seen
-        // from the other end, the dark side is on the opposite hand, so the edge that leads back
-        // has the other parity.
+        // The sector after an even-numbered edge is dark, the sector after an odd-numbered edge is
+        // light. Seen from the neighbour, the dark side is on the opposite hand. So the neighbour's
+        // edge that leads back has odd parity if `edge` is even, and vice versa.
         let returning = [0, 1, 2, 3]
             .into_iter()
             .find(|&k| to.edges[k].dot(back) > ALIKE)?;
@@ -61,7 +61,8 @@ fn next(grey: &Grey, saddles: &[Saddle], from: &Saddle, edge: usize) -> Option<(
     })
 }
 
-/// Whether the line between two corners has one dark side: the clockwise side if `dark_clockwise`.
+/// Whether the line between two corners is an edge whose dark side is the clockwise side if
+/// `dark_clockwise`, else the other side.
 fn is_edge(grey: &Grey, from: &Saddle, to: &Saddle, dark_clockwise: bool) -> bool {
     let step = to.px - from.px;
     let length = step.length();

@@ -38,26 +38,26 @@ use saddles::Saddle;
 
 /// Number of times the image is halved if the search at full size fails.
 const HALVINGS: u32 = 3;
-/// Minimum number of corners in the best grid for an error to describe that grid.
+/// An error message describes the best grid only if that grid has at least this many corners.
 const WORTH_A_WORD: usize = 6;
 /// Minimum distance between corners in pixels.
 const LEAST_PX: f64 = 5.0;
-/// One in this many corners of a complete board may fail to be measured.
+/// At most one in this many corners of a complete board may fail to be measured.
 const SPARE: usize = 10;
 
 /// Finds the corners of a chessboard in an image and returns them row by row, labelled as seen from
-/// the front. If the corners that could be first differ in their outer square, the first corner is
-/// one with a dark square; among equal candidates it is the uppermost. Up to a tenth of the corners
-/// may be missing from the result, because they could not be measured.
+/// the front. If several corners could be the first one, a corner whose outer square is dark is
+/// preferred, then the uppermost. Up to a tenth of the corners may be missing from the result,
+/// because they could not be measured.
 ///
 /// # Errors
 /// Returns an error that describes the image if it contains no board, part of a board, another
-/// board or several boards.
+/// board, or several boards.
 pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
     search(board, image, &Stop::default())
 }
 
-/// [`find`], which returns [`NotFound::Interrupted`] soon after `stop` is asked.
+/// [`find`], which returns [`NotFound::Interrupted`] soon after a stop is requested.
 pub(crate) fn search(
     board: &Board,
     image: &BoardImage,

@@ -16,7 +16,8 @@ const MOST: usize = 4000;
 const RING: usize = 32;
 /// Radius of the ring in pixels.
 const RADIUS: f64 = 3.0;
-/// Minimum width of a sector, and maximum difference of opposite sectors, in radians.
+/// Minimum width of a sector, and maximum difference between the widths of opposite sectors, in
+/// radians.
 const NARROWEST: f64 = 0.4;
 const UNLIKE: f64 = 0.5;
 
@@ -27,7 +28,7 @@ pub(super) struct Saddle {
     /// Directions of the four edges, clockwise in the image; the sector from the first to the
     /// second is dark.
     pub(super) edges: [DVec2; 4],
-    /// Level of the light sectors minus that of the dark ones.
+    /// Mean level of the light sectors minus mean level of the dark sectors.
     pub(super) contrast: f32,
 }
 
@@ -55,7 +56,8 @@ fn hessian(level: &[f32], width: usize, at: usize) -> [f32; 3] {
     ]
 }
 
-/// Pixels with the most negative determinant in their 5 x 5 neighbourhood, and its absolute value.
+/// Returns each pixel whose Hessian determinant is the most negative of its 5 x 5 neighbourhood,
+/// with the determinant's absolute value.
 fn peaks(grey: &Grey) -> Vec<(usize, f32)> {
     let (w, h) = (grey.width, grey.height);
     if w < 9 || h < 9 {
@@ -110,7 +112,8 @@ fn ring(grey: &Grey, px: DVec2) -> Option<Saddle> {
     for (i, sample) in samples.iter_mut().enumerate() {
         *sample = grey.between(px + DVec2::from_angle(TAU * i as f64 / RING as f64) * RADIUS)?;
     }
-    // Threshold half-way between the means of the lighter and of the darker half.
+    // Set the threshold half-way between the means of the lighter half and of the darker half of
+    // the samples.
     let mut sorted = samples;
     sorted.sort_by(f32::total_cmp);
     let mean = |s: &[f32]| s.iter().sum::<f32>() / s.len() as f32;
@@ -144,7 +147,7 @@ fn ring(grey: &Grey, px: DVec2) -> Option<Saddle> {
     if !(widths.iter().all(|&w| w > NARROWEST) && like(0) && like(1)) {
         return None;
     }
-    // Opposite edges lie on one line, whose direction is the mean of both.
+    // Opposite edges lie on one line. Its direction is the mean of the two edges' directions.
     let line = |i: usize| {
         let off = (angles[i + 2] - angles[i]).rem_euclid(TAU) - PI;
         DVec2::from_angle(angles[i] + 0.5 * off)

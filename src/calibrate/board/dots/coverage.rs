@@ -149,15 +149,15 @@ fn sharp(ellipse: &Ellipse, window: &Window, cells: &mut [Cell]) {
 /// accordingly.
 const SPAN: usize = 64;
 
-/// A pixel's box convolved with the blur, evaluated at a node, for each pixel along one axis.
+/// For each pixel along one axis: the pixel's box convolved with the blur, evaluated at a node.
 struct Profile {
     /// Pixels of the window that the node's blur reaches.
     range: std::ops::Range<usize>,
-    /// Whether the blur starts past the window's last pixel, so that the whole row lies to the
-    /// node's left.
+    /// Whether the blur around the node starts beyond the window's last pixel, so that the whole
+    /// row lies to the node's left.
     beyond: bool,
-    /// Per pixel of `range`: length of the pixel that lies before the node, value of the blurred
-    /// box at the node, and its derivative.
+    /// Per pixel of `range`: length of the pixel's part before the node, value of the blurred box
+    /// at the node, and the derivative of that value.
     values: [[f64; 3]; SPAN],
 }
 
@@ -233,10 +233,11 @@ fn blurred(ellipse: &Ellipse, sigma: f64, window: &Window, steps: &Steps, cells:
 
 /// Nodes per standard deviation.
 const FINE: f64 = 32.0;
-/// Range of the table in standard deviations; the function differs from 0 or 1 by 1e-9 there.
+/// Range of the table in standard deviations. At both ends the function differs from 0 or 1 by
+/// 1e-9.
 const END: f64 = 6.0;
 
-/// Table of the normal distribution function and density.
+/// Table of the normal distribution function and of the density.
 #[derive(Debug, Clone)]
 pub(super) struct Steps {
     /// Function and density at each node.
@@ -341,7 +342,7 @@ mod tests {
         }
     }
 
-    /// x at which the horizontal line at `y` enters and leaves the ellipse.
+    /// Returns the two x at which the horizontal line at `y` enters and leaves the ellipse.
     fn chord(ellipse: &Ellipse, y: f64) -> [f64; 2] {
         // |A^-1 (p - c)| = 1 is quadratic in x.
         let inverse = ellipse.shape.inverse();

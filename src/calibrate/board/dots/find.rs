@@ -1,4 +1,5 @@
-//! Finds dark blobs on a lighter background, the candidate dots, and outlines each by an ellipse.
+//! Finds the candidate dots, which are dark blobs on a lighter background, and fits an initial
+//! ellipse to each.
 //!
 //! A pixel is dark if it is well below the mean of a square around it. The square is somewhat
 //! larger than the grid's pitch, a distance over which uneven light changes little. Connected dark
@@ -7,7 +8,8 @@
 use crate::board::BoardImage;
 use glam::{DMat2, DVec2};
 
-/// Minimum difference of a dark pixel from the mean, in standard deviations of its noise.
+/// Minimum difference between a dark pixel and the mean around it, in standard deviations of the
+/// pixel's noise.
 const SURE: f64 = 5.0;
 /// Minimum number of pixels of a blob.
 const SMALLEST: u32 = 4;
@@ -44,7 +46,8 @@ struct Sums {
     cut: bool,
 }
 
-/// Finds blobs darker than `part` times the mean of the square of `side` pixels around them.
+/// Finds blobs whose pixels are darker than `part` times the mean of the square of `side` x `side`
+/// pixels around each pixel.
 pub(super) fn find(image: &BoardImage, side: usize, part: f64) -> Vec<Blob> {
     let (width, height) = (image.width, image.height);
     let mut columns = ColumnSums::new(image, side / 2);
@@ -161,7 +164,8 @@ fn blob(sum: &Sums) -> Option<Blob> {
     };
     let [small, large] = ellipse.half_axes();
     let filled = f64::from(sum.count) / (std::f64::consts::PI * ellipse.size());
-    // Partly dark pixels make small blobs fuller than their ellipse.
+    // Pixels on the outline are partly dark, so a small blob has more pixels than its ellipse has
+    // area.
     let fullest = 1.5 + 2.0 / small;
     (ellipse.is_sound() && large <= LONGEST * small && filled > 0.6 && filled < fullest).then_some(
         Blob {
@@ -291,7 +295,8 @@ impl Ellipse {
         self.centre.is_finite() && small > 0.05 && large.is_finite()
     }
 
-    /// Returns a function that maps a pixel position to a value below 1 inside and above 1 outside.
+    /// Returns a function that maps a pixel position to a value below 1 inside the ellipse and
+    /// above 1 outside.
     pub fn inward(&self) -> impl Fn(DVec2) -> f64 + use<> {
         let (centre, inverse) = (self.centre, self.shape.inverse());
         move |px| (inverse * (px - centre)).length_squared()
@@ -325,8 +330,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Pixels within `reach` of `centre`, clipped to an image of `width` x `height`; `None` if
-    /// there are none.
+    /// Returns the window of pixels within `reach` of `centre`, clipped to an image of `width` x
+    /// `height`; `None` if the window is empty.
     pub fn about(centre: DVec2, reach: DVec2, width: usize, height: usize) -> Option<Self> {
         if !(centre.is_finite() && reach.is_finite()) {
             return None;

@@ -8,8 +8,8 @@
 //! fraction of the pixel that an ellipse covers, under the image's blur. The fit is Gauss-Newton
 //! least squares, weighted by one over the pixel variance. Near convergence, pixels with residuals
 //! above four standard deviations lose weight and those above eight have none (Hampel's three-part
-//! function with a = b = 4, c = 8), so that dirt does not shift the dot. From then on the standard
-//! deviation is estimated from the residuals, but is never below the predicted one.
+//! function with a = b = 4, c = 8), so that dirt does not shift the dot. From then on, the noise is
+//! estimated from the residuals, but is never taken to be below the predicted noise.
 
 use super::coverage::{self, Cell, Steps};
 use super::find::{Ellipse, Window};
@@ -22,7 +22,7 @@ const UNKNOWNS: usize = 10;
 type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Vector = SVector<f64, UNKNOWNS>;
 
-/// Maximum number of iterations. Good fits need three to six.
+/// Maximum number of iterations. Successful fits need three to six.
 const ROUNDS: usize = 16;
 /// Hampel weights: residuals above `DOUBTED` standard deviations lose weight, above `REFUSED` have
 /// none.
@@ -46,7 +46,7 @@ pub(super) struct Model {
     pub ellipse: Ellipse,
     /// Level of the paper at the patch's origin and its slopes per pixel.
     pub paper: [f64; 3],
-    /// Fraction of the light that ink absorbs, relative to paper; 1 is black.
+    /// 1 minus the ratio of ink level to paper level; 1 means that the ink is black.
     pub contrast: f64,
     /// Variance of the blur in pixels squared.
     pub blur: f64,
@@ -72,9 +72,9 @@ pub(super) struct Fit {
     pub slope: DVec2,
     /// Sum of squared weighted residuals per degree of freedom.
     pub chi2: f64,
-    /// Fraction of the patch's information on the centre that lies in pixels the fit used.
+    /// Fraction of the information on the dot's centre that lies in pixels which the fit used.
     pub told: f64,
-    /// Contrast over its standard deviation, without the prior's contribution.
+    /// Contrast divided by its standard deviation, which does not include the prior.
     pub strength: f64,
     /// Variance of the blur's variance; meaningful only if the blur was not fixed.
     pub blur_variance: f64,
@@ -151,7 +151,7 @@ pub(super) fn fit(
         if least < 0.1 {
             scale = Some(spread(patch, &model, cells));
         }
-        // Steps shrink about quadratically: after one this short, the remaining error is
+        // Steps shrink about quadratically: after a step as short as this, the remaining error is
         // negligible.
         settled = if least < 2e-3 && factor == 1.0 { 2 } else { 0 };
     }

@@ -15,7 +15,7 @@ use std::collections::BTreeSet;
 const TOLD: f64 = 0.8;
 /// Maximum ratio of a fit's chi-square per degree of freedom to the median of all fits.
 const WORSE: f64 = 25.0;
-/// Maximum ratio, in either direction, of a dot's contrast to the median contrast; also of its
+/// Maximum ratios, in either direction: of a dot's contrast to the median contrast; of a dot's
 /// radius to the predicted radius.
 const CONTRAST: f64 = 1.4;
 const RADIUS: f64 = 1.2;
@@ -25,7 +25,8 @@ const STRAY: f64 = 0.25;
 const STRENGTH: f64 = 10.0;
 /// Maximum standard deviation of a dot's centre, in pixels.
 const LEAST_SURE: f64 = 0.1;
-/// Maximum ratio of measured to specified proportions, either way: ink spreads on paper.
+/// Maximum ratio, in either direction, of measured to specified proportions. Printed dots differ
+/// from the specification because ink spreads on paper.
 const PROPORTION: f64 = 1.15;
 /// Fraction of the paper's level above which a pixel counts as lit paper.
 const LIT: f64 = 0.6;

@@ -49,7 +49,8 @@ const TURNS: [[[i32; 2]; 2]; 8] = [
     [[0, -1], [-1, 0]],
 ];
 
-/// Returns the only orientation in which the grid's large dots are the board's markers.
+/// Returns the orientation in which the grid's large dots are the board's markers; there must be
+/// exactly one.
 ///
 /// # Errors
 /// Returns an error if no orientation or several fit, or if only a mirrored one does.
@@ -102,7 +103,8 @@ fn markers(board: &Board, blobs: &[Blob], grid: &Grid) -> Vec<Cell> {
     else {
         return Vec::new();
     };
-    // Ratio of areas above which a dot is a marker: the geometric mean of 1 and a marker's ratio.
+    // A dot is a marker if its area exceeds its neighbours' by this ratio, which is the geometric
+    // mean of 1 and the markers' ratio.
     let limit = marker_mm / dot_mm;
     grid.iter()
         .filter(|&(&cell, &k)| {
@@ -135,7 +137,7 @@ fn places(board: &Board) -> impl Iterator<Item = [i32; 2]> + use<> {
     MARKERS.iter().map(move |m| [columns + m[0], rows + m[1]])
 }
 
-/// Tests labels: at least `ENOUGH` markers must be large dots, no marker that was found may be
+/// Tests labels: at least `ENOUGH` markers must be large dots, no dot at a marker's position may be
 /// small, and no other dot on the board may be large. Dots outside the board are ignored.
 fn agrees(board: &Board, grid: &Grid, large: &[Cell], labels: &Labels) -> bool {
     let markers: Vec<Cell> = places(board).map(|place| labels.cell(place)).collect();

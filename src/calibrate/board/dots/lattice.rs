@@ -5,8 +5,8 @@
 //! ellipse a circle, the four nearest dots lie at equal distances and right angles, which separates
 //! them from the diagonal ones at any tilt. A dot with all eight neighbours at their expected
 //! positions is a seed. The grid grows from it, with each position predicted by an affine map
-//! fitted to the dots already placed around it. The remaining error, a few percent of a pitch, is
-//! perspective and distortion.
+//! fitted to the dots already placed around it. The prediction is off by a few percent of a pitch,
+//! because an affine map neglects perspective and distortion.
 
 use super::find::{Blob, Ellipse};
 use super::fit::Fit;
@@ -34,7 +34,7 @@ const TRIES: usize = 64;
 /// Blob indices by cell.
 pub(super) type Grid = BTreeMap<Cell, usize>;
 
-/// Blobs sorted by x, to find those near a position.
+/// Blobs sorted by x, so that the blobs near a position are found quickly.
 struct Finder<'a> {
     blobs: &'a [Blob],
     by_x: Vec<(f64, usize)>,
@@ -105,7 +105,7 @@ fn seed(blobs: &[Blob], finder: &Finder, middle: usize) -> Option<(f64, Seed)> {
         .filter(|n| n.0 <= FAR)
         .collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // Eight neighbours, and up to 16 blobs that are not dots.
+    // Keep the nearest 24 blobs: eight neighbours, and up to 16 blobs that are not dots.
     near.truncate(24);
     let &(length, one, right) = near.first()?;
     let closest = |to: DVec2, within: f64| {

@@ -8,19 +8,21 @@ use crate::board::BoardImage;
 use phasmid_core::statistics::finite_median;
 use rayon::prelude::*;
 
-/// Width of the ring of paper around a dot that its fit uses, in pixels, in addition to the blur.
+/// The fit of a dot uses a ring of paper around it. This is the ring's width in pixels, to which a
+/// width for the blur is added.
 const RING: f64 = 3.0;
 /// Approximate number of dots that the blur is estimated from.
 const SAMPLES: usize = 32;
-/// Assumed standard deviation of the ink's contrast across a board.
+/// Assumed standard deviation of the ink's contrast between the dots of a board.
 const INK_SPREAD: f64 = 0.1;
-/// Threshold above which dots are taken to have different blurs: upper quartile of their
-/// differences from the median blur, in standard deviations. Noise alone gives 1.15.
+/// Dots are taken to have different blurs if the upper quartile of their differences from the
+/// median blur, in standard deviations, exceeds this. Noise alone gives 1.15.
 const VARIES: f64 = 3.0;
-/// Blur variance, in pixels squared, above which dots darken the paper around their neighbours.
+/// Blur variance, in pixels squared, above which a dot's blurred edge noticeably darkens the paper
+/// around neighbouring dots.
 const WIDE: f64 = 0.1;
 
-/// An image and the blur and contrast that all its dots share.
+/// An image with the blur and contrast that all its dots share.
 pub(super) struct Measure<'a> {
     pub image: &'a BoardImage,
     pub steps: Steps,
@@ -141,7 +143,8 @@ impl<'a> Measure<'a> {
     }
 
     /// Fits dots, starting from their known outlines. With `overlapping`, the model includes the
-    /// darkening by neighbours' blurred edges; without, such pixels are excluded.
+    /// darkening by neighbours' blurred edges; without it, pixels that neighbours darken are
+    /// excluded.
     fn fits(&self, dots: &Dots, cells: &[Cell], overlapping: bool) -> Vec<Option<Fit>> {
         cells
             .par_iter()
@@ -159,7 +162,7 @@ impl<'a> Measure<'a> {
             .collect()
     }
 
-    /// Fits a dot at the position where one is expected.
+    /// Fits a dot where one is expected; `start` is its predicted outline.
     pub fn try_at(&self, dots: &Dots, cell: Cell, start: Ellipse) -> Option<Dot> {
         let mut scratch = Vec::new();
         let fit = self.one(dots, cell, start, false, &mut scratch)?;
@@ -208,7 +211,8 @@ impl<'a> Measure<'a> {
         // Below this noise, errors of the model dominate (Gaussian blur, light as a plane).
         let least = (3e-4 * highest).powi(2).max(f64::MIN_POSITIVE);
         let inside = field.inward();
-        // If neighbours are part of the model, only their ink itself is excluded.
+        // If the model includes the neighbours' blurred edges, exclude only pixels on the
+        // neighbours' ink.
         let reach = self.reach(overlapping);
         let margin = if overlapping { 0.3 } else { reach };
         let near: Vec<_> = neighbours

@@ -3,11 +3,11 @@
 //! In this order:
 //!
 //! - `find`: finds dark blobs, the candidate dots, and their ellipses.
-//! - `lattice`: arranges blobs into grids; holds the dots found so far and predicts others.
+//! - `lattice`: arranges blobs into grids; holds the dots found so far and predicts further dots.
 //! - `label`: identifies the large dots (markers) of a grid, which give the board's orientation.
 //! - `measure`: estimates the image's blur and contrast, then fits every dot. `fit` fits the area
-//!   model of one dot, which gives its centroid and outline to a hundredth of a pixel or better;
-//!   `coverage` computes the area of each pixel that a dot covers.
+//!   model of one dot. The fit gives the dot's centroid and outline to a hundredth of a pixel or
+//!   better. `coverage` computes the area of each pixel that a dot covers.
 //! - `judge`: searches for missed dots; rejects unreliable dots, and boards that do not match the
 //!   specified one.
 
@@ -32,7 +32,7 @@ use std::collections::BTreeMap;
 
 /// Dark-pixel thresholds, in the order of trial: side in pixels of the square around a pixel, and
 /// fraction of the square's mean below which the pixel is dark. A square suits grids whose pitch is
-/// between a sixth and two thirds of its side.
+/// between a sixth and two thirds of the square's side.
 const TRIALS: [(usize, f64); 7] = [
     (48, 0.7),
     (96, 0.7),
@@ -60,7 +60,7 @@ pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
     search(board, image, &Stop::default())
 }
 
-/// [`find`], which returns [`NotFound::Interrupted`] soon after `stop` is asked.
+/// [`find`], which returns [`NotFound::Interrupted`] soon after a stop is requested.
 pub(crate) fn search(
     board: &Board,
     image: &BoardImage,
@@ -161,9 +161,9 @@ fn seen(
     judge.sift(&mut dots);
     judge::complete(&measure, &judge, &mut dots);
     judge::extent(&dots, &judge)?;
-    // Blur under a light gradient shifts an image: with blur variance s and relative light gradient
-    // g, it appears at a distance of s g from its position under even light. The pixel's box adds
-    // 1/12 to s.
+    // Blur under a light gradient shifts the image of a dot: with blur variance s and relative
+    // light gradient g, the dot appears at a distance of s g from its position under even light.
+    // The pixel's box adds 1/12 to s.
     let blur = measure.blur + 1.0 / 12.0;
     let mut seen: Vec<Seen> = dots
         .known
@@ -182,8 +182,8 @@ fn seen(
     Ok(seen)
 }
 
-/// Returns an error if the grid continues beyond the board: if one row or column outside it is at
-/// least half full. Fewer dots are taken as clutter.
+/// Returns an error if the grid continues beyond the board, that is, if a row or column just
+/// outside the board is at least half full. Fewer dots are taken as clutter.
 fn larger(
     board: &Board,
     known: &BTreeMap<lattice::Cell, Dot>,

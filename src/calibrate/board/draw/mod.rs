@@ -1,10 +1,10 @@
-//! Draws the points that were found on the image, for inspection.
+//! Marks the measured points of a board in the image, for inspection.
 //!
 //! Each row of the board has its own colour and a line through its points. A dot is marked by its
-//! outline and a cross at its centroid, a marker also by a white outline, and a corner by a cross
-//! in a circle. At the first point, labelled with its column and row, arrows show the directions of
-//! increasing column (x) and row (y). The caption in the upper left corner gives the number of
-//! points.
+//! outline and a cross at its centroid, a marker of the board by an additional white outline, and a
+//! corner by a cross in a circle. At the first point, labelled with its column and row, arrows show
+//! the directions of increasing column (x) and row (y). The caption in the upper left corner gives
+//! the number of points.
 
 mod pen;
 
@@ -21,7 +21,8 @@ const SATURATED: [u8; 3] = [255, 236, 170];
 const INK: [u8; 3] = [240, 240, 240];
 const X: [u8; 3] = [255, 70, 60];
 const Y: [u8; 3] = [60, 230, 90];
-/// Images are enlarged by an integer factor of at most 4 while the longer side stays within this.
+/// Images are enlarged by the largest integer factor, at most 4, for which the longer side is at
+/// most this many pixels.
 const SIDE: usize = 1400;
 
 /// Draws the points on the image, enlarged if it is small. Saturated pixels are yellowish. Returns
@@ -67,7 +68,7 @@ pub fn draw(picture: &BoardImage, board: &Board, seen: &[Seen]) -> RgbImage {
     image
 }
 
-/// Converts levels for display: the 99th percentile is white, with a gamma of 2.2.
+/// Converts levels to display colours: the 99th percentile becomes white, and the gamma is 2.2.
 fn tones(level: &[f32]) -> Vec<[u8; 3]> {
     let stride = (level.len() / 20_000).max(1);
     let mut some: Vec<f32> = level.iter().step_by(stride).copied().collect();
@@ -130,7 +131,8 @@ fn outline(pen: &mut Pen<'_>, middle: DVec2, of_circle: DMat2, colour: [u8; 3]) 
     }
 }
 
-/// Draws arrows from the first point, row by row, whose right and lower neighbours were found too.
+/// Draws arrows from the first point, counted row by row, whose right and lower neighbours were
+/// both found.
 fn axes(pen: &mut Pen<'_>, at: &BTreeMap<[u32; 2], DVec2>) {
     let mut by_row: Vec<(&[u32; 2], &DVec2)> = at.iter().collect();
     by_row.sort_by_key(|(index, _)| (index[1], index[0]));

@@ -62,7 +62,8 @@ impl<'a> Pen<'a> {
         }
     }
 
-    /// Draws text that touches `at` and lies beyond it in the direction of `away`.
+    /// Draws text whose near edge touches `at` and which extends from there in the direction
+    /// `away`.
     pub(super) fn text(&mut self, at: DVec2, away: DVec2, text: &str, colour: [u8; 3]) {
         let font = Font::for_image(self.image.height());
         let half = DVec2::new(font.width(text).into(), font.line().into()) / 2.0;

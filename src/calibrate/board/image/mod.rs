@@ -8,7 +8,8 @@
 //! techniques", Proc. IRE 47, 1959). All pixels have the same weights, so that the sum stays linear
 //! in light.
 //!
-//! `rounding` is the variance caused by rounding in frames that all show the same level.
+//! The submodule `rounding` computes the variance that rounding causes in frames that all show the
+//! same level.
 
 mod rounding;
 #[cfg(test)]
@@ -89,7 +90,7 @@ impl BoardImage {
 }
 
 impl BoardImage {
-    /// Takes a single photograph from any camera, without a sequence.
+    /// Creates a board image from a single photograph by any camera, without a pattern sequence.
     ///
     /// # Errors
     /// Returns an error if the image has no pixels.
@@ -176,7 +177,8 @@ fn strengths(
     let mut sums = vec![0.0; groups.len()];
     let mut count = 0.0;
     let mut means = vec![0.0; groups.len()];
-    // If few pixels are unsaturated, a stride may miss them all; then look at every pixel.
+    // Look at a subset of the pixels first. If all pixels of the subset are saturated, look at
+    // every pixel.
     for stride in [(pixels / LOOKED_AT).max(1), 1] {
         'pixels: for i in (0..pixels).step_by(stride) {
             for (mean, group) in means.iter_mut().zip(groups) {
@@ -216,7 +218,7 @@ fn strengths(
     })
 }
 
-/// Variance of a group's mean relative to that of one sample.
+/// Ratio of the variance of a group's weighted mean to the variance of one sample.
 fn spread(group: &Group) -> f64 {
     group.frames.iter().map(|(_, w)| w * w).sum()
 }
@@ -272,8 +274,8 @@ fn combine(
             }
         }
         // Outside the projector's light, all frames show the same level and round alike, so
-        // rounding errors do not average out. The variance above includes them as independent; add
-        // the common remainder.
+        // rounding errors do not average out. The variance computed above treats these errors as
+        // independent; add the part that is common to all frames.
         let own: f64 = groups
             .iter()
             .zip(strengths)

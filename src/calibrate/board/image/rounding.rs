@@ -14,9 +14,9 @@ const TERMS: u16 = 4;
 /// show the same level.
 const SAME_DN: f32 = 1.5;
 
-/// Factor on a pixel's own rounding variance. A pixel on an outline matters through its position
-/// between the levels of ink and paper, which are rounded too: with a fraction c of ink the factor
-/// is 1 + c^2 + (1 - c)^2, 5/3 on average over c.
+/// Factor by which a pixel's own rounding variance is multiplied. A fit uses the position of an
+/// outline pixel's level between the levels of ink and paper, which are rounded too. With a
+/// fraction c of ink the factor is 1 + c^2 + (1 - c)^2, on average over c 5/3.
 pub(super) const ON_OUTLINES: f32 = 5.0 / 3.0;
 
 /// Rounding variance, in DN squared, of the mean of any number of samples of the same level,
@@ -30,7 +30,8 @@ pub(super) fn left_by_rounding(variance: f32) -> f32 {
         .sum()
 }
 
-/// Whether samples from `low` to `high` with this variance before rounding may share one level.
+/// Whether samples between `low` and `high` may all have the same true level; `variance` is a
+/// sample's variance before rounding.
 pub(super) fn same(low: f32, high: f32, variance: f32) -> bool {
     high - low < SAME_DN + 6.0 * variance.sqrt()
 }

@@ -74,7 +74,7 @@ fn board_image_has_no_trace_of_the_patterns() {
     let uneven = vec![0.0, 0.9, 2.2, 3.1, 5.5];
     for phases in [equal, uneven, vec![0.0, TAU / 3.0, 2.0 * TAU / 3.0]] {
         let mut patterns: Vec<Pattern> = phases.into_iter().map(fringe).collect();
-        // A bit without its complement must be left out; one with it is used.
+        // Bit 0 has no complement and must be left out; bit 2 has one and is used.
         patterns.extend([gray(0, false), gray(2, false), gray(2, true)]);
         patterns.extend([Pattern::White {}, Pattern::Black {}]);
         let manifest = manifest(patterns);
@@ -109,8 +109,9 @@ fn variance_is_that_of_the_weighted_sum_and_near_the_least() {
             .collect(),
     );
     let image = image(&manifest, &render(&manifest)).unwrap();
-    // Signal and relative sample count of white, the fringes' mean and black. The best possible sum
-    // has a signal^2 / variance equal to the sum over the groups.
+    // Signal and effective number of samples of three groups: white, the fringes' mean, and black.
+    // In the best possible combination, signal^2 / variance equals the sum of signal^2 / variance
+    // over the groups.
     let groups = [(20_000.0, 1.0), (10_500.0, 4.0), (1_000.0, 1.0)];
     let variance = |s: f64, n: f64| NOISE.variance_dn2(s + 100.0) / n;
     let best: f64 = groups.iter().map(|&(s, n)| s * s / variance(s, n)).sum();

@@ -1,8 +1,9 @@
-//! Fits one projector axis around one point: a plane through the residuals of the smooth map.
+//! Fits a plane to the residuals of the smooth map around one board point, for one projector axis.
 //!
-//! The first iterations use biweights, which tolerate a third of wrong pixels. Later ones give
-//! equal trust to all pixels within five standard deviations and exclude the rest. With normal
-//! noise this is least squares, whose covariance is known. `Unread` says why a point has no fit.
+//! The first iterations use biweights, which tolerate a third of wrong pixels. Later iterations
+//! weight all pixels within five standard deviations by their variance alone, and exclude the rest.
+//! With normal noise this is least squares, whose covariance is known. `Unread` says why a point
+//! has no fit.
 
 use super::super::smooth::Smooth;
 use super::cell::Sample;
@@ -11,18 +12,19 @@ use phasmid_core::statistics::{biweight, median, normal_scale};
 
 /// Minimum number of pixels of a fit.
 pub(super) const PIXELS: usize = 12;
-/// Maximum residual of a pixel that counts, in standard deviations.
+/// Maximum residual of a pixel that the fit uses, in standard deviations.
 const KEEP: f64 = 5.0;
-/// Maximum ratio of the variance at the point to the variance of a mean of the same pixels: 1 in
-/// the middle of evenly spread pixels, 4 at their edge.
+/// Maximum ratio of the plane's variance at the point to the variance of the mean of the same
+/// pixels. The ratio is 1 in the middle of evenly spread pixels and 4 at their edge.
 const UNEVEN: f64 = 4.0;
-/// Maximum ratio of the residuals' mean square to the predicted variance. An estimate of the noise
-/// may be off by a factor of three; frames in the wrong order cause more.
+/// Maximum ratio of the residuals' mean square to the predicted variance. It allows a sigma that is
+/// five times too small; a noise estimate may be off by a factor of three. Frames in the wrong
+/// order exceed it.
 const MISFIT: f64 = 25.0;
-/// Number of reweighting iterations, then of trimming iterations.
+/// Numbers of iterations: first reweighting, then trimming.
 const ROUNDS: [usize; 2] = [5, 3];
 
-/// Reason why a point has no projector coordinates.
+/// Reasons why a point has no projector coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
 #[non_exhaustive]
 pub enum Unread {
@@ -51,7 +53,7 @@ pub(super) struct AxisFit {
     pub(super) pixels: usize,
 }
 
-/// Values of the plane at a pixel.
+/// The plane's value and uncertainty at a pixel.
 pub(super) struct At {
     pub(super) value: f64,
     pub(super) slope: DVec2,
@@ -105,7 +107,8 @@ impl AxisFit {
         if !(variance * weight <= UNEVEN && variance > 0.0) {
             return Err(Unread::OneSided);
         }
-        // Scale only now: the test above is about where the pixels lie, not how noisy they are.
+        // Scale the covariance only now: the test above concerns the positions of the pixels, not
+        // their noise.
         fit.covariance *= ratio;
         Ok(fit)
     }
@@ -174,7 +177,8 @@ fn robust(rows: &[Row]) -> Result<Robust, Unread> {
     if !(ratio <= MISFIT) {
         return Err(Unread::Scattered);
     }
-    // Upper limit of chance: three standard deviations of chi-square per degree of freedom.
+    // Largest ratio that may be chance: 1 plus three standard deviations of chi-square per degree
+    // of freedom.
     let chance = 1.0 + 3.0 * (2.0 / freedom).sqrt();
     Ok(Robust {
         terms,
@@ -197,7 +201,8 @@ fn solve<'a>(rows: impl Iterator<Item = (&'a Row, f64)>) -> Option<(DVec3, DMat3
         );
         right += basis * row.left;
     }
-    // Ratio of the determinant to its largest possible value, which does not depend on scale.
+    // Compare the determinant with its largest possible value: their ratio does not depend on
+    // scale.
     let diagonal = normal.x_axis.x * normal.y_axis.y * normal.z_axis.z;
     if !(normal.determinant() > 1e-9 * diagonal) {
         return None;

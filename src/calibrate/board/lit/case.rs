@@ -27,8 +27,8 @@ impl Random {
 const PAPER: f64 = 0.025;
 const INK: f64 = 0.12;
 
-/// A rig with two distorted lenses: a camera of this focal length and size, and a projector, for a
-/// board 1000 mm away.
+/// Returns a rig for a board 1000 mm away: a camera with this focal length and image size, and a
+/// projector, both with lens distortion.
 pub(crate) fn rig(focal_px: f64, [width_px, height_px]: [u32; 2]) -> Rig {
     let camera = Lens {
         width_px,
@@ -174,7 +174,7 @@ impl Case {
         }
     }
 
-    /// Errors of the fits in pixels, and the same divided by their standard deviations.
+    /// Errors of the fits in pixels, and the same errors divided by their standard deviations.
     pub(crate) fn errors(&self, decoded: &Decoded) -> Vec<Option<(DVec2, DVec2)>> {
         let fits = local_fits(&self.board, &self.seen, decoded);
         assert_eq!(fits.len(), self.seen.len());

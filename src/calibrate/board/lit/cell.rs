@@ -7,10 +7,11 @@ use glam::{DMat2, DVec2};
 use phasmid_decode::{AxisMap, Decoded, Verdict};
 use phasmid_geometry::Board;
 
-/// Minimum gap in camera pixels between an outline and the square of a used pixel, for blur.
+/// Minimum gap in camera pixels between an outline and the square of a used pixel. It allows for
+/// blur.
 const MARGIN_PX: f64 = 1.0;
-/// Limit of a cell's half side in camera pixels, unless the dot needs a larger cell: the fitted
-/// plane is not accurate over larger areas.
+/// Maximum half side of a cell in camera pixels, because the fitted plane is not accurate over
+/// larger areas. A large dot may need a larger cell.
 const HALF_PX: f64 = 16.0;
 /// Approximate maximum number of pixels per cell.
 const PIXELS: f64 = 4096.0;
@@ -88,7 +89,8 @@ impl<'a> Cells<'a> {
         samples
     }
 
-    /// Half the side of a cell: half a pitch, or less if that spans many pixels.
+    /// Half the side of a cell in millimetres: half a pitch, or less if half a pitch spans too many
+    /// pixels.
     fn half_mm(&self, index: [u32; 2], px_per_mm: DMat2) -> f64 {
         let scale = px_per_mm.x_axis.length().max(px_per_mm.y_axis.length());
         let needed = (2.0 * self.board.radius_mm(index)).max(HALF_PX / scale);
@@ -137,7 +139,8 @@ impl<'a> Cells<'a> {
     fn on_ink(&self, mm: DVec2) -> bool {
         match self.board {
             Board::Dots { .. } => self.outlines(mm)[0].0 < 0.0,
-            // The fit of the whole map skips ink; on a chessboard it uses squares of both colours.
+            // Pixels on ink are left out of the fit of the whole map. On a chessboard no pixel
+            // counts as ink, so that squares of both colours are used.
             Board::Chess { .. } => false,
         }
     }

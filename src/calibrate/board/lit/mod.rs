@@ -1,7 +1,7 @@
 //! Projector coordinates at a board's points, from the decoded phase around each point.
 //!
 //! - `cell`: selects the decoded pixels around a point.
-//! - `axis`: fits one projector coordinate around a point, or says why there is none.
+//! - `axis`: fits one projector coordinate around a point, or says why it cannot.
 //!
 //! The map from camera pixels to projector pixels on a plane is a homography plus the distortion of
 //! two lenses, so one smooth map (`Smooth`) predicts a whole pose to a fraction of a pixel. The
@@ -87,7 +87,8 @@ fn fits(board: &Board, seen: &[Seen], decoded: &Decoded) -> Option<Vec<Result<Lo
     let cells = Cells::new(board, &camera, decoded)?;
     let samples: Vec<Vec<Sample>> = seen.par_iter().map(|s| cells.samples(s)).collect();
     let Some(light) = light(&samples).map(Arc::new) else {
-        // There may be enough pixels, but they do not lie on a plane.
+        // If no map could be fitted although there are enough pixels, their coordinates are
+        // scattered.
         let why = |s: &Vec<Sample>| match s.len() {
             0..PIXELS => Unread::FewPixels,
             _ => Unread::Scattered,
@@ -119,7 +120,7 @@ fn light(samples: &[Vec<Sample>]) -> Option<Smooth> {
     Smooth::fit(&pairs, LIGHT_DEGREE)
 }
 
-/// Summarises how many points have no coordinates, and for which reasons, in one sentence. Returns
+/// Returns a sentence that says how many points have no coordinates, and for which reasons. Returns
 /// `None` if all points have coordinates.
 pub fn unread<'a>(
     fits: impl Iterator<Item = &'a Result<LocalFit, Unread>> + Clone,

@@ -91,7 +91,7 @@ fn covariance_matches_scatter_of_noise() {
     assert!(n > 4500.0, "{n}");
 }
 
-/// Wrong fringe orders in every tenth pixel, and pixels on outlines off by half a pixel.
+/// Every tenth pixel has a wrong fringe order, and pixels on outlines are off by half a pixel.
 #[test]
 fn wrong_pixels_hardly_change_coordinates() {
     let case = dots();

@@ -41,7 +41,8 @@ fn counts(lens: &Lens, spots: &[Spot]) -> Vec<usize> {
     let size = DVec2::new(f64::from(lens.width_px), f64::from(lens.height_px));
     for spot in spots.iter().filter(|s| s.counts && lens.contains(s.at)) {
         let place = (spot.at + 0.5) / size * DVec2::new(COLUMNS as f64, ROWS as f64);
-        // Rounding may put the right or bottom edge into a cell past the last one.
+        // Because of rounding, a point on the right or bottom edge may get a cell past the last
+        // one.
         let column = (place.x as usize).min(COLUMNS - 1);
         let row = (place.y as usize).min(ROWS - 1);
         counts[row * COLUMNS + column] += 1;

@@ -1,6 +1,7 @@
-//! Reprojection errors: the mean error of each pose, as bars, the camera's above the projector's,
-//! with separate scales; and residual vectors over both images, individually and as means of cells.
-//! A lens that the model does not fit shows as a pattern of the cell means; noise averages out.
+//! Reprojection errors: bars show the mean error of each pose, for the camera above and for the
+//! projector below, with separate scales; arrows show the residuals in both images, individually
+//! and as means over cells. A lens that the model does not fit shows as a pattern of the cell
+//! means; noise averages out.
 
 use super::html::note;
 use super::spots::Spot;
@@ -171,7 +172,7 @@ fn means(lens: &Lens, spots: &[&Spot]) -> Vec<Cell> {
         .collect()
 }
 
-/// Ratio of the RMS of the cells' means to the value expected from noise alone.
+/// Ratio of the RMS of the cells' mean residuals to the RMS expected from noise alone.
 fn over_noise(cells: &[Cell]) -> f64 {
     let squares = cells
         .iter()

@@ -173,7 +173,7 @@ fn view(direction: &Direction, outlines: &[Outline]) -> String {
         (high - low).max(DVec2::splat(1e-6)) * 1.08,
     );
     let height = (WIDTH * span.y / span.x).clamp(LEAST_HEIGHT, MOST_HEIGHT);
-    // Use one scale for both axes, the coarser of the two.
+    // Use the coarser of the two axes' scales for both axes.
     let unit = (span.x / WIDTH).max(span.y / height);
     let half = 0.5 * unit * DVec2::new(WIDTH, height);
     let panel = Panel {

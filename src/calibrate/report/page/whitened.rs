@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 const SIDE: f64 = 400.0;
 const HEIGHT: f64 = 230.0;
 const HEADING: f64 = 30.0;
-/// Half width of the histogram's range.
+/// Half width of the histogram's range, in standard deviations.
 const ENDS: f64 = 5.0;
 /// Number of bins.
 const BINS: usize = 50;
@@ -94,8 +94,8 @@ fn quantiles(sheet: &mut Sheet, left: f64, class: &str, values: &[f64]) {
     dots(sheet, &panel, &format!("fill {class}"), 3.0, &points, &[]);
 }
 
-/// Pairs of quantiles (normal, data) at every quarter of a standard deviation, as long as at least
-/// three values lie beyond on either side.
+/// Pairs of quantiles (normal, data) at every quarter of a standard deviation, as far out as at
+/// least three values lie beyond.
 fn against_normal(values: &[f64]) -> Vec<DVec2> {
     let count = values.len() as f64;
     (-20..=20)

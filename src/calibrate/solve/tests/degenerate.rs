@@ -1,4 +1,4 @@
-//! Observations that determine no rig give an error with numbers.
+//! Observations that do not determine a rig give an error that contains numbers.
 
 use super::super::{Choice, Coefficients, PoseSightings, Solution, Unsolved, solve};
 use super::scene::{Scene, poses};
@@ -62,7 +62,7 @@ fn refuses_parallel_boards_and_names_the_angle() {
     }
 }
 
-/// Enough tilt for a closed form, too little for bundle adjustment.
+/// The tilt is large enough for the closed form but too small for bundle adjustment.
 #[test]
 fn refuses_hardly_tilted_boards_and_names_the_angle() {
     let boards = (0..6)

@@ -1,5 +1,5 @@
-//! Tests that the covariance is right: errors over many seeds are as large as the covariance
-//! predicts, which agrees with the covariance predicted from the geometry.
+//! Tests that the covariance is right: over many seeds, errors are as large as the covariance
+//! predicts, and that covariance agrees with the prediction from the geometry alone.
 
 use super::super::{Choice, Coefficients, Solution, chi_square_below, chi_square_bound, solve};
 use super::scene::{Scene, rig};
@@ -25,8 +25,9 @@ fn solved(scene: &Scene, seed: u64, choice: &Choice) -> Solution {
     .unwrap()
 }
 
-/// Kolmogorov-Smirnov distance of probabilities from the uniform distribution, times the square
-/// root of their number. It exceeds 1.95 in one of a thousand cases (Smirnov 1948).
+/// Kolmogorov-Smirnov distance between the given probabilities and the uniform distribution, times
+/// the square root of the number of probabilities. If they are uniform, it exceeds 1.95 in one of a
+/// thousand cases (Smirnov 1948).
 fn uneven(mut probabilities: Vec<f64>) -> f64 {
     probabilities.sort_by(f64::total_cmp);
     let n = probabilities.len() as f64;
@@ -111,7 +112,7 @@ fn understated_noise_is_estimated() {
         squares += square;
         unknowns += dof;
     }
-    // The estimated factors add an uncertainty of a few per cent.
+    // The estimated inflation factors are themselves uncertain by a few per cent.
     let ratio = squares / unknowns as f64;
     assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
 }

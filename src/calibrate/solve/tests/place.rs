@@ -63,7 +63,7 @@ fn outliers_are_left_out_and_a_wrong_rig_raises_residuals() {
     assert!(found.pose.camera_errors.count <= all - all / 20);
     assert!(square(&found, &scene.boards[0]) < 30.0);
 
-    // The rig's baseline is 0.1 % too long.
+    // The baseline of this rig is 0.1 % longer than the true one.
     let mut grown = scene.rig;
     grown.projector.rig_from_view.translation_mm *= 1.001;
     let honest = place(&scene.board, &scene.sightings(Some(1))[0], &scene.rig).unwrap();

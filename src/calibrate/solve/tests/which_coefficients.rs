@@ -59,7 +59,8 @@ fn lenses_with_distortion_get_enough() {
     }
 }
 
-/// Too few coefficients show in the residuals, too many in their standard deviations.
+/// Estimating too few coefficients shows in the residuals, estimating too many in the coefficients'
+/// standard deviations.
 #[test]
 fn a_fixed_choice_is_kept_and_judged() {
     let scene = Scene {

@@ -22,8 +22,8 @@ impl Firmware {
         match command {
             Command::Exposure => {
                 let [shortest, longest] = camera.exposure_range_us;
-                // The maximum is what the period allows; a larger valid exposure is a settings
-                // conflict.
+                // `MAX` stands for the longest exposure that the period allows; a longer exposure
+                // within the camera's range is a settings conflict.
                 let longest = match Args::new(&unit.params).number(Quantity::Time) {
                     Ok(Number::Max) => {
                         let room_ns = settings.period_ns.saturating_sub(settings.readout_ns());
@@ -100,8 +100,8 @@ impl Firmware {
         Ok(None)
     }
 
-    /// Parses x, y, width and height: inside the sensor, with room for the data line and in whole
-    /// pixel pairs.
+    /// Parses x, y, width and height of a region. The region must lie inside the sensor, leave room
+    /// for the data line and consist of whole pixel pairs where the format requires them.
     fn region(&self, unit: &Unit) -> Result<Roi, DeviceError> {
         let camera = &self.profile.camera;
         let group = columns(self.settings.format);
@@ -137,7 +137,8 @@ impl Firmware {
     }
 }
 
-/// Number of columns of which a region's width must be a multiple. Packed formats pad their rows.
+/// Returns the number of which a region's width must be a multiple, since packed formats pad their
+/// rows.
 fn columns(format: PixelFormat) -> u32 {
     match format {
         PixelFormat::Yuyv => 2,

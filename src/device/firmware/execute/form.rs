@@ -1,13 +1,13 @@
-//! Forms of commands: query form, set form and parameters, and how a numeric setting with bounds is set and
-//! queried.
+//! Checks whether a command may be queried or set and may have parameters, and sets and queries
+//! numeric settings with bounds.
 
 use crate::firmware::Firmware;
 use crate::firmware::table::Command;
 use phasmid_protocol::scpi::{Args, DeviceError, ErrorCode, Number, Quantity, Unit};
 
 impl Firmware {
-    /// Rejects queries of commands without a query form and set forms of query-only commands as
-    /// unknown headers, and parameters of commands that take none.
+    /// Rejects the query of a command without a query form, and the set form of a query-only
+    /// command, as an unknown header. Rejects parameters of a command without parameters.
     pub(in crate::firmware) fn check_form(
         &self,
         unit: &Unit,
@@ -91,8 +91,8 @@ fn numeric_command(command: Command) -> bool {
     )
 }
 
-/// Evaluates a unit for a bounded setting: returns the value to set, or for a query the present
-/// value or the requested bound.
+/// Evaluates a unit for a numeric setting with bounds. Returns the value to set or, for a query, the
+/// present value or the requested bound.
 pub(super) fn numeric(
     unit: &Unit,
     quantity: Quantity,
@@ -116,7 +116,7 @@ pub(super) fn numeric(
     number.within(min, max, default).map(Setting::Set)
 }
 
-/// Result of a unit for a numeric setting.
+/// Result of evaluating a unit for a numeric setting.
 pub(super) enum Setting {
     /// Answer of a query.
     Say(f64),

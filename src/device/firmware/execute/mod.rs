@@ -23,7 +23,7 @@ fn say(value: impl std::fmt::Display) -> Answer {
 }
 
 impl Firmware {
-    /// Executes one unit.
+    /// Executes one unit, a command or query with its parameters.
     pub(super) fn execute(&mut self, unit: &Unit) -> Answer {
         let command = find(unit)?;
         self.check_form(unit, command)?;
@@ -75,8 +75,8 @@ impl Firmware {
         Ok(())
     }
 
-    /// `*RST`. If the attached link cannot carry the power-on format, region and pixel format are
-    /// kept.
+    /// Executes `*RST`. If the attached link cannot carry the power-on format, region and pixel
+    /// format are kept.
     pub(super) fn reset(&mut self) -> Result<(), DeviceError> {
         let settings = Settings::reset(&self.profile);
         let (roi, format) = (self.settings.roi, self.settings.format);

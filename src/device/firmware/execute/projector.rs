@@ -50,7 +50,8 @@ impl Firmware {
         Ok(None)
     }
 
-    /// How long a pattern is shown; a projector without timing shows it for the whole period.
+    /// Sets or queries how long a pattern is shown; a projector without timing shows it for the
+    /// whole period.
     fn pattern_exposure(&mut self, unit: &Unit) -> Answer {
         let period_ns = self.settings.period_ns;
         let Some(timing) = &self.profile.projector.timing else {
@@ -66,7 +67,8 @@ impl Firmware {
         let longest_ns = timing.longest_exposure_ns(period_ns);
         let default_ns = timing.exposure_ns();
         let word = Args::new(&unit.params).number(Quantity::Time).ok();
-        // A valid value outside the present bounds is a settings conflict.
+        // A value between the limits of all periods but outside the present bounds is a settings
+        // conflict.
         let (min, max) = match (unit.query, word) {
             (true, _) | (false, Some(Number::Min | Number::Max)) => {
                 (seconds(self.selected.shortest_ns), seconds(longest_ns))

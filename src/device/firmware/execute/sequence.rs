@@ -8,7 +8,8 @@ use crate::firmware::table::Command;
 use phasmid_protocol::scpi::{Args, ErrorCode, Number, Quantity, Unit, encode_block, quote};
 
 impl Firmware {
-    /// Shortest period of the selected sequence for the camera and for a projector with timing.
+    /// Returns the shortest period of the selected sequence that the camera and the projector's
+    /// timing allow.
     fn shortest_period_ns(&self) -> u64 {
         let camera_ns = self.settings.shortest_period_ns();
         let Some(timing) = &self.profile.projector.timing else {
@@ -41,8 +42,8 @@ impl Firmware {
                     self.not_running()?;
                 }
                 let default = seconds(self.selected.period_ns);
-                // The minimum is the time of an exposure; a shorter valid period is a settings
-                // conflict.
+                // `MIN` stands for the shortest period that camera and projector allow now; a
+                // shorter period is a settings conflict.
                 let floor = match Args::new(&unit.params).number(Quantity::Time) {
                     Ok(Number::Min) => seconds(self.shortest_period_ns()),
                     _ => 1e-6,

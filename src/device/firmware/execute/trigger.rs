@@ -15,7 +15,7 @@ const SOURCES: &[(&str, Source)] = &[
 ];
 const MODES: &[(&str, Mode)] = &[("SEQuence", Mode::Sequence), ("STEP", Mode::Step)];
 
-/// Returns the short form of the word for a value.
+/// Returns the short form of the SCPI word for a value.
 fn short<T: PartialEq>(choices: &[(&'static str, T)], value: &T) -> String {
     let word = choices.iter().find(|(_, v)| v == value).map_or("", |c| c.0);
     word.chars().filter(|c| !c.is_ascii_lowercase()).collect()

@@ -1,4 +1,5 @@
-//! Queries, settings and errors, and `*OPC` and `*WAI`, which wait for frames that have left the device.
+//! Queries, settings and errors, and `*OPC` and `*WAI`, which wait until all frames have left the
+//! device.
 
 use super::{MS, Port};
 use proptest::prelude::*;
@@ -126,7 +127,7 @@ fn a_stalled_block_is_given_up() {
 }
 
 proptest! {
-    /// After any input, the device answers again once the client has hung up and sent `*CLS`.
+    /// After any input, and once the client has hung up and sent `*CLS`, the device answers again.
     #[test]
     fn answers_after_any_bytes(chunks in proptest::collection::vec(
         prop_oneof![

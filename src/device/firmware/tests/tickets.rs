@@ -1,4 +1,4 @@
-//! Messages submitted with a ticket, events that the device reports unasked, and power cycles.
+//! Messages submitted with a ticket, events that the device reports unprompted, and power cycles.
 
 use super::{MS, Port};
 use crate::firmware::Done;

@@ -57,7 +57,7 @@ fn times_are_quantised_and_answered_so() {
     assert_eq!(port.ask("PROJ:EXP?;:TRIG:DEL?"), "0.009008;0.000016");
 }
 
-/// The maximum that a query returns can be set, whatever the other settings are.
+/// `PROJ:EXP? MAX` returns an exposure that can then be set, whatever the other settings are.
 #[test]
 fn the_longest_exposure_is_one_that_is_accepted() {
     let mut port = port(|_| {});
@@ -149,7 +149,7 @@ fn patterns_and_exposures_come_when_they_are_due() {
         port.at(read);
         let shot = port.shots.pop().unwrap().shot;
         assert_eq!((shot.start_ns, shot.end_ns()), (start, start + 8700 * US));
-        // The pattern and the camera start together; the pattern ends first.
+        // The pattern and the camera's exposure start together; the pattern ends first.
         let expected = [(Some(i as usize), start), (None, start + 8500 * US)];
         assert_eq!(seen(&port, &shot), expected);
     }
@@ -169,7 +169,7 @@ fn a_camera_that_starts_with_the_period_sees_the_darkness_too() {
     port.at(9871 * US);
     let shot = port.shots.pop().unwrap().shot;
     assert_eq!(seen(&port, &shot), [(None, 0), (Some(0), 171 * US)]);
-    // The shots for ground truth contain the same patterns and darkness.
+    // The shots that serve for ground truth contain the same patterns and dark intervals.
     port.at(1000 * MS);
     let sequence = port.firmware.selected_sequence();
     for ((_, asked), taken) in sequence[1..].iter().zip(&port.shots) {
@@ -203,8 +203,8 @@ fn an_exposure_that_does_not_cover_a_grey_pattern_sees_bits() {
             );
             continue;
         }
-        // Bit k starts after (2^k - 1) / 255 of 8.5 ms. The exposure ends after half of that time,
-        // within bit 7.
+        // Bit plane k is shown after (2^k - 1) / 255 of the 8.5 ms. The exposure ends after half of
+        // that time, within bit plane 7.
         assert_eq!(
             shot.pattern_image.as_deref(),
             Some(&pattern_images[place].plane(0, 8))
@@ -278,7 +278,7 @@ fn a_trigger_that_comes_too_early_is_missed_and_counted() {
     }
 }
 
-/// Without timing the projector causes no missed trigger, but an exposure in progress does.
+/// Without projector timing, a trigger is missed only if it comes during an exposure.
 #[test]
 fn device_without_timing_counts_missed_triggers() {
     let mut port = Port::new();
@@ -321,7 +321,7 @@ fn a_sequence_takes_its_time_from_flash() {
     assert_eq!(port.firmware.next_event_ns(), Some(800 * MS));
     assert_eq!(port.at(800 * MS), "1\n");
     assert_eq!(port.firmware.next_event_ns(), None);
-    // Arming waits for the load too; commands that do not need the patterns do not wait.
+    // Arming waits for the load as well; commands that do not need the patterns do not wait.
     port.tell("SEQ:SEL 'evm-4'");
     assert_eq!(port.ask("STAT:OPER:COND?;:SEQ:COUN?"), "2;13");
     assert_eq!(port.ask("INIT;*TRG;:STAT:OPER:COND?"), "");
@@ -343,7 +343,7 @@ fn a_sequence_takes_its_time_from_flash() {
     assert_eq!(port.taken().len(), 24);
 }
 
-/// After a sequence, `*OPC?` and `INITiate` wait for the end of the last pattern's period.
+/// After a sequence, `*OPC?` and `INITiate` wait until the last pattern's period has ended.
 #[test]
 fn sequences_follow_each_other_without_a_trigger_missed() {
     let mut port = port(|_| {});
@@ -376,7 +376,7 @@ fn period_is_raised_for_own_patterns_that_take_longer() {
     assert_eq!(port.error(), 0);
     assert_eq!(port.ask("SEQ:PER?"), "0.01");
     // The device's first sequence has only one-bit patterns and a period of 3 ms. A user-defined
-    // fringe of 8 bits gets the longer period that it needs.
+    // sequence of 8-bit fringes gets the longer period that it needs.
     let mut profile = profile(|timing| timing.exposure_us = None);
     profile.camera.exposure_us = 1000.0;
     profile.sequence[0].frame.drain(..4);

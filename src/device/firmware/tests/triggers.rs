@@ -212,7 +212,7 @@ fn same_triggers_give_the_same_shots() {
         port.at(2000 * MS);
         port.shots
     };
-    // The result does not depend on how often the device is advanced in between.
+    // The result does not depend on the times to which the device is advanced in between.
     assert_eq!(run(&[]), run(&[77 * MS, 33 * MS, 1]));
     assert_eq!(run(&[]).len(), 39);
 }

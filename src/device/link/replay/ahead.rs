@@ -4,7 +4,8 @@ use phasmid_protocol::Frame;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Limits of what is read ahead, in actions and in bytes; at least one action.
+/// Maximum number and maximum total size in bytes of the actions read ahead; one action is always
+/// read.
 pub(super) const MAX_AHEAD: (usize, usize) = (256, 64 << 20);
 
 /// An action of the device.
@@ -14,7 +15,7 @@ pub(super) enum Output {
     Bytes(Vec<u8>),
     /// Sends a frame.
     Frame(Arc<Frame>),
-    /// Sends a frame that carries no id, taken at a time of the replay.
+    /// Sends a frame that carries no id and was taken at this time of the replay, in nanoseconds.
     Counted(Arc<Frame>, u64),
     /// Disconnects an end.
     Gone(End),
@@ -22,7 +23,7 @@ pub(super) enum Output {
     Back(End),
 }
 
-/// One of the device's ends.
+/// An end of the device to which clients connect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
     /// The control port.
@@ -45,11 +46,11 @@ impl Output {
 pub(super) struct Due {
     due_ns: u64,
     pub(super) output: Output,
-    /// Session to which the action belongs.
+    /// Number of the session to which the action belongs.
     pub(super) session: u64,
 }
 
-/// All scheduled actions, in order.
+/// All scheduled actions, in order of their due times.
 #[derive(Default)]
 pub(super) struct Ahead {
     queue: VecDeque<Due>,
@@ -58,7 +59,7 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// Returns whether enough has been read ahead.
+    /// Returns whether the limits of [`MAX_AHEAD`] have been reached.
     pub(super) fn is_full(&self) -> bool {
         self.len() >= MAX_AHEAD.0 || self.bytes >= MAX_AHEAD.1
     }
@@ -68,7 +69,7 @@ impl Ahead {
         self.queue.len()
     }
 
-    /// Appends an action, due at `due_ns` at the earliest.
+    /// Appends an action that is due at `due_ns`, but not before the action ahead of it.
     pub(super) fn put(&mut self, due_ns: u64, output: Output, session: u64) {
         self.last_due_ns = self.last_due_ns.max(due_ns);
         self.bytes += output.len();

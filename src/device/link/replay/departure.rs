@@ -1,16 +1,18 @@
-//! Describes where a client departs from the recording.
+//! Describes how a client departs from the recording.
 
 use std::fmt;
 
 /// Maximum number of expected and received bytes shown.
 const SHOWN: usize = 64;
 
-/// A difference between a client and the recorded one.
+/// A difference between a client and the client in the recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Departure {
-    /// Number of the expected record, or of the first record after the end.
+    /// Number of the expected record, or the number after the last record if the recording has
+    /// ended.
     pub number: u64,
-    /// Time of that record in the recording, or of the last record.
+    /// Time of the expected record in the recording, or of the last record if the recording has
+    /// ended.
     pub time_ns: u64,
     /// Expected action of the client, as recorded.
     pub expected: Said,
@@ -18,7 +20,7 @@ pub(super) struct Departure {
     pub came: Said,
 }
 
-/// One side of the comparison.
+/// Action of a client, expected or actual.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Said {
     /// Bytes.

@@ -1,4 +1,4 @@
-//! The device's ends during a replay: they disconnect and reconnect as recorded.
+//! The device's control port and camera during a replay: they disconnect and reconnect as recorded.
 
 use super::ahead::{End, Output};
 use crate::FrameSink;
@@ -18,14 +18,14 @@ pub(super) struct Ends {
     camera: Option<FrameSocket>,
     pub(super) control: PathBuf,
     pub(super) camera_path: PathBuf,
-    /// The camera's address on the loopback interface.
+    /// Address of the camera on the loopback interface.
     pub(super) tcp_address: Option<SocketAddr>,
-    /// How to serve the camera there, with the port that was picked.
+    /// Options for serving the camera at this address, with the port that was picked.
     tcp: Option<Tcp>,
 }
 
 impl Ends {
-    /// Opens both ends in a run directory, and the camera over TCP too if asked to.
+    /// Opens both ends in a run directory, and also serves the camera over TCP if `tcp` is given.
     pub(super) fn open(run_dir: &mut RunDir, tcp: Option<Tcp>) -> Result<Self> {
         let pty = Pty::open()?;
         let control = run_dir.file(CONTROL);
@@ -45,8 +45,8 @@ impl Ends {
         })
     }
 
-    /// Performs an action, or returns it if earlier output has to be read first. `monotonic_ns` is
-    /// the system's clock at time 0.
+    /// Performs an action, or returns it if clients must read earlier output first. `monotonic_ns`
+    /// is the reading of the system's clock at time 0 of the replay.
     pub(super) fn perform(
         &mut self,
         output: Output,
@@ -65,7 +65,7 @@ impl Ends {
             }
             Output::Counted(frame, taken_ns) => {
                 if let Some(camera) = &mut self.camera {
-                    // A frame cannot have been taken after it arrived.
+                    // A frame cannot have been taken later than it arrived.
                     let taken_ns = monotonic_ns.saturating_add(taken_ns.min(now_ns));
                     camera.put_counted(Arc::new(Frame {
                         exposure_start_ns: taken_ns,
@@ -74,7 +74,7 @@ impl Ends {
                     }));
                 }
             }
-            // In the recording the earlier frames had been read.
+            // The recorded client had read the earlier frames at this point.
             Output::Gone(End::Camera) if self.waiting() > 0 => return Ok(Some(output)),
             Output::Gone(end) => self.take(end)?,
             Output::Back(end) => self.bring(end)?,
@@ -82,8 +82,9 @@ impl Ends {
         Ok(None)
     }
 
-    /// Disconnects an end, as when a cable is pulled. Its path is removed first, because another
-    /// device's new port may get the number of this one, and the path must not lead to that port.
+    /// Disconnects an end, as when a cable is pulled. Its path is removed before the end is closed,
+    /// because a new port of another device may get the same number, and the path must not lead to
+    /// that port.
     fn take(&mut self, end: End) -> Result<()> {
         let (is_there, path) = match end {
             End::Port => (self.pty.is_some(), &self.control),
@@ -151,7 +152,7 @@ impl Ends {
     }
 }
 
-/// Points the control link to the port.
+/// Creates the symbolic link `control` to the port.
 fn point(control: &Path, pty: &Pty) -> Result<()> {
     std::os::unix::fs::symlink(pty.path(), control).map_err(|e| Error::io(control, e))
 }

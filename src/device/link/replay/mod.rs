@@ -24,23 +24,23 @@ use std::path::PathBuf;
 use std::pin::pin;
 use std::time::Duration;
 
-/// Maximum size in bytes of frames waiting for readers when recorded delays are skipped.
+/// Maximum size in bytes of the frames that wait for readers while recorded delays are skipped.
 const MAX_WAITING: usize = 32 << 20;
-/// Interval at which slow readers are checked.
+/// Interval at which to check whether slow readers have caught up.
 const RETRY: Duration = Duration::from_millis(1);
 
-/// A replay.
+/// Options of a replay.
 pub struct Replay<R> {
     /// The recording, at its start.
     pub reader: Reader<R>,
     /// Header of the recording.
     pub about: About,
-    /// The system's monotonic clock at time 0, in nanoseconds; it is the base for the times of
-    /// frames without an id.
+    /// Reading of the system's monotonic clock at time 0 of the replay, in nanoseconds. The times of
+    /// frames without an id are relative to it.
     pub monotonic_ns: u64,
-    /// Skip the recorded delays.
+    /// Whether to skip the recorded delays.
     pub fast: bool,
-    /// Also serve frames over TCP.
+    /// Options for serving frames over TCP in addition to the Unix socket.
     pub tcp: Option<Tcp>,
     /// Receives messages for the operator: where a client departs from the recording.
     pub notice: Notice,
@@ -85,7 +85,7 @@ pub async fn replay<R: Read>(
     run_dir.publish(&endpoints)?;
     ready(&endpoints);
     let mut player = Player::new(replay.reader, replay.fast, about.monotonic_ns);
-    // An action that must wait until a client has read all earlier output.
+    // An action that must wait until clients have read all earlier output.
     let mut held = None;
     let mut shutdown = pin!(shutdown);
     loop {

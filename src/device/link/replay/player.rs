@@ -1,10 +1,10 @@
 //! Plays a recording to a client: compares the client's bytes with the recorded ones and schedules
-//! the answers. It neither waits nor reads a clock.
+//! the recorded output of the device. The player neither waits nor reads a clock.
 //!
-//! Output of the device follows the client's bytes that were recorded before it, with the recorded
-//! delay. A client may send ahead of the answers. A session is everything a client sends between
-//! connecting and disconnecting; a disconnection ends the session, and the next client is compared
-//! with the next session.
+//! The device's output follows the client's bytes that were recorded before it, with the recorded
+//! delay. A client may send its bytes without waiting for the answers to earlier ones. A session is
+//! everything that a client sends between connecting and disconnecting. A disconnection ends the
+//! session, and the next client is compared with the next session.
 
 use super::ahead::{Ahead, End, Output};
 use super::departure::{Departure, Said};
@@ -15,17 +15,19 @@ use std::io::Read;
 
 /// Maximum number of client bytes that wait for comparison.
 const MAX_INPUT: usize = 64 << 10;
-/// A frame whose timestamp differs this much from its arrival was timed by another clock.
+/// A frame whose timestamp differs by at least this much from its arrival was timestamped by another
+/// clock.
 const PLAUSIBLE_NS: u64 = 10_000_000_000;
 
-/// Why reading has stopped.
+/// Reason why reading the recording has stopped.
 #[derive(Debug, PartialEq, Eq)]
 enum Stop {
     /// Enough has been read ahead.
     Full,
-    /// The client has to send this.
+    /// The client has to send these bytes.
     Expect(Expected),
-    /// The client has to disconnect: the recorded one did at this record and time.
+    /// The client has to disconnect, as the recorded client did at the record with this number and
+    /// time.
     Leave(u64, u64),
     /// End of the recording.
     End,
@@ -50,42 +52,44 @@ impl Expected {
     }
 }
 
-/// How far a recording was followed.
+/// Result of a replay: how far clients followed the recording.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Outcome {
     /// Number of sessions in which a client departed from the recording.
     pub departures: u64,
-    /// Number of recorded client bytes that were sent again.
+    /// Number of recorded client bytes that clients of the replay have sent too.
     pub matched_bytes: u64,
-    /// Number of recorded client bytes that were not sent.
+    /// Number of recorded client bytes that clients of the replay have not sent.
     pub missing_bytes: u64,
 }
 
-/// A recording and the position in it.
+/// A recording and the present position in it.
 pub(super) struct Player<R> {
     reader: Reader<R>,
     stop: Stop,
-    /// Recorded delays are skipped.
+    /// Whether recorded delays are skipped.
     fast: bool,
     /// See [`phasmid_protocol::record::About`].
     monotonic_ns: Option<u64>,
-    /// The client of this session has sent something.
+    /// Whether the client of this session has sent something.
     spoke: bool,
-    /// The client has departed from the recording and gets no answers.
+    /// Whether the client has departed from the recording and therefore gets no answers.
     astray: bool,
-    /// The client has disconnected; the recording has not reached the recorded disconnection yet.
+    /// Whether the client has disconnected while the recording has not reached the recorded
+    /// disconnection yet.
     gone: bool,
-    /// The recorded client of this session has sent something.
+    /// Whether the recorded client of this session has sent something.
     recorded_spoke: bool,
-    /// The device has sent nothing since the recorded client's last bytes.
+    /// Whether the device has sent nothing since the recorded client's last bytes.
     unanswered: bool,
-    /// The port was disconnected while the recorded client was sending: further bytes are lost with
-    /// it, as in the recording.
+    /// Whether the port was disconnected while the recorded client was sending. Further bytes of the
+    /// client are then lost, as in the recording.
     lost: bool,
-    /// A recorded time and the time of the replay that corresponds to it; nothing is sent before
-    /// they are known.
+    /// A recorded time and the time of the replay that corresponds to it. Nothing is sent before
+    /// both are known.
     anchor: Option<(u64, u64)>,
-    /// The first recorded event has been read; its time is the anchor's recorded time.
+    /// Whether the first recorded event has been read; the anchor's recorded time is the time of
+    /// that event.
     started: bool,
     ahead: Ahead,
     /// Number of finished sessions.
@@ -125,7 +129,8 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// Starts the time, if it is not running yet, when a client connects to the port or the camera.
+    /// Starts the time of the replay, if it is not running yet, when a client connects to the port
+    /// or the camera.
     pub(super) fn begin(&mut self, now_ns: u64) {
         if self.anchor.is_none() {
             self.anchor = Some((0, now_ns));
@@ -143,13 +148,13 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// Returns whether the port may be read: not while many bytes wait for comparison, nor before
-    /// the session of a disconnected client has ended.
+    /// Returns whether the port may be read. It may not while many bytes wait for comparison, or
+    /// before the session of a disconnected client has ended.
     pub(super) fn listens(&self) -> bool {
         !self.gone && self.input.len() < MAX_INPUT
     }
 
-    /// Handles a disconnection. A client that sent nothing does not count.
+    /// Handles a disconnection. The disconnection of a client that sent nothing is ignored.
     pub(super) fn hang_up(&mut self, now_ns: u64) {
         if self.spoke {
             self.gone = true;
@@ -173,7 +178,7 @@ impl<R: Read> Player<R> {
         None
     }
 
-    /// Returns when the next action is due, if no client input arrives before.
+    /// Returns when the next action is due, provided that no client input arrives earlier.
     pub(super) fn next_event_ns(&self) -> Option<u64> {
         self.ahead.next_ns()
     }
@@ -183,7 +188,7 @@ impl<R: Read> Player<R> {
         self.news.pop_front()
     }
 
-    /// Reads the rest of the recording and returns how far it was followed.
+    /// Reads the rest of the recording and returns the result of the replay.
     pub(super) fn finish(mut self) -> Outcome {
         loop {
             if let Stop::Expect(expected) = &self.stop {
@@ -197,7 +202,7 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// Reads and compares as far as possible.
+    /// Reads the recording and compares the client's bytes with it as far as possible.
     fn go_on(&mut self, now_ns: u64) {
         loop {
             let going = match self.astray {
@@ -225,7 +230,7 @@ impl<R: Read> Player<R> {
         true
     }
 
-    /// Takes one step; returns `false` if an event has to happen first.
+    /// Takes one step; returns `false` if it needs client input or elapsed time first.
     fn step(&mut self, now_ns: u64) -> bool {
         match &mut self.stop {
             Stop::Full => {
@@ -317,7 +322,7 @@ impl<R: Read> Player<R> {
 }
 
 impl<R: Read> Player<R> {
-    /// Reads until there is a reason to stop.
+    /// Reads the recording until there is a reason to stop.
     fn read(&mut self, now_ns: u64) {
         self.stop = Stop::Full;
         while !self.ahead.is_full() {
@@ -341,7 +346,7 @@ impl<R: Read> Player<R> {
                 }
             };
             self.place = (number, time_ns);
-            // Time starts with the first event.
+            // Recorded time starts with the first event.
             if !self.started && !matches!(event, Event::About(_)) {
                 self.started = true;
                 self.anchor = self.anchor.map(|(_, replay_ns)| (time_ns, replay_ns));
@@ -366,7 +371,8 @@ impl<R: Read> Player<R> {
                     });
                     return;
                 }
-                // A recorded client that sent nothing needs no counterpart in the replay.
+                // The session of a recorded client that sent nothing has no counterpart in the
+                // replay.
                 Event::Left if channel.is_port() && self.recorded_spoke => {
                     self.stop = Stop::Leave(number, time_ns);
                     return;
@@ -389,8 +395,8 @@ impl<R: Read> Player<R> {
     }
 
     /// Returns when a frame without an id was taken, in the time of the replay: as long before or
-    /// after the client's bytes as recorded. If the driver's clock is unknown, returns when the
-    /// frame arrived.
+    /// after the client's bytes as in the recording. If the driver's clock is unknown, returns the
+    /// time at which the frame arrived.
     fn taken(&self, frame: &Frame, time_ns: u64) -> u64 {
         let since = |zero_ns: u64| frame.exposure_end_ns.checked_sub(zero_ns);
         let taken_ns = self.monotonic_ns.and_then(since);
@@ -409,7 +415,7 @@ impl<R: Read> Player<R> {
     }
 }
 
-/// Returns the end of a channel.
+/// Returns the end of the device that a channel belongs to.
 fn end_of(channel: Channel) -> End {
     match channel.is_port() {
         true => End::Port,

@@ -42,7 +42,7 @@ fn player(events: &[(u64, Event)]) -> Player<std::io::Cursor<Vec<u8>>> {
     Player::new(Reader::new(bytes, "rec").unwrap(), false, None)
 }
 
-/// Two clients, the first of which scans.
+/// A recording of two clients, the first of which scans.
 fn two_sessions() -> Vec<(u64, Event)> {
     vec![
         (100, Event::Opened),
@@ -83,21 +83,21 @@ fn matching_client_gets_replies_at_recorded_times() {
         (player.next(u64::MAX), player.next_event_ns()),
         (None, None)
     );
-    // In pieces, and much later than recorded.
+    // The client sends the command in pieces, and much later than recorded.
     player.receive(b"*ID", 5000);
     assert_eq!(player.next_event_ns(), None);
     player.receive(b"N?\n", 5010);
     assert_eq!(player.next_event_ns(), Some(5040));
     assert_eq!(outputs(&mut player, 5039), [""; 0]);
     assert_eq!(outputs(&mut player, 5040), ["a,b\n"]);
-    // At once, where the recorded client paused.
+    // The client sends at once what the recorded client sent with a pause.
     player.receive(b"INIT\n*TRG\n", 6000);
     assert_eq!(player.next_event_ns(), Some(6095));
     assert_eq!(outputs(&mut player, 6194), ["frame 1"]);
     assert_eq!(outputs(&mut player, 6195), ["frame 2"]);
     player.hang_up(7000);
     assert_eq!(outputs(&mut player, 7010), ["frame 3"]);
-    // A client that only checks whether the port exists.
+    // A client that only checks whether the port exists does not start a session.
     player.hang_up(7500);
     player.receive(b"*TST?\n", 8000);
     assert_eq!(outputs(&mut player, 8005), ["0\n"]);
@@ -116,7 +116,7 @@ fn a_client_that_sends_ahead_gets_all_in_order() {
     player.receive(b"*IDN?\nINIT\n*TRG\n", 1000);
     assert_eq!(outputs(&mut player, 1029), [""; 0]);
     assert_eq!(outputs(&mut player, 1200), ["a,b\n", "frame 1", "frame 2"]);
-    // A client that disconnects early gets no more bytes, but frames still go to other readers.
+    // A client that disconnects early gets no more bytes, but other readers still get the frames.
     let mut player = self::player(&two_sessions());
     player.receive(b"*IDN?\nINIT\n*TRG\n", 1000);
     player.hang_up(1001);
@@ -164,7 +164,7 @@ fn departure_is_reported_once_and_ends_with_the_client() {
     );
     let want = Outcome {
         departures: 3,
-        // "INIT" of "INIT\n".
+        // The matched bytes include "INIT" of "INIT\n".
         matched_bytes: 16,
         missing_bytes: 6,
     };
@@ -233,7 +233,7 @@ fn read_ahead_is_bounded() {
         count += 1;
         assert!(player.ahead.len() <= MAX_AHEAD.0);
     }
-    // The bytes after the reply exceed the limit before the last frames are due.
+    // The client's bytes after the reply exceed the limit before the last frames are due.
     assert!(count >= 2000 - MAX_AHEAD.0, "{count}");
     assert!(
         player
@@ -289,7 +289,7 @@ fn recorded_unplugging_of_the_camera_is_replayed() {
     let mut player = Player::new(reader, false, None);
     player.receive(b"x", 100);
     assert_eq!(outputs(&mut player, 104), ["frame 1", "camera gone"]);
-    // The port and its client are still connected.
+    // The port and its client remain connected.
     player.receive(b"y", 105);
     assert_eq!(outputs(&mut player, 110), ["z"]);
     assert_eq!(outputs(&mut player, 112), ["camera back"]);
@@ -315,7 +315,8 @@ fn input_while_the_port_is_unplugged_is_lost() {
         (40, sent("z")),
         (41, received("b")),
     ];
-    // The recorded client was interrupted after y; this one has not noticed yet.
+    // The recorded client was interrupted after y; the client of the replay has not noticed that
+    // yet.
     let mut player = player(&events);
     player.receive(b"xyq", 100);
     assert_eq!(outputs(&mut player, 102), ["a", "gone"]);
@@ -324,7 +325,7 @@ fn input_while_the_port_is_unplugged_is_lost() {
     assert_eq!(outputs(&mut player, 201), ["b"]);
     assert_eq!(player.news(), None);
     assert_eq!(player.finish().departures, 0);
-    // After an answer the recorded client sent nothing.
+    // In this recording the client sends nothing after an answer.
     let mut player = self::player(&[&events[..2], &events[3..]].concat());
     player.receive(b"xq", 100);
     assert!(player.news().unwrap().contains("the client to leave"));
@@ -352,7 +353,7 @@ fn counted_frames_keep_their_delay_after_the_command() {
     let reader = Reader::new(std::io::Cursor::new(bytes), "rec").unwrap();
     let mut player = Player::new(reader, false, Some(5000));
     player.receive(b"x", 1000);
-    // Taken before the client's bytes, after them, and at an implausible time.
+    // The frames were taken before the client's bytes, after them, and at an implausible time.
     let want = ["frame 1 of 990", "frame 2 of 1025", "frame 3 of 1050"];
     assert_eq!(outputs(&mut player, 1050), want);
 }

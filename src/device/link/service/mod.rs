@@ -1,8 +1,8 @@
-//! The service socket: ground truth, and control of what happens around the device. The wire format
+//! The service socket: gives ground truth and control of the device's surroundings. The wire format
 //! is in [`phasmid_protocol::service`].
 //!
-//! Only its owner may use it: its mode is `0600` in a directory of mode `0700`, and a client of
-//! another user, including root, is refused with a message.
+//! Only the owner of the socket may use it: the socket's mode is `0600` in a directory of mode
+//! `0700`, and a client of another user, including root, is refused with a message.
 
 mod places;
 #[cfg(test)]
@@ -23,24 +23,24 @@ use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{UnixListener, UnixStream};
 use tokio::sync::{Semaphore, mpsc, oneshot};
 
-/// Maximum number of refused clients that are being sent the reason; further connections are closed
-/// without one.
+/// Maximum number of refused clients that are being sent the reason; further refused connections are
+/// closed without a reason.
 const MAX_TURNED_AWAY: usize = 16;
 
-/// Maximum time a client may take to read an answer.
+/// Maximum time in which a client must read an answer.
 const MAX_WRITE: Duration = Duration::from_secs(30);
-/// How long to read from a refused client: it may have written before it reads, and a reset
-/// connection would hide the reason from it.
+/// Maximum time to read from a refused client. It may have written before it reads, and closing the
+/// connection with unread input would reset it and hide the reason from the client.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 /// Interval at which to check whether a client waiting for its answer is still connected.
 const LOOK_AGAIN: Duration = Duration::from_millis(100);
 
-/// A reply and its binary data.
+/// A reply and the binary data that follows it.
 pub(super) type Answer = (Reply, Vec<u8>);
 /// A request and the channel for its answer.
 pub(super) type Call = (Request, oneshot::Sender<Answer>);
 
-/// The listening socket.
+/// The listening socket and its clients.
 pub(super) struct ServiceSocket {
     listener: UnixListener,
     /// User id of the owner.
@@ -78,10 +78,11 @@ impl ServiceSocket {
             tokio::select! {
                 accepted = self.listener.accept() => match accepted {
                     Ok((stream, _)) => self.take(stream),
-                    // Out of descriptors, for example: waiting clients may be served later.
+                    // The error may be temporary, such as too many open descriptors; waiting clients
+                    // are then served later.
                     Err(_) => tokio::time::sleep(Duration::from_millis(100)).await,
                 },
-                // This end holds a sender, so the channel never closes.
+                // `self` holds a sender, so the channel never closes.
                 Some(call) = self.calls.recv() => return call,
             }
         }
@@ -113,8 +114,8 @@ impl ServiceSocket {
     }
 }
 
-/// Returns why a client is not the owner, by the credentials that the system attached when it
-/// connected (`SO_PEERCRED`, unix(7)).
+/// Returns why a client is refused, or `None` for the owner. The client's user is known from the
+/// credentials that the system recorded when the client connected (`SO_PEERCRED`, unix(7)).
 fn foreign(stream: &UnixStream, owner: u32) -> Option<String> {
     let whose = match stream.peer_cred() {
         Ok(cred) if cred.uid() == owner => return None,
@@ -126,7 +127,7 @@ fn foreign(stream: &UnixStream, owner: u32) -> Option<String> {
     ))
 }
 
-/// Input from a client.
+/// A piece of input from a client.
 enum Line {
     /// A line with its newline.
     Whole(Vec<u8>),
@@ -189,8 +190,8 @@ async fn turn_away(stream: UnixStream, why: &str) -> io::Result<()> {
     dismiss(BufReader::new(reader), writer, why).await
 }
 
-/// Sends the last message to a client and reads its remaining input, so that it can read the
-/// message.
+/// Sends a last message to a client, then reads and discards the client's remaining input so that
+/// closing the connection does not destroy the message.
 async fn dismiss(
     mut reader: BufReader<OwnedReadHalf>,
     mut writer: OwnedWriteHalf,

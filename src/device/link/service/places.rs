@@ -1,5 +1,5 @@
-//! Connections to the service channel. When all places are taken, the client that has been idle the
-//! longest makes room, so that forgotten connections block nobody.
+//! Slots for connections to the service channel. When all slots are taken, the client that has been
+//! idle the longest is disconnected, so that forgotten connections block nobody.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -9,10 +9,10 @@ use tokio::time::Instant;
 
 /// Maximum number of clients.
 pub(super) const MAX_CLIENTS: usize = 16;
-/// A client idle for this long makes room for another.
+/// A client that has been idle for this long can be disconnected in favour of a new one.
 pub(super) const IDLE: Duration = Duration::from_secs(10);
 
-/// The places of all clients.
+/// The slots of all clients; clones share them.
 #[derive(Clone)]
 pub(super) struct Places {
     idle: Duration,
@@ -26,13 +26,15 @@ struct Shared {
 }
 
 struct Client {
-    /// When the client connected or was last answered; `None` while a request is in progress.
+    /// Time at which the client connected or was last answered; `None` while its request is in
+    /// progress.
     idle_since: Option<Instant>,
     leave: Arc<Notify>,
 }
 
 impl Places {
-    /// Returns places whose clients make room after being idle for `idle`.
+    /// Returns a set of free slots. A client that has been idle for `idle` can be disconnected in
+    /// favour of a new one.
     pub(super) fn new(idle: Duration) -> Self {
         Self {
             idle,
@@ -40,15 +42,16 @@ impl Places {
         }
     }
 
-    /// Returns the number of places taken.
+    /// Returns the number of slots taken.
     pub(super) fn taken(&self) -> usize {
         self.shared().clients.len()
     }
 
-    /// Returns a place for a new client.
+    /// Returns a slot for a new client.
     ///
     /// # Errors
-    /// Returns an error, worded for the reply, if all places are taken and no client is idle.
+    /// Returns an error, worded for the reply, if all slots are taken and no client is idle long
+    /// enough.
     pub(super) fn enter(&self) -> Result<Place, String> {
         let mut shared = self.shared();
         if shared.clients.len() >= MAX_CLIENTS {
@@ -88,7 +91,7 @@ impl Places {
     }
 }
 
-/// A client's place; dropping it frees the place.
+/// A client's slot; dropping it frees the slot.
 pub(super) struct Place {
     places: Places,
     number: u64,
@@ -103,7 +106,7 @@ impl Place {
         }
     }
 
-    /// Waits until the client has to make room.
+    /// Waits until the client has to disconnect in favour of another.
     pub(super) async fn taken_back(&self) {
         self.leave.notified().await;
     }

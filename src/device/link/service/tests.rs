@@ -12,22 +12,22 @@ use std::time::Instant;
 
 const SOON: Duration = Duration::from_secs(10);
 const NEVER: Duration = Duration::from_secs(3600);
-/// A request answered with an empty reply.
+/// A request that the channel answers at once with an empty reply.
 const QUICK: &[u8] = b"{\"get\":\"device\"}\n";
-/// A request that is not answered until the test does so.
+/// A request that remains unanswered until the test answers it.
 const SLOW: &[u8] = b"{\"get\":\"clock\"}\n";
 
-/// A service channel on its own thread.
+/// A service channel served on its own thread.
 struct Channel {
     dir: tempfile::TempDir,
-    /// Requests that wait for the test.
+    /// Requests that wait for the test to answer them.
     waiting: Arc<Mutex<Vec<oneshot::Sender<Answer>>>>,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Channel {
-    /// Opens a channel whose clients make room after being idle for `idle`.
+    /// Opens a channel in which a client idle for `idle` can be disconnected in favour of a new one.
     fn open(idle: Duration) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("service.sock");
@@ -72,7 +72,7 @@ impl Channel {
         BufReader::new(stream)
     }
 
-    /// Waits until a condition on the waiting requests holds.
+    /// Waits until `holds` returns true for the waiting requests.
     fn until(&self, holds: impl Fn(&[oneshot::Sender<Answer>]) -> bool) {
         let end = Instant::now() + SOON;
         while !holds(&self.waiting.lock().unwrap()) {
@@ -93,7 +93,7 @@ fn send(client: &mut BufReader<Client>, bytes: &[u8]) {
     client.get_mut().write_all(bytes).unwrap();
 }
 
-/// Returns the error of the next line, if any.
+/// Returns the error in the next line that the client reads, if any.
 fn error(client: &mut BufReader<Client>) -> Option<String> {
     let mut line = Vec::new();
     client.read_until(b'\n', &mut line).unwrap();
@@ -141,7 +141,7 @@ fn client_beyond_the_limit_is_refused() {
     let words = error(&mut more).unwrap();
     assert!(words.contains("expected at most 16 at a time"), "{words}");
     assert!(is_over(&mut more));
-    // The others are still connected, and a freed place can be taken.
+    // The other clients are still connected, and a freed slot can be taken.
     send(&mut clients[0], QUICK);
     assert_eq!(error(&mut clients[0]), None);
     drop(clients.pop());
@@ -160,7 +160,8 @@ fn client_beyond_the_limit_is_refused() {
 fn longest_idle_client_makes_room() {
     let channel = Channel::open(Duration::ZERO);
     let mut clients: Vec<_> = (0..MAX_CLIENTS).map(|_| channel.client()).collect();
-    // The first client waits for its answer; the others are idle, the second one the longest.
+    // The first client waits for its answer; the others are idle, and the second has been idle the
+    // longest.
     send(&mut clients[0], SLOW);
     channel.until(|waiting| waiting.len() == 1);
     for client in &mut clients[1..] {

@@ -16,11 +16,12 @@ pub struct Attachment {
     stream: UnixStream,
 }
 
-/// Attaches a device to the local kernel; it answers while [`Attachment::run`] is polled.
+/// Attaches a device to the local kernel. The device answers the kernel only while
+/// [`Attachment::run`] is polled.
 ///
 /// # Errors
-/// Returns an error with a remedy if `vhci_hcd` is not loaded, permission is denied, no port of the
-/// device's speed is unused, or another host has the device.
+/// Returns an error with a remedy if `vhci_hcd` is not loaded, permission is denied, all ports of
+/// the device's speed are in use, or another host has attached the device.
 pub fn attach(device: UsbDevice) -> Result<Attachment> {
     let (ours, theirs) = UnixStream::pair().map_err(|e| Error::io("--usb attach", e))?;
     ours.set_nonblocking(true)
@@ -45,7 +46,7 @@ impl Attachment {
     }
 
     /// Serves the kernel until it detaches the device. `clock` returns the time since an arbitrary
-    /// fixed moment.
+    /// fixed point in time.
     ///
     /// # Errors
     /// Returns an error if the socket fails.

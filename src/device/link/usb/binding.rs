@@ -11,7 +11,7 @@ use phasmid_protocol::{Frame, PixelFormat};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A USB device and its host-visible state, in front of a firmware.
+/// A USB device and the firmware state that it shows to a host.
 pub struct Binding {
     device: UsbDevice,
     usb: Usb,
@@ -39,8 +39,8 @@ impl Binding {
         let others = profile.camera.sensor.formats().iter().copied();
         formats.extend(others.filter(|&format| {
             let pairs = format != PixelFormat::Yuyv || stream.width.is_multiple_of(2);
-            // uvcvideo has no code for packed formats and would list them without a name, so only
-            // a profile that asks for one gets it.
+            // uvcvideo has no code for packed formats and would list them without a name, so a
+            // device offers a packed format only if its profile selects that format.
             format != stream.format && pairs && !format.is_packed()
         }));
         let controls = camera_state(firmware);
@@ -58,13 +58,13 @@ impl Binding {
         &self.device
     }
 
-    /// Whether a host reads frames.
+    /// Returns whether a host reads frames.
     pub(in crate::link) fn attended(&self) -> bool {
         self.device.is_streaming()
     }
 
-    /// Whether a host reads frames and its queue has room for another frame of a free-running
-    /// camera.
+    /// Returns whether a host reads frames and its queue has room for another frame of a
+    /// free-running camera.
     pub(in crate::link) fn keeps_up(&self) -> bool {
         self.device.is_streaming() && !self.device.is_crowded()
     }
@@ -74,12 +74,12 @@ impl Binding {
         self.device.put(frame.clone(), now);
     }
 
-    /// Number of frames lost because the host reads too slowly.
+    /// Returns the number of frames lost because the host reads too slowly.
     pub(in crate::link) fn lost(&self) -> u64 {
         self.device.lost()
     }
 
-    /// Sends a reply; `false` if too many are queued.
+    /// Sends a reply. Returns `false` if too many replies are queued.
     pub(in crate::link) fn send(&self, bytes: &[u8], now: Duration) -> bool {
         self.device.send(bytes, now)
     }
@@ -89,8 +89,8 @@ impl Binding {
         self.device.changed().await;
     }
 
-    /// Applies the host's events to the firmware at device time `now_ns`; returns those for the
-    /// serial port.
+    /// Applies the host's events to the firmware at device time `now_ns`. Returns the events that
+    /// concern the serial port.
     pub(in crate::link) fn work_off(
         &mut self,
         firmware: &mut Firmware,
@@ -129,7 +129,7 @@ impl Binding {
                     self.host_lines = lines;
                 }
                 Event::LineCoding(line) => firmware.set_line_coding(line),
-                // A break clears the input, as on a terminal.
+                // A break on the serial line clears the input, as on a terminal.
                 Event::Break(true) | Event::Detached => port.push(PortEvent::HungUp),
                 Event::Break(false) | Event::Attached | Event::Started | Event::Stopped => {}
             }
@@ -151,7 +151,7 @@ impl Binding {
         }
     }
 
-    /// Returns the sink that checks changes of the frame format.
+    /// Returns the sink that rejects frame formats which the device did not announce to the host.
     pub(in crate::link) fn gate(&self, stream: Stream) -> Gate {
         Gate {
             device: self.device.clone(),
@@ -172,7 +172,7 @@ fn camera_state(firmware: &Firmware) -> CameraState {
     }
 }
 
-/// Rejects frame sizes and formats that contradict the enumerated device.
+/// Rejects changes to frame sizes and formats that contradict the USB descriptors of the device.
 pub(in crate::link) struct Gate {
     device: UsbDevice,
     /// Frame size and format that the device was created for.

@@ -1,5 +1,5 @@
-//! A host's connection after it has imported a device: reads commands, has the session execute
-//! them, and writes its replies, many at a time.
+//! A host's connection after the host has imported a device: reads commands, lets the session
+//! execute them, and writes many replies at a time.
 
 use super::device::{Attached, UsbDevice};
 use super::outgoing::Outgoing;
@@ -10,19 +10,19 @@ use std::io::IoSlice;
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
-/// Maximum number of chunks per write.
+/// Maximum number of chunks passed to one write.
 const SLICES: usize = 64;
-/// Number of queued chunks above which no more commands are read.
+/// Number of queued chunks from which on no more commands are read.
 const MAX_OUTGOING: usize = 4096;
 const READ_LEN: usize = 64 << 10;
 
 impl UsbDevice {
-    /// Serves a host on any two byte streams, starting after the import, until it leaves. `clock`
-    /// returns the time since an arbitrary fixed moment.
+    /// Serves a host over any two byte streams, from the end of the import until the host leaves.
+    /// `clock` returns the time since an arbitrary fixed point in time.
     ///
     /// # Errors
-    /// Returns an error if another host has the device, if the host violates the protocol, or if
-    /// reading or writing fails.
+    /// Returns an error if another host has attached the device, if the host violates the protocol,
+    /// or if reading or writing fails.
     pub async fn serve(
         &self,
         reader: impl AsyncRead + Unpin,
@@ -34,8 +34,8 @@ impl UsbDevice {
     }
 }
 
-/// Serves a host until it leaves, violates the protocol, or the device is unplugged. `clock`
-/// returns the time since an arbitrary fixed moment.
+/// Serves a host until the host leaves or violates the protocol, or the device is unplugged. `clock`
+/// returns the time since an arbitrary fixed point in time.
 ///
 /// # Errors
 /// Returns an error if the host violates the protocol or the socket fails.
@@ -49,8 +49,8 @@ pub(super) async fn run(
     let mut outgoing = Outgoing::default();
     let io = |e| Error::io("USB/IP", e);
     loop {
-        // Stop reading commands while the host does not read its replies, or while it causes more
-        // events than the firmware processes.
+        // Stop reading commands while the host does not read its replies, or while it causes events
+        // faster than the firmware processes them.
         while outgoing.len() < MAX_OUTGOING
             && !device.is_behind()
             && let Some((command, data, packets)) = input.next()?
@@ -107,14 +107,14 @@ async fn sleep(delay: Option<Duration>) {
 struct Input {
     bytes: Vec<u8>,
     filled: usize,
-    /// Number of bytes at the start that have been processed.
+    /// Number of bytes at the start of the buffer that have been processed.
     done: usize,
 }
 
 type Whole = (Command, Vec<u8>, Vec<Packet>);
 
 impl Input {
-    /// Buffer space for more bytes.
+    /// Returns buffer space for more bytes.
     fn space(&mut self) -> &mut [u8] {
         if self.done > 0 {
             self.bytes.copy_within(self.done..self.filled, 0);
@@ -134,7 +134,7 @@ impl Input {
         let Some((header, rest)) = bytes.split_first_chunk::<HEADER_LEN>() else {
             return Ok(None);
         };
-        // Decoding checks the sizes before any data is awaited.
+        // Decoding checks the sizes in the header before any data is awaited.
         let command = Command::decode(header)?;
         let Command::Submit(submit) = command else {
             self.done += HEADER_LEN;

@@ -1,4 +1,5 @@
-//! The handle through which firmware and connection share a device, and its exclusive use by a host.
+//! The handle of a USB device, which the firmware and a host's connection share; only one host can
+//! use a device at a time.
 
 use super::descriptors::{Descriptors, INTERFACES, Mode};
 use super::function::Function;
@@ -30,8 +31,8 @@ pub struct UsbDevice {
 }
 
 impl UsbDevice {
-    /// Creates the device of a profile, with a camera of `width` x `height` pixels in the given
-    /// formats, the first by default. `number`, from 1, is its position on the bus.
+    /// Creates the device of a profile, whose camera has `width` x `height` pixels and offers the
+    /// given formats, the first by default. `number`, from 1, is the device's position on the bus.
     ///
     /// # Errors
     /// Returns an error if the frames are too large for the video class.
@@ -91,7 +92,7 @@ impl UsbDevice {
         })
     }
 
-    /// The format of a format number in the negotiated stream parameters.
+    /// Returns the pixel format that a format number in the negotiated stream parameters stands for.
     pub(super) fn format(&self, number: u8) -> PixelFormat {
         let session = self.session();
         let modes = &session.function.descriptors.modes;
@@ -110,12 +111,12 @@ impl UsbDevice {
         &self.info
     }
 
-    /// Class, subclass and protocol of each interface followed by a zero, as in USB/IP device
-    /// lists.
+    /// Returns the class, subclass and protocol of each interface, each followed by a zero, as in
+    /// USB/IP device lists.
     pub(super) fn interface_classes(&self) -> Vec<u8> {
         let configuration = self.session().function.descriptors.configuration.clone();
         Walk::new(&configuration)
-            // Count each interface once, by its alternate setting 0.
+            // Count each interface once: only its alternate setting 0.
             .filter(|d| d[1] == kind::INTERFACE && d[3] == 0)
             .flat_map(|d| [d[5], d[6], d[7], 0])
             .collect()
@@ -126,7 +127,7 @@ impl UsbDevice {
         session.unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Changes the session and wakes both sides.
+    /// Changes the session, then wakes the connection and the firmware.
     pub(super) fn with<T>(&self, change: impl FnOnce(&mut Session) -> T) -> T {
         let (value, outward, inward) = {
             let mut session = self.session();
@@ -143,7 +144,7 @@ impl UsbDevice {
         value
     }
 
-    /// Whether the firmware's event queue is full, so that hosts have to wait.
+    /// Returns whether the firmware's event queue is full, so that hosts have to wait.
     pub(super) fn is_behind(&self) -> bool {
         self.session().events.is_full()
     }
@@ -158,17 +159,17 @@ impl UsbDevice {
         self.shared.inward.notified().await;
     }
 
-    /// Returns the events from hosts since the last call.
+    /// Takes the events that hosts have caused since the last call.
     pub fn take_events(&self) -> Vec<Event> {
         let (events, was_full) = self.with(|session| {
             let was_full = session.events.is_full();
             let events = session.events.take();
-            // Serial data that waited for these events can be delivered now.
+            // Serial data that waited until these events were taken can be delivered now.
             session.pump_serial();
             (events, was_full)
         });
         if was_full {
-            // The connection may read again.
+            // The connection may read commands again.
             self.shared.outward.notify_one();
         }
         events
@@ -179,14 +180,13 @@ impl UsbDevice {
         self.session().video.started
     }
 
-    /// Returns whether the maximum number of frames of a free-running camera is queued for the
-    /// host.
+    /// Returns whether as many frames are queued for the host as a free-running camera may queue.
     pub fn is_crowded(&self) -> bool {
         self.session().video.is_crowded()
     }
 
-    /// Queues a frame at time `now` of the connection's clock; `false` if no host reads, the stream
-    /// has another format, or too many frames are queued.
+    /// Queues a frame at time `now` of the connection's clock. Returns `false` if no host reads, the
+    /// stream has another format, or too many frames are queued.
     pub fn put(&self, frame: Arc<Frame>, now: Duration) -> bool {
         self.with(|session| {
             let fits = session.function.stream().is_some_and(|stream| {
@@ -212,7 +212,7 @@ impl UsbDevice {
         self.session().lost
     }
 
-    /// Sends bytes over the serial port; `false` if too many are queued.
+    /// Sends bytes over the serial port. Returns `false` if too many bytes are queued.
     pub fn send(&self, bytes: &[u8], now: Duration) -> bool {
         self.with(|session| {
             let sent = session.serial.send(bytes);
@@ -221,12 +221,12 @@ impl UsbDevice {
         })
     }
 
-    /// Sets the camera state that hosts read.
+    /// Sets the camera state that hosts can read.
     pub fn set_camera(&self, camera: CameraState) {
         self.session().function.set_camera(camera);
     }
 
-    /// Sets the device's serial lines.
+    /// Sets the state of the serial lines that the device drives.
     pub fn set_lines(&self, lines: DeviceLines, now: Duration) {
         self.with(|session| {
             session.serial.set_lines(lines);
@@ -234,25 +234,28 @@ impl UsbDevice {
         });
     }
 
-    /// Injects a fault into the next frame without one.
+    /// Queues a fault for the next frame that has no fault yet.
     pub fn inject(&self, fault: Fault) {
         self.session().video.faults.push(fault);
     }
 
-    /// Unplugs the device, even while attached; `false` plugs it in again.
+    /// Unplugs the device (`out` is `true`), even while it is attached, or plugs it in again
+    /// (`false`).
     pub fn unplug(&self, out: bool) {
         self.with(|session| session.unplugged = out);
     }
 }
 
-/// A device attached to a host; dropping it detaches the device, however the connection ends.
+/// A device attached to a host; dropping this value detaches the device, however the connection
+/// ends.
 pub(super) struct Attached(UsbDevice);
 
 impl Attached {
     /// Attaches a device.
     ///
     /// # Errors
-    /// Returns an error if another host has the device or too many events wait for the firmware.
+    /// Returns an error if another host has attached the device, if it is unplugged, or if too many
+    /// events wait for the firmware.
     pub(super) fn take(device: &UsbDevice) -> Result<Self> {
         if device.with(Session::attach) {
             Ok(Self(device.clone()))

@@ -1,13 +1,13 @@
 //! A bounded queue of host events that the firmware has not processed yet.
 //!
-//! Only the last of several settings of one kind is kept, and serial bytes are merged with the
-//! serial bytes before them. All other events, including triggers on RTS, are kept in order; when
-//! the queue is full, the host has to wait.
+//! If several settings of the same kind are queued, only the last one is kept, and serial bytes are
+//! merged with the serial bytes before them. All other events, including triggers on RTS, are kept
+//! in order. When the queue is full, the host has to wait.
 
 use super::Event;
 use std::collections::VecDeque;
 
-/// Number of queued events above which no more commands are read; the firmware takes them many
+/// Number of queued events from which on no more commands are read; the firmware takes events many
 /// times a second.
 const MAX_EVENTS: usize = 1024;
 
@@ -20,7 +20,7 @@ pub(super) struct Events {
 }
 
 impl Events {
-    /// Whether hosts have to wait until the firmware has taken events.
+    /// Returns whether hosts have to wait until the firmware has taken events.
     pub(super) fn is_full(&self) -> bool {
         self.waiting.len() >= MAX_EVENTS
     }
@@ -29,7 +29,7 @@ impl Events {
         self.waiting.is_empty()
     }
 
-    /// Number of queued serial bytes.
+    /// Returns the number of queued serial bytes.
     pub(super) fn received(&self) -> usize {
         self.received
     }
@@ -43,8 +43,8 @@ impl Events {
             }
         }
         if is_setting(&event) {
-            // Only settings may lie between two settings that are merged: other events, such as a
-            // trigger, separate them.
+            // Two settings are merged only if no other kind of event lies between them: an event
+            // such as a trigger separates them.
             let settings = self.waiting.iter_mut().rev();
             let mut settings = settings.take_while(|before| is_setting(before));
             if let Some(before) = settings.find(|before| is_like(before, &event)) {
@@ -62,7 +62,7 @@ impl Events {
     }
 }
 
-/// Whether an event replaces earlier events of its kind.
+/// Returns whether an event replaces earlier events of the same kind.
 fn is_setting(event: &Event) -> bool {
     matches!(
         event,

@@ -5,21 +5,22 @@ use phasmid_core::error::Result;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
-/// Maximum time for drivers to create the nodes of an attached device.
+/// Maximum time in which drivers must create the nodes of an attached device.
 const NODES: Duration = Duration::from_secs(10);
 const POLL: Duration = Duration::from_millis(20);
 
-/// How a served device is exported as a USB device over USB/IP.
+/// Options for exporting a served device as a USB device over USB/IP.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UsbServing {
-    /// Address at which hosts can attach the device. USB/IP has no authentication.
+    /// Address at which hosts can attach the device; USB/IP has no authentication.
     pub listen: SocketAddr,
-    /// Also attach the device to this machine's own kernel, which requires its permission.
+    /// Whether to also attach the device to this machine's own kernel, which requires the necessary
+    /// permission.
     pub attach: bool,
 }
 
 impl Default for UsbServing {
-    /// Returns a free port of the loopback interface, without attaching the device.
+    /// Returns options for a free port of the loopback interface, without attaching the device.
     fn default() -> Self {
         Self {
             listen: (Ipv4Addr::LOCALHOST, 0).into(),
@@ -28,9 +29,9 @@ impl Default for UsbServing {
     }
 }
 
-/// A device's USB side.
+/// A served device's connection to USB/IP.
 pub struct UsbLink {
-    /// The server's side of the USB device.
+    /// The USB device and the firmware state that it shows.
     pub binding: Binding,
     /// Address at which the USB/IP server listens.
     pub listen: SocketAddr,
@@ -40,9 +41,9 @@ pub struct UsbLink {
     pub nodes: Nodes,
 }
 
-/// Serves USB devices until the tokio runtime that it is called in ends. Returns their links in
-/// order. If devices are attached to this machine's kernel, each link has the device nodes that
-/// drivers have created in time. `wall` returns how long the devices have been on.
+/// Serves USB devices until the tokio runtime of the caller ends. Returns the links of the devices
+/// in order. If the devices are attached to this machine's kernel, each link holds the device nodes
+/// that drivers have created in time. `wall` returns how long the devices have been on.
 ///
 /// # Errors
 /// Returns an error if the address is in use, or if a device cannot be attached.
@@ -71,8 +72,8 @@ pub async fn export(
     Ok(links.collect())
 }
 
-/// Attaches all devices to this machine's kernel, serves them, and waits for the nodes that its drivers
-/// create.
+/// Attaches all devices to this machine's kernel, serves them, and waits for the nodes that the
+/// kernel's drivers create.
 async fn attached(
     bindings: &[Binding],
     wall: impl Fn() -> Duration + Clone + Send + 'static,
@@ -83,7 +84,8 @@ async fn attached(
         ports.push(attachment.port().clone());
         let wall = wall.clone();
         tokio::spawn(async move {
-            // Whether the kernel detaches or the connection fails, the device can be attached again.
+            // Whether the kernel detaches the device or the connection fails, the device can be
+            // attached again.
             let _ = attachment.run(wall).await;
         });
     }

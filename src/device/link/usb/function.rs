@@ -1,6 +1,6 @@
 //! Handles requests on the control endpoint: enumeration, negotiation and controls of the video
-//! class, line state of the serial class. Nothing blocks or sends here: a request goes in, an
-//! answer and possibly events come out.
+//! class, and line state of the serial class. Each request returns an answer and may queue events;
+//! nothing here blocks or sends.
 
 use super::descriptors::{
     CAMERA_TERMINAL, Descriptors, ENDPOINTS, INTERFACES, PROCESSING_UNIT, SERIAL_CONTROL,
@@ -16,7 +16,7 @@ use phasmid_protocol::usb::{Setup, request};
 /// An answer on the control endpoint.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Answer {
-    /// Bytes for the host; empty as acknowledgement of a request without data.
+    /// Bytes for the host; empty to acknowledge a request without data.
     Data(Vec<u8>),
     /// The request is unknown or cannot be satisfied.
     Stall,
@@ -25,7 +25,7 @@ pub(super) enum Answer {
 /// An acknowledgement without data.
 const DONE: Answer = Answer::Data(Vec::new());
 
-/// The state that requests read and set.
+/// State that requests on the control endpoint read and set.
 pub(super) struct Function {
     pub(super) descriptors: Descriptors,
     limits: CameraLimits,
@@ -63,7 +63,7 @@ impl Function {
         }
     }
 
-    /// Resets to the state after a bus reset: unconfigured, no stream parameters, lines low.
+    /// Resets the state as a bus reset does: unconfigured, no stream parameters, lines low.
     pub(super) fn reset(&mut self) {
         self.configuration = 0;
         self.setting = 0;
@@ -79,13 +79,13 @@ impl Function {
         self.camera = camera;
     }
 
-    /// Returns the events since the last call.
+    /// Takes the events since the last call.
     pub(super) fn take_events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
     }
 
-    /// The committed stream parameters, if the current configuration and setting can carry a
-    /// stream.
+    /// Returns the committed stream parameters if the present configuration and alternate setting
+    /// can carry a stream.
     pub(super) fn stream(&self) -> Option<Negotiation> {
         let carries = match self.descriptors.transfer {
             Transfer::Bulk => true,
@@ -95,8 +95,8 @@ impl Function {
             .filter(|_| carries && self.configuration == 1)
     }
 
-    /// Whether an endpoint (address with the direction in bit 7) is halted until the host clears
-    /// it.
+    /// Returns whether an endpoint (address with the direction in bit 7) is halted. It stays halted
+    /// until the host clears it.
     pub(super) fn is_halted(&self, address: u8) -> bool {
         self.halted.contains(&address)
     }
@@ -108,7 +108,7 @@ impl Function {
         }
     }
 
-    /// Answers a request with its data stage `data`.
+    /// Answers a request; `data` holds the bytes of its data stage.
     pub(super) fn control(&mut self, setup: Setup, data: &[u8]) -> Answer {
         let answer = match setup.kind & 0x60 {
             0x00 => self.standard(setup),
@@ -141,7 +141,8 @@ impl Function {
                 self.events.push(Event::Stopped);
                 DONE
             }
-            // The bus handles the address, the link the latencies.
+            // The bus handles SET_ADDRESS, and the link handles the latencies, so both are only
+            // acknowledged.
             (
                 Setup::STANDARD_OUT,
                 request::SET_ADDRESS | request::SET_SEL | request::SET_ISOCH_DELAY,
@@ -150,7 +151,7 @@ impl Function {
             (Setup::INTERFACE_IN, request::GET_STATUS) if index < INTERFACES => {
                 Answer::Data(vec![0, 0])
             }
-            // The control endpoint never halts.
+            // The control endpoint is never halted.
             (Setup::ENDPOINT_IN, request::GET_STATUS) if index & 0x7F == 0 => {
                 Answer::Data(vec![0, 0])
             }
@@ -161,7 +162,7 @@ impl Function {
                 if setup.value == request::ENDPOINT_HALT && ENDPOINTS.contains(&index) =>
             {
                 self.halted.retain(|halted| *halted != index);
-                // Hosts stop a bulk stream by clearing its endpoint.
+                // Hosts end a bulk stream by clearing the halt of its endpoint.
                 if index == 0x80 | VIDEO_IN && self.descriptors.transfer == Transfer::Bulk {
                     self.events.push(Event::Stopped);
                 }
@@ -173,7 +174,7 @@ impl Function {
                 self.halt(index);
                 DONE
             }
-            // Function suspend and U1/U2 (SuperSpeed), remote wake-up: nothing to do.
+            // Function suspend and U1/U2 (SuperSpeed), and remote wake-up, need no action.
             (
                 Setup::STANDARD_OUT | Setup::INTERFACE_OUT,
                 request::SET_FEATURE | request::CLEAR_FEATURE,
@@ -272,8 +273,8 @@ impl Function {
         let (answer, set) = range.answer(setup.request, data)?;
         if let Some(units) = set {
             let longest = self.camera.settable_ns.ok_or(error_code::WRONG_STATE)?;
-            // Drivers set the limits of the range: clamp the exposure to the frame period, as
-            // cameras do.
+            // Drivers set exposures up to the limits of the range; like cameras do, clamp such an
+            // exposure to the frame period.
             self.camera.exposure_ns = (units * uvc::EXPOSURE_UNIT_NS).min(longest);
             self.events.push(Event::Exposure(self.camera.exposure_ns));
         }
@@ -329,7 +330,7 @@ impl Function {
             uvc::request::GET_DEF | uvc::request::GET_MIN if probing => {
                 Answer::Data(self.descriptors.default_negotiation().encode().into())
             }
-            // Values come from lists, so no field has a step.
+            // All fields take their values from lists, so no field has a resolution.
             uvc::request::GET_RES if probing => Answer::Data(vec![0; Negotiation::LEN]),
             uvc::request::GET_MAX if probing => {
                 let last = self.descriptors.modes.len() as u8;
@@ -339,7 +340,7 @@ impl Function {
         }
     }
 
-    /// The supported parameters closest to those the host wants.
+    /// Returns the supported parameters that are closest to the parameters that the host wants.
     fn agree(&self, wanted: Negotiation) -> Negotiation {
         let distance = |interval: &u32| interval.abs_diff(wanted.interval);
         let intervals = self.descriptors.intervals.iter().copied();
@@ -381,7 +382,7 @@ impl Function {
     }
 }
 
-/// An integer that a class control reads and sets.
+/// An integer that a control of the video class reads and sets.
 struct Range {
     min: u64,
     max: u64,
@@ -392,7 +393,7 @@ struct Range {
 }
 
 impl Range {
-    /// Returns the answer and, for SET_CUR, the value to set.
+    /// Returns the answer to a request and, for SET_CUR, the value to set.
     fn answer(&self, request: u8, data: &[u8]) -> Result<(Vec<u8>, Option<u64>), u8> {
         let bytes = |value: u64| value.to_le_bytes()[..self.len].to_vec();
         match request {

@@ -48,12 +48,12 @@ pub struct CameraState {
     pub exposure_ns: u64,
     /// Gain in decibels.
     pub gain_db: f64,
-    /// Maximum exposure in nanoseconds that can be set now; longer values are clamped to it. `None`
-    /// while nothing can be set, as during a sequence.
+    /// Maximum exposure in nanoseconds that can be set now; longer exposures are clamped to this
+    /// maximum. `None` while no exposure can be set, for example during a sequence.
     pub settable_ns: Option<u64>,
 }
 
-/// Range of the camera's settings.
+/// Ranges of the camera's settings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraLimits {
     /// Minimum and maximum exposure in nanoseconds.
@@ -71,9 +71,9 @@ pub enum Event {
     Attached,
     /// The host has detached the device.
     Detached,
-    /// Set the exposure, in nanoseconds.
+    /// The host sets the exposure, in nanoseconds.
     Exposure(u64),
-    /// Set the gain, in decibels.
+    /// The host sets the gain, in decibels.
     Gain(f64),
     /// The host has committed the format and interval of the next stream.
     Committed(Negotiation),
@@ -81,9 +81,9 @@ pub enum Event {
     Started,
     /// The host has stopped reading frames.
     Stopped,
-    /// Bytes received on the serial port.
+    /// The host has sent these bytes to the serial port.
     Received(Vec<u8>),
-    /// The host's serial lines (DTR, RTS) have changed.
+    /// The serial lines that the host drives (DTR, RTS) have changed.
     Lines(HostLines),
     /// The host has set the line coding.
     LineCoding(LineCoding),

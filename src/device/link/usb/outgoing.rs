@@ -1,5 +1,5 @@
-//! Replies queued for the host: headers and control data that are owned, and slices of frames that
-//! are never copied between sensor and socket.
+//! Replies queued for the host: owned headers and control data, and slices of frames, which are
+//! never copied between sensor and socket.
 
 use phasmid_protocol::Frame;
 use phasmid_protocol::usb::usbip::{HEADER_LEN, Packet, Reply, Submit, status};
@@ -28,7 +28,7 @@ impl Chunk {
     }
 }
 
-/// Chunks to be written, in order.
+/// Chunks to be written to the socket, in order.
 #[derive(Default)]
 pub(super) struct Outgoing {
     chunks: VecDeque<Chunk>,
@@ -41,7 +41,7 @@ impl Outgoing {
         self.chunks.is_empty()
     }
 
-    /// Number of queued chunks.
+    /// Returns the number of queued chunks.
     pub(super) fn len(&self) -> usize {
         self.chunks.len()
     }
@@ -55,18 +55,19 @@ impl Outgoing {
         self.chunks.append(&mut other.chunks);
     }
 
-    /// Completes a transfer with its data.
+    /// Replies that a transfer has ended, with its data for the host.
     pub(super) fn submitted(&mut self, seqnum: u32, status: i32, data: Vec<u8>) {
         self.head(seqnum, status, data.len() as u32, None);
         self.bytes(data);
     }
 
-    /// Completes a transfer without returned data.
+    /// Replies that a transfer of `actual` bytes has ended, without data for the host.
     pub(super) fn received(&mut self, seqnum: u32, status: i32, actual: u32) {
         self.head(seqnum, status, actual, None);
     }
 
-    /// Fails a transfer; for an isochronous one, also each of its packets.
+    /// Replies that a transfer has failed; for an isochronous transfer, all its packets fail as
+    /// well.
     pub(super) fn failed(&mut self, submit: &Submit, packets: &[Packet], status: i32) {
         let reply = Reply::Submit {
             seqnum: submit.seqnum,
@@ -85,7 +86,8 @@ impl Outgoing {
         self.packets(&packets);
     }
 
-    /// Completes a transfer with a payload: its header and a range of a frame.
+    /// Replies that a transfer has completed with a payload, which is a header and a range of a
+    /// frame.
     pub(super) fn payload(
         &mut self,
         seqnum: u32,
@@ -100,7 +102,8 @@ impl Outgoing {
         }
     }
 
-    /// Starts an isochronous reply with its header; [`Self::packet`] and [`Self::packets`] follow.
+    /// Starts the reply to an isochronous transfer with the reply's header; the caller then adds
+    /// [`Self::packet`] and [`Self::packets`].
     pub(super) fn isochronous(&mut self, seqnum: u32, actual: u32, packets: u32) {
         let reply = Reply::Submit {
             seqnum,
@@ -112,7 +115,7 @@ impl Outgoing {
         self.push_head(&reply, None);
     }
 
-    /// Adds a packet's payload.
+    /// Adds the payload of one packet.
     pub(super) fn packet(&mut self, info: u8, frame: &Arc<Frame>, part: Range<usize>) {
         self.bytes(vec![payload::HEADER_LEN as u8, info]);
         if !part.is_empty() {
@@ -120,7 +123,7 @@ impl Outgoing {
         }
     }
 
-    /// Adds the packet descriptors after an isochronous transfer's data.
+    /// Adds the packet descriptors, which follow the data of an isochronous transfer.
     pub(super) fn packets(&mut self, packets: &[Packet]) {
         self.bytes(packets.iter().flat_map(Packet::encode).collect());
     }
@@ -158,7 +161,7 @@ impl Outgoing {
         }
     }
 
-    /// Fills `slices` with the next chunks to write; returns their number.
+    /// Fills `slices` with the next chunks to write and returns the number of slices filled.
     pub(super) fn slices<'a>(&'a self, slices: &mut [IoSlice<'a>]) -> usize {
         let mut skip = self.written;
         let mut count = 0;
@@ -170,7 +173,7 @@ impl Outgoing {
         count
     }
 
-    /// Removes bytes that have been written.
+    /// Removes the first `bytes` bytes, which have been written.
     pub(super) fn advance(&mut self, mut bytes: usize) {
         while let Some(first) = self.chunks.front() {
             let left = first.bytes().len() - self.written;

@@ -1,5 +1,5 @@
-//! The serial port's endpoints: data in both directions, and the notification of the device's
-//! lines.
+//! The serial port's endpoints: data in both directions, and notifications of the serial lines that
+//! the device drives.
 
 use super::descriptors::{NOTIFY_IN, SERIAL_CONTROL, SERIAL_IN, SERIAL_OUT};
 use super::outgoing::Outgoing;
@@ -7,24 +7,24 @@ use phasmid_protocol::usb::cdc::DeviceLines;
 use phasmid_protocol::usb::usbip::{Submit, status};
 use std::collections::VecDeque;
 
-/// Maximum number of bytes queued for the host.
+/// Maximum number of serial bytes queued for the host.
 const MAX_TO_HOST: usize = 1 << 20;
-/// Number of bytes queued for the firmware above which the host has to wait.
+/// Number of serial bytes queued for the firmware from which on the host has to wait.
 const MAX_TO_DEVICE: usize = 64 << 10;
-/// Maximum number of bytes that a host may send without waiting for completion.
+/// Maximum number of bytes in transfers from the host that have not completed.
 const MAX_HELD: usize = 4 << 20;
 
-/// The endpoints' state.
+/// State of the serial port's endpoints.
 #[derive(Default)]
 pub(super) struct Serial {
     to_host: VecDeque<u8>,
     reads: VecDeque<Submit>,
     notifications: VecDeque<Submit>,
-    /// Transfers whose bytes the firmware has not received.
+    /// Transfers from the host whose bytes the firmware has not received yet.
     writes: VecDeque<(Submit, Vec<u8>)>,
     held: usize,
     lines: DeviceLines,
-    /// Lines last reported to the host.
+    /// State of the lines that was last reported to the host.
     told: Option<DeviceLines>,
 }
 
@@ -37,15 +37,15 @@ impl Serial {
         self.notifications.push_back(submit);
     }
 
-    /// Queues a transfer from the host; `false` if the host sends further ahead than any driver
-    /// does.
+    /// Queues a transfer from the host. Returns `false` if the host has more bytes pending than any
+    /// driver sends.
     pub(super) fn write(&mut self, submit: Submit, data: Vec<u8>) -> bool {
         self.held += data.len();
         self.writes.push_back((submit, data));
         self.held <= MAX_HELD
     }
 
-    /// Cancels a transfer; `false` if it is not pending.
+    /// Cancels a transfer. Returns `false` if the transfer is not pending.
     pub(super) fn unlink(&mut self, seqnum: u32) -> bool {
         let other = |submit: &Submit| submit.seqnum != seqnum;
         let before = self.waiting();
@@ -74,12 +74,13 @@ impl Serial {
         }
     }
 
-    /// Number of pending transfers.
+    /// Returns the number of pending transfers.
     pub(super) fn waiting(&self) -> usize {
         self.reads.len() + self.notifications.len() + self.writes.len()
     }
 
-    /// Queues bytes for the host; `false` if too many are queued and these are lost.
+    /// Queues bytes for the host. Returns `false` if too many bytes are queued; the new bytes are
+    /// then lost.
     pub(super) fn send(&mut self, bytes: &[u8]) -> bool {
         let fits = self.to_host.len() + bytes.len() <= MAX_TO_HOST;
         if fits {
@@ -88,7 +89,7 @@ impl Serial {
         fits
     }
 
-    /// Discards bytes queued for the host because it has closed the port.
+    /// Discards bytes queued for a host that has closed the port.
     pub(super) fn hang_up(&mut self) {
         self.to_host.clear();
     }
@@ -97,15 +98,15 @@ impl Serial {
         self.lines = lines;
     }
 
-    /// Resets the endpoints when the device detaches, discarding pending transfers.
+    /// Resets the endpoints and discards pending transfers when the device is detached.
     pub(super) fn reset(&mut self) {
         let lines = self.lines;
         *self = Self::default();
         self.lines = lines;
     }
 
-    /// Sends what can be sent. Returns the bytes that the firmware may have now; `taken` bytes
-    /// already wait for the firmware.
+    /// Completes all transfers that can complete now. Returns the bytes that the firmware may
+    /// receive now, given that `taken` bytes already wait for the firmware.
     pub(super) fn pump(&mut self, mut taken: usize, outgoing: &mut Outgoing) -> Vec<u8> {
         while !self.to_host.is_empty()
             && let Some(read) = self.reads.pop_front()

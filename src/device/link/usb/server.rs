@@ -15,7 +15,8 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::AbortHandle;
 use tokio::time::timeout;
 
-/// Maximum number of connections that have not imported a device; beyond it the oldest is closed.
+/// Maximum number of connections that have not imported a device; beyond it the oldest such
+/// connection is closed.
 const MAX_OPENING: usize = 64;
 /// Timeout for a client's request.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -47,23 +48,24 @@ impl UsbServer {
         })
     }
 
-    /// Returns the address on which it listens.
+    /// Returns the address on which the server listens.
     pub fn address(&self) -> Option<SocketAddr> {
         self.listener.local_addr().ok()
     }
 
-    /// Serves until dropped. `clock` returns the time since an arbitrary fixed moment.
+    /// Serves until the returned future is dropped. `clock` returns the time since an arbitrary
+    /// fixed point in time.
     pub async fn run(self, clock: impl Fn() -> Duration + Clone + Send + Sync + 'static) {
         let opening = Opening::default();
         for number in 0.. {
             let Ok((stream, _)) = self.listener.accept().await else {
-                // Possibly temporary, for example out of file descriptors.
+                // The error may be temporary, for example too many open file descriptors.
                 tokio::time::sleep(Duration::from_millis(50)).await;
                 continue;
             };
             let (devices, clock) = (self.devices.clone(), clock.clone());
             let open = opening.clone();
-            // The task is added to the list before it runs, because there is only one thread.
+            // The task is added to the list before it first runs, because there is only one thread.
             let task = tokio::spawn(async move {
                 let left = Left(open, number);
                 // An error of a client affects its own connection only.
@@ -74,12 +76,12 @@ impl UsbServer {
     }
 }
 
-/// Connections that have not completed their request.
+/// Connections that have not imported a device yet.
 #[derive(Clone, Default)]
 struct Opening(Arc<Mutex<VecDeque<(u64, AbortHandle)>>>);
 
 impl Opening {
-    /// Adds a connection; aborts the oldest if there are too many.
+    /// Adds a connection. If there are too many, closes the oldest.
     fn add(&self, number: u64, task: AbortHandle) {
         let mut list = self.list();
         if list.len() >= MAX_OPENING
@@ -95,7 +97,7 @@ impl Opening {
     }
 }
 
-/// Removes a connection from the list when it has imported a device or ended.
+/// Removes a connection from the list when it has imported a device or has ended.
 struct Left(Opening, u64);
 
 impl Drop for Left {
@@ -124,7 +126,8 @@ async fn serve(
     connection::run(reader, writer, attached.device(), clock).await
 }
 
-/// Enables keep-alive, so that a host that vanished (for example, crashed) releases its device.
+/// Enables TCP keep-alive, so that the device of a host that has vanished (for example, crashed) is
+/// released.
 fn keep_alive(stream: &TcpStream) -> std::io::Result<()> {
     sockopt::set_socket_keepalive(stream, true)?;
     sockopt::set_tcp_keepidle(stream, Duration::from_secs(10))?;
@@ -133,7 +136,7 @@ fn keep_alive(stream: &TcpStream) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Handles the first request of a connection; returns the imported device, if any.
+/// Handles the first request of a connection. Returns the device if the request imports one.
 async fn open(stream: &mut TcpStream, devices: &[UsbDevice]) -> Result<Option<Attached>> {
     let io = |e| Error::io("USB/IP", e);
     let mut operation = [0; OPERATION_LEN];

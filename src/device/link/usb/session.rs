@@ -1,4 +1,4 @@
-//! The state machine behind a device's endpoints.
+//! The state machine behind the endpoints of a USB device.
 
 use super::Event;
 use super::descriptors::{NOTIFY_IN, SERIAL_IN, SERIAL_OUT, VIDEO_IN};
@@ -14,10 +14,10 @@ use std::time::Duration;
 
 /// Maximum number of pending transfers; drivers use a few dozen.
 const MAX_WAITING: usize = 1024;
-/// Maximum number of pending isochronous packets: 8 s.
+/// Maximum number of pending isochronous packets, which take 8 s.
 const MAX_PACKETS: usize = 1 << 16;
 
-/// The device as a state machine: commands and frames in, replies and events out.
+/// A USB device as a state machine: takes commands and frames, returns replies and events.
 pub(super) struct Session {
     pub(super) function: Function,
     pub(super) video: Video,
@@ -25,7 +25,7 @@ pub(super) struct Session {
     pub(super) outgoing: Outgoing,
     pub(super) events: Events,
     attached: bool,
-    /// Number of frames lost because the queue was full.
+    /// Number of frames lost because the queue for the host was full.
     pub(super) lost: u64,
     pub(super) unplugged: bool,
 }
@@ -44,8 +44,8 @@ impl Session {
         }
     }
 
-    /// Attaches the device to a host; `false` if another host has it, if it is unplugged, or if too
-    /// many events wait for the firmware.
+    /// Attaches the device to a host. Returns `false` if another host has attached the device, if it
+    /// is unplugged, or if too many events wait for the firmware.
     pub(super) fn attach(&mut self) -> bool {
         if self.attached || self.unplugged || self.events.is_full() {
             return false;
@@ -67,7 +67,7 @@ impl Session {
         self.events.push(Event::Detached);
     }
 
-    /// Whether the device is unplugged, which ends the connection.
+    /// Returns whether the device is unplugged, which ends the connection.
     pub(super) fn is_unplugged(&self) -> bool {
         self.unplugged
     }
@@ -75,7 +75,8 @@ impl Session {
     /// Executes a command with its data or packets.
     ///
     /// # Errors
-    /// Returns an error if the host exceeds limits that no driver reaches; the connection must end.
+    /// Returns an error if the host exceeds limits that no driver reaches; the caller must then end
+    /// the connection.
     pub(super) fn command(
         &mut self,
         command: Command,
@@ -87,7 +88,7 @@ impl Session {
             Command::Unlink { seqnum, target } => {
                 let video = self.video.unlink(target);
                 let held = video || self.serial.unlink(target);
-                // A host that cancels all its transfers has stopped reading.
+                // A host that has cancelled all its transfers has stopped reading frames.
                 if video && self.video.waiting() == 0 {
                     self.stop();
                 }
@@ -170,7 +171,7 @@ impl Session {
         for event in self.function.take_events() {
             match event {
                 Event::Stopped => self.stop(),
-                // Frames left from an earlier stream do not belong to the new one.
+                // Discard the frames of the previous stream, which do not belong to the new one.
                 Event::Committed(_) => {
                     self.stop();
                     self.events.push(event);
@@ -193,7 +194,7 @@ impl Session {
         self.video.stop();
     }
 
-    /// Matches queued data with pending transfers in both directions.
+    /// Completes pending transfers in both directions as far as data for them is queued.
     pub(super) fn pump(&mut self, now: Duration) {
         if self.function.is_halted(0x80 | VIDEO_IN) {
             self.video.stall(&mut self.outgoing);

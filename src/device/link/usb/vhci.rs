@@ -1,5 +1,5 @@
-//! The kernel's virtual USB host controller, `vhci_hcd`, through its sysfs files: ports, and the
-//! device nodes that drivers create for an attached device.
+//! The kernel's virtual USB host controller, `vhci_hcd`, accessed through its sysfs files: its
+//! ports, and the device nodes that drivers create for an attached device.
 
 use phasmid_core::error::{Error, Result};
 use std::fs;
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const CONTROLLER: &str = "/sys/devices/platform/vhci_hcd.0";
 /// Sysfs folder of USB devices, by bus name.
 const DEVICES: &str = "/sys/bus/usb/devices";
-/// State of an unused port.
+/// State of an unused port in the controller's table.
 const FREE: &str = "004";
 
 /// A port of the controller.
@@ -33,10 +33,11 @@ impl Nodes {
 }
 
 impl Port {
-    /// Finds an unused port of a speed, given by the kernel's number.
+    /// Finds an unused port for devices of a speed, which is given as the kernel's number.
     ///
     /// # Errors
-    /// Returns an error with a remedy if the controller is missing or all ports are in use.
+    /// Returns an error with a remedy if the controller is missing or all ports of this speed are in
+    /// use.
     pub(super) fn free(speed: u32) -> Result<Self> {
         Self::free_at(Path::new(CONTROLLER), speed)
     }
@@ -60,8 +61,8 @@ impl Port {
         })
     }
 
-    /// Passes one end of a socket to the kernel, which takes its own reference; the device with
-    /// this id and speed must answer at the other end.
+    /// Passes one end of a socket to the kernel, which keeps its own reference to it. The device
+    /// with this id and speed must answer at the other end of the socket.
     ///
     /// # Errors
     /// Returns an error if the sysfs file cannot be written.
@@ -84,9 +85,9 @@ impl Port {
     }
 }
 
-/// A row of the controller's table.
+/// A row of the controller's table of ports.
 struct Row<'a> {
-    /// `hs` or `ss`.
+    /// Speed of the port: `hs` (high speed) or `ss` (SuperSpeed).
     hub: &'a str,
     port: u32,
     state: &'a str,
@@ -94,8 +95,8 @@ struct Row<'a> {
     bus_id: &'a str,
 }
 
-/// Parses the controller's table: hub, port, state, speed, device, socket and the device's bus
-/// name. The heading is skipped.
+/// Parses the controller's table of ports, whose columns are hub, port, state, speed, device, socket
+/// and the device's bus name. Skips the heading.
 fn rows(table: &str) -> impl Iterator<Item = Row<'_>> {
     table.lines().filter_map(|line| {
         let mut words = line.split_whitespace();
@@ -108,12 +109,12 @@ fn rows(table: &str) -> impl Iterator<Item = Row<'_>> {
     })
 }
 
-/// The device nodes of a device's interfaces.
+/// Returns the device nodes of all interfaces of a device.
 fn nodes(device: &Path) -> Nodes {
     let mut nodes = Nodes::default();
     for interface in entries(device) {
         for camera in entries(&interface.join("video4linux")) {
-            // Index 0 is the camera, index 1 its metadata.
+            // Node 0 delivers the camera's frames, node 1 their metadata.
             let index = fs::read_to_string(camera.join("index")).unwrap_or_default();
             if index.trim() == "0" {
                 nodes.camera = dev(&camera);
@@ -131,7 +132,7 @@ fn dev(class_device: &Path) -> Option<PathBuf> {
     Some(path)
 }
 
-/// Sorted entries of a folder; empty if it does not exist.
+/// Returns the sorted entries of a folder; empty if the folder does not exist.
 fn entries(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten();
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
@@ -143,7 +144,7 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
 mod tests {
     use super::*;
 
-    /// Output of kernel 6.1, shortened.
+    /// Output of kernel 6.1 in `status`, shortened.
     const TABLE: &str = "hub port sta spd dev      sockfd local_busid\n\
         hs  0000 006 003 00010002 000003 1-1\n\
         hs  0001 004 000 00000000 000000 0-0\n\

@@ -1,5 +1,5 @@
-//! The camera's endpoint: queues of transfers waiting for frames and of frames waiting for
-//! transfers, and the faults that can be injected. Each fault affects the next frame only. To unplug the
+//! The camera's endpoint: a queue of transfers that wait for frames, a queue of frames that wait for
+//! transfers, and faults that can be injected. Each fault affects only one frame. To unplug the
 //! device, see [`super::UsbDevice::unplug`].
 
 use super::outgoing::Outgoing;
@@ -10,11 +10,12 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Maximum number of frames queued for the host, as in a real device's memory.
+/// Maximum number of frames queued for the host; the memory of a physical device is limited too.
 const MAX_FRAMES: usize = 1024;
-/// Maximum number of queued frames of a free-running camera: a slower host sees the newest ones.
+/// Maximum number of frames of a free-running camera queued for the host: a slower host gets only
+/// the newest frames.
 const MAX_FREE_FRAMES: usize = 8;
-/// Maximum size of the frames queued for the host, in bytes.
+/// Maximum total size in bytes of the frames queued for the host.
 const MAX_BYTES: usize = 256 << 20;
 /// Duration of an isochronous packet: one microframe.
 const PACKET_TIME: Duration = Duration::from_micros(125);
@@ -22,27 +23,28 @@ const PACKET_TIME: Duration = Duration::from_micros(125);
 /// A fault that affects a single frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// The endpoint halts before the frame. The host has to clear it, which ends a bulk stream and
-    /// discards the queued frames.
+    /// The endpoint halts before the frame. The host has to clear the halt, which ends a bulk stream
+    /// and discards the queued frames.
     Stall,
-    /// The frame's payload headers have the error bit set; uvcvideo then flags the buffer.
+    /// The payload headers of the frame have the error bit set; uvcvideo then flags the buffer as
+    /// faulty.
     PayloadError,
     /// The frame ends after half its bytes.
     ShortFrame,
-    /// The frame identifier bit (FID), which toggles with each frame, does not toggle.
+    /// The frame identifier bit (FID), which should toggle with each frame, does not toggle.
     FrozenFid,
-    /// The frame starts this much later.
+    /// The frame starts later by this time.
     Slow(Duration),
 }
 
-/// Queued faults; the first applies to the next frame.
+/// Faults queued for coming frames; the first applies to the next frame.
 #[derive(Debug, Default)]
 pub(super) struct Faults {
     waiting: VecDeque<Fault>,
 }
 
 impl Faults {
-    /// Maximum number of queued faults; further ones are ignored.
+    /// Maximum number of queued faults; further faults are ignored.
     const MAX: usize = 1024;
 
     pub(super) fn push(&mut self, fault: Fault) {
@@ -59,24 +61,25 @@ impl Faults {
 /// A pending transfer.
 struct Waiting {
     submit: Submit,
-    /// Packets of an isochronous transfer.
+    /// Packets of the transfer if it is isochronous.
     packets: Vec<Packet>,
-    /// Time when an isochronous transfer completes, with or without a frame.
+    /// Time at which the transfer, if isochronous, completes, whether or not a frame is available.
     due: Duration,
 }
 
 /// The frame being sent.
 struct Current {
     frame: Arc<Frame>,
-    /// Number of bytes sent.
+    /// Number of bytes of the frame sent so far.
     at: usize,
-    /// Number of bytes to send; less than the frame's size if a fault truncates it.
+    /// Number of bytes of the frame to send; less than the frame's size if a fault truncates the
+    /// frame.
     len: usize,
     /// Bits of the frame's payload headers, except the end-of-frame bit.
     info: u8,
 }
 
-/// The endpoint's state.
+/// State of the camera's endpoint.
 #[derive(Default)]
 pub(super) struct Video {
     waiting: VecDeque<Waiting>,
@@ -85,9 +88,9 @@ pub(super) struct Video {
     current: Option<Current>,
     fid: u8,
     pub(super) faults: Faults,
-    /// Earliest start of the next frame.
+    /// Earliest start time of the next frame.
     not_before: Duration,
-    /// Completion time of the last isochronous transfer.
+    /// Completion time of the isochronous transfer that was submitted last.
     last_due: Duration,
     /// Whether a host reads frames.
     pub(super) started: bool,
@@ -105,7 +108,7 @@ impl Video {
         });
     }
 
-    /// Cancels a transfer; `false` if it is not pending.
+    /// Cancels a transfer. Returns `false` if the transfer is not pending.
     pub(super) fn unlink(&mut self, seqnum: u32) -> bool {
         let before = self.waiting.len();
         self.waiting
@@ -115,12 +118,12 @@ impl Video {
         self.waiting.len() < before
     }
 
-    /// Number of pending transfers.
+    /// Returns the number of pending transfers.
     pub(super) fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Number of isochronous packets in pending transfers.
+    /// Returns the number of isochronous packets in pending transfers.
     pub(super) fn packets(&self) -> usize {
         let packets = self.waiting.iter().map(|waiting| waiting.packets.len());
         packets.sum()
@@ -133,13 +136,14 @@ impl Video {
         }
     }
 
-    /// Whether the maximum number of frames of a free-running camera is queued.
+    /// Returns whether as many frames are queued as a free-running camera may queue.
     pub(super) fn is_crowded(&self) -> bool {
         self.frames.len() >= MAX_FREE_FRAMES
     }
 
-    /// Queues a frame; `false` if memory is full and the frame is lost. For a free-running camera,
-    /// the oldest frame is dropped if too many are queued; this does not count as a loss.
+    /// Queues a frame. Returns `false` if memory is full and the frame is therefore lost. For a
+    /// free-running camera, drops the oldest frame if too many are queued; this does not count as a
+    /// loss.
     pub(super) fn put(&mut self, frame: Arc<Frame>) -> bool {
         let len = frame.data.len();
         let is_free = |frame: &Frame| frame.pattern_index.is_none();
@@ -158,7 +162,7 @@ impl Video {
         true
     }
 
-    /// Ends the stream: discards its frames but keeps pending transfers.
+    /// Ends the stream: discards its queued frames but keeps pending transfers.
     pub(super) fn stop(&mut self) {
         self.started = false;
         self.frames.clear();
@@ -167,7 +171,7 @@ impl Video {
         self.not_before = Duration::ZERO;
     }
 
-    /// Resets the endpoint when the device detaches, discarding pending transfers.
+    /// Resets the endpoint and discards pending transfers when the device is detached.
     pub(super) fn reset(&mut self) {
         self.stop();
         self.waiting.clear();
@@ -175,7 +179,7 @@ impl Video {
         self.last_due = Duration::ZERO;
     }
 
-    /// Time of the next action that needs neither a command nor a frame.
+    /// Returns the time of the next action that happens without a command or a frame.
     pub(super) fn next_due(&self) -> Option<Duration> {
         let slow = self.not_before;
         let delayed = !self.frames.is_empty() && slow > Duration::ZERO && self.current.is_none();
@@ -186,8 +190,8 @@ impl Video {
         }
     }
 
-    /// Sends what can be sent, in payloads of up to `max_payload` bytes; `true` if the endpoint
-    /// must halt.
+    /// Completes all transfers that can complete now, in payloads of up to `max_payload` bytes.
+    /// Returns `true` if the endpoint must halt.
     pub(super) fn pump(
         &mut self,
         max_payload: usize,
@@ -207,7 +211,8 @@ impl Video {
                 }
                 continue;
             }
-            // Too small for a payload header: report overflow, like babble on a real bus.
+            // The transfer is too small for a payload header: report an overflow, like babble on a
+            // real bus.
             if (waiting.submit.length as usize) < payload::HEADER_LEN {
                 outgoing.received(waiting.submit.seqnum, status::OVERFLOW, 0);
                 self.waiting.pop_front();
@@ -231,14 +236,14 @@ impl Video {
         false
     }
 
-    /// Makes the next frame the current one, unless there is one; `true` if a stall takes its
-    /// place.
+    /// Makes the next queued frame the current one unless a frame is already being sent. Returns
+    /// `true` if a stall occurs in place of the frame.
     fn begin(&mut self, now: Duration) -> bool {
         if self.current.is_some() || self.frames.is_empty() || now < self.not_before {
             return false;
         }
         let fault = if self.not_before > Duration::ZERO {
-            // The delay of a slow frame has passed.
+            // The delay of a slow frame has passed, so the frame starts now.
             self.not_before = Duration::ZERO;
             None
         } else {
@@ -274,8 +279,8 @@ impl Video {
         false
     }
 
-    /// Completes one isochronous transfer. Packets are empty without a frame; a frame may
-    /// begin in any packet.
+    /// Completes one isochronous transfer. Its packets are empty while there is no frame; a frame
+    /// may begin in any packet.
     fn isochronous(&mut self, waiting: &Waiting, now: Duration, outgoing: &mut Outgoing) {
         let mut parts = Vec::with_capacity(waiting.packets.len());
         let mut packets = waiting.packets.clone();
@@ -287,7 +292,7 @@ impl Video {
                 continue;
             }
             if self.current.is_none() {
-                // A stall within a transfer waits for the next transfer.
+                // A stall that occurs within a transfer takes effect at the next transfer.
                 let _ = self.begin(now);
             }
             let room = packet.length as usize - payload::HEADER_LEN;
@@ -309,7 +314,8 @@ impl Video {
 }
 
 impl Current {
-    /// Returns the next payload's header bits and its range of the frame, limited to `room` bytes.
+    /// Returns the header bits of the next payload and the range of the frame that it carries, at
+    /// most `room` bytes.
     fn next(&mut self, room: usize) -> (u8, std::ops::Range<usize>) {
         let end = (self.at + room).min(self.len);
         let part = self.at..end;

@@ -1,15 +1,15 @@
-//! Selects the V4L2 node that becomes the camera.
+//! Selects the V4L2 node to which the camera's frames are written.
 
 use phasmid_core::error::Result;
 use phasmid_protocol::printable;
 use phasmid_v4l2::{FORGOTTEN, Node, RELOAD, node_paths};
 use std::path::{Path, PathBuf};
 
-/// Prefix of the labels of nodes for this program, ignoring case.
+/// Prefix, compared without case, of the labels of nodes that are meant for this program.
 const LABEL: &str = "phasmid";
 
-/// Returns the machine's nodes with their labels, ordered by number. A label is read without
-/// opening the node where possible: opening a webcam may switch it on.
+/// Returns the machine's nodes with their labels, ordered by number. Where possible a label is read
+/// without opening the node, because opening a webcam may switch it on.
 pub(super) fn nodes(dev: &Path, class: &Path) -> Vec<(PathBuf, String)> {
     let label = |path: &PathBuf| {
         let name = class.join(path.file_name()?).join("name");
@@ -24,11 +24,11 @@ pub(super) fn nodes(dev: &Path, class: &Path) -> Vec<(PathBuf, String)> {
         .collect()
 }
 
-/// Opens the first node that is labelled for this program and can be opened. Also returns why
-/// earlier nodes were skipped, joined with "; ", or an empty string.
+/// Opens the first node whose label shows that it is meant for this program and that can be opened.
+/// Also returns why earlier nodes were skipped, joined with "; ", or an empty string.
 ///
 /// # Errors
-/// Returns why there is none, phrased to follow "the frame socket, because".
+/// Returns an error if there is no such node, phrased to follow "the frame socket, because".
 pub(super) fn first_free<T>(
     nodes: Vec<(PathBuf, String)>,
     mut open: impl FnMut(&Path) -> Result<T>,
@@ -50,16 +50,16 @@ pub(super) fn first_free<T>(
     }
 }
 
-/// Why frames cannot be written to a node.
+/// Reason why frames cannot be written to a node.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Unfit {
     /// The node is not a loopback node: a mistake of the user who named it.
     Kind(String),
-    /// The node is a loopback node that cannot be written to at present.
+    /// The node is a loopback node to which frames cannot be written at present.
     State(String),
 }
 
-/// Checks what a node reports about itself.
+/// Checks the properties that a node reports; returns why it is unsuitable, if it is.
 pub(super) fn unfit(node: &Node) -> Option<Unfit> {
     if !node.is_loopback() {
         return Some(Unfit::Kind(format!(

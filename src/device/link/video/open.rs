@@ -13,12 +13,12 @@ use std::path::Path;
 use std::time::Duration;
 use v4l::Device;
 
-/// Number of buffers requested: the maximum, so that a frame being read is overwritten as late as
-/// possible. How far readers may fall behind depends on the module: two frames in 0.12, the ring's
-/// length since 0.15.
+/// Number of buffers requested, which is the maximum, so that a frame being read is overwritten as
+/// late as possible. The number of frames by which readers may fall behind depends on the module:
+/// two in version 0.12, the number of buffers since 0.15.
 const BUFFERS: u32 = 32;
 
-/// A node ready for frames.
+/// A loopback node that is open for frames in one format.
 pub(super) struct Open {
     pub(super) queue: OutputQueue,
     device: Device,
@@ -26,8 +26,8 @@ pub(super) struct Open {
 }
 
 impl Open {
-    /// Opens a node and prepares it for the stream of a sensor with `bits` bits. `contested` states
-    /// that another program may be writing to it.
+    /// Opens a node and prepares it for the stream of a sensor with `bits` bits. `contested` says
+    /// that another program may be writing to the node.
     ///
     /// # Errors
     /// Returns an error if the node is not a loopback node, is in use, or cannot carry the stream,
@@ -47,7 +47,8 @@ impl Open {
             }
             Some(Unfit::State(why)) => Some(why),
         };
-        // Checked before the state, which another device of this program explains better.
+        // The lock is checked before the node's state: if another device of this program uses the
+        // node, this error explains it better.
         if !lock(&device).map_err(failed)? {
             let why = "another phasmid serves its camera there";
             return Err(Error::device(format!("{place}: {why}")));
@@ -55,7 +56,7 @@ impl Open {
         if let Some(why) = state {
             return Err(Error::device(format!("{place}: {why}")));
         }
-        // With exclusive_caps=0 a node does not report that it has a producer.
+        // A node loaded with exclusive_caps=0 does not report whether it has a producer.
         if contested && PixFormat::of_capture(&device).is_ok() && is_fed(path, &device) {
             return Err(Error::device(format!(
                 "{place}: another program streams into it (`fuser -v {place}` names it)"
@@ -76,7 +77,7 @@ impl Open {
         })
     }
 
-    /// Sets the frame interval that readers see; it has no other effect.
+    /// Sets the frame interval that readers are shown; nothing else depends on it.
     pub(super) fn announce_interval(&self, interval_ns: u64) {
         let _ = announce_interval(&self.device, fraction(interval_ns));
     }
@@ -107,7 +108,7 @@ fn cannot_open(path: &Path, e: io::Error) -> Error {
     }
 }
 
-/// Sets the format exactly.
+/// Sets the format of a node exactly to the format of the stream.
 fn settle(path: &Path, device: &Device, stream: &Stream, bits: u32) -> Result<()> {
     let mut held = None;
     for wanted in formats(stream, bits) {
@@ -118,7 +119,7 @@ fn settle(path: &Path, device: &Device, stream: &Stream, bits: u32) -> Result<()
         held = Some(found);
     }
     let place = path.display();
-    // A node with readers keeps its format.
+    // A node with readers keeps its present format.
     match (held, PixFormat::of_capture(device)) {
         (Some(found), _) if stream.format.is_packed() => Err(Error::device(format!(
             "{place}: the node cannot carry a packed format, found {found}; expected {stream}: set \
@@ -135,12 +136,13 @@ fn settle(path: &Path, device: &Device, stream: &Stream, bits: u32) -> Result<()
     }
 }
 
-/// Returns the pixel formats that can carry a stream, best first.
+/// Returns the pixel formats that can carry a stream, the best first.
 fn formats(stream: &Stream, bits: u32) -> Vec<PixFormat> {
     let codes: &[[u8; 4]] = match (stream.format, bits) {
         (PixelFormat::Grey, _) => &[*b"GREY"],
         (PixelFormat::Yuyv, _) => &[*b"YUYV"],
-        // v4l2loopback 0.12 packs Y10 and Y12, unlike V4L2: their sizes then differ.
+        // v4l2loopback 0.12 packs Y10 and Y12, unlike V4L2; a format whose frame size differs is
+        // therefore rejected.
         (PixelFormat::Y10, _) | (PixelFormat::Y16, ..=10) => &[*b"Y10 ", *b"Y16 "],
         (PixelFormat::Y12, _) | (PixelFormat::Y16, ..=12) => &[*b"Y12 ", *b"Y16 "],
         (PixelFormat::Y16, _) => &[*b"Y16 "],
@@ -156,7 +158,8 @@ fn formats(stream: &Stream, bits: u32) -> Vec<PixFormat> {
     codes.iter().map(format).collect()
 }
 
-/// Returns whether a node delivers new frames. Up to two old frames may be buffered in it.
+/// Returns whether a node delivers new frames; up to two old frames may still be buffered in the
+/// node.
 fn is_fed(path: &Path, device: &Device) -> bool {
     let wait = match announced_interval(device) {
         Ok((seconds, per)) if per > 0 => {
@@ -175,9 +178,9 @@ fn is_fed(path: &Path, device: &Device) -> bool {
     (0..3).all(|_| matches!(queue.take(&mut nothing, 0, wait), Ok(Some(_))))
 }
 
-/// Returns an interval as a small fraction of seconds, within 1e-4: the first convergent of its
-/// continued fraction that is close enough. Many programs accept only integer rates, and 33333 us
-/// is meant to be one thirtieth of a second.
+/// Returns an interval as a fraction of a second with small numbers, correct to 1e-4: the first
+/// convergent of its continued fraction that is close enough. Many programs accept only integer
+/// frame rates, and 33333 us is meant to be one thirtieth of a second.
 fn fraction(interval_ns: u64) -> (u32, u32) {
     let exact = interval_ns.max(1) as f64 / 1e9;
     let (mut before, mut last) = ((0u64, 1u64), (1u64, 0u64));

@@ -16,27 +16,28 @@ use std::time::Duration;
 pub(in crate::link) enum Put {
     /// The node accepted the frame, and readers can get it.
     Done,
-    /// The frame was exposed before the stream format changed, so no reader can get it any more.
+    /// The frame was exposed before the stream format changed, so readers cannot get it any more.
     Outdated,
     /// The node did not accept the frame.
     Lost,
 }
 
-/// A loopback node that receives the device's frames. Clones refer to the same node: the firmware
-/// asks it before the stream format changes, and the event loop writes the frames.
+/// A loopback node that receives the device's frames. Clones refer to the same node, since the
+/// firmware asks the node before the stream format changes, and the event loop writes the frames.
 #[derive(Clone)]
 pub struct VideoOutput(Arc<Mutex<Output>>);
 
 struct Output {
     path: PathBuf,
     label: String,
-    /// Why this node was chosen, if the user named none.
+    /// Reason why this node was chosen, if the user did not name one.
     choice: Option<String>,
     bits: u32,
     /// The system's monotonic time at device time 0.
     power_on: Duration,
     stream: Stream,
-    /// Open except for a moment while the format changes; an error states why reopening failed.
+    /// The open node, or the error with which reopening it failed. The node is closed only for a
+    /// moment while the format changes.
     node: Result<Open>,
 }
 
@@ -45,7 +46,7 @@ impl VideoOutput {
     /// monotonic time at device time 0.
     ///
     /// # Errors
-    /// Returns an error if the node is not a loopback node (the user's mistake), is in use, or
+    /// Returns an error if the node is not a loopback node (a mistake of the user), is in use, or
     /// keeps another format for its readers, or if the system refuses.
     pub fn open(path: &Path, stream: &Stream, bits: u32, power_on: Duration) -> Result<Self> {
         let node = Open::new(path, stream, bits, true)?;
@@ -60,10 +61,11 @@ impl VideoOutput {
         }))))
     }
 
-    /// Opens the first free node that is labelled for this program; see [`Self::open`].
+    /// Opens the first free node whose label shows that it is meant for this program; see
+    /// [`Self::open`].
     ///
     /// # Errors
-    /// Returns an error with the reason if there is none.
+    /// Returns an error with the reason if no such node can be opened.
     pub fn open_any(stream: &Stream, bits: u32, power_on: Duration) -> Result<Self> {
         let nodes = nodes(Path::new("/dev"), Path::new("/sys/class/video4linux"));
         let open = |path: &Path| Self::open(path, stream, bits, power_on);
@@ -81,7 +83,7 @@ impl VideoOutput {
         self.output().path.display().to_string()
     }
 
-    /// Describes the node and, if the user named none, why it was chosen.
+    /// Describes the node and, if the user did not name one, why it was chosen.
     pub fn about(&self) -> String {
         let output = self.output();
         let what = format!("v4l2loopback {:?}", output.label);
@@ -91,7 +93,7 @@ impl VideoOutput {
         }
     }
 
-    /// Writes a frame; its timestamp is the start of its exposure on the system's monotonic clock.
+    /// Writes a frame. Its timestamp is the start of the exposure on the system's monotonic clock.
     ///
     /// # Errors
     /// Returns an error if the node has disappeared or the system refuses the write.
@@ -131,8 +133,9 @@ impl VideoOutput {
 }
 
 impl StreamSink for VideoOutput {
-    /// The node keeps its format until every program has closed it. It is closed and reopened at
-    /// once, not with the next frame, so that the next reader finds the new format.
+    /// Sets a new format by closing and reopening the node, because a node keeps its format until
+    /// every program has closed it. This is done now and not with the next frame, so that the next
+    /// reader finds the new format.
     fn announce(&mut self, stream: &Stream) -> Result<()> {
         let mut output = self.output();
         if stream.same_frames(&output.stream) {

@@ -14,9 +14,9 @@ use std::sync::Arc;
 struct Desk {
     machine: Machine,
     now_ns: u64,
-    /// Arrival time and value of each byte.
+    /// Arrival time in nanoseconds and value of each byte received from the device.
     came: Vec<(u64, u8)>,
-    /// Patterns of the exposures.
+    /// Pattern index of each exposure.
     exposed: Vec<Option<u32>>,
 }
 
@@ -72,7 +72,7 @@ impl Desk {
     }
 }
 
-/// Returns the transmission time of n bytes of 8N1.
+/// Returns the transmission time of `bytes` bytes with 8 data bits, no parity and 1 stop bit.
 fn ns(bytes: u64, baud: u64) -> u64 {
     (bytes * 10_000_000_000).div_ceil(baud)
 }
@@ -100,7 +100,7 @@ fn a_sequence_runs_over_plain_lines() {
     }
     assert_eq!(desk.line("mark?"), "ok 7\r\n");
     assert_eq!(desk.line("wait"), "", "nothing has been triggered");
-    // A trigger acts although the device waits. Then come the events, and at last the answer to the
+    // A trigger acts although the device waits. Its events follow, and after them the answer to the
     // earlier `wait`.
     let mut expected = "ok\r\n".to_owned();
     for index in 0..13 {
@@ -151,8 +151,8 @@ fn replies_do_not_depend_on_how_input_is_split() {
     for byte in script {
         told.extend(desk.talk(&[*byte]));
     }
-    // If all input comes in one burst, the banner comes in the middle of the replies, because
-    // commands take no time.
+    // If all commands come in one burst, the power-on banner comes between the replies, because
+    // commands take no time to execute.
     let without = |bytes: Vec<u8>| {
         let text = String::from_utf8(bytes).unwrap();
         let lines = text.lines().filter(|l| !BANNER.contains(l));
@@ -228,8 +228,8 @@ fn replies_arrive_at_the_times_of_the_baud_rate() {
         let mut desk = Desk::new("scpi", Some(baud));
         let baud = u64::from(baud);
         assert_eq!(desk.talk(b"*TST?\n*TST?\n"), b"0\n0\n");
-        // The first query has arrived after six bytes and the second after twelve. Each answer
-        // takes two bytes, and the line to the client is idle in between.
+        // The first query has arrived after six bytes, the second after twelve. Each answer takes
+        // two bytes, so the line to the client is idle between the answers.
         let times: Vec<_> = desk.came.iter().map(|(at, _)| *at).collect();
         assert_eq!(times[1], ns(6, baud) + ns(2, baud));
         assert_eq!(times[3], ns(12, baud) + ns(2, baud));
@@ -247,7 +247,7 @@ fn a_trigger_starts_when_its_line_has_arrived() {
     let mut desk = Desk::new("scpi", Some(9600));
     let line = b"TRIG:SOUR BUS;:INIT;*TRG\n";
     desk.machine.receive(line, 0);
-    // The trigger's time does not depend on how late the device is advanced.
+    // The time of the trigger does not depend on how late the device is advanced.
     desk.machine.advance(10_000_000_000);
     let exposures = desk.machine.take_exposures(10_000_000_000);
     assert_eq!(exposures.len(), 13);

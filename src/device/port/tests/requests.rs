@@ -14,7 +14,8 @@ fn operation(dialect: &Dialect, name: &str) -> Vec<Vec<u8>> {
     operation.steps.iter().enumerate().map(request).collect()
 }
 
-/// A stop acts with no other request waiting, and with as many requests as the device queues.
+/// A stop command acts when no other request waits, and also when as many requests wait as the
+/// device can queue.
 #[test]
 fn a_stop_acts_while_the_device_waits() {
     for name in Dialect::names() {
@@ -34,7 +35,8 @@ fn a_stop_acts_while_the_device_waits() {
             assert_eq!(desk.talk(&wait), b"", "{name} waits");
             let asks = operation(&dialect, "last_id").concat();
             desk.talk(&asks.repeat(more));
-            // For SCPI, the stop is the host's message without the messages that follow it.
+            // For SCPI, the stop command is only the first of the messages that the host sends to
+            // stop the device.
             let stop = match dialect.is_scpi() {
                 true => b"INIT:CONT OFF;:ABOR\n".to_vec(),
                 false => operation(&dialect, "quiet").remove(0),
@@ -43,7 +45,8 @@ fn a_stop_acts_while_the_device_waits() {
             assert_eq!(state(&desk), State::Idle, "{name} {more}");
             let (mut cutter, mut messages) = (dialect.cutter(Direction::ToHost), Vec::new());
             cutter.push(&said, &mut |cut| messages.push(cut));
-            // The answer of the stop comes first, if it has one, then the answers that waited.
+            // The answer to the stop command comes first, if it has one; the answers of the waiting
+            // requests follow.
             let own = usize::from(!dialect.is_scpi());
             let waited = 1 + more.min(if dialect.is_scpi() { 64 } else { 63 });
             assert_eq!(messages.len(), own + waited, "{name} {more}");
@@ -87,7 +90,8 @@ fn refused_timing_leaves_settings_unchanged() {
         );
         assert_eq!(after, before, "{exposure} {period}");
     }
-    // Both values increase, then both decrease. Neither order of setting them may cause an error.
+    // Both values increase, then both decrease. The order in which the request sets them must not
+    // cause an error.
     for (exposure, period) in [(40_000.0, 50_000.0), (6000.0, 9000.0)] {
         let (reply, after) = set(exposure, period);
         assert!(matches!(reply, Reply::Done(_)), "{reply:?}");
@@ -95,8 +99,8 @@ fn refused_timing_leaves_settings_unchanged() {
     }
 }
 
-/// Returns the shipped dialect `okline` with added commands that run several settings, the last of
-/// which may be refused.
+/// Returns the shipped dialect `okline` with additional commands. Each of them runs several
+/// settings, and the last setting may be refused.
 fn with_long_commands() -> Dialect {
     let text = Dialect::text("okline").unwrap();
     let more = r#"
@@ -120,7 +124,7 @@ runs = ["CAM:GAIN 3;GAIN 99"]
     Dialect::parse(&text.replacen("[host]", more, 1), "long").unwrap()
 }
 
-/// Returns the answers to queries of the settings.
+/// Returns the answers to queries of all settings that these tests change.
 fn settings(desk: &mut Desk) -> String {
     let asks = [
         "source?",
@@ -140,14 +144,14 @@ fn a_request_is_done_whole_or_not_at_all() {
     desk.talk(b"");
     desk.line("exposure 5000");
     let before = settings(&mut desk);
-    // The trigger of the refused request is undone too: it has exposed nothing.
+    // A refused request also undoes its own trigger, which has exposed nothing yet.
     assert!(desk.line("all 3").starts_with("error 21 "));
     assert_eq!(settings(&mut desk), before);
     assert_eq!(desk.machine.firmware().state(), State::Idle);
     assert!(desk.line("both").starts_with("error 20 "));
     assert_eq!(settings(&mut desk), before);
     assert!(desk.exposed.is_empty());
-    // A request that is refused while the device exposes changes nothing either.
+    // A request that is refused while the device exposes a sequence changes nothing either.
     for line in ["source soft", "arm"] {
         desk.line(line);
     }

@@ -77,7 +77,8 @@ fn a_piece_has_the_ink_that_samples_find() {
         for k in 0..60 {
             let place = |root| 2.2 * dice(k, root) - 1.1;
             let at = match k % 3 {
-                // Around the markers, or over the sheet and beyond it.
+                // A third of the pieces lie around the markers, the others anywhere on the sheet or
+                // beyond its border.
                 0 => pitch * 3.0 * DVec2::new(place(2.0), place(3.0)),
                 _ => half * DVec2::new(place(2.0), place(3.0)),
             };
@@ -125,18 +126,19 @@ fn simple_pieces_have_closed_forms() {
     let near = |found: f64, exact: f64| {
         assert!((found - exact).abs() < 1e-14, "{found} for {exact}");
     };
-    // The whole dot; half of it, cut through its centre; a quarter.
+    // A parallelogram that covers the whole dot, then half of the dot, then a quarter.
     near(share(DVec2::ZERO, 4.0, 4.0), PI * r * r / 16.0);
     near(share(DVec2::X * 1.5, 3.0, 4.0), PI * r * r / 2.0 / 12.0);
     near(share(DVec2::splat(1.5), 3.0, 3.0), PI * r * r / 4.0 / 9.0);
-    // Inside the dot; then with all four sides crossing it.
+    // A piece inside the dot, then a piece whose four sides all cross the dot's outline.
     near(share(DVec2::new(0.2, -0.1), 1.0, 1.0), 1.0);
     let h: f64 = 1.0;
     let cap = r * r * (h / r).acos() - h * (r * r - h * h).sqrt();
     near(share(DVec2::ZERO, 2.0, 2.0), (PI * r * r - 4.0 * cap) / 4.0);
     // One side cuts off a cap.
     near(share(DVec2::X * 2.0, 2.0, 4.0), cap / 8.0);
-    // Beside the dot; then a side with both corners outside that the circle bulges over.
+    // A piece beside the dot; then a side whose ends lie outside the circle and whose middle lies
+    // inside.
     near(share(DVec2::new(1.76, 0.0), 1.0, 1.0), 0.0);
     let bulge = r * r * (1.0f64 / r).acos() - (r * r - 1.0f64).sqrt();
     near(share(DVec2::Y * 1.5, 3.0, 1.0), bulge / 3.0);
@@ -167,7 +169,7 @@ fn places_slivers_and_no_numbers_have_ink_too() {
     assert_eq!(point(DVec2::splat(1e300)), 0.0);
     // Two collinear sides span no area.
     assert_eq!(board.ink(marker, DVec2::ONE, DVec2::ONE * 3.0), 1.0);
-    // Tiny pieces across an edge, wide thin ones, huge ones.
+    // Tiny pieces across an edge, wide thin pieces, huge pieces.
     for size in [1e-3, 1e-6] {
         let half = board.ink(
             marker + DVec2::X * 10.0,
@@ -191,7 +193,7 @@ fn places_slivers_and_no_numbers_have_ink_too() {
             rows,
             pitch_mm: f64::NAN,
         };
-        // Any result is accepted, but it must return quickly.
+        // Any result is accepted, but the call must return quickly.
         board.ink(DVec2::ZERO, DVec2::X, DVec2::Y);
         board.ink(DVec2::ZERO, DVec2::ZERO, DVec2::Y);
     }

@@ -1,4 +1,5 @@
-//! V4L2 devices, opened by the path of their node; explains their errors, with a remedy if one is known.
+//! Opens V4L2 devices by the path of their device node, and explains their errors, with a remedy if one
+//! is known.
 
 mod unplugged;
 mod v4l2;

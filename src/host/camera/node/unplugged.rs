@@ -1,4 +1,4 @@
-//! Opens V4L2 devices. The camera of a USB device may be unplugged and come back under another name.
+//! Opens V4L2 devices. A USB camera may be unplugged and come back under another node name.
 
 use super::{Camera, CameraDriver, Intake, v4l2, webcam};
 use crate::plug::Plug;
@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 /// A camera and the USB device that it belongs to.
 struct PluggedCamera {
-    /// `None` once the camera is gone: an open node would keep its name occupied, and the device
-    /// would come back under another one.
+    /// `None` once the camera is gone: if its node stayed open, the node's name would remain
+    /// occupied, and the device would come back under another name.
     camera: Option<Box<dyn Camera + Send>>,
     plug: Plug,
     how: CameraDriver,
@@ -44,7 +44,7 @@ pub(in crate::camera) fn open(
     })
 }
 
-/// Opens a V4L2 device, which cannot be found again after it was unplugged.
+/// Opens a V4L2 device without the ability to find it again after it was unplugged.
 ///
 /// # Errors
 /// Same as [`crate::open_camera`].

@@ -1,4 +1,4 @@
-//! V4L2 devices: selects how to read a device, and reads it through its buffer queue.
+//! Selects the method by which a V4L2 device is read, and reads a device through its buffer queue.
 //!
 //! Pixels of Y10, Y12 and Y16 are little-endian 16-bit words with the sensor's bits in the low
 //! bits, as V4L2 defines them; Y10P and Y12P are the packed formats of MIPI CSI-2. Both times of a
@@ -17,10 +17,11 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use v4l::Device;
 
-/// Number of buffers to request. Do not reduce it: in v4l2loopback 0.12 the smallest request
-/// shrinks the ring for every client, and a shorter ring overwrites a frame sooner while it is
-/// being read. In 0.12, a reader more than two frames behind skips to the newest frame, whatever
-/// the ring's length; from 0.15 on, it may fall behind by the length of the ring.
+/// Number of buffers to request from the driver. Do not reduce it: in v4l2loopback 0.12 the
+/// smallest request of any client shrinks the buffer ring for all clients, and a shorter ring
+/// overwrites a frame sooner while it is being read. In 0.12, a reader more than two frames behind
+/// skips to the newest frame, whatever the ring's length; from 0.15 on, it may fall behind by the
+/// length of the ring.
 const BUFFERS: u32 = 32;
 /// Interval at which to query a device that has no format yet. v4l2loopback 0.12 sends no event
 /// when a producer arrives, and without a producer the node may not even report the capture
@@ -34,7 +35,7 @@ const WEBCAM: [FourCc; 2] = [*b"YUYV", *b"MJPG"];
 /// A device whose format has been chosen.
 pub(super) struct Found {
     pub(super) address: String,
-    /// Path of the node itself, if the address is a link.
+    /// Path of the device node. If the address is a symbolic link, this is its target.
     pub(super) path: PathBuf,
     pub(super) device: Device,
     pub(super) layout: PixelLayout,
@@ -50,7 +51,7 @@ impl Found {
 
 /// Why a device cannot be read.
 enum Refusal {
-    /// It has no format or does not capture, but a producer may be about to start.
+    /// The device has no format or does not capture yet, but a producer may be about to start.
     NotYet(Error),
     Final(Error),
 }
@@ -85,7 +86,7 @@ fn settle(address: &str, capture: CameraDriver) -> Result<Found, Refusal> {
         Node::open(Path::new(address)).map_err(|e| Refusal::Final(explain(address, "open", e)))?;
     if node.is_forgotten() {
         // Report this as temporary: when a producer starts, the node's capabilities change in two
-        // steps, and between them the node looks like this.
+        // steps, and between these two steps the node cannot be distinguished from this case.
         return Err(Refusal::NotYet(Error::device(format!(
             "{place}: {FORGOTTEN}; reload the module: `{RELOAD}`"
         ))));
@@ -146,11 +147,12 @@ fn settle(address: &str, capture: CameraDriver) -> Result<Found, Refusal> {
     })
 }
 
-/// Chooses the format to read: the current one if it can be read, otherwise the best one offered.
+/// Chooses the format to read: the device's current format if it can be read, else the best format
+/// that the device offers.
 fn choose(capture: CameraDriver, now: FourCc, offered: &[FourCc]) -> Option<FourCc> {
     let best = |wanted: &[FourCc]| {
         let mut candidates = std::iter::once(&now).chain(wanted);
-        // A driver that lists no formats still has a current one.
+        // A driver that lists no formats still has a current format.
         candidates
             .find(|code| wanted.contains(code) && (**code == now || offered.contains(code)))
             .copied()
@@ -254,8 +256,9 @@ impl V4l2Camera {
         })
     }
 
-    /// Returns the frame's id. It follows the driver's sequence number, so that gaps show, unless
-    /// the driver does not count: v4l2loopback 0.12 always reports 0.
+    /// Returns the frame's id. It follows the driver's sequence number, so that lost frames show as
+    /// gaps. If the driver does not count (v4l2loopback 0.12 always reports 0), the id is a running
+    /// number.
     fn count(&mut self, sequence: u32) -> u64 {
         let id = self.last.map_or(0, |(id, before)| {
             id + u64::from(sequence.checked_sub(before).unwrap_or(1).max(1))
@@ -264,7 +267,7 @@ impl V4l2Camera {
         id
     }
 
-    /// Returns the frame without row padding, or what is wrong with it if it is damaged.
+    /// Returns the frame without row padding, or a description of the damage if it is damaged.
     fn frame(&mut self, taken: Taken) -> Result<Frame, String> {
         let id = self.count(taken.sequence);
         let layout = self.layout;

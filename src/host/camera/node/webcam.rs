@@ -5,9 +5,10 @@
 //! copies frames into a bounded queue and ends at the first error. Dropping the camera sets a flag
 //! that the thread checks after each frame; until the next frame the thread keeps the device open.
 //!
-//! The library does not report how many bytes of a buffer are used: YUYV is cut to its size, and a
-//! JPEG image ends at its own end marker. Both times of a frame are the moment at which it was
-//! taken from the driver, on the system's monotonic clock: an upper bound on its exposure time.
+//! The library does not report how many bytes of a buffer are used: a YUYV buffer is cut to the
+//! size of a frame, and a JPEG image ends at its own end marker. Both times of a frame are the
+//! moment at which it was taken from the driver, on the system's monotonic clock. The exposure
+//! ended before that moment.
 
 use super::v4l2::{Found, name};
 use super::{Camera, explain};
@@ -31,7 +32,7 @@ use v4l::frameinterval::FrameIntervalEnum;
 use v4l::video::Capture as _;
 use v4l::video::capture::Parameters;
 
-/// Limits of the queue of waiting frames: their number, and their total size in bytes.
+/// Limits of the queue of waiting frames: number of frames, and total size in bytes.
 const MAX_WAITING: usize = 32;
 const MAX_WAITING_BYTES: usize = 256 << 20;
 /// Maximum time for the library to open a device.
@@ -39,7 +40,7 @@ const OPENING: Duration = Duration::from_secs(20);
 
 /// A frame as delivered by the driver.
 struct Raw {
-    /// Number of frames before this one, dropped ones included.
+    /// Number of frames before this frame, including dropped frames.
     count: u64,
     taken_ns: u64,
     bytes: Vec<u8>,
@@ -314,7 +315,7 @@ mod tests {
             .encode_image(&ramp)
             .unwrap();
         let mut bytes = bytes.into_inner();
-        // Append what an earlier, longer frame may have left in the buffer.
+        // Append bytes as an earlier, longer frame may have left them in the buffer.
         bytes.extend((0..5000).map(|i| (i * 31) as u8));
         let back = decode_jpeg(&bytes).unwrap();
         let worst = ramp

@@ -12,10 +12,10 @@ use std::path::PathBuf;
 
 #[test]
 fn series_written_by_pydicom_are_read_exactly() {
-    // 4 x 3 x 3 voxels of -1000 + i + 10 j + 100 k, in files whose names do not follow the slice
-    // order. One series is explicit and unsigned, with 12 bits from -1024; the other is implicit
-    // and signed, in steps of 1/2 from 7.25. Sequences of defined and undefined length and private
-    // elements precede the pixels.
+    // 4 x 3 x 3 voxels of -1000 + i + 10 j + 100 k, in files whose names do not follow the slice order.
+    // One series has explicit value representations and unsigned 12-bit values from -1024 HU; the other
+    // has implicit value representations and signed values in steps of 1/2 HU from 7.25 HU. Sequences of
+    // defined and undefined length and private elements precede the pixels.
     for (folder, lost) in [("explicit", 0.0), ("implicit", 0.25)] {
         let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
             .join("tests/data/dicom")

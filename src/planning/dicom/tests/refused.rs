@@ -228,7 +228,7 @@ fn refuses_unsupported_image_and_names_the_element() {
     let bytes = image.bytes();
     assert!(refused(b"II*\0").contains("no `DICM` after 128 bytes, 4 in all"));
     assert!(refused(&bytes[..bytes.len() - 1]).contains("23 bytes left; expected 24, as declared"));
-    // Fragmented (compressed) pixels in a file that declares uncompressed ones.
+    // Fragmented (compressed) pixels in a file that declares uncompressed pixels.
     let at = bytes.len() - 24;
     let mut fragments = bytes[..at - 4].to_vec();
     fragments.extend([0xFF; 4]);

@@ -41,7 +41,7 @@ fn ball(radius: f64) -> Mesh {
     isosurface(&volume, 0.0, Parts::Largest, "ball").unwrap()
 }
 
-/// Creates a folder with `ct.mha`, `tumour.ply` and fields of three phases, and the import of it.
+/// Creates a folder with `ct.mha`, `tumour.ply` and fields of three phases, and returns its import.
 fn small() -> (tempfile::TempDir, Import) {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
@@ -95,7 +95,7 @@ fn imported_body_matches_its_closed_form() {
     );
     let planning = Planning::load(&out).unwrap();
     for v in &planning.skin.vertices {
-        // 4 mm voxels with partial volumes.
+        // The tolerance is for 4 mm voxels with partial volumes.
         assert!((v.length() - BODY_MM).abs() < 0.4, "{v}");
     }
     assert!((made.tumour_motion_mm - moved(CENTRE, 0.0).length()).abs() < 1e-3);
@@ -151,7 +151,7 @@ fn fields_on_a_coarser_grid_say_the_same() {
 fn finds_points_outside_a_closed_surface() {
     let surface = ball(13.0);
     let near = surface.vertices[0];
-    // Include points of the grid on which the surface was made: rays along its edges.
+    // Include points of the grid on which the surface was made: their rays run along edges of the grid.
     let mut points = vec![near + 0.1 * (near - CENTRE).normalize()];
     let lattice = grid(2.0, 20.0);
     for n in 0..lattice.voxels() {

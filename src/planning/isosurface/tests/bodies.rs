@@ -72,8 +72,8 @@ fn noise_has_a_closed_manifold_surface_too() {
             closed_manifold(&all);
             for v in &all.vertices {
                 let index = grid.index(*v);
-                // Within the box of the centres, all vertices are on the level, except those moved
-                // by the minimum distance from centres.
+                // Within the box of the centres, all vertices are on the level, except vertices that
+                // were moved to keep the minimum distance from centres.
                 if index.cmpge(DVec3::ZERO).all() && index.cmple(grid.last()).all() {
                     assert!((volume.nearest(index) - level).abs() < 0.1, "{index}");
                 }

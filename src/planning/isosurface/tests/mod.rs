@@ -20,8 +20,8 @@ struct Facts {
     area: f64,
 }
 
-/// Returns the properties of a mesh. Panics if it is not a closed manifold: every side of a
-/// triangle is another's in the opposite direction, and the triangles at every vertex form one fan.
+/// Returns the properties of a mesh. Panics if it is not a closed manifold: every side of a triangle is
+/// a side of another triangle in the opposite direction, and the triangles at every vertex form one fan.
 fn closed_manifold(mesh: &Mesh) -> Facts {
     let mut sides = HashMap::new();
     for &[a, b, c] in &mesh.triangles {

@@ -2,17 +2,18 @@
 
 use super::*;
 
-/// Fill fraction of a voxel whose centre is x voxels inside: the part of [-1/2, 1/2] below x.
+/// Returns the fraction of a voxel that lies inside a plane, if its centre is x voxels inside: the
+/// fraction of [-1/2, 1/2] below x.
 fn full(x: f64) -> f64 {
     (x + 0.5).clamp(0.0, 1.0)
 }
 
 #[test]
 fn partial_volumes_put_a_plane_where_theory_says() {
-    // A voxel that a plane crosses has a partial volume of air (-1000) and tissue (40). Between a
-    // voxel of fill f = 1/2 + x and an empty one, the level c is found at 1 - c / f instead of x:
-    // the error is at most 3/2 - 2 sqrt c, 0.0858 voxels at c = 1/2, and the same with 1 - c from
-    // the other side. A scanner's blur reduces it.
+    // A voxel that a plane crosses has a partial volume of air (-1000) and tissue (40). Between a voxel
+    // of fill f = 1/2 + x and an empty voxel, the level c is found at 1 - c / f instead of x: the error
+    // is at most 3/2 - 2 sqrt c, 0.0858 voxels at c = 1/2, and the same with 1 - c from the other side.
+    // A scanner's blur reduces it.
     for (level, part) in [(-480.0, 0.5), (SKIN_HU, 0.5 / 1.04), (-400.0, 0.6 / 1.04)] {
         let worst = (0..400)
             .map(|step| {
@@ -39,7 +40,8 @@ fn partial_volumes_put_a_plane_where_theory_says() {
     }
 }
 
-/// Fill fraction of a voxel by a ball: 16 x 16 lines through the voxel, each by its length inside.
+/// Returns the fraction of a voxel that a ball fills, from the lengths inside the ball of 16 x 16 lines
+/// through the voxel.
 fn filling(grid: &Grid, centre: DVec3, radius: f64, p: DVec3) -> f64 {
     let out = p - centre;
     if (out.length() - radius).abs() > 2.0 {

@@ -12,7 +12,7 @@ use crate::scpi::parse;
 use phasmid_core::error::Result;
 
 const MAX_COMMANDS: usize = 128;
-/// Maximum number of messages or lines of a command.
+/// Maximum number of firmware messages, and maximum number of reply lines, of a command.
 const MAX_PARTS: usize = 16;
 
 pub(super) fn commands(check: &Check<'_>, framing: &Framing) -> Result<Vec<Command>> {
@@ -269,7 +269,8 @@ fn chunked(
             let others: usize = command.values.iter().filter_map(|f| f.kind.width()).sum();
             layout.room(Direction::ToHost).saturating_sub(others)
         }
-        // Data takes two hexadecimal digits per byte; the template and its numbers need space too.
+        // Data takes two hexadecimal digits per byte; the reserve of 256 characters is for the
+        // template and its numbers.
         Framing::Line(ends) => ends.max.saturating_sub(256) / 2,
         Framing::Scpi(_) => 0,
     };
@@ -384,8 +385,8 @@ pub(super) fn runs(check: &Check<'_>, commands: &[Command]) -> Result<Vec<(Strin
     Ok(all)
 }
 
-/// Returns a message with each choice of each argument in turn, the other arguments at an example
-/// value.
+/// Returns firmware messages of a command with example arguments: one message for each choice of
+/// each argument, while the other arguments have example values.
 fn examples(command: &Command, run: &Template) -> Vec<String> {
     let filled = |chosen: Option<(&str, &str)>| {
         let message = run.fill(|name| {
@@ -410,7 +411,7 @@ fn examples(command: &Command, run: &Template) -> Vec<String> {
     messages
 }
 
-/// Types allowed for a refusal's error number in a packet.
+/// Returns whether a packet's error number may have this type.
 pub(super) fn is_error_number(kind: Kind) -> bool {
     kind.width().is_some() && kind != Kind::F32
 }

@@ -47,7 +47,7 @@ pub(super) fn host(check: &Check<'_>, commands: &[Command]) -> Result<HostUse> {
     Ok(host)
 }
 
-/// Checks that an operation has a result if it reports something.
+/// Checks that an operation that must report something has a result.
 fn with_result(check: &Check<'_>, path: &str, file: &OperationFile, wanted: bool) -> Result<()> {
     check.that(
         file.result.is_some() || !wanted,
@@ -139,7 +139,7 @@ fn arguments(
         )?;
         args.push((name.clone(), Argument::Literal(value)));
     }
-    // The code that reads a long answer supplies its offset.
+    // The host's code supplies the offset argument when it reads a long answer in pieces.
     let counted = |f: &Field| command.chunk.as_ref().is_some_and(|c| c.offset == f.name);
     let missing = command
         .args

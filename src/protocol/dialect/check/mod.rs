@@ -1,4 +1,4 @@
-//! Builds a dialect from a file, or reports which line is inconsistent.
+//! Builds a dialect from a file, or reports the line of the file that is inconsistent.
 
 mod commands;
 mod fields;
@@ -17,7 +17,7 @@ use phasmid_core::error::Result;
 use phasmid_core::source::TomlSource;
 use reading::Check;
 
-/// Checks a file.
+/// Checks a file and returns its dialect.
 pub(super) fn dialect(file: &File, source: &TomlSource) -> Result<Dialect> {
     let check = &Check { source, file };
     check.name("name", &file.name, &['-', '.'])?;
@@ -51,7 +51,7 @@ pub(super) fn dialect(file: &File, source: &TomlSource) -> Result<Dialect> {
     Ok(dialect)
 }
 
-/// Rejects pairs of templates that match the same line.
+/// Rejects a dialect if some line matches two of its templates.
 fn told_apart(check: &Check<'_>, dialect: &Dialect) -> Result<()> {
     let Framing::Line(ends) = &dialect.framing else {
         return Ok(());
@@ -84,8 +84,7 @@ fn told_apart(check: &Check<'_>, dialect: &Dialect) -> Result<()> {
     Ok(())
 }
 
-/// Checks that unsolicited lines that the host may receive instead of a reply are distinguishable
-/// from it.
+/// Checks that a host cannot mistake the dialect's unsolicited lines for the lines of a reply.
 fn replies_apart(
     check: &Check<'_>,
     dialect: &Dialect,

@@ -1,4 +1,4 @@
-//! A file being checked, and the violations found in it.
+//! A dialect file being checked, and the errors for violations found in it.
 
 use crate::dialect::file::File;
 use crate::dialect::template::Template;
@@ -6,10 +6,10 @@ use phasmid_core::error::{Error, Result};
 use phasmid_core::source::TomlSource;
 use std::fmt::Display;
 
-/// Maximum template length.
+/// Maximum length of a template in bytes.
 const MAX_TEMPLATE: usize = 200;
 
-/// A file being checked.
+/// A dialect file being checked.
 pub(super) struct Check<'a> {
     pub(super) source: &'a TomlSource,
     pub(super) file: &'a File,

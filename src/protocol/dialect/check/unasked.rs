@@ -9,7 +9,7 @@ use crate::dialect::uses::EVENTS;
 use crate::dialect::{Boot, Direction, Event};
 use phasmid_core::error::Result;
 
-/// Maximum size of boot output in bytes, and maximum delay.
+/// Maximum size in bytes of the output at power-on, and maximum delay of a message at power-on.
 const MAX_BOOT: usize = 4096;
 const MAX_DELAY_MS: f64 = 600_000.0;
 

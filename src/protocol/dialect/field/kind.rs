@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// Largest range of integers that an f64 represents exactly (2^53).
+/// Largest integer up to which an f64 represents all integers exactly (2^53).
 const EXACT: f64 = 9_007_199_254_740_992.0;
 
 /// Encoding of a value on the wire.
@@ -118,8 +118,8 @@ pub(in crate::dialect) enum Unit {
 }
 
 impl Unit {
-    /// Returns the number of units per base unit. It is a divisor because 20 / 1e6 is the double
-    /// nearest to 20 us.
+    /// Returns the number of units per base unit. Values are divided by it and not multiplied by its
+    /// inverse, because 20 / 1e6 is the double nearest to 20 us.
     pub(in crate::dialect) fn divisor(self) -> f64 {
         match self {
             Self::Plain | Self::Seconds | Self::Decibels => 1.0,

@@ -35,8 +35,8 @@ fn every_flipped_bit_of_a_checked_packet_is_refused() {
             bad[bit / 8] ^= 1 << (bit % 8);
             let error = dialect.asked(&bad).unwrap_err();
             assert!(!error.wants_reply && dialect.nack(&error).is_empty());
-            // A flipped bit in the length field moves the packet's end, where an 8-bit sum may
-            // match by chance.
+            // A flipped bit in the length field moves the end of the packet, so that an 8-bit sum
+            // may match by chance.
             if kind.starts_with("crc") {
                 let stream = [&bad[..], &bad, &request].concat();
                 let passed = messages(&dialect, Direction::ToDevice, &stream, 11);
@@ -111,7 +111,7 @@ fn packets_without_a_checksum_are_in_step_after_garbage() {
             "{garbage} bytes of garbage"
         );
     }
-    // A changed argument, which only a checksum would detect.
+    // A changed argument can be detected only by a checksum.
     let args = [("exposure", Value::Number(0.008))];
     let mut other = dialect.request("exposure", &args, 1).unwrap();
     other[6] ^= 1;

@@ -1,8 +1,9 @@
 use super::super::Dialect;
 use proptest::prelude::*;
 
-/// Checks that edited dialect files are refused. Each case holds a text of a shipped file, its
-/// replacement, and a part of the error message, which must name a nearby line.
+/// Checks that edited dialect files are refused. Each case holds a text of a shipped file, the text
+/// that replaces it, and a part of the expected error message, which must also name a line near the
+/// edit.
 fn assert_refused(name: &str, cases: &[(&str, &str, &str)]) {
     let shipped = Dialect::text(name).unwrap();
     for (from, to, needle) in cases {
@@ -347,7 +348,8 @@ fn the_firmware_s_messages_are_listed_with_their_lines() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Files with a random piece removed or inserted are accepted or refused without a panic.
+    /// A file from which a random piece was removed or into which one was inserted is accepted or
+    /// refused without a panic.
     #[test]
     fn any_file_is_taken_or_refused(
         which in 0usize..3, at: prop::sample::Index, len in 0usize..60, piece in "[ -~\n]{0,12}",

@@ -1,7 +1,7 @@
 use super::super::{Dialect, Direction, Reply, Value};
 use super::{messages, only};
 
-/// Returns the guide's example, as a reader would copy it.
+/// Returns the dialect in the guide's example, copied from the guide as a reader would do.
 fn example() -> Dialect {
     let guide = include_str!("../guide.md");
     let (_, rest) = guide.split_once("```toml dialect\n").unwrap();

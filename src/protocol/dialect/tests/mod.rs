@@ -1,4 +1,4 @@
-//! Properties of every dialect: requests and answers arrive unchanged.
+//! Properties of every dialect: requests and answers arrive unchanged at the other side.
 
 mod damage;
 mod files;
@@ -10,7 +10,7 @@ mod words;
 use super::{Cut, Dialect, Direction};
 use std::sync::LazyLock;
 
-/// The shipped dialects and two with checksums.
+/// The shipped dialects, and two dialects of packets with checksums.
 static DIALECTS: LazyLock<Vec<Dialect>> = LazyLock::new(|| {
     let shipped = Dialect::names().map(|name| Dialect::load(name).unwrap());
     shipped
@@ -80,7 +80,7 @@ fn messages(dialect: &Dialect, direction: Direction, bytes: &[u8], step: usize) 
     messages
 }
 
-/// Returns the single message of a stream.
+/// Returns the message of a stream that must hold exactly one.
 fn only(dialect: &Dialect, direction: Direction, bytes: &[u8]) -> Vec<u8> {
     let mut messages = messages(dialect, direction, bytes, 7);
     assert_eq!(messages.len(), 1, "{}", bytes.escape_ascii());

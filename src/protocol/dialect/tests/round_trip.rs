@@ -23,7 +23,7 @@ impl Dice {
     }
 }
 
-/// Returns a random valid value of a field, as decoded from the wire.
+/// Returns a random valid value of a field, in the form in which it is decoded from the wire.
 fn some(field: &Field, dice: &mut Dice, room: usize) -> Value {
     if let Some(constant) = &field.constant {
         return constant.clone();
@@ -65,7 +65,7 @@ fn all(fields: &[Field], dice: &mut Dice, room: usize) -> Vec<(String, Value)> {
     fields.iter().map(one).collect()
 }
 
-/// Returns the firmware's answers for the given values.
+/// Returns answers of the firmware that give these values.
 fn answers(command: &Command, values: &[(String, Value)]) -> Vec<Vec<u8>> {
     let raw = |name: &str| {
         let field = command.value(name).unwrap();
@@ -85,7 +85,7 @@ fn answers(command: &Command, values: &[(String, Value)]) -> Vec<Vec<u8>> {
     command.answers.iter().map(answer).collect()
 }
 
-/// Sends a command with random arguments, and answers it with random values.
+/// Checks that random arguments of a command and random values of its reply arrive unchanged.
 fn goes_round(dialect: &Dialect, command: &Command, seed: u64) {
     let name = &command.name;
     let dice = &mut Dice(seed);

@@ -95,7 +95,7 @@ fn refusals_have_the_dialect_s_own_numbers() {
     unknown[5] = 0x77;
     let error = dlpc.asked(&unknown).unwrap_err();
     assert_eq!(dlpc.nack(&error)[..5], [0x60, 5, 1, 0, 10]);
-    // Flags of the request and of a refusal (DLPU018, read operations).
+    // Flags of the request, and flags of the reply that refuses it (DLPU018, read operations).
     for (flags, refused) in [(0x40, 0x60), (0xC0, 0xE0)] {
         let mut beyond = dlpc.request("list?", &[("offset", 0.0.into())], 9).unwrap();
         beyond[0] = flags;
@@ -117,7 +117,7 @@ fn refusals_have_the_dialect_s_own_numbers() {
     assert_eq!(error.error.code, ErrorCode::ParameterNotAllowed);
 }
 
-/// A word reaches the firmware unchanged, so it must not contain a further message.
+/// A word reaches the firmware unchanged, so a word that contains a further message must be refused.
 #[test]
 fn a_word_is_no_message() {
     let text = Dialect::text("okline").unwrap();
@@ -160,7 +160,7 @@ fn long_answers_come_in_pieces() {
             assert_eq!(whole, toml, "{name}");
             assert_eq!(asks, pieces, "{name}");
         }
-        // A chunk of another answer, and a chunk with one digit changed.
+        // A chunk of another answer, and a chunk with one changed digit, must be detected.
         let answer = |text: &[u8], offset: f64| {
             let asked = asked(&dialect, command, &[(&chunk.offset, offset.into())]);
             let reply = dialect.answer(&asked, &[encode_block(text)]).unwrap();

@@ -1,6 +1,7 @@
 use super::super::Dialect;
 
-/// Lines that begin with a command's word get other errors than lines of unknown commands.
+/// A line that begins with the first word of a command gets another error than a line of an unknown
+/// command.
 #[test]
 fn error_number_tells_bad_arguments_from_unknown_commands() {
     let text = "name = \"w\"\ndescription = \"\"\nframing = \"line\"\n[errors]\n\

@@ -62,7 +62,8 @@ fn string(cursor: &mut Cursor<'_>, quote: u8) -> Result<Param, DeviceError> {
         .map_err(|_| ErrorCode::InvalidStringData.with("not UTF-8"))
 }
 
-/// Parses a block, or a number in another base: `#H`, `#Q`, `#B` (IEEE 488.2, 7.7.4).
+/// Parses a parameter that begins with `#`: a block, or a number in another base: `#H`, `#Q`, `#B`
+/// (IEEE 488.2, 7.7.4).
 fn hash(cursor: &mut Cursor<'_>) -> Result<Param, DeviceError> {
     let rest = &cursor.bytes[cursor.at..];
     if let Some((content, after)) = block::split(rest) {
@@ -137,7 +138,7 @@ pub(super) struct Cursor<'a> {
 }
 
 impl<'a> Cursor<'a> {
-    /// Starts at the beginning of a message.
+    /// Returns a cursor at the beginning of a message.
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, at: 0 }
     }
@@ -147,15 +148,15 @@ impl<'a> Cursor<'a> {
         self.bytes.get(self.at).copied()
     }
 
-    /// Skips the byte at the position if it is `byte`, and returns whether it is.
+    /// Skips the next byte if it is `byte`, and returns whether it was.
     pub(super) fn eat(&mut self, byte: u8) -> bool {
         let is = self.peek() == Some(byte);
         self.at += usize::from(is);
         is
     }
 
-    /// Skips white space, and returns whether there was any. Every control character and the space
-    /// count (IEEE 488.2, 7.4.1.2).
+    /// Skips white space, and returns whether there was any. The space and every control character
+    /// count as white space (IEEE 488.2, 7.4.1.2).
     pub(super) fn skip_space(&mut self) -> bool {
         !self.take_while(|b| b <= b' ').is_empty()
     }
@@ -169,7 +170,7 @@ impl<'a> Cursor<'a> {
         &self.bytes[start..self.at]
     }
 
-    /// Returns an error with the character at the position, counted from 1.
+    /// Returns an error that names the next character and its position, counted from 1.
     pub(super) fn error(&self, code: ErrorCode) -> DeviceError {
         code.with(match self.peek() {
             Some(byte) => format!("'{}' at character {}", byte.escape_ascii(), self.at + 1),

@@ -12,9 +12,9 @@ use data::{Cursor, ascii, params};
 /// Maximum mnemonic length (IEEE 488.2, 7.6.1.4.1).
 const MAX_MNEMONIC: usize = 12;
 
-/// Maximum number of mnemonics in a header, including inherited ones; more than any device has. The
-/// limit keeps the memory for a line of commands that inherit from each other proportional to its
-/// length.
+/// Maximum number of mnemonics in a header, including inherited ones; no device has that many. With
+/// this limit, the memory for a line of commands that inherit from each other is proportional to the
+/// length of the line.
 const MAX_NODES: usize = 16;
 
 /// One mnemonic of a header in upper case, with its numeric suffix if any.
@@ -77,7 +77,7 @@ pub fn parse(message: &[u8]) -> Program {
         cursor.skip_space();
         match cursor.peek() {
             None => return program,
-            // Empty units are ignored: a trailing `;` is common and harmless.
+            // Empty units are ignored, because a trailing `;` is common and harmless.
             Some(b';') => cursor.at += 1,
             Some(_) => match unit(&mut cursor, &mut node) {
                 Ok(unit) => program.units.push(unit),

@@ -22,7 +22,7 @@ pub struct Submit {
     pub endpoint: u8,
     /// `transfer_flags` of the kernel's URB.
     pub flags: u32,
-    /// Number of bytes that the host sends or has room for.
+    /// Number of data bytes that the host sends, or for which it has room.
     pub length: u32,
     /// Number of packets of an isochronous transfer; their descriptors follow the data.
     pub packets: Option<u32>,
@@ -138,7 +138,7 @@ pub const PACKET_LEN: usize = 16;
 pub struct Packet {
     /// Offset in the transfer's buffer.
     pub offset: u32,
-    /// Size of its buffer space in bytes.
+    /// Size in bytes of the packet's space in the buffer.
     pub length: u32,
     /// Bytes transferred; in a reply, packet data is contiguous.
     pub actual: u32,

@@ -24,7 +24,7 @@ pub const PORT: u16 = 3240;
 pub const HEADER_LEN: usize = 48;
 /// Maximum transfer size in bytes; kernel hosts stay far below it.
 pub const MAX_TRANSFER: u32 = 1 << 20;
-/// Maximum number of packets in an isochronous transfer; the kernel's own limit.
+/// Maximum number of packets in an isochronous transfer, which is also the kernel's limit.
 pub const MAX_PACKETS: u32 = 1024;
 
 /// Packet count of transfers that are not isochronous.

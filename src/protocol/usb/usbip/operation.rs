@@ -3,7 +3,7 @@
 use super::words::{u16_at, u32_at};
 use phasmid_core::error::{Error, Result};
 
-/// Length of an operation's header in bytes.
+/// Length in bytes of the header of an operation.
 pub const OPERATION_LEN: usize = 8;
 
 const VERSION: u16 = 0x0111;

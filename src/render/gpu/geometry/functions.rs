@@ -1,4 +1,4 @@
-//! Compares the shaders' functions for lenses, solids and rays with the CPU's.
+//! Compares the shaders' functions for lenses, solids and rays with the CPU's functions.
 
 use super::super::{Engine, optics};
 use super::tests::{Case, SOLIDS, moving, small};
@@ -73,7 +73,7 @@ fn gpu_lenses_match_the_cpu() {
         let mut profile = Profile::load(name).unwrap();
         lens_off(&mut engine, &profile);
         profile.camera.distortion = [-0.21, 0.08, 1.2e-3, -7e-4, -0.011];
-        // Folds over at a tangent of one.
+        // This distortion folds over at a tangent of one.
         profile.projector.distortion = [-0.3333, 0.0, 0.0, 0.0, 0.0];
         lens_off(&mut engine, &profile);
     }
@@ -146,8 +146,8 @@ fn gpu_solids_match_the_cpu() {
     }
 }
 
-/// Returns whether another ray within rounding error of `ray` hits at the parameter `found`. This
-/// occurs at edges that the ray grazes.
+/// Returns whether another ray within the rounding error of `ray` hits at the parameter `found`, as
+/// can happen at edges that the ray grazes.
 fn is_of_a_ray_beside(
     world: &World,
     origin: DVec3,
@@ -165,7 +165,7 @@ fn is_of_a_ray_beside(
         .any(|t| (t.min(1e30) - found).abs() <= 1e-5 * found)
 }
 
-/// Compares rays, each with its row, cast on the CPU and on the GPU.
+/// Casts rays, each given with its image row, on the CPU and on the GPU, and compares the hits.
 fn rays_off(engine: &mut Engine, case: &mut Case, rays: &[(usize, DVec3, DVec3)], name: &str) {
     case.scene.update(engine, &case.worlds, 171);
     optics::write(engine, &case.optics);
@@ -187,7 +187,7 @@ fn rays_off(engine: &mut Engine, case: &mut Case, rays: &[(usize, DVec3, DVec3)]
         let all = [direction; LANES];
         let wanted = world.nearest(origin, &all, &alone, &mut scratch);
         let surface = Surface(out[1]);
-        // Both are infinite without a hit.
+        // Without a hit both distances are infinite.
         let (mine, found) = (wanted.t[0].min(1e30), f(out[0]).min(1e30));
         let far = (mine - found).abs() / mine;
         if far > 1e-5 && !is_of_a_ray_beside(world, origin, direction, found, &mut scratch) {
@@ -222,14 +222,15 @@ fn rays_off(engine: &mut Engine, case: &mut Case, rays: &[(usize, DVec3, DVec3)]
     );
     let some = rays.len() / 1000 + 2;
     assert!(hits > rays.len() / 6 && shades <= some && leaves <= 2 * some);
-    // A ray that grazes a silhouette may hit or miss. A few in ten thousand of the rays through
-    // corners and edges hit another triangle for an unknown reason: a larger edge tolerance does
-    // not change the number of deeper hits. This test bounds their number; it does not show that no
-    // ray passes between triangles.
+    // A ray that grazes a silhouette may hit or miss. For an unknown reason, a few in ten thousand
+    // of the rays through corners and edges hit another triangle; a larger edge tolerance does not
+    // change the number of deeper hits. This test limits their number; it does not show that no ray
+    // passes between triangles.
     assert!(deeper <= some && nearer <= 4 * some);
 }
 
-/// Random rays from a slightly offset pupil, and rays through triangle vertices and edge midpoints.
+/// GPU and CPU agree for random rays from a slightly offset pupil, and for rays through vertices and
+/// edge midpoints of triangles.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn gpu_rays_match_the_cpu() {

@@ -1,4 +1,5 @@
-//! Compares the geometry pass on the GPU with the CPU's, for every pixel of every scene.
+//! Compares the maps of the geometry pass on the GPU with the CPU's maps, for every pixel of every
+//! scene.
 
 use super::super::{Engine, materials, optics, scene, upload};
 use crate::exposure::{GeometryBuffer, Optics};
@@ -14,7 +15,7 @@ use phasmid_geometry::{Mesh, ply};
 use phasmid_profile::{Profile, Scene};
 use std::path::Path;
 
-/// A camera in front of a scene, rendered by both CPU and GPU.
+/// A camera in front of a scene, which both CPU and GPU render.
 pub(in crate::gpu) struct Case {
     profile: Profile,
     pub(in crate::gpu) optics: Optics,
@@ -35,7 +36,7 @@ impl Case {
         });
         plan.set(Term::FootprintX, true);
         plan.set(Term::FootprintY, true);
-        // Footprint widening and pixel sampling come after this pass.
+        // Depth of field is applied by a later pass.
         plan.set(Term::DepthOfField, false);
         Self {
             worlds: Worlds::new(world),
@@ -79,7 +80,7 @@ impl Case {
         [wanted, upload::maps_back(engine, size, &self.plan).unwrap()]
     }
 
-    /// Uses a rolling shutter that starts at a device time.
+    /// Sets a rolling shutter whose first row starts at a device time.
     pub(in crate::gpu) fn roll(&mut self, from_ns: f64, line_time_ns: u64) {
         let shutter = Shutter {
             line_time_ns,
@@ -104,21 +105,22 @@ struct Off {
     /// Error of the projector coordinate relative to its tolerance, the larger of 2e-3 px and 2e-4
     /// of the footprint.
     bar: f32,
-    /// In projector pixels.
+    /// Error of the projector coordinate in projector pixels.
     px: f32,
     /// Depth error relative to the distance; normal error absolute.
     depth: f32,
     normal: f32,
-    /// Relative to the footprint.
+    /// Error of the derivatives relative to the footprint.
     slope: f32,
-    /// Relative to the brightest light.
+    /// Error of the light relative to the brightest light.
     light: f32,
-    /// Pixels whose centres lie on the shared edge of two triangles and which see the other
-    /// triangle.
+    /// Number of pixels whose centres lie on the shared edge of two triangles and that see a
+    /// different one of them on the GPU.
     seams: usize,
-    /// Pixels at a silhouette that see another object or are in shadow in only one of the two.
+    /// Number of pixels at a silhouette that see another object, or are in shadow, on only one of
+    /// CPU and GPU.
     edges: usize,
-    /// As `edges`, but away from silhouettes.
+    /// Number of such pixels away from silhouettes.
     wrong: usize,
     seen: usize,
     lit: usize,
@@ -161,7 +163,7 @@ impl Off {
                 (wanted.x[i], found.x[i], wanted.x_slope[i]),
                 (wanted.y[i], found.y[i], wanted.y_slope[i]),
             ] {
-                // Unlit points have no meaningful projector coordinate.
+                // An unlit point has no meaningful projector coordinate.
                 if wanted.flags[i] & Truth::LIT == 0 {
                     continue;
                 }
@@ -213,8 +215,8 @@ impl Off {
     }
 }
 
-/// Returns whether a neighbouring pixel sees another object, is lit differently, or is much farther
-/// away.
+/// Returns whether a neighbour of pixel `i` sees another object, is lit differently, or is much
+/// farther away.
 pub(in crate::gpu) fn at_silhouette(world: &World, map: &GeometryBuffer, i: usize) -> bool {
     let (u, v) = (i % map.width, i / map.width);
     let state = |i: usize| {
@@ -242,7 +244,7 @@ fn profiles() -> [(&'static str, Profile); 2] {
     ["pmp-bench", "pmp-real"].map(|name| (name, small(Profile::load(name).unwrap())))
 }
 
-/// Tilted solids that shadow each other, one partly without a floor behind it.
+/// Scene of tilted solids that shadow each other; one of them extends beyond the floor behind it.
 pub(in crate::gpu) const SOLIDS: &str = r#"
 name = "solids"
 description = ""
@@ -284,7 +286,7 @@ fn gpu_geometry_of_still_scenes_matches_the_cpu() {
     }
 }
 
-/// Views from inside a sphere and with a strongly distorting lens.
+/// GPU and CPU agree for views from inside a sphere and through a strongly distorting lens.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn gpu_geometry_from_inside_a_sphere_matches_the_cpu() {
@@ -318,7 +320,8 @@ fn write(folder: &Path, name: &str, mesh: &Mesh, bend: impl Fn(DVec3) -> DVec3) 
     ply::write_mesh(&folder.join(name), &bent).unwrap();
 }
 
-/// A breathing, rotating torso with a couch and a ball passing in front of it.
+/// Returns a scene with a breathing, rotating torso, a couch, and a ball that passes in front of
+/// them.
 pub(super) fn moving(folder: &Path) -> Scene {
     let mesh = torso(&Torso {
         triangles: 4000,

@@ -1,4 +1,4 @@
-//! Compares indirect light on the GPU with the CPU's.
+//! Compares indirect light on the GPU with indirect light on the CPU.
 
 use super::super::test_scene::TestScene;
 use super::super::{Engine, engine};
@@ -9,7 +9,7 @@ use phasmid_geometry::{Mesh, ply};
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// A box around a ball, in front of a wall, under a lamp.
+/// Scene with a box around a ball, in front of a wall and under a lamp.
 const CLUTTER: &str = "interreflection = { samples = 64, step_px = 4 }\n\
     ambient = { irradiance_w_m2 = 0.02 }\n\
     [[light]]\nkind = \"point\"\nposition_mm = [-300, 200, 400]\nintensity_w_sr = 0.04\n\
@@ -63,7 +63,7 @@ fn pixels_are_interpolated_from_the_points_that_the_cpu_takes() {
         let scale = bench.map.evenly[i].max(1e-30);
         let off = (0..4).map(|k| (cpu.shares[i][k] - shares[i][k]).abs() / scale);
         let off = off.fold(0.0, f32::max);
-        // Rounding may decide whether a point is on the same surface.
+        // Rounding may decide whether a gather point lies on the same surface as the pixel.
         if a != b || off > 1e-3 {
             differ += 1;
         } else {
@@ -79,7 +79,7 @@ fn pixels_are_interpolated_from_the_points_that_the_cpu_takes() {
         alone.len()
     );
     assert!(differ <= first.len() / 10_000 && worst < 1e-5);
-    // The extra points are exactly the pixels outside the grid, each once.
+    // The points outside the grid are exactly the pixels that cannot be interpolated, each once.
     alone.sort_unstable();
     assert!(alone.iter().copied().eq(params.on_grid()..points));
     assert!(alone.len() > 10);
@@ -141,8 +141,8 @@ fn spread(mut values: Vec<f32>) -> [f32; 4] {
     [0.5, 0.99, 0.999, 1.0].map(|part| values[(last * part) as usize])
 }
 
-/// Compares full-white and lamp light of all pixels in W/m^2, and the rays of grid points one by
-/// one.
+/// Compares the indirect light of full white and of lamps at all pixels in W/m^2, and the rays of
+/// grid points one by one.
 fn check(name: &str, bench: &mut TestScene) {
     let (wanted, size, plan) = (bench.wanted.unwrap(), bench.size(), bench.plan);
     let map = bench.bounced();
@@ -184,7 +184,7 @@ fn check(name: &str, bench: &mut TestScene) {
     let by_white = of(&|i| map.interreflection.at(i, &padded) - white(i));
     let by_lamps = of(&|i| map.ambient[i] - light[i][1]);
     println!("{name}: {most:.2} W/m^2 at most; white {by_white:?}, lamps {by_lamps:?}");
-    // One ray of several dozen may hit the other side of an edge.
+    // One of several dozen rays may hit the other side of an edge.
     for off in [by_white, by_lamps] {
         assert!(
             off[0] < 1e-6 * most && off[1] < 1e-4 * most,

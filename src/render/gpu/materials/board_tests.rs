@@ -1,10 +1,10 @@
-//! Compares the ink coverage of board pieces with the CPU's.
+//! Compares the ink coverage of pieces of boards on the GPU with the coverage on the CPU.
 
 use crate::gpu::Engine;
 use glam::{DVec2, Vec2};
 use phasmid_geometry::Board;
 
-/// A board in the layout of `board.wgsl`.
+/// Returns a board in the layout of `board.wgsl`.
 fn words(board: &Board) -> [u32; 7] {
     let [columns, rows] = board.grid();
     let (is_dots, [dot, marker]) = match *board {
@@ -47,7 +47,7 @@ fn dice(k: usize, root: f64) -> f64 {
     ((k + 1) as f64 * root.sqrt()).fract()
 }
 
-/// Returns a position and the two sides of a piece there.
+/// Returns the position of a parallelogram on a board, and its two sides.
 fn piece(board: &Board, k: usize) -> [Vec2; 3] {
     let pitch = board.pitch_mm();
     let place = |root| 2.4 * dice(k, root) - 1.2;
@@ -58,7 +58,7 @@ fn piece(board: &Board, k: usize) -> [Vec2; 3] {
         2 => board.point([3, 2]) + DVec2::from_angle(5.0 * place(2.0)) * board.radius_mm([3, 2]),
         _ => board.sheet_mm() / 2.0 * about,
     };
-    // Sizes from a thousandth of a pitch to twenty pitches.
+    // Sizes range from a thousandth of a pitch to twenty pitches.
     let size = |root| pitch * 1e-3 * 2e4f64.powf(dice(k, root));
     let turn = DVec2::from_angle(6.3 * dice(k, 5.0));
     let (across, other) = (turn * size(7.0), turn.perp());
@@ -109,7 +109,7 @@ fn gpu_boards_have_the_ink_of_the_cpu() {
             worst = worst.max(if error > bar { 0.0 } else { error });
         }
         println!("{board:?}: {worst:.1e} at most, {off} beyond their bars");
-        // Differences occur only where rounding decides the cell count.
+        // CPU and GPU differ only where rounding decides the cell count.
         assert!(off <= cases.len() / 1000, "{board:?}: {off}");
     }
 }

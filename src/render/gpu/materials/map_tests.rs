@@ -1,4 +1,4 @@
-//! Compares maps of scenes with textures, vertex colours, highlights and lamps with the CPU's.
+//! Compares GPU and CPU maps of scenes with textures, vertex colours, highlights and lamps.
 
 use crate::exposure::GeometryBuffer;
 use crate::gpu::Engine;
@@ -11,8 +11,8 @@ use phasmid_profile::{Focus, Profile, Scene, Vignetting};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Returns the errors of a map at the pixels in `alike`, relative to its 95th percentile plus its
-/// own value, in descending order.
+/// Returns the errors of a map at the pixels in `alike`, in descending order. Each error is relative
+/// to the sum of the map's 95th percentile and its value at the pixel.
 fn errors(wanted: &[f32], found: &[f32], alike: &[usize]) -> Vec<f32> {
     let mut light: Vec<f32> = alike.iter().map(|&i| wanted[i].abs()).collect();
     light.sort_by(f32::total_cmp);
@@ -24,7 +24,8 @@ fn errors(wanted: &[f32], found: &[f32], alike: &[usize]) -> Vec<f32> {
     errors
 }
 
-/// Checks all maps that depend on materials. A grey level is 1/255 = 4e-3 of a bright pixel.
+/// Checks all maps that depend on materials. In the limits, a grey level is 1/255 = 4e-3 of a bright
+/// pixel.
 fn check(case: &mut Case, engine: &mut Engine, name: &str) {
     let [wanted, found] = case.both(engine);
     let world = case.worlds.any();
@@ -65,8 +66,8 @@ fn check(case: &mut Case, engine: &mut Engine, name: &str) {
     );
 }
 
-/// Returns the pixels that see the same surface in the same light, and the number of lamps that
-/// light only one of the two.
+/// Returns the pixels that see the same surface in the same light on CPU and GPU, and the number of
+/// lamps that light a pixel on only one of them.
 fn alike(world: &World, wanted: &GeometryBuffer, found: &GeometryBuffer) -> (Vec<usize>, usize) {
     let (mut alike, mut lamps_differ, mut wrong) = (Vec::new(), 0, 0);
     for i in 0..wanted.x.len() {
@@ -86,7 +87,7 @@ fn alike(world: &World, wanted: &GeometryBuffer, found: &GeometryBuffer) -> (Vec
     (alike, lamps_differ)
 }
 
-/// Writes a coloured noise image with runs of one and of several texels.
+/// Writes a coloured noise image in which some neighbouring texels are equal.
 fn picture(folder: &Path) {
     let hash = |x: u32, y: u32| (x / 3 * 31 + y * 17 + x * y * 7).wrapping_mul(2_654_435_769) >> 24;
     let texel = |x: u32, y: u32| image::Rgb([0, 1, 2].map(|c| hash(x + 5 * c, y) as u8));
@@ -94,7 +95,8 @@ fn picture(folder: &Path) {
     picture.save(folder.join("noise.png")).unwrap();
 }
 
-/// Writes a torso with vertex colours and texture coordinates, at rest and with greater depth.
+/// Writes two meshes of a torso with vertex colours and texture coordinates: at rest and with
+/// greater depth.
 fn torsos(folder: &Path) {
     let mesh = torso(&Torso {
         triangles: 3000,
@@ -128,8 +130,8 @@ fn scene(folder: &Path, name: &str, text: &str) -> Scene {
     Scene::load(file.to_str().unwrap()).unwrap()
 }
 
-/// Textures on all kinds of shapes, with texels from far smaller to far larger than a pixel; a mesh
-/// with vertex colours and texture coordinates.
+/// Scene with textures on all kinds of shapes, with texels from far smaller to far larger than a
+/// pixel, and with a mesh that has vertex colours and texture coordinates.
 const PAINTED: &str = r#"
 ambient = { irradiance_w_m2 = 0.2 }
 [[object]]
@@ -171,7 +173,7 @@ vertex_colours = true
 texture = "noise.png"
 "#;
 
-/// Boards near and far, head-on and oblique, from the front and from behind.
+/// Scene with boards near and far, head-on and oblique, seen from the front and from behind.
 const PRINTED: &str = r#"
 ambient = { irradiance_w_m2 = 0.2 }
 [[object]]
@@ -206,7 +208,7 @@ rotation_deg = [0, 180, 0]
 albedo = 0.7
 "#;
 
-/// Highlights and flickering lamps of both kinds, on solids and a mesh.
+/// Scene with highlights and with flickering lamps of both kinds, on solids and on a mesh.
 const SHINY: &str = r#"
 ambient = { irradiance_w_m2 = 0.1, flicker = { frequency_hz = 100, depth = 0.4, phase_deg = 25 } }
 [[light]]
@@ -250,7 +252,7 @@ vertex_colours = true
 specular = { f0 = 0.1, roughness = 0.3 }
 "#;
 
-/// Moving textured and specular objects, one of which deforms.
+/// Scene with moving textured and specular objects, one of which deforms.
 const MOVING: &str = r#"
 ambient = { irradiance_w_m2 = 0.1 }
 [[object]]
@@ -302,7 +304,7 @@ fn profiles() -> [(&'static str, Profile); 2] {
     ["pmp-bench", "pmp-real"].map(|name| (name, small(Profile::load(name).unwrap())))
 }
 
-/// Lenses with vignetting, and a projector with a finite depth of focus.
+/// Adds vignetting to both lenses and a finite depth of focus to the projector.
 fn dim(mut profile: Profile) -> Profile {
     profile.camera.vignetting = Vignetting {
         natural: true,

@@ -1,5 +1,5 @@
-//! Packs the materials of objects into contiguous buffers, with lookup tables for functions that
-//! shaders do not compute.
+//! Packs the materials of objects into contiguous buffers, together with lookup tables for functions
+//! that the shaders do not compute.
 
 use crate::exposure::{density, distribution};
 use crate::material::{Ggx, ImageMap, Lay, Map, Material, Place, Printed, Texture};
@@ -9,9 +9,9 @@ use glam::Vec3;
 use phasmid_geometry::{Board, Pose};
 use std::sync::Arc;
 
-/// Marks an absent offset.
+/// Marks a missing offset.
 const NOTHING: u32 = u32::MAX;
-/// Texture mapping modes.
+/// Modes in which a texture is mapped onto an object.
 const LAY_NONE: u32 = 0;
 const LAY_CORNERS: u32 = 1;
 pub(super) const LAY_ALONG: u32 = 2;
@@ -49,17 +49,17 @@ pub(super) struct Deforming {
     pub(super) shape: usize,
     /// Offset of the normals among the material values.
     pub(super) at: u32,
-    /// Shape currently uploaded.
+    /// The shape that is currently on the GPU.
     pub(super) blend: Option<Blend>,
 }
 
-/// Buffers being filled.
+/// Material buffers that are being filled.
 pub(super) struct Packer {
     pub(super) materials: Vec<Packed>,
     pub(super) values: Vec<f32>,
     pub(super) sums: Vec<[u32; 2]>,
     pub(super) deforming: Vec<Deforming>,
-    /// Already packed data, shared between objects.
+    /// Packed data that several objects may share.
     lobes: Vec<(Arc<Ggx>, u32)>,
     textures: Vec<(Arc<Texture>, u32)>,
 }
@@ -77,7 +77,7 @@ impl Packer {
         }
     }
 
-    /// Adds all objects, in all shapes they take on during a rolling-shutter exposure.
+    /// Adds all objects, in all shapes that they take on during a rolling-shutter exposure.
     pub(super) fn objects(&mut self, worlds: &[World]) {
         let world = &worlds[0];
         for (object, material) in (0u16..).zip(&world.materials.of) {
@@ -85,7 +85,7 @@ impl Packer {
             let is_mesh = world.is_triangle(first) && world.object(first) == object;
             let instances = worlds.iter().filter_map(|world| world.instance_of(object));
             let instances: Vec<&Instance> = instances.collect();
-            // Solids and moving meshes are kept in their own frames.
+            // Solids and moving meshes are kept in the frames of their objects.
             let is_here = is_mesh && instances.is_empty();
             self.object(object, material, &instances, is_here);
         }
@@ -126,8 +126,8 @@ impl Packer {
         self.materials.push(packed);
     }
 
-    /// Adds the smooth normals of a mesh, in the mesh's own frame if it moves. Returns their offset and
-    /// the stride between shapes, 0 if the mesh does not deform.
+    /// Adds the smooth normals of a mesh, in the mesh's own frame if it moves. Returns the offset of
+    /// the normals, and the stride between the mesh's shapes (0 if the mesh does not deform).
     fn normals(&mut self, object: u16, material: &Material, instances: &[&Instance]) -> (u32, u32) {
         let at = self.values.len() as u32;
         let first = instances.first();
@@ -221,7 +221,7 @@ impl Packer {
     }
 }
 
-/// Packs a board. Its plane is expressed in the board's own frame.
+/// Packs a board. The plane of the board is expressed in the board's own frame.
 fn board(printed: &Printed, packed: &mut Packed) {
     let [columns, rows] = printed.board.grid();
     (packed.width, packed.height) = (columns, rows);
@@ -237,7 +237,7 @@ fn board(printed: &Printed, packed: &mut Packed) {
     packed.board = [printed.board.pitch_mm(), dot, marker, printed.ink].map(|v| v as f32);
 }
 
-/// Flattens normals into the layout of the shaders.
+/// Flattens normals into the layout that the shaders expect.
 pub(super) fn flat(normals: &[[Vec3; 3]]) -> impl Iterator<Item = f32> {
     normals.iter().flatten().flat_map(|n| n.to_array())
 }
@@ -260,13 +260,13 @@ fn rows(pose: &Pose) -> [[f32; 4]; 3] {
     })
 }
 
-/// Entries per unit of the table of `soft.wgsl`, and its upper end.
+/// Number of entries per unit of the table of `soft.wgsl`, and the argument at which the table ends.
 const FINE: usize = 16;
 const END: usize = 6;
-/// Texel sums are stored as integers in units of one over this.
+/// Inverse of the unit in which sums of texels are stored as integers.
 const UNITS: f64 = (1u64 << 30) as f64;
 
-/// The table of `soft.wgsl`: H(z), g(z) and Phi(-z) at each place.
+/// Returns the table of `soft.wgsl`: H(z), g(z) and Phi(-z) at each entry.
 ///
 /// g(z) = phi(z) - z Phi(-z) is the amount by which blur raises the foot of a ramp, and H(z) is its
 /// integral from 0, 1/4 - ((z^2 + 1) Phi(-z) - z phi(z)) / 2.
@@ -279,7 +279,7 @@ pub(super) fn soft() -> impl Iterator<Item = f32> {
     })
 }
 
-/// A material in the layout of `ggx.wgsl`.
+/// Returns a material with a specular lobe in the layout of `ggx.wgsl`.
 pub(super) fn lobe(ggx: &Ggx) -> impl Iterator<Item = f32> {
     let head = [ggx.f0, ggx.alpha, ggx.coupling, 0.0];
     head.into_iter()
@@ -287,8 +287,8 @@ pub(super) fn lobe(ggx: &Ggx) -> impl Iterator<Item = f32> {
         .map(|v| v as f32)
 }
 
-/// Fixed-point texel sums, low word first. Differences of f64 sums are accurate to 2^-28, and both
-/// are exact if all sums are multiples of the unit.
+/// Returns the sums of texels in fixed point, low word first. Differences of the f64 sums are
+/// accurate to 2^-28; fixed-point and f64 sums are both exact if all sums are multiples of the unit.
 pub(super) fn sums(texture: &Texture) -> impl Iterator<Item = [u32; 2]> {
     texture.sums.iter().map(|&sum| {
         let whole = (sum * UNITS).round() as u64;

@@ -1,4 +1,5 @@
-//! Compares the material shaders' functions with the CPU's on many inputs, including extremes.
+//! Compares the functions of the material shaders with the CPU's functions on many inputs, including
+//! extreme ones.
 
 use super::pack;
 use crate::exposure::{Bell, Optics, Soft};
@@ -28,7 +29,7 @@ impl Dice {
         low + (high - low) * self.roll()
     }
 
-    /// Log-uniformly distributed.
+    /// Returns a random size between `low` and `high` whose logarithm is uniformly distributed.
     fn size(&mut self, low: f32, high: f32) -> f32 {
         low * (high / low).powf(self.roll())
     }
@@ -86,7 +87,7 @@ fn gpu_materials_reflect_as_on_the_cpu() {
                 (dice.direction(a), dice.direction(b))
             };
             if k % 7 == 0 {
-                // In the highlight, or next to it.
+                // The view is in the highlight or next to it.
                 let aside = dice.direction(0.0) * dice.size(1e-6, 1e-1);
                 view = (Vec3::new(-light.x, -light.y, light.z) + aside).normalize();
             }
@@ -94,7 +95,7 @@ fn gpu_materials_reflect_as_on_the_cpu() {
             cases.push((material, albedo, light, view));
         }
     }
-    // A normal off the axes.
+    // The normal is not along an axis.
     let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, -0.9, 0.5);
     let normal = (turn * Vec3::Z).normalize();
     for (_, _, light, view) in &mut cases {
@@ -118,8 +119,8 @@ fn gpu_materials_reflect_as_on_the_cpu() {
         let [n, l, v] = [normal, light, view].map(Vec3::as_dvec3);
         let exact = ggx.reflectance(albedo.into(), n, l, v);
         let even = ggx.under_even_light(albedo.into(), n.dot(v));
-        // Error of the visible radiance, relative where it is bright: smooth surfaces reach a
-        // thousand.
+        // Error of the visible radiance, relative where the radiance is high: smooth surfaces reach
+        // a radiance of a thousand.
         let scale = n.dot(l).max(0.0);
         let error = (f64::from(found[0]) - exact).abs() * scale / (1.0 + exact * scale);
         if error > worst {
@@ -171,7 +172,7 @@ fn gpu_textures_are_averaged_as_on_the_cpu() {
         let size = Vec2::new(texture.width as f32, texture.height as f32);
         for k in 0..4000 {
             let near = |dice: &mut Dice| match k % 8 {
-                // On borders of texels and of the texture.
+                // Positions on borders of texels and of the texture.
                 0 => Vec2::new(dice.between(-3.0, 3.0).round(), dice.roll()),
                 1 => (size * Vec2::new(dice.roll(), dice.roll())).round() / size,
                 2 => Vec2::ZERO,
@@ -212,8 +213,8 @@ fn gpu_textures_are_averaged_as_on_the_cpu() {
         let [uv, across, down] = [uv, across, down].map(Vec2::as_dvec2);
         let exact = textures[t].average(uv, across, down);
         let error = (f64::from(found) - exact).abs();
-        // If a texel border lies within the rounding of the position, a narrow footprint may see
-        // either texel.
+        // If a texel border lies within the rounding error of the position, a narrow footprint may
+        // see the texel on either side.
         let size = DVec2::new(textures[t].width as f64, textures[t].height as f64);
         let extent = (across.abs() + down.abs()) * size;
         let bar = 1e-5 + 6e-7 * size.max_element() / extent.min_element().max(1e-3);
@@ -229,7 +230,7 @@ fn gpu_textures_are_averaged_as_on_the_cpu() {
         "of the bar: straight {:.2}, slanted {:.2}; {off} beyond",
         worst[0], worst[1]
     );
-    // Differences occur only where rounding decides the piece count.
+    // CPU and GPU differ only where rounding decides the number of pieces.
     assert!(off <= cases.len() / 5000, "{off} of {}", cases.len());
 }
 
@@ -294,7 +295,7 @@ fn gpu_images_lie_as_on_the_cpu() {
             _ => dice.between(-1.0, 1.0),
         };
         let radius = dice.size(0.1, 2000.0);
-        // y is the axis.
+        // The axis of the shape is y.
         let p = dice.direction(cos).xzy() * radius;
         let up = dice.between(-1.0, 1.0);
         let mut normal = dice.direction(up);
@@ -337,7 +338,7 @@ fn gpu_images_lie_as_on_the_cpu() {
         }
         for (side, at) in [(across, 2), (down, 4)] {
             let exact = laid.gradient.map(|g: DVec3| g.dot(side));
-            // Close to the axis a gradient is steep.
+            // A gradient is steep close to the axis, so its error is relative.
             let scale = laid.gradient.map(|g| g.length());
             for i in 0..2 {
                 let error = (f64::from(found[at + i]) - exact[i]).abs();
@@ -349,7 +350,7 @@ fn gpu_images_lie_as_on_the_cpu() {
     assert!(worst < 1e-6 && worst_side < 1e-5, "{worst} {worst_side}");
 }
 
-/// Lenses with vignetting, and a projector with a finite depth of focus.
+/// GPU and CPU agree for lenses with vignetting and for a projector with a finite depth of focus.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn gpu_lenses_dim_as_on_the_cpu() {
@@ -375,7 +376,7 @@ fn gpu_lenses_dim_as_on_the_cpu() {
             let far = dice.size(1e-3, 2.0);
             let ideal = Vec2::from_angle(dice.between(0.0, TAU)) * far;
             let z = match k % 4 {
-                // In focus, and close to it.
+                // Depths in focus and close to it.
                 0 => 950.0 + dice.between(-1.0, 1.0),
                 1 => dice.size(1.0, 1e5),
                 _ => dice.between(600.0, 1500.0),
@@ -428,7 +429,7 @@ fn gpu_lenses_dim_as_on_the_cpu() {
             ];
             for i in 0..4 {
                 let error = (f64::from(found[4 * lane + i]) - exact[i]).abs();
-                // Blur error is relative where the blur is wide.
+                // Where the blur is wide, its error is relative.
                 worst[i] = worst[i].max(error / (1.0 + exact[i]));
             }
         }

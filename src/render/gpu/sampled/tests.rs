@@ -1,4 +1,4 @@
-//! Compares pixels sampled with several rays on the GPU with the CPU's.
+//! Compares pixels sampled with several rays on the GPU with the same pixels on the CPU.
 
 mod places;
 
@@ -63,8 +63,8 @@ impl Case {
         )
     }
 
-    /// Returns the maps of the CPU, then of the GPU, with their mixed pixels, and how often the
-    /// GPU's capacity, initially `room` heads, had to grow.
+    /// Returns the maps of the CPU, then of the GPU, with their mixed pixels, and the number of
+    /// times that the GPU's capacity, initially `room` heads, had to grow.
     fn both(&self, engine: &mut Engine, room: Option<u64>) -> ([GeometryBuffer; 2], usize) {
         let lens = &self.optics.camera.lens;
         let size = (lens.width_px as usize, lens.height_px as usize);
@@ -131,20 +131,20 @@ struct Off {
     alone: usize,
     /// Number of lit samples in pixels that are mixed on both.
     lit: usize,
-    /// Number of samples that are lit on only one or lie on another surface (rays that hit an
-    /// edge).
+    /// Number of samples that are lit on only one of CPU and GPU or lie on different surfaces (their
+    /// rays hit an edge).
     astray: usize,
-    /// Error of the projector coordinate of the remaining samples relative to its tolerance, the
+    /// Error of the projector coordinate of the remaining samples, relative to its tolerance: the
     /// larger of 2e-3 px and 2e-4 of the pixel's footprint.
     bar: f32,
-    /// Error of their slopes relative to the footprint.
+    /// Error of the slopes of these samples relative to the footprint.
     slope: f32,
-    /// Error of their light relative to the brightest light.
+    /// Error of the light of these samples relative to the brightest light.
     light: f32,
-    /// Error of their blur.
+    /// Error of the blur of these samples.
     blur: f32,
-    /// Error of the projector and ambient light of whole pixels without such samples, relative to
-    /// the brightest.
+    /// Error of the projector and ambient light of whole pixels without stray samples, relative to
+    /// the brightest light.
     pixel: f32,
     /// Relative error of the footprint widths of all pixels.
     wide: f32,
@@ -202,7 +202,8 @@ impl Off {
             for (wanted, found) in wanted.iter().zip(found) {
                 off.samples(wanted, found, brightest);
             }
-            // A stray sample has a weight of 1/16 in its pixel.
+            // A stray sample contributes 1/16 of the light of its pixel, so pixels with stray
+            // samples are left out.
             if off.astray == astray {
                 larger(&mut off.pixel, apart);
             }
@@ -278,7 +279,7 @@ fn small(name: &str) -> Profile {
     profile
 }
 
-/// Solids that shadow each other and themselves, and flickering lamps.
+/// Scene of solids that shadow each other and themselves, with flickering lamps.
 fn solids() -> Scene {
     let lamps = r#"
 [[light]]
@@ -323,7 +324,7 @@ fn gpu_pixels_of_more_samples_match_the_cpu() {
     }
 }
 
-/// Camera out of focus, also with a projector that has defocus.
+/// GPU and CPU agree with the camera out of focus, also if the projector has defocus.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn gpu_depth_of_field_matches_the_cpu() {
@@ -343,7 +344,8 @@ fn gpu_depth_of_field_matches_the_cpu() {
     }
 }
 
-/// Depth of field over a varying albedo keeps the samples of all pixels that see it.
+/// With depth of field, an albedo that varies makes the GPU keep the samples of all pixels that see
+/// it, as on the CPU.
 #[test]
 #[ignore = "needs a Vulkan adapter"]
 fn gpu_depth_of_field_over_a_texture_matches_the_cpu() {

@@ -43,13 +43,13 @@ fn drive_history_is_kept_in_device_time() {
         .map(|(a, b, w)| w * all.mean(a * MS, b * MS))
         .sum();
     close(all.mean(9 * MS, 30 * MS), sum / 21.0);
-    // Splitting the interval anywhere gives the same total.
+    // If an interval is split anywhere, its parts have the same total light.
     let total = |emission: &Emission, from, to| emission.mean(from, to) * (to - from) as f64;
     for cut in [9 * MS + 1, 10 * MS + 777, 14_999_999, 17 * MS, 29 * MS] {
         let cut_sum = total(&all, 9 * MS, cut) + total(&all, cut, 30 * MS);
         close(cut_sum, total(&all, 9 * MS, 30 * MS));
     }
-    // Later light does not depend on earlier queries.
+    // The light of later exposures does not depend on earlier queries.
     for start in [11, 14, 16, 19] {
         let later = source.emission(start * MS);
         close(later.mean(20 * MS, 25 * MS), all.mean(20 * MS, 25 * MS));
@@ -73,7 +73,7 @@ fn emission_does_not_depend_on_order_of_notifications() {
     for (from, to) in [(1, 2), (1, 8), (3, 4), (6, 20), (9, 10)] {
         close(one.mean(from * MS, to * MS), other.mean(from * MS, to * MS));
     }
-    // Planned changes may be replaced.
+    // A planned change may be replaced by an earlier one.
     told_late.open(20 * MS, true);
     told_late.open(30 * MS, false);
     told_late.open(25 * MS, false);

@@ -15,13 +15,13 @@ use phasmid_geometry::{Mesh, Solid};
 use phasmid_profile::{Object, Scene, Shape};
 use std::sync::Arc;
 
-/// Maximum number of triangles of a scene: about 10 GiB including their hierarchy.
+/// Maximum number of triangles of a scene, which take about 10 GiB including their hierarchy.
 const MAX_TRIANGLES: usize = 50_000_000;
 
 /// A world under construction.
 struct Builder<'a> {
     scene: &'a Scene,
-    /// Ends the construction early.
+    /// Request that ends the construction early.
     stop: &'a Stop,
     fixed: Fixed,
     solids: Vec<Placed>,
@@ -37,7 +37,7 @@ impl Builder<'_> {
         Part::Solid(self.solids.len() - 1)
     }
 
-    /// Removes redundant triangles of a mesh from a file, with a note.
+    /// Removes redundant triangles from a mesh that was read from a file, and adds a note about it.
     fn clean(
         &mut self,
         mesh: &mut Mesh,
@@ -68,7 +68,8 @@ impl Builder<'_> {
         self.stop.check()?;
         let mut mesh = mesh(&object.shape, &self.scene.folder).map_err(|e| e.at(place()))?;
         self.stop.check()?;
-        // A deforming mesh is compared with its keyframes first.
+        // The mesh of a deforming object must first be compared with its keyframes, so it is cleaned
+        // later.
         if object.deform.is_none() {
             self.clean(&mut mesh, &[], object, index)?;
         }
@@ -159,7 +160,7 @@ impl World {
     }
 
     /// Same as [`Self::new`], but returns [`Error::Interrupted`] once the request `stop` is made.
-    /// Checked between objects, and between the steps of building one object.
+    /// The request is checked between objects, and between the steps of building one object.
     pub(crate) fn with_stop(scene: &Scene, skins: &Skins, stop: &Stop) -> Result<Self> {
         stop.check()?;
         let mut builder = Builder {
@@ -184,7 +185,7 @@ impl World {
                 None => builder.mesh(object, index)?,
             }
         }
-        // Triangles of moving meshes are numbered after the triangles of static meshes.
+        // Triangles of moving meshes get numbers after those of all static meshes.
         for (object, index) in objects() {
             if object.moves() && solid(&object.shape, object.scale).is_none() {
                 let part = builder.instance(object, index)?;

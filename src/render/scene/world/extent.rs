@@ -5,10 +5,10 @@ use glam::{DVec2, DVec3};
 use phasmid_geometry::Solid;
 use phasmid_geometry::raycast::Bvh;
 
-/// Overshoot factor of a spline beyond its keyframes.
+/// Factor by which a spline may overshoot its keyframes.
 const SWING: f64 = 1.25;
 
-/// Returns the radius of a solid about its own origin; 0 for infinite planes.
+/// Returns the radius of a solid about the origin of its own frame; 0 for infinite planes.
 pub(super) fn radius(solid: &Solid) -> f64 {
     match *solid {
         Solid::Plane { half } if half.is_finite() => half.length(),
@@ -19,8 +19,8 @@ pub(super) fn radius(solid: &Solid) -> f64 {
             half_length,
         } => radius.hypot(half_length),
         Solid::Frustum { faces } => {
-            // The top's offset is the height; a side's offset is half of the base, reduced by the
-            // tilt of the side.
+            // The top face's offset is the frustum's height. A side face's offset is half of the
+            // base, reduced by the tilt of the side.
             let (side, offset) = faces[2];
             let half_base = offset / side.x;
             half_base.mul_add(std::f64::consts::SQRT_2, faces[0].1)
@@ -29,7 +29,7 @@ pub(super) fn radius(solid: &Solid) -> f64 {
 }
 
 impl Placed {
-    /// Returns whether the solid is an infinite plane.
+    /// Returns whether the solid is an infinite plane, which divides space into two halves.
     pub(crate) fn halves_space(&self) -> bool {
         matches!(self.solid, Solid::Plane { half } if half.cmpeq(DVec2::INFINITY).all())
     }
@@ -45,8 +45,8 @@ impl Placed {
 }
 
 impl World {
-    /// Returns the maximum distance from the rig's origin, in millimetres, of any surface now or
-    /// after motion; infinite planes are ignored.
+    /// Returns the maximum distance from the rig's origin, in millimetres, that any surface has now
+    /// or may have after motion; infinite planes are ignored.
     pub(crate) fn farthest_mm(&self) -> f64 {
         let root = self.fixed.bvh.nodes().first();
         let still = root.map_or(0.0, |root| {
@@ -66,7 +66,8 @@ impl World {
         solids.chain(instances).fold(still, f64::max)
     }
 
-    /// Returns how far an object may move from its rest position.
+    /// Returns the maximum distance in millimetres by which an object may move from its rest
+    /// position.
     fn way_mm(&self, object: u16) -> f64 {
         let paths = &self.fixed.paths;
         match paths.binary_search_by_key(&object, |p| p.object) {

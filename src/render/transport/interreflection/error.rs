@@ -1,7 +1,7 @@
 //! Error of the indirect light for a number of rays and a spacing of gather points, and the light
 //! of further bounces.
 //!
-//! At a sample of pixels, the light that the renderer would interpolate is compared with a
+//! At a sample of pixels, the indirect light that the renderer would interpolate is compared with a
 //! reference from many rays.
 
 use super::gather::Gatherer;
@@ -14,7 +14,7 @@ use phasmid_geometry::raycast::Scratch;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Candidate settings (rays, spacing of gather points in pixels), cheapest first.
+/// Candidate settings (number of rays, spacing of gather points in pixels), the cheapest first.
 const SETTINGS: [[u32; 2]; 9] = [
     [64, 8],
     [64, 4],
@@ -28,17 +28,19 @@ const SETTINGS: [[u32; 2]; 9] = [
 ];
 /// Number of pixels examined.
 const PIXELS: usize = 256;
-/// Fraction of the pixels whose error must not exceed the bound.
+/// Fraction of the pixels whose error must be within the bound.
 const MOST: f64 = 0.99;
-/// The reference is the mean of `TURNS` gatherings of `RAYS` rays, each rotated differently.
+/// The reference is the mean of `TURNS` gatherings with `RAYS` rays each; each gathering is rotated
+/// differently.
 const RAYS: usize = 1024;
 const TURNS: u32 = 4;
-/// For the second bounce: every `FEW`th pixel of the sample is used, with the first number of rays,
-/// and the second number where each of these rays ends.
+/// For the second bounce, every `FEW`th pixel of the sample is used. The first number of
+/// `SECOND_RAYS` is the number of rays from the pixel, the second the number of rays from the end of
+/// each of these rays.
 const FEW: usize = 4;
 const SECOND_RAYS: [usize; 2] = [64, 256];
 
-/// Pixels lit by the projector, with their indirect light.
+/// A sample of pixels that the projector lights, with reference values of their indirect light.
 pub(crate) struct Trial<'a> {
     worlds: &'a Worlds,
     rays: &'a Rays<'a>,
@@ -50,8 +52,8 @@ pub(crate) struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    /// Selects pixels of a scene by its geometry maps, which need no indirect light, and computes
-    /// their reference.
+    /// Selects pixels of a scene by its geometry maps, which need not contain indirect light, and
+    /// computes the reference at these pixels.
     pub(crate) fn new(
         worlds: &'a Worlds,
         rays: &'a Rays<'a>,
@@ -63,8 +65,8 @@ impl<'a> Trial<'a> {
             .collect();
         let mut pixels: Vec<usize> = (0..PIXELS)
             .filter_map(|k| {
-                // Selects one pixel of each of `PIXELS` stretches of lit pixels, at a different
-                // position in each stretch.
+                // Divide the lit pixels into `PIXELS` stretches and select one pixel of each, at a
+                // different position in each stretch.
                 let place = k as f64 + (k as f64 * 0.618_033_988_75).fract();
                 lit.get((place / PIXELS as f64 * lit.len() as f64) as usize)
             })
@@ -107,14 +109,15 @@ impl<'a> Trial<'a> {
         pixels.map_init(Scratch::default, of).collect()
     }
 
-    /// Total light of a pixel with the reference, in electrons per second under full white.
+    /// Returns the total light of a pixel, including the reference, in electrons per second under
+    /// full white.
     fn light(&self, k: usize) -> f64 {
         let pixel = self.pixels[k];
         f64::from(self.map.projected[pixel]) + f64::from(self.map.evenly[pixel]) * self.reference[k]
     }
 
-    /// Returns the error of the indirect light that 99 % of the pixels do not exceed, as a fraction
-    /// of their light.
+    /// Returns the 99th percentile of the error of the indirect light over the pixels, as a fraction
+    /// of each pixel's light.
     pub(crate) fn error(&self, gathering: Gathering) -> f64 {
         let (map, step) = (self.map, gathering.step_px as usize);
         let grid = Grid::new(map, self.rays, step);
@@ -145,7 +148,8 @@ impl<'a> Trial<'a> {
         quantile(errors.collect(), MOST)
     }
 
-    /// Returns the cheapest settings with an error within a bound, or the most accurate ones.
+    /// Returns the cheapest settings whose error is within a bound, or the most accurate settings if
+    /// there are none.
     pub(crate) fn choose(&self, bound: f64) -> Gathering {
         let settings = SETTINGS.map(|[samples, step_px]| Gathering { samples, step_px });
         let enough = |gathering: &Gathering| self.error(*gathering) <= bound;
@@ -154,7 +158,7 @@ impl<'a> Trial<'a> {
     }
 
     /// Returns the light that all bounces after the first would add, as a fraction of a pixel's
-    /// light: median and 95th percentile.
+    /// light: the median and the 95th percentile over the pixels.
     pub(crate) fn further(&self) -> [f64; 2] {
         let ([outer, inner], map) = (SECOND_RAYS.map(|rays| self.gatherer(rays)), self.map);
         let some: Vec<usize> = (0..self.pixels.len()).step_by(FEW).collect();
@@ -176,7 +180,7 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// The value that a fraction of the values do not exceed; 0 without values.
+/// Returns the given quantile of the values; 0 if there are no values.
 fn quantile(mut values: Vec<f64>, part: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let at = (part * values.len() as f64).ceil() as usize;

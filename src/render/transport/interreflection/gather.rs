@@ -1,5 +1,5 @@
 //! Gathers indirect light at surface points: casts rays over the hemisphere and evaluates the light
-//! where they hit.
+//! at the points that they hit.
 
 use super::hemisphere::{Hemisphere, Ray};
 use super::patch::{Evenly, Patch, Shown, shown};
@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use phasmid_geometry::raycast::{LANES, Scratch};
 use rayon::prelude::*;
 
-/// Points per parallel task.
+/// Number of gather points per parallel task.
 const TASK: usize = 64;
 
 /// Gathers indirect light.
@@ -25,8 +25,8 @@ pub(super) struct Gatherer<'a> {
 
 /// A point at which light is gathered.
 pub(super) struct Place<'w> {
-    /// World at the instant of the point's row; in the world of another instant, a moved surface
-    /// would occlude the point.
+    /// World at the instant of the point's row. In the world of another instant, the point's own
+    /// surface may have moved in front of the point.
     world: &'w World,
     point: DVec3,
     normal: DVec3,
@@ -35,11 +35,11 @@ pub(super) struct Place<'w> {
     pub(super) turn: f64,
 }
 
-/// Hits of sixteen rays.
+/// The patches that sixteen rays hit, with their materials.
 type Met<'a> = [Option<(Patch, Evenly<'a>)>; LANES];
 
-/// Result of one task: rays that end in the projector's light, the number of these rays per point,
-/// and per point the lamps' light and its flicker amplitude.
+/// Result of one task: the rays that end in the projector's light, the number of these rays for each
+/// point, and for each point the light of the lamps and its flicker amplitude.
 #[derive(Default)]
 struct Gathered {
     rays: Vec<[f32; 7]>,
@@ -63,9 +63,9 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Gathers the light at the points seen by `pixels`, in order; zero for pixels that see no
-    /// surface. Light from lamps is returned separately, as irradiance in W/m^2 and flicker
-    /// amplitude.
+    /// Gathers the light at the points that `pixels` see, in order; the light is zero for pixels
+    /// that see no surface. The light of lamps is returned separately, as irradiance in W/m^2 and
+    /// flicker amplitude.
     pub(super) fn gather(
         &self,
         map: &GeometryBuffer,
@@ -103,7 +103,8 @@ impl<'a> Gatherer<'a> {
         (interreflection, lamps)
     }
 
-    /// Returns the irradiance from the projector's full white at a place, in W/m^2.
+    /// Returns the irradiance of a place in W/m^2 by the indirect light of the projector's full
+    /// white.
     pub(super) fn white(&self, place: &Place<'_>, scratch: &mut Scratch) -> f64 {
         let mut kept = Vec::new();
         for rays in self.hemisphere.above(place.normal, place.turn) {
@@ -113,10 +114,11 @@ impl<'a> Gatherer<'a> {
         kept.iter().map(|ray| f64::from(ray[6])).sum()
     }
 
-    /// Returns the irradiance that the light of [`Self::white`] causes after one more bounce. The
-    /// gatherer `white` computes that light at the points where the rays of this gatherer end.
+    /// Returns the irradiance of a place by light that has made one bounce more than the light of
+    /// [`Self::white`]. The gatherer `white` computes the light at the points where the rays of this
+    /// gatherer end.
     pub(super) fn second(&self, place: &Place<'_>, white: &Self, scratch: &mut Scratch) -> f64 {
-        // Reflectance is taken at the mean cosine of uniform light.
+        // The reflectance is taken at the mean cosine of uniform light.
         const COS: f64 = 2.0 / 3.0;
         let mut sum = 0.0;
         for rays in self.hemisphere.above(place.normal, place.turn) {
@@ -171,7 +173,7 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Returns the patches hit by sixteen rays.
+    /// Returns the patches that sixteen rays hit.
     fn meet<'w>(&self, place: &Place<'w>, rays: &[Ray; LANES], scratch: &mut Scratch) -> Met<'w> {
         let directions = std::array::from_fn(|lane| rays[lane].direction);
         let world = place.world;
@@ -182,7 +184,8 @@ impl<'a> Gatherer<'a> {
             }
             let (direction, normal, t) = (directions[lane], hits.normal(lane), hits.t[lane]);
             let facing = normal.dot(direction);
-            // Projects from the sphere onto the tangent plane along the ray.
+            // Projects a side of the ray's patch from the sphere onto the tangent plane, along the
+            // ray.
             let onto = |side: DVec3| (side - direction * (normal.dot(side) / facing)) * t;
             let patch = Patch {
                 point: place.point + direction * t,
@@ -195,7 +198,7 @@ impl<'a> Gatherer<'a> {
         })
     }
 
-    /// Keeps the rays that end in the projector's light.
+    /// Keeps the rays whose hits are in the projector's light.
     fn projected(
         &self,
         world: &World,
@@ -261,7 +264,7 @@ impl<'a> Gatherer<'a> {
     }
 }
 
-/// Returns the hits that a light may reach, as targets of its shadow rays.
+/// Returns the hits that a light source may reach, as targets of the light's shadow rays.
 fn points(met: &Met<'_>, wanted: impl Fn(usize) -> bool) -> [Option<(DVec3, Surface)>; LANES] {
     std::array::from_fn(|lane| {
         let (patch, _) = met[lane].as_ref().filter(|_| wanted(lane))?;
@@ -269,8 +272,8 @@ fn points(met: &Met<'_>, wanted: impl Fn(usize) -> bool) -> [Option<(DVec3, Surf
     })
 }
 
-/// Widens a box by half of a blur's variance: a box of width w has variance w^2 / 12, and a
-/// footprint is two boxes.
+/// Widens one of the two boxes of a footprint by half of a blur's variance; a box of width w has
+/// variance w^2 / 12.
 fn widened(side: f64, blur: f64) -> f64 {
     if blur > 0.0 {
         side.hypot(blur * 6f64.sqrt()).copysign(side)
@@ -280,7 +283,7 @@ fn widened(side: f64, blur: f64) -> f64 {
 }
 
 impl InterreflectionMap {
-    /// Adds a point with its rays, keeping only what the plan uses.
+    /// Adds a gather point with its rays, keeping only the data that the plan needs.
     fn push(&mut self, rays: &[[f32; 7]], plan: &Plan) {
         for block in rays.chunks(BLOCK) {
             let of = |field: usize| -> [f32; BLOCK] {

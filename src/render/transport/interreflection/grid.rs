@@ -6,19 +6,20 @@ use crate::truth::Truth;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Minimum cosine between two normals of a smooth surface within a grid cell (20 degrees).
+/// Minimum cosine of the angle (20 degrees) between two normals of one smooth surface within a grid
+/// cell.
 const COS_BENT: f64 = 0.939_692_620_785_908_4;
-/// Maximum offset of a grid point from a pixel's tangent plane, relative to its distance from the
-/// pixel.
+/// Maximum distance of a grid point from a pixel's tangent plane, relative to the grid point's
+/// distance from the pixel's point.
 const OFF_PLANE: f64 = 0.2;
-/// Minimum sum of bilinear weights of the usable grid points; below it a pixel becomes a gather
-/// point itself.
+/// Minimum sum of the bilinear weights of the usable grid points; a pixel with a smaller sum becomes
+/// a gather point itself.
 const LEAST: f64 = 0.2;
 
-/// Pixels at which light is gathered: the grid, row by row, followed by pixels that cannot be
-/// interpolated from it.
+/// Pixels at which light is gathered: the pixels of the grid, row by row, followed by pixels that
+/// cannot be interpolated from the grid.
 pub(super) struct Grid {
-    /// `None` where a grid pixel sees no surface.
+    /// Indices of these pixels; `None` for a grid pixel that sees no surface.
     pub(super) pixels: Vec<Option<usize>>,
     /// See the fields of the same names of [`InterreflectionMap`](super::InterreflectionMap).
     pub(super) first: Vec<u32>,
@@ -26,18 +27,18 @@ pub(super) struct Grid {
     pub(super) stride: usize,
 }
 
-/// Surface point seen by a pixel's centre.
+/// Surface point that a pixel's centre sees.
 struct Seen {
     point: DVec3,
     normal: DVec3,
 }
 
-/// A pixel's position in the grid along one axis: index of the preceding grid point and fraction of
-/// the way to the next.
+/// Position of a pixel in the grid along one axis: index of the grid point before it and fraction of
+/// the way to the next grid point.
 type Along = (usize, f64);
 
 impl Grid {
-    /// Builds a grid of every `step`th column and row, including the last ones.
+    /// Builds a grid of every `step`th column and row, and of the last column and row.
     pub(super) fn new(map: &GeometryBuffer, rays: &Rays<'_>, step: usize) -> Self {
         let (columns, rows) = (places(map.width, step), places(map.height, step));
         let stride = columns.len();
@@ -107,7 +108,7 @@ impl Grid {
     }
 }
 
-/// Returns every `step`th of `count` indices, and the last.
+/// Returns every `step`th of `count` indices, and the last index.
 fn places(count: usize, step: usize) -> Vec<usize> {
     let mut places: Vec<usize> = (0..count).step_by(step).collect();
     if places.last() != Some(&(count - 1)) {

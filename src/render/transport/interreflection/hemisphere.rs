@@ -1,4 +1,4 @@
-//! Cosine-distributed directions over a hemisphere, each with the patch of the hemisphere it
+//! Cosine-distributed directions over a hemisphere, each with the patch of the hemisphere that it
 //! represents.
 
 use glam::{DVec2, DVec3};
@@ -50,14 +50,14 @@ impl Hemisphere {
         self.groups.iter().flatten().copied()
     }
 
-    /// Lower limit of the height used to compute a patch's sides. On the rim it corresponds to the
-    /// part of the patch inside the disc.
+    /// Returns the lower limit of the height above the disc with which the sides of a patch are
+    /// computed. For a patch on the rim, it corresponds to the part of the patch inside the disc.
     pub(crate) fn lowest(&self) -> f64 {
         (self.side / 2.0).sqrt()
     }
 
-    /// Returns the directions about a unit normal, in groups of sixteen, rotated about it by
-    /// `turn`.
+    /// Returns the directions about a unit normal, in groups of sixteen, rotated by `turn` about the
+    /// normal.
     pub(crate) fn above(
         &self,
         normal: DVec3,
@@ -94,7 +94,8 @@ mod tests {
                 .collect();
             assert_eq!(rays.len(), count);
             let n = count as f64;
-            // Means of the cosine and of its square under the density cos / pi: 2/3 and 1/2.
+            // Means of the cosine and of its square under the density cos / pi, which are 2/3 and
+            // 1/2.
             let mean = |f: &dyn Fn(&Ray) -> f64| rays.iter().map(f).sum::<f64>() / n;
             let cos = mean(&|ray| ray.direction.dot(normal));
             let squares = mean(&|ray| ray.direction.dot(normal).powi(2));
@@ -105,7 +106,7 @@ mod tests {
             for ray in &rays {
                 assert!((ray.direction.length() - 1.0).abs() < 1e-12);
             }
-            // Projected along the normal, the patches are squares that tile the disc.
+            // Projected along the normal, the patches are squares that together cover the disc.
             let covered: f64 = rays
                 .iter()
                 .map(|r| r.sides[0].cross(r.sides[1]).dot(normal))

@@ -1,21 +1,21 @@
-//! Interreflection: one diffuse bounce of the light of projector and lamps.
+//! Interreflection: one diffuse bounce of the light of the projector and of lamps.
 //!
-//! The indirect irradiance of a point is the integral of incoming radiance over its hemisphere. For
-//! cosine-distributed rays it is the mean of albedo times irradiance at their hits (e.g. Pharr,
-//! Jakob, Humphreys: "Physically Based Rendering", 4th edition, section 13.2). The hits do not
-//! depend on the projected pattern, so the geometry pass traces the rays once and stores, for each
-//! that ends in the projector's light, a pattern position, a footprint and a weight; each frame
-//! then averages its pattern over them ([`exposure`](crate::exposure)). The lamps' indirect light
-//! is added to the ambient light.
+//! The indirect irradiance of a point is the integral of the incoming radiance over the point's
+//! hemisphere. For cosine-distributed rays it is the mean of albedo times irradiance at the points
+//! that they hit (e.g. Pharr, Jakob, Humphreys: "Physically Based Rendering", 4th edition, section
+//! 13.2). The hits do not depend on the projected pattern. The geometry pass therefore traces the
+//! rays once and stores, for each ray that ends in the projector's light, a pattern position, a
+//! footprint and a weight; each frame then averages its pattern over these footprints
+//! ([`exposure`](crate::exposure)). The indirect light of lamps is added to the ambient light.
 //!
-//! Each ray represents a solid angle, which maps to a parallelogram on the pattern. Without that
-//! footprint each ray would sample a fringe at a random phase, and the mean of 64 rays would still
-//! fluctuate by an eighth of their contribution.
+//! Each ray represents a solid angle, which maps to a parallelogram on the pattern. Without this
+//! footprint, each ray would sample a fringe at a random phase, and the mean of 64 rays would still
+//! fluctuate by an eighth of the rays' contribution.
 //!
 //! Indirect light varies slowly, so it is gathered at some pixels and interpolated over each smooth
-//! surface (`grid`); `error` estimates how far that is off, and chooses the spacing. A mixed pixel uses
-//! the value at its centre. `gather` casts the rays in the directions of `hemisphere`, and `patch`
-//! computes the reflectance and the light where they hit.
+//! surface (`grid`); `error` estimates the error of this interpolation, and chooses the spacing. A
+//! mixed pixel uses the value at its centre. `gather` casts the rays in the directions of
+//! `hemisphere`, and `patch` computes the reflectance and the light at the points that they hit.
 
 mod error;
 mod gather;
@@ -53,8 +53,8 @@ pub(crate) fn run(worlds: &Worlds, rays: &Rays<'_>, plan: &Plan, map: &mut Geome
     map.interreflection = interreflection;
 }
 
-/// Adds the lamps' indirect light, which does not depend on the pattern: irradiance and flicker
-/// amplitude of each point.
+/// Adds the indirect light of lamps, which does not depend on the pattern. `lamps` holds the
+/// irradiance and flicker amplitude of each gather point.
 fn add_lamps(map: &mut GeometryBuffer, interreflection: &InterreflectionMap, lamps: &[[f32; 2]]) {
     let of = |which: usize| -> Vec<f32> {
         let mut points: Vec<f32> = lamps.iter().map(|point| point[which]).collect();
@@ -71,7 +71,7 @@ fn add_lamps(map: &mut GeometryBuffer, interreflection: &InterreflectionMap, lam
     }
     let mut former = None;
     for mixed in &mut map.mixed {
-        // A pixel's sample groups are summed, so the light is added to the first only.
+        // The sample groups of a pixel are summed, so the light is added only to the first group.
         if former != Some(mixed.pixel) {
             mixed.ambient += interreflection.at(mixed.pixel as usize, &steady);
             mixed.flickering += interreflection.at(mixed.pixel as usize, &swing);

@@ -1,5 +1,5 @@
-//! Patches of surfaces that rays hit: their reflectance, treated as uniform over all directions, and
-//! the projector's light on them.
+//! Patches of surfaces that rays hit: their reflectance, for which incident light is treated as
+//! uniform over all directions, and the projector's light on them.
 
 use crate::exposure::Optics;
 use crate::material::{Ggx, Materials};
@@ -10,7 +10,7 @@ use glam::{DMat2, DVec2, DVec3};
 /// A surface point, and the sides of a patch around it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Patch {
-    /// In the rig's frame in millimetres.
+    /// Point in the rig's frame in millimetres.
     pub(crate) point: DVec3,
     /// Unit normal of the facet.
     pub(crate) normal: DVec3,
@@ -30,8 +30,8 @@ impl Evenly<'_> {
         self.albedo
     }
 
-    /// Returns the fraction of light from a direction at this cosine to the normal that is
-    /// reflected, diffuse part and lobe together, so that energy is conserved.
+    /// Returns the fraction that is reflected, by diffuse base and lobe together, of light from a
+    /// direction at this cosine to the normal. Energy is conserved.
     pub(crate) fn share(&self, cos: f64) -> f64 {
         match self.specular {
             Some(ggx) => ggx.under_even_light(self.albedo, cos),
@@ -58,18 +58,18 @@ impl Materials {
     }
 }
 
-/// A patch in the projector's field, regardless of shadows.
+/// A patch in the projector's field, whether or not it is in shadow.
 pub(super) struct Shown {
-    /// Position in the pattern in projector pixels.
+    /// Position of the point in the pattern, in projector pixels.
     pub(super) px: DVec2,
-    /// Sides of the patch in the pattern.
+    /// Sides of the patch in the pattern, in projector pixels.
     pub(super) sides: [DVec2; 2],
-    /// Radiant exitance under full white in W/m^2.
+    /// Radiant exitance of the patch under full white in W/m^2.
     pub(super) thrown_back: f64,
 }
 
-/// Returns the projector position that lights a patch and the patch's exitance; `None` outside the
-/// field and if the patch faces away.
+/// Returns the projector position that lights a patch, and the patch's exitance; `None` if the patch
+/// is outside the projector's field or faces away from the projector.
 pub(super) fn shown(
     optics: &Optics,
     plan: &Plan,
@@ -82,7 +82,7 @@ pub(super) fn shown(
     let local = axes * way;
     let distance2 = way.length_squared();
     let cos = -patch.normal.dot(way) / distance2.sqrt();
-    // A point in the pupil itself gives NaN and counts as unlit.
+    // A point in the pupil itself gives NaN, so it counts as unlit.
     if !(local.z > 0.0 && cos > 0.0) {
         return None;
     }

@@ -92,7 +92,7 @@ fn a_covariance_is_honest() {
         let square = error.dot(&(inverse * error));
         sum += square;
         below += u32::from(chi_square_below(square, 6) < 0.95);
-        // Whitened, so that runs can be averaged.
+        // Whiten the errors, so that runs can be averaged.
         mean += inverse.cholesky().unwrap().l().transpose() * error;
     }
     // Over 200 runs of six unknowns, the mean chi-square is 6 with standard deviation 0.25, and the
@@ -261,7 +261,7 @@ fn refuses_scans_without_answer_and_warns_of_misfit() {
         .find(|p| p.z > 60.0 && p.truncate().length() < 60.0)
         .unwrap();
     assert!(say(vec![one; 1000]).contains("line"));
-    // A patch of a few centimetres determines little and has warnings.
+    // A scan of a patch of a few centimetres determines little and gives warnings.
     let patch: Vec<DVec3> = all
         .iter()
         .copied()

@@ -92,7 +92,7 @@ fn a_sphere_leaves_three_turns_about_its_centre() {
         assert!(off < 3.0, "{off}");
     }
     assert!(words.contains("a sphere"), "{words}");
-    // The centre is correct, whatever rotation remains.
+    // The sphere's centre is found correctly, although its rotation is undetermined.
     let truth = six([0.3, -0.2, 0.8], [0.2, -0.3, 0.1])
         .pose()
         .point(DVec3::new(10.0, 20.0, -40.0));

@@ -44,9 +44,9 @@ pub(super) fn figure(name: &str, caption: &str, axes: [&str; 2], series: Vec<Ser
     chart.figure(name, caption)
 }
 
-/// Returns whether each setting, given by cost and error, is on the Pareto front: no other costs
-/// and errs at most as much, with less of one of them. Settings with missing figures are not on the
-/// front.
+/// Returns whether each setting, given by cost and error, is on the Pareto front: no other setting has
+/// at most the same cost and at most the same error, one of them smaller. Settings with missing figures
+/// are not on the front.
 pub(super) fn front(settings: &[[f64; 2]]) -> Vec<bool> {
     let sound = |s: &[f64; 2]| s.iter().all(|v| v.is_finite());
     let beats = |a: &[f64; 2], b: &[f64; 2]| {

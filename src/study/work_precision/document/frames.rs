@@ -31,8 +31,8 @@ pub(super) fn sections(frames: &[&Row], gpu: &[&Row], bound_um: f64) -> [Section
 fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Section {
     let mut errors = Table::new(
         "work-precision-frames",
-        "Frames without noise against the reference path (f64, thousands of rays a pixel): error of \
-         the phase of four steps, as depth.",
+        "Frames without noise compared with the reference path (f64, thousands of rays per pixel): \
+         error of the phase from four steps, expressed as depth.",
         &[
             "filter",
             "rays",
@@ -45,8 +45,9 @@ fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Sec
     );
     let mut times = Table::new(
         "work-precision-frame-times",
-        "Nanoseconds a pixel of a frame on all threads, median (quartiles), with the geometry that \
-         four frames share; * is on the Pareto front, with the GPU's where there is one.",
+        "Nanoseconds per pixel of a frame on all threads, median (quartiles), including the \
+         geometry that four frames share. * marks the Pareto front, which includes the GPU's \
+         frames if there is a GPU.",
         &["filter", "rays", "ns/px", ""],
     )
     .timed();
@@ -78,16 +79,17 @@ fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Sec
             mark.to_owned(),
         ]);
     }
-    let about = "What the closed form of a pixel's footprint is worth beside sampling it, and f32 \
-                 beside f64. The reference looks up one held slide pixel a ray. Its error falls with \
-                 the number of rays, and the largest number is what all are held against: no error \
-                 below that of a quarter of it, the last row, can be trusted. The closed form in f64 \
-                 has the fast path's formula and no rounding to speak of; the row that holds the two \
-                 against each other is what f32 costs. Samples a pixel change nothing on smooth \
-                 surfaces, where the closed form stands for them; edges have sixteen rays whenever \
-                 fewer are asked for, and gain from sixty-four. Sampling in f64 is the reference path \
-                 itself, which tests every ray against every surface: its times are no renderer's, \
-                 but how they grow with the rays is.";
+    let about = "Compares the closed form of a pixel's footprint with sampling, and f32 with f64. \
+                 The reference looks up one held pixel of the pattern image per ray. Its error \
+                 falls with the number of rays, and all settings are compared with the largest \
+                 number: an error below that of a quarter of the rays, in the last row, cannot be \
+                 trusted. The closed form in f64 uses the fast path's formula with negligible \
+                 rounding; the row that compares the two shows what f32 costs. More samples per \
+                 pixel change nothing on smooth surfaces, where the closed form replaces them; \
+                 edges have sixteen rays even if fewer are set, and gain from sixty-four. Sampling \
+                 in f64 is the reference path itself, which tests every ray against every surface: \
+                 its times are not typical of a renderer, but their growth with the number of rays \
+                 is.";
     let fast = frames
         .iter()
         .find(|row| frame_name(row) == ["closed form, f32".to_owned(), "1".to_owned()]);
@@ -112,7 +114,7 @@ fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Sec
     )
 }
 
-/// Plots all frames by time and error, and the front.
+/// Plots all frames by time and error, and the Pareto front.
 fn plot(all: &[&Row], best: &[bool]) -> Figure {
     let point = |row: &Row| (row.value("ns"), row.value("inlier_rmse_mm"));
     let by = |name: &str, style: SeriesStyle, is: &dyn Fn(&Row) -> bool| {
@@ -145,7 +147,7 @@ fn plot(all: &[&Row], best: &[bool]) -> Figure {
     figure(
         "work-precision-frames",
         "Error of frames without noise, on smooth surfaces, against time.",
-        ["time of a pixel of a frame, ns", "RMSE, mm"],
+        ["time per pixel of a frame, ns", "RMSE, mm"],
         series,
     )
 }
@@ -154,8 +156,8 @@ fn plot(all: &[&Row], best: &[bool]) -> Figure {
 fn of_adapter(gpu: &[&Row], best: &[bool], bound_um: f64) -> Section {
     let mut table = Table::new(
         "work-precision-gpu",
-        "The same frames by the GPU: a frame's time is from its order to its bytes; * is on the Pareto \
-         front of the processor's frames and these.",
+        "The same frames on the GPU, timed from the request of a frame to its bytes. * marks the \
+         Pareto front of these and the CPU's frames.",
         &[
             "adapter",
             "rays",
@@ -168,7 +170,7 @@ fn of_adapter(gpu: &[&Row], best: &[bool], bound_um: f64) -> Section {
     )
     .timed();
     let mut blocks = Vec::new();
-    // Rows without figures are not on the front.
+    // Rows without measured values are not on the Pareto front.
     let mut best = best.iter();
     for row in gpu {
         if !row.get("note").is_empty() {
@@ -193,5 +195,5 @@ fn of_adapter(gpu: &[&Row], best: &[bool], bound_um: f64) -> Section {
     if !table.rows.is_empty() {
         blocks.push(Block::Table(table));
     }
-    Section::new("The processor and the GPU", blocks)
+    Section::new("CPU and GPU", blocks)
 }

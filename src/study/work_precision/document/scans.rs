@@ -52,10 +52,18 @@ pub(super) fn section(scans: &[&Row], settings: &Settings) -> Section {
     );
     let mut times = Table::new(
         "work-precision-scan-times",
-        "The same scans: milliseconds, median (quartiles) of repeated runs. Rendering is the geometry \
-         pass and all frames; * is on the Pareto front of the sum, on which are only settings with at \
+        "The same scans: milliseconds, median (quartiles) of repeated runs. Rendering is the \
+         geometry pass and all frames. * marks the Pareto front of the sum, among settings with at \
          most 1 % of gross errors and at least 90 % of the surface.",
-        &["steps", "pixels", "samples", "render, ms", "decode, ms", "sum, ms", ""],
+        &[
+            "steps",
+            "pixels",
+            "samples",
+            "render, ms",
+            "decode, ms",
+            "sum, ms",
+            "",
+        ],
     )
     .timed();
     let places: Vec<[f64; 2]> = scans
@@ -93,17 +101,17 @@ pub(super) fn section(scans: &[&Row], settings: &Settings) -> Section {
             if *best { "*" } else { "" }.to_owned(),
         ]);
     }
-    let about = "What a scan's time buys. Steps, resolution and samples a pixel are set; what is left \
-                 out is what noise sets. Pixels that are half as wide see half as much of a fringe at \
-                 once, so that its contrast is higher; all are exposed until they have as much light. \
-                 The fringes are 16 slide pixels wide, of which a pixel of the bench spans 4.35: at \
-                 half its resolution more than half a fringe falls into one pixel. What stands above the bound \
-                 is the same whatever the steps: the projector's pixels are held, and the images of \
-                 the fringe that this makes turn with the step as the fringe does. A pixel \
-                 averages over 4.35 of the projector's on floor and top, which leaves some \
-                 thousandths of them, and nothing would be left only where it spans a whole number. \
-                 The closed form of each pixel's footprint gives them (held pixels), and taken off \
-                 pixel by pixel it leaves the bound.";
+    let about = "Error and time of scans with different numbers of steps, resolutions and samples \
+                 per pixel. Pixels that are half as wide see half as much of a fringe at once, so \
+                 that its contrast is higher; all are exposed until they have the same light. The \
+                 fringes are 16 projector pixels wide, of which a pixel of the bench spans 4.35: \
+                 at half its resolution, more than half a fringe falls into one pixel. The error \
+                 above the noise bound is the same for every number of steps. It comes from the \
+                 projector's held pixels: they create images of the fringe, which turn with the \
+                 step as the fringe does. A pixel averages over 4.35 projector pixels on floor and \
+                 top, which reduces these images to some thousandths; only a whole number would \
+                 leave nothing. The closed form of each pixel's footprint gives this error (held \
+                 pixels). Subtracted pixel by pixel, it leaves the bound.";
     Section::new(
         "Scans",
         vec![
@@ -132,8 +140,8 @@ fn fits(row: &Row, wanted_mm: f64) -> bool {
 /// Tabulates the least work, which is independent of the machine.
 fn least(scans: &[&Row]) -> Table {
     let caption = format!(
-        "The fewest pixels, of all frames together, for a wanted accuracy, among settings with at most \
-         {} % of gross errors and at least {} % of the surface.",
+        "Setting with the fewest pixels in all frames together for each wanted accuracy, among \
+         settings with at most {} % of gross errors and at least {} % of the surface.",
         MOST_GROSS * 100.0,
         LEAST_COVERAGE * 100.0
     );
@@ -145,12 +153,19 @@ fn cheapest(scans: &[&Row]) -> Table {
     let mut table = Table::new(
         "work-precision-cheapest",
         format!(
-            "The cheapest setting for a wanted accuracy, among those with at most {} % of gross errors \
-             and at least {} % of the surface.",
+            "Fastest setting for each wanted accuracy, among those with at most {} % of gross \
+             errors and at least {} % of the surface.",
             MOST_GROSS * 100.0,
             LEAST_COVERAGE * 100.0
         ),
-        &["wanted, mm", "steps", "pixels", "samples", "inlier RMSE, um", "sum, ms"],
+        &[
+            "wanted, mm",
+            "steps",
+            "pixels",
+            "samples",
+            "inlier RMSE, um",
+            "sum, ms",
+        ],
     )
     .timed();
     for wanted in WANTED_MM {
@@ -190,7 +205,7 @@ fn scan_figure(all: &[&Row], best: &[bool]) -> Figure {
                     .filter(|r| r.get("scale") == *scale)
             };
             let mut one = Series::new(
-                &format!("{scale} x the pixels a side"),
+                &format!("{scale} x the pixels per side"),
                 SeriesStyle::Both,
                 of().map(|row| point(row)),
             );
@@ -296,7 +311,7 @@ fn by_steps(scans: &[&Row]) -> Table {
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let mut table = Table::new(
         "work-precision-steps",
-        "Inlier RMSE in micrometres of the same field by steps and pixels.",
+        "Inlier RMSE in micrometres for the same field, by steps and resolution.",
         &header,
     );
     for steps in &steps {

@@ -8,9 +8,9 @@ use phasmid_report::plot::figures;
 pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
     let mut errors = Table::new(
         "work-precision-terms",
-        "Each term left out of a scene that needs it (the bench before its torso, twelve steps, \
-         otherwise without noise): error of the phase against the full plan, as depth; gross: more \
-         than 1 mm off, or a fringe where there is none.",
+        "Each term is left out of a scene that needs it (the bench in front of its torso, twelve \
+         steps; without noise, except for the term noise): error of the phase relative to the full \
+         plan, expressed as depth. Gross: more than 1 mm off, or a fringe where there is none.",
         &[
             "term",
             "pass",
@@ -22,8 +22,8 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
     );
     let mut times = Table::new(
         "work-precision-term-times",
-        "Nanoseconds a pixel of a scan (geometry and twelve frames) on all threads, median (quartiles) \
-         of runs in turns.",
+        "Nanoseconds per pixel of a scan (geometry and twelve frames) on all threads, median \
+         (quartiles) of alternating runs.",
         &["term", "with", "without", "saved"],
     )
     .timed();
@@ -51,17 +51,18 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
     };
     let of_noise = value_of("noise", "ratio_to_bound");
     let about = format!(
-        "What each term is worth and what it costs. Uniform factors, such as vignetting and ambient \
-         light, leave the phase alone and change the light only: their error is next to none here, \
-         whatever they do to the noise. Bent responses of projector and camera make harmonics, of \
-         which twelve steps cancel all up to the tenth. Blooming needs light beyond the full well, \
-         which this scene has not; the light source of a sequence that was never started has not \
-         warmed up, and so keeps time; no pattern varies along y: these terms change no byte. Noise is \
-         worth {} times its own pixels' bound, which here is less than that of the scans above: the \
-         torso is brighter in the middle of the image, and the converter has 16 bits. The footprint \
-         along the fringes' axis cannot be left out of a plan whose slides vary along it: the frames \
-         above compare it with samples. Shadows count where light falls that should not, which the \
-         phase of lit pixels does not show.",
+        "Benefit and cost of each term. Uniform factors, such as vignetting and ambient light, \
+         change only the brightness, not the phase: their error here is almost zero, whatever they \
+         do to the noise. Nonlinear responses of projector and camera add harmonics, of which \
+         twelve steps cancel all up to the tenth. Three terms change no byte here: blooming needs \
+         light beyond the full well, which this scene does not have; the light source of a \
+         sequence that was never started has not warmed up, so its timing is exact; and no pattern \
+         varies along y. The error due to noise is {} times the bound of its own pixels, which is \
+         lower than that of the scans above, because the torso is brighter in the middle of the \
+         image and the converter has 16 bits. The footprint along the fringes' axis cannot be left \
+         out of a plan whose pattern images vary along it: the section on frames compares it with \
+         samples. Shadows matter where light falls that should not, which the phase of lit pixels \
+         does not show.",
         figures(of_noise, 3)
     );
     let of = |pass: &'static str| {
@@ -84,10 +85,10 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
         .filter_map(of);
     let plot = figure(
         "work-precision-terms",
-        "Error without a term against the time that it takes; terms that cost or change nothing are \
-         off the axes.",
+        "Error without a term against the time that leaving it out saves. Terms that cost nothing \
+         or change nothing are off the axes.",
         [
-            "time that leaving it out saves, ns a pixel of a scan",
+            "time saved without the term, ns per pixel of a scan",
             "RMSE without it, mm",
         ],
         series.collect(),

@@ -6,7 +6,7 @@ use phasmid::protocol::dialect::{Cut, Dialect, Direction};
 use phasmid::protocol::scpi::{Framer, Framing, parse};
 use std::cell::OnceCell;
 
-/// Reads bytes as SCPI messages, whole and in pieces, and each message as program units.
+/// Reads bytes as SCPI messages, whole and in pieces, and parses each message into program units.
 pub fn scpi(bytes: &[u8]) -> bool {
     let framed = |pieces: &[&[u8]]| {
         let mut framer = Framer::default();
@@ -36,8 +36,8 @@ thread_local! {
     static PROFILE: OnceCell<Profile> = const { OnceCell::new() };
 }
 
-/// Sends arbitrary commands to a device for two minutes of its time: it counts frames without a
-/// gap, replies with lines, and still answers with its name.
+/// Sends arbitrary commands to a device for two minutes of device time. The device must count frames
+/// without a gap, reply with lines, and finally still answer with its name.
 pub fn firmware(bytes: &[u8]) -> bool {
     let profile = PROFILE.with(|cell| {
         let load = || Profile::load("webcam-grey").expect("is built in");
@@ -83,8 +83,8 @@ thread_local! {
         .collect();
 }
 
-/// Bytes on a port with one of the shipped dialects, in either direction: the messages are the same
-/// however the bytes are split, and are understood or rejected.
+/// Reads bytes on a port with one of the shipped dialects, in either direction. The messages must
+/// not depend on how the bytes are split, and each must be understood or rejected.
 pub fn dialect_wire(bytes: &[u8]) -> bool {
     DIALECTS.with(|dialects| {
         let mut understood = false;

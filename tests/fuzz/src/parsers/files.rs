@@ -1,11 +1,11 @@
-//! Binary files, read from disk like a user's.
+//! Binary files, read from disk like a user's files.
 
 use phasmid::decode::{Plan, load_frames};
 use phasmid::geometry::Mesh;
 use phasmid::pattern::{Image, Manifest};
 use std::path::PathBuf;
 
-/// Passes `read` a file with these bytes, which exists until it returns.
+/// Calls `read` with the path of a file that holds these bytes and exists until `read` returns.
 pub fn with_file(extension: &str, bytes: &[u8], read: impl FnOnce(PathBuf) -> bool) -> bool {
     let thread = std::thread::current().id();
     let name = format!("phasmid-fuzz-{}-{thread:?}.{extension}", std::process::id());
@@ -26,17 +26,17 @@ fn mesh(extension: &str, bytes: &[u8]) -> bool {
     })
 }
 
-/// STL, binary or text.
+/// Reads an STL file, binary or text.
 pub fn stl(bytes: &[u8]) -> bool {
     mesh("stl", bytes)
 }
 
-/// Wavefront's OBJ.
+/// Reads a Wavefront OBJ file.
 pub fn obj(bytes: &[u8]) -> bool {
     mesh("obj", bytes)
 }
 
-/// Stanford's PLY, a mesh or a cloud.
+/// Reads a Stanford PLY file, as a mesh and as a cloud.
 pub fn ply(bytes: &[u8]) -> bool {
     let cloud = with_file("ply", bytes, |path| {
         phasmid::geometry::ply::read_cloud(&path).is_ok()
@@ -44,7 +44,7 @@ pub fn ply(bytes: &[u8]) -> bool {
     mesh("ply", bytes) || cloud
 }
 
-/// A camera image of a sequence.
+/// Reads a camera image of a sequence.
 pub fn image(bytes: &[u8]) -> bool {
     let frame = |name: &str, phase: f64| {
         format!(

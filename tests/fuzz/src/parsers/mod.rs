@@ -1,5 +1,5 @@
-//! Every parser of the program, as a function of arbitrary bytes. It must return a value or an
-//! error message for any input, and a value must satisfy the guarantees of its type.
+//! Every parser of the program, as a function of arbitrary bytes. A parser must return a value or an
+//! error message for any input, and the value must satisfy the guarantees of its type.
 //!
 //! `seeds/NAME` holds inputs that a parser accepts, as a starting point.
 
@@ -15,7 +15,7 @@ pub struct Parser {
     pub name: &'static str,
     /// Parses bytes; returns whether they were valid input for the parser.
     pub run: fn(&[u8]) -> bool,
-    /// Files of the repository that also serve as seeds: a folder and an extension.
+    /// Files of the repository that also serve as seeds, given by a folder and an extension.
     pub shipped: Option<(&'static str, &'static str)>,
 }
 
@@ -69,10 +69,10 @@ pub const PARSERS: &[Parser] = &[
     parser("planning", patient::planning),
 ];
 
-/// Runs the parser with a name.
+/// Runs the parser with this name.
 ///
 /// # Panics
-/// Panics if no parser has that name.
+/// Panics if no parser has this name.
 pub fn run(name: &str, bytes: &[u8]) {
     let parser = PARSERS.iter().find(|parser| parser.name == name);
     let run = parser.expect("a parser's name").run;

@@ -6,7 +6,7 @@ use phasmid::patient::planning::PlanningFile;
 use phasmid::patient::volume::Volume;
 use phasmid::patient::{dicom as ct, metaimage as image};
 
-/// MetaImage, a volume or a field: writing and rereading gives the same data.
+/// Reads a MetaImage file, a volume or a field: writing and rereading it must give the same data.
 pub fn metaimage(bytes: &[u8]) -> bool {
     with_file("mha", bytes, |path| {
         if let Ok(volume) = image::read_volume(&path) {
@@ -28,7 +28,7 @@ pub fn metaimage(bytes: &[u8]) -> bool {
     })
 }
 
-/// A DICOM CT image.
+/// Reads a DICOM CT image.
 pub fn dicom(bytes: &[u8]) -> bool {
     with_file("dcm", bytes, |path| {
         let Ok(volume) = ct::read_slice(&path) else {
@@ -40,14 +40,14 @@ pub fn dicom(bytes: &[u8]) -> bool {
     })
 }
 
-/// Checks that the surface of a volume refers to existing vertices only.
+/// Checks that the surface of a volume refers only to existing vertices.
 fn surface(volume: &Volume) {
     if let Ok(mesh) = isosurface(volume, -500.0, Parts::LargestFilled, "fuzz") {
         mesh.checked("fuzz").expect("a surface of voxels");
     }
 }
 
-/// A planning file: writing and rereading gives the same data.
+/// Reads a planning file: writing and rereading it must give the same data.
 pub fn planning(bytes: &[u8]) -> bool {
     let Ok(file) = PlanningFile::parse(&String::from_utf8_lossy(bytes), "fuzz") else {
         return false;

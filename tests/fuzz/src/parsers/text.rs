@@ -15,7 +15,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// A manifest: writing and rereading gives the same data.
+/// Reads a manifest: writing and rereading it must give the same data.
 pub fn manifest(bytes: &[u8]) -> bool {
     let Ok(manifest) = Manifest::parse(&text(bytes), "fuzz") else {
         return false;
@@ -26,7 +26,7 @@ pub fn manifest(bytes: &[u8]) -> bool {
     true
 }
 
-/// A calibration in our own format: writing and rereading gives the same data.
+/// Reads a calibration in Phasmid's own format: writing and rereading it must give the same data.
 pub fn rig(bytes: &[u8]) -> bool {
     let Ok(rig) = Rig::from_toml(&text(bytes), "fuzz") else {
         return false;
@@ -36,12 +36,12 @@ pub fn rig(bytes: &[u8]) -> bool {
     true
 }
 
-/// A device's description of itself and of its endpoints.
+/// Reads a `device.json`.
 pub fn endpoints(bytes: &[u8]) -> bool {
     Endpoints::parse(&text(bytes), "fuzz").is_ok()
 }
 
-/// A profile: if it parses, it is a valid device or lacks a file.
+/// Reads a profile: if it parses, it must be a valid device or lack a file.
 pub fn profile(bytes: &[u8]) -> bool {
     let Ok(profile) = Profile::parse(&text(bytes), "fuzz") else {
         return false;
@@ -51,7 +51,7 @@ pub fn profile(bytes: &[u8]) -> bool {
     true
 }
 
-/// A scene.
+/// Reads a scene.
 pub fn scene(bytes: &[u8]) -> bool {
     let Ok(scene) = Scene::parse(&text(bytes), "fuzz") else {
         return false;
@@ -60,7 +60,7 @@ pub fn scene(bytes: &[u8]) -> bool {
     true
 }
 
-/// A patient: if it parses, its mass is plausible.
+/// Reads a patient: if it parses, the patient's mass must be plausible.
 pub fn patient(bytes: &[u8]) -> bool {
     let Ok(patient) = Patient::parse(&text(bytes), "fuzz") else {
         return false;
@@ -69,7 +69,7 @@ pub fn patient(bytes: &[u8]) -> bool {
     true
 }
 
-/// The address of a USB device.
+/// Reads the address of a USB device.
 pub fn usb_address(bytes: &[u8]) -> bool {
     let Ok(address) = UsbAddress::parse(&text(bytes), "fuzz") else {
         return false;
@@ -78,7 +78,7 @@ pub fn usb_address(bytes: &[u8]) -> bool {
     true
 }
 
-/// A station.
+/// Reads a station file.
 pub fn station(bytes: &[u8]) -> bool {
     let Ok(station) = Station::parse(&text(bytes), "fuzz") else {
         return false;
@@ -87,7 +87,8 @@ pub fn station(bytes: &[u8]) -> bool {
     true
 }
 
-/// A dialect file: a dialect that parses can split arbitrary bytes into messages.
+/// Reads a dialect file: if it parses, the dialect must be able to split arbitrary bytes into
+/// messages.
 pub fn dialect(bytes: &[u8]) -> bool {
     let Ok(dialect) = Dialect::parse(&text(bytes), "fuzz") else {
         return false;
@@ -97,7 +98,7 @@ pub fn dialect(bytes: &[u8]) -> bool {
     true
 }
 
-/// A schedule of faults.
+/// Reads a schedule of faults.
 pub fn faults(bytes: &[u8]) -> bool {
     Schedule::from_source(&TomlSource::new(&text(bytes), "fuzz")).is_ok()
 }

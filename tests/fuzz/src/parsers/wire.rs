@@ -9,7 +9,7 @@ use phasmid::protocol::usb::{cdc, descriptor, uvc};
 use phasmid::protocol::wire::{FrameDecoder, encode_header};
 use phasmid::protocol::{Frame, PixelFormat};
 
-/// A frame socket's stream in pieces of many lengths: frames that result are complete.
+/// Reads a frame socket's stream in pieces of many lengths; every resulting frame must be complete.
 pub fn frames(bytes: &[u8]) -> bool {
     let mut decoder = FrameDecoder::default();
     let mut rest = bytes;
@@ -39,7 +39,7 @@ pub fn frames(bytes: &[u8]) -> bool {
     whole
 }
 
-/// The first row of an image as an embedded data line.
+/// Reads the first row of an image as an embedded data line.
 pub fn data_line(bytes: &[u8]) -> bool {
     let mut lined = false;
     for (format, width) in [
@@ -69,7 +69,7 @@ pub fn data_line(bytes: &[u8]) -> bool {
     lined
 }
 
-/// A line of the service channel, as a request and as an answer.
+/// Reads a line of the service channel, as a request and as a reply.
 pub fn service(bytes: &[u8]) -> bool {
     let mut known = false;
     if let Ok(request) = Request::parse(bytes) {
@@ -84,8 +84,8 @@ pub fn service(bytes: &[u8]) -> bool {
     known
 }
 
-/// A recording: what has been read is written as the same bytes, and reading stops at the same
-/// position.
+/// Reads a recording: records must be written as the bytes from which they were read, up to the
+/// position at which reading stops.
 pub fn recording(bytes: &[u8]) -> bool {
     let Ok(mut reader) = Reader::new(bytes, "recording") else {
         return false;
@@ -106,7 +106,7 @@ pub fn recording(bytes: &[u8]) -> bool {
     records > 0
 }
 
-/// Records of USB and USB/IP.
+/// Reads records of USB and USB/IP.
 pub fn usb_records(bytes: &[u8]) -> bool {
     let mut known = Configuration::parse(bytes).is_ok();
     known |= descriptor::text(bytes).is_some();

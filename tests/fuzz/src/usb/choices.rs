@@ -1,6 +1,7 @@
-//! Interprets a script's bytes as choices; past its end every choice is the first option.
+//! Interprets a script's bytes as choices; after the end of the script, every choice is the first
+//! option.
 
-/// The rest of a script.
+/// The bytes of a script that have not been used yet.
 pub struct Choices<'a> {
     rest: &'a [u8],
 }
@@ -24,7 +25,7 @@ impl<'a> Choices<'a> {
         }
     }
 
-    /// A number below `n`.
+    /// Chooses a number below `n`.
     pub fn below(&mut self, n: usize) -> usize {
         let wide = n > 256;
         let number = usize::from(self.byte()) | if wide { self.below(256) << 8 } else { 0 };
@@ -35,7 +36,7 @@ impl<'a> Choices<'a> {
         from[self.below(from.len())]
     }
 
-    /// One of the given numbers, or, if the byte is odd, any number.
+    /// Chooses one of the numbers in `likely` or, if the byte is odd, any number.
     pub fn value(&mut self, likely: &[u16]) -> u16 {
         let choice = self.byte();
         match choice & 1 {
@@ -44,7 +45,7 @@ impl<'a> Choices<'a> {
         }
     }
 
-    /// Boundary values, at which fields of the protocol change their meaning.
+    /// Chooses a boundary value, at which a field of the protocol changes its meaning.
     pub fn word(&mut self) -> u32 {
         let choice = self.byte();
         match choice >> 4 {

@@ -1,5 +1,5 @@
-//! A hostile host against the device: whatever it sends, it gets valid replies or is disconnected,
-//! and the next host finds the device unchanged.
+//! A hostile host against the device: whatever the host sends, it gets valid replies or is
+//! disconnected, and the next host finds the device unchanged.
 
 use super::choices::Choices;
 use super::ledger::Ledger;
@@ -15,9 +15,9 @@ use phasmid::protocol::usb::{Setup, cdc, request};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Maximum number of events queued for a firmware, plus a few of a host that disconnects.
+/// Maximum number of events queued for a firmware, including a few for a host that disconnects.
 const MAX_EVENTS: usize = 1024 + 8;
-/// Maximum number of bytes of the serial port queued for a firmware, including the last transfer's.
+/// Maximum number of serial bytes queued for a firmware, including the bytes of the last transfer.
 const MAX_RECEIVED: usize = (64 << 10) + (1 << 20);
 
 /// Actions of a script.
@@ -42,7 +42,7 @@ const REPLUG: u8 = 17;
 const ENDPOINT: u8 = 18;
 const STEPS: u8 = 19;
 
-/// Runs a script.
+/// Runs a script of a host's actions against a device.
 pub fn run(script: &[u8]) {
     let mut choices = Choices::new(script);
     let speed = choices.pick(&[Speed::High, Speed::Super]);
@@ -63,7 +63,7 @@ pub fn run(script: &[u8]) {
     host.finish();
 }
 
-/// Scripts that reach deep states.
+/// Returns scripts that reach deep states of the device.
 pub fn seeds() -> Vec<Vec<u8>> {
     let start = [CONFIGURE, NEGOTIATE, 0, 0];
     let bulk = |depth: u8| [READ_VIDEO, 0, AGAIN, depth, FRAME, 2, FIRMWARE];
@@ -336,7 +336,7 @@ impl Host {
     }
 
     fn class(&mut self, choices: &mut Choices<'_>) {
-        // Exposure, gain and error code; probe and commit; line coding, lines and break.
+        // Controls: exposure, gain and error code; probe and commit; line coding, lines and break.
         let index = choices.pick(&[0x0100, 0x0200, 2, 1, 0, 3]);
         let control = choices.pick(&[0x0400, 0x0200, 3, 1, 0x0100, 0]);
         let (kind, request, data) = match choices.byte() % 12 {
@@ -382,7 +382,7 @@ impl Host {
         self.submit(1, true, length, Setup::default(), &[], Some(&packets));
     }
 
-    /// Imitates a firmware that keeps up: echoes data, and then raises a line.
+    /// Imitates a firmware that keeps up with the host: echoes data, and then raises a serial line.
     fn firmware(&mut self) {
         let now = self.wire.now();
         for event in take_events(&self.device) {
@@ -400,10 +400,10 @@ impl Host {
         self.wire.advance(Duration::from_secs(60));
         let bytes = self.wire.take();
         self.ledger.received(&bytes);
-        // The way in which the connection ended is up to the host.
+        // The host may cause the connection to end in any way.
         let _ = self.wire.close();
         take_events(&self.device);
-        // The next host.
+        // The next host finds the device unchanged.
         let mut wire = Wire::new(&self.device);
         let setup = Setup {
             kind: Setup::STANDARD_IN,
@@ -440,7 +440,7 @@ impl Host {
     }
 }
 
-/// Takes the queued events, of which there must be few.
+/// Takes the queued events and checks that their number is within the limits.
 fn take_events(device: &UsbDevice) -> Vec<Event> {
     let events = device.take_events();
     assert!(events.len() <= MAX_EVENTS, "{} events", events.len());

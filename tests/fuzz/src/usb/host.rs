@@ -1,5 +1,5 @@
-//! A hostile server against the host: a correct device's answers, damaged in transit. The host must
-//! get what it asks for or one clear error, in time.
+//! A hostile server against the host: the answers of a correct device are damaged in transit. The
+//! host must get the data that it requests, or one clear error, in time.
 
 use super::choices::Choices;
 use super::ledger::Ledger;
@@ -20,14 +20,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Timeout of the host for an answer.
+/// Time that the host waits for an answer.
 const TIMEOUT: Duration = Duration::from_millis(20);
-/// Maximum time for everything that the host does: about thirty timeouts, on a loaded machine.
+/// Maximum total time of all actions of the host: about thirty timeouts, on a loaded machine.
 const LIMIT: Duration = Duration::from_secs(20);
-/// Maximum number of replies per connection; then the server disconnects.
+/// Maximum number of replies per connection; after them the server disconnects.
 const MAX_REPLIES: usize = 2000;
 
-/// Stages that a host has reached.
+/// Stages of its work that a host has reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Reached {
     pub opened: bool,
@@ -35,7 +35,7 @@ pub struct Reached {
     pub echoed: bool,
 }
 
-/// Runs a script.
+/// Runs a script that decides how replies are damaged.
 pub fn run(script: &[u8]) -> Reached {
     run_within(script, TIMEOUT)
 }
@@ -73,7 +73,7 @@ pub fn run_within(script: &[u8], timeout: Duration) -> Reached {
     reached
 }
 
-/// Scripts with one kind of damage each.
+/// Returns scripts with one kind of damage each.
 pub fn seeds() -> Vec<Vec<u8>> {
     let mut seeds = Vec::new();
     for kind in 0..DAMAGES {
@@ -87,7 +87,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// Checks that a user can read an error.
+/// Checks that an error is readable for a user.
 fn sound(error: &Error) {
     let message = error.to_string();
     assert!(
@@ -97,7 +97,7 @@ fn sound(error: &Error) {
     assert!(matches!(error.exit_code(), 1 | 2));
 }
 
-/// Everything that a host does with a device.
+/// Performs all actions of a host with a device.
 fn use_device(host: &str, timeout: Duration, reached: &mut Reached) -> Result<()> {
     if let Err(error) = Client::list(host, timeout) {
         sound(&error);
@@ -143,7 +143,7 @@ fn talk(device: &Arc<UsbDevice>, timeout: Duration, reached: &mut Reached) -> Re
     Ok(())
 }
 
-/// Answers a connection like the device, except for the damage.
+/// Answers a connection as the device would, except for the damage.
 fn serve(stream: &mut TcpStream, device: &Emulated, choices: &mut Choices<'_>) -> Option<()> {
     stream.set_nodelay(true).ok()?;
     stream.set_read_timeout(Some(LIMIT)).ok()?;
@@ -179,7 +179,7 @@ fn serve(stream: &mut TcpStream, device: &Emulated, choices: &mut Choices<'_>) -
         for _ in 0..8 {
             frames += u64::from(device.put(frame(frames), wire.now()));
         }
-        // Isochronous transfers end after a while.
+        // Let time pass, so that isochronous transfers end.
         wire.advance(Duration::from_millis(50));
         let whole = ledger.received(&wire.take());
         replies += whole.len();
@@ -192,7 +192,7 @@ fn serve(stream: &mut TcpStream, device: &Emulated, choices: &mut Choices<'_>) -
 const HARM: u8 = 200;
 const DAMAGES: u8 = 8;
 
-/// Sends replies, some of them damaged; `None` when the connection is over.
+/// Sends replies, some of them damaged; returns `None` when the connection is over.
 fn send(stream: &mut TcpStream, replies: Vec<Vec<u8>>, choices: &mut Choices<'_>) -> Option<()> {
     let mut held: Option<Vec<u8>> = None;
     for mut reply in replies {
@@ -209,7 +209,7 @@ fn send(stream: &mut TcpStream, replies: Vec<Vec<u8>>, choices: &mut Choices<'_>
                     reply[at] = choices.byte();
                 }
             }
-            // Damages pixels and descriptors, preferably at their beginning.
+            // Damages bytes of pixels or descriptors, preferably near their beginning.
             Some(2) => {
                 let at = 48 + choices.below(16);
                 if let Some(byte) = reply.get_mut(at) {
@@ -226,7 +226,7 @@ fn send(stream: &mut TcpStream, replies: Vec<Vec<u8>>, choices: &mut Choices<'_>
                 let noise = choices.bytes(60);
                 reply.splice(0..0, noise);
             }
-            // The reply is delayed until after the next one, or forever.
+            // The reply is delayed until after the next reply, or is never sent.
             Some(6) => {
                 held = Some(reply);
                 continue;

@@ -1,4 +1,4 @@
-//! Ledger of a host's requests: every reply must be one that the protocol allows.
+//! Ledger of a host's requests, which checks that the protocol allows every reply.
 
 use phasmid::protocol::usb::usbip::{
     Command, HEADER_LEN, PACKET_LEN, Packet, Reply, Submit, status,
@@ -12,17 +12,18 @@ pub struct Ledger {
     unlinks: HashMap<u32, u32>,
     sent: Vec<u8>,
     received: Vec<u8>,
-    /// The host has sent an invalid command or reused a number: replies can no longer be checked.
+    /// Whether the host has sent an invalid command or reused a number, so that replies can no
+    /// longer be checked.
     lost: bool,
 }
 
 impl Ledger {
-    /// Whether replies can no longer be checked.
+    /// Returns whether replies can no longer be checked.
     pub fn is_lost(&self) -> bool {
         self.lost
     }
 
-    /// Records what the host sends.
+    /// Records bytes that the host sends.
     pub fn sent(&mut self, bytes: &[u8]) {
         self.sent.extend(bytes);
         while let Some((header, rest)) = self.sent.split_first_chunk::<HEADER_LEN>() {
@@ -54,7 +55,7 @@ impl Ledger {
         }
     }
 
-    /// Records what the device sends; returns the complete replies.
+    /// Records bytes that the device sends; returns the replies that are now complete.
     pub fn received(&mut self, bytes: &[u8]) -> Vec<Vec<u8>> {
         self.received.extend(bytes);
         let mut whole = Vec::new();

@@ -1,7 +1,7 @@
 //! Fuzz targets for the USB/IP protocol in both directions.
 //!
-//! Every target is a function of bytes that it interprets as a script: any bytes describe what is
-//! sent and what happens, so that most scripts get past the first check.
+//! Every target is a function of bytes that it interprets as a script. Any bytes describe valid
+//! actions and data, so most scripts get past the first check.
 
 pub mod choices;
 pub mod device;

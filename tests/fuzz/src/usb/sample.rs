@@ -7,7 +7,7 @@ use phasmid::protocol::{Frame, PixelFormat};
 pub const WIDTH: u32 = 300;
 pub const HEIGHT: u32 = 200;
 
-/// Profile of a device with this speed and transfer type.
+/// Returns the profile of a device with this speed and transfer type.
 pub fn profile(speed: Speed, transfer: Transfer) -> Profile {
     let mut profile = Profile::load("webcam-grey").unwrap();
     profile.usb.speed = speed;
@@ -15,12 +15,12 @@ pub fn profile(speed: Speed, transfer: Transfer) -> Profile {
     profile
 }
 
-/// A device of a profile, exposing for 12 ms, in GREY or YUYV.
+/// Returns a device of a profile that exposes for 12 ms and offers GREY and YUYV.
 pub fn device(profile: &Profile, number: u32) -> UsbDevice {
     device_of(profile, number, &[PixelFormat::Grey, PixelFormat::Yuyv])
 }
 
-/// [`device`] in other formats.
+/// Same as [`device`], with other formats.
 pub fn device_of(profile: &Profile, number: u32, formats: &[PixelFormat]) -> UsbDevice {
     let camera = CameraState {
         exposure_ns: 12_000_000,
@@ -30,7 +30,7 @@ pub fn device_of(profile: &Profile, number: u32, formats: &[PixelFormat]) -> Usb
     UsbDevice::new(profile, number, (WIDTH, HEIGHT), formats, camera).unwrap()
 }
 
-/// The camera's frame number `id`.
+/// Returns the camera's frame with id `id`.
 pub fn frame(id: u64, format: PixelFormat) -> Frame {
     let len = format.frame_bytes(WIDTH, HEIGHT);
     let mut data: Vec<u8> = (0..len as u64).map(|i| (i * 7 + id * 31) as u8).collect();

@@ -1,5 +1,5 @@
 //! A host's connection to an in-memory device, without a socket, a thread or a clock: the device is
-//! polled when data has arrived for it, and then does everything it can.
+//! polled when data has arrived for it, and then acts until it has to wait.
 
 use phasmid::Result;
 use phasmid::link::usb::UsbDevice;
@@ -15,7 +15,7 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::runtime::{Builder, Runtime};
 
-/// Maximum number of steps of a device after data has arrived; beyond it, the device hangs.
+/// Maximum number of steps of a device after data has arrived; a device that takes more hangs.
 const MAX_STEPS: u32 = 1_000_000;
 
 /// The pipe between device and host.
@@ -23,9 +23,9 @@ struct Pipe {
     to_device: VecDeque<u8>,
     closed: bool,
     from_device: Vec<u8>,
-    /// Bytes that the host accepts before it has processed those received.
+    /// Number of bytes that the host accepts before it has processed the bytes received so far.
     room: usize,
-    /// Maximum number of bytes of one read.
+    /// Maximum number of bytes that one read returns.
     piece: usize,
     steps: u32,
 }
@@ -49,15 +49,15 @@ pub struct Wire {
     now: Rc<Cell<Duration>>,
 }
 
-/// Runtime in which the device's sleeps are created and never end: time advances only by
-/// [`Wire::advance`].
+/// Returns the runtime in which the device's sleeps are created. It never ends them: time advances
+/// only by [`Wire::advance`].
 fn runtime() -> &'static Runtime {
     static RUNTIME: OnceLock<Runtime> = OnceLock::new();
     RUNTIME.get_or_init(|| Builder::new_current_thread().enable_time().build().unwrap())
 }
 
 impl Wire {
-    /// Imports the device.
+    /// Imports the device and connects to it.
     pub fn new(device: &UsbDevice) -> Self {
         let pipe = Rc::new(RefCell::new(Pipe {
             to_device: VecDeque::new(),
@@ -88,7 +88,7 @@ impl Wire {
         wire
     }
 
-    /// Sends bytes; when this returns, the device has done everything it can.
+    /// Sends bytes; when this returns, the device has acted on them until it had to wait.
     pub fn send(&mut self, bytes: &[u8]) {
         self.pipe.borrow_mut().to_device.extend(bytes);
         self.poll();
@@ -109,7 +109,7 @@ impl Wire {
         self.poll();
     }
 
-    /// The device's time.
+    /// Returns the device's time.
     pub fn now(&self) -> Duration {
         self.now.get()
     }
@@ -117,7 +117,7 @@ impl Wire {
     /// Advances the device's time.
     pub fn advance(&mut self, by: Duration) {
         self.now.set(self.now.get() + by);
-        // Sends nothing, but lets the device handle what is due.
+        // Sends nothing, but lets the device handle everything that is due.
         self.device.send(&[], self.now.get());
         self.poll();
     }
@@ -136,12 +136,12 @@ impl Wire {
         }
     }
 
-    /// Whether the device has ended the connection.
+    /// Returns whether the device has ended the connection.
     pub fn has_ended(&self) -> bool {
         self.serving.is_none()
     }
 
-    /// Disconnects; returns how the connection ended for the device.
+    /// Disconnects, and returns the result with which the connection ended for the device.
     pub fn close(mut self) -> Result<()> {
         self.pipe.borrow_mut().closed = true;
         self.set_flow(usize::MAX, usize::MAX);

@@ -7,7 +7,7 @@ use phasmid::link::usb::Event;
 use phasmid::profile::{Speed, Transfer};
 use phasmid::protocol::usb::{Setup, cdc, request, uvc};
 
-/// Reason for which the device has ended the connection.
+/// Returns the reason for which the device has ended the connection.
 fn reason(host: Host) -> String {
     assert!(host.wire.has_ended());
     host.wire.close().unwrap_err().to_string()
@@ -56,8 +56,8 @@ fn bytes_beyond_the_buffer_end_the_connection() {
     assert!(reason(host).contains("before earlier data is accepted"));
 }
 
-/// A firmware that takes nothing: settings are replaced, and everything else is bounded, over any
-/// number of connections.
+/// With a firmware that takes no events, settings are replaced, and all other events are bounded
+/// over any number of connections.
 #[test]
 fn events_beyond_the_limit_end_the_connection() {
     let mut host = Host::new(Speed::High, Transfer::Bulk);
@@ -91,7 +91,7 @@ fn events_beyond_the_limit_end_the_connection() {
     }
     let toggles = events.iter().filter(|e| matches!(e, Event::Lines(_)));
     assert_eq!(toggles.count(), 4000);
-    // Hosts that reconnect are refused while their backlog is too large.
+    // Hosts that reconnect are refused while too many events are queued.
     host.wire.close().unwrap();
     let refused = (0..2000).filter_map(|_| Wire::new(&device).close().err());
     let refused: Vec<_> = refused.collect();

@@ -1,4 +1,4 @@
-//! The device's replies one by one, without a socket: a host that checks each.
+//! The device's replies one by one, without a socket, to a host that checks each reply.
 
 mod controls;
 mod faults;
@@ -22,7 +22,7 @@ fn frame(id: u64) -> Arc<Frame> {
     Arc::new(sample::frame(id, PixelFormat::Grey))
 }
 
-/// Status of a completed transfer.
+/// Returns the status of a completed transfer.
 fn status_of(reply: &Reply) -> i32 {
     match reply {
         Reply::Submit { status, .. } => *status,
@@ -54,7 +54,7 @@ impl Host {
         self.wire.send(&bytes);
     }
 
-    /// Submits a transfer; returns its number.
+    /// Submits a transfer and returns its sequence number.
     fn submit(&mut self, endpoint: u8, input: bool, length: u32, setup: Setup, data: &[u8]) -> u32 {
         self.seqnum += 1;
         let submit = Submit {
@@ -116,7 +116,7 @@ impl Host {
         taken
     }
 
-    /// Replies received so far, each with the data after its header.
+    /// Returns the replies received since the last call, each with the data after its header.
     fn replies(&mut self) -> Vec<(Reply, Vec<u8>)> {
         self.wire.poll();
         let whole = self.ledger.received(&self.wire.take());
@@ -187,7 +187,7 @@ impl Host {
         Negotiation::decode(&agreed).unwrap()
     }
 
-    /// Clears the halt of the camera's endpoint, which ends a stream.
+    /// Ends a stream by clearing the halt of the camera's endpoint.
     fn clear_halt(&mut self) {
         self.control(Setup::ENDPOINT_OUT, request::CLEAR_FEATURE, 0, 0x81, &[])
             .unwrap();

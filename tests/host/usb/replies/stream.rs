@@ -35,7 +35,7 @@ fn frames_go_out_whole_and_in_order_in_bulk() {
                     .all(|b| b & payload::FID == toggled && b & payload::EOH != 0)
             );
         }
-        // Clearing the endpoint ends the stream and discards queued data.
+        // Clearing the halt of the endpoint ends the stream and discards queued data.
         host.clear_halt();
         assert!(!host.device.is_streaming());
     }

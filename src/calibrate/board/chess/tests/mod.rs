@@ -63,7 +63,8 @@ fn finds_corners_at_their_true_places() {
         (30.0, [5.0, 5.0, 180.0]),
         (24.0, [-25.0, 10.0, 260.0]),
     ] {
-        // 6 + 5 is odd: the colours identify every rotation.
+        // The numbers of columns and rows have an odd sum (6 + 5), so the colours identify every
+        // rotation.
         assert_found(&scene(square, turn), 0.012, &format!("{square} {turn:?}"));
     }
     for turn in [[0.0, 0.0, 3.0], [10.0, 20.0, 30.0]] {
@@ -113,7 +114,7 @@ fn finds_corners_under_blur_uneven_light_tilt_and_distortion() {
 
 #[test]
 fn errors_match_stated_covariance() {
-    // One frame in poor light, so that noise dominates over errors of the model.
+    // A single frame in poor light, so that noise dominates over errors of the model.
     let (mut sum, mut n) = (0.0, 0.0);
     for seed in 0..6 {
         let poor = Scene {
@@ -210,7 +211,7 @@ fn another_board_or_part_of_one_is_refused_with_numbers() {
             assert!(message.contains(needle), "{needle} not in: {message}");
         }
     }
-    // Half of the board outside the image; four of 30 corners occluded.
+    // Two cases: half of the board lies outside the image; four of the 30 corners are occluded.
     let half = Scene {
         camera_from_board: Pose::from_xyz_deg(DVec3::new(130.0, 0.0, 700.0), DVec3::ZERO),
         ..scene(22.0, [0.0; 3])
@@ -222,7 +223,7 @@ fn another_board_or_part_of_one_is_refused_with_numbers() {
     let corners = [[2, 2], [4, 1], [0, 0], [3, 4]];
     let mut hidden = hide(&whole, &image, &corners);
     assert!(matches!(refusal(&BOARD, &hidden), NotFound::Partial { .. }));
-    // Saturated pixels instead of grey ones.
+    // Occlude the corners by saturated pixels instead of grey ones.
     for level in hidden.level.iter_mut().filter(|v| **v == 20.0) {
         *level = f32::NAN;
     }
@@ -294,7 +295,7 @@ fn images_without_a_board_are_refused() {
             "{size}"
         );
     }
-    // Noise far above the stated variance.
+    // An image with noise far above its stated variance shows no board.
     let mut unknown = noise(320, 240, 30.0);
     unknown.variance.fill(1e-6);
     refusal(&BOARD, &unknown);
@@ -327,7 +328,7 @@ fn images_without_a_board_are_refused() {
 
 #[test]
 fn ambiguous_rotation_starts_at_uppermost_corner() {
-    // Columns and rows with an even sum, and equal numbers of both.
+    // Boards whose numbers of columns and rows have an even sum; on some, both numbers are equal.
     for (board, turns) in [
         (chess(6, 4), [0.0, 20.0, 180.0, 200.0]),
         (chess(5, 5), [0.0, 90.0, 180.0, 265.0]),

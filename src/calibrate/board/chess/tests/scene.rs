@@ -15,7 +15,7 @@ pub struct Scene {
     pub camera_from_board: Pose,
     /// Standard deviation of the blur in pixels.
     pub blur: f64,
-    /// Level in DN on white, by position in the image.
+    /// Returns the level of white squares in DN at a position in the image.
     pub light: fn(DVec2) -> f64,
     /// Number of frames averaged; 0 renders without noise.
     pub frames: u32,

@@ -1,5 +1,5 @@
-//! Compares centroids with ground truth. Compares their covariance with the actual errors and the
-//! Cramer-Rao bound.
+//! Compares centroids with ground truth, and the covariance of the centroids with their actual
+//! errors and with the Cramer-Rao bound.
 
 use super::render::{Scene, bench_lens, board, pose, small_lens};
 use super::{errors, find, of};
@@ -174,7 +174,7 @@ fn is_accurate_despite_specks_and_dead_pixels() {
     }
     let seen = find(&scene.board, &image).unwrap();
     let e = of(&scene, &seen);
-    // An unusable pixel on the edge rejects some dots.
+    // Some dots are rejected because one of their edge pixels is unusable.
     assert!(e.found * 10 > e.there * 8, "{} {}", e.found, e.there);
     assert!(e.rms < 0.0006 && e.worst < 0.003, "{} {}", e.rms, e.worst);
 }

@@ -10,7 +10,7 @@ use render::Scene;
 
 /// Errors of the found dots against the centroids of their true outlines.
 struct Errors {
-    /// RMS error per coordinate, and RMS of its predicted standard deviation.
+    /// RMS error per coordinate, and RMS of the predicted standard deviations.
     rms: f64,
     predicted: f64,
     worst: f64,

@@ -1,4 +1,4 @@
-//! Boards in various poses, complete and in part, are found with the correct labels.
+//! Boards in various poses, some only partly visible, are found with the correct labels.
 
 use super::render::{Scene, board, pose, small_lens};
 use super::{errors, find, of};

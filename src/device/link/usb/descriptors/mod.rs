@@ -1,7 +1,7 @@
 //! USB descriptors of the device, built from its profile.
 //!
-//! Four interfaces in two functions: video control and streaming (UVC 1.1), and the serial port's
-//! communications and data interface (CDC-ACM).
+//! The device has four interfaces in two functions: the camera has interfaces for video control and
+//! streaming (UVC 1.1), the serial port has a communications and a data interface (CDC-ACM).
 
 mod streaming;
 mod video_control;
@@ -47,13 +47,14 @@ pub(super) const ENDPOINTS: [u8; 4] = [
     SERIAL_OUT,
 ];
 
-/// Entity of the camera, with the exposure control.
+/// Id of the camera terminal, the entity with the exposure control.
 pub(super) const CAMERA_TERMINAL: u8 = 1;
-/// Entity with the gain control.
+/// Id of the processing unit, the entity with the gain control.
 pub(super) const PROCESSING_UNIT: u8 = 2;
 
 const CLOCK_HZ: u32 = 48_000_000;
-/// Number of packets that the kernel puts into one transfer, so that one payload is one transfer.
+/// Number of isochronous packets per payload, equal to the number that the kernel puts into one
+/// transfer.
 const PACKETS_PER_PAYLOAD: u32 = 32;
 /// Maximum bulk packet size at full speed.
 const FULL_SPEED_PACKET: u16 = 64;
@@ -67,26 +68,26 @@ pub(super) struct Mode {
 }
 
 impl Mode {
-    /// Size of a frame in bytes.
+    /// Returns the size of a frame in bytes.
     pub(super) fn frame_len(&self) -> u32 {
         self.format.frame_bytes(self.width, self.height) as u32
     }
 }
 
-/// All descriptors used in enumeration.
+/// All descriptors that a host reads when it enumerates the device.
 #[derive(Debug, Clone)]
 pub(super) struct Descriptors {
     pub(super) device: Vec<u8>,
     pub(super) configuration: Vec<u8>,
-    /// Device qualifier: the device's properties at its other speed; `None` for SuperSpeed devices.
+    /// Device qualifier: describes the device at its other speed; `None` for SuperSpeed devices.
     pub(super) qualifier: Option<Vec<u8>>,
     /// Configuration at full speed, for a high-speed device on a full-speed port.
     pub(super) other_speed: Option<Vec<u8>>,
     /// Binary device object store (BOS) of a SuperSpeed device.
     pub(super) bos: Option<Vec<u8>>,
-    /// Strings, numbered from 1.
+    /// Texts of the string descriptors, which are numbered from 1.
     strings: Vec<String>,
-    /// Formats, numbered from 1.
+    /// Formats, which are numbered from 1.
     pub(super) modes: Vec<Mode>,
     /// Frame intervals in units of 100 ns; the first is the shortest and the default.
     pub(super) intervals: Vec<u32>,
@@ -96,7 +97,8 @@ pub(super) struct Descriptors {
 }
 
 impl Descriptors {
-    /// Builds the descriptors of a profile whose camera offers these modes, the first by default.
+    /// Builds the descriptors of a profile whose camera offers these modes; the first mode is the
+    /// default.
     pub(super) fn new(profile: &Profile, modes: &[Mode]) -> Self {
         let usb = &profile.usb;
         let super_speed = usb.speed == Speed::Super;
@@ -183,7 +185,8 @@ impl Descriptors {
         }
     }
 
-    /// A string descriptor; number 0 lists the languages: English (United States).
+    /// Returns a string descriptor. Number 0 lists the languages, of which there is one: English
+    /// (United States).
     pub(super) fn string(&self, number: u8) -> Option<Vec<u8>> {
         match number {
             0 => Some(vec![4, kind::STRING, 0x09, 0x04]),
@@ -194,12 +197,12 @@ impl Descriptors {
         }
     }
 
-    /// The default stream parameters.
+    /// Returns the default stream parameters.
     pub(super) fn default_negotiation(&self) -> uvc::Negotiation {
         self.negotiation(1, self.intervals[0])
     }
 
-    /// The stream parameters of a mode (numbered from 1) at an interval in units of 100 ns.
+    /// Returns the stream parameters of a mode (numbered from 1) at an interval in units of 100 ns.
     pub(super) fn negotiation(&self, mode: u8, interval: u32) -> uvc::Negotiation {
         let mode = mode.clamp(1, self.modes.len() as u8);
         uvc::Negotiation {
@@ -219,27 +222,28 @@ fn interval_units(us: f64) -> u32 {
     (us * 10.0).round().clamp(1.0, f64::from(u32::MAX)) as u32
 }
 
-/// USB 2.0 extension and SuperSpeed capability (USB 3.2, 9.6.2).
+/// Returns the BOS descriptor with the USB 2.0 extension and the SuperSpeed capability (USB 3.2,
+/// 9.6.2).
 fn bos() -> Vec<u8> {
     let extension = [7, kind::DEVICE_CAPABILITY, 2, 2, 0, 0, 0];
-    // Speeds: 5 Gbit/s, which all functions require at least.
+    // Supported speed: 5 Gbit/s, which is also the minimum that all functions require.
     let speed = [10, kind::DEVICE_CAPABILITY, 3, 0, 8, 0, 3, 0, 0, 0];
     let total = (5 + extension.len() + speed.len()) as u16;
     let [low, high] = total.to_le_bytes();
     [&[5, kind::BOS, low, high, 2][..], &extension, &speed].concat()
 }
 
-/// Input for the descriptors.
+/// Parameters from which the descriptors are built.
 #[derive(Clone, Copy)]
 struct Draft {
     usb: Usb,
     super_speed: bool,
-    /// Maximum packet size of a bulk endpoint.
+    /// Maximum packet size of a bulk endpoint in bytes.
     packet: u16,
 }
 
 impl Draft {
-    /// The configuration descriptor with all its subordinate descriptors.
+    /// Returns the configuration descriptor with all its subordinate descriptors.
     fn configuration(&self, modes: &[Mode], intervals: &[u32]) -> Vec<u8> {
         let body = [
             association(VIDEO_CONTROL, [class::VIDEO, 3, 0], 4),
@@ -252,7 +256,7 @@ impl Draft {
         let step = if self.super_speed { 8 } else { 2 };
         let power = self.usb.max_power_ma.div_ceil(step).min(255) as u8;
         let [low, high] = (9 + body.len() as u16).to_le_bytes();
-        // Attributes: bus powered; bit 7 is always set.
+        // Attributes: bit 7 is always set, and without bit 6 the device is bus powered.
         let head = [
             9,
             kind::CONFIGURATION,
@@ -269,10 +273,11 @@ impl Draft {
 
     fn serial(&self) -> Vec<u8> {
         let call = [5, kind::CS_INTERFACE, 1, 0, SERIAL_DATA];
-        // Line coding and control lines; break.
+        // Capabilities: line coding and control lines (bit 1), break (bit 2).
         let abilities = [4, kind::CS_INTERFACE, 2, 0x06];
         let union = [5, kind::CS_INTERFACE, 6, SERIAL_CONTROL, SERIAL_DATA];
-        // 16 ms: an exponent of microframes (2^(8-1) x 125 us), but milliseconds at full speed.
+        // Polling interval of 16 ms: at high speed an exponent of microframes (2^(8-1) x 125 us), at
+        // full speed a number of milliseconds.
         let every = if self.packet == FULL_SPEED_PACKET {
             16
         } else {
@@ -280,7 +285,7 @@ impl Draft {
         };
         let notify = self.endpoint(TO_HOST | NOTIFY_IN, INTERRUPT, 16, every, 0);
         [
-            // Abstract control model with AT commands: the class that drivers look for.
+            // Abstract control model with AT commands, the class that serial drivers look for.
             interface(SERIAL_CONTROL, 0, 1, [class::COMMUNICATIONS, 2, 1], 5),
             // CDC 1.10.
             vec![5, kind::CS_INTERFACE, 0, 0x10, 0x01],
@@ -295,7 +300,7 @@ impl Draft {
         .concat()
     }
 
-    /// An endpoint descriptor, with its companion at SuperSpeed.
+    /// Returns an endpoint descriptor, at SuperSpeed together with its companion descriptor.
     fn endpoint(&self, address: u8, kind_of: u8, packet: u16, interval: u8, burst: u8) -> Vec<u8> {
         let [low, high] = packet.to_le_bytes();
         let mut bytes = vec![7, kind::ENDPOINT, address, kind_of, low, high, interval];
@@ -326,7 +331,7 @@ fn association(first: u8, [class, subclass, protocol]: [u8; 3], name: u8) -> Vec
     ]
 }
 
-/// An interface descriptor for one alternate setting.
+/// Returns an interface descriptor for one alternate setting.
 fn interface(number: u8, setting: u8, endpoints: u8, class: [u8; 3], name: u8) -> Vec<u8> {
     let [class, subclass, protocol] = class;
     vec![

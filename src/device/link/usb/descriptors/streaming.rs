@@ -66,7 +66,8 @@ impl Draft {
     }
 }
 
-/// VS_FORMAT_UNCOMPRESSED, VS_FRAME_UNCOMPRESSED and VS_COLORFORMAT of one mode.
+/// Returns the descriptors VS_FORMAT_UNCOMPRESSED, VS_FRAME_UNCOMPRESSED and VS_COLORFORMAT of one
+/// mode.
 fn format_and_frame(mode: &Mode, number: u8, intervals: &[u32]) -> Vec<u8> {
     let bits = mode.format.bits_per_pixel() as u8;
     let mut bytes = vec![

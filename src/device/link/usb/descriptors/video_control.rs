@@ -6,12 +6,12 @@ use super::{
 };
 use phasmid_protocol::usb::descriptor::{class, kind, video};
 
-/// Entity that is the source of the stream.
+/// Id of the output terminal, the entity at which the video stream leaves the video function.
 pub(super) const OUTPUT_TERMINAL: u8 = 3;
 
 impl Draft {
     pub(super) fn video_control(&self) -> Vec<u8> {
-        // Exposure time, absolute: bit 3.
+        // Bit 3: exposure time, absolute.
         let camera = [
             18,
             kind::CS_INTERFACE,
@@ -32,7 +32,7 @@ impl Draft {
             0,
             0,
         ];
-        // Gain: bit 9.
+        // Bit 9: gain.
         let processing = [
             12,
             kind::CS_INTERFACE,

@@ -1,4 +1,4 @@
-//! Tests the parts of frames in transfers, and that frames are not copied.
+//! Tests which parts of a frame each transfer carries, and that frames are not copied.
 
 use super::*;
 use phasmid_protocol::PixelFormat;
@@ -22,7 +22,8 @@ fn frame(len: usize) -> Arc<Frame> {
     })
 }
 
-/// Submits a transfer with room for packets of these lengths, or for a payload of `length` bytes.
+/// Submits a transfer with room for packets of the lengths `packets`, or for a payload of `length`
+/// bytes.
 fn transfer(video: &mut Video, seqnum: u32, length: u32, packets: &[u32]) {
     let submit = Submit {
         seqnum,
@@ -45,7 +46,7 @@ fn transfer(video: &mut Video, seqnum: u32, length: u32, packets: &[u32]) {
     video.submit(submit, &packets, NOW);
 }
 
-/// Nothing is copied between the frame given to the link and the write to the socket: every pixel
+/// No pixel is copied between the frame given to the link and the write to the socket: every pixel
 /// is written from the frame's own memory.
 #[test]
 fn pixels_are_written_from_the_frame_itself() {
@@ -73,7 +74,8 @@ fn pixels_are_written_from_the_frame_itself() {
             }
         }
         assert_eq!(at, memory.end, "all of it");
-        // Headers of transfers and payloads, and packet descriptors; no pixels.
+        // Only headers of transfers and payloads, and packet descriptors, are written from other
+        // memory.
         let payloads = 100_000_usize.div_ceil(if isochronous { 3070 } else { 16_382 });
         let transfers = if isochronous { 8 } else { payloads };
         let packets = if isochronous { 64 } else { 0 };

@@ -1,4 +1,4 @@
-//! Sample positions, and footprint widths under blur.
+//! Compares the positions of samples, and the widths of footprints under blur.
 
 use super::super::super::{Engine, EntryPoint};
 use super::Case;
@@ -6,7 +6,7 @@ use crate::Plan;
 use crate::transport::{offset, pupil_index, turn, widened};
 use phasmid_profile::{Profile, Scene};
 
-/// A small image with the given focus distance in millimetres.
+/// Returns a profile with a small image and this focus distance in millimetres.
 fn focused(focus_mm: f64) -> Profile {
     let mut profile = Profile::load("pmp-bench").unwrap();
     (profile.camera.width_px, profile.camera.height_px) = (151, 70);
@@ -84,7 +84,7 @@ fn gpu_blur_widens_as_on_the_cpu() {
             "{a} {b} {depth}: {found:?} {wanted:?}"
         );
         for (found, wanted) in found.into_iter().zip(wanted) {
-            // Near the limit of what two boxes can represent, a square root loses half of the
+            // Near the maximum blur that two boxes can represent, a square root loses half of the
             // digits.
             let bar = 5e-4 * then as f32;
             assert!(
