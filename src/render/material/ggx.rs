@@ -8,8 +8,8 @@
 //! a roughness of 0.4.
 //!
 //! Light that the lobe does not reflect enters the diffuse base. With E(c) the fraction that the
-//! lobe reflects of light at cosine c, the diffuse part is albedo (1 - E(n.l)) (1 - E(n.v)) / (pi (1
-//! - mean E)). This is symmetric, and lobe and base together reflect E(n.v) + albedo (1 - E(n.v)),
+//! lobe reflects of light at cosine c, the diffuse part is
+//! albedo (1 - E(n.l)) (1 - E(n.v)) / (pi (1 - mean E)). This is symmetric, and lobe and base together reflect E(n.v) + albedo (1 - E(n.v)),
 //! which is never more than the incident light (Kelemen and Szirmay-Kalos, "A Microfacet Based
 //! Coupled Specular-Matte BRDF Model", Eurographics 2001).
 

@@ -56,7 +56,7 @@ fn every_second_setting(first: usize) {
         for (disc, most_resolved) in [(1.0, 1), (4.0, 2), (10.0, 8)] {
             for code in codes {
                 number += 1;
-                if number % 2 == 0 {
+                if number.is_multiple_of(2) {
                     continue;
                 }
                 let setup = Setup {
