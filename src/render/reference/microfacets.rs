@@ -103,9 +103,9 @@ impl Microfacets {
 mod tests {
     use super::*;
 
-    /// The model agrees with the closed forms for alpha = 1 and F = 1: D = 1/pi and lambda(c) = (1/c
-    /// - 1)/2, so that pi f = 1/(2 (n.l + n.v)), the reflected fraction is 1 - c ln(1 + 1/c), and
-    /// its mean is 4/3 (1 - ln 2).
+    /// The model agrees with the closed forms for alpha = 1 and F = 1: D = 1/pi and
+    /// lambda(c) = (1/c - 1)/2, so that pi f = 1/(2 (n.l + n.v)), the reflected fraction is
+    /// 1 - c ln(1 + 1/c), and its mean is 4/3 (1 - ln 2).
     #[test]
     fn the_roughest_metal_has_a_closed_form() {
         let facets = Microfacets::new(1.0, 1.0);
