@@ -30,7 +30,7 @@ const GEOMETRY_BYTES: usize = 45;
 const FRAME_BYTES: usize = 21;
 
 /// The names of all cases.
-pub const NAMES: [&str; 22] = [
+pub const NAMES: [&str; 25] = [
     "geometry, torso",
     "geometry, trapezoid",
     "geometry, torso, 4 samples",
@@ -49,6 +49,9 @@ pub const NAMES: [&str; 22] = [
     "exposure + sensor, 25 electrons",
     "frame of 4 instants, torso rigid",
     "frame of 4 instants, torso deforming",
+    "patient, geometry",
+    "patient, frame",
+    "patient, frame, interpolated",
     "refit, torso",
     "scan to depths, a fifth lit",
     "scan to depths, lit all over",
@@ -94,6 +97,7 @@ pub fn case(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
         }
         "exposure + sensor" => frames((scene, how), profile),
         "frame of 4 instants" => moving(name, profile, folder),
+        "patient" => patient(rest),
         "refit" => {
             let mesh = torso();
             let mut tree = Bvh::build(&mesh.vertices, &mesh.triangles).ordered();
@@ -234,6 +238,52 @@ fn moving(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
             shot.noise_id += 1;
             shot.start_ns = shot.noise_id * 20_000_000;
             black_box(setup.renderer.expose(&shot));
+        }),
+    })
+}
+
+/// Number of scans of the breathing patient, as many as fit into half a second.
+const SCANS: u64 = 5;
+/// Time between the starts of two scans of the same pod, while the other two pods scan.
+const SCAN_EVERY_NS: u64 = 97_200_000;
+
+/// Creates a case with a pod of the treatment room in front of its breathing patient: the geometry of
+/// one instant, or the frames of consecutive scans.
+fn patient(what: &str) -> Result<Case> {
+    let options = Options {
+        motion_tolerance_px: if what.ends_with("interpolated") {
+            0.01
+        } else {
+            0.0
+        },
+        ..Options::default()
+    };
+    let scene = Scene::load("treatment-room")?;
+    let mut setup = Setup::of(&Profile::load("sgrt-pod")?, &scene, options)?;
+    setup.renderer.make_ready(&setup.shots);
+    let mut start_ns = 0;
+    let is_geometry = what == "geometry";
+    Ok(Case {
+        count: match is_geometry {
+            true => 1,
+            false => SCANS as usize * setup.shots.len(),
+        },
+        pixels: setup.renderer.pixel_count(),
+        bytes_per_pixel: GEOMETRY_BYTES,
+        work: Box::new(move || {
+            if is_geometry {
+                setup.renderer.invalidate();
+                setup.renderer.prepare();
+                return;
+            }
+            for _ in 0..SCANS {
+                for shot in &setup.shots {
+                    let mut shot = shot.clone();
+                    shot.start_ns += start_ns;
+                    black_box(setup.renderer.expose(&shot));
+                }
+                start_ns += SCAN_EVERY_NS;
+            }
         }),
     })
 }

@@ -1,5 +1,6 @@
 //! The bounding volume hierarchy: built by obvhs, laid out for packet traversal.
 
+use super::node::{Node, Wide, widened};
 use glam::{DVec3, Vec3};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
@@ -7,19 +8,6 @@ use obvhs::{BvhBuildParams, bvh2::Bvh2};
 
 /// Index that means "no triangle".
 pub const NO_TRIANGLE: u32 = u32::MAX;
-
-/// A 32-byte node.
-#[derive(Debug, Clone, Copy)]
-pub struct Node {
-    /// Lowest corner of the box.
-    pub min: Vec3,
-    /// Index of the first of two children, or of the first triangle of a leaf.
-    pub first: u32,
-    /// Highest corner of the box.
-    pub max: Vec3,
-    /// Number of triangles of a leaf; 0 in an inner node.
-    pub count: u32,
-}
 
 /// Corners of a triangle. The triangles of a leaf are contiguous.
 #[derive(Debug, Clone, Copy)]
@@ -35,6 +23,8 @@ pub struct Corners {
 pub struct Bvh {
     pub(super) nodes: Vec<Node>,
     pub(super) triangles: Vec<Corners>,
+    /// The same hierarchy with eight children per node, for packets of rays that hardly diverge.
+    pub(super) wide: Vec<Wide>,
 }
 
 impl Bvh {
@@ -62,7 +52,7 @@ impl Bvh {
     }
 
     fn from_tree(tree: &Bvh2, corners: impl Fn(u32) -> [Vec3; 3]) -> Self {
-        let nodes = tree
+        let nodes: Vec<_> = tree
             .nodes
             .iter()
             .map(|node| Node {
@@ -77,7 +67,12 @@ impl Bvh {
             .iter()
             .map(|&id| Corners { v: corners(id), id })
             .collect();
-        Self { nodes, triangles }
+        let wide = widened(&nodes);
+        Self {
+            nodes,
+            triangles,
+            wide,
+        }
     }
 
     /// Returns the nodes: the root, then pairs of children.

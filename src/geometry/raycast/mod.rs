@@ -11,7 +11,9 @@
 //! error bound, and hits that f32 cannot order are all returned for the caller to order in f64.
 
 mod bvh;
+mod cast;
 mod leaving;
+mod node;
 mod packet;
 mod parallel;
 mod refit;
@@ -19,7 +21,9 @@ mod refit;
 mod tests;
 mod traverse;
 mod triangle;
+mod wide;
 
-pub use bvh::{Bvh, Corners, NO_TRIANGLE, Node};
+pub use bvh::{Bvh, Corners, NO_TRIANGLE};
+pub use node::Node;
 pub use packet::{LANES, Packet, Scratch};
 pub use parallel::Parallel;

@@ -2,6 +2,7 @@
 
 use super::NO_TRIANGLE;
 use glam::Vec3;
+use phasmid_core::simd::widest;
 
 /// Number of rays in a packet: a tile of 4 x 4 pixels, or the 4 x 4 samples of one pixel.
 pub const LANES: usize = 16;
@@ -107,35 +108,50 @@ impl Packet {
     /// `ends` is each ray's largest parameter: infinite for primary rays, negative for unused
     /// lanes.
     pub fn new(origin: Vec3, directions: &[Vec3; LANES], ends: &Lanes) -> Self {
-        let mut direction = [[0.0; LANES]; 3];
-        let mut inverse = [[0.0; LANES]; 3];
+        new(origin, directions, ends)
+    }
+}
+
+widest! {
+    fn new(origin: Vec3, directions: &[Vec3; LANES], ends: &Lanes) -> Packet => new_body
+}
+#[inline(always)]
+fn new_body(origin: Vec3, directions: &[Vec3; LANES], ends: &Lanes) -> Packet {
+    let mut direction = [[0.0f32; LANES]; 3];
+    for lane in 0..LANES {
+        let [x, y, z] = directions[lane].to_array();
+        (direction[0][lane], direction[1][lane], direction[2][lane]) = (x, y, z);
+    }
+    let mut inverse = [[0.0; LANES]; 3];
+    for axis in 0..3 {
         for lane in 0..LANES {
-            for axis in 0..3 {
-                let d = directions[lane][axis];
-                direction[axis][lane] = d;
-                // Keep the inverse finite, so that no product with it is NaN.
-                inverse[axis][lane] = if d.abs() > SMALLEST {
-                    1.0 / d
-                } else {
-                    (1.0 / SMALLEST).copysign(d)
-                };
-            }
+            let d = direction[axis][lane];
+            // Keep the inverse finite, so that no product with it is NaN.
+            let least = (1.0 / SMALLEST).copysign(d);
+            let exact = 1.0 / d;
+            inverse[axis][lane] = if d.abs() > SMALLEST { exact } else { least };
         }
-        let axes = Axes::new(&direction, ends);
-        let coherent = (0..LANES).filter(|&lane| ends[lane] >= 0.0).all(|lane| {
-            directions[lane][axes.k[2]].abs() >= OBLIQUE * directions[lane].abs().max_element()
-        });
-        Self {
-            origin,
-            farthest: origin.abs().max_element(),
-            axes,
-            coherent,
-            direction,
-            inverse,
-            t: *ends,
-            reach: ends.map(|end| if end < 0.0 { UNUSED } else { end }),
-            triangle: [NO_TRIANGLE; LANES],
-        }
+    }
+    let axes = Axes::new(&direction, ends);
+    let mut coherent = true;
+    let mut reach = *ends;
+    for lane in 0..LANES {
+        let [x, y, z] = [direction[0][lane], direction[1][lane], direction[2][lane]];
+        let largest = max(max(x.abs(), y.abs()), z.abs());
+        let along = direction[axes.k[2]][lane].abs();
+        coherent &= (ends[lane] < 0.0) | (along >= OBLIQUE * largest);
+        reach[lane] = if ends[lane] < 0.0 { UNUSED } else { ends[lane] };
+    }
+    Packet {
+        origin,
+        farthest: origin.abs().max_element(),
+        axes,
+        coherent,
+        direction,
+        inverse,
+        t: *ends,
+        reach,
+        triangle: [NO_TRIANGLE; LANES],
     }
 }
 
@@ -155,16 +171,24 @@ impl Packet {
 impl Axes {
     /// The permuted z is the axis along which the used lanes mainly point. Watertightness only
     /// needs the same shear of a ray for all triangles.
+    #[inline(always)]
     fn new(direction: &[Lanes; 3], ends: &Lanes) -> Self {
-        let weight = |axis: usize| -> f32 {
-            (0..LANES)
-                .filter(|&lane| ends[lane] >= 0.0)
-                .map(|lane| direction[axis][lane].abs())
-                .sum()
+        let mut weights = [0.0f32; 3];
+        for axis in 0..3 {
+            let mut used = [0.0; LANES];
+            for lane in 0..LANES {
+                let length = direction[axis][lane].abs();
+                used[lane] = if ends[lane] >= 0.0 { length } else { 0.0 };
+            }
+            weights[axis] = reduce(used, sum);
+        }
+        // The last of equal weights.
+        let [x, y, z] = weights;
+        let kz = match (z >= x && z >= y, y >= x) {
+            (true, _) => 2,
+            (false, true) => 1,
+            (false, false) => 0,
         };
-        let kz = (0..3)
-            .max_by(|&a, &b| weight(a).total_cmp(&weight(b)))
-            .unwrap_or(2);
         let k = [(kz + 1) % 3, (kz + 2) % 3, kz];
         let mut shear = [[0.0; LANES]; 3];
         for lane in 0..LANES {
@@ -175,4 +199,9 @@ impl Axes {
         }
         Self { k, shear }
     }
+}
+
+#[inline(always)]
+fn sum(a: f32, b: f32) -> f32 {
+    a + b
 }

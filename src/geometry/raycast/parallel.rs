@@ -4,7 +4,8 @@
 //! for all lanes, and a sheared origin per lane. Two triangles that share an edge still compute the
 //! function of this edge from the same numbers, so no ray passes between them.
 
-use super::bvh::{Bvh, Corners, Node};
+use super::bvh::{Bvh, Corners};
+use super::node::Node;
 use super::packet::{LANES, Lanes, Scratch, max, min};
 use glam::Vec3;
 use phasmid_core::simd::widest;
@@ -137,15 +138,25 @@ fn meets(node: &Node, rays: &Parallel) -> bool {
     any.contains(&true)
 }
 
+/// Returns a vertex relative to the reference point, permuted and sheared.
+#[inline(always)]
+fn sheared(rays: &Parallel, vertex: Vec3) -> Vec3 {
+    let [kx, ky, kz] = rays.k;
+    let v = (vertex - rays.reference).to_array();
+    Vec3::new(
+        v[kx] - rays.shear.x * v[kz],
+        v[ky] - rays.shear.y * v[kz],
+        v[kz],
+    )
+}
+
 #[inline(always)]
 fn intersect(rays: &mut Parallel, corners: &Corners) {
-    let [kx, ky, kz] = rays.k;
     let shear = rays.shear;
-    let [a, b, c] = corners.v.map(|v| {
-        let v = v - rays.reference;
-        let z = v[kz];
-        Vec3::new(v[kx] - shear.x * z, v[ky] - shear.y * z, z)
-    });
+    // Not `map`, whose closure would not be inlined.
+    let a = sheared(rays, corners.v[0]);
+    let b = sheared(rays, corners.v[1]);
+    let c = sheared(rays, corners.v[2]);
     for lane in 0..LANES {
         let (ox, oy) = (rays.sheared[0][lane], rays.sheared[1][lane]);
         let (ax, ay, bx, by) = (a.x - ox, a.y - oy, b.x - ox, b.y - oy);

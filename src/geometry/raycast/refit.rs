@@ -2,7 +2,8 @@
 //! Shirley: "Ray tracing deformable scenes using dynamic bounding volume hierarchies", ACM TOG
 //! 26(1), 2007).
 
-use super::bvh::{Bvh, Node};
+use super::bvh::Bvh;
+use super::node::{self, Node, widened};
 use glam::{DVec3, Vec3};
 
 impl Bvh {
@@ -19,7 +20,12 @@ impl Bvh {
             }
             next += 1;
         }
-        Self { nodes, ..self }
+        let wide = widened(&nodes);
+        Self {
+            nodes,
+            wide,
+            ..self
+        }
     }
 
     /// Updates the hierarchy to new vertex positions; `triangles` must be the triangles over which it
@@ -45,6 +51,7 @@ impl Bvh {
             };
             (self.nodes[i].min, self.nodes[i].max) = (min, max);
         }
+        node::refit(&mut self.wide, &self.nodes);
     }
 }
 
