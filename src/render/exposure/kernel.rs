@@ -80,12 +80,14 @@ impl Kernels {
         let bell = Bell::new();
         let blocks = (0..count.div_ceil(BLOCK))
             .into_par_iter()
-            .map(|i| {
-                let mut block = Block::default();
+            .map_init(Block::default, |block, i| {
+                block.runs.clear();
+                block.weights.clear();
                 for k in i * BLOCK..((i + 1) * BLOCK).min(count) {
                     block.push(&bell, len, footprint(k));
                 }
-                block
+                // The copy has no spare capacity.
+                block.clone()
             })
             .collect();
         Self { blocks }

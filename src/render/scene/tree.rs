@@ -74,10 +74,8 @@ impl<F: Frame> Tree<'_, F> {
     }
 
     fn triangle(&self, id: u32, origin: DVec3) -> Triangle {
-        Triangle {
-            id: self.first + id,
-            corners: self.corners(id).map(|corner| corner - origin),
-        }
+        let corners = self.corners(id).map(|corner| corner - origin);
+        Triangle::new(self.first + id, corners)
     }
 
     /// Returns the index of a surface within this tree; [`NO_TRIANGLE`] for surfaces outside it.
@@ -102,11 +100,18 @@ impl<F: Frame> Tree<'_, F> {
         let rounded = directions.map(|d| self.frame.direction(d).as_vec3());
         let mut packet = Packet::new(self.frame.point(origin).as_vec3(), &rounded, ends);
         self.bvh.nearest(&mut packet, scratch);
+        // Adjacent lanes often hit the same triangle.
+        let mut last: Option<(u32, Triangle)> = None;
         for lane in 0..LANES {
-            if packet.triangle[lane] != NO_TRIANGLE {
-                let triangle = self.triangle(packet.triangle[lane], origin);
-                triangle.take(directions[lane], lane, &mut hits);
+            let id = packet.triangle[lane];
+            if id == NO_TRIANGLE {
+                continue;
             }
+            let (_, triangle) = match last.take() {
+                Some(known) if known.0 == id => last.insert(known),
+                _ => last.insert((id, self.triangle(id, origin))),
+            };
+            triangle.take(directions[lane], lane, &mut hits);
         }
         for &(lane, id) in &scratch.rivals {
             let found = self.triangle(hits.surface[lane].0 - self.first, origin);

@@ -5,12 +5,24 @@ use glam::DVec3;
 
 /// A triangle relative to a ray's origin.
 pub(super) struct Triangle {
-    pub(super) id: u32,
+    id: u32,
     /// Corners relative to the ray's origin in millimetres.
-    pub(super) corners: [DVec3; 3],
+    corners: [DVec3; 3],
+    /// Unit normal, which may point to either side; `None` if the area is zero.
+    normal: Option<DVec3>,
 }
 
 impl Triangle {
+    /// Creates a triangle from its corners relative to a ray's origin.
+    pub(super) fn new(id: u32, corners: [DVec3; 3]) -> Self {
+        let [a, b, c] = corners;
+        Self {
+            id,
+            corners,
+            normal: (b - a).cross(c - a).try_normalize(),
+        }
+    }
+
     /// Returns the ray parameter of the intersection with the triangle's plane, clamped to the range
     /// of the parameters of its corners. Every true hit is in this range, while the plane of a
     /// triangle seen nearly edge-on is ill-conditioned. Directions have z = 1, so that parameters
@@ -27,9 +39,7 @@ impl Triangle {
     /// may have a nonzero area in f32 and then close a gap between its neighbours, so it counts as
     /// facing the ray.
     fn normal(&self, direction: DVec3) -> DVec3 {
-        let [a, b, c] = self.corners;
-        let across = (b - a).cross(c - a);
-        across.try_normalize().unwrap_or(-direction.normalize())
+        self.normal.unwrap_or_else(|| -direction.normalize())
     }
 
     /// Returns whether a ray passes through the triangle or its border, by the signs of three
