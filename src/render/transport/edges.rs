@@ -217,6 +217,9 @@ widest! {
 fn compare_body(rows: [&Row; 3], pixel_slope: f32, apart: &mut [u32]) {
     for (i, apart) in apart.chunks_exact_mut(LANES).enumerate() {
         let from = i * LANES;
+        if !differ(rows, from) {
+            continue;
+        }
         let here = rows[1].block(from + 1);
         for row in rows {
             for shift in 0..3 {
@@ -227,4 +230,22 @@ fn compare_body(rows: [&Row; 3], pixel_slope: f32, apart: &mut [u32]) {
             }
         }
     }
+}
+
+/// Returns whether a block of pixels and their neighbours see more than one surface, or one surface in
+/// different light. Between equal places lies no edge.
+#[inline(always)]
+fn differ(rows: [&Row; 3], from: usize) -> bool {
+    /// Indices in [`Row::words`] of the surface, of the projector's light and of the lamps.
+    const COMPARED: [usize; 3] = [0, 2, 3];
+    let mut bits = 0;
+    for word in COMPARED {
+        let here = rows[1].words[word][from];
+        for row in rows {
+            for other in &row.words[word][from..from + LANES + 2] {
+                bits |= here ^ other;
+            }
+        }
+    }
+    bits != 0
 }
