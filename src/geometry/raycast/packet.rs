@@ -127,9 +127,8 @@ fn new_body(origin: Vec3, directions: &[Vec3; LANES], ends: &Lanes) -> Packet {
         for lane in 0..LANES {
             let d = direction[axis][lane];
             // Keep the inverse finite, so that no product with it is NaN.
-            let least = (1.0 / SMALLEST).copysign(d);
-            let exact = 1.0 / d;
-            inverse[axis][lane] = if d.abs() > SMALLEST { exact } else { least };
+            let largest = (1.0 / SMALLEST).copysign(d);
+            inverse[axis][lane] = if d.abs() > SMALLEST { 1.0 / d } else { largest };
         }
     }
     let axes = Axes::new(&direction, ends);

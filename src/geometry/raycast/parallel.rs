@@ -153,7 +153,7 @@ fn sheared(rays: &Parallel, vertex: Vec3) -> Vec3 {
 #[inline(always)]
 fn intersect(rays: &mut Parallel, corners: &Corners) {
     let shear = rays.shear;
-    // Not `map`, whose closure would not be inlined.
+    // The closure of `map` would not be inlined here.
     let a = sheared(rays, corners.v[0]);
     let b = sheared(rays, corners.v[1]);
     let c = sheared(rays, corners.v[2]);

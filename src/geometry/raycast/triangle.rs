@@ -26,7 +26,7 @@ pub(super) fn intersect(
     corners: &Corners,
     mut accept: impl FnMut(&mut Packet, usize, Hit),
 ) {
-    // Neither `map` nor `fold` here, whose closures would not be inlined.
+    // Closures of `map` and `fold` would not be inlined here.
     let a = permuted(packet, corners.v[0]);
     let b = permuted(packet, corners.v[1]);
     let c = permuted(packet, corners.v[2]);

@@ -11,8 +11,8 @@ use super::packet::{LANES, Packet, Scratch, UNUSED, max, min};
 use super::traverse::{Test, farthest};
 
 /// Maximum width of a packet's pyramid at unit distance. Wider packets use the binary hierarchy,
-/// because they would test many triangles that no ray meets. With one to two triangles per pixel,
-/// both take the same time at about this width, that of 12 pixels of a camera with 60 degrees.
+/// because they would test many triangles that no ray meets. At this width both take about the same
+/// time on a mesh of 100,000 triangles that fills the image.
 const WIDEST: f32 = 0.0125;
 /// Relative widening of the pyramid, above the rounding errors of slopes, products and differences.
 const MARGIN: f32 = 16.0 * f32::EPSILON;

@@ -107,11 +107,12 @@ impl<F: Frame> Tree<'_, F> {
             if id == NO_TRIANGLE {
                 continue;
             }
-            let (_, triangle) = match last.take() {
-                Some(known) if known.0 == id => last.insert(known),
-                _ => last.insert((id, self.triangle(id, origin))),
-            };
-            triangle.take(directions[lane], lane, &mut hits);
+            if last.as_ref().is_none_or(|(known, _)| *known != id) {
+                last = Some((id, self.triangle(id, origin)));
+            }
+            if let Some((_, triangle)) = &last {
+                triangle.take(directions[lane], lane, &mut hits);
+            }
         }
         for &(lane, id) in &scratch.rivals {
             let found = self.triangle(hits.surface[lane].0 - self.first, origin);
