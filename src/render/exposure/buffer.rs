@@ -1,11 +1,12 @@
 //! Output of the geometry pass: one value per pixel and quantity.
 
 use super::indirect_map::InterreflectionMap;
-use super::kernel::{Blurred, Kernels};
+use super::kernel::{Blurred, Kernels, KeyKernels};
 use super::skin_maps::{Samples, SkinMaps};
 use crate::scene::Surface;
 use crate::{Plan, Term};
 use phasmid_pattern::Axis;
+use std::sync::Arc;
 
 /// Maps over the camera's pixels in row-major order, and the samples of mixed pixels.
 #[derive(Debug, Clone, Default)]
@@ -45,7 +46,7 @@ pub(crate) struct GeometryBuffer {
     /// Weights of the pattern's columns (x) and rows (y) in each blurred footprint: first for the
     /// footprint of each pixel, then for the sixteen samples of each mixed pixel. `None` without
     /// defocus and skin, or if no pattern varies along that axis.
-    pub(crate) kernels: [Option<Kernels>; 2],
+    pub(crate) kernels: [Option<Arc<Kernels>>; 2],
     /// Where light enters the skin, and how it spreads under it; `None` without skin.
     pub(crate) skin: Option<SkinMaps>,
     /// Flags such as `Truth::SEEN`.
@@ -90,6 +91,43 @@ impl Mixed {
             flickering: 0.0,
             blur: [0.0; 16],
             skin: None,
+        }
+    }
+}
+
+/// Pixels and samples whose levels under blur are interpolated between the levels at key instants.
+pub(crate) struct KeyLevels<'a> {
+    pub(crate) keys: [&'a GeometryBuffer; 3],
+    /// Weights of the levels at the key instants.
+    pub(crate) weights: [f32; 3],
+    /// One value per pixel; bit 0 is set if levels along x are interpolated, bit 1 along y.
+    pub(crate) along: &'a [u8],
+    /// Indices, in the key instants' lists, of the mixed pixels whose levels are interpolated, for x and
+    /// for y; one entry per mixed pixel.
+    pub(crate) mixed: [Vec<Option<[u32; 3]>>; 2],
+}
+
+impl KeyLevels<'_> {
+    /// Returns the kernels along an axis; `None` if a key instant has none.
+    fn kernels(&self, axis: usize) -> Option<KeyKernels> {
+        let [a, b, c] = self.keys.map(|key| key.kernels[axis].clone());
+        Some(KeyKernels {
+            kernels: [a?, b?, c?],
+            weights: self.weights,
+        })
+    }
+
+    /// Returns the indices of a footprint's kernels along an axis at the key instants; `None` if its
+    /// level is not interpolated. Footprints are numbered as in [`GeometryBuffer::kernels`].
+    fn indices(&self, axis: usize, footprint: usize) -> Option<[u32; 3]> {
+        let pixels = self.along.len();
+        match self.along.get(footprint) {
+            Some(along) => (along >> axis & 1 != 0).then_some([footprint as u32; 3]),
+            None => {
+                let (mixed, sample) = ((footprint - pixels) / 16, (footprint - pixels) % 16);
+                let indices = self.mixed[axis][mixed]?;
+                Some(indices.map(|index| (pixels + sample) as u32 + 16 * index))
+            }
         }
     }
 }
@@ -211,7 +249,13 @@ impl GeometryBuffer {
     }
 
     /// Computes the blur kernels that the plan needs, for a pattern with `size` columns and rows.
-    pub(crate) fn blur_footprints(&mut self, size: [usize; 2], plan: &Plan) {
+    /// Footprints whose levels are interpolated get none.
+    pub(crate) fn blur_footprints(
+        &mut self,
+        size: [usize; 2],
+        plan: &Plan,
+        levels: Option<&KeyLevels<'_>>,
+    ) {
         if !plan.has(Term::ProjectorDefocus) && !plan.has(Term::Subsurface) {
             return;
         }
@@ -244,7 +288,10 @@ impl GeometryBuffer {
         let kernels = std::array::from_fn(|axis| {
             let (term, x, slope) = axes[axis];
             plan.has(term).then(|| {
-                Kernels::new(n + 16 * self.mixed.len(), size[axis], |i| {
+                let keys = levels.and_then(|levels| levels.kernels(axis));
+                let indices = |i| levels.and_then(|levels| levels.indices(axis, i));
+                let count = n + 16 * self.mixed.len();
+                let kernels = Kernels::new(count, size[axis], keys, indices, |i| {
                     if i >= n {
                         return of_mixed(axis, i - n);
                     }
@@ -257,7 +304,8 @@ impl GeometryBuffer {
                         sigma: self.blur_along(blur)[axis],
                         spread: skin.and_then(|skin| skin.spread(i, axis)),
                     }
-                })
+                });
+                Arc::new(kernels)
             })
         });
         self.kernels = kernels;

@@ -18,6 +18,7 @@ use super::blend::{Blend, Spread};
 use super::row_table::WIDEST;
 use super::window::{GROUPINGS, LANES, Window};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Number of pixels per task and per lookup block.
 const BLOCK: usize = 2048;
@@ -37,13 +38,27 @@ const END: f64 = 6.0;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Kernels {
     blocks: Vec<Block>,
+    keys: Option<KeyKernels>,
+}
+
+/// The kernels at three instants, and the weights with which the levels under them are added.
+#[derive(Debug, Clone)]
+pub(crate) struct KeyKernels {
+    pub(crate) kernels: [Arc<Kernels>; 3],
+    pub(crate) weights: [f32; 3],
 }
 
 #[derive(Debug, Clone, Default)]
 struct Block {
     runs: Vec<Run>,
     weights: Vec<f32>,
+    /// Indices of footprints at the key instants.
+    keys: Vec<[u32; 3]>,
 }
+
+/// Value of [`Run::len`] for a footprint whose level is the sum over key kernels. [`Run::from`] is its
+/// index in [`Block::keys`].
+const OF_KEYS: u32 = u32::MAX;
 
 /// Location of the weights of one footprint; `len` is 0 if the footprint is sharp or unlit.
 #[derive(Debug, Clone, Copy, Default)]
@@ -72,25 +87,52 @@ pub(crate) struct Blurred<'a> {
 
 impl Kernels {
     /// Computes the kernels of `count` footprints on a row of `len` pattern pixels.
+    ///
+    /// `indices` returns the indices of a footprint in `keys` if its level is interpolated. It needs no
+    /// kernel then, unless it is sharp at one of the key instants.
     pub(crate) fn new<'a>(
         count: usize,
         len: usize,
+        keys: Option<KeyKernels>,
+        indices: impl Fn(usize) -> Option<[u32; 3]> + Sync,
         footprint: impl Fn(usize) -> Blurred<'a> + Sync,
     ) -> Self {
         let bell = Bell::new();
+        let key_indices = |k: usize| {
+            let (keys, indices) = (keys.as_ref()?, indices(k)?);
+            let mut kernels = keys.kernels.iter().zip(indices);
+            let all_blur = kernels.all(|(kernels, index)| kernels.blurs(index as usize));
+            all_blur.then_some(indices)
+        };
         let blocks = (0..count.div_ceil(BLOCK))
             .into_par_iter()
             .map_init(Block::default, |block, i| {
                 block.runs.clear();
                 block.weights.clear();
+                block.keys.clear();
                 for k in i * BLOCK..((i + 1) * BLOCK).min(count) {
-                    block.push(&bell, len, footprint(k));
+                    match key_indices(k) {
+                        None => block.push(&bell, len, footprint(k)),
+                        Some(indices) => {
+                            block.runs.push(Run {
+                                from: block.keys.len() as u32,
+                                len: OF_KEYS,
+                                ..Run::default()
+                            });
+                            block.keys.push(indices);
+                        }
+                    }
                 }
                 // The copy has no spare capacity.
                 block.clone()
             })
             .collect();
-        Self { blocks }
+        Self { blocks, keys }
+    }
+
+    /// Returns whether the footprint with index `i` has a kernel.
+    fn blurs(&self, i: usize) -> bool {
+        self.blocks[i / BLOCK].runs[i % BLOCK].len > 0
     }
 
     /// Returns the average level under the footprint with index `i`; `None` if it has no blur.
@@ -98,11 +140,28 @@ impl Kernels {
     pub(super) fn average(&self, i: usize, row: &HeldRow) -> Option<f32> {
         let block = &self.blocks[i / BLOCK];
         let run = block.runs[i % BLOCK];
-        (run.len > 0).then(|| {
-            let weights = &block.weights[run.from as usize..][..run.len as usize];
-            let levels = &row.groupings[run.grouping as usize][run.group as usize..];
-            dot(weights, levels)
-        })
+        match (run.len, &self.keys) {
+            (0, _) => None,
+            (OF_KEYS, Some(keys)) => {
+                let mut level = 0.0;
+                for (k, index) in block.keys[run.from as usize].into_iter().enumerate() {
+                    level += keys.weights[k] * keys.kernels[k].own_average(index as usize, row);
+                }
+                Some(level)
+            }
+            _ => Some(self.own_average(i, row)),
+        }
+    }
+
+    /// Returns the average level under the footprint with index `i`, which must have a kernel of its
+    /// own.
+    #[inline(always)]
+    fn own_average(&self, i: usize, row: &HeldRow) -> f32 {
+        let block = &self.blocks[i / BLOCK];
+        let run = block.runs[i % BLOCK];
+        let weights = &block.weights[run.from as usize..][..run.len as usize];
+        let levels = &row.groupings[run.grouping as usize][run.group as usize..];
+        dot(weights, levels)
     }
 }
 
@@ -241,6 +300,10 @@ mod tests {
         }
     }
 
+    fn no_keys(_: usize) -> Option<[u32; 3]> {
+        None
+    }
+
     /// Reference for the mean of a blurred row over the footprint. It uses the midpoint rule over
     /// the trapezoid: for each position, it sums the integral of the Gaussian over each pixel times
     /// the pixel's level, normalised to the part on the pattern.
@@ -291,7 +354,7 @@ mod tests {
                         let near_end = !(1.0..1198.0).contains(&x);
                         let bar = if near_end && sigma >= 96.0 { 0.5 } else { 0.05 };
                         let footprint = blurred(x, slope, sigma);
-                        let kernels = Kernels::new(1, row.len(), |_| footprint);
+                        let kernels = Kernels::new(1, row.len(), None, no_keys, |_| footprint);
                         let level = f64::from(kernels.average(0, &held).unwrap());
                         let error = 255.0 * (level - integrated(&row, footprint)).abs();
                         worst = worst.max(error);
@@ -324,7 +387,7 @@ mod tests {
             let mut sums = [0.0; 3];
             for i in 0..240 {
                 let x = 400.0 + i as f32 * 0.1;
-                let kernels = Kernels::new(1, 960, |_| blurred(x, slope, sigma));
+                let kernels = Kernels::new(1, 960, None, no_keys, |_| blurred(x, slope, sigma));
                 let level = f64::from(kernels.average(0, &held).unwrap());
                 sums[0] += level / 240.0;
                 sums[1] += level * phase(x.into()).cos() / 120.0;
@@ -340,13 +403,64 @@ mod tests {
         }
     }
 
+    /// Levels between key instants follow parabolas, for as long as the distance of the footprints is
+    /// within the limit that interpolation sets; a footprint that is sharp at a key instant gets a
+    /// kernel of its own.
+    #[test]
+    fn levels_between_key_instants_are_interpolated() {
+        let row: Vec<f64> = (0..120).map(|i| f64::from(i / 4 % 2)).collect();
+        let held = HeldRow::new(&row);
+        let slope = [1.3, 0.1];
+        let single = |x: f32, sigma: f32| {
+            Arc::new(Kernels::new(1, 120, None, no_keys, |_| {
+                blurred(x, slope, sigma)
+            }))
+        };
+        let distance = 0.26;
+        let mut worst = 0.0f32;
+        for i in 0..400 {
+            let x = 40.0 + i as f32 * 0.02;
+            let at = |k: f32| single(x + k * distance, 0.2);
+            for s in [-1.0, -0.7, 0.2, 0.5] {
+                let keys = KeyKernels {
+                    kernels: [at(-1.0), at(0.0), at(1.0)],
+                    weights: [0.5 * s * (s - 1.0), 1.0 - s * s, 0.5 * s * (s + 1.0)],
+                };
+                let own = single(x + s * distance, 0.2).average(0, &held).unwrap();
+                let between = Kernels::new(
+                    1,
+                    120,
+                    Some(keys),
+                    |_| Some([0; 3]),
+                    |_| unreachable!("the level is interpolated"),
+                );
+                worst = worst.max((between.average(0, &held).unwrap() - own).abs());
+            }
+        }
+        // A displacement by 0.01 pixels changes a level by up to 0.0078.
+        println!("{worst}");
+        assert!(worst > 1e-5 && worst < 0.0078, "{worst}");
+        let keys = KeyKernels {
+            kernels: [single(50.0, 0.2), single(50.0, 0.2), single(50.0, 0.0)],
+            weights: [0.0, 0.0, 1.0],
+        };
+        let own = Kernels::new(
+            1,
+            120,
+            Some(keys),
+            |_| Some([0; 3]),
+            |_| blurred(50.0, slope, 0.2),
+        );
+        assert_eq!(own.average(0, &held), single(50.0, 0.2).average(0, &held));
+    }
+
     #[test]
     fn white_stays_white_and_sharp_footprints_have_no_kernel() {
         let held = HeldRow::new(&[1.0; 77]);
         for sigma in [1e-3, 1.0, 33.0, 1e4, 1e9] {
             for x in [-900.0, 0.0, 76.0, 1e5] {
                 for slope in [[0.0, 0.0], [2.0, 1.0], [1e9, f32::INFINITY]] {
-                    let kernels = Kernels::new(1, 77, |_| blurred(x, slope, sigma));
+                    let kernels = Kernels::new(1, 77, None, no_keys, |_| blurred(x, slope, sigma));
                     let level = kernels.average(0, &held).unwrap_or(1.0);
                     assert!((level - 1.0).abs() < 1e-5, "{sigma} {x} {slope:?} {level}");
                 }
@@ -354,7 +468,7 @@ mod tests {
         }
         for sigma in [0.0, 1e-5, f32::NAN] {
             let slope = [1.0, 0.2];
-            let kernels = Kernels::new(1, 77, |_| blurred(3.0, slope, sigma));
+            let kernels = Kernels::new(1, 77, None, no_keys, |_| blurred(3.0, slope, sigma));
             assert!(kernels.average(0, &held).is_none());
         }
     }

@@ -45,7 +45,7 @@ pub(super) use bell::Soft;
 pub(super) use bell::{Bell, density, distribution};
 #[cfg(test)]
 pub(super) use blend::Spread;
-pub(super) use buffer::{Band, GeometryBuffer, Mixed};
+pub(super) use buffer::{Band, GeometryBuffer, KeyLevels, Mixed};
 pub(super) use flicker::{Flicker, add as add_flicker, with as with_flicker};
 pub(super) use image_table::ImageTable;
 pub(super) use indirect::Indirect;

@@ -94,7 +94,7 @@ fn on_cpu(table: &Table, plan: &Plan, cases: &[Case]) -> Vec<f32> {
         mixed.blur[3] = case.sigma;
         map.mixed.push(mixed);
     }
-    map.blur_footprints([WIDTH as usize, HEIGHT as usize], plan);
+    map.blur_footprints([WIDTH as usize, HEIGHT as usize], plan, None);
     (0..cases.len())
         .map(|i| exposure::mixed(&map, i, table, [1.0, 1.0]))
         .collect()

@@ -54,6 +54,8 @@ pub(crate) struct SpanMotion {
     /// Maximum distance of any point from the parabola through the point's positions at the key
     /// instants.
     pub(crate) off_rad: f64,
+    /// Maximum second difference of the positions of any point at the key instants.
+    pub(crate) bend_rad: f64,
 }
 
 impl World {
@@ -64,6 +66,7 @@ impl World {
         let mut motion = SpanMotion {
             reach_rad: 0.0,
             off_rad: 0.0,
+            bend_rad: self.displacement_rad(&[(1.0, first), (1.0, last), (-2.0, middle)]),
         };
         for k in 0..PROBES {
             // Multiples of the golden ratio fill the span evenly and do not alias with periodic

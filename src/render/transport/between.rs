@@ -10,23 +10,55 @@
 //! - The second difference of projector coordinate or light is large. At a kink, such as the border of
 //!   two triangles, the parabola's error is an eighth of this difference if the kink is halfway, and
 //!   never more than the difference. For a smooth value it is a small fraction of the difference.
+//!
+//! Where motion is slow, the samples of a mixed pixel are traced only if the pixel is mixed at a key
+//! instant; see [`ImageMotion`]. Pixels under blur, such as lit skin, get no blur kernels of their own: the
+//! levels under the kernels of the key instants are interpolated.
 
-use super::geometry::{complete, some_centers};
+use super::geometry::{blur, mark_mixed, some_centers};
 use super::input::Input;
 use super::mixed;
-use crate::exposure::{GeometryBuffer, Mixed};
+use crate::exposure::{GeometryBuffer, KeyLevels, Mixed, SkinMaps};
 use crate::material::COS_CREASE;
 use crate::scene::{Span, Surface, World};
 use crate::truth::Truth;
 use crate::{Plan, Term};
 use glam::Vec3;
+use phasmid_pattern::Axis;
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Maximum second difference of a pixel's light, as a fraction of the light.
 const LIGHT: f32 = 0.02;
 /// Maximum second difference of a pixel's projector coordinate, as a multiple of the tolerance.
-const BEND: f32 = 4.0;
+const BEND: f32 = 8.0;
+
+/// Upper bounds of the motion within a span, in camera pixels.
+#[derive(Clone, Copy)]
+pub(crate) struct ImageMotion {
+    /// Maximum motion of any point from the nearer key instant.
+    pub(crate) reach_px: f64,
+    /// Maximum second difference of any point's positions at the key instants.
+    pub(crate) bend_px: f64,
+}
+
+impl ImageMotion {
+    /// Returns whether no edge crosses a pixel between two key instants at which the pixel sees the
+    /// same surface: it would have to move by the width of the pixel, or to turn within the pixel. An
+    /// edge that turns goes beyond its positions at the key instants by at most an eighth of the second
+    /// difference.
+    fn is_slow(self) -> bool {
+        self.reach_px <= 0.5 && self.bend_px <= 0.5
+    }
+}
+
+/// A mixed pixel that is interpolated.
+struct KeyMixed {
+    /// Indices in the key instants' lists of mixed pixels.
+    indices: [u32; 3],
+    /// Axes along which the levels of its samples under blur are interpolated.
+    along: u8,
+}
 
 /// Geometry at the key instants of a span.
 pub(crate) struct Between {
@@ -34,23 +66,22 @@ pub(crate) struct Between {
     keys: [Arc<GeometryBuffer>; 3],
     /// Indices, in order, of the pixels whose centres are traced at every instant.
     traced: Vec<u32>,
-    /// Pixels in `traced` that may be mixed.
-    differing: Vec<u32>,
-    /// Mixed pixels that are interpolated, each given by its three indices in the key instants'
-    /// lists of mixed pixels.
-    mixed: Vec<[u32; 3]>,
+    /// Pixels in `traced` that may be mixed and are sampled at every instant.
+    sampled: Vec<u32>,
+    mixed: Vec<KeyMixed>,
+    /// Pixels whose levels under blur are interpolated; see [`KeyLevels::along`].
+    levels: Vec<u8>,
 }
 
 impl Between {
-    /// Compares the geometry at the key instants. Points move by at most `reach_px` camera pixels
-    /// from the nearer key instant; `tolerance_px` is the approximate tolerance of projector
-    /// coordinates in projector pixels.
+    /// Compares the geometry at the key instants. `tolerance_px` is the approximate tolerance of
+    /// projector coordinates in projector pixels.
     pub(crate) fn new(
         span: Span,
         keys: [Arc<GeometryBuffer>; 3],
         world: &World,
         plan: &Plan,
-        reach_px: usize,
+        motion: ImageMotion,
         tolerance_px: f32,
     ) -> Self {
         let (width, height) = (keys[0].width, keys[0].height);
@@ -63,22 +94,29 @@ impl Between {
         let pixels = || (0..width * height).into_par_iter();
         let mut differs: Vec<bool> = pixels().map(|i| view.differs(i)).collect();
         let (mut mixed, bent) = view.mixed(&mut differs);
-        let mut near = widened(&differs, width, reach_px + 1);
+        let mut near = widened(&differs, width, motion.reach_px.round() as usize + 1);
         for pixel in bent {
             near[pixel as usize] = true;
+            differs[pixel as usize] = true;
         }
-        mixed.retain(|[first, ..]| !near[keys[0].mixed[*first as usize].pixel as usize]);
-        let list = |wanted: &(dyn Fn(usize) -> bool + Sync)| {
+        let sampled = if motion.is_slow() { &differs } else { &near };
+        mixed.retain(|mixed| !sampled[keys[0].mixed[mixed.indices[0] as usize].pixel as usize]);
+        let list = |wanted: &(dyn Fn(usize) -> bool + Sync)| -> Vec<u32> {
             pixels().filter(|&i| wanted(i)).map(|i| i as u32).collect()
         };
         let traced = list(&|i| near[i] || view.bends(i));
-        let differing = list(&|i| near[i]);
+        let sampled = list(&|i| sampled[i]);
+        let mut levels: Vec<u8> = pixels().map(|i| view.smooth_levels(i)).collect();
+        for &pixel in &traced {
+            levels[pixel as usize] = 0;
+        }
         Self {
             span,
             keys,
             traced,
-            differing,
+            sampled,
             mixed,
+            levels,
         }
     }
 
@@ -101,14 +139,52 @@ impl Between {
         self.blend(&parabola, input.plan, buffer);
         some_centers(input, &self.traced, buffer);
         let keys = self.keys.each_ref().map(|key| &key.mixed);
-        let still = self.mixed.par_iter().map(|indices| {
-            parabola.mixed([0, 1, 2].map(|key: usize| &keys[key][indices[key] as usize]))
+        let interpolated = self.mixed.par_iter().map(|mixed| {
+            let keys = [0, 1, 2].map(|key: usize| &keys[key][mixed.indices[key] as usize]);
+            (parabola.mixed(keys), Some(mixed))
         });
-        let mut mixed: Vec<_> = still.collect();
-        mixed.extend(mixed::some(input, buffer, &self.differing));
-        mixed.sort_unstable_by_key(|mixed| mixed.pixel);
+        let mut mixed: Vec<_> = interpolated.collect();
+        let sampled = mixed::some(input, buffer, &self.sampled);
+        mixed.extend(sampled.into_iter().map(|mixed| (mixed, None)));
+        mixed.sort_unstable_by_key(|(mixed, _)| mixed.pixel);
+        let (mixed, key_mixed): (_, Vec<_>) = mixed.into_iter().unzip();
         buffer.mixed = mixed;
-        complete(input, buffer);
+        mark_mixed(buffer);
+        if let Some(mut skin) = self.skin(&parabola) {
+            let world = input.worlds.any();
+            skin.renew(buffer, input.rays, input.optics, world, &self.traced);
+            buffer.skin = Some(skin);
+        }
+        let levels = KeyLevels {
+            keys: self.keys.each_ref().map(Arc::as_ref),
+            weights: parabola.weights(),
+            along: &self.levels,
+            mixed: [0, 1].map(|axis| {
+                let indices = |of: &Option<&KeyMixed>| {
+                    of.filter(|of| of.along >> axis & 1 != 0)
+                        .map(|of| of.indices)
+                };
+                key_mixed.iter().map(indices).collect()
+            }),
+        };
+        blur(input, buffer, Some(&levels));
+    }
+
+    /// Interpolates the skin maps; `None` if there are none.
+    fn skin(&self, parabola: &Parabola) -> Option<SkinMaps> {
+        let [a, b, c] = self.keys.each_ref().map(|key| key.skin.as_ref());
+        let keys = [a?, b?, c?];
+        let nearest = keys[parabola.nearest];
+        Some(SkinMaps {
+            from: [0, 1].map(|axis: usize| {
+                let mut out = vec![0.0; nearest.from[axis].len()];
+                parabola.blend(keys.map(|key| &key.from[axis][..]), &mut out);
+                out
+            }),
+            px_per_mm: nearest.px_per_mm.clone(),
+            tissue: nearest.tissue.clone(),
+            materials: nearest.materials.clone(),
+        })
     }
 
     fn blend(&self, parabola: &Parabola, plan: &Plan, buffer: &mut GeometryBuffer) {
@@ -171,6 +247,18 @@ impl Parabola {
     #[inline(always)]
     fn at(&self, [a, b, c]: [f32; 3]) -> f32 {
         b + (self.half * (c - a) + self.half_square * ((a - b) + (c - b)))
+    }
+
+    /// Returns the weights of the values at the key instants.
+    fn weights(&self) -> [f32; 3] {
+        let Self {
+            half, half_square, ..
+        } = *self;
+        [
+            half_square - half,
+            1.0 - 2.0 * half_square,
+            half_square + half,
+        ]
     }
 
     fn blend(&self, [a, b, c]: [&[f32]; 3], out: &mut [f32]) {
@@ -238,6 +326,50 @@ impl Comparison<'_> {
                     || self.axes[1] && self.bent(of(|key| &key.y))))
     }
 
+    /// Returns the axes along which the parabola of a pixel's level under blur is accurate; see
+    /// [`KeyLevels::along`].
+    ///
+    /// The level L at an edge of the pattern is the integral of the kernel. If the kernel is a Gaussian of
+    /// standard deviation s, the parabola through levels at distances d is off by at most
+    /// 0.026 (d/s)^3: the remainder is d^3/(9 sqrt 3) times the third derivative, at most 0.4/s^3. A
+    /// displacement by t changes the level by up to 0.4 t/s. The limit of d makes the error at most half
+    /// the effect of a displacement by the tolerance.
+    fn smooth_levels(&self, i: usize) -> u8 {
+        let mut along = 0;
+        for (axis, pattern_axis) in [Axis::X, Axis::Y].into_iter().enumerate() {
+            if !self.axes[axis] {
+                continue;
+            }
+            let coordinates = self.keys.map(|key| key.lit_from(pattern_axis)[i]);
+            let slopes = match pattern_axis {
+                Axis::X => &self.keys[1].x_slope,
+                Axis::Y => &self.keys[1].y_slope,
+            };
+            along |= u8::from(self.is_smooth(coordinates, slopes[i])) << axis;
+        }
+        along
+    }
+
+    /// Same as [`Self::smooth_levels`], for the samples of a mixed pixel that is alike at all key
+    /// instants.
+    fn smooth_samples(&self, keys: [&Mixed; 3]) -> u8 {
+        let lit = |k: &usize| keys[1].projected[*k] > 0.0;
+        let smooth = |k: usize, axis: usize| match axis {
+            0 => self.is_smooth(keys.map(|key| key.x[k]), keys[1].x_slope[k]),
+            _ => self.is_smooth(keys.map(|key| key.y[k]), keys[1].y_slope[k]),
+        };
+        let along = |axis: usize| self.axes[axis] && (0..16).filter(lit).all(|k| smooth(k, axis));
+        u8::from(along(0)) | u8::from(along(1)) << 1
+    }
+
+    /// Returns whether the parabola through the levels at three coordinates is accurate.
+    fn is_smooth(&self, [a, b, c]: [f32; 3], [right, down]: [f32; 2]) -> bool {
+        // The kernel is at least as wide as the footprint and a pattern pixel.
+        let variance = (right * right + down * down + 1.0) / 12.0;
+        let distance = (b - a).abs().max((c - b).abs());
+        distance.powi(3) <= 7.5 * self.tolerance_px * variance
+    }
+
     /// Returns whether the parabola of a projector coordinate may be inaccurate; `true` if a
     /// coordinate is NaN.
     fn bent(&self, keys: [f32; 3]) -> bool {
@@ -247,7 +379,7 @@ impl Comparison<'_> {
     /// Returns two lists of the mixed pixels that are alike at all key instants: the indices of
     /// mixed pixels whose parabolas are accurate, and the other mixed pixels. Marks all mixed pixels
     /// that are not alike as different.
-    fn mixed(&self, differs: &mut [bool]) -> (Vec<[u32; 3]>, Vec<u32>) {
+    fn mixed(&self, differs: &mut [bool]) -> (Vec<KeyMixed>, Vec<u32>) {
         let lists = self.keys.map(|key| key.mixed.as_slice());
         let mut next = [0; 3];
         let (mut same, mut bent) = (Vec::new(), Vec::new());
@@ -264,7 +396,10 @@ impl Comparison<'_> {
                 {
                     match self.mixed_bent([a, b, c]) {
                         true => bent.push(pixel),
-                        false => same.push(next.map(|index| index as u32)),
+                        false => same.push(KeyMixed {
+                            indices: next.map(|index| index as u32),
+                            along: self.smooth_samples([a, b, c]),
+                        }),
                     }
                 }
                 _ => differs[pixel as usize] = true,

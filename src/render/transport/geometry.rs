@@ -7,7 +7,7 @@ use super::rays::Bundle;
 use super::sampled::Sampler;
 use super::{interreflection, mixed};
 use crate::Term;
-use crate::exposure::{Band, GeometryBuffer, Optics, SkinMaps};
+use crate::exposure::{Band, GeometryBuffer, KeyLevels, Optics, SkinMaps};
 use crate::scene::{Layout, World};
 use crate::truth::Truth;
 use glam::DVec3;
@@ -36,12 +36,14 @@ pub(crate) fn run(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     complete(input, buffer);
 }
 
-/// Fills the buffer for a key instant: pixel centres and the samples of mixed pixels only.
+/// Fills the buffer for a key instant, with one sample per pixel.
 pub(crate) fn key(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     let occluders = input.find_occluders();
     let input = &input.with(occluders.as_ref());
     centers(input, buffer);
     buffer.mixed = mixed::run(input, buffer, &[]);
+    skin(input, buffer);
+    blur(input, buffer, None);
 }
 
 /// Fills the maps with the surface and light that each pixel's centre sees.
@@ -110,32 +112,41 @@ pub(super) fn some_centers(input: &Input<'_>, pixels: &[u32], buffer: &mut Geome
 
 /// Fills the maps that are computed from pixel centres and mixed samples: flags, skin, indirect
 /// light and blur.
-pub(super) fn complete(input: &Input<'_>, buffer: &mut GeometryBuffer) {
-    let Input {
-        worlds,
-        optics,
-        rays,
-        plan,
-        ..
-    } = *input;
+fn complete(input: &Input<'_>, buffer: &mut GeometryBuffer) {
+    mark_mixed(buffer);
+    if input.plan.has(Term::DepthOfField) {
+        input.aperture.widen(buffer);
+    }
+    skin(input, buffer);
+    if input.plan.has(Term::Interreflection) {
+        interreflection::run(input.worlds, input.rays, input.plan, buffer);
+    }
+    blur(input, buffer, None);
+}
+
+/// Sets the flag of the mixed pixels.
+pub(super) fn mark_mixed(buffer: &mut GeometryBuffer) {
     for mixed in &buffer.mixed {
         buffer.flags[mixed.pixel as usize] |= Truth::CREASE;
     }
-    if plan.has(Term::DepthOfField) {
-        input.aperture.widen(buffer);
+}
+
+/// Fills the skin maps, if the plan includes skin.
+fn skin(input: &Input<'_>, buffer: &mut GeometryBuffer) {
+    if input.plan.has(Term::Subsurface) {
+        let world = input.worlds.any();
+        buffer.skin = Some(SkinMaps::new(buffer, input.rays, input.optics, world));
     }
-    if plan.has(Term::Subsurface) {
-        buffer.skin = Some(SkinMaps::new(buffer, rays, optics, worlds.any()));
-    }
-    if plan.has(Term::Interreflection) {
-        interreflection::run(worlds, rays, plan, buffer);
-    }
-    let pattern_image = &optics.projector.lens;
+}
+
+/// Computes the blur kernels of all footprints whose levels are not interpolated.
+pub(super) fn blur(input: &Input<'_>, buffer: &mut GeometryBuffer, levels: Option<&KeyLevels<'_>>) {
+    let pattern_image = &input.optics.projector.lens;
     let size = [
         pattern_image.width_px as usize,
         pattern_image.height_px as usize,
     ];
-    buffer.blur_footprints(size, plan);
+    buffer.blur_footprints(size, input.plan, levels);
 }
 
 fn tile(

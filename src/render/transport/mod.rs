@@ -32,7 +32,7 @@ mod skin;
 pub(super) use aperture::Aperture;
 #[cfg(test)]
 pub(super) use aperture::widened;
-pub(super) use between::Between;
+pub(super) use between::{Between, ImageMotion};
 pub(super) use input::Input;
 pub(super) use interreflection::Patch;
 pub(super) use rays::{Rays, ideal_points};

@@ -5,7 +5,7 @@ use super::cast::Cast;
 use super::rays::Rays;
 use crate::exposure::{GeometryBuffer, Mixed, Optics, SkinMaps};
 use crate::scene::{Surface, World};
-use crate::skin::NONE;
+use crate::skin::{NONE, Scatter};
 use crate::truth::Truth;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -33,14 +33,7 @@ impl SkinMaps {
             .enumerate()
             .for_each(|(row, (((x, y), px_per_mm), tissue))| {
                 for column in 0..width {
-                    let i = row * width + column;
-                    if map.flags[i] & Truth::LIT == 0 {
-                        continue;
-                    }
-                    let point = rays.center(column, row) * f64::from(map.depth[i]);
-                    let normal = DVec3::from_array(map.normal[i].map(f64::from));
-                    let object = world.object(Surface(map.surface[i]));
-                    if let Some(scatter) = optics.skins.at(object, point, normal) {
+                    if let Some(scatter) = at(map, rays, optics, world, row * width + column) {
                         x[column] += scatter.shift_px[0];
                         y[column] += scatter.shift_px[1];
                         px_per_mm[column] = scatter.px_per_mm;
@@ -50,6 +43,45 @@ impl SkinMaps {
             });
         maps
     }
+
+    /// Computes the maps again at some pixels.
+    pub(super) fn renew(
+        &mut self,
+        map: &GeometryBuffer,
+        rays: &Rays<'_>,
+        optics: &Optics,
+        world: &World,
+        pixels: &[u32],
+    ) {
+        let scatter = |&pixel: &u32| at(map, rays, optics, world, pixel as usize);
+        let found: Vec<_> = pixels.par_iter().map(scatter).collect();
+        for (&pixel, scatter) in pixels.iter().zip(found) {
+            let i = pixel as usize;
+            let shift_px = scatter.map_or([0.0; 2], |scatter| scatter.shift_px);
+            self.from[0][i] = map.x[i] + shift_px[0];
+            self.from[1][i] = map.y[i] + shift_px[1];
+            self.px_per_mm[i] = scatter.map_or([0.0; 2], |scatter| scatter.px_per_mm);
+            self.tissue[i] = scatter.map_or(NONE, |scatter| scatter.tissue);
+        }
+    }
+}
+
+/// Returns the light transport under the skin at the centre of the pixel with index `i`; `None` if it
+/// does not see lit skin.
+fn at(
+    map: &GeometryBuffer,
+    rays: &Rays<'_>,
+    optics: &Optics,
+    world: &World,
+    i: usize,
+) -> Option<Scatter> {
+    if map.flags[i] & Truth::LIT == 0 {
+        return None;
+    }
+    let point = rays.center(i % map.width, i / map.width) * f64::from(map.depth[i]);
+    let normal = DVec3::from_array(map.normal[i].map(f64::from));
+    let object = world.object(Surface(map.surface[i]));
+    optics.skins.at(object, point, normal)
 }
 
 /// Applies light transport under the skin to the `k`th sample of a mixed pixel, which must be lit.
